@@ -1,0 +1,1 @@
+"""The physics of the crane boom: components, full and reduced model, integration; no ROS."""

@@ -1,0 +1,76 @@
+"""Diaphragm accumulator behind an orifice, (3.16)-(3.19) = (5.39g,h) and (5.39j,k).
+
+    p_o' = kappa beta p_o q_o / (kappa p_o V_g0 + (beta - kappa p_o) (zeta_0 / p_o)^(1/kappa)),  zeta_0 = p_g0 V_g0^kappa
+    q_o = sgn(p_h - p_o) C_d pi d^2 / 4 sqrt(2 / rho) sqrt(|p_h - p_o|),  0 while p_h < p_o <= p_g0
+
+The gate of (5.39j,k) is smoothed: the outflow is multiplied by u / sqrt(1 + u^2), u = max(0, p_o - p_g0) / GATE_WIDTH;
+as a jump it overshoots and costs ten times the steps. Valid for p_o > 0.
+Effects: ``accumulator_precharge`` multiplies both pre-charge pressures by r, ``accumulator_restrictor`` both orifice
+diameters by r (neutral: 1).
+"""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+import casadi as ca
+
+from boom_model.regularisation import Expression, signed_sqrt
+from boom_model.specification import Specification
+
+GATE_WIDTH = 5.0e3
+"""Pa."""
+LOWEST_PRESSURE = 1.0e4
+"""Pa. Keeps (3.19) finite."""
+
+SPECIFICATIONS = (
+    Specification("accumulators.V_g0", "V_g0", "m^3", "gas volume at pre-charge, both", 1e-6, 0.1, "3.16"),
+    Specification("accumulators.p_g0_1", "p_g0,1", "Pa", "pre-charge pressure, accumulator 1", 1e5, 4e7, "3.16"),
+    Specification("accumulators.p_g0_2", "p_g0,2", "Pa", "pre-charge pressure, accumulator 2", 1e5, 4e7, "3.16"),
+    Specification("accumulators.d_1", "d_1", "m", "orifice diameter, accumulator 1", 1e-5, 0.05, "3.20"),
+    Specification("accumulators.d_2", "d_2", "m", "orifice diameter, accumulator 2", 1e-5, 0.05, "3.20"),
+    Specification("accumulators.kappa", "kappa", "-", "isentropic exponent of the gas", 1.0, 2.0, "3.16"),
+)
+
+
+def gas_volume(pressure: Expression, precharge: Expression, p: Any) -> Expression:
+    """V_g = (zeta_0 / p_o)^(1/kappa) [m^3] at the pressure p_o [Pa], (3.16)."""
+    return p.accumulators.V_g0 * (precharge / ca.fmax(pressure, LOWEST_PRESSURE)) ** (1 / p.accumulators.kappa)
+
+
+def oil_volume(pressure: Expression, precharge: Expression, p: Any) -> Expression:
+    """V_o = V_g0 - V_g [m^3], zero below pre-charge, (5.44)."""
+    return p.accumulators.V_g0 - gas_volume(ca.fmax(pressure, precharge), precharge, p)
+
+
+def pressure_rate(
+    pressure: Expression, flow: Expression, precharge: Expression, bulk_modulus: Expression, p: Any
+) -> Expression:
+    """p_o' [Pa/s] for the flow q_o [m^3/s] into the accumulator, (3.19)."""
+    a = p.accumulators
+    stiffness = a.kappa * ca.fmax(pressure, LOWEST_PRESSURE)
+    volume = gas_volume(pressure, precharge, p)
+    return stiffness * bulk_modulus * flow / (stiffness * a.V_g0 + (bulk_modulus - stiffness) * volume)
+
+
+def orifice_flow(
+    hose_pressure: Expression, pressure: Expression, precharge: Expression, diameter: Expression, p: Any
+) -> Expression:
+    """q_o [m^3/s] from the hose into the accumulator, (5.39j,k)."""
+    drop = hose_pressure - pressure
+    u = ca.fmax(pressure - precharge, 0.0) / GATE_WIDTH
+    gate = ca.if_else(drop < 0, u / ca.sqrt(1 + u * u), 1.0)
+    return gate * p.fluid.C_d * (pi / 4) * diameter**2 * ca.sqrt(2 / p.fluid.rho) * signed_sqrt(drop)
+
+
+def compliance(pressure: Expression, precharge: Expression, bulk_modulus: Expression, p: Any) -> Expression:
+    """dV / dp [m^3/Pa] of an accumulator at rest with the line, 0 below pre-charge: the denominator of (5.45).
+
+    (V_o / beta) + V_g / (kappa p_o), which is (3.19) with q_o = V' solved for q_o / p_o'.
+    """
+    a = p.accumulators
+    volume = gas_volume(pressure, precharge, p)
+    stiffness = a.kappa * ca.fmax(pressure, LOWEST_PRESSURE)
+    filled = (a.V_g0 - volume) / bulk_modulus + volume / stiffness
+    return ca.if_else(pressure > precharge, filled, 0.0)

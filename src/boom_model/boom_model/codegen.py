@@ -1,0 +1,192 @@
+"""CasADi expressions -> C for the integrator: one prepared part per run, one part per step, and a sparse elimination.
+
+What depends on the parameters alone is computed once per run (``model_prepare``), which CasADi's own generator does not do;
+what remains is straight-line code without branches on pointers. The linear systems of the Rosenbrock method,
+(I / (gamma h) - J) k = b, are factorised by straight-line code for the sparsity of J, pivots on the diagonal in
+minimum-degree order (the shift makes them safe for small h; a step with a bad pivot is rejected by its error).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from boom_model.equations import Equations
+
+_BINARY = {
+    ca.OP_ADD: "({0} + {1})", ca.OP_SUB: "({0} - {1})", ca.OP_MUL: "({0} * {1})", ca.OP_DIV: "({0} / {1})",
+    ca.OP_POW: "pow({0}, {1})", ca.OP_CONSTPOW: "pow({0}, {1})", ca.OP_FMIN: "boom_min({0}, {1})",
+    ca.OP_FMAX: "boom_max({0}, {1})", ca.OP_LT: "(double)({0} < {1})", ca.OP_LE: "(double)({0} <= {1})",
+    ca.OP_EQ: "(double)({0} == {1})", ca.OP_NE: "(double)({0} != {1})", ca.OP_AND: "(double)({0} && {1})",
+    ca.OP_OR: "(double)({0} || {1})", ca.OP_IF_ELSE_ZERO: "({0} != 0 ? {1} : 0.0)", ca.OP_ATAN2: "atan2({0}, {1})",
+    ca.OP_COPYSIGN: "copysign({0}, {1})",
+}  # fmt: skip
+_UNARY = {
+    ca.OP_NEG: "(-{0})", ca.OP_EXP: "exp({0})", ca.OP_LOG: "log({0})", ca.OP_SQRT: "sqrt({0})", ca.OP_SQ: "({0} * {0})",
+    ca.OP_TWICE: "({0} + {0})", ca.OP_INV: "(1.0 / {0})", ca.OP_SIN: "sin({0})", ca.OP_COS: "cos({0})",
+    ca.OP_TAN: "tan({0})", ca.OP_TANH: "tanh({0})", ca.OP_FABS: "fabs({0})", ca.OP_NOT: "(double)(!({0} != 0))",
+    ca.OP_SIGN: "boom_sign({0})", ca.OP_ASIN: "asin({0})", ca.OP_ACOS: "acos({0})", ca.OP_ATAN: "atan({0})",
+    ca.OP_ASSIGN: "{0}",
+}  # fmt: skip
+
+Instruction = tuple[str, str, bool]
+"""C variable, C expression, whether it depends on the parameters alone."""
+
+
+class _Emitter:
+    """Walks CasADi functions and collects instructions; shares the prepared part between functions."""
+
+    def __init__(self) -> None:
+        self.prepared: dict[str, str] = {}
+
+    def function(self, name: str, inputs: Sequence[Any], outputs: Sequence[Any], targets: Sequence[str]) -> str:
+        """C code of a static function (x, u, c, outputs...) whose inputs are x, u and the prepared constants c."""
+        f = ca.Function(name, list(inputs), ca.cse([ca.densify(o) if o.is_dense() else o for o in outputs]))
+        pre: dict[int, str] = {}
+        variable: dict[int, str] = {}
+        lines: list[str] = []
+        constant: dict[int, bool] = {}
+        arrays = ("x", "u", "p")
+        for k in range(f.n_instructions()):
+            op, i, o = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+            if op == ca.OP_OUTPUT:
+                lines.append(f"  {targets[o[0]]}[{o[1]}] = {variable[i[0]]};")
+                continue
+            if op == ca.OP_INPUT:
+                text, fixed = f"{arrays[i[0]]}[{i[1]}]", i[0] == 2
+            elif op == ca.OP_CONST:
+                variable[o[0]], constant[o[0]] = repr(float(f.instruction_constant(k))), True
+                pre[o[0]] = variable[o[0]]
+                continue
+            elif op in _BINARY:
+                fixed = constant[i[0]] and constant[i[1]]
+                names = pre if fixed else variable
+                text = _BINARY[op].format(names[i[0]], names[i[1]])
+            elif op in _UNARY:
+                fixed = constant[i[0]]
+                text = _UNARY[op].format((pre if fixed else variable)[i[0]])
+            else:
+                raise NotImplementedError(f"CasADi operation {op} has no C form here")
+            constant[o[0]] = fixed
+            if fixed:
+                # prepared values are shared: the same text is the same number, whichever function asks for it
+                index = self.prepared.setdefault(text, f"c{len(self.prepared)}")
+                pre[o[0]], variable[o[0]] = index, index
+            else:
+                name_ = f"v{k}"
+                lines.append(f"  const double {name_} = {text};")
+                variable[o[0]] = name_
+        return "\n".join(lines)
+
+
+def _elimination(pattern: np.ndarray) -> tuple[list[int], str, str, int]:
+    """Minimum-degree order, C of the factorisation and of the solution, number of stored factors.
+
+    ``pattern``: (n, n) bool, where the matrix may be non-zero (the diagonal always is).
+    """
+    n = len(pattern)
+    filled = pattern | np.eye(n, dtype=bool)
+    order: list[int] = []
+    left = set(range(n))
+    work = filled.copy()
+    while left:
+        def cost(k: int) -> tuple[int, int]:
+            rows = sum(work[i, k] for i in left) - 1
+            columns = sum(work[k, j] for j in left) - 1
+            return int(rows * columns), k
+
+        k = min(left, key=cost)
+        left.remove(k)
+        order.append(k)
+        for i in left:
+            if work[i, k]:
+                for j in left:
+                    work[i, j] |= work[k, j]
+    position = {k: m for m, k in enumerate(order)}
+    slot: dict[tuple[int, int], int] = {}
+    for i in range(n):
+        for j in range(n):
+            if work[i, j]:
+                slot[i, j] = len(slot)
+    factor = [f"  double w{slot[i, j]} = -J[{i * n + j}];" for (i, j) in slot if i != j]
+    factor += [f"  double w{slot[i, i]} = shift - J[{i * n + i}];" for i in range(n)]
+    for m, k in enumerate(order):
+        factor.append(f"  const double r{k} = 1.0 / w{slot[k, k]}; w{slot[k, k]} = r{k};")
+        for i in order[m + 1 :]:
+            if (i, k) in slot:
+                factor.append(f"  w{slot[i, k]} *= r{k};")
+                for j in order[m + 1 :]:
+                    if (k, j) in slot:
+                        factor.append(f"  w{slot[i, j]} -= w{slot[i, k]} * w{slot[k, j]};")
+    factor += [f"  W[{s}] = w{s};" for s in slot.values()]
+    solve: list[str] = []
+    for m, k in enumerate(order):
+        solve += [f"  b[{i}] -= W[{slot[i, k]}] * b[{k}];" for i in order[m + 1 :] if (i, k) in slot]
+    for k in reversed(order):
+        terms = "".join(
+            f" - W[{slot[k, j]}] * b[{j}]" for j in range(n) if position[j] > position[k] and (k, j) in slot
+        )
+        solve.append(f"  b[{k}] = (b[{k}]{terms}) * W[{slot[k, k]}];")
+    return order, "\n".join(factor), "\n".join(solve), len(slot)
+
+
+def generate(m: Equations) -> str:
+    """C source of model_prepare, model_f, model_fj, model_y, model_factor and model_solve for ``integrator.c``."""
+    emitter = _Emitter()
+    n = len(m.states)
+    jacobian = ca.jacobian(m.derivative, m.x)
+    arguments = (m.x, m.u, m.p)
+    f = emitter.function("f", arguments, [m.derivative], ["f"])
+    entries = jacobian.sparsity().get_triplet()
+    nonzeros = ca.vertcat(*[jacobian[i, j] for i, j in zip(*entries, strict=True)])
+    fj = emitter.function("fj", arguments, [m.derivative, nonzeros], ["f", "nz"])
+    y = emitter.function("y", arguments, [m.outputs], ["y"])
+    pattern = np.zeros((n, n), dtype=bool)
+    pattern[entries[0], entries[1]] = True
+    _, factor, solve, slots = _elimination(pattern)
+    scatter = "\n".join(f"  J[{i * n + j}] = nz[{k}];" for k, (i, j) in enumerate(zip(*entries, strict=True)))
+    used = "\n".join(f"  const double {name} = c[{k}];" for k, name in enumerate(emitter.prepared.values()))
+    prepare = "\n".join(
+        f"  const double {name} = {text}; c[{k}] = {name};" for k, (text, name) in enumerate(emitter.prepared.items())
+    )
+
+    def body(text: str) -> str:
+        names = set(_tokens(text))
+        needed = "\n".join(line for line in used.splitlines() if line.split()[2] in names)
+        return needed + "\n" + text
+
+    return f"""
+#define NX {n}
+#define NU {m.u.numel()}
+#define NP {m.p.numel()}
+#define NY {m.outputs.numel()}
+#define NC {len(emitter.prepared)}
+#define NW {slots}
+static void model_prepare(const double *p, double *c) {{
+{prepare}
+}}
+static void model_f(const double *x, const double *u, const double *c, double *f) {{
+{body(f)}
+}}
+static void model_fj(const double *x, const double *u, const double *c, double *f, double *J) {{
+  double nz[{len(entries[0])}];
+{body(fj)}
+{scatter}
+}}
+static void model_y(const double *x, const double *u, const double *c, double *y) {{
+{body(y)}
+}}
+static void model_factor(const double *J, double shift, double *W) {{
+{factor}
+}}
+static void model_solve(const double *W, double *b) {{
+{solve}
+}}
+"""
+
+
+def _tokens(text: str) -> list[str]:
+    return text.replace("(", " ").replace(")", " ").replace(",", " ").replace(";", " ").split()

@@ -1,0 +1,74 @@
+"""Compiles a model's C once, keeps the library in the user's cache folder, and calls it through ctypes (no GIL held)."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
+
+from boom_model.codegen import generate
+from boom_model.equations import Equations
+from boom_model.errors import BuildError
+
+_FLAGS = ("-O2", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC", "-std=c11")
+_HEAD = """#include <math.h>
+static inline double boom_min(double a, double b) { return a < b ? a : b; }
+static inline double boom_max(double a, double b) { return a > b ? a : b; }
+static inline double boom_sign(double a) { return (a > 0) - (a < 0); }
+"""
+
+
+def cache_folder() -> Path:
+    """Where compiled models are kept: $BOOM_CACHE, or ``boom`` in the user's cache folder."""
+    if "BOOM_CACHE" in os.environ:
+        return Path(os.environ["BOOM_CACHE"])
+    return Path(os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))) / "boom"
+
+
+def _compiler() -> str:
+    for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
+        if name and shutil.which(name):
+            return name
+    raise BuildError("no C compiler found (cc, gcc or clang): install one, e.g. apt install build-essential")
+
+
+@lru_cache(maxsize=256)
+def _load(source: str) -> ctypes.CDLL:
+    compiler = _compiler()
+    key = hashlib.sha256("\n".join((compiler, *_FLAGS, source)).encode()).hexdigest()[:24]
+    folder = cache_folder()
+    library = folder / f"model-{key}.so"
+    if not library.exists():
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(dir=folder) as scratch:
+                text, built = Path(scratch) / "model.c", Path(scratch) / "model.so"
+                text.write_text(source)
+                command = [compiler, *_FLAGS, "-o", str(built), str(text), "-lm"]
+                result = subprocess.run(command, capture_output=True, text=True, check=False)
+                if result.returncode != 0:
+                    raise BuildError(f"{compiler} could not build the model: {result.stderr.strip().splitlines()[-1:]}")
+                built.replace(library)  # atomic: several processes may build the same model at once
+        except OSError as error:
+            raise BuildError(f"cannot write the compiled model to {folder}: {error.strerror}; set BOOM_CACHE") from error
+    try:
+        return ctypes.CDLL(str(library))
+    except OSError as error:
+        library.unlink(missing_ok=True)
+        raise BuildError(f"cannot load the compiled model {library.name}: {error}; run again to build it anew") from error
+
+
+def build(equations: Equations) -> ctypes.CDLL:
+    """The compiled integrator of a model, from the cache where it is already there.
+
+    Raises:
+        BuildError: no compiler, or the cache folder is not writable.
+    """
+    integrator = files("boom_model").joinpath("integrator.c").read_text()
+    return _load(_HEAD + generate(equations) + integrator)

@@ -1,0 +1,49 @@
+"""Pressure build-up in the chambers of the boom cylinder, (3.9), (3.11) = (5.39c,d), force (3.12).
+
+    p_a' = beta / (V_0a + s_p A_a) (q_a - w_p A_a - q_l)
+    p_b' = beta / (V_0b + (l_p - s_p) A_b) (q_b + w_p A_b + q_l)
+    f_p = p_a A_a - p_b A_b
+
+a is the head side (extends, lifts), b the rod side. Effect ``piston_leakage``: laminar flow past the piston seal
+q_l = c (p_a - p_b), neutral c = 0. Valid for 0 <= s_p <= l_p.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from boom_model.regularisation import Expression
+from boom_model.specification import Specification
+
+SPECIFICATIONS = (
+    Specification("cylinder.A_a", "A_a", "m^2", "piston area, head side", 1e-5, 1.0, "3.9"),
+    Specification("cylinder.A_b", "A_b", "m^2", "piston area, rod side", 1e-5, 1.0, "3.9"),
+    Specification("cylinder.l_p", "l_p", "m", "stroke", 1e-2, 10.0, "3.9"),
+    Specification("cylinder.V_0a", "V_0,a", "m^3", "dead volume, head side", 1e-6, 0.1, "3.9"),
+    Specification("cylinder.V_0b", "V_0,b", "m^3", "dead volume, rod side, its hose included", 1e-6, 0.1, "3.9"),
+)
+
+
+def head_volume(position: Expression, p: Any) -> Expression:
+    """V_a [m^3] at the piston position s_p [m], (3.9a)."""
+    return p.cylinder.V_0a + position * p.cylinder.A_a
+
+
+def rod_volume(position: Expression, p: Any) -> Expression:
+    """V_b [m^3] at the piston position s_p [m], (3.9b)."""
+    return p.cylinder.V_0b + (p.cylinder.l_p - position) * p.cylinder.A_b
+
+
+def pressure_rate(bulk_modulus: Expression, volume: Expression, net_flow: Expression) -> Expression:
+    """p' [Pa/s] of a volume [m^3] into which net_flow [m^3/s] is pressed, (3.8)."""
+    return bulk_modulus / volume * net_flow
+
+
+def force(head_pressure: Expression, rod_pressure: Expression, p: Any) -> Expression:
+    """f_p [N], (3.12)."""
+    return head_pressure * p.cylinder.A_a - rod_pressure * p.cylinder.A_b
+
+
+def leakage(head_pressure: Expression, rod_pressure: Expression, e: Any) -> Expression:
+    """q_l [m^3/s] from the head to the rod side."""
+    return e.piston_leakage.c * (head_pressure - rod_pressure)

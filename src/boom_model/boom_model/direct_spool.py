@@ -1,0 +1,26 @@
+"""Spool of a valve that the currents command directly, without a pilot stage: a first-order lag.
+
+    T_s s_s' = K_i (i_+ - i_-) - s_s
+
+i_+ retracts (s_s > 0), i_- extends (s_s < 0). Not in the thesis: for machines of another make, e.g. a proportional valve with
+on-board position control. Effects that need a pilot stage or a spring do not apply; ``command_delay`` does.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from boom_model.regularisation import Expression
+from boom_model.specification import Specification
+
+SPECIFICATIONS = (
+    Specification("main_valve_spool.s_max", "s_s^max", "m", "full stroke to either side", 1e-4, 0.1, "5.9"),
+    Specification("main_valve_spool.K_i", "K_i", "m/A", "spool position per current", 1e-5, 1.0, "-"),
+    Specification("main_valve_spool.T_s", "T_s", "s", "time constant of the spool", 1e-4, 10.0, "-"),
+)
+
+
+def velocity(position: Expression, retract: Expression, extend: Expression, p: Any) -> Expression:
+    """s_s' [m/s] for s_s [m] and the two currents [A]."""
+    s = p.main_valve_spool
+    return (s.K_i * (retract - extend) - position) / s.T_s

@@ -1,0 +1,31 @@
+"""Errors of the model. Each is one plain line for the user; the commands end with ``exit_status``."""
+
+from __future__ import annotations
+
+
+class ModelError(Exception):
+    """Base of everything that boom_model raises on purpose."""
+
+    exit_status = 2
+
+
+class MachineError(ModelError):
+    """A machine file is missing a key, has a misspelt key or an impossible value; the message names the key."""
+
+
+class BuildError(ModelError):
+    """The compiled integrator could not be built or loaded (no compiler, no room in the cache folder)."""
+
+
+class SimulationError(ModelError):
+    """A run left the range in which the model means anything.
+
+    Attributes:
+        time: when, in seconds of the run.
+        state: name of the state that left its range, or None if the step size vanished.
+    """
+
+    def __init__(self, message: str, time: float, state: str | None) -> None:
+        super().__init__(message)
+        self.time = time
+        self.state = state

@@ -1,0 +1,44 @@
+"""Piston position over boom angle for a cylinder that acts on the boom through a four-bar linkage.
+
+Equation (3.13a), s_p(q_2); the thesis does not print it, the linkage is that of the machine file:
+
+    A = R(q_2) att,  d = A - pivot
+    al = (L_1^2 - L_2^2 + |d|^2) / (2 |d|^2)
+    be = -sqrt(((L_1 + L_2)^2 - |d|^2) (|d|^2 - (L_1 - L_2)^2)) / (2 |d|^2)
+    C = pivot + al d + be (-d_y, d_x),  s_p = |C - foot| - l_min
+
+Column frame: origin in the boom joint, x outward, y up. R is the plane rotation. C is the joint of both bars and the rod.
+Valid where the square root is real; the machine file's ``q2_stroke_min`` .. ``q2_max`` lie inside.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from boom_model.regularisation import Expression
+from boom_model.specification import Specification
+
+SPECIFICATIONS = (
+    Specification("kinematics.foot", "foot", "m", "foot of the cylinder on the column", -10.0, 10.0, "3.13a", "pair"),
+    Specification("kinematics.pivot", "pivot", "m", "pivot of the long bar on the column", -10.0, 10.0, "3.13a", "pair"),
+    Specification("kinematics.att", "att", "m", "joint of the short bar on the boom", -10.0, 10.0, "3.13a", "pair"),
+    Specification("kinematics.L1", "L_1", "m", "length of the long bar", 1e-3, 10.0, "3.13a"),
+    Specification("kinematics.L2", "L_2", "m", "length of the short bar", 1e-3, 10.0, "3.13a"),
+    Specification("cylinder.l_min", "l_min", "m", "pin-to-pin length at s_p = 0", 1e-2, 20.0, "3.13a"),
+)
+
+
+def piston_position(angle: Expression, p: Any) -> Expression:
+    """s_p(q_2) [m] for the boom angle q_2 [rad]; ``p`` holds the parameters ``kinematics`` and ``cylinder``."""
+    k = p.kinematics
+    cos, sin = ca.cos(angle), ca.sin(angle)
+    d_x = cos * k.att[0] - sin * k.att[1] - k.pivot[0]
+    d_y = sin * k.att[0] + cos * k.att[1] - k.pivot[1]
+    d_2 = d_x * d_x + d_y * d_y
+    along = (k.L1**2 - k.L2**2 + d_2) / (2 * d_2)
+    across = -ca.sqrt(((k.L1 + k.L2) ** 2 - d_2) * (d_2 - (k.L1 - k.L2) ** 2)) / (2 * d_2)
+    c_x = k.pivot[0] + along * d_x - across * d_y - k.foot[0]
+    c_y = k.pivot[1] + along * d_y + across * d_x - k.foot[1]
+    return ca.sqrt(c_x * c_x + c_y * c_y) - p.cylinder.l_min

@@ -1,0 +1,76 @@
+"""Flow through the hose burst valve over its pressure drop, (5.28) = (5.39e,f), and its inverse for (5.41).
+
+With dp = p_h - p_a in bar and q_a in l/min, positive towards the cylinder:
+
+    q_a = a_11 dp + a_12 dp / sqrt(dp + dp_lin)   for dp >= 0
+    q_a = a_21 dp + a_22 dp^2                     for node <= dp < 0
+    q_a = a_30 + a_31 dp                          below the node
+
+dp_lin regularises the square root at zero. (5.29) demands that the second and third branch meet with equal slope, so
+two coefficients follow from the others: a_22 = (a_21 - a_31)^2 / (-4 a_30), node = 2 a_30 / (a_21 - a_31); the rounded
+numbers that the thesis prints differ from these by under 1.5 %.
+
+Effects: ``hose_burst_valve_setting`` multiplies the limited branch's flow by r (neutral 1: a_21 r, a_30 r, a_31 r, which
+keeps the node); ``hose_burst_valve_lag``: the poppet needs time. The valve's conductance G = q_a / dp is then a state with
+tau G' = G_stationary(dp) - G, q_a = G dp (neutral tau = 0: no state, G is stationary).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from boom_model.regularisation import Expression
+from boom_model.specification import Specification
+
+SPECIFICATIONS = (
+    Specification("hose_burst_valve.unit_flow", "l/min", "m^3/s per l/min", "unit of its flow", 1e-5, 2e-5, "5.36"),
+    Specification("hose_burst_valve.unit_pressure", "bar", "Pa per bar", "unit of its drop", 9e4, 1.1e5, "5.36"),
+    Specification("hose_burst_valve.a11", "a_11", "l/min/bar", "free flow, linear", 0.0, 1e3, "5.36"),
+    Specification("hose_burst_valve.a12", "a_12", "l/min/bar^0.5", "free flow, square root", 0.0, 1e3, "5.36"),
+    Specification("hose_burst_valve.a21", "a_21", "l/min/bar", "limited flow, slope at zero", 1e-3, 1e3, "5.36"),
+    Specification("hose_burst_valve.a30", "a_30", "l/min", "limited flow, plateau", -1e4, -1e-2, "5.36"),
+    Specification("hose_burst_valve.a31", "a_31", "l/min/bar", "limited flow, slope of the plateau", 0.0, 1e3, "5.36"),
+    Specification("hose_burst_valve.dp_lin", "dp_lin", "bar", "regularisation at zero", 1e-4, 1.0, "5.28"),
+)
+
+
+def smooth_node(a21: Expression, a30: Expression, a31: Expression) -> tuple[Expression, Expression]:
+    """(a_22 [l/min/bar^2], node [bar]) with which the branches of (5.28) meet with equal slope, (5.29)."""
+    return (a21 - a31) ** 2 / (-4 * a30), 2 * a30 / (a21 - a31)
+
+
+def conductance(drop: Expression, p: Any, e: Any) -> Expression:
+    """Stationary G = q_a / dp [m^3/s/Pa] at the pressure drop dp = p_h - p_a [Pa]."""
+    v, r = p.hose_burst_valve, e.hose_burst_valve_setting.r
+    a21, a30, a31 = v.a21 * r, v.a30 * r, v.a31 * r
+    a22, node = smooth_node(a21, a30, a31)
+    d = drop / v.unit_pressure
+    free = v.a11 + v.a12 / ca.sqrt(ca.fmax(d, 0.0) + v.dp_lin)
+    limited = ca.if_else(d >= node, a21 + a22 * d, a31 + a30 / ca.fmin(d, node))
+    return ca.if_else(d >= 0, free, limited) * (v.unit_flow / v.unit_pressure)
+
+
+def flow(drop: Expression, p: Any, e: Any) -> Expression:
+    """q_a [m^3/s] at the pressure drop p_h - p_a [Pa], (5.28)."""
+    return conductance(drop, p, e) * drop
+
+
+def pressure_drop(flow: Expression, p: Any, e: Any) -> Expression:
+    """dp_ha [Pa] that drives the flow q_a [m^3/s]: the inverse of (5.28), needed in (5.41).
+
+    The branches are inverted in closed form; the positive one without dp_lin (0.02 bar), which is below resolution.
+    """
+    v, r = p.hose_burst_valve, e.hose_burst_valve_setting.r
+    a21, a30, a31 = v.a21 * r, v.a30 * r, v.a31 * r
+    a22, node = smooth_node(a21, a30, a31)
+    q = flow / v.unit_flow
+    up = ca.fmax(q, 0.0)
+    root = 2 * up / (v.a12 + ca.sqrt(v.a12**2 + 4 * v.a11 * up))
+    at_node = a21 * node + a22 * node**2
+    inside = ca.fmin(ca.fmax(q, at_node), 0.0)
+    quadratic = 2 * inside / (a21 + ca.sqrt(ca.fmax(a21**2 + 4 * a22 * inside, 1e-12)))
+    linear = (q - a30) / a31
+    drop = ca.if_else(q >= 0, root**2, ca.if_else(q >= at_node, quadratic, linear))
+    return drop * v.unit_pressure

@@ -1,0 +1,207 @@
+/* Adaptive Rosenbrock integration of x' = f(x, u, p) with piecewise constant inputs. The generated model precedes this text.
+
+   Form without matrix-vector products (Hairer, Wanner, Solving ODEs II, ch. IV.7): with (I/(gamma h) - J) K_i =
+   f(x + sum a_ij K_j) + sum (c_ij / h) K_j, the step is x + sum m_i K_i and the error estimate sum e_i K_i.
+   RODAS3: Sandu et al. 1997 (order 3, 4 stages). RODAS: Hairer, Wanner 1996 (order 4, 6 stages).
+   An input step starts a new interval: one-step methods lose nothing there, which is why they win (docs/performance.md). */
+
+typedef struct {
+  int stages, order;
+  double gamma;
+  double a[6][6], c[6][6], m[6], e[6];
+  int fresh[6]; /* whether the stage evaluates f anew */
+} method_t;
+
+static const method_t RODAS3 = {
+  4, 3, 0.5,
+  {{0}, {0}, {2, 0}, {2, 0, 1}},
+  {{0}, {4}, {1, -1}, {1, -1, -8.0 / 3.0}},
+  {2, 0, 1, 1}, {0, 0, 0, 1}, {1, 0, 1, 1}};
+
+static const method_t RODAS4 = {
+  6, 4, 0.25,
+  {{0},
+   {1.544},
+   {0.9466785280815826, 0.2557011698983284},
+   {3.314825187068521, 2.896124015972201, 0.9986419139977817},
+   {1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950},
+   {1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1}},
+  {{0},
+   {-5.6688},
+   {-2.430093356833875, -0.2063599157091915},
+   {-0.1073529058151375, -9.594562251023355, -20.47028614809616},
+   {7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160},
+   {8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054}},
+  {1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1, 1},
+  {0, 0, 0, 0, 0, 1}, {1, 1, 1, 1, 1, 1}};
+
+enum { OK = 0, STEP_VANISHED = 1, LEFT_RANGE = 2, INTERRUPTED = 3 };
+
+typedef struct {
+  const method_t *method;
+  const double *scale, *minimum, *maximum;
+  double tolerance;
+  volatile const int *stop; /* set to non-zero from another thread to end the run */
+  long steps, rejected, evaluations;
+  double time;     /* of the failure */
+  int state;       /* that left its range */
+} run_t;
+
+/* Cubic Hermite interpolation inside a step of length h from (x0, f0) to (x1, f1), theta in 0..1. */
+static void interpolate(double theta, double h, const double *x0, const double *f0, const double *x1, const double *f1,
+                        double *x) {
+  const double t = theta, s = 1 - t;
+  const double b0 = s * s * (1 + 2 * t), b1 = t * t * (3 - 2 * t), g0 = t * s * s * h, g1 = -t * t * s * h;
+  for (int i = 0; i < NX; i++) x[i] = b0 * x0[i] + b1 * x1[i] + g0 * f0[i] + g1 * f1[i];
+}
+
+/* Integrates x over [t0, t1] with the input u held. Outputs at times out_t[*next] <= t1 are written.
+   h: step size, kept from interval to interval. */
+static int interval(run_t *r, double *x, const double *u, const double *c, double t0, double t1, double *h,
+                    const double *out_t, long n_out, long *next, double *out_x, double *out_y) {
+  const method_t *m = r->method;
+  double f0[NX], J[NX * NX], W[NW], K[6][NX], y[NX], fv[NX], x0[NX], f1[NX];
+  const double length = t1 - t0;
+  double t = 0.0;
+  int have = 0, rejected = 0;
+  for (int i = 0; i < NX * NX; i++) J[i] = 0.0;
+  while (*next < n_out && out_t[*next] <= t0) {
+    for (int i = 0; i < NX; i++) out_x[*next * NX + i] = x[i];
+    model_y(x, u, c, out_y + *next * NY);
+    ++*next;
+  }
+  if (length <= 0) return OK;
+  for (;;) {
+    double step = *h;
+    int last = 0;
+    if (t + step * 1.0001 >= length) { step = length - t; last = 1; }
+    else if (t + 2 * step > length) step = 0.5 * (length - t);
+    if (!have) { model_fj(x, u, c, f0, J); have = 1; r->evaluations++; }
+    model_factor(J, 1.0 / (m->gamma * step), W);
+    const double inverse = 1.0 / step;
+    for (int s = 0; s < m->stages; s++) {
+      const double *f = f0;
+      if (s > 0 && m->fresh[s]) {
+        for (int i = 0; i < NX; i++) {
+          double sum = x[i];
+          for (int j = 0; j < s; j++) sum += m->a[s][j] * K[j][i];
+          y[i] = sum;
+        }
+        model_f(y, u, c, fv);
+        r->evaluations++;
+        f = fv;
+      }
+      for (int i = 0; i < NX; i++) {
+        double sum = 0.0;
+        for (int j = 0; j < s; j++) sum += m->c[s][j] * K[j][i];
+        K[s][i] = f[i] + sum * inverse;
+      }
+      model_solve(W, K[s]);
+    }
+    double error = 0.0;
+    for (int i = 0; i < NX; i++) {
+      double sum = x[i], e = 0.0;
+      for (int j = 0; j < m->stages; j++) { sum += m->m[j] * K[j][i]; e += m->e[j] * K[j][i]; }
+      y[i] = sum;
+      const double size = fmax(fabs(x[i]), fabs(sum));
+      e /= r->tolerance * fmax(r->scale[i], size);
+      error += e * e;
+    }
+    error = sqrt(error / NX);
+    if (!(error < 1e10)) error = 1e10; /* NaN and infinity too */
+    double factor = 0.9 * pow(fmax(error, 1e-8), -1.0 / m->order);
+    factor = fmin(5.0, fmax(0.15, factor));
+    r->steps++;
+    if (error > 1.0) {
+      r->rejected++;
+      rejected = 1;
+      *h = step * factor;
+      if (*h < 1e-12) { r->time = t0 + t; r->state = -1; return STEP_VANISHED; }
+      continue;
+    }
+    for (int i = 0; i < NX; i++) {
+      x0[i] = x[i];
+      x[i] = y[i];
+      if (!(x[i] >= r->minimum[i] && x[i] <= r->maximum[i])) { r->time = t0 + t + step; r->state = i; return LEFT_RANGE; }
+    }
+    const double start = t;
+    t = last ? length : t + step;
+    if (*next < n_out && out_t[*next] < t0 + t) {
+      model_f(x, u, c, f1);
+      r->evaluations++;
+      while (*next < n_out && out_t[*next] < t0 + t) {
+        double z[NX];
+        interpolate((out_t[*next] - t0 - start) / step, step, x0, f0, x, f1, z);
+        for (int i = 0; i < NX; i++) out_x[*next * NX + i] = z[i];
+        model_y(z, u, c, out_y + *next * NY);
+        ++*next;
+      }
+    }
+    if (rejected && factor > 1.0) factor = 1.0;
+    rejected = 0;
+    have = 0;
+    if (!last || factor < 1.0) *h = step * factor;
+    else if (step * factor > *h) *h = step * factor;
+    if (last) return OK;
+  }
+}
+
+/* One run. t_in[n_in], u[n_in][NU]: the input u[k] holds from t_in[k] to t_in[k+1]; before t_in[0] it is u[0]. From t_begin to
+   t_end. out_t ascending. x: start in, end out. report: status, failing time, failing state, steps, rejected, evaluations. */
+int boom_run(const double *p, double *x, double t_begin, double t_end, const double *t_in, const double *u, long n_in,
+             const double *out_t, long n_out, double *out_x, double *out_y, double tolerance, int order,
+             const double *scale, const double *minimum, const double *maximum, double h, volatile const int *stop,
+             double *report) {
+  double c[NC > 0 ? NC : 1];
+  run_t r = {order == 3 ? &RODAS3 : &RODAS4, scale, minimum, maximum, tolerance, stop, 0, 0, 0, 0.0, -1};
+  long next = 0, k = 0;
+  int status = OK;
+  model_prepare(p, c);
+  double t = t_begin;
+  while (k + 1 < n_in && t_in[k + 1] <= t) k++;
+  while (status == OK) {
+    const double end = (k + 1 < n_in && t_in[k + 1] < t_end) ? t_in[k + 1] : t_end;
+    status = interval(&r, x, u + k * NU, c, t, end, &h, out_t, n_out, &next, out_x, out_y);
+    if (status != OK || end >= t_end) break;
+    if (stop && *stop) { status = INTERRUPTED; r.time = end; break; }
+    t = end;
+    k++;
+  }
+  if (status == OK)
+    while (next < n_out && out_t[next] <= t_end + 1e-12) {
+      for (int i = 0; i < NX; i++) out_x[next * NX + i] = x[i];
+      model_y(x, u + k * NU, c, out_y + next * NY);
+      next++;
+    }
+  report[0] = status; report[1] = r.time; report[2] = r.state; report[3] = (double)r.steps;
+  report[4] = (double)r.rejected; report[5] = (double)r.evaluations; report[6] = h; report[7] = (double)next;
+  return status;
+}
+
+/* One step of length dt with u held: x in place, y the outputs at its end, h the step size to begin with, updated. */
+int boom_step(const double *c, double *x, const double *u, double dt, double *y, double tolerance, int order,
+              const double *scale, const double *minimum, const double *maximum, double *h, double *report) {
+  run_t r = {order == 3 ? &RODAS3 : &RODAS4, scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1};
+  long next = 0;
+  const int status = interval(&r, x, u, c, 0.0, dt, h, 0, 0, &next, 0, 0);
+  model_y(x, u, c, y);
+  report[0] = status; report[1] = r.time; report[2] = r.state;
+  return status;
+}
+
+void boom_prepare(const double *p, double *c) { model_prepare(p, c); }
+
+void boom_derivative(const double *p, const double *x, const double *u, double *f, double *J) {
+  double c[NC > 0 ? NC : 1];
+  model_prepare(p, c);
+  for (int i = 0; i < NX * NX; i++) J[i] = 0.0;
+  model_fj(x, u, c, f, J);
+}
+
+void boom_outputs(const double *p, const double *x, const double *u, double *y) {
+  double c[NC > 0 ? NC : 1];
+  model_prepare(p, c);
+  model_y(x, u, c, y);
+}
+
+int boom_sizes(int which) { return which == 0 ? NX : which == 1 ? NU : which == 2 ? NP : which == 3 ? NY : NC; }

@@ -1,0 +1,100 @@
+"""Flows through the metering edges of the main valve: (3.25) = (5.39l,m) with, (3.23) without pressure compensator.
+
+    s_s < 0 (extend):  q_h = C_d A_sa sqrt(2/rho) sqrt(dp_c),         q_b = -C_d A_tb sqrt(2/rho) sqrt(p_b - p_t)
+    s_s > 0 (retract): q_h = -C_d A_ta sqrt(2/rho) sqrt(p_h - p_t),   q_b =  C_d A_sb sqrt(2/rho) sqrt(dp_c)
+
+Without compensator the drop dp_c is p_s - p_h (extend) and p_s - p_b (retract). Square roots carry the sign of their
+argument. The thesis has the areas in figures only; here, with x = min(|s_s| / s_max, 1.2), u = max(0, (x - x_0) / (1 - x_0))^n:
+
+    A_sa = A_sa_max u,  A_sb = A_sb_max u,  A_tb = A_tb_max u,  A_ta = A_sb_max u / (c_0 - c_1 min(u, 1.3)^2)
+
+In the dead zone x <= x_0 every area is exactly zero. Effects (neutral value):
+
+* ``valve_dead_zone``: x_0 + d_extend, x_0 + d_retract (0).
+* ``compensator_droop``: the supply flow q becomes q (1 - k (q / Q_REFERENCE)^2) (0).
+* ``pump_flow_limit``: the supply flow is limited to q_max, smoothly: q / (1 + (q / q_max)^8)^(1/8) (infinite).
+* ``return_line_pressure``: p_t + k q^2 with q the returning flow; closed form, as an orifice in series (0).
+* ``flow_force``: F_q = c |q| sqrt(|dp|), summed over both edges, closes the spool (0).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from boom_model.regularisation import Expression, signed_sqrt
+from boom_model.specification import Specification
+
+LARGEST_OPENING = 1.2
+LARGEST_METER_OUT = 1.3
+Q_REFERENCE = 2.0e-3
+"""m^3/s (120 l/min), full flow."""
+
+SPECIFICATIONS = (
+    Specification("main_valve_orifices.x0", "x_0", "-", "overlap (dead zone) over full stroke", 0.0, 0.9, "5.17"),
+    Specification("main_valve_orifices.n", "n", "-", "exponent of the opening", 1.0, 4.0, "5.17"),
+    Specification("main_valve_orifices.A_sa_max", "A_sa", "m^2", "largest area supply to a", 1e-8, 1e-2, "3.23"),
+    Specification("main_valve_orifices.A_tb_max", "A_tb", "m^2", "largest area b to tank", 1e-8, 1e-2, "3.23"),
+    Specification("main_valve_orifices.A_sb_max", "A_sb", "m^2", "largest area supply to b", 1e-8, 1e-2, "3.23"),
+    Specification("main_valve_orifices.A_ta_law.c0", "c_0", "-", "A_ta: constant", 0.05, 100.0, "3.23"),
+    Specification("main_valve_orifices.A_ta_law.c1", "c_1", "-", "A_ta: factor of u^2", -10.0, 10.0, "3.23"),
+)
+COMPENSATED = (
+    Specification("main_valve_orifices.dp_c", "dp_c", "Pa", "margin of the pressure compensator", 1e4, 1e7, "3.25"),
+)
+UNCOMPENSATED = (Specification("fluid.p_s", "p_s", "Pa", "supply pressure", 1e5, 1e8, "3.23"),)
+
+
+@dataclass(frozen=True)
+class ValveFlows:
+    """Flows out of the valve into the hose of port a and into port b [m^3/s], closing force on the spool [N]."""
+
+    head: Expression
+    rod: Expression
+    force: Expression
+
+
+def opening(position: Expression, extend: bool, p: Any, e: Any) -> Expression:
+    """u [-] at the spool position s_s [m]."""
+    o = p.main_valve_orifices
+    shift = e.valve_dead_zone.d_extend if extend else e.valve_dead_zone.d_retract
+    x0 = o.x0 + shift
+    x = ca.fmin((-position if extend else position) / p.main_valve_spool.s_max, LARGEST_OPENING)
+    return ca.fmax(0.0, (x - x0) / (1 - x0)) ** o.n
+
+
+def _supply(flow: Expression, e: Any) -> Expression:
+    drooped = flow * (1 - e.compensator_droop.k * (flow / Q_REFERENCE) ** 2)
+    return drooped / (1 + (drooped * e.pump_flow_limit.inverse_q_max) ** 8) ** 0.125
+
+
+def _tank_flow(area: Expression, drop: Expression, gain: Expression, e: Any) -> Expression:
+    k = gain * area
+    return k * signed_sqrt(drop) / ca.sqrt(1 + e.return_line_pressure.k * k * k)
+
+
+def flows(position: Expression, hose_pressure: Expression, rod_pressure: Expression, p: Any, e: Any) -> ValveFlows:
+    """Flows and closing force at the spool position s_s [m], p_h and p_b [Pa]."""
+    o, f = p.main_valve_orifices, p.fluid
+    gain = f.C_d * ca.sqrt(2 / f.rho)
+    extend = position < 0
+    u_e, u_r = opening(position, True, p, e), opening(position, False, p, e)
+    a_ta = o.A_sb_max * u_r / (o.A_ta_law.c0 - o.A_ta_law.c1 * ca.fmin(u_r, LARGEST_METER_OUT) ** 2)
+    drop_a = o.dp_c if hasattr(o, "dp_c") else f.p_s - hose_pressure
+    drop_b = o.dp_c if hasattr(o, "dp_c") else f.p_s - rod_pressure
+    root_a = ca.sqrt(drop_a) if hasattr(o, "dp_c") else signed_sqrt(drop_a)
+    root_b = ca.sqrt(drop_b) if hasattr(o, "dp_c") else signed_sqrt(drop_b)
+    to_a = _supply(gain * o.A_sa_max * u_e * root_a, e)
+    to_b = _supply(gain * o.A_sb_max * u_r * root_b, e)
+    from_a = _tank_flow(a_ta, hose_pressure - f.p_t, gain, e)
+    from_b = _tank_flow(o.A_tb_max * u_e, rod_pressure - f.p_t, gain, e)
+    q_a, q_b = ca.if_else(extend, to_a, -from_a), ca.if_else(extend, -from_b, to_b)
+    supply_force = ca.if_else(extend, -ca.fabs(to_a) * ca.fabs(root_a), ca.fabs(to_b) * ca.fabs(root_b))
+    tank_force = ca.if_else(
+        extend,
+        -ca.fabs(from_b) * ca.fabs(signed_sqrt(rod_pressure - f.p_t)),
+        ca.fabs(from_a) * ca.fabs(signed_sqrt(hose_pressure - f.p_t)),
+    )
+    return ValveFlows(q_a, q_b, e.flow_force.c * (supply_force + tank_force))

@@ -1,0 +1,39 @@
+"""Pilot valve: a Wiener model, first order in the solenoid current and a static curve behind it, (3.34) with (5.2), (5.7c).
+
+    lambda' = a_1 lambda + i,  nu = b_0 lambda + b_1 i,  p = h(nu) = h_0 nu^2 + h_1 nu + h_2   (p in bar, nu and i in A)
+
+Identified for 0.30 A .. 0.55 A. Effects: ``pilot_lag`` slows the first order down by the factor r (a_1 / r, b_0 / r, so that
+the stationary gain stays; neutral r = 1), ``command_delay`` is a dead time T before the current acts (neutral T = 0; the
+integrator delays its input, see ``boom_model.plant``).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from boom_model.regularisation import Expression
+from boom_model.specification import Specification
+
+BAR = 1.0e5
+"""Pa."""
+
+SPECIFICATIONS = (
+    Specification("pilot_valves.a1_s", "a_1^s", "1/s", "pole of the first order", -1e4, -1e-2, "3.34a"),
+    Specification("pilot_valves.b0_s", "b_0^s", "1/s", "gain of the first order", 1e-2, 1e4, "3.34b"),
+    Specification("pilot_valves.b1_s", "b_1^s", "-", "feedthrough", -1.0, 1.0, "3.34b"),
+    Specification(
+        "pilot_valves.h", "h", "bar/A^2, bar/A, bar", "static curve: h_0, h_1, h_2", -1e4, 1e4, "5.2", "triple"
+    ),
+)
+
+
+def state_rate(state: Expression, current: Expression, p: Any, e: Any) -> Expression:
+    """lambda' [A] for lambda [A s] and the solenoid current [A]."""
+    return p.pilot_valves.a1_s / e.pilot_lag.r * state + current
+
+
+def pressure(state: Expression, current: Expression, p: Any, e: Any) -> Expression:
+    """Pilot control pressure p [Pa]."""
+    v = p.pilot_valves
+    nu = v.b0_s / e.pilot_lag.r * state + v.b1_s * current
+    return BAR * ((v.h[0] * nu + v.h[1]) * nu + v.h[2])

@@ -1,0 +1,358 @@
+"""A machine in a pose, compiled: runs, single steps, batches of parameter sets. The numerical face of the package.
+
+Currents are held: u[k] acts from its time to the next one's, before the first and behind the last the nearest. Effect
+``command_delay`` shifts the input's times, ``pressure_delay`` the times at which the pressures are sampled.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from os import cpu_count
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from boom_model import hose_burst_valve
+from boom_model.compiled import build
+from boom_model.effects import EFFECTS
+from boom_model.equations import INPUTS, Equations, Kind, full_model, reduced_model
+from boom_model.errors import ModelError, SimulationError
+from boom_model.machine import Machine, Pose
+from boom_model.sensors import OUTPUTS
+
+Array = NDArray[np.float64]
+
+FAST, FINE = 1e-4, 1e-6
+"""Tolerances of the error control. Measured over a 60 s recording they give errors of about the same size."""
+
+_ORDER_3_ABOVE = 2e-5  # at coarser tolerances the method of order 3 is faster, at finer ones that of order 4 (measured)
+_FIRST_STEP = 1e-4
+_DOUBLE = ctypes.POINTER(ctypes.c_double)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A run: time (n,) [s], states (n, NX), outputs (n, 4) = angle, rate, p_h, p_b; SI. ``steps`` of the integrator."""
+
+    time: Array
+    states: Array
+    outputs: Array
+    state_names: tuple[str, ...]
+    final_state: Array
+    steps: int
+    rejected: int
+    evaluations: int
+
+    def state(self, name: str) -> Array:
+        """One state over time, by name."""
+        return self.states[:, self.state_names.index(name)]
+
+    def output(self, name: str) -> Array:
+        """One output over time: angle, rate, hose_pressure or rod_pressure."""
+        return self.outputs[:, OUTPUTS.index(name)]
+
+
+class Plant:
+    """The compiled full (5.39) or reduced (5.47) model of a machine in a pose.
+
+    Args:
+        machine: the machine, its active effects included. The reduced model leaves out effects that bring states.
+        pose: locked joints and load.
+        kind: ``full`` or ``reduced``.
+
+    Raises:
+        BuildError: no C compiler.
+        ModelError: an effect that this machine cannot have.
+    """
+
+    def __init__(self, machine: Machine, pose: Pose, kind: Kind = "full") -> None:
+        self.machine = machine
+        self.pose = pose
+        model = full_model if kind == "full" else reduced_model
+        self.equations: Equations = model(machine.structure, machine.effects)
+        self._library = build(self.equations)
+        self.state_names = self.equations.state_names
+        self.parameter_names = self.equations.parameters
+        values = machine.values(pose)
+        self.p: Array = np.array([values[name] for name in self.parameter_names])
+        states = self.equations.states
+        self.scale: Array = np.array([s.scale for s in states])
+        self.minimum: Array = np.array([s.minimum for s in states])
+        self.maximum: Array = np.array([s.maximum for s in states])
+        self.minimum[0], self.maximum[0] = machine.angle_limits
+        self.command_delay = machine.effects.get("command_delay", {}).get("T", 0.0)
+        self.pressure_delay = machine.effects.get("pressure_delay", {}).get("T", 0.0)
+
+    # ------------------------------------------------------------------------------------------------ initial states
+
+    def rest_state(self, angle: float, hose_pressure: float, rod_pressure: float) -> Array:
+        """State of a boom that has rested: p_a = p_h, p_o,i = max(p_h, p_g0,i), spool and pilot states zero (notes).
+
+        angle [rad]; hose_pressure, rod_pressure [Pa gauge].
+        """
+        precharge = self._effect("accumulator_precharge", "r")
+        values = dict.fromkeys(self.state_names, 0.0)
+        values |= {"angle": angle, "head_pressure": hose_pressure, "rod_pressure": rod_pressure}
+        if "hose_pressure" in values:
+            values["hose_pressure"] = hose_pressure
+        for i in (1, 2):
+            if f"accumulator_pressure_{i}" in values:
+                p_g0 = self.machine.parameters[f"accumulators.p_g0_{i}"].value[0] * precharge
+                values[f"accumulator_pressure_{i}"] = max(hose_pressure, p_g0)
+        if "hose_burst_valve_conductance" in values:
+            values["hose_burst_valve_conductance"] = self._conductance_at_rest()
+        return np.array([values[name] for name in self.state_names])
+
+    def equilibrium(self, angle: float, rod_pressure: float = 1.0e6) -> Array:
+        """Rest state in which the pressures carry the boom without friction: p_a A_a = g / J + p_b A_b."""
+        auxiliary = self.auxiliary(self.rest_state(angle, 0.0, rod_pressure)[None], np.zeros((1, 2)))
+        area_a, area_b = (self.machine.parameters[f"cylinder.{k}"].value[0] for k in ("A_a", "A_b"))
+        force = auxiliary["gravity_torque"][0] / auxiliary["jacobian"][0]
+        head = (force + rod_pressure * area_b) / area_a
+        if head < 0.0:  # the boom hangs: the rod side carries it
+            head, rod_pressure = 0.0, -force / area_b
+        return self.rest_state(angle, head, rod_pressure)
+
+    # ---------------------------------------------------------------------------------------------------------- runs
+
+    def run(
+        self,
+        input_time: ArrayLike,
+        currents: ArrayLike,
+        output_time: ArrayLike,
+        initial_state: ArrayLike,
+        *,
+        start: float | None = None,
+        tolerance: float = 1e-5,
+        parameters: Array | None = None,
+        order: int | None = None,
+        stop: ctypes.c_int | None = None,
+    ) -> Trajectory:
+        """Integrates from ``start`` (default: first output) to the last output.
+
+        Args:
+            input_time: (m,) [s], ascending: from when each current acts.
+            currents: (m, 2) [A]: retract i_+, extend i_-.
+            output_time: (n,) [s], ascending, not before ``start``.
+            initial_state: (NX,) at ``start``.
+            start: [s].
+            tolerance: relative error of a step, per state, against the larger of its size and its usual range.
+            parameters: (NP,) other numbers than the machine's, in the order of ``parameter_names``.
+            order: 3 or 4, order of the Rosenbrock method; by default what is faster at this tolerance.
+            stop: set to non-zero from another thread to end the run.
+
+        Raises:
+            SimulationError: a state left its range or the step size vanished; names state and time.
+            ModelError: shapes that do not fit, values that are not finite.
+        """
+        t_in = np.ascontiguousarray(np.asarray(input_time, dtype=float) + self.command_delay)
+        u = np.ascontiguousarray(currents, dtype=float)
+        t_out = np.ascontiguousarray(output_time, dtype=float)
+        x = np.array(initial_state, dtype=float)
+        p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
+        begin = float(t_out[0]) if start is None and len(t_out) else float(start or 0.0)
+        self._check(t_in, u, t_out, x, p, begin)
+        sampled, late = self._sampling(t_out)
+        states, outputs, report = self._call(t_in, u, sampled, x, p, begin, tolerance, order, stop)
+        self._raise(report)
+        if late is not None:
+            outputs[late[0], 2:] = outputs[late[1], 2:]
+            states, outputs = states[late[0]], outputs[late[0]]
+        steps, rejected, evaluations = (int(v) for v in report[3:6])
+        return Trajectory(t_out, states, outputs, self.state_names, x, steps, rejected, evaluations)
+
+    def batch(
+        self,
+        parameter_sets: ArrayLike,
+        input_time: ArrayLike,
+        currents: ArrayLike,
+        output_time: ArrayLike,
+        initial_state: ArrayLike,
+        *,
+        tolerance: float = 1e-4,
+        workers: int | None = None,
+    ) -> Array:
+        """Outputs (M, n, 4) of runs with M parameter sets (M, NP), on all cores; NaN from where a run failed on."""
+        sets = np.ascontiguousarray(parameter_sets, dtype=float)
+        t_in = np.ascontiguousarray(np.asarray(input_time, dtype=float) + self.command_delay)
+        u = np.ascontiguousarray(currents, dtype=float)
+        t_out = np.ascontiguousarray(output_time, dtype=float)
+        x0 = np.asarray(initial_state, dtype=float)
+        self._check(t_in, u, t_out, x0, sets[0], float(t_out[0]))
+        sampled, late = self._sampling(t_out)
+        result = np.full((len(sets), len(t_out), len(OUTPUTS)), np.nan)
+
+        def one(k: int) -> None:
+            _, outputs, report = self._call(t_in, u, sampled, x0.copy(), sets[k], float(t_out[0]), tolerance, None, None)
+            outputs[int(report[7]) :] = np.nan
+            if late is not None:
+                outputs[late[0], 2:] = outputs[late[1], 2:]
+                outputs = outputs[late[0]]
+            result[k] = outputs
+
+        with ThreadPoolExecutor(workers or cpu_count()) as pool:
+            list(pool.map(one, range(len(sets))))
+        return result
+
+    def stepper(self, initial_state: ArrayLike, *, tolerance: float = 1e-5) -> Stepper:
+        """Single steps from a state, for real time and lockstep."""
+        return Stepper(self, np.array(initial_state, dtype=float), tolerance)
+
+    # ------------------------------------------------------------------------------------------------ points of the model
+
+    def derivative(self, state: ArrayLike, current: ArrayLike, parameters: Array | None = None) -> tuple[Array, Array]:
+        """x' (NX,) and the Jacobian dx'/dx (NX, NX) at one point."""
+        n = len(self.state_names)
+        f, jacobian = np.empty(n), np.empty((n, n))
+        x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
+        p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
+        self._library.boom_derivative(_pointer(p), _pointer(x), _pointer(u), _pointer(f), _pointer(jacobian))
+        return f, jacobian
+
+    def outputs(self, state: ArrayLike, current: ArrayLike = (0.0, 0.0)) -> Array:
+        """y (4,) = angle, rate, p_h, p_b at one point, without delay."""
+        y = np.empty(len(OUTPUTS))
+        x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
+        self._library.boom_outputs(_pointer(self.p), _pointer(x), _pointer(u), _pointer(y))
+        return y
+
+    def auxiliary(self, states: ArrayLike, currents: ArrayLike) -> dict[str, Array]:
+        """Inner quantities over time by name (flows, force, friction, ...), SI: states (n, NX), currents (n, 2)."""
+        x, u = np.asarray(states, dtype=float).T, np.asarray(currents, dtype=float).T
+        values = self._auxiliary_function.map(x.shape[1])(x, u, ca.repmat(ca.DM(self.p), 1, x.shape[1]))
+        return dict(zip(self.equations.auxiliary, np.asarray(values, dtype=float), strict=True))
+
+    @cached_property
+    def _auxiliary_function(self) -> Any:
+        m = self.equations
+        return ca.Function("auxiliary", [m.x, m.u, m.p], [ca.vertcat(*(e for _, e in m.auxiliary.values()))])
+
+    # ------------------------------------------------------------------------------------------------------ internals
+
+    def _effect(self, name: str, parameter: str) -> float:
+        neutral = next(row.neutral for row in EFFECTS[name].parameters if row.name == parameter)
+        return self.machine.effects.get(name, {}).get(parameter, neutral)
+
+    def _conductance_at_rest(self) -> float:
+        from boom_model.equations import _namespace
+
+        values = self.machine.values(self.pose)
+        tree = _namespace({k: v for k, v in values.items() if not k.startswith("effects.")})
+        effects = _namespace({f"{e.id}.{r.name}": self._effect(e.id, r.name) for e in EFFECTS.values() for r in e.parameters})
+        return float(hose_burst_valve.conductance(0.0, tree, effects))
+
+    def _sampling(self, t_out: Array) -> tuple[Array, tuple[NDArray[np.int64], NDArray[np.int64]] | None]:
+        """Times at which the run is sampled, and where among them the outputs and the delayed pressures are."""
+        if self.pressure_delay == 0.0:
+            return t_out, None
+        both = np.concatenate((t_out, np.maximum(t_out - self.pressure_delay, t_out[0])))
+        sampled, where = np.unique(both, return_inverse=True)
+        n = len(t_out)
+        return sampled, (where[:n], where[n:])
+
+    def _check(self, t_in: Array, u: Array, t_out: Array, x: Array, p: Array, begin: float) -> None:
+        if u.ndim != 2 or u.shape != (len(t_in), len(INPUTS)) or len(t_in) == 0:
+            raise ModelError(f"currents must have shape (m, 2) with m input times, not {u.shape} with {len(t_in)}")
+        if x.shape != (len(self.state_names),):
+            raise ModelError(f"the initial state must have {len(self.state_names)} numbers, not {x.shape}")
+        if p.shape != (len(self.parameter_names),):
+            raise ModelError(f"parameters must be {len(self.parameter_names)} numbers, not {p.shape}")
+        for name, values in (("input times", t_in), ("currents", u), ("output times", t_out), ("initial state", x)):
+            if not np.isfinite(values).all():
+                raise ModelError(f"{name}: not all numbers are finite")
+        if (np.diff(t_in) < 0).any() or (np.diff(t_out) < 0).any():
+            raise ModelError("times must ascend")
+        if len(t_out) and t_out[0] < begin:
+            raise ModelError("output times must not lie before the start")
+
+    def _call(
+        self, t_in: Array, u: Array, t_out: Array, x: Array, p: Array, begin: float, tolerance: float,
+        order: int | None, stop: ctypes.c_int | None,
+    ) -> tuple[Array, Array, Array]:  # fmt: skip
+        states, outputs = np.empty((len(t_out), len(x))), np.empty((len(t_out), len(OUTPUTS)))
+        report = np.zeros(8)
+        method = order or (3 if tolerance > _ORDER_3_ABOVE else 4)
+        end = float(t_out[-1]) if len(t_out) else begin
+        self._library.boom_run(
+            _pointer(p), _pointer(x), ctypes.c_double(begin), ctypes.c_double(end), _pointer(t_in), _pointer(u),
+            ctypes.c_long(len(t_in)), _pointer(t_out), ctypes.c_long(len(t_out)), _pointer(states), _pointer(outputs),
+            ctypes.c_double(tolerance), ctypes.c_int(method), _pointer(self.scale), _pointer(self.minimum),
+            _pointer(self.maximum), ctypes.c_double(_FIRST_STEP), ctypes.byref(stop) if stop is not None else None,
+            _pointer(report),
+        )  # fmt: skip
+        return states, outputs, report
+
+    def _raise(self, report: Array, offset: float = 0.0) -> None:
+        status, time, index = int(report[0]), float(report[1]) + offset, int(report[2])
+        if status == 0:
+            return
+        if status == 2:
+            state = self.equations.states[index]
+            raise SimulationError(
+                f"at {time:.3f} s {state.name} ({state.symbol}) left its range of "
+                f"{self.minimum[index]:g} .. {self.maximum[index]:g} {state.unit}",
+                time,
+                state.name,
+            )
+        if status == 3:
+            raise SimulationError(f"stopped at {time:.3f} s", time, None)
+        raise SimulationError(f"at {time:.3f} s the step size vanished: the equations have no solution there", time, None)
+
+
+class Stepper:
+    """Steps a plant with held currents. One step of 10 ms costs a few microseconds.
+
+    Attributes:
+        state: (NX,), changed in place by every step; may be written.
+        time: [s] since the start.
+    """
+
+    def __init__(self, plant: Plant, state: Array, tolerance: float) -> None:
+        self.plant = plant
+        self.state = np.ascontiguousarray(state)
+        self.time = 0.0
+        self._u, self._y, self._report = np.zeros(2), np.empty(len(OUTPUTS)), np.zeros(8)
+        self._c = np.empty(max(1, plant._library.boom_sizes(4)))
+        self._h = np.array([_FIRST_STEP])
+        self._tolerance = ctypes.c_double(tolerance)
+        self._order = ctypes.c_int(3 if tolerance > _ORDER_3_ABOVE else 4)
+        function = plant._library.boom_step
+        plant._library.boom_prepare(_pointer(plant.p), _pointer(self._c))
+        head = (_pointer(self._c), _pointer(self.state), _pointer(self._u))
+        tail = (
+            _pointer(self._y), self._tolerance, self._order, _pointer(plant.scale), _pointer(plant.minimum),
+            _pointer(plant.maximum), _pointer(self._h), _pointer(self._report),
+        )  # fmt: skip
+
+        def call(duration: float) -> int:
+            return int(function(*head, ctypes.c_double(duration), *tail))
+
+        self._call: Callable[[float], int] = call
+
+    def step(self, retract: float, extend: float, duration: float = 0.01) -> Array:
+        """Advances by ``duration`` [s] with both currents [A] held; returns y (4,), overwritten by the next step.
+
+        Raises:
+            SimulationError: a state left its range; the state stays as it was at the failure.
+        """
+        self._u[0], self._u[1] = retract, extend
+        if self._call(duration):
+            self.plant._raise(self._report, self.time)
+        self.time += duration
+        return self._y
+
+    def change_parameters(self, values: Array) -> None:
+        """Goes on with other parameters (NP,), e.g. when a log is grasped."""
+        self.plant._library.boom_prepare(_pointer(np.ascontiguousarray(values, dtype=float)), _pointer(self._c))
+
+
+def _pointer(array: Array) -> Any:
+    return array.ctypes.data_as(_DOUBLE)
+
+

@@ -1,0 +1,238 @@
+"""Rigid body of the crane with every joint but the boom's locked, (3.3)-(3.4): D_0, (S_x, S_y) and the tip in any pose.
+
+    D_0 = sum_i (m_i |r_i|^2 + I_i)        (S_x, S_y) = sum_i m_i r_i
+
+r_i is the centre of body i in the boom's frame (origin at the boom joint, x along the boom, y up); it follows from the arm
+angle q_3 and the telescope's extension q_4. What hangs at the tip hinge counts as a point mass there; the load is left out
+(``equation_of_motion`` adds it, and holds D and g(q_2) themselves). The angle is positive upwards.
+
+The sums are pinocchio's: the bodies become one body on one revolute joint, D_0 is its joint-space inertia (composite rigid body
+algorithm) and S_x, S_y are its generalised gravity at two angles under 1 m/s^2.
+
+Symbols: q_3 [rad] (pi/2 = arm in line with the boom, 4.59 = folded), q_4 [m] (total extension of both stages), D_0 [kg m^2],
+S_x, S_y [kg m], tip [m]. Valid within the machine's joint limits. Not in it: the boom cylinder and its linkage (2 % of g).
+Source: sections ``rigid_body.links`` and ``rigid_body.assembly`` of the machine file; how they are read: machine notes.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_model.errors import MachineError, ModelError
+
+Vector = NDArray[np.float64]
+
+AXES = ("x", "y", "z")
+LIMIT_SLACK = 1e-3
+"""rad or m: a pose read from a message may lie this far outside the joint limits by rounding."""
+
+
+class PoseError(ModelError):
+    """A joint angle or extension that the machine cannot have; the message gives the range."""
+
+
+@dataclass(frozen=True)
+class LockedBody:
+    """What the boom joint carries in one pose, without the load.
+
+    Attributes:
+        D0: inertia about the boom joint [kg m^2].
+        Sx: first moment along the boom [kg m].
+        Sy: first moment across the boom, upwards [kg m].
+        tip: the tip hinge (x, y) in the boom's frame [m]; the load hangs there.
+        load_mass: the load [kg] that goes with it; not in D0, Sx, Sy.
+    """
+
+    D0: float
+    Sx: float
+    Sy: float
+    tip: tuple[float, float]
+    load_mass: float = 0.0
+
+
+@dataclass(frozen=True)
+class Body:
+    """One rigid body in the plane, in the boom's frame: mass [kg], centre (x, y) [m], inertia about the centre [kg m^2]."""
+
+    name: str
+    mass: float
+    center: Vector
+    inertia: float
+
+
+def locked_inertia(rigid_body: Mapping[str, Any], q3: float, q4: float, load_mass: float = 0.0) -> LockedBody:
+    """Inertia, first moments and tip for the arm angle q3 [rad], the extension q4 [m] and the load [kg] hung at the tip.
+
+    ``rigid_body`` is the section of that name of a machine file, as a plain mapping; its parts ``links`` and ``assembly`` are read, and
+    ``joint_limits`` where it has them.
+
+    Raises:
+        MachineError: a key is missing or has no sensible value; the message names it.
+        PoseError: q3, q4 or the load is impossible.
+    """
+    check_pose(rigid_body, q3, q4)
+    if not (math.isfinite(load_mass) and load_mass >= 0.0):
+        raise PoseError(f"the load is {load_mass} kg: give a mass of 0 kg or more")
+    model = _one_joint_model(place_bodies(rigid_body, q3, q4))
+    pinocchio = importlib.import_module("pinocchio")
+    data = model.createData()
+    inertia = pinocchio.crba(model, data, np.zeros(1))[0, 0]
+    level = pinocchio.computeGeneralizedGravity(model, data, np.array([0.0]))[0]
+    upright = pinocchio.computeGeneralizedGravity(model, data, np.array([math.pi / 2]))[0]
+    tip = tip_position(rigid_body, q3, q4)
+    return LockedBody(
+        float(inertia), float(level), -float(upright), (float(tip[0]), float(tip[1])), load_mass=float(load_mass)
+    )
+
+
+def tip_position(rigid_body: Mapping[str, Any], q3: float, q4: float) -> Vector:
+    """The tip hinge, shape (2,), in the boom's frame [m]. Raises MachineError for a missing key."""
+    tip = entry(entry(rigid_body, "rigid_body", "assembly"), "rigid_body.assembly", "tip")
+    return _place(rigid_body, "rigid_body.assembly.tip", tip, np.zeros(2), q3, q4)
+
+
+def place_bodies(rigid_body: Mapping[str, Any], q3: float, q4: float) -> list[Body]:
+    """Every body that the boom joint carries, placed for q3 [rad] and q4 [m]. Raises MachineError for a missing key."""
+    links = entry(rigid_body, "rigid_body", "links")
+    assembly = entry(rigid_body, "rigid_body", "assembly")
+    placed = []
+    for name, item in entry(assembly, "rigid_body.assembly", "bodies").items():
+        key = f"rigid_body.assembly.bodies.{name}"
+        mass, center, inertia = link_data(links, name)
+        turn = frame_axes(item, key)
+        center_in_plane = turn @ center
+        inertia_across = float(turn[2] @ inertia @ turn[2])
+        placed.append(Body(name, mass, _place(rigid_body, key, item, center_in_plane[:2], q3, q4), inertia_across))
+    placed.append(Body("tip", hanging_mass(rigid_body), tip_position(rigid_body, q3, q4), 0.0))
+    return placed + _arm_cylinders(rigid_body, q3, q4)
+
+
+def check_pose(rigid_body: Mapping[str, Any], q3: float, q4: float) -> None:
+    """Raise PoseError where q3 [rad] or q4 [m] is no number or outside ``joint_limits``."""
+    limits = rigid_body.get("joint_limits", {})
+    ranges = {}
+    if "q3" in limits:
+        ranges["outer boom angle q3"] = (q3, vector(limits["q3"], "rigid_body.joint_limits.q3", 2), "rad")
+    if "q4_per_stage" in limits:
+        stage = vector(limits["q4_per_stage"], "rigid_body.joint_limits.q4_per_stage", 2)
+        ranges["telescope length q4"] = (q4, 2.0 * stage, "m")
+    if not (math.isfinite(q3) and math.isfinite(q4)):
+        raise PoseError(f"the pose q3 = {q3} rad, q4 = {q4} m is not a pair of numbers")
+    for name, (value, (low, high), unit) in ranges.items():
+        if not low - LIMIT_SLACK <= value <= high + LIMIT_SLACK:
+            raise PoseError(f"{name} is {value:g} {unit}: this machine has {low:g} to {high:g} {unit}")
+
+
+def hanging_mass(rigid_body: Mapping[str, Any]) -> float:
+    """Mass [kg] of what hangs at the tip hinge without the load: rotator, gripper and jaws."""
+    tip = entry(entry(rigid_body, "rigid_body", "assembly"), "rigid_body.assembly", "tip")
+    links = entry(rigid_body, "rigid_body", "links")
+    return sum(
+        scalar(entry(entry(links, "rigid_body.links", name), f"rigid_body.links.{name}", "m"), f"rigid_body.links.{name}.m")
+        for name in entry(tip, "rigid_body.assembly.tip", "hangs")
+    )
+
+
+def link_data(links: Mapping[str, Any], name: str) -> tuple[float, Vector, Vector]:
+    """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m^2], all in the link's own frame."""
+    key = f"rigid_body.links.{name}"
+    link = entry(links, "rigid_body.links", name)
+    inertia = vector(entry(link, key, "I"), f"{key}.I", 3)
+    if np.any(inertia <= 0.0):
+        raise MachineError(f"{key}.I is {link['I']}: moments of inertia must be above 0 kg m^2")
+    return scalar(entry(link, key, "m"), f"{key}.m"), vector(entry(link, key, "com"), f"{key}.com", 3), np.diag(inertia)
+
+
+def frame_axes(item: Mapping[str, Any], key: str) -> Vector:
+    """Rotation (3, 3) from a link's own frame to its carrier's plane frame (first axis, second axis, across the plane)."""
+    names = entry(item, key, "axes")
+    rows = []
+    for name in names:
+        letter = str(name).removeprefix("-")
+        if letter not in AXES:
+            raise MachineError(f"{key}.axes is {names}: give two of x, y, z, with a minus sign where they point the other way")
+        rows.append((-1.0 if str(name).startswith("-") else 1.0) * np.eye(3)[AXES.index(letter)])
+    if len(rows) != 2 or abs(rows[0] @ rows[1]) > 0.0:
+        raise MachineError(f"{key}.axes is {names}: give two different axes")
+    return np.array([rows[0], rows[1], np.cross(rows[0], rows[1])])
+
+
+def entry(mapping: Any, key: str, name: str) -> Any:
+    """``mapping[name]``, without its wrapper of unit and provenance. Raises MachineError that names the key."""
+    if not isinstance(mapping, Mapping) or name not in mapping:
+        raise MachineError(f"{key}.{name} is missing: the rigid body in any pose needs it")
+    value = mapping[name]
+    return value["value"] if isinstance(value, Mapping) and "value" in value else value
+
+
+def vector(value: Any, key: str, length: int) -> Vector:
+    """`length` finite numbers as an array. Raises MachineError that names the key."""
+    numbers = isinstance(value, Sequence) and all(isinstance(item, int | float) for item in value)
+    if not numbers or len(value) != length or not all(math.isfinite(item) for item in value):
+        raise MachineError(f"{key} is {value!r}: give {length} numbers")
+    return np.array(value, dtype=np.float64)
+
+
+def scalar(value: Any, key: str) -> float:
+    """A finite number of 0 or more. Raises MachineError that names the key."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not (math.isfinite(value) and value >= 0.0):
+        raise MachineError(f"{key} is {value!r}: give a number of 0 or more")
+    return float(value)
+
+
+def _arm_cylinders(rigid_body: Mapping[str, Any], q3: float, q4: float) -> list[Body]:
+    """Barrels and rods lie on the line from the foot on the boom to the eye on the arm."""
+    key = "rigid_body.assembly.arm_cylinder"
+    cylinder = entry(entry(rigid_body, "rigid_body", "assembly"), "rigid_body.assembly", "arm_cylinder")
+    foot = vector(entry(cylinder, key, "foot"), f"{key}.foot", 2)
+    eye_in_arm = vector(entry(cylinder, key, "eye"), f"{key}.eye", 2)
+    eye = _arm_point(rigid_body, eye_in_arm, q3)
+    along = (eye - foot) / np.hypot(*(eye - foot))
+    bodies = []
+    for name, start, direction in (("barrels", foot, along), ("rods", eye, -along)):
+        part = entry(cylinder, key, name)
+        mass, distance, inertia = (scalar(entry(part, f"{key}.{name}", k), f"{key}.{name}.{k}") for k in ("m", "com", "I"))
+        bodies.append(Body(f"arm_cylinder_{name}", mass, start + distance * direction, inertia))
+    return bodies
+
+
+def _place(rigid_body: Mapping[str, Any], key: str, item: Any, point: Vector, q3: float, q4: float) -> Vector:
+    """A point of a body, given from the body's origin along its carrier's axes, in the boom's frame."""
+    origin = vector(entry(item, key, "origin"), f"{key}.origin", 2)
+    out = scalar(entry(item, key, "q4_share"), f"{key}.q4_share") * q4
+    carrier = entry(item, key, "carrier")
+    if carrier == "boom":
+        return origin + point
+    if carrier == "arm":
+        return _arm_point(rigid_body, origin + point + np.array([0.0, out]), q3)
+    raise MachineError(f"{key}.carrier is {carrier!r}: give boom or arm")
+
+
+def _arm_point(rigid_body: Mapping[str, Any], point: Vector, q3: float) -> Vector:
+    """Point (x across, z along) of the arm's frame in the boom's frame: elbow + R(q3) (arm_origin + (x, -z))."""
+    assembly, key = entry(rigid_body, "rigid_body", "assembly"), "rigid_body.assembly"
+    elbow = vector(entry(assembly, key, "elbow"), f"{key}.elbow", 2)
+    from_elbow = vector(entry(assembly, key, "arm_origin"), f"{key}.arm_origin", 2) + np.array([point[0], -point[1]])
+    cos, sin = math.cos(q3), math.sin(q3)
+    return elbow + np.array([[cos, -sin], [sin, cos]]) @ from_elbow
+
+
+def _one_joint_model(bodies: Sequence[Body]) -> Any:
+    """A pinocchio model of one revolute joint about z that carries all bodies, under a gravity of 1 m/s^2 along -y."""
+    pinocchio = importlib.import_module("pinocchio")  # here because it takes a second to import
+    model = pinocchio.Model()
+    model.gravity.linear = np.array([0.0, -1.0, 0.0])
+    joint = model.addJoint(0, pinocchio.JointModelRZ(), pinocchio.SE3.Identity(), "boom")
+    for body in bodies:
+        # Planar: only the inertia across the plane acts; the other two are set equal to keep the tensor physical.
+        inertia = pinocchio.Inertia(body.mass, np.zeros(3), body.inertia * np.eye(3))
+        center = np.array([body.center[0], body.center[1], 0.0])
+        model.appendBodyToJoint(joint, inertia, pinocchio.SE3(np.eye(3), center))
+    return model

@@ -1,0 +1,69 @@
+"""What the machine measures, and how (ch. 4.2 and 6.4): angle, angular velocity, p_h and p_b.
+
+Effects: ``angle_offset`` y = q_2 + b, ``rate_scale`` y = a q_2', ``pressure_bias`` y = p + b; ``pressure_delay``
+y = p(t - T) is applied where the outputs are sampled (``boom_model.plant``). :class:`SensorNoise` holds the quantisation and
+noise of ch. 6.4; PSD_p is read as 3e6 Pa^2/Hz (machine notes): sigma = sqrt(PSD / T_s), 0.17 bar at 100 Hz.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi, sqrt
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_model.regularisation import Expression
+
+OUTPUTS = ("angle", "rate", "hose_pressure", "rod_pressure")
+OUTPUT_UNITS = ("rad", "rad/s", "Pa", "Pa")
+
+
+def measured(angle: Expression, rate: Expression, hose_pressure: Expression, rod_pressure: Expression, e: Any) -> Any:
+    """y = (angle [rad], rate [rad/s], p_h [Pa gauge], p_b [Pa gauge]) without noise."""
+    return ca.vertcat(
+        angle + e.angle_offset.b,
+        rate * e.rate_scale.a,
+        hose_pressure + e.pressure_bias.hose,
+        rod_pressure + e.pressure_bias.rod,
+    )
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """Noise and quantisation; a zero switches a term off.
+
+    Attributes:
+        angle_quantum: [rad]. rate_sigma: [rad/s]. pressure_sigma, pressure_quantum: [Pa].
+        current_sigma, current_quantum: [A].
+    """
+
+    angle_quantum: float = 2 * pi / 2**14
+    rate_sigma: float = 1.5e-3
+    pressure_sigma: float = sqrt(3.0e6 / 0.01)
+    pressure_quantum: float = 1.0e4
+    current_sigma: float = 0.8e-3
+    current_quantum: float = 1.0e-3
+
+    def outputs(self, y: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+        """Measured y, shape (..., 4), of the true y; four draws of ``rng`` per sample."""
+        draws = rng.standard_normal(y.shape)
+        draws[..., 0] = 0.0
+        noisy = y + draws * np.array([0.0, self.rate_sigma, self.pressure_sigma, self.pressure_sigma])
+        quanta = (self.angle_quantum, 0.0, self.pressure_quantum, self.pressure_quantum)
+        return np.stack([_quantise(noisy[..., i], quanta[i]) for i in range(4)], axis=-1)
+
+    def currents(self, u: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+        """Measured currents, shape (..., 2), of the true ones; clipped at zero as the recordings are."""
+        noisy = u + self.current_sigma * rng.standard_normal(u.shape)
+        return np.maximum(_quantise(noisy, self.current_quantum), 0.0)
+
+
+IDEAL = SensorNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""Sensors without noise and quantisation."""
+
+
+def _quantise(values: NDArray[np.float64], quantum: float) -> NDArray[np.float64]:
+    return np.round(values / quantum) * quantum if quantum > 0 else values
