@@ -105,7 +105,7 @@ CATALOGUE: tuple[Effect, ...] = (
         "time constant of p_h", needs="accumulators",
     ),
     Effect(
-        "hose_burst_valve_lag", "hose_burst_valve", "5.39f", "q_a = G (p_h - p_a), tau G' = G_stationary - G",
+        "hose_burst_valve_lag", "hose_burst_valve", "5.39f", "q_a = G (p_h - p_a) outwards, tau G' = G_limited - G",
         (_p("tau", "s", 0.0, (0.005, 0.15), (1e-4, 2.0), "time constant of the poppet"),),
         "first 0.3 s of fast lowering", (("G", "m^3/s/Pa"),), needs="hose_burst_valve",
     ),

@@ -249,9 +249,9 @@ def full_model(structure: Structure, effects: Iterable[str] = ()) -> Equations:
     if structure.hose_burst_valve:
         if w.active("hose_burst_valve_lag"):
             g = w.add("hose_burst_valve_conductance", "G", "m^3/s/Pa", 1e-8)
-            stationary = hose_burst_valve.conductance(p_h - p_a, p, e)
+            stationary = hose_burst_valve.limited_conductance(p_h - p_a, p, e)
             w.rates["hose_burst_valve_conductance"] = (stationary - g) / e.hose_burst_valve_lag.tau
-            q_a = g * (p_h - p_a)
+            q_a = hose_burst_valve.flow(p_h - p_a, p, e, g)
         else:
             q_a = hose_burst_valve.flow(p_h - p_a, p, e)
         head, net = cylinder.head_volume(w.position, p), q_a

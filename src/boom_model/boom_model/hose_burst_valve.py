@@ -10,9 +10,10 @@ dp_lin regularises the square root at zero. (5.29) demands that the second and t
 two coefficients follow from the others: a_22 = (a_21 - a_31)^2 / (-4 a_30), node = 2 a_30 / (a_21 - a_31); the rounded
 numbers that the thesis prints differ from these by under 1.5 %.
 
-Effects: ``hose_burst_valve_setting`` multiplies the limited branch's flow by r (neutral 1: a_21 r, a_30 r, a_31 r, which
-keeps the node); ``hose_burst_valve_lag``: the poppet needs time. The valve's conductance G = q_a / dp is then a state with
-tau G' = G_stationary(dp) - G, q_a = G dp (neutral tau = 0: no state, G is stationary).
+Effects: ``hose_burst_valve_setting`` multiplies the limited branches by r (neutral 1: a_21 r, a_30 r, a_31 r, which keeps
+the node). ``hose_burst_valve_lag``: the poppet needs time to throttle. While oil leaves the cylinder, q_a = G dp with the
+conductance G as a state, tau G' = G_limited(min(dp, 0)) - G, where G_limited is the stationary q_a / dp of the limited
+branches; towards the cylinder the check valve opens at once (neutral tau = 0: no state, G is stationary).
 """
 
 from __future__ import annotations
@@ -41,20 +42,23 @@ def smooth_node(a21: Expression, a30: Expression, a31: Expression) -> tuple[Expr
     return (a21 - a31) ** 2 / (-4 * a30), 2 * a30 / (a21 - a31)
 
 
-def conductance(drop: Expression, p: Any, e: Any) -> Expression:
-    """Stationary G = q_a / dp [m^3/s/Pa] at the pressure drop dp = p_h - p_a [Pa]."""
+def limited_conductance(drop: Expression, p: Any, e: Any) -> Expression:
+    """Stationary G = q_a / dp [m^3/s/Pa] of the limited branches at dp = p_h - p_a [Pa]; that of dp = 0 above zero."""
     v, r = p.hose_burst_valve, e.hose_burst_valve_setting.r
     a21, a30, a31 = v.a21 * r, v.a30 * r, v.a31 * r
     a22, node = smooth_node(a21, a30, a31)
-    d = drop / v.unit_pressure
-    free = v.a11 + v.a12 / ca.sqrt(ca.fmax(d, 0.0) + v.dp_lin)
-    limited = ca.if_else(d >= node, a21 + a22 * d, a31 + a30 / ca.fmin(d, node))
-    return ca.if_else(d >= 0, free, limited) * (v.unit_flow / v.unit_pressure)
+    d = ca.fmin(drop / v.unit_pressure, 0.0)
+    plateau = a31 + a30 / ca.fmin(d, node)
+    return ca.if_else(d >= node, a21 + a22 * d, plateau) * (v.unit_flow / v.unit_pressure)
 
 
-def flow(drop: Expression, p: Any, e: Any) -> Expression:
-    """q_a [m^3/s] at the pressure drop p_h - p_a [Pa], (5.28)."""
-    return conductance(drop, p, e) * drop
+def flow(drop: Expression, p: Any, e: Any, conductance: Expression | None = None) -> Expression:
+    """q_a [m^3/s] at dp = p_h - p_a [Pa], (5.28); with the conductance [m^3/s/Pa] of a lagging poppet if given."""
+    v = p.hose_burst_valve
+    d = ca.fmax(drop / v.unit_pressure, 0.0)
+    free = (v.a11 * d + v.a12 * d / ca.sqrt(d + v.dp_lin)) * v.unit_flow
+    g = limited_conductance(drop, p, e) if conductance is None else conductance
+    return ca.if_else(drop >= 0, free, g * drop)
 
 
 def pressure_drop(flow: Expression, p: Any, e: Any) -> Expression:

@@ -11,7 +11,7 @@ algorithm) and S_x, S_y are its generalised gravity at two angles under 1 m/s^2.
 
 Symbols: q_3 [rad] (pi/2 = arm in line with the boom, 4.59 = folded), q_4 [m] (total extension of both stages), D_0 [kg m^2],
 S_x, S_y [kg m], tip [m]. Valid within the machine's joint limits. Not in it: the boom cylinder and its linkage (2 % of g).
-Source: sections ``rigid_body.links`` and ``rigid_body.assembly`` of the machine file; how they are read: machine notes.
+Source: sections ``rigid_body.links`` and ``rigid_body.planar`` of the machine file; how they are read: machine notes.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Body:
 def locked_inertia(rigid_body: Mapping[str, Any], q3: float, q4: float, load_mass: float = 0.0) -> LockedBody:
     """Inertia, first moments and tip for the arm angle q3 [rad], the extension q4 [m] and the load [kg] hung at the tip.
 
-    ``rigid_body`` is the section of that name of a machine file, as a plain mapping; its parts ``links`` and ``assembly`` are read, and
+    ``rigid_body`` is the section of that name of a machine file, as a plain mapping; its parts ``links`` and ``planar`` are read, and
     ``joint_limits`` where it has them.
 
     Raises:
@@ -94,17 +94,17 @@ def locked_inertia(rigid_body: Mapping[str, Any], q3: float, q4: float, load_mas
 
 def tip_position(rigid_body: Mapping[str, Any], q3: float, q4: float) -> Vector:
     """The tip hinge, shape (2,), in the boom's frame [m]. Raises MachineError for a missing key."""
-    tip = entry(entry(rigid_body, "rigid_body", "assembly"), "rigid_body.assembly", "tip")
-    return _place(rigid_body, "rigid_body.assembly.tip", tip, np.zeros(2), q3, q4)
+    tip = entry(entry(rigid_body, "rigid_body", "planar"), "rigid_body.planar", "tip")
+    return _place(rigid_body, "rigid_body.planar.tip", tip, np.zeros(2), q3, q4)
 
 
 def place_bodies(rigid_body: Mapping[str, Any], q3: float, q4: float) -> list[Body]:
     """Every body that the boom joint carries, placed for q3 [rad] and q4 [m]. Raises MachineError for a missing key."""
     links = entry(rigid_body, "rigid_body", "links")
-    assembly = entry(rigid_body, "rigid_body", "assembly")
+    planar = entry(rigid_body, "rigid_body", "planar")
     placed = []
-    for name, item in entry(assembly, "rigid_body.assembly", "bodies").items():
-        key = f"rigid_body.assembly.bodies.{name}"
+    for name, item in entry(planar, "rigid_body.planar", "bodies").items():
+        key = f"rigid_body.planar.bodies.{name}"
         mass, center, inertia = link_data(links, name)
         turn = frame_axes(item, key)
         center_in_plane = turn @ center
@@ -132,11 +132,13 @@ def check_pose(rigid_body: Mapping[str, Any], q3: float, q4: float) -> None:
 
 def hanging_mass(rigid_body: Mapping[str, Any]) -> float:
     """Mass [kg] of what hangs at the tip hinge without the load: rotator, gripper and jaws."""
-    tip = entry(entry(rigid_body, "rigid_body", "assembly"), "rigid_body.assembly", "tip")
+    tip = entry(entry(rigid_body, "rigid_body", "planar"), "rigid_body.planar", "tip")
     links = entry(rigid_body, "rigid_body", "links")
     return sum(
-        scalar(entry(entry(links, "rigid_body.links", name), f"rigid_body.links.{name}", "m"), f"rigid_body.links.{name}.m")
-        for name in entry(tip, "rigid_body.assembly.tip", "hangs")
+        scalar(
+            entry(entry(links, "rigid_body.links", name), f"rigid_body.links.{name}", "m"), f"rigid_body.links.{name}.m"
+        )
+        for name in entry(tip, "rigid_body.planar.tip", "hangs")
     )
 
 
@@ -146,7 +148,7 @@ def link_data(links: Mapping[str, Any], name: str) -> tuple[float, Vector, Vecto
     link = entry(links, "rigid_body.links", name)
     inertia = vector(entry(link, key, "I"), f"{key}.I", 3)
     if np.any(inertia <= 0.0):
-        raise MachineError(f"{key}.I is {link['I']}: moments of inertia must be above 0 kg m^2")
+        raise MachineError(f"{key}.I: {link['I']}: moments of inertia must be above 0 kg m^2")
     return scalar(entry(link, key, "m"), f"{key}.m"), vector(entry(link, key, "com"), f"{key}.com", 3), np.diag(inertia)
 
 
@@ -157,17 +159,19 @@ def frame_axes(item: Mapping[str, Any], key: str) -> Vector:
     for name in names:
         letter = str(name).removeprefix("-")
         if letter not in AXES:
-            raise MachineError(f"{key}.axes is {names}: give two of x, y, z, with a minus sign where they point the other way")
+            raise MachineError(
+                f"{key}.axes: {names} given, expected two of x, y, z, with a minus sign where they point the other way"
+            )
         rows.append((-1.0 if str(name).startswith("-") else 1.0) * np.eye(3)[AXES.index(letter)])
     if len(rows) != 2 or abs(rows[0] @ rows[1]) > 0.0:
-        raise MachineError(f"{key}.axes is {names}: give two different axes")
+        raise MachineError(f"{key}.axes: {names} given, expected two different axes")
     return np.array([rows[0], rows[1], np.cross(rows[0], rows[1])])
 
 
 def entry(mapping: Any, key: str, name: str) -> Any:
     """``mapping[name]``, without its wrapper of unit and provenance. Raises MachineError that names the key."""
     if not isinstance(mapping, Mapping) or name not in mapping:
-        raise MachineError(f"{key}.{name} is missing: the rigid body in any pose needs it")
+        raise MachineError(f"{key}.{name}: missing; D and g in any pose need it")
     value = mapping[name]
     return value["value"] if isinstance(value, Mapping) and "value" in value else value
 
@@ -176,21 +180,21 @@ def vector(value: Any, key: str, length: int) -> Vector:
     """`length` finite numbers as an array. Raises MachineError that names the key."""
     numbers = isinstance(value, Sequence) and all(isinstance(item, int | float) for item in value)
     if not numbers or len(value) != length or not all(math.isfinite(item) for item in value):
-        raise MachineError(f"{key} is {value!r}: give {length} numbers")
+        raise MachineError(f"{key}: {value!r} given, expected {length} numbers")
     return np.array(value, dtype=np.float64)
 
 
 def scalar(value: Any, key: str) -> float:
     """A finite number of 0 or more. Raises MachineError that names the key."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not (math.isfinite(value) and value >= 0.0):
-        raise MachineError(f"{key} is {value!r}: give a number of 0 or more")
+        raise MachineError(f"{key}: {value!r} given, expected a number of 0 or more")
     return float(value)
 
 
 def _arm_cylinders(rigid_body: Mapping[str, Any], q3: float, q4: float) -> list[Body]:
     """Barrels and rods lie on the line from the foot on the boom to the eye on the arm."""
-    key = "rigid_body.assembly.arm_cylinder"
-    cylinder = entry(entry(rigid_body, "rigid_body", "assembly"), "rigid_body.assembly", "arm_cylinder")
+    key = "rigid_body.planar.arm_cylinder"
+    cylinder = entry(entry(rigid_body, "rigid_body", "planar"), "rigid_body.planar", "arm_cylinder")
     foot = vector(entry(cylinder, key, "foot"), f"{key}.foot", 2)
     eye_in_arm = vector(entry(cylinder, key, "eye"), f"{key}.eye", 2)
     eye = _arm_point(rigid_body, eye_in_arm, q3)
@@ -198,7 +202,9 @@ def _arm_cylinders(rigid_body: Mapping[str, Any], q3: float, q4: float) -> list[
     bodies = []
     for name, start, direction in (("barrels", foot, along), ("rods", eye, -along)):
         part = entry(cylinder, key, name)
-        mass, distance, inertia = (scalar(entry(part, f"{key}.{name}", k), f"{key}.{name}.{k}") for k in ("m", "com", "I"))
+        mass, distance, inertia = (
+            scalar(entry(part, f"{key}.{name}", k), f"{key}.{name}.{k}") for k in ("m", "com", "I")
+        )
         bodies.append(Body(f"arm_cylinder_{name}", mass, start + distance * direction, inertia))
     return bodies
 
@@ -212,16 +218,17 @@ def _place(rigid_body: Mapping[str, Any], key: str, item: Any, point: Vector, q3
         return origin + point
     if carrier == "arm":
         return _arm_point(rigid_body, origin + point + np.array([0.0, out]), q3)
-    raise MachineError(f"{key}.carrier is {carrier!r}: give boom or arm")
+    raise MachineError(f"{key}.carrier: {carrier!r} given, expected boom or arm")
 
 
 def _arm_point(rigid_body: Mapping[str, Any], point: Vector, q3: float) -> Vector:
     """Point (x across, z along) of the arm's frame in the boom's frame: elbow + R(q3) (arm_origin + (x, -z))."""
-    assembly, key = entry(rigid_body, "rigid_body", "assembly"), "rigid_body.assembly"
-    elbow = vector(entry(assembly, key, "elbow"), f"{key}.elbow", 2)
-    from_elbow = vector(entry(assembly, key, "arm_origin"), f"{key}.arm_origin", 2) + np.array([point[0], -point[1]])
+    planar, key = entry(rigid_body, "rigid_body", "planar"), "rigid_body.planar"
+    elbow = vector(entry(planar, key, "elbow"), f"{key}.elbow", 2)
+    from_elbow = vector(entry(planar, key, "arm_origin"), f"{key}.arm_origin", 2) + np.array([point[0], -point[1]])
     cos, sin = math.cos(q3), math.sin(q3)
-    return elbow + np.array([[cos, -sin], [sin, cos]]) @ from_elbow
+    turned: Vector = np.array([[cos, -sin], [sin, cos]]) @ from_elbow
+    return elbow + turned
 
 
 def _one_joint_model(bodies: Sequence[Body]) -> Any:
