@@ -1,0 +1,1 @@
+"""Validation of the model against recordings, and the reports."""

@@ -1,0 +1,47 @@
+"""The recorded currents as the model's input: held from stamp to stamp, and where they are known at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from boom_recording.recording import Recording
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+GAP = 0.05
+"""s. Currents further apart than this are not known in between (contract)."""
+
+
+@dataclass(frozen=True)
+class HeldCurrents:
+    """Both currents: time (m,) [s] from when each acts, values (m, 2) [A] (retract, extend)."""
+
+    time: Array
+    values: Array
+
+    def at(self, time: float) -> tuple[float, float]:
+        """The currents [A] that act at a time [s]; before the first sample the first."""
+        k = max(0, int(np.searchsorted(self.time, time, side="right")) - 1)
+        return float(self.values[k, 0]), float(self.values[k, 1])
+
+    def first_above(self, current: float, start: float) -> float:
+        """When one of them first exceeds ``current`` [A] at or after ``start`` [s]; infinity if never."""
+        later = self.time >= start
+        above = np.flatnonzero(later & (self.values.max(axis=1) > current))
+        return float(self.time[above[0]]) if len(above) else float("inf")
+
+    def stretches(self, end: float) -> list[tuple[float, float]]:
+        """(start, end) [s] of the stretches without a gap; the last one reaches at most to ``end``."""
+        cuts = np.flatnonzero(np.diff(self.time) > GAP)
+        starts = np.concatenate(([0], cuts + 1))
+        ends = np.concatenate((self.time[cuts], [min(end, self.time[-1] + GAP)]))
+        return [(float(self.time[k]), float(e)) for k, e in zip(starts, ends, strict=True) if e > self.time[k]]
+
+
+def held_currents(recording: Recording) -> HeldCurrents:
+    """The currents of a recording where both are valid."""
+    retract, extend = recording.signals["retract_current"], recording.signals["extend_current"]
+    valid = retract.valid & extend.valid
+    return HeldCurrents(retract.time[valid], np.column_stack((retract.values[valid], extend.values[valid])))

@@ -1,0 +1,227 @@
+"""Runs the recorded currents through the full and the reduced model and compares: ch. 5.6, Tables 5.1 and 5.2.
+
+Free runs: the models see the currents and the initial state, nothing else. A run does not cross a gap in the currents; it starts
+again behind it. Masked samples count nowhere. MAE is (5.48).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from boom_model.equations import Kind
+from boom_model.errors import SimulationError
+from boom_model.machine import Machine
+from boom_model.plant import Plant
+from boom_model.sensors import OUTPUTS
+from boom_recording.recording import Recording
+from numpy.typing import NDArray
+
+from boom_diagnosis.currents import held_currents
+from boom_diagnosis.initial_state import initial_state
+
+Array = NDArray[np.float64]
+
+ANGLE_LIMIT = 1.0e-3
+"""rad. Largest mean angle error of a model that is right: what the noise of the currents adds up to (recordings' README)."""
+NOISE_FACTOR = 2.0
+"""Times the sensors' noise: largest rms error of a model that is right."""
+TOLERANCE = 1e-5
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """Errors of a prediction against a measurement, SI; None where nothing could be compared."""
+
+    angle_mae_rad: float | None
+    angle_rmse_rad: float | None
+    rate_rmse_rad_s: float | None
+    hose_pressure_rmse_pa: float | None
+    rod_pressure_rmse_pa: float | None
+
+    def document(self) -> dict[str, float | None]:
+        """As in ``validate --json``."""
+        return dict(self.__dict__)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a model (or a bag made by one) says for a recording.
+
+    Attributes:
+        label: ``full``, ``reduced`` or another word for the report.
+        values: channel -> (n,) at that channel's own stamps, NaN where nothing was predicted.
+        runs: one sentence for each free run: from when to when, and how its initial state was found.
+        stopped: why a run ended before its end, empty if none did.
+    """
+
+    label: str
+    values: Mapping[str, Array]
+    metrics: Metrics
+    runs: tuple[str, ...] = ()
+    stopped: str = ""
+
+
+@dataclass(frozen=True)
+class BagValidation:
+    """One recording with both predictions; ``limits`` are the errors up to which a model counts as right."""
+
+    recording: Recording
+    full: Prediction
+    reduced: Prediction
+    reduced_vs_full_angle_mae_rad: float | None
+    limits: Metrics
+
+    @property
+    def mismatches(self) -> list[str]:
+        """Names of the metrics in which the full model is further off than noise explains; "stopped" if it did not finish."""
+        names = []
+        if self.full.stopped:
+            names.append("stopped")
+        for name, limit in self.limits.document().items():
+            value = self.full.metrics.document()[name]
+            if limit is not None and (value is None or value > limit):
+                names.append(name)
+        return names
+
+    def document(self) -> dict[str, Any]:
+        """As in ``validate --json``."""
+        result: dict[str, Any] = {
+            "bag": self.recording.name,
+            "duration_s": self.recording.duration,
+            "samples": max(len(s.time) for s in self.recording.signals.values()),
+            "full": self.full.metrics.document(),
+            "reduced": self.reduced.metrics.document(),
+            "reduced_vs_full": {"angle_mae_rad": self.reduced_vs_full_angle_mae_rad},
+            "events": [
+                {"kind": str(e.kind), "topic": e.topic, "start_s": e.start_s, "end_s": e.end_s, "count": e.count}
+                for e in self.recording.events
+            ],
+            "agrees": not self.mismatches,
+            "warnings": list(self.recording.warnings),
+        }
+        for prediction in (self.full, self.reduced):
+            if prediction.stopped:
+                result[prediction.label]["stopped"] = prediction.stopped
+        return result
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Several recordings, one machine."""
+
+    machine: str
+    bags: list[BagValidation] = field(default_factory=list)
+
+    def document(self) -> dict[str, Any]:
+        """The document of ``validate --json`` (contract)."""
+        return {"machine": self.machine, "bags": [bag.document() for bag in self.bags]}
+
+
+def validate(recording: Recording, machine: Machine, *, simulated: Recording | None = None) -> BagValidation:
+    """Compares one recording with the models of ``machine`` in the recording's pose.
+
+    simulated: a bag that stands for the full model's prediction instead of a run in this process (what ROS processes recorded).
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    full = predict(recording, machine, "full") if simulated is None else from_bag(recording, simulated)
+    reduced = predict(recording, machine, "reduced")
+    both = full.values["angle"] - reduced.values["angle"]
+    compared = both[np.isfinite(both)]
+    difference = float(np.mean(np.abs(compared))) if len(compared) else None
+    return BagValidation(recording, full, reduced, difference, noise_limits(machine))
+
+
+def noise_limits(machine: Machine) -> Metrics:
+    """Errors up to which a model counts as right: the angle's limit, and twice the sensors' noise."""
+    noise = machine.sensor_noise()
+    rate = NOISE_FACTOR * noise.rate_sigma
+    pressure = NOISE_FACTOR * math.hypot(noise.pressure_sigma, noise.pressure_quantum / math.sqrt(12))
+    return Metrics(ANGLE_LIMIT, None, rate, pressure, pressure)
+
+
+def predict(recording: Recording, machine: Machine, kind: Kind) -> Prediction:
+    """Free runs of one model over a recording, at the stamps of its channels.
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    plant = plant_for(recording, machine, kind)
+    currents = held_currents(recording)
+    times = {name: recording.signals[name].time for name in OUTPUTS}
+    values = {name: np.full(len(time), np.nan) for name, time in times.items()}
+    runs: list[str] = []
+    stopped = ""
+    for start, end in currents.stretches(recording.duration):
+        begin = initial_state(recording, plant, currents, start, end)
+        if begin is None:
+            runs.append(f"{start:.2f} s to {end:.2f} s: not run, a channel has no valid sample to begin with")
+            continue
+        inside = {name: np.flatnonzero((time >= start) & (time <= end)) for name, time in times.items()}
+        sampled = np.unique(np.concatenate([times[name][k] for name, k in inside.items()]))
+        try:
+            run = plant.run(currents.time, currents.values, sampled, begin.state, start=start, tolerance=TOLERANCE)
+        except SimulationError as error:
+            stopped = stopped or str(error)
+            reached = sampled[sampled < error.time - 1e-6]
+            if len(reached) == 0:
+                continue
+            run = plant.run(currents.time, currents.values, reached, begin.state, start=start, tolerance=TOLERANCE)
+        for name, k in inside.items():
+            where = np.searchsorted(run.time, times[name][k])
+            known = where < len(run.time)
+            values[name][k[known]] = run.output(name)[where[known]]
+        runs.append(f"{start:.2f} s to {end:.2f} s: {begin.how}")
+    return Prediction(kind, values, metrics(recording, values), tuple(runs), stopped)
+
+
+def from_bag(recording: Recording, simulated: Recording) -> Prediction:
+    """A prediction from a bag that a simulation made: its samples nearest in time, both counted from their beginning."""
+    values = {}
+    for name in OUTPUTS:
+        time, other = recording.signals[name].time, simulated.signals[name]
+        own, samples = other.time[other.valid], other.values[other.valid]
+        predicted = np.interp(time, own, samples, left=np.nan, right=np.nan) if len(own) else np.full(len(time), np.nan)
+        gaps = np.flatnonzero(np.diff(own) > 0.05)
+        for k in gaps:
+            predicted[(time > own[k]) & (time < own[k + 1])] = np.nan
+        values[name] = predicted
+    return Prediction("full", values, metrics(recording, values), (f"simulated by other processes: {simulated.name}",))
+
+
+def metrics(recording: Recording, values: Mapping[str, Array]) -> Metrics:
+    """Errors of predicted values against the valid measured samples."""
+
+    def errors(name: str) -> Array:
+        signal = recording.signals[name]
+        error = np.where(signal.valid, values[name] - signal.values, np.nan)
+        return error[np.isfinite(error)]
+
+    def over(name: str, what: Callable[[Array], Any]) -> float | None:
+        e = errors(name)
+        return float(what(e)) if len(e) else None
+
+    def rms(e: Array) -> Any:
+        return np.sqrt(np.mean(e**2))
+
+    return Metrics(
+        over("angle", lambda e: np.mean(np.abs(e))), over("angle", rms), over("rate", rms),
+        over("hose_pressure", rms), over("rod_pressure", rms),
+    )  # fmt: skip
+
+
+def plant_for(recording: Recording, machine: Machine, kind: Kind) -> Plant:
+    """The model in the pose and with the load that the recording's configuration tells (an unknown load counts as none).
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    c = recording.configuration
+    load = 0.0 if math.isnan(c.load_mass) else c.load_mass
+    return Plant(machine, machine.pose(c.outer_boom_angle, c.telescope_length, load), kind)
+
