@@ -17,7 +17,7 @@ from boom_recording.recording import Recording
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from boom_diagnosis.currents import HeldCurrents
+from boom_diagnosis.currents import HeldCurrents, held_currents
 
 Array = NDArray[np.float64]
 
@@ -50,13 +50,30 @@ class InitialState:
 
 def initial_state(recording: Recording, plant: Plant, currents: HeldCurrents, start: float, end: float) -> InitialState | None:
     """Initial state of the run over [start, end] [s]; None where a channel has no valid sample there to begin with."""
-    rest_end = min(start + REST_WINDOW, currents.first_above(CLOSED_CURRENT, start), end)
-    if rest_end - start >= SHORTEST_REST:
-        means = {name: _mean(recording, name, start, rest_end) for name in OUTPUTS}
-        if all(np.isfinite(v) for v in means.values()) and abs(means["rate"]) < RESTING_RATE:
-            state = plant.rest_state(means["angle"], means["hose_pressure"], means["rod_pressure"])
-            return InitialState(start, state, f"at rest from {start:.2f} s to {rest_end:.2f} s")
+    rest_end = _rest_end(currents, start, end)
+    means = _means_at_rest(recording, start, rest_end)
+    if means is not None:
+        state = plant.rest_state(means["angle"], means["hose_pressure"], means["rod_pressure"])
+        return InitialState(start, state, f"at rest from {start:.2f} s to {rest_end:.2f} s")
     return _in_motion(recording, plant, currents, start, end)
+
+
+def resting_start(recording: Recording) -> dict[str, float] | None:
+    """Mean of the four channels [SI] while the boom rests at the beginning of a recording; None if it does not."""
+    currents = held_currents(recording)
+    return _means_at_rest(recording, 0.0, _rest_end(currents, 0.0, recording.duration))
+
+
+def _rest_end(currents: HeldCurrents, start: float, end: float) -> float:
+    return min(start + REST_WINDOW, currents.first_above(CLOSED_CURRENT, start), end)
+
+
+def _means_at_rest(recording: Recording, start: float, end: float) -> dict[str, float] | None:
+    if end - start < SHORTEST_REST:
+        return None
+    means = {name: _mean(recording, name, start, end) for name in OUTPUTS}
+    still = all(np.isfinite(v) for v in means.values()) and abs(means["rate"]) < RESTING_RATE
+    return means if still else None
 
 
 def _in_motion(recording: Recording, plant: Plant, currents: HeldCurrents, start: float, end: float) -> InitialState | None:

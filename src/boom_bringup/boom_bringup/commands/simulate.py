@@ -1,0 +1,167 @@
+"""Run a model on given currents and write a bag like the machine's.
+
+INPUT is a bag, whose currents, pose, load and resting start are taken, or a .csv file with the header
+time_s,retract_a,extend_a, for which pose, load and initial angle are options.
+
+  ./boom simulate bags/healthy/extended --output output/extended
+  ./boom simulate bags/healthy/extended --output output/leak --effect piston_leakage.c=1e-12
+  ./boom simulate steps.csv --angle 0.4 --load 300 --output output/steps
+
+The bag goes everywhere a recording goes, e.g. ./boom validate output/extended.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from boom_model.machine import Machine
+    from boom_recording.recording import Recording
+
+HELP = "run a model on given currents and write a bag like the machine's"
+
+_POSE = ("angle", "outer_boom_angle", "telescope_length", "load")
+
+
+class SimulateError(ValueError):
+    """Options that do not fit each other."""
+
+    exit_status = 2
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("input", metavar="INPUT", help="bag (folder or .mcap) or .csv with the currents")
+    parser.add_argument("--output", metavar="BAG", required=True, help="folder of the new bag; must not exist")
+    parser.add_argument("--machine", metavar="FILE", help="machine file or shipped name (default: the input's, else tz17)")
+    parser.add_argument("--model", choices=("full", "reduced"), default="full", help="(5.39) or (5.47); default: full")
+    parser.add_argument(
+        "--effect", metavar="ID.NAME=VALUE", action="append", default=[],
+        help="physics beside the machine file's, SI, e.g. hose_burst_valve_lag.tau=0.09; may be given again",
+    )  # fmt: skip
+    parser.add_argument("--seed", type=int, default=0, help="seed of the sensor noise (default: 0)")
+    parser.add_argument(
+        "--sensors", choices=("thesis", "ideal"), default="thesis", help="noise of ch. 6.4 or none (default: thesis)"
+    )
+    parser.add_argument("--duration", type=float, metavar="S", help="[s]; default: to the last current")
+    parser.add_argument("--angle", type=float, metavar="RAD", help="initial boom angle [rad] (default: the input's, csv: 0.3)")
+    parser.add_argument("--outer-boom-angle", type=float, metavar="RAD", help="q3 [rad] (default: the input's, csv: 0.28)")
+    parser.add_argument("--telescope-length", type=float, metavar="M", help="q4 [m] (default: the input's, csv: 2.2)")
+    parser.add_argument("--load", type=float, metavar="KG", help="load at the tip [kg] (default: the input's, csv: 0)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Simulate and write; returns 0."""
+    from boom_model.machine import load_machine
+    from boom_model.sensors import IDEAL
+    from boom_recording import writing
+    from boom_recording.recording import Configuration
+    from boom_sim import csv_currents
+    from boom_sim.offline import simulate
+    from boom_sim.simulated_crane import Start
+
+    output = Path(args.output)
+    if output.exists():
+        raise SimulateError(f"{output} exists already: give another --output, nothing is overwritten")
+    if args.duration is not None and not args.duration > 0:
+        raise SimulateError(f"--duration {args.duration:g}: give a time above 0 s")
+    source = Path(args.input)
+    if source.suffix == ".csv":
+        stamps, currents = csv_currents.read(source)
+        start = Start(0.3)
+        configuration = Configuration("tz17", 0.28, 2.2, 0.0)
+    else:
+        recording, stamps, currents = _from_bag(source)
+        configuration, start = recording.configuration, _rest(recording)
+        if args.duration is None:
+            args.duration = recording.duration
+    if args.angle is not None:
+        start = Start(args.angle)  # the measured pressures belong to the measured angle
+    given = {"outer_boom_angle": args.outer_boom_angle, "telescope_length": args.telescope_length, "load_mass": args.load}
+    changed = {key: value for key, value in given.items() if value is not None}
+    if changed:
+        configuration = replace(configuration, **changed)
+        start = Start(start.angle)
+    machine = load_machine(args.machine or configuration.machine)
+    machine = machine.with_effects({**machine.effects, **_effects(args.effect)})
+    note = f"simulated: {args.model} model, sensors {args.sensors}, seed {args.seed}"
+    configuration = replace(configuration, machine=machine.name, note=note)
+    begin = time.perf_counter()
+    result = simulate(
+        machine, configuration, start, stamps, currents,
+        noise=machine.sensor_noise() if args.sensors == "thesis" else IDEAL,
+        seed=args.seed, kind=args.model, duration=args.duration, name=output.name,
+    )  # fmt: skip
+    spent = time.perf_counter() - begin
+    writing.write(output, result)
+    _show(result, machine, spent, output)
+    return 0
+
+
+def _from_bag(path: Path) -> tuple[Recording, object, object]:
+    from boom_diagnosis.currents import held_currents
+    from boom_recording.loading import load
+
+    recording = load(path)
+    held = held_currents(recording)
+    stretches = held.stretches(recording.duration)
+    if len(stretches) > 1:
+        gap = f"{stretches[0][1]:.1f} s to {stretches[1][0]:.1f} s"
+        print(f"note: {path}: no currents from {gap}; the last ones before a gap are held through it")
+    return recording, held.time, held.values
+
+
+def _rest(recording: Recording) -> object:
+    """The resting start of a recording: means until the first current."""
+    from boom_diagnosis.initial_state import resting_start
+    from boom_sim.simulated_crane import Start
+
+    rest = resting_start(recording)
+    if rest is None:
+        raise SimulateError(
+            f"{recording.path}: the boom does not rest at the beginning, so that its state is not known; give --angle"
+        )
+    return Start(rest["angle"], rest["hose_pressure"], rest["rod_pressure"])
+
+
+def _effects(texts: list[str]) -> dict[str, dict[str, float]]:
+    result: dict[str, dict[str, float]] = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        effect, _, parameter = name.partition(".")
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not effect or not parameter or not math.isfinite(number):
+            raise SimulateError(f"--effect {text}: expected ID.NAME=NUMBER, e.g. piston_leakage.c=1e-12")
+        result.setdefault(effect.strip(), {})[parameter.strip()] = number
+    return result
+
+
+def _show(result: Recording, machine: Machine, spent: float, output: Path) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    c = result.configuration
+    table = Table(title=f"{result.name}: {machine.name}, q3 {c.outer_boom_angle:g} rad, q4 {c.telescope_length:g} m, load {c.load_mass:g} kg")
+    for heading, side in (("channel", "left"), ("unit", "left"), ("first", "right"), ("least", "right"), ("most", "right")):
+        table.add_column(heading, justify=side)  # type: ignore[arg-type]
+    for signal in result.signals.values():
+        bar = signal.unit == "Pa"
+        values = signal.values[signal.valid] / (1e5 if bar else 1.0)
+        digits = 2 if bar else 4
+        numbers = [f"{v:.{digits}f}" for v in (values[0], values.min(), values.max())]
+        table.add_row(signal.name, "bar" if bar else signal.unit, *numbers)
+    console = Console(highlight=False)
+    console.print(table)
+    if machine.effects:
+        text = "; ".join(f"{k} " + ", ".join(f"{n} = {v:g}" for n, v in p.items()) for k, p in machine.effects.items())
+        console.print(f"with {text}")
+    console.print(f"{result.duration:.1f} s simulated in {spent * 1e3:.0f} ms; the bag is {output}", soft_wrap=True)
+    console.print(f"compare it with the model: ./boom validate {output}", soft_wrap=True)

@@ -1,0 +1,135 @@
+"""The validation report: one HTML file that needs no network, for a screen, a phone and paper."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+
+from boom_model.machine import Machine
+
+from boom_diagnosis import __version__, report_events, report_figure, report_inputs, report_tables
+from boom_diagnosis.report_verdict import verdict
+from boom_diagnosis.validation import BagValidation, Validation
+
+# The page may load nothing at all: what is in the file is all there is.
+_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+
+_METHOD = (
+    "Both models run freely: they see the measured currents and the initial state, nothing else, and are never corrected by the "
+    "measurement. The current measured at its stamp acts until the next one. Predictions are taken at the stamps of the samples. The boom "
+    "turns up for positive angles, 0 rad is horizontal; pressures are gauge."
+)
+
+
+def write_report(
+    validation: Validation,
+    path: str | Path,
+    *,
+    title: str = "",
+    command: str = "",
+    machine: Machine | None = None,
+    machine_source: str | Path | None = None,
+    notes: tuple[str, ...] = (),
+) -> None:
+    """Writes the report of a validation.
+
+    Args:
+        validation: what is reported.
+        path: of the HTML file; its folder exists.
+        title: heading; by default the names of the recordings.
+        command: the command line that made it.
+        machine: the machine that was run, for the table of its parameters.
+        machine_source: name or path it was loaded from, for its checksum.
+        notes: sentences that the reader should know, shown on top.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    names = [bag.recording.name for bag in validation.bags]
+    heading = title or f"Validation of {_shortened(names)}"
+    bags = "".join(_recording(bag, index + 1) for index, bag in enumerate(validation.bags))
+    body = (
+        f"<header><h1>{escape(heading)}</h1><p class=quiet>{_made(validation, command)}</p></header>"
+        f"<section class=card><ul class=results>{_results(validation)}</ul>{_notes(notes)}</section>"
+        f"<section class=card>{report_tables.summary(validation)}</section>{bags}"
+        f"<section class=card><h2>About this report</h2><p>{escape(_METHOD)}</p>"
+        f"{report_inputs.section(validation, machine, machine_source)}</section>"
+    )
+    Path(path).write_text(_page(heading, body), encoding="utf-8")
+
+
+def _page(heading: str, body: str) -> str:
+    from plotly.offline import get_plotlyjs  # half a second, which only a report costs
+
+    own = files("boom_diagnosis")
+    style, script = own.joinpath("report.css").read_text("utf-8"), own.joinpath("report.js").read_text("utf-8")
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><title>{escape(heading)}</title>'
+        f"<style>\n{style}</style></head><body><main>{body}"
+        "<noscript><p class=alert>The charts need JavaScript; the tables above are complete without it.</p></noscript></main>\n"
+        f"<script>{get_plotlyjs()}</script>\n<script>\n{script}</script></body></html>\n"
+    )
+
+
+def _made(validation: Validation, command: str) -> str:
+    when = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z")
+    said = f"Machine {escape(validation.machine)} · {when} · boom {__version__}"
+    return said + (f"<br><code>{escape(command)}</code>" if command else "")
+
+
+def _results(validation: Validation) -> str:
+    items = []
+    for index, bag in enumerate(validation.bags):
+        said = verdict(bag)
+        items.append(
+            f"<li><span class='pill {said.kind.replace(' ', '-')}'>{said.kind}</span>"
+            f"<span><a href='#bag-{index + 1}'><b>{escape(bag.recording.name)}</b></a>: {escape(said.sentence)}</span></li>"
+        )
+    return "".join(items)
+
+
+def _notes(notes: tuple[str, ...]) -> str:
+    return "".join(f"<p class=warning>{escape(note)}</p>" for note in notes)
+
+
+def _recording(bag: BagValidation, index: int) -> str:
+    recording, said = bag.recording, verdict(bag)
+    c = recording.configuration
+    samples = max((len(signal.time) for signal in recording.signals.values()), default=0)
+    about = (
+        f"{recording.duration:.1f} s, {samples} samples a channel · machine {c.machine or 'not named'} · q3 = {c.outer_boom_angle:g} rad, "
+        f"q4 = {c.telescope_length:g} m, load {report_tables.load_text(c.load_mass)} kg" + (f" · {c.note}" if c.note else "")
+    )
+    stopped = "".join(
+        f"<p class=alert>The {p.label} model stopped: {escape(p.stopped)}. What follows has no prediction.</p>"
+        for p in (bag.full, bag.reduced)
+        if p.stopped
+    )
+    warnings = "".join(f"<p class=warning>Damaged file: {escape(warning)}</p>" for warning in recording.warnings)
+    notes = "".join(f"<p class=note>Note: {escape(note)}.</p>" for note in recording.notes)
+    runs = "".join(
+        f"<li>{p.label} model, {escape(run)}</li>" for p in (bag.full, bag.reduced) for run in p.runs or ("no valid currents: not run",)
+    )
+    # "<" would end the script element wherever a name holds "</script>".
+    chart = report_figure.figure(bag)
+    spec = json.dumps(chart, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    return (
+        f"<section class='card recording' id='bag-{index}'><h2>{escape(recording.name)} "
+        f"<span class='pill {said.kind.replace(' ', '-')}'>{said.kind}</span></h2><p class=quiet>{escape(about)}</p>"
+        f"<p>{escape(said.sentence)}</p>{stopped}{warnings}{report_tables.errors(bag)}"
+        f"<div class=figure data-spec='spec-{index}' style='min-height:{chart['layout']['height']}px'></div>"
+        f"<script type='application/json' id='spec-{index}'>{spec}</script>"
+        f"<h3>Free runs and their initial states</h3><ul>{runs}</ul><h3>Gaps, losses and faults</h3>"
+        f"{report_events.section(recording.events)}{notes}</section>"
+    )
+
+
+def _shortened(names: list[str]) -> str:
+    if len(names) <= 3:
+        return ", ".join(names) or "no recordings"
+    return f"{len(names)} recordings"

@@ -1,0 +1,49 @@
+"""The thesis' own accuracies, Tables 5.1 and 5.2, beside ours for orientation. Its measurements are others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from boom_recording.recording import Configuration
+
+
+@dataclass(frozen=True)
+class ThesisTrajectory:
+    """One row of Tables 5.1 and 5.2: pose, log in the gripper, mean angle errors (5.48) [rad]."""
+
+    number: int
+    outer_boom_angle: float
+    telescope_length: float
+    log: bool
+    full_against_measurement: float
+    reduced_against_full: float
+
+
+TRAJECTORIES = (
+    ThesisTrajectory(1, 4.59, 0.0, False, 0.019, 0.009),
+    ThesisTrajectory(2, 4.59, 0.0, False, 0.021, 0.018),
+    ThesisTrajectory(3, 0.28, 2.2, False, 0.035, 0.013),
+    ThesisTrajectory(4, 0.28, 2.8, True, 0.037, 0.025),
+)
+
+REMARK = (
+    "The thesis' values are those of its own measurements of a real crane, in the same pose and load; ours are other "
+    "recordings, so they orient and do not compare."
+)
+
+
+def alike(configuration: Configuration) -> list[ThesisTrajectory]:
+    """The thesis' trajectories in the pose and with the kind of load of a recording."""
+    return [
+        t
+        for t in TRAJECTORIES
+        if abs(t.outer_boom_angle - configuration.outer_boom_angle) < 0.02
+        and abs(t.telescope_length - configuration.telescope_length) < 0.05
+        and t.log == (configuration.load_mass > 0)
+    ]
+
+
+def beside(configuration: Configuration, table: str) -> str:
+    """Values [rad] of table "5.1" or "5.2" for the same pose and load, with their trajectory: "0.019 (1), 0.021 (2)"."""
+    values = [(t.number, t.full_against_measurement if table == "5.1" else t.reduced_against_full) for t in alike(configuration)]
+    return ", ".join(f"{value:.3f} ({number})" for number, value in values)

@@ -1,0 +1,49 @@
+"""Samples of the simulated crane as ROS messages, on the topics of the contract. Absolute pressures are made here, once."""
+
+from __future__ import annotations
+
+from boom_interfaces.msg import GroundTruth, MachineConfiguration, SolenoidCurrents
+from boom_model.oil import AMBIENT_PRESSURE
+from boom_node.stamps import set_ns
+from builtin_interfaces.msg import Time
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Header
+
+from boom_sim.simulated_crane import Sample
+
+
+def header(nanoseconds: int, frame: str = "") -> Header:
+    """A header with this stamp [ns]."""
+    return Header(stamp=set_ns(Time(), nanoseconds), frame_id=frame)
+
+
+def joint_state(sample: Sample, joint: str, fixed: dict[str, float], stamp_ns: int) -> JointState:
+    """The boom's joint as the IMU shows it [rad, rad/s], and the joints that stand still at their known positions."""
+    return JointState(
+        header=header(stamp_ns),
+        name=[joint, *fixed],
+        position=[sample.angle, *fixed.values()],
+        velocity=[sample.rate, *(0.0 for _ in fixed)],
+    )
+
+
+def pressure(gauge: float, frame: str, variance: float, stamp_ns: int) -> FluidPressure:
+    """Absolute pressure [Pa] from gauge pressure [Pa]; variance [Pa^2], 0 = unknown."""
+    return FluidPressure(header=header(stamp_ns, frame), fluid_pressure=gauge + AMBIENT_PRESSURE, variance=variance)
+
+
+def currents(sample: Sample, stamp_ns: int) -> SolenoidCurrents:
+    """Measured solenoid currents [A]."""
+    return SolenoidCurrents(header=header(stamp_ns), retract=sample.retract_current, extend=sample.extend_current)
+
+
+def configuration(machine: str, q3: float, q4: float, load: float, note: str, stamp_ns: int) -> MachineConfiguration:
+    """Machine, pose of the fixed joints [rad, m] and load [kg]."""
+    return MachineConfiguration(
+        header=header(stamp_ns), machine=machine, outer_boom_angle=q3, telescope_length=q4, load_mass=load, note=note
+    )
+
+
+def ground_truth(names: tuple[str, ...], values: list[float], units: tuple[str, ...], stamp_ns: int) -> GroundTruth:
+    """True states [SI]."""
+    return GroundTruth(header=header(stamp_ns), names=list(names), values=values, units=list(units))

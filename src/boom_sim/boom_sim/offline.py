@@ -1,0 +1,80 @@
+"""A whole run at once: currents in, a recording like the machine's out. No ROS, no real time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from boom_model.equations import Kind
+from boom_model.machine import Machine
+from boom_model.plant import Plant
+from boom_model.sensors import OUTPUTS, SensorNoise
+from boom_recording import writing
+from boom_recording.recording import Configuration, Recording
+from numpy.typing import NDArray
+
+from boom_sim.simulated_crane import PERIOD, Start
+
+Array = NDArray[np.float64]
+
+
+def simulate(
+    machine: Machine,
+    configuration: Configuration,
+    start: Start,
+    time: Array,
+    currents: Array,
+    *,
+    noise: SensorNoise,
+    seed: int = 0,
+    kind: Kind = "full",
+    duration: float | None = None,
+    name: str = "simulated",
+) -> Recording:
+    """Runs held currents through a model and measures at 100 Hz.
+
+    Args:
+        machine: with the effects that it is to have.
+        configuration: pose and load; what the recording will say. A load that is not known (NaN) counts as none.
+        start: rest state at time zero.
+        time: (m,) [s], ascending, from when each current acts.
+        currents: (m, 2) [A]: retract, extend.
+        noise: of the sensors. The currents that the recording shows are the given ones, measured.
+        seed: of the noise.
+        kind: ``full`` or ``reduced``.
+        duration: [s]; default: to one period behind the last current.
+        name: of the recording.
+
+    Raises:
+        MachineError: an impossible pose or load.
+        SimulationError: a state left its range; names it and the time.
+    """
+    load = 0.0 if math.isnan(configuration.load_mass) else configuration.load_mass
+    pose = machine.pose(configuration.outer_boom_angle, configuration.telescope_length, load)
+    plant = Plant(machine, pose, kind)
+    rod = start.rod_pressure if math.isfinite(start.rod_pressure) else 1.0e6
+    if math.isfinite(start.hose_pressure):
+        x0 = plant.rest_state(start.angle, start.hose_pressure, rod)
+    else:
+        x0 = plant.equilibrium(start.angle, rod)
+    end = float(time[-1]) + PERIOD if duration is None else duration
+    grid = np.arange(int(math.floor(end / PERIOD + 1e-9)) + 1) * PERIOD
+    run = plant.run(time, currents, grid, x0, start=0.0, tolerance=1e-6)
+    rng = np.random.default_rng(seed)
+    measured = noise.outputs(run.outputs, rng)
+    result = writing.from_columns(name, grid, {o: measured[:, i] for i, o in enumerate(OUTPUTS)}, configuration)
+    shown_time = _current_times(time, grid)
+    acting = currents[np.maximum(np.searchsorted(time, shown_time + 1e-9, side="right") - 1, 0)]
+    shown = noise.currents(acting, rng)
+    columns = {"retract_current": shown[:, 0], "extend_current": shown[:, 1]}
+    result.signals |= writing.from_columns(name, shown_time, columns, configuration).signals
+    return result
+
+
+def _current_times(time: Array, grid: Array) -> Array:
+    """When the currents are measured: as they are given, and at 100 Hz where they are held for longer than a period."""
+    inside = time[(time >= 0.0) & (time <= grid[-1])]
+    before = np.searchsorted(inside, grid + 1e-9, side="right") - 1
+    since = grid - inside[np.maximum(before, 0)]
+    held = grid[(before < 0) | (since > 1.5 * PERIOD)]
+    return np.unique(np.concatenate((inside, held)))

@@ -1,0 +1,70 @@
+"""Time in the real-time simulation: how many periods are due, and whether the last command is still fresh. Steady clocks in."""
+
+from __future__ import annotations
+
+OLDEST_COMMAND = 0.1
+"""s. A command older than this closes the valve."""
+LARGEST_BACKLOG = 50
+"""Periods. What is further behind is skipped: after half a second of standstill the world has moved on."""
+
+
+class Pacer:
+    """Counts periods against a steady clock [s].
+
+    Attributes:
+        skipped: periods that were never simulated because the process stood still.
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self._done_until: float | None = None
+        self.skipped = 0
+
+    def due(self, now: float) -> int:
+        """How many whole periods have passed since the last call; at most ``LARGEST_BACKLOG``."""
+        if self._done_until is None:
+            self._done_until = now
+            return 0
+        # half a period of slack: a tick that comes a little early counts as the one that it was meant to be
+        periods = int((now - self._done_until) / self._period + 0.5)
+        self._done_until += periods * self._period
+        if periods > LARGEST_BACKLOG:
+            self.skipped += periods - LARGEST_BACKLOG
+            periods = LARGEST_BACKLOG
+        return periods
+
+    def hold(self, now: float) -> None:
+        """Time passes that is not simulated (pause)."""
+        self._done_until = now
+
+
+class WatchedCommand:
+    """Freshness of commands.
+
+    Attributes:
+        received: commands so far. late: those refused because they were too old on arrival.
+        closed: whether no fresh command acts.
+    """
+
+    def __init__(self) -> None:
+        self._last: float | None = None
+        self.received = 0
+        self.late = 0
+        self.closed = True
+
+    def receive(self, now: float, age: float, stamped: bool) -> str:
+        """A command arrives at the steady time ``now`` [s], ``age`` [s] after its stamp. Returns why it is refused, or ""."""
+        self.received += 1
+        if stamped and age > OLDEST_COMMAND:
+            self.late += 1
+            return f"its stamp is older than {OLDEST_COMMAND * 1e3:.0f} ms: synchronise the clocks, or send it at once"
+        self._last = now
+        self.closed = False
+        return ""
+
+    def has_expired(self, now: float) -> bool:
+        """True once when the last command has become too old."""
+        if self.closed or self._last is None or now - self._last <= OLDEST_COMMAND:
+            return False
+        self.closed = True
+        return True

@@ -1,0 +1,96 @@
+"""What the simulation node can be told: one table, read by the node, its README and the tests of the launch files."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import yaml
+from boom_model.errors import ModelError
+from boom_model.machine import Machine, load_machine
+from boom_model.sensors import IDEAL
+from boom_node.parameters import ParameterSpec
+
+from boom_sim.simulated_crane import SimulatedCrane, Start
+
+UNSET = -1.0e9
+"""A number parameter that was not given; ROS parameters know no empty number."""
+
+PARAMETERS = (
+    ParameterSpec("machine", "tz17", "machine file: the name of one that is shipped, or a path to a .yaml", read_only=True),
+    ParameterSpec(
+        "effects", "", "physics beside the machine file's, as YAML, e.g. {piston_leakage: {c: 1.0e-12}}", read_only=True
+    ),
+    ParameterSpec("outer_boom_angle", 0.28, "locked outer boom joint q3", "rad", -3.2, 6.3, read_only=True),
+    ParameterSpec("telescope_length", 2.2, "locked telescope extension q4, both stages", "m", 0.0, 20.0, read_only=True),
+    ParameterSpec("load_mass", 0.0, "load at the tip at the beginning", "kg", 0.0, 1e5, read_only=True),
+    ParameterSpec("initial_angle", 0.3, "boom angle at the beginning, 0 = horizontal", "rad", -3.2, 3.2, read_only=True),
+    ParameterSpec(
+        "initial_hose_pressure", UNSET, "gauge p_h at the beginning; not given: what carries the boom", "Pa", read_only=True
+    ),
+    ParameterSpec("initial_rod_pressure", UNSET, "gauge p_b at the beginning; not given: 10 bar", "Pa", read_only=True),
+    ParameterSpec("mode", "real_time", "time base", choices=("real_time", "lockstep"), read_only=True),
+    ParameterSpec("seed", 0, "seed of the sensor noise", minimum=0, maximum=2**31 - 1, read_only=True),
+    ParameterSpec("sensors", "thesis", "noise and quantisation of ch. 6.4, or none", choices=("thesis", "ideal"), read_only=True),
+    ParameterSpec("joint_name", "inner_boom_joint", "name of the boom's joint in /joint_states", read_only=True),
+    ParameterSpec(
+        "fixed_joints", ["outer_boom_joint", "telescope_joint"],
+        "names under which q3 and q4 are published too; empty: they are not", read_only=True,
+    ),
+    ParameterSpec("robot_description", "", "URDF text, or the path of a .urdf file; empty: none is published", read_only=True),
+    ParameterSpec("ground_truth", False, "publish the true states on /boom/ground_truth", read_only=True),
+)  # fmt: skip
+
+
+class SettingError(ModelError):
+    """A parameter of the simulation that cannot be used; one line that says why."""
+
+
+def make_crane(values: SimpleNamespace) -> SimulatedCrane:
+    """The simulated crane that the parameters describe.
+
+    Raises:
+        SettingError, MachineError, ModelError: one line that says what is wrong.
+    """
+    machine = with_effects(load_machine(values.machine), values.effects)
+    pose = machine.pose(values.outer_boom_angle, values.telescope_length, values.load_mass)
+    start = Start(values.initial_angle, _given(values.initial_hose_pressure), _given(values.initial_rod_pressure))
+    noise = machine.sensor_noise() if values.sensors == "thesis" else IDEAL
+    return SimulatedCrane(machine, pose, start, noise, values.seed)
+
+
+def with_effects(machine: Machine, text: str) -> Machine:
+    """The machine with further effects, given as YAML text; those of its file stay unless they are named again.
+
+    Raises:
+        SettingError: not YAML, or not effects. MachineError: an effect, parameter or value that does not exist.
+    """
+    if not text.strip():
+        return machine
+    try:
+        given: Any = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise SettingError(f"effects: not readable as YAML: {getattr(error, 'problem', error)}") from None
+    if not isinstance(given, dict):
+        raise SettingError(f"effects: {text!r} is not of the form {{effect: {{parameter: number}}}}")
+    return machine.with_effects({**machine.effects, **given})
+
+
+def robot_description(text: str) -> str:
+    """The URDF text; a path ending in .urdf is read.
+
+    Raises:
+        SettingError: the file cannot be read.
+    """
+    if not text.strip().endswith(".urdf"):
+        return text
+    try:
+        return Path(text.strip()).read_text(encoding="utf-8")
+    except OSError as error:
+        raise SettingError(f"robot_description: {text} cannot be read: {error.strerror}") from None
+
+
+def _given(value: float) -> float:
+    return value if value != UNSET else math.nan

@@ -1,0 +1,212 @@
+"""The stand-in for the crane: the full model, stepped by its own period, with commands, load, sensors. No ROS.
+
+Time begins at zero in the initial state. A command acts from a time on until the next one; ``advance`` integrates one period
+and gives what the sensors measure at its end. The same seed and the same commands give the same numbers, bit by bit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from boom_model.errors import ModelError
+from boom_model.machine import Machine, Pose
+from boom_model.plant import Plant
+from boom_model.sensors import SensorNoise
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+PERIOD = 0.01
+"""s. Sensors and commands run at 100 Hz (thesis ch. 4.2)."""
+LARGEST_CURRENT = 3.0
+"""A. No driver gives more; the valves are identified up to 0.55 A."""
+TOLERANCE = 1e-5
+_COINCIDENT = 1e-9
+
+
+class CommandError(ModelError):
+    """A command that cannot be carried out; the message says why. It is left out, the one before goes on."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """Rest state at the beginning: boom angle [rad]; pressures [Pa gauge], NaN = those that carry the boom (p_b 10 bar)."""
+
+    angle: float
+    hose_pressure: float = math.nan
+    rod_pressure: float = math.nan
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What the sensors show; SI, pressures gauge.
+
+    Attributes:
+        time: of angle, rate and pressures [s].
+        current_time: from when the measured currents act [s]: the beginning of the period that ended at ``time``, or, if the
+            command came inside it, then. NaN in the first sample, before which no current acted.
+    """
+
+    time: float
+    angle: float
+    rate: float
+    hose_pressure: float
+    rod_pressure: float
+    current_time: float
+    retract_current: float
+    extend_current: float
+
+
+@dataclass
+class _Commands:
+    """Commands by the time from which they act; ``given`` is the last one of the solenoids, ``acting`` lags by the dead time."""
+
+    waiting: deque[tuple[float, float, float]] = field(default_factory=deque)
+    acting: tuple[float, float] = (0.0, 0.0)
+    given: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class SimulatedCrane:
+    """A crane in a pose, its boom moved by the full model.
+
+    Args:
+        machine: with the effects that it is to have.
+        pose: locked joints and load at the beginning.
+        start: the rest state at the beginning.
+        noise: of the sensors; ``boom_model.sensors.IDEAL`` for none.
+        seed: of the noise.
+
+    Raises:
+        BuildError: no C compiler.
+        ModelError: a start outside the stroke.
+    """
+
+    def __init__(self, machine: Machine, pose: Pose, start: Start, noise: SensorNoise, seed: int = 0) -> None:
+        low, high = machine.angle_limits
+        if not low <= start.angle <= high:
+            raise ModelError(f"initial angle of {start.angle:g} rad is outside the stroke, {low:.3f} .. {high:.3f} rad")
+        self.machine = machine
+        self._first_pose, self._start, self._noise, self._seed = pose, start, noise, seed
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to the beginning: state, load, time, noise, commands."""
+        self.pose = self._first_pose
+        self._plant = Plant(self.machine, self.pose)
+        self._stepper = self._plant.stepper(self._initial_state(), tolerance=TOLERANCE)
+        self._rng = np.random.default_rng(self._seed)
+        self._commands = _Commands()
+        self._ticks = 0
+        self._pressures: deque[tuple[float, float, float]] = deque()
+        y = self._plant.outputs(self._stepper.state)
+        self._pressures.append((-math.inf, float(y[2]), float(y[3])))
+        self._sample = self._measure(y)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]: whole periods since the beginning."""
+        return self._ticks * PERIOD
+
+    @property
+    def sample(self) -> Sample:
+        """What the sensors show now."""
+        return self._sample
+
+    @property
+    def truth(self) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
+        """True states now: names, values, units."""
+        states = self._plant.equations.states
+        return self._plant.state_names, self._stepper.state.copy(), tuple(s.unit for s in states)
+
+    @property
+    def load(self) -> float:
+        """The load at the tip [kg]."""
+        return self.pose.load
+
+    def command(self, retract: float, extend: float, at: float | None = None) -> None:
+        """Sets both currents [A] from ``at`` [s] on; without it, or where it has passed or is further away than two periods
+        (another clock), from now on.
+
+        Raises:
+            CommandError: a current that is no finite number, negative or larger than any driver gives.
+        """
+        for name, value in (("retract", retract), ("extend", extend)):
+            if not (math.isfinite(value) and -1e-9 <= value <= LARGEST_CURRENT):
+                raise CommandError(f"{name} current of {value} A: allowed is 0 .. {LARGEST_CURRENT:g} A; the command is left out")
+        known = at is not None and self.time < at <= self.time + 2 * PERIOD
+        begin = at if known and at is not None else self.time
+        self._commands.given = (begin, max(retract, 0.0), max(extend, 0.0))
+        begin += self._plant.command_delay
+        waiting = self._commands.waiting
+        while waiting and waiting[-1][0] > begin:  # a newer command replaces what was to act later
+            waiting.pop()
+        waiting.append((begin, max(retract, 0.0), max(extend, 0.0)))
+
+    def set_load(self, mass: float) -> None:
+        """A load [kg] hangs at the tip from now on, 0 = none; attached at the tip's speed.
+
+        Raises:
+            CommandError: not a finite mass of 0 kg or more.
+        """
+        if not (math.isfinite(mass) and 0.0 <= mass <= 1e5):
+            raise CommandError(f"a load of {mass} kg: give a finite mass of 0 .. 100000 kg")
+        self.pose = replace(self.pose, load=float(mass))
+        values = self.machine.values(self.pose)
+        self._stepper.change_parameters(np.array([values[name] for name in self._plant.parameter_names]))
+
+    def advance(self) -> Sample:
+        """Integrates one period and measures at its end.
+
+        Raises:
+            SimulationError: a state left its range; names it and the time. The crane stays where it was.
+        """
+        begin, end = self.time, (self._ticks + 1) * PERIOD
+        state = self._stepper.state.copy()
+        try:
+            y = self._integrate(begin, end)
+        except ModelError:
+            self._stepper.state[:] = state
+            raise
+        self._ticks += 1
+        self._sample = self._measure(y)
+        return self._sample
+
+    def _integrate(self, begin: float, end: float) -> Array:
+        commands, delay = self._commands, self._plant.pressure_delay
+        recorded = end - delay if delay > 0 else math.inf  # the delayed sample of a later tick lies inside this period
+        while recorded < begin - _COINCIDENT:
+            recorded += PERIOD
+        time = self._stepper.time = begin
+        while True:
+            while commands.waiting and commands.waiting[0][0] <= time + _COINCIDENT:
+                _, *currents = commands.waiting.popleft()
+                commands.acting = (currents[0], currents[1])
+            until = min(end, commands.waiting[0][0] if commands.waiting else end, recorded if recorded > time else end)
+            y = self._stepper.step(*commands.acting, until - time)
+            time = until
+            if delay > 0 and abs(time - recorded) <= _COINCIDENT:
+                self._pressures.append((time, float(y[2]), float(y[3])))
+            if time >= end - _COINCIDENT:
+                return y
+
+    def _measure(self, y: Array) -> Sample:
+        true = y.copy()
+        if self._plant.pressure_delay > 0:
+            wanted = self.time - self._plant.pressure_delay + _COINCIDENT
+            while len(self._pressures) > 1 and self._pressures[1][0] <= wanted:
+                self._pressures.popleft()
+            true[2:] = self._pressures[0][1:]
+        a, w, p_h, p_b = (float(v) for v in self._noise.outputs(true, self._rng))
+        since, *given = self._commands.given
+        i_r, i_e = (float(v) for v in self._noise.currents(np.array(given), self._rng))
+        current_time = max(since, self.time - PERIOD) if self._ticks else math.nan
+        return Sample(self.time, a, w, p_h, p_b, current_time, i_r, i_e)
+
+    def _initial_state(self) -> Array:
+        rod = self._start.rod_pressure if math.isfinite(self._start.rod_pressure) else 1.0e6
+        if math.isfinite(self._start.hose_pressure):
+            return self._plant.rest_state(self._start.angle, self._start.hose_pressure, rod)
+        return self._plant.equilibrium(self._start.angle, rod)

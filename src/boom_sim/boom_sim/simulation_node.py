@@ -1,0 +1,228 @@
+"""The simulated crane as a process: commands in, the machine's topics out. Topics, parameters, services: README.md.
+
+Real time: the crane is advanced every 10 ms of a steady clock; a command older than 100 ms closes the valve.
+Lockstep: the simulation owns time. It stands at t_n, publishes the samples of t_n and then /clock = t_n, and waits; one command
+advances it by one period. A command whose stamp lies inside the coming period acts from there on, any other at once.
+"""
+
+# ruff: noqa: E402, I001
+from __future__ import annotations
+
+from boom_node import early  # noqa: F401  (first: signals and environment)
+
+import time
+from typing import Any
+
+from boom_interfaces.msg import GroundTruth, MachineConfiguration, SolenoidCurrents
+from boom_interfaces.srv import SetPayload
+from boom_model.errors import ModelError, SimulationError
+from boom_node import parameters, qos, shell
+from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
+from boom_node.errors import StartError
+from boom_node.stamps import ns_to_seconds, seconds_to_ns, set_ns, to_ns
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, QoSReliabilityPolicy
+from rosgraph_msgs.msg import Clock as ClockMessage
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+from boom_sim import messages, settings
+from boom_sim.pacing import Pacer, WatchedCommand
+from boom_sim.simulated_crane import PERIOD, CommandError, Sample
+
+_EVERY_SAMPLE = QoSProfile(depth=1000, reliability=QoSReliabilityPolicy.RELIABLE)
+"""In lockstep no sample may be lost, however far behind a recorder is; readers that ask for sensor data QoS still match."""
+
+
+class SimulationNode(Node):
+    """Thin shell around :class:`boom_sim.simulated_crane.SimulatedCrane`."""
+
+    def __init__(self) -> None:
+        super().__init__("boom_simulation")
+        self._values = parameters.declare(self, settings.PARAMETERS)
+        try:
+            self._crane = settings.make_crane(self._values)
+            description = settings.robot_description(self._values.robot_description)
+        except ModelError as error:
+            raise StartError(str(error)) from error
+        self._lockstep = self._values.mode == "lockstep"
+        self._paused = False
+        self._failure = ""
+        self._refused = ""
+        self._watch = WatchedCommand()
+        fixed = dict(zip(self._values.fixed_joints, (self._crane.pose.outer_boom_angle, self._crane.pose.telescope_length)))
+        self._fixed: dict[str, float] = {name: float(value) for name, value in fixed.items()}
+        self._variance = self._crane.machine.sensor_noise().pressure_sigma ** 2 if self._values.sensors == "thesis" else 0.0
+
+        def publisher(kind: Any, topic: str) -> Any:
+            profile = _EVERY_SAMPLE if self._lockstep else qos.BY_TOPIC.get(topic, qos.SENSOR_DATA)
+            return self.create_publisher(kind, topic, profile)
+
+        self._joints = publisher(JointState, "/joint_states")
+        self._hose = publisher(FluidPressure, "/boom/hose_pressure")
+        self._rod = publisher(FluidPressure, "/boom/rod_pressure")
+        self._currents = publisher(SolenoidCurrents, "/boom/solenoid_currents")
+        self._truth = publisher(GroundTruth, "/boom/ground_truth") if self._values.ground_truth else None
+        self._clock_publisher = publisher(ClockMessage, "/clock") if self._lockstep else None
+        configuration = self.create_publisher(
+            MachineConfiguration, "/boom/machine_configuration", qos.BY_TOPIC["/boom/machine_configuration"]
+        )
+        self._latched = [configuration]
+        self.create_subscription(
+            SolenoidCurrents, "/boom/current_command", self._on_command, qos.BY_TOPIC["/boom/current_command"]
+        )
+        self.create_service(Trigger, "~/reset", self._on_reset)
+        self.create_service(SetBool, "~/pause", self._on_pause)
+        self.create_service(SetPayload, "~/set_payload", self._on_set_payload)
+        self._diagnostics = DiagnosticsPublisher(self, self._health, self._crane.machine.name)
+        self._origin_ns = 0 if self._lockstep else self.get_clock().now().nanoseconds
+        self._pacer = Pacer(PERIOD)
+        pose = self._crane.pose
+        note = f"simulated, seed {self._values.seed}"
+        if self._crane.machine.effects:
+            note += ", effects: " + ", ".join(sorted(self._crane.machine.effects))
+        configuration.publish(
+            messages.configuration(
+                self._crane.machine.name, pose.outer_boom_angle, pose.telescope_length, pose.load, note, self._origin_ns
+            )
+        )
+        if description:
+            urdf = self.create_publisher(String, "/robot_description", qos.BY_TOPIC["/robot_description"])
+            urdf.publish(String(data=description))
+            self._latched.append(urdf)
+        if not self._lockstep:
+            self.create_timer(PERIOD, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            self._publish(self._crane.sample)
+        self.get_logger().info(
+            f"{self._crane.machine.name}, q3 = {pose.outer_boom_angle:g} rad, q4 = {pose.telescope_length:g} m, load "
+            f"{pose.load:g} kg, boom at {self._values.initial_angle:.3f} rad, {self._values.mode.replace('_', ' ')}"
+        )
+
+    # ------------------------------------------------------------------------------------------------------- commands
+
+    def _on_command(self, message: SolenoidCurrents) -> None:
+        stamp_ns = to_ns(message.header.stamp)
+        if not self._lockstep:
+            late = self._watch.receive(time.monotonic(), ns_to_seconds(self.get_clock().now().nanoseconds - stamp_ns), stamp_ns != 0)
+            if late:
+                self._refuse(late)
+                return
+        try:
+            self._crane.command(message.retract, message.extend, ns_to_seconds(stamp_ns - self._origin_ns) if stamp_ns else None)
+            self._refused = ""
+        except CommandError as error:
+            self._refuse(str(error))
+            self._crane.command(0.0, 0.0)  # what cannot be understood closes the valve
+        if self._lockstep and not self._paused:
+            if self._crane.time == 0.0:
+                self._publish(self._crane.sample, tick=False)  # only now is anybody sure to listen
+            self._advance()
+
+    def _on_tick(self) -> None:
+        if self._watch.has_expired(time.monotonic()):
+            self._crane.command(0.0, 0.0)
+            self.get_logger().warning("no current command for 100 ms: the valve is closed until the next one")
+            self._diagnostics.update()
+        if self._paused or self._failure:
+            self._pacer.hold(time.monotonic())
+            return
+        for _ in range(self._pacer.due(time.monotonic())):
+            self._advance()
+
+    def _refuse(self, reason: str) -> None:
+        if reason != self._refused:
+            self._refused = reason
+            self.get_logger().warning(f"current command refused: {reason}")
+            self._diagnostics.update()
+
+    # -------------------------------------------------------------------------------------------------------- stepping
+
+    def _advance(self) -> None:
+        if self._failure:
+            return
+        try:
+            sample = self._crane.advance()
+        except SimulationError as error:
+            self._failure = str(error)
+            self.get_logger().error(f"the simulation stands: {error}; call ~/reset to begin again")
+            self._diagnostics.update()
+            return
+        self._publish(sample)
+
+    def _publish(self, sample: Sample, *, tick: bool = True) -> None:
+        stamp = self._origin_ns + seconds_to_ns(sample.time)
+        if sample.current_time == sample.current_time:
+            self._currents.publish(messages.currents(sample, self._origin_ns + seconds_to_ns(sample.current_time)))
+        self._joints.publish(messages.joint_state(sample, self._values.joint_name, self._fixed, stamp))
+        self._hose.publish(messages.pressure(sample.hose_pressure, "hose", self._variance, stamp))
+        self._rod.publish(messages.pressure(sample.rod_pressure, "rod", self._variance, stamp))
+        if self._truth is not None:
+            names, values, units = self._crane.truth
+            self._truth.publish(messages.ground_truth(names, values.tolist(), units, stamp))
+        if self._clock_publisher is not None and tick:
+            clock = ClockMessage()
+            set_ns(clock.clock, stamp)
+            self._clock_publisher.publish(clock)
+
+    # -------------------------------------------------------------------------------------------------------- services
+
+    def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._crane.reset()
+        self._failure = self._refused = ""
+        self._watch = WatchedCommand()
+        if not self._lockstep:
+            self._origin_ns = self.get_clock().now().nanoseconds
+            self._pacer = Pacer(PERIOD)
+        self._publish(self._crane.sample)
+        self._diagnostics.update()
+        response.success, response.message = True, f"back at {self._crane.sample.angle:.3f} rad, time 0"
+        return response
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._paused = bool(request.data)
+        response.success, response.message = True, "paused" if self._paused else "running"
+        self._diagnostics.update()
+        return response
+
+    def _on_set_payload(self, request: SetPayload.Request, response: SetPayload.Response) -> SetPayload.Response:
+        before = self._crane.load
+        try:
+            self._crane.set_load(request.mass)
+        except ModelError as error:
+            response.success, response.message = False, str(error)
+            return response
+        response.success, response.message = True, f"load {before:g} kg -> {self._crane.load:g} kg at {self._crane.time:.2f} s"
+        self.get_logger().info(response.message)
+        return response
+
+    def _health(self) -> Health:
+        values = {
+            "time [s]": f"{self._crane.time:.2f}",
+            "load [kg]": f"{self._crane.load:g}",
+            "commands received": self._watch.received,
+            "commands refused as late": self._watch.late,
+            "periods skipped": self._pacer.skipped,
+        }
+        if self._failure:
+            return Health(Level.ERROR, f"stands: {self._failure}", values)
+        if self._paused:
+            return Health(Level.WARN, "paused", values)
+        if self._refused:
+            return Health(Level.WARN, f"command refused: {self._refused}", values)
+        if self._lockstep:
+            return Health(Level.OK, "lockstep: waits for the next command", values)
+        if self._watch.closed:
+            return Health(Level.OK, "running, no command: valve closed", values)
+        return Health(Level.OK, "running", values)
+
+
+def main() -> int:
+    """Runs the node until SIGINT or SIGTERM; returns the exit status."""
+    return shell.run(SimulationNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
