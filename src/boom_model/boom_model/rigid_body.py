@@ -2,15 +2,16 @@
 
     D_0 = sum_i (m_i |r_i|^2 + I_i)        (S_x, S_y) = sum_i m_i r_i
 
-r_i is the centre of body i in the boom's frame (origin at the boom joint, x along the boom, y up); it follows from the arm
-angle q_3 and the telescope's extension q_4. What hangs at the tip hinge counts as a point mass there; the load is left out
-(``equation_of_motion`` adds it, and holds D and g(q_2) themselves). The angle is positive upwards.
+r_i is the centre of body i in the boom's frame (origin at the boom joint, x along the boom, y up); it follows from the
+arm angle q_3 and the telescope's extension q_4. What hangs at the tip hinge counts as a point mass there; the load is
+left out (``equation_of_motion`` adds it, and holds D and g(q_2) themselves). The angle is positive upwards.
 
-The sums are pinocchio's: the bodies become one body on one revolute joint, D_0 is its joint-space inertia (composite rigid body
-algorithm) and S_x, S_y are its generalised gravity at two angles under 1 m/s^2.
+The sums are pinocchio's: the bodies become one body on one revolute joint, D_0 is its joint-space inertia (composite
+rigid body algorithm) and S_x, S_y are its generalised gravity at two angles under 1 m/s^2.
 
-Symbols: q_3 [rad] (pi/2 = arm in line with the boom, 4.59 = folded), q_4 [m] (total extension of both stages), D_0 [kg m^2],
-S_x, S_y [kg m], tip [m]. Valid within the machine's joint limits. Not in it: the boom cylinder and its linkage (2 % of g).
+Symbols: q_3 [rad] (pi/2 = arm in line with the boom, 4.59 = folded), q_4 [m] (total extension of both stages), D_0
+[kg m^2], S_x, S_y [kg m], tip [m]. Valid within the machine's joint limits. Not in it: the boom cylinder and its
+linkage (2 % of g).
 Source: sections ``rigid_body.links`` and ``rigid_body.planar`` of the machine file; how they are read: machine notes.
 """
 
@@ -59,7 +60,7 @@ class LockedBody:
 
 @dataclass(frozen=True)
 class Body:
-    """One rigid body in the plane, in the boom's frame: mass [kg], centre (x, y) [m], inertia about the centre [kg m^2]."""
+    """One rigid body in the boom's plane frame: mass [kg], centre (x, y) [m], inertia about the centre [kg m^2]."""
 
     name: str
     mass: float
@@ -68,10 +69,10 @@ class Body:
 
 
 def locked_inertia(rigid_body: Mapping[str, Any], q3: float, q4: float, load_mass: float = 0.0) -> LockedBody:
-    """Inertia, first moments and tip for the arm angle q3 [rad], the extension q4 [m] and the load [kg] hung at the tip.
+    """Inertia, first moments and tip for the arm angle q3 [rad], the extension q4 [m] and the load [kg] at the tip.
 
-    ``rigid_body`` is the section of that name of a machine file, as a plain mapping; its parts ``links`` and ``planar`` are read, and
-    ``joint_limits`` where it has them.
+    ``rigid_body`` is the section of that name of a machine file, as a plain mapping; its parts ``links`` and ``planar``
+    are read, and ``joint_limits`` where it has them.
 
     Raises:
         MachineError: a key is missing or has no sensible value; the message names it.
@@ -153,7 +154,7 @@ def link_data(links: Mapping[str, Any], name: str) -> tuple[float, Vector, Vecto
 
 
 def frame_axes(item: Mapping[str, Any], key: str) -> Vector:
-    """Rotation (3, 3) from a link's own frame to its carrier's plane frame (first axis, second axis, across the plane)."""
+    """Rotation (3, 3) from a link's own frame to its carrier's plane frame (first axis, second axis, across)."""
     names = entry(item, key, "axes")
     rows = []
     for name in names:
