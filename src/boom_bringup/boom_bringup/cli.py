@@ -1,0 +1,143 @@
+"""The entry point of the commands: finds the one that was asked for, loads only that, and prints errors plainly.
+
+A command is a module of `boom_bringup.commands` with
+
+- `HELP`: one line, a plain string constant (read without importing the module),
+- `add_arguments(parser)`: its options, added to an `argparse.ArgumentParser`,
+- `run(args) -> int`: does the work and returns the exit status,
+- `REST` (optional): name of the attribute of `args` that takes the words which `add_arguments` did not declare.
+
+Exit status: 0 success, 1 the work was done and its answer is no, 2 wrong input, 130 stopped by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import difflib
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from boom_bringup import __version__
+
+# The order of the help: what a newcomer needs first comes first.
+_ORDER = ("demo", "test", "validate", "simulate", "record", "replay", "setup")
+_COMMANDS = Path(__file__).with_name("commands")
+_DESCRIPTION = "Model, recordings and control of a forestry crane's inner boom, as ROS 2 processes."
+_EPILOG = "Every command has its own help, for example: {program} validate --help"
+
+
+class UsageError(ValueError):
+    """Wrong input on the command line; the message says what is wrong and what to do."""
+
+    exit_status = 2
+
+
+class _Parser(argparse.ArgumentParser):
+    """Reports a wrong option in one line, with the nearest right one."""
+
+    def error(self, message: str) -> NoReturn:
+        if message.startswith("unrecognized arguments: "):
+            wrong = message.split(": ", 1)[1].split()[0]
+            known = [name for action in self._actions for name in action.option_strings]
+            near = difflib.get_close_matches(wrong.split("=")[0], known, n=1)
+            message = f"unknown option {wrong}" + (f" (did you mean {near[0]}?)" if near else "")
+        raise UsageError(f"{message}; see {self.prog} --help")
+
+
+def command_names() -> list[str]:
+    """List the commands that exist, in the order of the help."""
+    found = {path.stem for path in _COMMANDS.glob("*.py") if not path.stem.startswith("_")}
+    known = [name for name in _ORDER if name in found]
+    return [*known, *sorted(found - set(known))]
+
+
+def command_help(name: str) -> str:
+    """Read the one-line help of a command without importing it."""
+    tree = ast.parse((_COMMANDS / f"{name}.py").read_text(encoding="utf-8"))
+    for statement in tree.body:
+        targets = statement.targets if isinstance(statement, ast.Assign) else []
+        if isinstance(statement, ast.AnnAssign):
+            targets = [statement.target]
+        if any(isinstance(target, ast.Name) and target.id == "HELP" for target in targets):
+            value = getattr(statement, "value", None)
+            if value is not None:
+                return str(ast.literal_eval(value))
+    return ""
+
+
+def _print_help(program: str) -> None:
+    names = command_names()
+    width = max(len(name) for name in names)
+    lines = [f"usage: {program} COMMAND [OPTIONS]", "", _DESCRIPTION, "", "commands:"]
+    lines += [f"  {name:<{width}}  {command_help(name)}" for name in names]
+    lines += ["", "options:", f"  {'--help':<{width}}  show this text", f"  {'--version':<{width}}  show the version"]
+    lines += ["", _EPILOG.format(program=program)]
+    print("\n".join(lines))
+
+
+def _run(arguments: Sequence[str], program: str) -> int:
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
+        _print_help(program)
+        return 0
+    if arguments[0] == "--version":
+        print(f"boom {__version__}")
+        return 0
+    name, names = arguments[0], command_names()
+    if name not in names:
+        near = difflib.get_close_matches(name, names, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
+        raise UsageError(f"unknown command {name}: {hint}")
+    module = importlib.import_module(f"boom_bringup.commands.{name}")
+    description = module.__doc__ or module.HELP
+    parser = _Parser(
+        prog=f"{program} {name}",
+        description=description,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    module.add_arguments(parser)
+    rest = getattr(module, "REST", None)
+    if rest is None:
+        return int(module.run(parser.parse_args(list(arguments[1:]))))
+    args, words = parser.parse_known_args(list(arguments[1:]))
+    setattr(args, rest, [word for word in words if word != "--"])
+    return int(module.run(args))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Args:
+        arguments: the command and its options; those of the process by default.
+
+    Returns:
+        The exit status. An exception that carries an `exit_status` becomes one line on stderr and that status.
+    """
+    program = os.environ.get("BOOM_PROGRAM", "boom")
+    try:
+        status = _run(sys.argv[1:] if arguments is None else arguments, program)
+        sys.stdout.flush()
+        return status
+    except KeyboardInterrupt:
+        print("boom: stopped", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # The reader of our output has left (`| head`): nothing is wrong, and nothing more can be written.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+    except Exception as error:
+        # The packages' own error classes are not imported here: what marks them is the attribute.
+        wanted = getattr(error, "exit_status", None)
+        if not isinstance(wanted, int):
+            raise
+        print(f"boom: {' '.join(str(error).split())}", file=sys.stderr)
+        return wanted
+
+
+if __name__ == "__main__":
+    sys.exit(main())

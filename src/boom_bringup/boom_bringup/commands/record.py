@@ -1,0 +1,38 @@
+"""Record topics into a bag until Ctrl-C.
+
+Starts the recorder node. The bag is a rosbag2 directory: one MCAP file with CRCs in chunks that are written at least
+every half second, so that little is lost even if the process is killed, and metadata.yaml after a clean end.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from boom_bringup.commands._node_command import become_node
+
+HELP = "record topics into a bag"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("output", metavar="BAG", help="folder of the new bag; an existing one is never overwritten")
+    parser.add_argument(
+        "--topic",
+        action="append",
+        metavar="NAME",
+        help="topic to record, may be given again; * = all (default: sensors, configuration and commands)",
+    )
+    parser.add_argument(
+        "--require",
+        action="append",
+        metavar="NAME",
+        help="report ready once this topic has a publisher, may be given again (default: the four sensor topics)",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Become the recorder node."""
+    topics = tuple(args.topic) if args.topic else None
+    # Only topics of their own: then those are what there is to wait for.
+    required = tuple(args.require) if args.require else (None if topics is None or "*" in topics else topics)
+    become_node("boom_recording.recorder_node", {"output": args.output, "topics": topics, "required_topics": required})

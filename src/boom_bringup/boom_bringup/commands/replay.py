@@ -1,0 +1,76 @@
+"""Replay a recording onto topics: its currents as commands, or its angle as reference.
+
+Starts the replay node. It waits for a subscriber, sends the samples with the timing of the recording, and ends. As
+commands it sends zero currents over a gap, at the end and on Ctrl-C: the boom stops.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from boom_bringup.commands._node_command import become_node
+
+HELP = "replay a recording onto topics"
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return value
+
+
+def _not_negative(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is negative")
+    return value
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("bag", metavar="BAG", help="rosbag2 directory or .mcap file")
+    parser.add_argument(
+        "--what",
+        choices=("commands", "reference"),
+        default="commands",
+        help="commands: currents to /boom/current_command; reference: angle to /boom/reference (default: commands)",
+    )
+    parser.add_argument(
+        "--rate", type=_positive, default=1.0, metavar="X", help="times faster than recorded (default: 1)"
+    )
+    parser.add_argument("--start", type=_not_negative, default=0.0, metavar="S", help="where to begin [s] (default: 0)")
+    parser.add_argument("--duration", type=_positive, metavar="S", help="how much to replay [s] (default: to the end)")
+    parser.add_argument("--loop", action="store_true", help="begin again at the end")
+    parser.add_argument("--paused", action="store_true", help="wait for the service /boom_replay/pause (data: false)")
+    parser.add_argument("--clock", action="store_true", help="publish /clock with the replayed time")
+    parser.add_argument(
+        "--lockstep", action="store_true", help="one command per /clock tick of the simulation, as fast as both allow"
+    )
+    parser.add_argument("--wait-for-recorder", action="store_true", help="wait until the recorder reports ready")
+    parser.add_argument(
+        "--wait-timeout",
+        type=_positive,
+        metavar="S",
+        help="longest wait for subscribers [s] (default: that of the node)",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Become the replay node."""
+    become_node(
+        "boom_recording.replay_node",
+        {
+            "bag": args.bag,
+            "what": args.what,
+            "rate": args.rate,
+            "start": args.start,
+            "duration": args.duration,
+            "loop": args.loop,
+            "paused": args.paused,
+            "clock": args.clock,
+            "lockstep": args.lockstep,
+            "wait_for_recorder": args.wait_for_recorder,
+            "wait_timeout": args.wait_timeout,
+        },
+    )

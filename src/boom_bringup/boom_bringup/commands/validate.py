@@ -1,0 +1,238 @@
+"""Compare the model with recordings: free runs on the recorded currents, Tables 5.1 and 5.2, an HTML report.
+
+The recorded currents go through the full and the reduced model; what the models predict is compared with the measured
+angle, rate and pressures. Printed are both tables, one verdict per recording, and what is wrong with the recordings.
+A mismatch is a result, not an error: the exit status is 0 all the same, unless --strict is given.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import shlex
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from boom_bringup.cli import UsageError
+
+if TYPE_CHECKING:
+    from boom_model.machine import Machine
+    from boom_recording.recording import Recording
+
+HELP = "run recorded currents through the model and compare it with what was measured"
+
+_QUIET = 10.0  # s: so long nothing is said in a log file
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("bags", nargs="+", metavar="BAG", help="recording: a rosbag2 folder or a .mcap file")
+    parser.add_argument(
+        "--machine",
+        metavar="FILE",
+        help="machine file, or the name of a shipped one (default: the machine that the recording names)",
+    )
+    parser.add_argument(
+        "--simulated",
+        metavar="BAG",
+        help="take the full model's prediction from this bag, which a simulation recorded, instead of running it here "
+        "(for one BAG)",
+    )
+    parser.add_argument("--json", metavar="F", help="write the numbers as a JSON document to F")
+    report = parser.add_mutually_exclusive_group()
+    report.add_argument("--report", metavar="F.html", help="where the report goes (default: output/validate-BAG.html)")
+    report.add_argument("--no-report", action="store_true", help="write no report")
+    parser.add_argument(
+        "--strict", action="store_true", help="exit with status 1 if a recording differs by more than noise"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Validate; returns 0, or 1 with --strict and a mismatch."""
+    if args.simulated and len(args.bags) > 1:
+        raise UsageError(f"--simulated goes with one recording, {len(args.bags)} were given: validate them one by one")
+    json_path = _checked(args.json, "--json")
+    report = None if args.no_report else _checked(args.report, "--report") or _default_report(args.bags)
+
+    with _progress(len(args.bags)) as step:
+        # All are read before the first is run: a misspelt name is told at once, not after minutes.
+        recordings = []
+        for bag in args.bags:
+            step(f"reading {bag}", 0)
+            recordings.append(_load(bag))
+        simulated = _load(args.simulated) if args.simulated else None
+
+        from boom_diagnosis.tables import console_for, print_validation
+        from boom_diagnosis.validation import Validation, validate
+        from boom_model.errors import MachineError
+
+        machine, source = _machine(args.machine, args.bags, recordings)
+        validation = Validation(machine.name)
+        for bag, recording in zip(args.bags, recordings, strict=True):
+            step(f"running the models over {recording.name}", 0)
+            try:
+                validation.bags.append(validate(recording, machine, simulated=simulated))
+            except MachineError as error:
+                raise UsageError(f"{bag}: its configuration does not fit machine {machine.name}: {error}") from None
+            step("", 1)
+    notes = _notes(recordings, machine.name)
+    console = console_for()
+    print_validation(validation, console)
+    for note in notes:
+        console.print(f"note: {note}", markup=False)
+    if json_path:
+        _write(json_path, lambda: json_path.write_text(_json(validation.document()), encoding="utf-8"))
+    if report:
+        from boom_diagnosis.report import write_report
+
+        command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "validate", *_words(args)])
+        _write(
+            report,
+            lambda: write_report(
+                validation, report, command=command, machine=machine, machine_source=source, notes=tuple(notes)
+            ),
+        )
+        console.print(f"report: {report}", markup=False, soft_wrap=True)
+    return 1 if args.strict and any(bag.mismatches for bag in validation.bags) else 0
+
+
+def _load(bag: str) -> Recording:
+    from boom_recording.errors import RecordingError
+    from boom_recording.loading import load
+
+    try:
+        return load(bag)
+    except RecordingError as error:
+        raise UsageError(str(error)) from None
+
+
+def _machine(wanted: str | None, bags: list[str], recordings: list[Recording]) -> tuple[Machine, str]:
+    """The machine to run, and its name or path: the one asked for, or the one that all recordings name."""
+    from boom_model.machine import load_machine
+
+    if wanted:
+        return load_machine(wanted), wanted
+    named = {recording.configuration.machine: bag for bag, recording in zip(bags, recordings, strict=True)}
+    if len(named) > 1:
+        each = ", ".join(f"{bag} ({name or 'no name'})" for name, bag in named.items())
+        raise UsageError(
+            f"the recordings are of different machines: {each}: validate them apart, or give one --machine"
+        )
+    name, bag = next(iter(named.items()))
+    shipped = shipped_machines()
+    if name not in shipped:
+        raise UsageError(
+            f"{bag}: recorded on machine '{name}', for which no file is shipped (there is {', '.join(shipped)}): "
+            "give its file with --machine FILE"
+        )
+    return load_machine(name), name
+
+
+def shipped_machines() -> list[str]:
+    """Names of the machine files that come with boom_model."""
+    from importlib.resources import files
+
+    entries = files("boom_model").joinpath("machines").iterdir()
+    return sorted(entry.name.removesuffix(".yaml") for entry in entries if entry.name.endswith(".yaml"))
+
+
+def _notes(recordings: list[Recording], machine: str) -> list[str]:
+    """What the numbers rest on and nobody asked for: another machine than the recorded one, an unknown load."""
+    notes = []
+    for recording in recordings:
+        c = recording.configuration
+        if c.machine != machine:
+            notes.append(f"{recording.name} was recorded on machine '{c.machine}', the model is that of '{machine}'")
+        if math.isnan(c.load_mass):
+            notes.append(f"{recording.name} does not tell its load: it counts as 0 kg")
+    return notes
+
+
+def _checked(given: str | None, option: str) -> Path | None:
+    """The path of an output; refused before the work where it could not be written."""
+    if given is None:
+        return None
+    path = Path(given)
+    if not given or path.is_dir():
+        raise UsageError(f"{option} {given or '(empty)'}: this is a folder, give the name of a file in it")
+    if not path.parent.is_dir():
+        raise UsageError(f"{option} {given}: there is no folder {path.parent}: create it first")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise UsageError(f"{option} {given}: may not be written by this user: give another path")
+    return path
+
+
+def _default_report(bags: list[str]) -> Path:
+    folder = Path("output")
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise UsageError(
+            f"folder output cannot be made here ({error.strerror}): give --report FILE or --no-report"
+        ) from None
+    first = Path(bags[0])
+    name = first.stem if first.suffix in (".mcap", ".zstd", ".yaml") else first.resolve().name
+    more = f"-and-{len(bags) - 1}-more" if len(bags) > 1 else ""
+    path = _checked(str(folder / f"validate-{name}{more}.html"), "report")
+    assert path is not None
+    return path
+
+
+def _write(path: Path, action: Callable[[], Any]) -> None:
+    try:
+        action()
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def _json(document: dict[str, Any]) -> str:
+    return json.dumps(_finite(document), indent=2, allow_nan=False) + "\n"
+
+
+def _finite(value: Any) -> Any:
+    """The same document with null for what is no finite number: JSON knows no NaN."""
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _words(args: argparse.Namespace) -> list[str]:
+    """The command line again, from what was understood."""
+    words = list(args.bags)
+    for option in ("machine", "simulated", "json", "report"):
+        if getattr(args, option):
+            words += [f"--{option}", getattr(args, option)]
+    return words + (["--strict"] if args.strict else [])
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[str, int], None]]:
+    """Shows on stderr what is being done: a bar on a terminal, elsewhere a line for what begins after some seconds."""
+    if not sys.stderr.isatty():
+        begin = time.monotonic()
+
+        def say(text: str, _: int) -> None:
+            if text and time.monotonic() - begin > _QUIET:
+                print(f"boom: {text}", file=sys.stderr, flush=True)
+
+        yield say
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=total)
+
+        def show(text: str, done: int) -> None:
+            bar.update(task, advance=done, description=text or None)
+
+        yield show

@@ -1,0 +1,81 @@
+import subprocess
+import sys
+
+import pytest
+
+from boom_bringup import __version__, cli
+
+
+def test_help_lists_every_command_with_its_line(capsys):
+    assert cli.main(["--help"]) == 0
+    text = capsys.readouterr().out
+
+    for name in cli.command_names():
+        assert cli.command_help(name)
+        assert cli.command_help(name) in text
+
+
+def test_no_command_shows_the_help(capsys):
+    assert cli.main([]) == 0
+    assert capsys.readouterr().out.startswith("usage: ")
+
+
+def test_version_is_printed(capsys):
+    assert cli.main(["--version"]) == 0
+    assert capsys.readouterr().out == f"boom {__version__}\n"
+
+
+def test_an_unknown_command_names_the_nearest(capsys):
+    assert cli.main(["tset"]) == 2
+    assert capsys.readouterr().err == "boom: unknown command tset: did you mean test?\n"
+
+
+def test_an_unknown_option_names_the_nearest(capsys):
+    assert cli.main(["setup", "--hlep"]) == 2
+    error = capsys.readouterr().err
+    assert "unknown option --hlep (did you mean --help?)" in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", cli.command_names())
+def test_every_command_explains_its_options(name, capsys):
+    with pytest.raises(SystemExit) as ended:
+        cli.main([name, "--help"])
+    assert ended.value.code == 0
+    assert "usage: " in capsys.readouterr().out
+
+
+def test_help_loads_neither_ros_nor_the_solvers():
+    heavy = ("rclpy", "casadi", "numpy", "scipy", "pinocchio", "rosbags", "plotly")
+    code = f"import sys; from boom_bringup import cli; cli.main([]); sys.exit(any(m in sys.modules for m in {heavy}))"
+    assert subprocess.run([sys.executable, "-c", code], stdout=subprocess.DEVNULL, check=False).returncode == 0
+
+
+def test_an_error_with_an_exit_status_becomes_one_line(monkeypatch, capsys):
+    class WrongError(Exception):
+        exit_status = 2
+
+    def fail(arguments, program):
+        raise WrongError("bag x has no\n/joint_states: record it")
+
+    monkeypatch.setattr(cli, "_run", fail)
+    assert cli.main(["x"]) == 2
+    assert capsys.readouterr().err == "boom: bag x has no /joint_states: record it\n"
+
+
+def test_a_fault_of_ours_keeps_its_traceback(monkeypatch):
+    def fail(arguments, program):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(cli, "_run", fail)
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["x"])
+
+
+def test_interruption_ends_with_130(monkeypatch, capsys):
+    def interrupt(arguments, program):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "_run", interrupt)
+    assert cli.main(["x"]) == 130
+    assert capsys.readouterr().err == "boom: stopped\n"

@@ -1,0 +1,31 @@
+"""Packaging of boom_recording for colcon and pip."""
+
+from setuptools import find_packages, setup
+
+package_name = "boom_recording"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(include=[package_name, f"{package_name}.*"]),
+    package_data={package_name: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools", "mcap", "rosbags", "zstandard"],
+    zip_safe=False,
+    author="boom developers",
+    author_email="boom@example.com",
+    maintainer="boom developers",
+    maintainer_email="boom@example.com",
+    description="Bags to one table of signals and back; the recorder and the replay node",
+    license="Apache-2.0",
+    python_requires=">=3.11",
+    entry_points={
+        "console_scripts": [
+            "recorder = boom_recording.recorder_node:main",
+            "replay = boom_recording.replay_node:main",
+        ],
+    },
+)
