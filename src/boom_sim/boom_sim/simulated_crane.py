@@ -176,9 +176,9 @@ class SimulatedCrane:
 
     def _integrate(self, begin: float, end: float) -> Array:
         commands, delay = self._commands, self._plant.pressure_delay
-        recorded = end - delay if delay > 0 else math.inf  # the delayed sample of a later tick lies inside this period
-        while recorded < begin - _COINCIDENT:
-            recorded += PERIOD
+        # a later tick shows the pressures of this moment: t - T for whole periods t falls inside (begin, end]
+        phase = (-delay) % PERIOD
+        recorded = (begin + phase if _COINCIDENT < phase < PERIOD - _COINCIDENT else end) if delay > 0 else math.inf
         time = self._stepper.time = begin
         while True:
             while commands.waiting and commands.waiting[0][0] <= time + _COINCIDENT:

@@ -95,6 +95,8 @@ class SimulationNode(Node):
             self._latched.append(urdf)
         if not self._lockstep:
             self.create_timer(PERIOD, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            self._anchor()
+            self._pacer.hold(time.monotonic())
             self._publish(self._crane.sample)
         self.get_logger().info(
             f"{self._crane.machine.name}, q3 = {pose.outer_boom_angle:g} rad, q4 = {pose.telescope_length:g} m, load "
@@ -128,9 +130,17 @@ class SimulationNode(Node):
             self._diagnostics.update()
         if self._paused or self._failure:
             self._pacer.hold(time.monotonic())
+            self._anchor()
             return
+        skipped = self._pacer.skipped
         for _ in range(self._pacer.due(time.monotonic())):
             self._advance()
+        if self._pacer.skipped != skipped:
+            self._anchor()
+
+    def _anchor(self) -> None:
+        """Simulated time stands for the present from here on: stamps of what comes next are those of now."""
+        self._origin_ns = self.get_clock().now().nanoseconds - seconds_to_ns(self._crane.time)
 
     def _refuse(self, reason: str) -> None:
         if reason != self._refused:
@@ -174,9 +184,10 @@ class SimulationNode(Node):
         self._failure = self._refused = ""
         self._watch = WatchedCommand()
         if not self._lockstep:
-            self._origin_ns = self.get_clock().now().nanoseconds
+            self._anchor()
             self._pacer = Pacer(PERIOD)
-        self._publish(self._crane.sample)
+            self._pacer.hold(time.monotonic())
+        self._publish(self._crane.sample, tick=False)
         self._diagnostics.update()
         response.success, response.message = True, f"back at {self._crane.sample.angle:.3f} rad, time 0"
         return response
