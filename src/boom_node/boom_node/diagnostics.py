@@ -1,0 +1,76 @@
+"""Publishes a node's health on /diagnostics: once a second and at once when the level or the text changes."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+from boom_node import qos
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+PERIOD_S = 1.0
+
+
+class Level(IntEnum):
+    """Levels of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True)
+class Health:
+    """What a node says about itself: level, one line, and numbers with their unit in the key."""
+
+    level: Level
+    message: str
+    values: Mapping[str, object] = field(default_factory=dict)
+
+
+class DiagnosticsPublisher:
+    """Asks `health` once a second (wall clock: it goes on while simulated time stands) and publishes the answer.
+
+    `hardware_id`: name of the machine file or "". A node calls `update` where its health may have changed.
+    """
+
+    def __init__(self, node: "Node", health: Callable[[], Health], hardware_id: str = "") -> None:
+        from diagnostic_msgs.msg import DiagnosticArray
+        from rclpy.clock import Clock
+        from rclpy.clock_type import ClockType
+
+        self._node = node
+        self._health = health
+        self._hardware_id = hardware_id
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", qos.BY_TOPIC["/diagnostics"])
+        self._last: tuple[Level, str] | None = None
+        self._timer = node.create_timer(PERIOD_S, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def update(self) -> None:
+        """Publish now if level or message differ from what was published last."""
+        health = self._health()
+        if (health.level, health.message) != self._last:
+            self._send(health)
+
+    def publish(self) -> None:
+        """Publish now."""
+        self._send(self._health())
+
+    def _send(self, health: Health) -> None:
+        from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+        self._last = (health.level, health.message)
+        array = DiagnosticArray()
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        status = DiagnosticStatus(
+            level=bytes([health.level]),
+            name=self._node.get_name(),
+            message=health.message,
+            hardware_id=self._hardware_id,
+        )
+        status.values = [KeyValue(key=str(key), value=str(value)) for key, value in health.values.items()]
+        array.status = [status]
+        self._publisher.publish(array)

@@ -1,0 +1,47 @@
+"""What has to be settled before anything heavy is imported; a node's module imports this first.
+
+A node spends its first half second importing. Without a handler a Ctrl-C in that time ends in a traceback, and message
+classes read ``ROS_PYTHON_CHECK_FIELDS`` when they are imported, so both are arranged here, by importing this module:
+
+    from boom_node import early  # noqa: F401  (first line of a node's module)
+
+`boom_node.shell.run` takes the signals over from here.
+"""
+
+import os
+import signal
+import sys
+from types import FrameType
+
+_HANDLED = (signal.SIGINT, signal.SIGTERM)
+
+
+def _end_at_once(_number: int, _frame: FrameType | None) -> None:
+    # Nothing has been opened yet: no destructors, no traceback.
+    os._exit(0)
+
+
+def settle() -> None:
+    """Set a node's environment where the user has not, and end quietly on a signal until `run` takes over."""
+    os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    for number in _HANDLED:
+        signal.signal(number, _end_at_once)
+
+
+def is_node_program() -> bool:
+    """True where this process was started as a node (``python -m package.some_node``, or the installed program).
+
+    A test or a command that merely imports a node's module keeps its own signal handlers.
+    """
+    spec = getattr(sys.modules.get("__main__"), "__spec__", None)
+    if spec is not None:
+        return str(spec.name).endswith("_node")
+    # `ros2 run` and launch start <prefix>/lib/<package>/<program>.
+    return "--ros-args" in sys.argv or os.path.basename(os.path.dirname(os.path.abspath(sys.argv[0]))).startswith(
+        "boom_"
+    )
+
+
+if is_node_program():
+    settle()

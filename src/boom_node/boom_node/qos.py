@@ -1,0 +1,43 @@
+"""The QoS of every topic of the contract, in one table."""
+
+from rclpy.duration import Duration
+from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
+
+COMMAND_DEADLINE_S = 0.05
+
+
+def _profile(depth: int, *, reliable: bool, latched: bool = False, deadline_s: float | None = None) -> QoSProfile:
+    profile = QoSProfile(
+        history=QoSHistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=QoSReliabilityPolicy.RELIABLE if reliable else QoSReliabilityPolicy.BEST_EFFORT,
+        durability=QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE,
+    )
+    if deadline_s is not None:
+        profile.deadline = Duration(nanoseconds=round(deadline_s * 1e9))
+    return profile
+
+
+SENSOR_DATA = _profile(5, reliable=False)
+COMMAND = _profile(1, reliable=True, deadline_s=COMMAND_DEADLINE_S)
+LATEST = _profile(1, reliable=True)  # the newest counts, none may be lost silently
+EVENTS = _profile(10, reliable=True)  # on demand or on change
+LATCHED = _profile(1, reliable=True, latched=True)  # late joiners get the last one
+CLOCK = _profile(10, reliable=True)  # to publish with: it serves subscribers of either kind, and lockstep loses no tick
+
+BY_TOPIC: dict[str, QoSProfile] = {
+    "/joint_states": SENSOR_DATA,
+    "/boom/hose_pressure": SENSOR_DATA,
+    "/boom/rod_pressure": SENSOR_DATA,
+    "/boom/solenoid_currents": SENSOR_DATA,
+    "/boom/controller_state": SENSOR_DATA,
+    "/boom/current_command": COMMAND,
+    "/boom/machine_configuration": LATCHED,
+    "/boom/reference": LATEST,
+    "/boom/joint_trajectory": EVENTS,
+    "/boom/emergency_stop": LATCHED,
+    "/boom/pilot_valve/oscilloscope": EVENTS,
+    "/robot_description": LATCHED,
+    "/diagnostics": EVENTS,
+    "/clock": CLOCK,
+}

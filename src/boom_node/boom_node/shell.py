@@ -1,0 +1,169 @@
+"""Runs one rclpy node as a process: start, spin, signals, clean end. Every node of ours is run by `run`.
+
+What rclpy 7.1.6 leaves to its user and this module settles (each held by a test):
+
+- ``EventsExecutor.spin()`` and ``spin_once()`` without a time-out busy-loop and never call back: here ``spin_once``
+  gets a time-out.
+- SIGTERM between ``rclpy.init`` and the creation of the node ends in a traceback: here Python's own handlers stand from
+  before ``init`` until after the last destructor, and rclpy installs none.
+- an executor that is shut down inside a callback hangs: here `finish` only leaves a note, which the loop reads.
+"""
+
+import contextlib
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from boom_node import early as _early  # noqa: F401  (signals and environment, before rclpy is imported)
+from boom_node import parameters
+from boom_node.errors import StartError
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+EXECUTOR_VARIABLE = "BOOM_EXECUTOR"  # "events" (default) or "single"
+SPIN_TIMEOUT_S = 0.2  # how long a signal may wait for the executor to return to Python
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class _Interrupted(BaseException):
+    """Raised out of the construction of the node when a signal asks for the end."""
+
+
+class _State:
+    """What the signal handlers and `finish` leave for the loop. One node per process, hence one state."""
+
+    def __init__(self) -> None:
+        self.stop = False
+        self.interruptible = False
+        self.exit_status = 0
+        self.message = ""
+
+    def on_signal(self, _number: int, _frame: FrameType | None) -> None:
+        self.stop = True
+        if self.interruptible:
+            self.interruptible = False
+            raise _Interrupted
+
+
+_state = _State()
+
+
+def finish(exit_status: int = 0, message: str = "") -> None:
+    """Ask for the end of the process from a callback or another thread of the node.
+
+    The executor returns first, then the node
+    is closed. `message`: one line for stderr, printed last.
+    """
+    _state.exit_status = exit_status
+    _state.message = message
+    _state.stop = True
+
+
+def stop_requested() -> bool:
+    """True once a signal or `finish` has asked for the end; for loops inside a node's ``close``."""
+    return _state.stop
+
+
+def fail(message: str, exit_status: int = 2) -> int:
+    """Print one line on stderr, as `StartError` wants it. Returns the exit status."""
+    print(" ".join(message.split()), file=sys.stderr, flush=True)
+    return exit_status
+
+
+@contextlib.contextmanager
+def _signals_handled() -> Iterator[None]:
+    previous = {number: signal.signal(number, _state.on_signal) for number in _SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+def make_executor(kind: str | None = None) -> Any:
+    """An EventsExecutor; a SingleThreadedExecutor where `kind` or ``BOOM_EXECUTOR`` says "single".
+
+    Raises StartError for another word.
+    """
+    kind = kind or os.environ.get(EXECUTOR_VARIABLE, "events")
+    if kind not in ("events", "single"):
+        raise StartError(f"{EXECUTOR_VARIABLE} is '{kind}': set it to 'events' or 'single'")
+    if kind == "events":
+        try:
+            from rclpy.experimental.events_executor import EventsExecutor
+
+            return EventsExecutor()
+        except ImportError:
+            pass  # older rclpy: the other executor does the same, with more work per message
+    from rclpy.executors import SingleThreadedExecutor
+
+    return SingleThreadedExecutor()
+
+
+def run(make_node: Callable[[], "Node"], *, argv: Sequence[str] | None = None, executor: str | None = None) -> int:
+    """Run the node that `make_node` builds until a signal, `finish` or an error ends it. Returns the exit status.
+
+    `argv`: as ``sys.argv`` (the default). A node may have a method ``close()``: it is called once, before the node is
+    destroyed, with publishers still working. 0: ended by SIGINT, SIGTERM or `finish`; 2: StartError, printed as one
+    line; any other exception is a programming error and is raised with its traceback.
+    """
+    arguments = list(sys.argv if argv is None else argv)
+    parameters.process_arguments = arguments[1:]
+    _state.__init__()  # type: ignore[misc]  # a process runs one node, a test several after each other
+    with _signals_handled():
+        import rclpy
+        from rclpy.signals import SignalHandlerOptions
+
+        if _state.stop:
+            return 0
+        try:
+            parameters.read_files(arguments)  # before rclpy does, whose message is two lines without a file name
+            rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        except StartError as error:
+            return fail(str(error))
+        except Exception as error:
+            return fail(f"the ROS arguments cannot be read: {error}; see '--ros-args' in the ROS 2 documentation")
+        try:
+            return _run_initialised(make_node, executor)
+        except StartError as error:
+            return fail(str(error))
+        finally:
+            rclpy.try_shutdown()
+
+
+def _run_initialised(make_node: Callable[[], "Node"], kind: str | None) -> int:
+    node: Node | None = None
+    executor = None
+    try:
+        try:
+            _state.interruptible = True
+            if not _state.stop:
+                node = make_node()
+        except _Interrupted:
+            return 0
+        finally:
+            _state.interruptible = False
+        if node is None:
+            return 0
+        executor = make_executor(kind)
+        executor.add_node(node)
+        while not _state.stop:
+            executor.spin_once(timeout_sec=SPIN_TIMEOUT_S)
+        return fail(_state.message, _state.exit_status) if _state.message else _state.exit_status
+    finally:
+        _state.stop = True
+        if node is not None:
+            try:
+                close = getattr(node, "close", None)
+                if close is not None:
+                    close()
+            finally:
+                if executor is not None:
+                    executor.remove_node(node)
+                    executor.shutdown()
+                node.destroy_node()

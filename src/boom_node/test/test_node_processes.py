@@ -1,0 +1,182 @@
+"""A node as a process: a clean end on a signal at any moment, one line and exit status 2 for a wrong parameter."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+pytestmark = pytest.mark.process
+
+_NODE = textwrap.dedent(
+    """
+    from boom_node import early
+    import os, sys, threading
+
+    def mark(text):
+        print(text, flush=True)
+        if os.environ["BLOCK_AT"] == text:
+            threading.Event().wait(60)
+
+    mark("imported early")
+    from boom_node import shell
+    from boom_node.errors import StartError
+    from boom_node.parameters import ParameterSpec, declare
+    import rclpy
+    from rclpy.node import Node
+    mark("imported rclpy")
+
+    class Tiny(Node):
+        def __init__(self):
+            mark("initialised")
+            super().__init__("tiny")
+            mark("created")
+            self.values = declare(self, [
+                ParameterSpec("rate", 100.0, "publishing rate", "Hz", 1.0, 1000.0),
+                ParameterSpec("mode", "fast", "what to do", choices=("fast", "slow")),
+                ParameterSpec("names", ["a"], "names"),
+            ])
+            print(vars(self.values), flush=True)
+            self.timer = self.create_timer(0.01, self.tick)
+
+        def tick(self):
+            self.timer.cancel()
+            print("spinning", flush=True)
+            if os.environ["BLOCK_AT"] == "finish":
+                shell.finish(2, "the partner\\n is missing")
+            if os.environ["BLOCK_AT"] == "raise":
+                raise StartError("the file is gone")
+
+        def close(self):
+            print("closed", flush=True)
+
+    sys.exit(shell.run(Tiny))
+    """
+)
+
+
+class Tiny:
+    """The node above as a process."""
+
+    def __init__(self, folder: Path, block_at: str, *arguments: str, executor: str = "events") -> None:
+        (folder / "tiny_node.py").write_text(_NODE)
+        environment = dict(os.environ, BLOCK_AT=block_at, BOOM_EXECUTOR=executor, PYTHONUNBUFFERED="1")
+        environment["PYTHONPATH"] = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
+        environment["ROS_DOMAIN_ID"] = str(60 + os.getpid() % 40)
+        command = [sys.executable, "-m", "tiny_node", *(["--ros-args", *arguments] if arguments else [])]
+        self.process = subprocess.Popen(
+            command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        self.printed: list[str] = []
+
+    def wait_for(self, text: str) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.printed.append(line.strip())
+            if line.strip() == text:
+                return
+        pytest.fail(f"the node ended without '{text}': {self.process.stderr.read() if self.process.stderr else ''}")
+
+    def end(self) -> tuple[int, str]:
+        out, err = self.process.communicate(timeout=30)
+        self.printed += out.splitlines()
+        return self.process.returncode, err
+
+
+@pytest.fixture
+def tiny(tmp_path: Path) -> Iterator[object]:
+    started: list[Tiny] = []
+
+    def start(*arguments: str, block_at: str = "", executor: str = "events") -> Tiny:
+        started.append(Tiny(tmp_path, block_at, *arguments, executor=executor))
+        return started[-1]
+
+    yield start
+    for node in started:
+        if node.process.poll() is None:
+            node.process.kill()
+            node.process.communicate()
+
+
+@pytest.mark.parametrize(
+    ("moment", "number"),
+    [
+        ("imported early", signal.SIGINT),
+        ("imported rclpy", signal.SIGTERM),
+        ("initialised", signal.SIGTERM),
+        ("created", signal.SIGINT),
+        ("spinning", signal.SIGINT),
+        ("spinning", signal.SIGTERM),
+    ],
+)
+def test_a_signal_at_any_moment_ends_the_node_without_a_traceback(tiny, moment: str, number: int) -> None:
+    node = tiny(block_at=moment)
+    node.wait_for(moment)
+    node.process.send_signal(number)
+    status, errors = node.end()
+    assert status == 0
+    assert "Traceback" not in errors
+    assert ("closed" in node.printed) == (moment == "spinning")
+
+
+def test_the_fall_back_executor_runs_the_node_too(tiny) -> None:
+    node = tiny(executor="single")
+    node.wait_for("spinning")
+    node.process.send_signal(signal.SIGTERM)
+    assert node.end()[0] == 0
+    assert "closed" in node.printed
+
+
+@pytest.mark.parametrize("moment", ["finish", "raise"])
+def test_a_node_may_end_itself_with_one_line_and_is_closed(tiny, moment: str) -> None:
+    node = tiny(block_at=moment)
+    status, errors = node.end()
+    assert status == 2
+    last = {"finish": "the partner is missing", "raise": "the file is gone"}[moment]
+    assert errors.strip().splitlines()[-1] == last
+    assert "Traceback" not in errors
+    assert "closed" in node.printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("-p", "rat:=5.0"), "did you mean 'rate'?"),
+        (("-p", "rate:=5000.0"), "1 to 1000 Hz"),
+        (("-p", "rate:=quick"), "give a number"),
+        (("-p", "mode:=medium"), "one of fast, slow"),
+        (("--params-file", "absent.yaml"), "absent.yaml"),
+    ],
+)
+def test_a_wrong_parameter_is_one_line_and_exit_status_2(tiny, arguments: tuple[str, ...], told: str) -> None:
+    status, errors = tiny(*arguments).end()
+    assert status == 2
+    assert told in errors
+    assert "Traceback" not in errors
+    assert len(errors.strip().splitlines()) == 1
+
+
+def test_a_parameter_file_for_a_node_of_another_name_is_refused(tiny, tmp_path: Path) -> None:
+    (tmp_path / "p.yaml").write_text("tinny:\n  ros__parameters:\n    rate: 5.0\n")
+    status, errors = tiny("--params-file", "p.yaml").end()
+    assert status == 2
+    assert "has nothing for /tiny" in errors
+
+
+@pytest.mark.parametrize("section", ["/tiny", "tiny", "/**"])
+def test_a_parameter_file_with_the_nodes_name_is_used_and_checked(tiny, tmp_path: Path, section: str) -> None:
+    (tmp_path / "p.yaml").write_text(f"{section}:\n  ros__parameters:\n    rate: 5\n    names: [b, c]\n")
+    node = tiny("--params-file", "p.yaml")
+    node.wait_for("spinning")
+    node.process.send_signal(signal.SIGTERM)
+    node.end()
+    assert "{'rate': 5.0, 'mode': 'fast', 'names': ['b', 'c']}" in node.printed
+    (tmp_path / "p.yaml").write_text(f"{section}:\n  ros__parameters:\n    rates: 5.0\n")
+    status, errors = tiny("--params-file", "p.yaml").end()
+    assert status == 2
+    assert "did you mean 'rate'?" in errors

@@ -1,0 +1,1 @@
+"""Bags to one table of signals and back; the recorder and the replay node."""

@@ -1,0 +1,391 @@
+"""Loads a bag: files -> messages -> named signals with units, masked where they are wrong, with a list of what is."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zstandard
+from numpy.typing import NDArray
+
+from boom_recording import bag_folder, cdr_layout, channels, defects, definitions
+from boom_recording.channels import MACHINE_CONFIGURATION, OSCILLOSCOPE, SENSOR_TOPICS, TYPES
+from boom_recording.defects import TopicSamples
+from boom_recording.errors import RecordingError
+from boom_recording.mcap_file import Batch, Damage, McapFile, Topic
+from boom_recording.recording import Configuration, Floats, Recording, Signal
+
+REQUIRED = (*SENSOR_TOPICS, MACHINE_CONFIGURATION)
+_MANY_LAYOUTS = 16  # so many layouts are tried on whole batches; then the rest is read message by message
+_UNRELATED_NS = 3600 * 10**9
+_Found = tuple[cdr_layout.Layout, dict[str, str]]  # a layout, and where in it each signal lies
+
+
+@dataclass
+class _Column:
+    """What was read of one topic: stamps, log times and values per signal, in pieces."""
+
+    stamps: list[NDArray[np.int64]] = field(default_factory=list)
+    log: list[NDArray[np.int64]] = field(default_factory=list)
+    values: dict[str, list[Floats]] = field(default_factory=dict)
+    unreadable: int = 0
+    reason: str = ""
+
+
+def load(
+    path: str | Path, *, require: Iterable[str] = REQUIRED, joint: str = channels.DEFAULT_JOINT, check: bool = True
+) -> Recording:
+    """Load the bag at `path`: a rosbag2 directory or a bare .mcap file.
+
+    require   topics that must be there; the rest is optional. Default: what a recording of the machine contains
+    joint     name of the boom's joint in /joint_states
+    check     False: values and stamps are taken as they are (only the order of stamps is held)
+
+    Raises RecordingError, one line that begins with the path, where a required topic is missing or of another type,
+    where two machines are in one bag, or where there is no bag. What can still be read of a damaged file is read;
+    `Recording.warnings` says what is lost.
+    """
+    path = Path(path)
+    bag = bag_folder.find(path)
+    try:
+        return _load(path, bag, tuple(require), joint, check)
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from None
+
+
+def _load(path: Path, bag: bag_folder.BagFiles, require: tuple[str, ...], joint: str, check: bool) -> Recording:
+    reader = _Reader(joint)
+    damages: list[Damage] = []
+    for file in bag.files:
+        damages += reader.read(file)
+    reader.demand(require)
+    topics = reader.samples()
+    sensors = [samples for samples in topics.values() if samples.topic in SENSOR_TOPICS] or list(topics.values())
+    if not sensors:
+        raise RecordingError("none of the topics that are asked for holds a sample: record again, or give another bag")
+    raw: dict[str, list[Any]] = {samples.topic: [] for samples in topics.values()}
+    for samples in topics.values():
+        if check:
+            raw[samples.topic] += defects.check_stamps(samples)
+        else:
+            defects._unordered(samples)
+        for valid in samples.valid.values():
+            valid &= samples.timed
+    start_ns, end_ns = _span(sensors)
+    if check:
+        for samples in topics.values():
+            if samples.topic in SENSOR_TOPICS:
+                raw[samples.topic] += defects.check_missing(samples, start_ns, end_ns, raw[samples.topic])
+            raw[samples.topic] += defects.check_values(samples)
+        for topic, found in defects.check_stuck(topics).items():
+            raw[topic] += found
+    events = [event for topic, found in raw.items() for event in defects.in_seconds(topic, found, start_ns)]
+    recording = Recording(
+        name=bag.name,
+        path=path,
+        start_ns=start_ns,
+        duration=(end_ns - start_ns) / 1e9,
+        signals=_signals(topics, start_ns),
+        events=sorted(events, key=lambda event: (event.start_s, event.topic, event.kind)),
+        notes=sorted(set(reader.notes)),
+        stored_configuration=reader.configuration(required=MACHINE_CONFIGURATION in require),
+    )
+    recording.warnings = bag.warnings + _losses(damages, reader, bag, recording)
+    return recording
+
+
+def _signals(topics: dict[str, TopicSamples], start_ns: int) -> dict[str, Signal]:
+    result: dict[str, Signal] = {}
+    for channel in channels.CHANNELS:
+        samples = topics.get(channel.topic)
+        if samples is None or channel.name not in samples.values:
+            continue
+        time = (samples.stamps_ns - start_ns) / 1e9
+        values, valid = samples.values[channel.name], samples.valid[channel.name]
+        result[channel.name] = Signal(channel.name, channel.unit, channel.topic, samples.stamps_ns, time, values, valid)
+    return result
+
+
+def _span(sensors: list[TopicSamples]) -> tuple[int, int]:
+    """First and last stamp [ns] over the sensor topics. Raises RecordingError where their clocks are unrelated."""
+    firsts, lasts = [], []
+    for samples in sensors:
+        stamps = samples.stamps_ns[samples.timed]
+        firsts.append(int(stamps[0]))
+        lasts.append(int(stamps[-1]))
+    for samples, first, last in zip(sensors, firsts, lasts, strict=True):
+        if first - min(lasts) > _UNRELATED_NS or max(firsts) - last > _UNRELATED_NS:
+            other = next(s.topic for s in sensors if s is not samples)
+            raise RecordingError(
+                f"the stamps of {samples.topic} lie more than an hour from those of {other}: "
+                "synchronise the clocks of the senders and record again"
+            )
+    return min(firsts), max(lasts)
+
+
+def _losses(damages: list[Damage], reader: "_Reader", bag: bag_folder.BagFiles, recording: Recording) -> list[str]:
+    """Sentences on what of the files was not read, with times since the start of the recording."""
+
+    def at(nanoseconds: int | None) -> str:
+        return (
+            "an unknown time" if nanoseconds is None else f"{max(0.0, (nanoseconds - recording.start_ns) / 1e9):.1f} s"
+        )
+
+    sentences = []
+    for damage in damages:
+        if damage.end_ns is None:
+            sentences.append(f"{damage.what}: what follows {at(damage.start_ns)} is lost")
+        else:
+            sentences.append(f"{damage.what}: messages from {at(damage.start_ns)} to {at(damage.end_ns)} are lost")
+    if reader.cut:
+        text = f"cut at {recording.duration:.1f} s: the file was not closed (recorder killed, or copied only in part)"
+        if bag.promised_duration_s is not None and bag.promised_messages is not None:
+            missing = bag.promised_messages - reader.messages
+            text += f"; metadata.yaml promises {bag.promised_duration_s:.1f} s, "
+            text += f"{max(missing, 0)} of {bag.promised_messages} messages are lost"
+        else:
+            text += "; what followed is lost"
+        sentences.append(text)
+    for topic, column in reader.columns.items():
+        if column.unreadable:
+            sentences.append(
+                f"{column.unreadable} messages of {topic} cannot be read ({column.reason}) and are left out"
+            )
+    if reader.unknown:
+        sentences.append(f"{reader.unknown} messages belong to no topic that the file declares and are left out")
+    return sentences
+
+
+class _Reader:
+    """Collects the topics of interest over the files of one bag."""
+
+    def __init__(self, joint: str) -> None:
+        self.joint = joint
+        self.columns: dict[str, _Column] = {}
+        self.types: dict[str, str] = {}
+        self.notes: list[str] = []
+        self.cut = False
+        self.messages = 0
+        self.unknown = 0
+        self.configurations: list[Configuration] = []
+        self._layouts: dict[tuple[str, str, int], list[_Found]] = {}
+        self._definitions: dict[tuple[str, str], Any] = {}
+
+    def read(self, path: Path) -> list[Damage]:
+        """Read one file. Returns what of it is damaged."""
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise RecordingError(f"{path.name} cannot be read: {error.strerror}") from None
+        if path.suffix == ".zstd":
+            try:
+                content = zstandard.ZstdDecompressor().decompressobj().decompress(content)
+            except zstandard.ZstdError as error:
+                raise RecordingError(f"{path.name} cannot be unpacked: {error}") from None
+        file = McapFile(content)
+        for batch in file.batches():
+            self.messages += len(batch.offset)
+            for number in np.unique(batch.channel).tolist():
+                which = np.flatnonzero(batch.channel == number)
+                topic = file.topics.get(number)
+                if topic is None:
+                    self.unknown += len(which)
+                else:
+                    self._take(topic, batch, which)
+        for topic in file.topics.values():
+            self.types.setdefault(topic.topic, topic.type)
+        self.notes += file.notes
+        self.cut = self.cut or not file.complete
+        return file.damages
+
+    def demand(self, require: tuple[str, ...]) -> None:
+        """Raises RecordingError where a required topic is missing, empty or of another type."""
+        for topic, found in self.types.items():
+            wanted = TYPES.get(topic)
+            if wanted is not None and found != wanted:
+                raise RecordingError(f"{topic} is of type {found or 'unknown'}: it has to be {wanted}")
+        if not self.messages and not self.columns:
+            raise RecordingError("it holds no messages: record again, or give another bag")
+        missing = [topic for topic in require if not self._has(topic)]
+        if missing and self.types.keys() == {OSCILLOSCOPE}:
+            raise RecordingError(
+                f"it is a bag of the first measurement campaign ({OSCILLOSCOPE}): './boom identify' takes it, "
+                "here a recording of the whole machine is wanted"
+            )
+        for topic in missing:
+            column = self.columns.get(topic)
+            if column is not None and column.unreadable:
+                raise RecordingError(f"no message of {topic} can be read: {column.reason}")
+        if missing:
+            has = ", ".join(sorted(self.types)) or "no topics at all"
+            raise RecordingError(
+                f"{' and '.join(missing)} missing: record {'it' if len(missing) == 1 else 'them'} too "
+                f"(the bag has {has})"
+            )
+
+    def _has(self, topic: str) -> bool:
+        if topic == MACHINE_CONFIGURATION:
+            return bool(self.configurations)
+        column = self.columns.get(topic)
+        return column is not None and bool(column.stamps)
+
+    def samples(self) -> dict[str, TopicSamples]:
+        """What was read, one table per topic, in the order of arrival."""
+        result = {}
+        for topic, column in self.columns.items():
+            if not column.stamps or topic == MACHINE_CONFIGURATION:
+                continue
+            stamps, log = np.concatenate(column.stamps), np.concatenate(column.log)
+            values = {name: np.concatenate(parts) for name, parts in column.values.items()}
+            if not stamps.any():
+                self.notes.append(f"{topic} carries no stamps: the time of arrival is used")
+                stamps = log.copy()
+            if (np.diff(log) < 0).any():
+                order = np.argsort(log, kind="stable")
+                stamps, log = stamps[order], log[order]
+                values = {name: column[order] for name, column in values.items()}
+            timed = np.ones(len(stamps), bool)
+            valid = {name: np.ones(len(stamps), bool) for name in values}
+            result[topic] = TopicSamples(topic, channels.of_topic(topic), stamps, log, values, timed, valid)
+        return result
+
+    def configuration(self, *, required: bool) -> Configuration | None:
+        """The machine's configuration. Raises RecordingError where two differ."""
+        if not self.configurations:
+            return None
+        first = self.configurations[0]
+        for other in self.configurations[1:]:
+            for label, unit in (
+                ("machine", ""),
+                ("outer_boom_angle", " rad"),
+                ("telescope_length", " m"),
+                ("load_mass", " kg"),
+            ):
+                a, b = getattr(first, label), getattr(other, label)
+                if a != b and not (a != a and b != b):  # NaN (not known) equals NaN here
+                    raise RecordingError(f"two machines in one bag: {label} is {a}{unit} and {b}{unit}: split the bag")
+        return first
+
+    def _take(self, topic: Topic, batch: Batch, which: NDArray[np.intp]) -> None:
+        wanted = TYPES.get(topic.topic)
+        if wanted is None or topic.type != wanted:
+            return
+        column = self.columns.setdefault(topic.topic, _Column())
+        if topic.message_encoding != "cdr":
+            column.unreadable += len(which)
+            column.reason = f"they are {topic.message_encoding or 'unknown'}, not cdr"
+            return
+        if topic.topic == MACHINE_CONFIGURATION:
+            for i in which.tolist():
+                self._configure(topic, column, _bytes(batch, i))
+            return
+        names = [channel.name for channel in channels.of_topic(topic.topic)]
+        stamps = np.zeros(len(which), np.int64)
+        values = {name: np.zeros(len(which)) for name in names}
+        done = np.zeros(len(which), bool)
+        for size in np.unique(batch.size[which]).tolist():
+            self._take_equal(
+                topic, batch, which, np.flatnonzero(batch.size[which] == size), size, stamps, values, done, column
+            )
+        if not done.any():
+            return
+        column.stamps.append(stamps[done])
+        column.log.append(batch.log_ns[which][done])
+        for name in names:
+            column.values.setdefault(name, []).append(values[name][done])
+
+    def _take_equal(
+        self, topic: Topic, batch: Batch, which: NDArray[np.intp], part: NDArray[np.intp], size: int,
+        stamps: NDArray[np.int64], values: dict[str, Floats], done: NDArray[np.bool_], column: _Column,
+    ) -> None:  # fmt: skip
+        """Decode messages of one size into the places `part` of the result arrays."""
+        if size < 4:
+            column.unreadable += len(part)
+            column.reason = "too short"
+            return
+        known = self._layouts.setdefault((topic.topic, topic.definition, size), [])
+        tried = 0
+        while len(part):
+            if tried == len(known):
+                found = self._layout_or_none(topic, batch, int(which[part[0]]), column)
+                if found is None:
+                    part = part[1:]
+                    continue
+                known.append(found)
+            layout, paths = known[tried]
+            rows = cdr_layout.gather(batch.data, batch.offset[which[part]], size)
+            match = layout.matches(rows)
+            fits, rest = part[match], part[~match]
+            tried += 1
+            if tried > _MANY_LAYOUTS:
+                # Every message laid out differently: do not compare the rest with all that were seen.
+                known.pop()
+                tried -= 1
+            if len(fits):
+                rows = cdr_layout.gather(batch.data, batch.offset[which[fits]], size)
+                seconds, nanoseconds = (layout.column(rows, f"header.stamp.{name}") for name in ("sec", "nanosec"))
+                stamps[fits] = seconds.astype(np.int64) * 10**9 + nanoseconds.astype(np.int64)
+                for channel in channels.of_topic(topic.topic):
+                    values[channel.name][fits] = layout.column(rows, paths[channel.name]) - channel.wire_offset
+                done[fits] = True
+            part = rest
+
+    def _layout_or_none(self, topic: Topic, batch: Batch, index: int, column: _Column) -> _Found | None:
+        try:
+            return self._layout(topic, _bytes(batch, index))
+        except cdr_layout.LayoutError as error:
+            column.unreadable += 1
+            column.reason = str(error)
+            return None
+
+    def _types(self, topic: Topic) -> Any:
+        key = (topic.type, topic.definition)
+        if key not in self._definitions:
+            types = dict(definitions.typestore().fielddefs)
+            if topic.definition.strip():
+                try:
+                    types.update(definitions.parse(topic.definition, topic.type, topic.definition_encoding))
+                except ValueError as error:
+                    raise RecordingError(str(error)) from None
+            else:
+                definitions.ensure(topic.type)
+                types = dict(definitions.typestore().fielddefs)
+            self._definitions[key] = types
+        return self._definitions[key]
+
+    def _layout(self, topic: Topic, data: bytes) -> _Found:
+        layout = cdr_layout.locate(data, topic.type, self._types(topic))
+        paths = {}
+        for channel in channels.of_topic(topic.topic):
+            path = channel.field
+            if topic.type.endswith("/JointState"):
+                names = [layout.texts[f"name[{i}]"] for i in range(layout.lengths.get("name", 0))]
+                if self.joint not in names:
+                    raise cdr_layout.LayoutError(f"joint '{self.joint}' is not among {', '.join(names) or 'no joints'}")
+                path = f"{path}[{names.index(self.joint)}]"
+            if path not in layout.numbers:
+                raise cdr_layout.LayoutError(f"field {channel.field} is missing or empty")
+            paths[channel.name] = path
+        if "header.stamp.sec" not in layout.numbers:
+            raise cdr_layout.LayoutError("it has no header")
+        return layout, paths
+
+    def _configure(self, topic: Topic, column: _Column, data: bytes) -> None:
+        try:
+            layout = cdr_layout.locate(data, topic.type, self._types(topic))
+            rows = layout.template[None, :]
+            angle, length, load_mass = (
+                float(layout.column(rows, name)[0]) for name in ("outer_boom_angle", "telescope_length", "load_mass")
+            )
+            machine, note = layout.texts["machine"], layout.texts.get("note", "")
+        except (cdr_layout.LayoutError, KeyError) as error:
+            column.unreadable += 1
+            column.reason = str(error)
+            return
+        self.configurations.append(Configuration(machine, angle, length, load_mass, note))
+
+
+def _bytes(batch: Batch, index: int) -> bytes:
+    start = int(batch.offset[index])
+    return batch.data[start : start + int(batch.size[index])].tobytes()

@@ -1,0 +1,253 @@
+"""Records topics into an MCAP bag: ``python -m boom_recording.recorder_node --ros-args -p output:=FOLDER``.
+
+Messages are stored as they came over the wire, without being decoded. What has been received survives a kill -9 but for
+the last half second. The bag is complete (index, metadata.yaml) after SIGINT or SIGTERM. Topics, parameters and
+conditions: README.md of the package.
+"""
+
+# ruff: noqa: I001
+from boom_node import early  # noqa: F401  (first: signals and environment)
+
+import time
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
+from std_msgs.msg import Bool
+
+from boom_node import qos, shell
+from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
+from boom_node.errors import StartError
+from boom_node.parameters import ParameterSpec, declare
+from boom_recording import definitions, recorder
+from boom_recording.bag_writer import CHUNK_BYTES, BagWriter, OfferedQos
+from boom_recording.channels import SENSOR_TOPICS
+from boom_recording.errors import RecordingError
+
+PARAMETERS = (
+    ParameterSpec("output", "", "folder of the new bag; an existing one is never overwritten", read_only=True),
+    ParameterSpec(
+        "topics",
+        list(recorder.DEFAULT_TOPICS),
+        'topics to record, also such that appear later; "*" = all',
+        read_only=True,
+    ),
+    ParameterSpec(
+        "required_topics", list(SENSOR_TOPICS), "~/ready turns true once each of these has a publisher", read_only=True
+    ),
+    ParameterSpec(
+        "chunk_bytes", CHUNK_BYTES, "size of a chunk before compression", "byte", 1_000, 16_000_000, read_only=True
+    ),
+    ParameterSpec(
+        "flush_period",
+        recorder.FLUSH_PERIOD_S,
+        "longest time that a message stays in memory only",
+        "s",
+        0.05,
+        10.0,
+        read_only=True,
+    ),
+)
+_SCAN_PERIOD_S = 0.05
+_RECHECK_PERIOD_S = 2.0
+
+
+class RecorderNode(Node):
+    """The recorder as a ROS node: subscriptions in, `BagWriter` out."""
+
+    def __init__(self) -> None:
+        super().__init__("boom_recorder")
+        values = declare(self, PARAMETERS)
+        if not values.output:
+            raise StartError(
+                "boom_recorder does not know where to write: give the parameter 'output', e.g. -p output:=my_recording"
+            )
+        if not values.topics:
+            raise StartError("boom_recorder has nothing to record: give the parameter 'topics' at least one topic")
+        required = tuple(self.resolve_topic_name(topic) for topic in values.required_topics)
+        self._asked = [
+            topic if topic == recorder.EVERYTHING else self.resolve_topic_name(topic) for topic in values.topics
+        ]
+        unasked = [topic for topic in required if topic not in self._asked]
+        if unasked and recorder.EVERYTHING not in self._asked:
+            raise StartError(
+                f"required_topics names {unasked[0]}, which is not among 'topics': add it there or drop it here"
+            )
+        try:
+            self._bag = BagWriter(Path(values.output), chunk_bytes=values.chunk_bytes)
+        except RecordingError as error:
+            raise StartError(str(error)) from None
+        self._subscribed: dict[str, tuple[Any, OfferedQos]] = {}
+        self._numbers: dict[str, int] = {}
+        self._publisher_counts: dict[str, int] = {}
+        self._traffic: dict[str, recorder.Traffic] = {}
+        self._refused: dict[str, str] = {}
+        self._readiness = recorder.Readiness(required)
+        self._ready = False
+        self._failure = ""
+        self._ready_publisher = self.create_publisher(Bool, "~/ready", qos.LATCHED)
+        self._ready_publisher.publish(Bool(data=False))
+        self._diagnostics = DiagnosticsPublisher(self, self._health)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_SCAN_PERIOD_S, self._scan, clock=steady)
+        self.create_timer(values.flush_period, self._flush, clock=steady)
+        # A publisher that was exchanged for another leaves the count as it was.
+        self.create_timer(_RECHECK_PERIOD_S, self._publisher_counts.clear, clock=steady)
+        self._scan()
+
+    def close(self) -> None:
+        """Complete the bag and say what it holds."""
+        try:
+            self._bag.close()
+        except RecordingError as error:
+            self.get_logger().error(str(error))
+        for line in recorder.summary(str(self._bag.path), self._traffic, self._asked):
+            print(line, flush=True)
+
+    def _scan(self) -> None:
+        """Subscribe to what has appeared; see whether the required topics are matched."""
+        seen = (name for name, _ in self.get_topic_names_and_types()) if recorder.EVERYTHING in self._asked else ()
+        for topic in recorder.wanted_topics(self._asked, seen):
+            count = self.count_publishers(topic)
+            if not count or count == self._publisher_counts.get(topic):
+                continue  # asking for their QoS is what costs
+            self._publisher_counts[topic] = count
+            publishers = [_publisher(info) for info in self.get_publishers_info_by_topic(topic)]
+            if not publishers or topic in self._refused:
+                continue
+            current = self._subscribed.get(topic)
+            if current is None:
+                self._subscribe(topic, publishers)
+            elif recorder.must_renew(current[1], publishers):
+                self.destroy_subscription(current[0])
+                self._subscribe(topic, publishers)
+        matched = [
+            topic for topic, (subscription, _) in self._subscribed.items() if subscription.get_publisher_count() > 0
+        ]
+        ready = self._readiness.update(matched, time.monotonic())
+        if ready != self._ready:
+            self._ready = ready
+            self._ready_publisher.publish(Bool(data=ready))
+            self._diagnostics.update()
+
+    def _subscribe(self, topic: str, publishers: list[recorder.Publisher]) -> None:
+        kind = publishers[0]
+        try:
+            package, group, name = kind.type.split("/")
+            message_type = getattr(import_module(f"{package}.{group}"), name)
+        except (ImportError, AttributeError, ValueError):
+            self._refused[topic] = f"{topic} cannot be recorded: its type {kind.type} is not installed"
+            self.get_logger().error(self._refused[topic])
+            return
+        wanted = recorder.request(publishers)
+        profile = QoSProfile(
+            depth=wanted.depth,
+            reliability=QoSReliabilityPolicy.RELIABLE if wanted.reliable else QoSReliabilityPolicy.BEST_EFFORT,
+            durability=QoSDurabilityPolicy.TRANSIENT_LOCAL if wanted.latched else QoSDurabilityPolicy.VOLATILE,
+        )
+        traffic = self._traffic.setdefault(topic, recorder.Traffic())
+        if topic not in self._numbers:
+            self._numbers[topic] = self._declare(topic, kind)
+        receive = _Receiver(self, self._numbers[topic], traffic)
+        events = SubscriptionEventCallbacks(message_lost=partial(_count_lost, traffic), use_default_callbacks=False)
+        subscription = self.create_subscription(
+            message_type, topic, receive.message, profile, event_callbacks=events, raw=True
+        )
+        self._subscribed[topic] = (subscription, wanted)
+
+    def _declare(self, topic: str, kind: recorder.Publisher) -> int:
+        try:
+            text, type_hash = definitions.definition(kind.type)
+        except RecordingError as error:
+            self.get_logger().warning(f"{error}; {topic} is recorded without it")
+            text, type_hash = "", kind.type_hash
+        return self._bag.add_topic(topic, kind.type, text, kind.type_hash or type_hash, kind.qos)
+
+    def store(self, number: int, data: bytes, received_ns: int) -> None:
+        """Write one message; a full disk ends the recording with what there is."""
+        if self._failure:
+            return
+        try:
+            self._bag.write(number, data, received_ns, received_ns)
+        except RecordingError as error:
+            self._fail(str(error))
+
+    def _flush(self) -> None:
+        if self._failure:
+            return
+        try:
+            self._bag.flush()
+        except RecordingError as error:
+            self._fail(str(error))
+
+    def _fail(self, reason: str) -> None:
+        self._failure = reason
+        self._diagnostics.update()
+        shell.finish(2, reason)
+
+    def _health(self) -> Health:
+        now = time.monotonic()
+        values: dict[str, object] = {}
+        for topic, traffic in self._traffic.items():
+            values[f"{topic} messages"] = traffic.messages
+            values[f"{topic} rate [1/s]"] = f"{traffic.rate(now):.1f}"
+            values[f"{topic} lost"] = traffic.lost
+        missing = self._readiness.missing(now)
+        if self._failure:
+            return Health(Level.ERROR, self._failure, values)
+        if self._refused:
+            return Health(Level.ERROR, "; ".join(self._refused.values()), values)
+        if missing:
+            return Health(Level.WARN, f"recording; nobody publishes {', '.join(missing)}", values)
+        return Health(Level.OK, f"recording to {self._bag.path}", values)
+
+
+class _Receiver:
+    """Callback of one subscription.
+
+    The time of reception is the node's clock (ROS time where it is simulated, else the system's). The time of sending
+    would come with the message's information, but in rclpy 7.1.6 the EventsExecutor fails on callbacks that ask for it
+    (SystemError), and the other executor takes twice the processor time and loses messages at 5 kHz; every message of
+    ours carries its own stamp anyway.
+    """
+
+    def __init__(self, node: RecorderNode, number: int, traffic: recorder.Traffic) -> None:
+        self._node = node
+        self._number = number
+        self._traffic = traffic
+        self._clock = node.get_clock()
+
+    def message(self, data: bytes) -> None:
+        self._traffic.add(len(data))
+        self._node.store(self._number, data, self._clock.now().nanoseconds)
+
+
+def _count_lost(traffic: recorder.Traffic, status: Any) -> None:
+    traffic.lost += status.total_count_change
+
+
+def _publisher(information: Any) -> recorder.Publisher:
+    profile = information.qos_profile
+    deadline = profile.deadline.nanoseconds
+    offered = OfferedQos(
+        reliable=profile.reliability == QoSReliabilityPolicy.RELIABLE,
+        latched=profile.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL,
+        depth=profile.depth or 1,  # the graph does not tell the depth
+        deadline_ns=deadline if 0 < deadline < 2**62 else None,
+    )
+    return recorder.Publisher(information.topic_type, str(information.topic_type_hash), offered)
+
+
+def main() -> int:
+    """Run the recorder until SIGINT or SIGTERM. Returns the exit status."""
+    return shell.run(RecorderNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,140 @@
+"""A recording: signals with their units, their own stamps, and what is wrong with them. No files, no ROS."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_recording.channels import FaultKind
+from boom_recording.errors import RecordingError
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Stamps = NDArray[np.int64]
+
+_HALF_PERIOD_MARGIN = 1.1  # samples jitter by a few percent of the period; one that is due is not to be missed for that
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One measured quantity over time, in the order in which it was recorded.
+
+    name, unit   of `boom_recording.channels` (angle rad, rate rad/s, pressures Pa gauge, currents A)
+    topic        where it came from
+    stamps_ns    (n,) measurement time of each sample [ns], as the sender wrote it
+    time         (n,) the same in seconds since `Recording.start_ns`
+    values       (n,) samples [unit]
+    valid        (n,) False = masked: not to be used, nor to be interpolated over. The stamps of the valid samples
+                 increase strictly
+    """
+
+    name: str
+    unit: str
+    topic: str
+    stamps_ns: Stamps
+    time: Floats
+    values: Floats
+    valid: Flags
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something wrong with a topic of a recording.
+
+    kind      gap, loss, stale, stuck, clock_jump, out_of_range or nan
+    start_s, end_s   [s] since the start of the recording
+    count     how many samples are missing or masked
+    detail    one sentence for an engineer
+    """
+
+    kind: FaultKind
+    topic: str
+    start_s: float
+    end_s: float
+    count: int
+    detail: str
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Machine, pose of the fixed joints and load that the recording was made with.
+
+    machine            name of the machine file
+    outer_boom_angle   q3 [rad]
+    telescope_length   q4 [m]
+    load_mass          [kg] believed to hang at the boom tip, NaN = not known
+    """
+
+    machine: str
+    outer_boom_angle: float
+    telescope_length: float
+    load_mass: float
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Signals at common times: time (n,) [s], columns name -> (n,) with NaN where nothing valid was measured."""
+
+    time: Floats
+    columns: dict[str, Floats]
+
+
+@dataclass
+class Recording:
+    """What a bag holds.
+
+    name, path     of the bag
+    start_ns       stamp of the first sample of a sensor topic [ns]; time zero
+    duration       [s] from there to the last sample of a sensor topic
+    signals        by name; see `boom_recording.channels`
+    events         what is wrong with the samples, by time
+    warnings       what of the file could not be read, one sentence each
+    notes          what a reader may want to know and need not act upon
+    """
+
+    name: str
+    path: Path
+    start_ns: int
+    duration: float
+    signals: dict[str, Signal]
+    events: list[Event] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    stored_configuration: Configuration | None = None
+
+    @property
+    def configuration(self) -> Configuration:
+        """The machine's configuration. Raises RecordingError where there is none and none was required."""
+        if self.stored_configuration is None:
+            raise RecordingError(
+                f"{self.name}: /boom/machine_configuration is missing: it cannot be told which machine this is"
+            )
+        return self.stored_configuration
+
+    def on_grid(self, period: float = 0.01) -> Table:
+        """Samples on a common grid of `period` [s] from time zero to the end.
+
+        Each grid time gets the valid sample nearest to it, NaN where none lies within half a period (with a tenth more
+        for jitter). Nothing is interpolated. Raises ValueError for a period that is not positive.
+        """
+        if not period > 0:
+            raise ValueError(f"the period of the grid is {period} s: it has to be positive")
+        count = int(np.floor(self.duration / period + 1e-9)) + 1
+        time = np.asarray(np.arange(count) * period, np.float64)
+        return Table(time, {name: _nearest(signal, time, period) for name, signal in self.signals.items()})
+
+
+def _nearest(signal: Signal, time: Floats, period: float) -> Floats:
+    result = np.full(len(time), np.nan)
+    own, values = signal.time[signal.valid], signal.values[signal.valid]
+    if len(own) == 0:
+        return result
+    right = np.searchsorted(own, time)
+    left = np.maximum(right - 1, 0)
+    right = np.minimum(right, len(own) - 1)
+    nearest = np.where(time - own[left] <= own[right] - time, left, right)
+    found = np.abs(own[nearest] - time) <= _HALF_PERIOD_MARGIN * period / 2
+    result[found] = values[nearest[found]]
+    return result

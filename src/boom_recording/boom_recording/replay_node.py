@@ -1,0 +1,313 @@
+"""Replays a recording: ``python -m boom_recording.replay_node --ros-args -p bag:=FOLDER``.
+
+The recorded solenoid currents become commands, or the recorded angle becomes the reference; at any rate, or in lockstep
+with the simulation (the protocol is told in `boom_recording.replay`). However it ends, commands end with zero currents.
+Parameters and conditions: README.md.
+"""
+
+# ruff: noqa: I001
+from boom_node import early  # noqa: F401  (first: signals and environment)
+
+import threading
+import time
+from typing import Any
+
+from boom_interfaces.msg import SolenoidCurrents
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, QoSReliabilityPolicy
+from rosgraph_msgs.msg import Clock as ClockMessage
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
+
+from boom_node import qos, shell, stamps
+from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
+from boom_node.errors import StartError
+from boom_node.parameters import ParameterSpec, declare
+from boom_recording import replay
+from boom_recording.channels import CURRENT_COMMAND, DEFAULT_JOINT, JOINT_STATES, REFERENCE, SOLENOID_CURRENTS
+from boom_recording.errors import RecordingError
+from boom_recording.loading import load
+from boom_recording.pacing import Pacer
+
+PARAMETERS = (
+    ParameterSpec("bag", "", "rosbag2 directory or .mcap file", read_only=True),
+    ParameterSpec(
+        "what",
+        replay.COMMANDS,
+        "recorded currents as commands, or recorded angle as reference",
+        choices=replay.CONTENTS,
+        read_only=True,
+    ),
+    ParameterSpec(
+        "rate", 1.0, "how many times faster than recorded; without effect in lockstep", "", 1e-3, 1e3, read_only=True
+    ),
+    ParameterSpec("start", 0.0, "where in the recording to begin", "s", 0.0, 1e6, read_only=True),
+    ParameterSpec(
+        "duration", 0.0, "how much of the recording to replay, 0 = to its end", "s", 0.0, 1e6, read_only=True
+    ),
+    ParameterSpec("loop", False, "begin again at the end", read_only=True),
+    ParameterSpec(
+        "paused", False, "wait for the service ~/pause (data: false) before the first message", read_only=True
+    ),
+    ParameterSpec(
+        "clock",
+        False,
+        "publish /clock with the replayed time; not in lockstep, where the simulation owns it",
+        read_only=True,
+    ),
+    ParameterSpec("start_time", 0.0, "time on /clock of the first message", "s", 0.0, 2e9, read_only=True),
+    ParameterSpec(
+        "lockstep", False, "one command per /clock tick of the simulation, as fast as both allow", read_only=True
+    ),
+    ParameterSpec(
+        "wait_for",
+        1,
+        "subscribers of the output topic to wait for before the first message",
+        "",
+        0,
+        100,
+        read_only=True,
+    ),
+    ParameterSpec("wait_for_recorder", False, "wait for /boom_recorder/ready too", read_only=True),
+    ParameterSpec("wait_timeout", 20.0, "how long to wait for them", "s", 0.1, 3600.0, read_only=True),
+    ParameterSpec(
+        "tick_timeout", 5.0, "lockstep: longest time without a tick of /clock", "s", 0.1, 3600.0, read_only=True
+    ),
+    ParameterSpec("joint", DEFAULT_JOINT, "name of the boom's joint", read_only=True),
+)
+_CHECK_PERIOD_S = 0.05
+_TOLD_EVERY = 500  # messages; some 5 s of a recording
+_SETTLE_S = 0.2  # the two ends of a connection learn of each other one after the other
+_ACKNOWLEDGE_S = 1.0
+
+
+class ReplayNode(Node):
+    """The replay as a ROS node: `boom_recording.replay` says what, this sends it."""
+
+    def __init__(self) -> None:
+        super().__init__("boom_replay")
+        values = declare(self, PARAMETERS)
+        self._values = values
+        if not values.bag:
+            raise StartError(
+                "boom_replay does not know what to replay: give the parameter 'bag', e.g. -p bag:=my_recording"
+            )
+        if values.lockstep and (values.what != replay.COMMANDS or values.clock or values.loop or values.paused):
+            raise StartError("lockstep replays commands, without clock, loop or paused: leave those parameters out")
+        try:
+            needed = SOLENOID_CURRENTS if values.what == replay.COMMANDS else JOINT_STATES
+            recording = load(values.bag, require=(needed,), joint=values.joint)
+            self._samples = replay.part(replay.samples(recording, values.what), values.start, values.duration)
+        except RecordingError as error:
+            raise StartError(str(error)) from None
+        for warning in recording.warnings:
+            self.get_logger().warning(f"{values.bag}: {warning}")
+        self._duration_s = (self._samples[-1].stamp_ns + replay.PERIOD_NS) / 1e9
+        self._commands = values.what == replay.COMMANDS
+        self._topic = CURRENT_COMMAND if self._commands else REFERENCE
+        kind: Any = SolenoidCurrents if self._commands else JointState
+        self._output = self.create_publisher(kind, self._topic, qos.BY_TOPIC[self._topic])
+        self._clock_output = self.create_publisher(ClockMessage, "/clock", qos.CLOCK) if values.clock else None
+        self._recorder_ready = False
+        if values.wait_for_recorder:
+            self.create_subscription(Bool, "/boom_recorder/ready", self._on_recorder, qos.LATCHED)
+        self.create_service(SetBool, "~/pause", self._on_pause)
+        self._pacer = Pacer(
+            values.rate,
+            self._send_paced,
+            self._publish_clock if values.clock else None,
+            stamps.seconds_to_ns(values.start_time),
+        )
+        if values.paused:
+            self._pacer.pause()
+        self._lockstep = (
+            replay.Lockstep(self._samples, stamps.seconds_to_ns(values.start_time)) if values.lockstep else None
+        )
+        self._thread: threading.Thread | None = None
+        self._created = time.monotonic()
+        self._complete_since: float | None = None
+        self._last_tick = 0.0
+        self._sent = 0
+        self._state = "waiting"
+        self._diagnostics = DiagnosticsPublisher(self, self._health)
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._clock_subscription: Any = None
+        self._watch = self.create_timer(_CHECK_PERIOD_S, self._check, clock=self._steady)
+
+    def close(self) -> None:
+        """Stop sending; commands end with zero currents."""
+        self._pacer.stop()
+        if self._thread is not None:
+            self._thread.join()
+        self._end_with_zero()
+
+    # ---- before the first message ----
+
+    def _check(self) -> None:
+        if self._state == "waiting":
+            self._wait()
+        elif self._state == "lockstep" and time.monotonic() - self._last_tick > self._values.tick_timeout:
+            self._state = "failed"
+            alive = self.count_publishers("/clock") > 0
+            reason = "the simulation stands" if alive else "nobody publishes /clock any more"
+            shell.finish(
+                2,
+                f"no tick on /clock for {self._values.tick_timeout:g} s: {reason}; start the simulation in lockstep",
+            )
+
+    def _wait(self) -> None:
+        missing = self._missing()
+        now = time.monotonic()
+        if missing:
+            self._complete_since = None
+            if now - self._created > self._values.wait_timeout:
+                self._state = "failed"
+                shell.finish(
+                    2,
+                    f"nothing was replayed, still missing after {self._values.wait_timeout:g} s: {', '.join(missing)}",
+                )
+            return
+        if self._complete_since is None:
+            self._complete_since = now
+        if now - self._complete_since >= (_SETTLE_S if self._values.wait_for or self._lockstep else 0.0):
+            self._begin()
+
+    def _missing(self) -> list[str]:
+        missing = []
+        if self._output.get_subscription_count() < self._values.wait_for:
+            missing.append(f"a subscriber of {self._topic} (is the simulation or the controller running?)")
+        if self._values.wait_for_recorder and not self._recorder_ready:
+            missing.append(
+                "/boom_recorder/ready (is the recorder running, and do its required topics have publishers?)"
+            )
+        if self._lockstep is not None and not self._subscribe_clock():
+            missing.append("a publisher of /clock (is the simulation running in lockstep?)")
+        return missing
+
+    def _subscribe_clock(self) -> bool:
+        """Listen to /clock as reliably as it is offered (a lost tick would stop both); False without one."""
+        if self._clock_subscription is None:
+            offered = [info.qos_profile for info in self.get_publishers_info_by_topic("/clock")]
+            if not offered:
+                return False
+            reliable = all(profile.reliability == QoSReliabilityPolicy.RELIABLE for profile in offered)
+            reliability = QoSReliabilityPolicy.RELIABLE if reliable else QoSReliabilityPolicy.BEST_EFFORT
+            self._clock_subscription = self.create_subscription(
+                ClockMessage, "/clock", self._on_clock, QoSProfile(depth=100, reliability=reliability)
+            )
+        return bool(self._clock_subscription.get_publisher_count() > 0)
+
+    def _begin(self) -> None:
+        if self._lockstep is not None:
+            self._state = "lockstep"
+            self._last_tick = time.monotonic()
+            self._send(self._lockstep.first())
+            return
+        self._state = "replaying"
+        self.destroy_timer(self._watch)
+        self._thread = threading.Thread(target=self._play, daemon=True)
+        self._thread.start()
+
+    # ---- sending ----
+
+    def _play(self) -> None:
+        if self._pacer.run(replay.endless(self._samples, self._values.loop)):
+            self._finish()
+
+    def _on_clock(self, message: ClockMessage) -> None:
+        if self._state != "lockstep" or self._lockstep is None:
+            return
+        self._last_tick = time.monotonic()
+        if self._lockstep.finished:
+            self._finish()
+            return
+        answer = self._lockstep.answer(stamps.to_ns(message.clock))
+        if answer is not None:
+            self._send(answer)
+
+    def _finish(self) -> None:
+        self._state = "finished"
+        self.get_logger().info(f"replayed {self._sent} messages to {self._topic}")
+        shell.finish(0)
+
+    def _send_paced(self, sample: replay.Sample, clock_ns: int) -> None:
+        stamp = clock_ns if self._values.clock else self.get_clock().now().nanoseconds
+        self._send(replay.Sample(stamp, sample.values, sample.gap))
+
+    def _send(self, sample: replay.Sample) -> None:
+        if sample.gap:
+            self.get_logger().warning("gap in the recorded currents: zero is commanded until they are known again")
+        message = self._message(sample)
+        self._output.publish(message)
+        self._sent += 1
+        if self._sent % _TOLD_EVERY == 0:
+            total = len(self._samples)
+            done = self._duration_s * (((self._sent - 1) % total) + 1) / total
+            self.get_logger().info(f"replayed {done:.0f} of {self._duration_s:.0f} s")
+
+    def _message(self, sample: replay.Sample) -> Any:
+        if self._commands:
+            message: Any = SolenoidCurrents(retract=sample.values[0], extend=sample.values[1])
+        else:
+            message = JointState(name=[self._values.joint], position=[sample.values[0]])
+        stamps.set_ns(message.header.stamp, sample.stamp_ns)
+        return message
+
+    def _publish_clock(self, clock_ns: int) -> None:
+        assert self._clock_output is not None  # only called where /clock is asked for
+        message = ClockMessage()
+        stamps.set_ns(message.clock, clock_ns)
+        self._clock_output.publish(message)
+
+    def _end_with_zero(self) -> None:
+        if not self._commands or not self._sent:
+            return
+        now = self.get_clock().now().nanoseconds
+        if self._lockstep is not None:
+            now = self._lockstep.next_tick_ns
+        elif self._values.clock:
+            now = self._pacer.clock_ns
+        self._output.publish(self._message(replay.Sample(now, (0.0, 0.0))))
+        self._output.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGE_S))
+
+    # ---- requests and health ----
+
+    def _on_recorder(self, message: Bool) -> None:
+        self._recorder_ready = message.data
+
+    def _on_pause(self, request: Any, response: Any) -> Any:
+        if self._lockstep is not None:
+            response.success, response.message = (
+                False,
+                "in lockstep the simulation is paused, not the replay: use its ~/pause",
+            )
+            return response
+        if request.data:
+            self._pacer.pause()
+            self._end_with_zero()
+        else:
+            self._pacer.resume()
+        response.success, response.message = True, "paused" if request.data else "going on"
+        self._diagnostics.update()
+        return response
+
+    def _health(self) -> Health:
+        values = {"messages sent": self._sent, "messages in all": len(self._samples)}
+        if self._state == "waiting":
+            return Health(Level.WARN, f"waiting for {', '.join(self._missing()) or 'connections to settle'}", values)
+        if self._state == "failed":
+            return Health(Level.ERROR, "stopped: a partner is missing", values)
+        return Health(Level.OK, "paused" if self._pacer.paused else self._state, values)
+
+
+def main() -> int:
+    """Replay until the end or SIGINT or SIGTERM. Returns the exit status."""
+    return shell.run(ReplayNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

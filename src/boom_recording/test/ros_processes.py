@@ -1,0 +1,59 @@
+"""Starts the nodes of this package as processes and talks to them, for the tests."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+DOMAIN = str(60 + os.getpid() % 40)
+
+
+def environment() -> dict[str, str]:
+    """Loopback only, and apart from whatever else runs on this computer."""
+    return dict(os.environ, ROS_DOMAIN_ID=DOMAIN, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST", PYTHONUNBUFFERED="1")
+
+
+def start(module: str, cwd: Path, **parameters: object) -> "subprocess.Popen[str]":
+    """Start ``python -m module`` with ROS parameters."""
+    command = [sys.executable, "-m", module, "--ros-args"]
+    for name, value in parameters.items():
+        text = (
+            "[" + ",".join(value) + "]"
+            if isinstance(value, list)
+            else str(value).lower()
+            if isinstance(value, bool)
+            else str(value)
+        )
+        command += ["-p", f"{name}:={text}"]
+    return subprocess.Popen(
+        command, cwd=cwd, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+class Partner:
+    """A node in this process, spun until something is so."""
+
+    def __init__(self, name: str) -> None:
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=int(DOMAIN))
+        self.node = rclpy.create_node(name, context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+
+    def until(self, condition: Callable[[], Any], timeout: float = 20.0) -> None:
+        import time
+
+        end = time.monotonic() + timeout
+        while not condition():
+            assert time.monotonic() < end, "what was waited for did not happen"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()

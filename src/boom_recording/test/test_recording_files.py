@@ -1,0 +1,375 @@
+"""Bags: what is written is read, what is damaged as far as it goes, and what is no bag is refused in one line."""
+
+import dataclasses
+import math
+import shutil
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+from recording_samples import CONFIGURATION, columns, recording
+from rosbags.highlevel import AnyReader
+
+from boom_recording import cdr_layout, definitions
+from boom_recording.bag_writer import BagWriter
+from boom_recording.errors import RecordingError
+from boom_recording.loading import load
+from boom_recording.writing import from_columns, write
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("bags") / "made"
+    write(path, recording())
+    return path
+
+
+@pytest.fixture
+def bag(made: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(made, tmp_path / "made"))
+
+
+def mcap(bag: Path) -> Path:
+    return next(bag.glob("*.mcap"))
+
+
+def test_what_was_written_is_loaded(made: Path) -> None:
+    expected, found = recording(), load(made)
+    assert found.events == [] and found.warnings == [] and found.notes == []
+    assert found.configuration == CONFIGURATION
+    assert found.start_ns == expected.start_ns
+    for name, signal in expected.signals.items():
+        assert np.array_equal(found.signals[name].stamps_ns, signal.stamps_ns)
+        assert np.allclose(found.signals[name].values, signal.values, rtol=0, atol=1e-8)
+        assert found.signals[name].valid.all()
+        assert found.signals[name].unit == signal.unit
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    data=st.data(),
+    steps=st.lists(st.integers(1, 40_000_000), min_size=1, max_size=30),
+    start=st.integers(0, 2**31 * 10**9 - 2 * 10**9),
+    mass=st.floats(allow_nan=True, allow_infinity=False),
+    machine=st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=9),
+)
+def test_any_numbers_survive_being_written_and_loaded(
+    tmp_path: Path, data: st.DataObject, steps: list[int], start: int, mass: float, machine: str
+) -> None:
+    time = np.cumsum(steps) / 1e9
+    numbers = st.floats(-1e9, 1e9)
+    names = ["angle", "rate", "hose_pressure", "retract_current", "extend_current"]
+    signals = {name: np.array(data.draw(st.lists(numbers, min_size=len(time), max_size=len(time)))) for name in names}
+    configuration = dataclasses.replace(CONFIGURATION, load_mass=mass, machine=machine)
+    shutil.rmtree(tmp_path / "any", ignore_errors=True)
+    made = from_columns("any", time, signals, configuration, start_ns=start)
+    write(tmp_path / "any", made)
+    found = load(tmp_path / "any", require=())
+    for name in names:
+        assert np.array_equal(found.signals[name].stamps_ns, made.signals[name].stamps_ns)
+        assert np.allclose(found.signals[name].values, signals[name], rtol=1e-15, atol=1e-7)
+    assert found.configuration.machine == machine
+    assert found.configuration.load_mass == mass or (math.isnan(mass) and math.isnan(found.configuration.load_mass))
+
+
+def test_the_same_recording_is_written_as_the_same_bytes(made: Path, tmp_path: Path) -> None:
+    write(tmp_path / "made", recording())
+    assert mcap(tmp_path / "made").read_bytes() == mcap(made).read_bytes()
+    assert (tmp_path / "made/metadata.yaml").read_text() == (made / "metadata.yaml").read_text()
+
+
+def test_other_readers_read_what_was_written(made: Path) -> None:
+    expected = recording().signals["hose_pressure"]
+    with AnyReader([made]) as reader:
+        chosen = [connection for connection in reader.connections if connection.topic == "/boom/hose_pressure"]
+        values = [
+            reader.deserialize(raw, connection.msgtype).fluid_pressure for connection, _, raw in reader.messages(chosen)
+        ]
+    assert np.allclose(np.array(values) - 101_325, expected.values)
+    with mcap(made).open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        assert sum(1 for _ in reader.iter_messages()) == 4 * 600 + 1
+        summary = reader.get_summary()
+        assert summary is not None and len(summary.chunk_indexes) > 1
+        assert all(index.compression == "zstd" for index in summary.chunk_indexes)
+
+
+def test_a_bare_file_is_a_bag(made: Path, tmp_path: Path) -> None:
+    shutil.copy(mcap(made), tmp_path / "bare.mcap")
+    assert load(tmp_path / "bare.mcap").duration == load(made).duration
+
+
+@pytest.mark.parametrize("text", [None, "", "{", "a: 1", "\0"])
+def test_without_a_usable_metadata_file_the_mcap_file_is_read(bag: Path, text: str | None) -> None:
+    (bag / "metadata.yaml").unlink()
+    if text is not None:
+        (bag / "metadata.yaml").write_text(text)
+    found = load(bag)
+    assert found.events == [] and len(found.warnings) == 1 and "metadata.yaml" in found.warnings[0]
+
+
+def test_a_bag_split_into_files_is_one_recording(made: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "split"
+    folder.mkdir()
+    time, signals = columns()
+    for part in range(2):
+        half = slice(part * 300, part * 300 + 300)
+        write(
+            tmp_path / f"part{part}",
+            from_columns("x", time[half], {k: v[half] for k, v in signals.items()}, CONFIGURATION),
+        )
+        shutil.move(mcap(tmp_path / f"part{part}"), folder / f"split_{part}.mcap")
+    assert load(folder).signals["angle"].values.tolist() == signals["angle"].tolist()
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+def test_a_cut_file_is_read_up_to_the_break_and_the_loss_is_stated(bag: Path, share: float) -> None:
+    file = mcap(bag)
+    content = file.read_bytes()
+    file.write_bytes(content[: int(share * len(content))])
+    whole, found = recording(), load(bag)
+    assert 0.15 * share < found.duration / whole.duration <= 1
+    assert any(
+        warning.startswith(f"cut at {found.duration:.1f} s") and "of 2401 messages are lost" in warning
+        for warning in found.warnings
+    )
+    n = int(found.signals["angle"].valid.sum())
+    assert np.array_equal(found.signals["angle"].values[:n], whole.signals["angle"].values[:n])
+
+
+def test_a_file_cut_in_a_large_chunk_is_unpacked_up_to_the_break(tmp_path: Path) -> None:
+    write(tmp_path / "large", recording(60.0), chunk_bytes=10_000_000)
+    file = mcap(tmp_path / "large")
+    content = file.read_bytes()
+    file.write_bytes(content[: len(content) // 3])
+    assert load(tmp_path / "large").duration > 10
+
+
+def test_a_flipped_byte_in_a_chunk_is_reported_with_its_time_and_the_rest_is_read(bag: Path) -> None:
+    file = mcap(bag)
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[1]
+    content = bytearray(file.read_bytes())
+    content[chunk.chunk_start_offset + chunk.chunk_length - 100] ^= 0x10
+    file.write_bytes(content)
+    whole, found = recording(), load(bag)
+    start, end = ((t - whole.start_ns) / 1e9 for t in (chunk.message_start_time, chunk.message_end_time))
+    assert any(f"from {start:.1f} s to {end:.1f} s are lost" in warning for warning in found.warnings)
+    assert {event.kind for event in found.events} <= {"gap"}
+    gap = next(event for event in found.events if event.topic == "/joint_states")
+    assert start - 0.02 < gap.start_s and gap.end_s < end + 0.02
+    assert found.duration == pytest.approx(whole.duration, abs=0.01)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(place=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
+def test_a_flipped_bit_anywhere_never_changes_a_number_unnoticed(
+    made: Path, tmp_path: Path, place: float, bit: int
+) -> None:
+    content = bytearray(mcap(made).read_bytes())
+    content[int(place * len(content))] ^= 1 << bit
+    flipped = tmp_path / "flipped.mcap"
+    flipped.write_bytes(content)
+    whole = load(mcap(made))
+    try:
+        found = load(flipped)
+    except RecordingError as error:
+        assert str(flipped) in str(error) and "\n" not in str(error)
+        return
+    told = found.warnings or found.notes
+    for name, signal in whole.signals.items():
+        same = np.array_equal(found.signals[name].values, signal.values)
+        assert same or found.warnings
+        assert set(found.signals[name].stamps_ns.tolist()) <= set(signal.stamps_ns.tolist())
+    assert told
+
+
+def test_a_file_without_checksums_is_read_and_that_is_only_noted(made: Path, tmp_path: Path) -> None:
+    target = tmp_path / "plain.mcap"
+    with mcap(made).open("rb") as source, target.open("wb") as stream:
+        writer = Writer(stream, enable_crcs=False, compression=CompressionType.NONE)
+        writer.start("ros2")
+        known: dict[int, int] = {}
+        for schema, channel, message in make_reader(source).iter_messages():
+            assert schema is not None
+            if channel.id not in known:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                known[channel.id] = writer.register_channel(channel.topic, "cdr", number)
+            writer.add_message(known[channel.id], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    found = load(target)
+    assert found.warnings == [] and found.events == []
+    assert any("no checksums" in note for note in found.notes)
+
+
+def _rewrite(bag: Path, change: Callable[[str, str, bytes], tuple[str, bytes] | None]) -> None:
+    """Write the bag anew with (topic, type, message) -> (type, message), None = leave out."""
+    old = bag.rename(bag.with_name("old"))
+    with mcap(old).open("rb") as stream, BagWriter(bag) as writer:
+        numbers: dict[str, int] = {}
+        for schema, channel, message in make_reader(stream).iter_messages():
+            assert schema is not None
+            changed = change(channel.topic, schema.name, message.data)
+            if changed is None:
+                continue
+            if channel.topic not in numbers:
+                text, digest = definitions.definition(changed[0])
+                numbers[channel.topic] = writer.add_topic(channel.topic, changed[0], text, digest)
+            writer.write(numbers[channel.topic], changed[1], message.log_time, message.publish_time)
+
+
+def test_a_missing_topic_is_named(bag: Path) -> None:
+    _rewrite(bag, lambda topic, kind, data: None if topic == "/boom/rod_pressure" else (kind, data))
+    with pytest.raises(RecordingError, match="/boom/rod_pressure missing"):
+        load(bag)
+    assert "rod_pressure" not in load(bag, require=("/joint_states",)).signals
+
+
+def test_a_topic_of_another_type_is_named_with_the_right_one(bag: Path) -> None:
+    wrong = "sensor_msgs/msg/Temperature"
+    _rewrite(bag, lambda topic, kind, data: (wrong if topic == "/boom/rod_pressure" else kind, data))
+    with pytest.raises(
+        RecordingError, match=r"/boom/rod_pressure is of type sensor_msgs/msg/Temperature: .*FluidPressure"
+    ):
+        load(bag)
+
+
+def test_two_machines_in_one_bag_are_refused_and_the_same_one_twice_is_not(bag: Path) -> None:
+    def twice(kind: str, data: bytes, other: bool) -> bytes:
+        return data.replace(b"tz17", b"tz18") if other else data
+
+    configurations = iter([False, True])
+    _rewrite(bag, lambda topic, kind, data: (kind, data))
+    old = load(bag)
+    assert old.configuration.machine == "tz17"
+    second = bag.with_name("second")
+    with mcap(bag).open("rb") as stream, BagWriter(second) as writer:
+        for schema, channel, message in make_reader(stream).iter_messages(topics=["/boom/machine_configuration"]):
+            assert schema is not None
+            text, digest = definitions.definition(schema.name)
+            number = writer.add_topic(channel.topic, schema.name, text, digest)
+            for other in configurations:
+                writer.write(number, twice(schema.name, message.data, other), message.log_time, message.publish_time)
+    shutil.copy(mcap(second), bag / "more.mcap")
+    metadata = (bag / "metadata.yaml").read_text()
+    (bag / "metadata.yaml").write_text(
+        metadata.replace("relative_file_paths:\n", "relative_file_paths:\n  - more.mcap\n")
+    )
+    with pytest.raises(RecordingError, match="two machines in one bag: machine is tz17 and tz18"):
+        load(bag)
+
+
+def test_a_joint_of_another_name_has_to_be_asked_for(tmp_path: Path) -> None:
+    write(tmp_path / "other", recording(), joint="boom_joint")
+    with pytest.raises(RecordingError, match="joint 'inner_boom_joint' is not among boom_joint"):
+        load(tmp_path / "other")
+    assert len(load(tmp_path / "other", joint="boom_joint").signals["angle"].values) == 600
+
+
+def _empty(folder: Path) -> Path:
+    with BagWriter(folder / "empty"):
+        pass
+    return folder / "empty"
+
+
+def _campaign(folder: Path) -> Path:
+    with BagWriter(folder / "campaign") as writer:
+        text, digest = definitions.definition("boom_interfaces/msg/OscilloscopeTrace")
+        number = writer.add_topic(
+            "/boom/pilot_valve/oscilloscope", "boom_interfaces/msg/OscilloscopeTrace", text, digest
+        )
+        writer.write(number, b"\0\1\0\0" + bytes(60), 1, 1)
+    return folder / "campaign"
+
+
+def _several(folder: Path) -> Path:
+    for name in ("one", "two"):
+        (folder / "several" / name).mkdir(parents=True)
+        (folder / "several" / name / "metadata.yaml").touch()
+    return folder / "several"
+
+
+def _file(name: str, content: bytes) -> Callable[[Path], Path]:
+    def make(folder: Path) -> Path:
+        (folder / name).write_bytes(content)
+        return folder / name
+
+    return make
+
+
+def _sqlite(folder: Path) -> Path:
+    (folder / "lite").mkdir()
+    (folder / "lite" / "lite_0.db3").touch()
+    return folder / "lite"
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda folder: folder / "absent", "no such file or folder"),
+        (_empty, "no messages"),
+        (_campaign, "boom identify"),
+        (_several, "several bags \\(one, two\\)"),
+        (lambda folder: folder, "no .mcap file"),
+        (_file("a.db3", b"SQLite"), "sqlite3"),
+        (_sqlite, "sqlite3"),
+        (_file("a.mcap", b""), "empty"),
+        (_file("a.mcap", b"garbage" * 9), "not an MCAP file"),
+        (_file("a.txt", b"garbage" * 9), "not an MCAP file"),
+        (_file("a.mcap", b"\x89MCAP0\r\n" + b"\xff" * 99), "no messages"),
+    ],
+)
+def test_what_is_no_recording_is_refused_in_one_line_with_its_path(
+    tmp_path: Path, make: Callable[[Path], Path], told: str
+) -> None:
+    path = make(tmp_path)
+    with pytest.raises(RecordingError, match=told) as caught:
+        load(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_existing_folder_is_not_overwritten(made: Path) -> None:
+    with pytest.raises(RecordingError, match="exists already"):
+        write(made, recording())
+
+
+def test_big_endian_messages_are_located_too() -> None:
+    types = definitions.typestore().fielddefs
+    data = b"\0\0\0\0" + struct.pack(">iI I4s d d", 7, 8, 1, b"\0", 1.5, 2.5)
+    layout = cdr_layout.locate(data, "sensor_msgs/msg/FluidPressure", types)
+    rows = np.frombuffer(data, np.uint8)[None, :]
+    assert layout.column(rows, "header.stamp.sec")[0] == 7
+    assert layout.column(rows, "fluid_pressure")[0] == 1.5
+
+
+@given(data=st.binary(max_size=120))
+def test_bytes_that_are_no_message_are_refused_and_nothing_else_is_raised(data: bytes) -> None:
+    types = definitions.typestore().fielddefs
+    try:
+        layout = cdr_layout.locate(data, "sensor_msgs/msg/JointState", types)
+    except cdr_layout.LayoutError:
+        return
+    assert layout.size <= len(data)
+
+
+def test_messages_of_changing_layout_are_read_one_by_one(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "odd") as writer:
+        text, digest = definitions.definition("sensor_msgs/msg/FluidPressure")
+        number = writer.add_topic("/boom/hose_pressure", "sensor_msgs/msg/FluidPressure", text, digest)
+        for k in range(100):
+            frame = b"f" * (k % 40) + b"\0"
+            body = struct.pack("<iII", 1, k * 10_000_000, len(frame)) + frame
+            body += b"\0" * (-len(body) % 8) + struct.pack("<dd", 101_325 + k, 0)
+            writer.write(number, b"\0\1\0\0" + body, 10**9 + k * 10_000_000, 0)
+    found = load(tmp_path / "odd", require=("/boom/hose_pressure",))
+    assert found.signals["hose_pressure"].values.tolist() == list(range(100))
