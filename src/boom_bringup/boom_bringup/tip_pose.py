@@ -10,7 +10,7 @@ import importlib
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -173,48 +173,6 @@ class JointTable:
                 values[name] = min(max(0.0, low), high)
                 sources[name] = f"{values[name]:g}, because nobody publishes it"
         return JointSources(values, sources)
-
-
-@dataclass
-class InputWatch:
-    """Says, once in a while, that an input is missing.
-
-    Attributes:
-        message: what to tell the user; ``{age}`` is replaced by the seconds without input.
-        timeout: silence that is allowed [s].
-        repeat: time between two warnings [s].
-        once: True for an input that is latched: having come once, it never counts as missing.
-    """
-
-    message: str
-    started: float
-    timeout: float = 2.0
-    repeat: float = 10.0
-    once: bool = False
-    _last_seen: float | None = field(default=None, init=False)
-    _last_warning: float | None = field(default=None, init=False)
-
-    def seen(self, now: float) -> None:
-        """The input came at the time `now` [s]."""
-        self._last_seen = now
-        self._last_warning = None
-
-    def missing(self, now: float) -> bool:
-        """True where the input has been silent for longer than allowed."""
-        if self.once and self._last_seen is not None:
-            return False
-        return now - (self.started if self._last_seen is None else self._last_seen) > self.timeout
-
-    def text(self, now: float) -> str:
-        """The warning, with the age filled in."""
-        return self.message.format(age=f"{now - (self.started if self._last_seen is None else self._last_seen):.1f}")
-
-    def warning(self, now: float) -> str | None:
-        """The warning that is due at the time `now` [s], or None."""
-        if not self.missing(now) or (self._last_warning is not None and now - self._last_warning < self.repeat):
-            return None
-        self._last_warning = now
-        return self.text(now)
 
 
 def _chain(by_child: Mapping[str, _Joint], tip: str) -> list[_Joint]:

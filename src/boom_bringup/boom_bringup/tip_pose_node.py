@@ -19,10 +19,11 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from boom_bringup.tip_pose import InputWatch, JointTable, TipKinematics, UrdfError
+from boom_bringup.tip_pose import JointTable, TipKinematics, UrdfError
 from boom_interfaces.msg import MachineConfiguration
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
+from boom_node.input_watch import InputWatch
 from boom_node.parameters import ParameterSpec
 
 WATCH_PERIOD = 0.5  # s

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from boom_bringup.tip_pose import InputWatch, JointTable, TipKinematics, UrdfError
+from boom_bringup.tip_pose import JointTable, TipKinematics, UrdfError
 
 LINKS = '<link name="ground"/><link name="arm"/><link name="hand"/>'
 ARM = (
@@ -105,21 +105,3 @@ def test_positions_that_are_missing_or_no_number_do_not_count_as_measured() -> N
     table = JointTable()
     assert table.measure(["a", "b", "c"], [1.0, math.nan], 0.0) == ("a",)
     assert table.measure(["a"], [], 0.0) == ()
-
-
-def test_warning_comes_after_the_timeout_and_is_repeated_seldom() -> None:
-    watch = InputWatch("nothing for {age} s", started=100.0, timeout=2.0, repeat=10.0)
-    assert watch.warning(101.9) is None
-    assert watch.warning(102.5) == "nothing for 2.5 s"
-    assert watch.warning(112.0) is None
-    assert watch.warning(112.5) == "nothing for 12.5 s"
-    watch.seen(113.0)
-    assert not watch.missing(114.0)
-    assert watch.warning(115.5) == "nothing for 2.5 s", "after input came again the next silence is told at once"
-
-
-def test_latched_input_never_goes_missing_again() -> None:
-    watch = InputWatch("nothing", started=0.0, once=True)
-    assert watch.missing(5.0)
-    watch.seen(5.0)
-    assert watch.warning(500.0) is None

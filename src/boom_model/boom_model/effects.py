@@ -8,6 +8,7 @@ states that an effect brings exist only while it is active. Ids are those that o
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 from dataclasses import dataclass
 from math import isfinite
@@ -205,6 +206,9 @@ def check_effects(values: dict[str, dict[str, float]]) -> dict[str, dict[str, fl
             row = rows[key]
             if isinstance(value, dict):
                 value = value.get("value")
+            if isinstance(value, str):  # YAML 1.1 takes 1.0e3 for a text
+                with contextlib.suppress(ValueError):
+                    value = float(value)
             if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
                 raise MachineError(f"effects.{name}.{key}: {value!r} is not a finite number")
             if not (value == row.neutral or row.minimum <= value <= row.maximum):

@@ -6,3 +6,5 @@ class RecordingError(Exception):
 
     The message is one line for the user: which file, what is wrong, what to do.
     """
+
+    exit_status = 2

@@ -24,6 +24,7 @@ from std_msgs.msg import Bool
 from boom_node import qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
+from boom_node.input_watch import InputWatch
 from boom_node.parameters import ParameterSpec, declare
 from boom_recording import definitions, recorder
 from boom_recording.bag_writer import CHUNK_BYTES, BagWriter, OfferedQos
@@ -55,6 +56,7 @@ PARAMETERS = (
     ),
 )
 _SCAN_PERIOD_S = 0.05
+_SILENCE_PERIOD_S = 0.5
 _RECHECK_PERIOD_S = 2.0
 
 
@@ -89,6 +91,9 @@ class RecorderNode(Node):
         self._traffic: dict[str, recorder.Traffic] = {}
         self._refused: dict[str, str] = {}
         self._readiness = recorder.Readiness(required)
+        self._required = required
+        self._watches: dict[str, InputWatch] = {}
+        self._counted: dict[str, int] = {}
         self._ready = False
         self._failure = ""
         self._ready_publisher = self.create_publisher(Bool, "~/ready", qos.LATCHED)
@@ -99,7 +104,22 @@ class RecorderNode(Node):
         self.create_timer(values.flush_period, self._flush, clock=steady)
         # A publisher that was exchanged for another leaves the count as it was.
         self.create_timer(_RECHECK_PERIOD_S, self._publisher_counts.clear, clock=steady)
+        self.create_timer(_SILENCE_PERIOD_S, self._watch_required, clock=steady)
         self._scan()
+
+    def _watch_required(self) -> None:
+        """Warn of a required topic that has fallen silent."""
+        now = time.monotonic()
+        for topic in self._required:
+            count = self._traffic[topic].messages if topic in self._traffic else 0
+            if count != self._counted.get(topic, 0):
+                self._counted[topic] = count
+                text = f"{topic} has brought nothing for {{age}} s: its publisher has stopped or died"
+                self._watches.setdefault(topic, InputWatch(text, now)).seen(now)
+            elif topic in self._watches:
+                warning = self._watches[topic].warning(now)
+                if warning:
+                    self.get_logger().warning(warning)
 
     def close(self) -> None:
         """Complete the bag and say what it holds."""

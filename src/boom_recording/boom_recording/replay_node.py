@@ -131,6 +131,7 @@ class ReplayNode(Node):
         self._created = time.monotonic()
         self._complete_since: float | None = None
         self._last_tick = 0.0
+        self._unheard = False
         self._sent = 0
         self._state = "waiting"
         self._diagnostics = DiagnosticsPublisher(self, self._health)
@@ -150,6 +151,8 @@ class ReplayNode(Node):
     def _check(self) -> None:
         if self._state == "waiting":
             self._wait()
+        elif self._state == "replaying":
+            self._count_listeners()
         elif self._state == "lockstep" and time.monotonic() - self._last_tick > self._values.tick_timeout:
             self._state = "failed"
             alive = self.count_publishers("/clock") > 0
@@ -158,6 +161,14 @@ class ReplayNode(Node):
                 2,
                 f"no tick on /clock for {self._values.tick_timeout:g} s: {reason}; start the simulation in lockstep",
             )
+
+    def _count_listeners(self) -> None:
+        listeners, wanted = self._output.get_subscription_count(), self._values.wait_for
+        if listeners < wanted and not self._unheard:
+            self.get_logger().warning(
+                f"{listeners} of {wanted} subscribers of {self._topic} left: has one of them died?"
+            )
+        self._unheard = listeners < wanted
 
     def _wait(self) -> None:
         missing = self._missing()
@@ -208,7 +219,6 @@ class ReplayNode(Node):
             self._send(self._lockstep.first())
             return
         self._state = "replaying"
-        self.destroy_timer(self._watch)
         self._thread = threading.Thread(target=self._play, daemon=True)
         self._thread.start()
 

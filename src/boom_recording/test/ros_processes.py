@@ -11,8 +11,8 @@ DOMAIN = str(60 + os.getpid() % 40)
 
 
 def environment() -> dict[str, str]:
-    """Loopback only, and apart from whatever else runs on this computer."""
-    return dict(os.environ, ROS_DOMAIN_ID=DOMAIN, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST", PYTHONUNBUFFERED="1")
+    """What conftest.py has set (loopback only), and apart from whatever else runs on this computer."""
+    return dict(os.environ, ROS_DOMAIN_ID=DOMAIN, PYTHONUNBUFFERED="1")
 
 
 def start(module: str, cwd: Path, **parameters: object) -> "subprocess.Popen[str]":

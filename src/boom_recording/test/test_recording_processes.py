@@ -1,6 +1,5 @@
 """Recorder and replay as processes: kill -9 costs under a second, a replay ends with zero currents."""
 
-import os
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -12,7 +11,6 @@ import pytest
 from recording_samples import recording
 
 pytest.importorskip("rclpy")
-os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from ros_processes import Partner, start

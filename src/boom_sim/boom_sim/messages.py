@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from boom_interfaces.msg import GroundTruth, MachineConfiguration, SolenoidCurrents
-from boom_model.oil import AMBIENT_PRESSURE
-from boom_node.stamps import set_ns
 from builtin_interfaces.msg import Time
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Header
 
+from boom_interfaces.msg import GroundTruth, MachineConfiguration, SolenoidCurrents
+from boom_model.oil import AMBIENT_PRESSURE
+from boom_node.stamps import set_ns
 from boom_sim.simulated_crane import Sample
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
+
 from boom_model.equations import Kind
 from boom_model.machine import Machine
 from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS, SensorNoise
 from boom_recording import writing
 from boom_recording.recording import Configuration, Recording
-from numpy.typing import NDArray
-
 from boom_sim.simulated_crane import PERIOD, Start
 
 Array = NDArray[np.float64]
@@ -58,7 +58,7 @@ def simulate(
     else:
         x0 = plant.equilibrium(start.angle, rod)
     end = float(time[-1]) + PERIOD if duration is None else duration
-    grid = np.arange(int(math.floor(end / PERIOD + 1e-9)) + 1) * PERIOD
+    grid: Array = np.arange(math.floor(end / PERIOD + 1e-9) + 1, dtype=np.float64) * PERIOD
     run = plant.run(time, currents, grid, x0, start=0.0, tolerance=1e-6)
     rng = np.random.default_rng(seed)
     measured = noise.outputs(run.outputs, rng)
@@ -72,9 +72,10 @@ def simulate(
 
 
 def _current_times(time: Array, grid: Array) -> Array:
-    """When the currents are measured: as they are given, and at 100 Hz where they are held for longer than a period."""
+    """When the currents are measured: as they are given, and at 100 Hz where none is given within half a period."""
     inside = time[(time >= 0.0) & (time <= grid[-1])]
-    before = np.searchsorted(inside, grid + 1e-9, side="right") - 1
-    since = grid - inside[np.maximum(before, 0)]
-    held = grid[(before < 0) | (since > 1.5 * PERIOD)]
-    return np.unique(np.concatenate((inside, held)))
+    if len(inside) == 0:
+        return grid
+    after = np.minimum(np.searchsorted(inside, grid), len(inside) - 1)
+    distance = np.minimum(np.abs(inside[after] - grid), np.abs(inside[np.maximum(after - 1, 0)] - grid))
+    return np.unique(np.concatenate((inside, grid[distance > 0.5 * PERIOD])))

@@ -8,11 +8,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import yaml
+
 from boom_model.errors import ModelError
 from boom_model.machine import Machine, load_machine
 from boom_model.sensors import IDEAL
 from boom_node.parameters import ParameterSpec
-
 from boom_sim.simulated_crane import SimulatedCrane, Start
 
 UNSET = -1.0e9

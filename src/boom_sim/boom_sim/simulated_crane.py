@@ -11,11 +11,12 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
+
 from boom_model.errors import ModelError
 from boom_model.machine import Machine, Pose
 from boom_model.plant import Plant
 from boom_model.sensors import SensorNoise
-from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
@@ -135,7 +136,9 @@ class SimulatedCrane:
         """
         for name, value in (("retract", retract), ("extend", extend)):
             if not (math.isfinite(value) and -1e-9 <= value <= LARGEST_CURRENT):
-                raise CommandError(f"{name} current of {value} A: allowed is 0 .. {LARGEST_CURRENT:g} A; the command is left out")
+                raise CommandError(
+                    f"{name} current of {value} A: allowed is 0 .. {LARGEST_CURRENT:g} A; the command is left out"
+                )
         known = at is not None and self.time < at <= self.time + 2 * PERIOD
         begin = at if known and at is not None else self.time
         self._commands.given = (begin, max(retract, 0.0), max(extend, 0.0))

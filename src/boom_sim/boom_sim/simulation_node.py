@@ -5,7 +5,7 @@ Lockstep: the simulation owns time. It stands at t_n, publishes the samples of t
 advances it by one period. A command whose stamp lies inside the coming period acts from there on, any other at once.
 """
 
-# ruff: noqa: E402, I001
+# ruff: noqa: I001
 from __future__ import annotations
 
 from boom_node import early  # noqa: F401  (first: signals and environment)
@@ -53,9 +53,13 @@ class SimulationNode(Node):
         self._failure = ""
         self._refused = ""
         self._watch = WatchedCommand()
-        fixed = dict(zip(self._values.fixed_joints, (self._crane.pose.outer_boom_angle, self._crane.pose.telescope_length)))
+        fixed = dict(
+            zip(self._values.fixed_joints, (self._crane.pose.outer_boom_angle, self._crane.pose.telescope_length))
+        )
         self._fixed: dict[str, float] = {name: float(value) for name, value in fixed.items()}
-        self._variance = self._crane.machine.sensor_noise().pressure_sigma ** 2 if self._values.sensors == "thesis" else 0.0
+        self._variance = (
+            self._crane.machine.sensor_noise().pressure_sigma ** 2 if self._values.sensors == "thesis" else 0.0
+        )
 
         def publisher(kind: Any, topic: str) -> Any:
             profile = _EVERY_SAMPLE if self._lockstep else qos.BY_TOPIC.get(topic, qos.SENSOR_DATA)
@@ -108,12 +112,16 @@ class SimulationNode(Node):
     def _on_command(self, message: SolenoidCurrents) -> None:
         stamp_ns = to_ns(message.header.stamp)
         if not self._lockstep:
-            late = self._watch.receive(time.monotonic(), ns_to_seconds(self.get_clock().now().nanoseconds - stamp_ns), stamp_ns != 0)
+            late = self._watch.receive(
+                time.monotonic(), ns_to_seconds(self.get_clock().now().nanoseconds - stamp_ns), stamp_ns != 0
+            )
             if late:
                 self._refuse(late)
                 return
         try:
-            self._crane.command(message.retract, message.extend, ns_to_seconds(stamp_ns - self._origin_ns) if stamp_ns else None)
+            self._crane.command(
+                message.retract, message.extend, ns_to_seconds(stamp_ns - self._origin_ns) if stamp_ns else None
+            )
             self._refused = ""
         except CommandError as error:
             self._refuse(str(error))
@@ -205,7 +213,10 @@ class SimulationNode(Node):
         except ModelError as error:
             response.success, response.message = False, str(error)
             return response
-        response.success, response.message = True, f"load {before:g} kg -> {self._crane.load:g} kg at {self._crane.time:.2f} s"
+        response.success, response.message = (
+            True,
+            f"load {before:g} kg -> {self._crane.load:g} kg at {self._crane.time:.2f} s",
+        )
         self.get_logger().info(response.message)
         return response
 

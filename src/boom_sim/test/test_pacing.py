@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+
 from boom_sim.pacing import LARGEST_BACKLOG, Pacer, WatchedCommand
 
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine, load_machine
 from boom_model.sensors import IDEAL, SensorNoise
@@ -17,7 +18,9 @@ def machine() -> Machine:
     return load_machine("tz17")
 
 
-def crane(machine: Machine, noise: SensorNoise = IDEAL, seed: int = 0, angle: float = 0.3, load: float = 0.0) -> SimulatedCrane:
+def crane(
+    machine: Machine, noise: SensorNoise = IDEAL, seed: int = 0, angle: float = 0.3, load: float = 0.0
+) -> SimulatedCrane:
     return SimulatedCrane(machine, machine.pose(0.28, 2.2, load), Start(angle), noise, seed)
 
 

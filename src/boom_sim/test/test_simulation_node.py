@@ -12,15 +12,16 @@ from typing import Any
 
 import pytest
 import rclpy
-from boom_interfaces.msg import GroundTruth, MachineConfiguration, SolenoidCurrents
-from boom_interfaces.srv import SetPayload
-from boom_node import qos
-from boom_node.stamps import set_ns, to_ns
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
+
+from boom_interfaces.msg import GroundTruth, MachineConfiguration, SolenoidCurrents
+from boom_interfaces.srv import SetPayload
+from boom_node import qos
+from boom_node.stamps import set_ns, to_ns
 
 pytestmark = pytest.mark.process
 PATIENCE = 30.0
@@ -93,14 +94,16 @@ def partner() -> Iterator[Partner]:
 
 
 @pytest.fixture
-def start() -> Iterator[Callable[..., "subprocess.Popen[str]"]]:
+def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
     running: list[subprocess.Popen[str]] = []
 
-    def begin(*parameters: str) -> "subprocess.Popen[str]":
+    def begin(*parameters: str) -> subprocess.Popen[str]:
         command = [sys.executable, "-m", "boom_sim.simulation_node", "--ros-args"]
         command += [word for parameter in parameters for word in ("-p", parameter)]
         environment = dict(os.environ, ROS_DOMAIN_ID=DOMAIN)
-        running.append(subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True))
+        running.append(
+            subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True)
+        )
         return running[-1]
 
     yield begin

@@ -24,9 +24,10 @@ from boom_bringup import environment
 from boom_bringup.commands._node_command import node_command
 
 if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
     from boom_model.machine import Machine
     from boom_recording.recording import Recording
-    from rich.progress import Progress, TaskID
 
 HELP = "replay a recording into the simulated crane, record and validate it"
 
@@ -44,17 +45,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("bag", nargs="?", metavar="BAG", help=f"recording to repeat (default: {DEFAULT_BAG})")
     parser.add_argument("--machine", metavar="FILE", help="machine file or shipped name (default: the recording's)")
-    parser.add_argument("--output", metavar="DIR", default="output/demo", help="where the results go (default: output/demo)")
+    parser.add_argument(
+        "--output", metavar="DIR", default="output/demo", help="where the results go (default: output/demo)"
+    )
     parser.add_argument("--seed", type=int, default=0, help="seed of the simulated sensors' noise (default: 0)")
     parser.add_argument("--json", metavar="F", help="write the numbers to this file too")
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the processes, then validate; returns 0."""
+    from rich.console import Console
+
     from boom_diagnosis.initial_state import resting_start
     from boom_model.machine import load_machine
     from boom_recording.loading import load
-    from rich.console import Console
 
     console = Console(highlight=False)
     bag = Path(args.bag) if args.bag else _shipped_bag()
@@ -98,7 +102,9 @@ def _fresh(output: Path) -> Path:
 
 def _pose(recording: Recording) -> str:
     c = recording.configuration
-    return f"machine {c.machine}, q3 = {c.outer_boom_angle:g} rad, q4 = {c.telescope_length:g} m, load {c.load_mass:g} kg"
+    return (
+        f"machine {c.machine}, q3 = {c.outer_boom_angle:g} rad, q4 = {c.telescope_length:g} m, load {c.load_mass:g} kg"
+    )
 
 
 @dataclass
@@ -149,7 +155,12 @@ def _simulate(
             main=True,
         ),
     ]
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.0f} of {task.total:.0f} s"), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.0f} of {task.total:.0f} s"),
+        TimeElapsedColumn(),
+    )
     seen: list[environment.BoundSocket] = []
     with Progress(*columns, console=Console(stderr=True)) as progress:
         task = progress.add_task("replay -> simulated crane -> recorder", total=recording.duration)
@@ -173,8 +184,12 @@ def _simulate(
     if outcome.interrupted is not None:
         raise KeyboardInterrupt
     if outcome.exit_status:
-        said = "; ".join(line for line in watcher.lines if outcome.failed and line.startswith(f"[{outcome.failed[0]}]"))[-300:]
-        raise DemoError(f"the process {', '.join(outcome.failed)} ended before its work was done: {said or 'it said nothing'}")
+        said = "; ".join(
+            line for line in watcher.lines if outcome.failed and line.startswith(f"[{outcome.failed[0]}]")
+        )[-300:]
+        raise DemoError(
+            f"the process {', '.join(outcome.failed)} ended before its work was done: {said or 'it said nothing'}"
+        )
     return spent, _network(seen)
 
 

@@ -20,12 +20,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from boom_model.machine import Machine
     from boom_recording.recording import Recording
+    from boom_sim.simulated_crane import Start
+
+    Array = NDArray[np.float64]
 
 HELP = "run a model on given currents and write a bag like the machine's"
-
-_POSE = ("angle", "outer_boom_angle", "telescope_length", "load")
 
 
 class SimulateError(ValueError):
@@ -38,7 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("input", metavar="INPUT", help="bag (folder or .mcap) or .csv with the currents")
     parser.add_argument("--output", metavar="BAG", required=True, help="folder of the new bag; must not exist")
-    parser.add_argument("--machine", metavar="FILE", help="machine file or shipped name (default: the input's, else tz17)")
+    parser.add_argument(
+        "--machine", metavar="FILE", help="machine file or shipped name (default: the input's, else tz17)"
+    )
     parser.add_argument("--model", choices=("full", "reduced"), default="full", help="(5.39) or (5.47); default: full")
     parser.add_argument(
         "--effect", metavar="ID.NAME=VALUE", action="append", default=[],
@@ -49,8 +55,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--sensors", choices=("thesis", "ideal"), default="thesis", help="noise of ch. 6.4 or none (default: thesis)"
     )
     parser.add_argument("--duration", type=float, metavar="S", help="[s]; default: to the last current")
-    parser.add_argument("--angle", type=float, metavar="RAD", help="initial boom angle [rad] (default: the input's, csv: 0.3)")
-    parser.add_argument("--outer-boom-angle", type=float, metavar="RAD", help="q3 [rad] (default: the input's, csv: 0.28)")
+    parser.add_argument(
+        "--angle", type=float, metavar="RAD", help="initial boom angle [rad] (default: the input's, csv: 0.3)"
+    )
+    parser.add_argument(
+        "--outer-boom-angle", type=float, metavar="RAD", help="q3 [rad] (default: the input's, csv: 0.28)"
+    )
     parser.add_argument("--telescope-length", type=float, metavar="M", help="q4 [m] (default: the input's, csv: 2.2)")
     parser.add_argument("--load", type=float, metavar="KG", help="load at the tip [kg] (default: the input's, csv: 0)")
 
@@ -82,13 +92,17 @@ def run(args: argparse.Namespace) -> int:
             args.duration = recording.duration
     if args.angle is not None:
         start = Start(args.angle)  # the measured pressures belong to the measured angle
-    given = {"outer_boom_angle": args.outer_boom_angle, "telescope_length": args.telescope_length, "load_mass": args.load}
+    given = {
+        "outer_boom_angle": args.outer_boom_angle,
+        "telescope_length": args.telescope_length,
+        "load_mass": args.load,
+    }
     changed = {key: value for key, value in given.items() if value is not None}
     if changed:
         configuration = replace(configuration, **changed)
         start = Start(start.angle)
     machine = load_machine(args.machine or configuration.machine)
-    machine = machine.with_effects({**machine.effects, **_effects(args.effect)})
+    machine = machine.with_effects({**machine.effects, **parse_effects(args.effect)})
     note = f"simulated: {args.model} model, sensors {args.sensors}, seed {args.seed}"
     configuration = replace(configuration, machine=machine.name, note=note)
     begin = time.perf_counter()
@@ -103,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _from_bag(path: Path) -> tuple[Recording, object, object]:
+def _from_bag(path: Path) -> tuple[Recording, Array, Array]:
     from boom_diagnosis.currents import held_currents
     from boom_recording.loading import load
 
@@ -116,7 +130,7 @@ def _from_bag(path: Path) -> tuple[Recording, object, object]:
     return recording, held.time, held.values
 
 
-def _rest(recording: Recording) -> object:
+def _rest(recording: Recording) -> Start:
     """The resting start of a recording: means until the first current."""
     from boom_diagnosis.initial_state import resting_start
     from boom_sim.simulated_crane import Start
@@ -129,7 +143,12 @@ def _rest(recording: Recording) -> object:
     return Start(rest["angle"], rest["hose_pressure"], rest["rod_pressure"])
 
 
-def _effects(texts: list[str]) -> dict[str, dict[str, float]]:
+def parse_effects(texts: list[str]) -> dict[str, dict[str, float]]:
+    """``ID.NAME=VALUE`` texts as effect -> parameter -> value.
+
+    Raises:
+        SimulateError: a text of another form.
+    """
     result: dict[str, dict[str, float]] = {}
     for text in texts:
         name, _, value = text.partition("=")
@@ -149,8 +168,16 @@ def _show(result: Recording, machine: Machine, spent: float, output: Path) -> No
     from rich.table import Table
 
     c = result.configuration
-    table = Table(title=f"{result.name}: {machine.name}, q3 {c.outer_boom_angle:g} rad, q4 {c.telescope_length:g} m, load {c.load_mass:g} kg")
-    for heading, side in (("channel", "left"), ("unit", "left"), ("first", "right"), ("least", "right"), ("most", "right")):
+    table = Table(
+        title=f"{result.name}: {machine.name}, q3 {c.outer_boom_angle:g} rad, q4 {c.telescope_length:g} m, load {c.load_mass:g} kg"
+    )
+    for heading, side in (
+        ("channel", "left"),
+        ("unit", "left"),
+        ("first", "right"),
+        ("least", "right"),
+        ("most", "right"),
+    ):
         table.add_column(heading, justify=side)  # type: ignore[arg-type]
     for signal in result.signals.values():
         bar = signal.unit == "Pa"
