@@ -128,8 +128,9 @@ class SimulatedCrane:
         return self.pose.load
 
     def command(self, retract: float, extend: float, at: float | None = None) -> None:
-        """Sets both currents [A] from ``at`` [s] on; without it, or where it has passed or is further away than two periods
-        (another clock), from now on.
+        """Sets both currents [A] from ``at`` [s] on.
+
+        Without ``at``, or where it has passed or is further away than two periods (another clock), from now on.
 
         Raises:
             CommandError: a current that is no finite number, negative or larger than any driver gives.

@@ -53,10 +53,8 @@ class SimulationNode(Node):
         self._failure = ""
         self._refused = ""
         self._watch = WatchedCommand()
-        fixed = dict(
-            zip(self._values.fixed_joints, (self._crane.pose.outer_boom_angle, self._crane.pose.telescope_length))
-        )
-        self._fixed: dict[str, float] = {name: float(value) for name, value in fixed.items()}
+        known = (self._crane.pose.outer_boom_angle, self._crane.pose.telescope_length)
+        self._fixed = {name: float(value) for name, value in zip(self._values.fixed_joints, known, strict=False)}
         self._variance = (
             self._crane.machine.sensor_noise().pressure_sigma ** 2 if self._values.sensors == "thesis" else 0.0
         )

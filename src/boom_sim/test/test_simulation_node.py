@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import subprocess
@@ -157,7 +158,7 @@ def test_real_time_stamps_are_of_the_present_and_pressures_absolute(partner: Par
     assert abs(age) < 2e9
     assert partner.heard["/boom/rod_pressure"][-1].fluid_pressure == pytest.approx(1.0e6 + 101_325.0, rel=1e-3)
     stamps = [to_ns(m.header.stamp) for m in partner.heard["/boom/rod_pressure"]]
-    assert all(b - a == 10_000_000 for a, b in zip(stamps, stamps[1:], strict=False))
+    assert all(b - a == 10_000_000 for a, b in itertools.pairwise(stamps))
 
 
 def test_without_fresh_commands_the_valve_closes(partner: Partner, start: Any) -> None:
