@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from boom_recording.recording import Recording
 from numpy.typing import NDArray
+
+from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]
 
@@ -33,7 +34,9 @@ class HeldCurrents:
         return float(self.time[above[0]]) if len(above) else float("inf")
 
     def stretches(self, end: float) -> list[tuple[float, float]]:
-        """(start, end) [s] of the stretches without a gap; the last one reaches at most to ``end``."""
+        """(start, end) [s] of the stretches without a gap, none without samples; the last goes at most to ``end``."""
+        if len(self.time) == 0:
+            return []
         cuts = np.flatnonzero(np.diff(self.time) > GAP)
         starts = np.concatenate(([0], cuts + 1))
         ends = np.concatenate((self.time[cuts], [min(end, self.time[-1] + GAP)]))

@@ -1,8 +1,9 @@
 """Initial state of a free run, from what was measured at its beginning.
 
-A boom that rests tells it (machine notes): p_a = p_h, p_o,i = max(p_h, p_g0,i), spool and pilot states zero. Behind a gap, or in a
-recording that begins in motion, the unmeasured states are estimated: least squares over the first second, from a guess in
-which pilot stage, spool and accumulators are stationary, and no further from it than its uncertainty allows.
+A boom that rests tells it (machine notes): p_a = p_h, p_o,i = max(p_h, p_g0,i), spool and pilot states zero. Behind a
+gap, or in a recording that begins in motion, the unmeasured states are estimated: least squares over the first second,
+from a guess in which pilot stage, spool and accumulators are stationary, and no further from it than its uncertainty
+allows.
 """
 
 from __future__ import annotations
@@ -10,14 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.currents import HeldCurrents, held_currents
 from boom_model.errors import SimulationError
 from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
-from numpy.typing import NDArray
-from scipy.optimize import least_squares
-
-from boom_diagnosis.currents import HeldCurrents, held_currents
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,9 @@ class InitialState:
     how: str
 
 
-def initial_state(recording: Recording, plant: Plant, currents: HeldCurrents, start: float, end: float) -> InitialState | None:
+def initial_state(
+    recording: Recording, plant: Plant, currents: HeldCurrents, start: float, end: float
+) -> InitialState | None:
     """Initial state of the run over [start, end] [s]; None where a channel has no valid sample there to begin with."""
     rest_end = _rest_end(currents, start, end)
     means = _means_at_rest(recording, start, rest_end)
@@ -76,7 +78,11 @@ def _means_at_rest(recording: Recording, start: float, end: float) -> dict[str, 
     return means if still else None
 
 
-def _in_motion(recording: Recording, plant: Plant, currents: HeldCurrents, start: float, end: float) -> InitialState | None:
+def _in_motion(
+    recording: Recording, plant: Plant, currents: HeldCurrents, start: float, end: float
+) -> InitialState | None:
+    from scipy.optimize import least_squares  # takes a second to load, and most recordings begin at rest
+
     until = min(start + FIT_WINDOW, end)
     samples = {name: _samples(recording, name, start, until) for name in OUTPUTS}
     if any(len(time) == 0 for time, _ in samples.values()):
@@ -98,7 +104,7 @@ def _in_motion(recording: Recording, plant: Plant, currents: HeldCurrents, start
         parts = [(run.output(n)[where[n]] - v) / NOISE[n] for n, (_, v) in samples.items()]
         return np.concatenate([*parts, z])
 
-    fit = least_squares(residuals, np.zeros(len(guess)), diff_step=1e-4, max_nfev=30)
+    fit = least_squares(residuals, np.zeros(len(guess)), diff_step=[1e-4], max_nfev=30)
     return InitialState(start, guess + fit.x * spread, f"in motion, fitted to {start:.2f} s to {until:.2f} s")
 
 
@@ -107,7 +113,8 @@ def stationary_guess(plant: Plant, measured: dict[str, float], current: tuple[fl
     state = plant.rest_state(measured["angle"], measured["hose_pressure"], measured["rod_pressure"])
     index = {name: i for i, name in enumerate(plant.state_names)}
     state[index["rate"]] = measured["rate"]
-    # the valve alone, followed for long enough under the held currents, is stationary; the rest of the state is put back
+    # the valve alone, followed for long enough under the held currents, is stationary; the rest of the state is put
+    # back
     valve = [i for name, i in index.items() if name.startswith(("spool", "pilot"))]
     settled = state.copy()
     settled[index["rate"]] = 0.0

@@ -8,19 +8,21 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 
-from boom_model.machine import Machine
-
 from boom_diagnosis import __version__, report_events, report_figure, report_inputs, report_tables
 from boom_diagnosis.report_verdict import verdict
-from boom_diagnosis.validation import BagValidation, Validation
+from boom_diagnosis.validation import BagValidation, Prediction, Validation
+from boom_model.machine import Machine
 
 # The page may load nothing at all: what is in the file is all there is.
-_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; form-action 'none'"
+)
+_CLOUD = "https://cloud.plotly.com/newchart"
 
 _METHOD = (
-    "Both models run freely: they see the measured currents and the initial state, nothing else, and are never corrected by the "
-    "measurement. The current measured at its stamp acts until the next one. Predictions are taken at the stamps of the samples. The boom "
-    "turns up for positive angles, 0 rad is horizontal; pressures are gauge."
+    "Both models run freely: they see the measured currents and the initial state, nothing else, and are never "
+    "corrected by the measurement. The current measured at its stamp acts until the next one. Predictions are taken "
+    "at the stamps of the samples. The boom turns up for positive angles, 0 rad is horizontal; pressures are gauge."
 )
 
 
@@ -64,6 +66,8 @@ def write_report(
 def _page(heading: str, body: str) -> str:
     from plotly.offline import get_plotlyjs  # half a second, which only a report costs
 
+    # The library can send a chart to its maker's server; report.js switches that off, and there is no address either.
+    plotly = get_plotlyjs().replace(_CLOUD, "")
     own = files("boom_diagnosis")
     style, script = own.joinpath("report.css").read_text("utf-8"), own.joinpath("report.js").read_text("utf-8")
     return (
@@ -71,8 +75,9 @@ def _page(heading: str, body: str) -> str:
         f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><title>{escape(heading)}</title>'
         f"<style>\n{style}</style></head><body><main>{body}"
-        "<noscript><p class=alert>The charts need JavaScript; the tables above are complete without it.</p></noscript></main>\n"
-        f"<script>{get_plotlyjs()}</script>\n<script>\n{script}</script></body></html>\n"
+        "<noscript><p class=alert>The charts need JavaScript; the tables above are complete without "
+        "it.</p></noscript></main>\n"
+        f"<script>{plotly}</script>\n<script>\n{script}</script></body></html>\n"
     )
 
 
@@ -88,7 +93,8 @@ def _results(validation: Validation) -> str:
         said = verdict(bag)
         items.append(
             f"<li><span class='pill {said.kind.replace(' ', '-')}'>{said.kind}</span>"
-            f"<span><a href='#bag-{index + 1}'><b>{escape(bag.recording.name)}</b></a>: {escape(said.sentence)}</span></li>"
+            f"<span><a href='#bag-{index + 1}'><b>{escape(bag.recording.name)}</b></a>: "
+            f"{escape(said.sentence)}</span></li>"
         )
     return "".join(items)
 
@@ -102,18 +108,21 @@ def _recording(bag: BagValidation, index: int) -> str:
     c = recording.configuration
     samples = max((len(signal.time) for signal in recording.signals.values()), default=0)
     about = (
-        f"{recording.duration:.1f} s, {samples} samples a channel · machine {c.machine or 'not named'} · q3 = {c.outer_boom_angle:g} rad, "
-        f"q4 = {c.telescope_length:g} m, load {report_tables.load_text(c.load_mass)} kg" + (f" · {c.note}" if c.note else "")
+        f"{recording.duration:.1f} s, {samples} samples a channel · machine {c.machine or 'not named'} · q3 = "
+        f"{c.outer_boom_angle:g} rad, "
+        f"q4 = {c.telescope_length:g} m, load {report_tables.load_text(c.load_mass)} kg"
+        + (f" · {c.note}" if c.note else "")
     )
     stopped = "".join(
-        f"<p class=alert>The {p.label} model stopped: {escape(p.stopped)}. What follows has no prediction.</p>"
+        f"<p class=alert>The {p.label} model stopped: {escape(p.stopped)}. There is no prediction from there to "
+        "the next run.</p>"
         for p in (bag.full, bag.reduced)
         if p.stopped
     )
     warnings = "".join(f"<p class=warning>Damaged file: {escape(warning)}</p>" for warning in recording.warnings)
     notes = "".join(f"<p class=note>Note: {escape(note)}.</p>" for note in recording.notes)
     runs = "".join(
-        f"<li>{p.label} model, {escape(run)}</li>" for p in (bag.full, bag.reduced) for run in p.runs or ("no valid currents: not run",)
+        f"<li>{p.label} model, {escape(run)}</li>" for p in (bag.full, bag.reduced) for run in p.runs or (_not_run(p),)
     )
     # "<" would end the script element wherever a name holds "</script>".
     chart = report_figure.figure(bag)
@@ -127,6 +136,10 @@ def _recording(bag: BagValidation, index: int) -> str:
         f"<h3>Free runs and their initial states</h3><ul>{runs}</ul><h3>Gaps, losses and faults</h3>"
         f"{report_events.section(recording.events)}{notes}</section>"
     )
+
+
+def _not_run(prediction: Prediction) -> str:
+    return "not one step could be made" if prediction.stopped else "not run: there are no valid currents"
 
 
 def _shortened(names: list[str]) -> str:

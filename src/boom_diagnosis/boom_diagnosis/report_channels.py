@@ -1,4 +1,4 @@
-"""The four channels as tables and reports show them: label, symbol, units for people, and the error that judges them."""
+"""The four channels as tables and reports show them: label, symbol, units for people, and what judges them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class ShownChannel:
 
     Attributes:
         name: of the signal in a recording.
-        label, symbol: for people.
+        label, symbol: for people; the symbol as HTML.
         unit, scale: in which it is shown, and how many of them one SI unit is.
         error_unit, error_scale: the same for its errors.
         metric: the member of `Metrics` that judges it.
@@ -43,14 +43,18 @@ class ShownChannel:
 
 
 CHANNELS = (
-    ShownChannel("angle", "angle", "q2", "rad", 1.0, "mrad", 1e3, "angle_mae_rad", "mean"),
-    ShownChannel("rate", "rate", "dq2/dt", "rad/s", 1.0, "mrad/s", 1e3, "rate_rmse_rad_s", "rms"),
-    ShownChannel("hose_pressure", "hose pressure", "p_h", "bar", 1e-5, "bar", 1e-5, "hose_pressure_rmse_pa", "rms"),
-    ShownChannel("rod_pressure", "rod pressure", "p_b", "bar", 1e-5, "bar", 1e-5, "rod_pressure_rmse_pa", "rms"),
+    ShownChannel("angle", "angle", "q<sub>2</sub>", "rad", 1.0, "mrad", 1e3, "angle_mae_rad", "mean"),
+    ShownChannel("rate", "rate", "dq<sub>2</sub>/dt", "rad/s", 1.0, "mrad/s", 1e3, "rate_rmse_rad_s", "rms"),
+    ShownChannel(
+        "hose_pressure", "hose pressure", "p<sub>h</sub>", "bar", 1e-5, "bar", 1e-5, "hose_pressure_rmse_pa", "rms"
+    ),
+    ShownChannel(
+        "rod_pressure", "rod pressure", "p<sub>b</sub>", "bar", 1e-5, "bar", 1e-5, "rod_pressure_rmse_pa", "rms"
+    ),
 )
 
 
-def number(value: float, digits: int = 2) -> str:
+def number(value: float, digits: int = 3) -> str:
     """A number with so many significant digits at least, never in powers of ten between 1e-4 and 1e6."""
     if value == 0:
         return "0"

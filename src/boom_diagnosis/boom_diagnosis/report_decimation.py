@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,10 +31,11 @@ def decimate(time: Array, values: Array, points: int = POINTS, gap: float = 0.05
     chosen = known
     if len(known) > points:
         edges = np.linspace(0, len(known), max(1, points // 2) + 1).astype(int)
-        smallest = [known[a + np.argmin(values[known[a:b]])] for a, b in zip(edges[:-1], edges[1:], strict=True)]
-        largest = [known[a + np.argmax(values[known[a:b]])] for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        smallest = [known[a + np.argmin(values[known[a:b]])] for a, b in pairwise(edges)]
+        largest = [known[a + np.argmax(values[known[a:b]])] for a, b in pairwise(edges)]
         chosen = np.unique(np.concatenate((smallest, largest)))
-    # A break lies between neighbouring samples, whether or not both are drawn: where a sample is missing, or known to be wrong.
+    # A break lies between neighbouring samples, whether or not both are drawn: where a sample is missing, or known to
+    # be wrong.
     broken = np.concatenate(([0], np.cumsum((np.diff(known) > 1) | (np.diff(time[known]) > gap))))
     stretch = broken[np.searchsorted(known, chosen)]
     at = np.flatnonzero(np.diff(stretch)) + 1

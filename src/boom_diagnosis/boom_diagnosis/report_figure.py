@@ -6,12 +6,12 @@ import base64
 from typing import Any
 
 import numpy as np
-from boom_recording.recording import Event
 from numpy.typing import NDArray
 
 from boom_diagnosis.report_channels import CHANNELS, ShownChannel, ratio
 from boom_diagnosis.report_decimation import decimate
 from boom_diagnosis.validation import BagValidation
+from boom_recording.recording import Event
 
 Array = NDArray[np.float64]
 Json = dict[str, Any]
@@ -23,6 +23,8 @@ _EVENT, _EVENT_EDGE = "rgba(214,69,65,0.13)", "rgba(190,40,40,0.55)"
 _TEXT, _QUIET, _RED = "#1f2933", "#5b6570", "#b3261e"
 _CHANNEL_HEIGHT, _RESIDUAL_HEIGHT, _CURRENT_HEIGHT = 150, 92, 120
 _INNER_GAP, _OUTER_GAP, _TOP, _BOTTOM = 12, 46, 92, 44
+# Ten times as large as the full model's, it would flatten that one: drawn when its entry in the legend is clicked.
+_HIDDEN_OF, _HIDDEN = "reduced model", "reduced − measured (click)"
 _SHAPES = 150  # more shaded events than that make a page slow and say nothing more
 
 
@@ -60,9 +62,9 @@ class _Panels:
         index = self.names.index(name) + 1
         return "" if index == 1 else str(index)
 
-    def write(self, name: str, text: str, **where: Any) -> None:
+    def write(self, panel: str, text: str, **where: Any) -> None:
         """Text above the panel (``yanchor=bottom``) or in its corner."""
-        top, _ = self.spans[self.names.index(name)]
+        top, _ = self.spans[self.names.index(panel)]
         self.annotations.append((top, {"text": text, "xref": "paper", "yref": "paper", "showarrow": False, **where}))
 
     def layout(self, shapes: list[Json], duration: float) -> Json:
@@ -73,7 +75,14 @@ class _Panels:
             "plot_bgcolor": "#fbfcfd",
             "font": {"family": "system-ui, 'Segoe UI', Roboto, Arial, sans-serif", "size": 12, "color": _TEXT},
             "hovermode": "x",
-            "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1, "yanchor": "bottom", "font": {"size": 12}},
+            "legend": {
+                "orientation": "h",
+                "x": 0,
+                "xanchor": "left",
+                "y": 1,
+                "yanchor": "bottom",
+                "font": {"size": 12},
+            },
             "shapes": shapes,
             "annotations": [],
         }
@@ -84,7 +93,8 @@ class _Panels:
             last = index == len(self.spans) - 1
             result[f"yaxis{n}"] = {
                 "domain": [1 - bottom / self.height, 1 - top / self.height], "anchor": f"x{n}", "gridcolor": "#e4e8ec",
-                "zerolinecolor": "#c9d0d6", "linecolor": "#c9d0d6", "showline": True, "automargin": False, "nticks": 5, **axis,
+                "zerolinecolor": "#c9d0d6", "linecolor": "#c9d0d6", "showline": True, "automargin": False, "nticks": 5,
+                **axis,
             }  # fmt: skip
             result[f"xaxis{n}"] = {
                 "anchor": f"y{n}", "domain": [0, 1], "gridcolor": "#e4e8ec", "zeroline": False, "linecolor": "#c9d0d6",
@@ -111,8 +121,10 @@ def _channel(bag: BagValidation, channel: ShownChannel, panels: _Panels) -> list
         said += f" (limit {channel.error_text(limit).removesuffix(' ' + channel.statistic)})"
     color = _RED if times is None or times > 1 else _QUIET
     panels.write(
-        channel.name, f"full: {said}", x=1, xanchor="right", yanchor="bottom", yshift=3, font={"size": 11, "color": color}
-    )
+        channel.name, f"full: {said}", x=1, xanchor="right", yanchor="bottom", yshift=3,
+        font={"size": 11, "color": color},
+        name="error",
+    )  # fmt: skip
     below = f"{channel.name} residual"
     lower = panels.add(below, _RESIDUAL_HEIGHT, _INNER_GAP)
     panels.write(
@@ -126,14 +138,23 @@ def _channel(bag: BagValidation, channel: ShownChannel, panels: _Panels) -> list
         traces.append(_line(signal.time, values * channel.scale, upper, name, colour, width))
     for prediction, name, colour, _ in models:
         residual = (prediction.values[channel.name] - measured) * channel.error_scale
-        traces.append(_line(signal.time, residual, lower, name, colour, 0.9))
+        trace = _line(signal.time, residual, lower, name, colour, 0.9)
+        if name == _HIDDEN_OF:
+            trace |= {"legendgroup": _HIDDEN, "visible": "legendonly"}
+        traces.append(trace)
     return traces
 
 
 def _currents(bag: BagValidation, panels: _Panels) -> list[Json]:
     n = panels.add("currents", _CURRENT_HEIGHT, _OUTER_GAP, rangemode="tozero")
     panels.write(
-        "currents", "<b>Solenoid currents</b> measured [A]", x=0, xanchor="left", yanchor="bottom", yshift=3, font={"size": 13}
+        "currents",
+        "<b>Solenoid currents</b> measured [A]",
+        x=0,
+        xanchor="left",
+        yanchor="bottom",
+        yshift=3,
+        font={"size": 13},
     )
     traces = []
     for name, label, colour in (
@@ -149,7 +170,8 @@ def _currents(bag: BagValidation, panels: _Panels) -> list[Json]:
 def _line(time: Array, values: Array, n: str, name: str, colour: str, width: float) -> Json:
     x, y = decimate(time, values)
     return {
-        "type": "scatter", "mode": "lines", "x": _packed(x), "y": _packed(y), "xaxis": f"x{n}", "yaxis": f"y{n}", "name": name,
+        "type": "scatter", "mode": "lines", "x": _packed(x), "y": _packed(y), "xaxis": f"x{n}", "yaxis": f"y{n}",
+        "name": name,
         "legendgroup": name, "showlegend": False, "line": {"color": colour, "width": width}, "connectgaps": False,
         "hovertemplate": "%{y:.5g}",
     }  # fmt: skip
@@ -164,6 +186,7 @@ def _legend() -> list[Json]:
          "line": {"color": colour, "width": 4}}
         for name, colour in lines
     ]  # fmt: skip
+    entries.insert(3, entries[2] | {"name": _HIDDEN, "legendgroup": _HIDDEN, "visible": "legendonly"})
     for name, fill, edge in (("noise limit", _BAND, _BAND_EDGE), ("gap or fault", _EVENT, _EVENT_EDGE)):
         marker = {"symbol": "square", "size": 12, "color": fill, "line": {"color": edge, "width": 1}}
         entries.append({"type": "scatter", "mode": "markers", "x": [None], "y": [None], "name": name, "marker": marker})
@@ -179,7 +202,7 @@ def _shapes(bag: BagValidation, panels: _Panels) -> list[Json]:
         n, height = panels.suffix(f"{channel.name} residual"), limit * channel.error_scale
         shapes.append(
             {"type": "rect", "xref": f"x{n} domain", "yref": f"y{n}", "x0": 0, "x1": 1, "y0": -height, "y1": height,
-             "fillcolor": _BAND, "line": {"width": 0}, "layer": "below"}
+             "fillcolor": _BAND, "line": {"width": 1, "color": _BAND_EDGE, "dash": "dot"}}
         )  # fmt: skip
     for event in [e for e in bag.recording.events if e.kind != "loss"][:_SHAPES]:
         shapes += [_shaded(event, panels.suffix(name)) for name in _panels_of(bag, event)]
@@ -194,8 +217,8 @@ def _panels_of(bag: BagValidation, event: Event) -> list[str]:
 
 def _shaded(event: Event, n: str) -> Json:
     return {
-        "type": "rect", "xref": f"x{n}", "yref": f"y{n} domain", "x0": event.start_s, "x1": event.end_s, "y0": 0, "y1": 1,
-        "fillcolor": _EVENT, "line": {"width": 0.7, "color": _EVENT_EDGE}, "layer": "below",
+        "type": "rect", "xref": f"x{n}", "yref": f"y{n} domain", "x0": event.start_s, "x1": event.end_s, "y0": 0,
+        "y1": 1, "fillcolor": _EVENT, "line": {"width": 0.7, "color": _EVENT_EDGE}, "layer": "below",
     }  # fmt: skip
 
 

@@ -8,23 +8,25 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 
+from boom_diagnosis.validation import Validation
 from boom_model.machine import Machine
 from boom_recording import bag_folder
 from boom_recording.errors import RecordingError
 from boom_recording.recording import Recording
 
-from boom_diagnosis.validation import Validation
-
 INFERRED = (
-    "The numbers of this machine come from the thesis, from public descriptions of an Epsilon crane of the same institute, and from "
-    "literature; that it is the thesis' crane is inferred (same institute, fold angle, reach and gripper), not stated anywhere."
+    "The numbers of this machine come from the thesis, from public descriptions of an Epsilon crane of the same "
+    "institute, and from literature; that it is the thesis' crane is inferred (same institute, fold angle, reach and "
+    "gripper), not stated anywhere."
 )
 
 
 def section(validation: Validation, machine: Machine | None, machine_source: str | Path | None) -> str:
     """HTML: inputs with checksums, and every number of the machine with source and confidence."""
     rows = [
-        (bag.recording.name, file, checksum) for bag in validation.bags for file, checksum in recording_files(bag.recording)
+        (bag.recording.name, file, checksum)
+        for bag in validation.bags
+        for file, checksum in recording_files(bag.recording)
     ]
     if machine_source is not None:
         rows.append((f"machine {validation.machine}", *_machine_file(machine_source)))
@@ -80,7 +82,9 @@ def _machine(machine: Machine) -> str:
     return (
         f"<h3>Machine {escape(machine.name)}</h3>{f'<p>{escape(INFERRED)}</p>' if inferred else ''}"
         f"{f'<p>It carries:</p><ul>{effects}</ul>' if effects else ''}"
-        f"<p>{len(machine.parameters)} parameters; confidence in them: {counted}.</p><details><summary>All parameters with unit, source "
-        "and confidence</summary><div class=scroll><table class=compact><thead><tr><th>key</th><th class=n>value</th><th>unit</th><th>source</th>"
+        f"<p>{len(machine.parameters)} parameters; confidence in them: {counted}.</p><details><summary>All "
+        "parameters with unit, source "
+        "and confidence</summary><div class=scroll><table class=compact><thead><tr><th>key</th><th "
+        "class=n>value</th><th>unit</th><th>source</th>"
         f"<th>confidence</th></tr></thead><tbody>{rows}</tbody></table></div></details>"
     )

@@ -44,6 +44,15 @@ def alike(configuration: Configuration) -> list[ThesisTrajectory]:
 
 
 def beside(configuration: Configuration, table: str) -> str:
-    """Values [rad] of table "5.1" or "5.2" for the same pose and load, with their trajectory: "0.019 (1), 0.021 (2)"."""
-    values = [(t.number, t.full_against_measurement if table == "5.1" else t.reduced_against_full) for t in alike(configuration)]
-    return ", ".join(f"{value:.3f} ({number})" for number, value in values)
+    """Values [rad] of table "5.1" or "5.2" for this pose and load, and their trajectory: "0.019 (1), 0.021 (2)"."""
+    return ", ".join(f"{value:.3f} ({number})" for number, value in _values(configuration, table))
+
+
+def beside_short(configuration: Configuration, table: str) -> str:
+    """The same without the trajectories: "0.019, 0.021"."""
+    return ", ".join(f"{value:.3f}" for _, value in _values(configuration, table))
+
+
+def _values(configuration: Configuration, table: str) -> list[tuple[int, float]]:
+    full = table == "5.1"
+    return [(t.number, t.full_against_measurement if full else t.reduced_against_full) for t in alike(configuration)]

@@ -29,16 +29,22 @@ def summary(validation: Validation) -> str:
             f"<tr>{pose}<td class=n>{_rad(difference)}</td><td class=n>{shown}{stop}</td>"
             f"<td class=quiet>{_beside(bag, '5.2')}</td></tr>"
         )
-    head = "<th>recording</th><th class=n>q<sub>3</sub><br>[rad]</th><th class=n>q<sub>4</sub><br>[m]</th><th class=n>load<br>[kg]</th>"
+    head = (
+        "<th>recording</th><th class=n>q<sub>3</sub><br>[rad]</th><th class=n>q<sub>4</sub><br>[m]</th>"
+        "<th class=n>load<br>[kg]</th>"
+    )
     heads = "".join(f"<th class=n>{c.label}<br>{c.statistic} [{c.error_unit}]</th>" for c in CHANNELS)
     limits = limits_text(validation.bags[0].limits) if validation.bags else ""
     return (
         "<h2>Table 5.1: full model against the measurement</h2><div class=scroll><table>"
-        f"<thead><tr>{head}<th class=n>MAE<br>[rad]</th>{heads}<th>thesis MAE [rad]<br>(trajectory)</th><th>verdict</th></tr></thead>"
-        f"<tbody>{''.join(rows_full)}</tbody></table></div><p class=note>MAE is (5.48), the mean absolute error of the angle; the other "
+        f"<thead><tr>{head}<th class=n>MAE<br>[rad]</th>{heads}<th>thesis MAE [rad]<br>(trajectory)</th>"
+        "<th>verdict</th></tr></thead>"
+        f"<tbody>{''.join(rows_full)}</tbody></table></div><p class=note>MAE is (5.48), the mean absolute error "
+        "of the angle; the other "
         f"columns are its value in mrad and root mean square errors. {escape(limits)}</p>"
         "<h2>Table 5.2: reduced model against the full model</h2><div class=scroll><table>"
-        f"<thead><tr>{head}<th class=n>MAE<br>[rad]</th><th class=n>angle<br>mean [mrad]</th><th>thesis MAE [rad]<br>(trajectory)</th></tr></thead>"
+        f"<thead><tr>{head}<th class=n>MAE<br>[rad]</th><th class=n>angle<br>mean [mrad]</th><th>thesis MAE [rad]"
+        "<br>(trajectory)</th></tr></thead>"
         f"<tbody>{''.join(rows_reduced)}</tbody></table></div><p class=note>{escape(REMARK)}</p>"
     )
 
@@ -51,19 +57,21 @@ def errors(bag: BagValidation) -> str:
         off = times is None or times > 1
         limit = channel.error(bag.limits)
         rows.append(
-            f"<tr><td>{channel.label} ({channel.statistic})</td><td class=n>{_scaled(bag.full, channel.metric, channel.error_scale)}</td>"
+            f"<tr><td>{channel.label}, {channel.statistic} [{channel.error_unit}]</td><td "
+            f"class=n>{_scaled(bag.full, channel.metric, channel.error_scale)}</td>"
             f"<td class=n>{_scaled(bag.reduced, channel.metric, channel.error_scale)}</td>"
             f"<td class=n>{'–' if limit is None else number(limit * channel.error_scale)}</td>"
-            f"<td class='n{' off' if off else ''}'>{'–' if times is None else number(times)}</td><td>{channel.error_unit}</td></tr>"
+            f"<td class='n{' off' if off else ''}'>{'–' if times is None else number(times, 2)}</td></tr>"
         )
         if channel.name == "angle":
             rows.append(
-                f"<tr><td>angle (rms)</td><td class=n>{_scaled(bag.full, 'angle_rmse_rad', 1e3)}</td>"
-                f"<td class=n>{_scaled(bag.reduced, 'angle_rmse_rad', 1e3)}</td><td class=n>–</td><td class=n>–</td><td>mrad</td></tr>"
+                f"<tr><td>angle, rms [mrad]</td><td class=n>{_scaled(bag.full, 'angle_rmse_rad', 1e3)}</td>"
+                f"<td class=n>{_scaled(bag.reduced, 'angle_rmse_rad', 1e3)}</td><td class=n>–</td><td "
+                "class=n>–</td></tr>"
             )
     return (
-        "<div class=scroll><table class=compact><thead><tr><th>error against the measurement</th><th class=n>full</th><th class=n>reduced</th>"
-        f"<th class=n>limit</th><th class=n>full / limit</th><th>unit</th></tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
+        "<div class=scroll><table class=compact><thead><tr><th>error</th><th class=n>full</th><th class=n>reduced</th>"
+        f"<th class=n>limit</th><th class=n>full / limit</th></tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
     )
 
 

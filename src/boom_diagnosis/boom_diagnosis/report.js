@@ -1,0 +1,53 @@
+"use strict";
+(function () {
+  const figures = Array.from(document.querySelectorAll(".figure"));
+  const touch = window.matchMedia("(pointer: coarse)").matches;
+  // Without showSendToCloud the chart would offer to send the recording to its maker's server.
+  const config = {
+    displaylogo: false, responsive: true, showSendToCloud: false, plotlyServerURL: "", modeBarButtonsToRemove: ["select2d", "lasso2d"],
+  };
+
+  function draw(figure) {
+    if (figure.dataset.drawn) return;
+    figure.dataset.drawn = "yes";
+    const spec = JSON.parse(document.getElementById(figure.dataset.spec).textContent);
+    // A finger scrolls the page; a mouse zooms into the chart.
+    spec.layout.dragmode = touch ? false : "zoom";
+    const narrow = figure.clientWidth < 560;
+    if (narrow) {
+      spec.layout.font.size = 11;
+      spec.layout.margin.l = 40;
+      spec.layout.margin.r = 6;
+      spec.layout.margin.t += 30;
+      spec.layout.height += 30;
+      spec.layout.annotations.filter((note) => note.name === "error").forEach((note) => { note.text = note.text.split(" (")[0]; });
+      Object.keys(spec.layout).filter((key) => key.startsWith("xaxis")).forEach((key) => { spec.layout[key].nticks = 6; });
+    }
+    figure.style.minHeight = "";
+    Plotly.newPlot(figure, spec.data, spec.layout, Object.assign({ displayModeBar: narrow ? false : "hover" }, config));
+  }
+
+  // What is in the window is drawn at once, the rest when it comes near: a report of many recordings opens quickly.
+  const observer = new IntersectionObserver(function (entries) {
+    entries.filter((entry) => entry.isIntersecting).forEach(function (entry) {
+      observer.unobserve(entry.target);
+      draw(entry.target);
+    });
+  }, { rootMargin: "1200px" });
+  figures.forEach(function (figure) {
+    if (figure.getBoundingClientRect().top < window.innerHeight) draw(figure);
+    else observer.observe(figure);
+  });
+
+  // On paper each chart keeps to one page.
+  window.addEventListener("beforeprint", function () {
+    figures.forEach(function (figure) {
+      draw(figure);
+      figure.dataset.height = figure.layout.height;
+      Plotly.relayout(figure, { width: 690, height: 800 });
+    });
+  });
+  window.addEventListener("afterprint", function () {
+    figures.forEach((figure) => Plotly.relayout(figure, { width: null, height: Number(figure.dataset.height), autosize: true }));
+  });
+})();

@@ -1,0 +1,178 @@
+"""`./boom validate` as a process: output, documents, exit status, and one plain line for every wrong input."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from boom_bringup import cli
+from boom_recording.recording import Configuration
+from boom_recording.writing import from_columns, write
+
+BAGS = Path(__file__).parents[1] / "bags"
+HEALTHY, CHANGED = BAGS / "healthy" / "folded_fast", BAGS / "explained" / "payload_change_a"
+
+
+@dataclass
+class Ended:
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def validate(tmp_path, monkeypatch, capsys):
+    """The command inside this process, in a folder of its own: what it imports is imported once."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("BOOM_PROGRAM", "./boom")
+
+    def run(*arguments):
+        status = cli.main(["validate", *map(str, arguments)])
+        printed = capsys.readouterr()
+        return Ended(status, printed.out, printed.err)
+
+    return run
+
+
+def as_process(folder, *arguments):
+    command = [sys.executable, "-m", "boom_bringup.cli", "validate", *map(str, arguments)]
+    environment = os.environ | {"BOOM_PROGRAM": "./boom"}
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
+
+
+def made(path, machine="tz17", load=0.0, angle=0.4):
+    time = np.arange(200) * 0.01
+    constant = {"angle": angle, "rate": 0.0, "hose_pressure": 6e6, "rod_pressure": 1e6}
+    columns = {name: np.full(200, value) for name, value in constant.items()}
+    columns |= {"retract_current": np.zeros(200), "extend_current": np.zeros(200)}
+    write(path, from_columns(path.name, time, columns, Configuration(machine, 4.59, 0.0, load)))
+    return path
+
+
+def refused(result):
+    """The one line on stderr of a run that ended with status 2 and printed nothing else."""
+    assert result.returncode == 2, result.stderr
+    assert result.stdout == ""
+    lines = result.stderr.splitlines()
+    assert len(lines) == 1 and lines[0].startswith("boom: "), result.stderr
+    return lines[0]
+
+
+def test_tables_verdicts_document_and_report_of_several_recordings(tmp_path):
+    gap = BAGS / "damaged" / "gap_in_motion"
+    result = as_process(tmp_path, HEALTHY, CHANGED, gap, "--json", "numbers.json")
+    assert result.returncode == 0, result.stderr
+    out = result.stdout
+    assert "Table 5.1" in out and "Table 5.2" in out
+    assert "folded_fast: agrees within sensor noise" in out
+    assert "payload_change_a: differs: hose pressure 14.9 bar rms, 42 x its noise limit" in out
+    assert "gap 24.19 s to 25.40 s, on 4 topics" in out
+    assert "\x1b" not in out and max(map(len, out.splitlines())) <= 100
+    assert out.splitlines()[-1] == "report: output/validate-folded_fast-and-2-more.html"
+    assert (tmp_path / "output" / "validate-folded_fast-and-2-more.html").stat().st_size > 3e6
+
+    document = json.loads((tmp_path / "numbers.json").read_text())
+    assert document["machine"] == "tz17"
+    assert [bag["bag"] for bag in document["bags"]] == ["folded_fast", "payload_change_a", "gap_in_motion"]
+    first, _, damaged = document["bags"]
+    keys = {"angle_mae_rad", "angle_rmse_rad", "rate_rmse_rad_s", "hose_pressure_rmse_pa", "rod_pressure_rmse_pa"}
+    assert keys <= set(first["full"]) and keys <= set(first["reduced"])
+    assert first["duration_s"] == pytest.approx(60, abs=0.1) and first["samples"] == 6000 and first["events"] == []
+    assert first["reduced_vs_full"]["angle_mae_rad"] < 25e-3
+    assert {"kind", "topic", "start_s", "end_s"} <= set(damaged["events"][0])
+
+
+def test_strict_tells_a_mismatch_by_the_exit_status(validate, tmp_path):
+    assert validate(CHANGED, "--strict", "--no-report").returncode == 1
+    assert validate(HEALTHY, "--strict", "--no-report").returncode == 0
+    assert not (tmp_path / "output").exists()
+
+
+def test_a_bare_mcap_file_is_a_bag_and_the_report_goes_where_it_is_wanted(validate, tmp_path):
+    shutil.copy(HEALTHY / "folded_fast.mcap", tmp_path / "alone.mcap")
+    result = validate("alone.mcap", "--report", "here.html")
+    assert result.returncode == 0, result.stderr
+    assert "./boom validate alone.mcap --report here.html" in (tmp_path / "here.html").read_text()
+
+
+def test_a_bag_that_a_simulation_made_stands_for_the_full_model(validate, tmp_path):
+    result = validate(HEALTHY, "--simulated", HEALTHY, "--json", "n.json", "--no-report")
+    assert result.returncode == 0, result.stderr
+    assert json.loads((tmp_path / "n.json").read_text())["bags"][0]["full"]["angle_mae_rad"] == pytest.approx(
+        0, abs=1e-9
+    )
+
+
+def test_what_could_not_be_compared_is_null_in_the_document(validate, tmp_path):
+    made(tmp_path / "outside", angle=-1.25)
+    result = validate("outside", "--json", "n.json", "--no-report")
+    assert result.returncode == 0, result.stderr
+    text = (tmp_path / "n.json").read_text()
+    assert "NaN" not in text
+    assert json.loads(text)["bags"][0]["full"]["angle_mae_rad"] is None
+    assert "outside: stopped: " in result.stdout
+
+
+def test_another_machine_than_the_recorded_one_is_noted_and_so_is_an_unknown_load(validate, tmp_path):
+    made(tmp_path / "mine", machine="another", load=float("nan"))
+    result = validate("mine", "--machine", "tz17", "--no-report")
+    assert result.returncode == 0, result.stderr
+    assert "note: mine was recorded on machine 'another', the model is that of 'tz17'" in result.stdout
+    assert "note: mine does not tell its load: it counts as 0 kg" in result.stdout
+
+
+def test_a_machine_without_a_shipped_file_needs_one(validate, tmp_path):
+    made(tmp_path / "mine", machine="another")
+    line = refused(validate("mine"))
+    assert "mine: recorded on machine 'another'" in line and "--machine FILE" in line and "tz17" in line
+
+
+def test_recordings_of_different_machines_are_not_mixed(validate, tmp_path):
+    made(tmp_path / "mine", machine="another")
+    line = refused(validate(HEALTHY, "mine"))
+    assert "different machines" in line and "--machine" in line
+
+
+def test_a_process_with_wrong_input_ends_with_status_2(tmp_path):
+    assert "nowhere: there is no such file or folder" in refused(as_process(tmp_path, HEALTHY, "nowhere"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ([], "required: BAG"),
+        (["nowhere"], "nowhere: there is no such file or folder"),
+        ([HEALTHY, "empty"], "empty: "),
+        (["text.mcap"], "text.mcap: "),
+        ([HEALTHY, "--machin", "tz17"], "did you mean --machine?"),
+        ([HEALTHY, "--machine", "tz71"], "tz71: no such machine; shipped are "),
+        ([HEALTHY, "--machine", "broken.yaml"], "broken.yaml"),
+        ([HEALTHY, "--report", "no/such/report.html"], "there is no folder no/such: create it first"),
+        ([HEALTHY, "--report", "empty"], "this is a folder"),
+        ([HEALTHY, "--json", "text.mcap/n.json"], "there is no folder text.mcap"),
+        ([HEALTHY, "--report", "r.html", "--no-report"], "not allowed with"),
+        ([HEALTHY, CHANGED, "--simulated", HEALTHY], "--simulated goes with one recording"),
+        ([HEALTHY, "--simulated", "nowhere"], "nowhere: there is no such file or folder"),
+    ],
+)
+def test_wrong_input_is_one_line_and_status_2(validate, tmp_path, arguments, said):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "text.mcap").write_text("this is no recording")
+    (tmp_path / "broken.yaml").write_text("meta: [unclosed")
+    assert said in refused(validate(*arguments))
+    assert not (tmp_path / "r.html").exists()
+
+
+def test_help_explains_every_option(tmp_path):
+    result = as_process(tmp_path, "--help")
+    assert result.returncode == 0
+    for option in ("--machine", "--simulated", "--json", "--report", "--no-report", "--strict"):
+        assert option in result.stdout
