@@ -60,13 +60,15 @@ def run(args: argparse.Namespace) -> int:
     json_path = _checked(args.json, "--json")
     report = None if args.no_report else _checked(args.report, "--report") or _default_report(args.bags)
 
+    from boom_recording.loading import load
+
     with _progress(len(args.bags)) as step:
         # All are read before the first is run: a misspelt name is told at once, not after minutes.
         recordings = []
         for bag in args.bags:
             step(f"reading {bag}", 0)
-            recordings.append(_load(bag))
-        simulated = _load(args.simulated) if args.simulated else None
+            recordings.append(load(bag))
+        simulated = load(args.simulated) if args.simulated else None
 
         from boom_diagnosis.tables import console_for, print_validation
         from boom_diagnosis.validation import Validation, validate
@@ -100,16 +102,6 @@ def run(args: argparse.Namespace) -> int:
         )
         console.print(f"report: {report}", markup=False, soft_wrap=True)
     return 1 if args.strict and any(bag.mismatches for bag in validation.bags) else 0
-
-
-def _load(bag: str) -> Recording:
-    from boom_recording.errors import RecordingError
-    from boom_recording.loading import load
-
-    try:
-        return load(bag)
-    except RecordingError as error:
-        raise UsageError(str(error)) from None
 
 
 def _machine(wanted: str | None, bags: list[str], recordings: list[Recording]) -> tuple[Machine, str]:
