@@ -17,11 +17,12 @@ from boom_model.equations import Equations
 from boom_model.errors import BuildError
 
 _FLAGS = ("-O2", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC", "-std=c11")
-_HEAD = """#include <math.h>
+HEAD = """#include <math.h>
 static inline double boom_min(double a, double b) { return a < b ? a : b; }
 static inline double boom_max(double a, double b) { return a > b ? a : b; }
 static inline double boom_sign(double a) { return (a > 0) - (a < 0); }
 """
+"""What generated C needs before it."""
 
 
 def cache_folder() -> Path:
@@ -71,4 +72,4 @@ def build(equations: Equations) -> ctypes.CDLL:
         BuildError: no compiler, or the cache folder is not writable.
     """
     integrator = files("boom_model").joinpath("integrator.c").read_text()
-    return _load(_HEAD + generate(equations) + integrator)
+    return _load(HEAD + generate(equations) + integrator)

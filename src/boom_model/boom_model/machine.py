@@ -138,6 +138,8 @@ class Machine:
             if key not in parameters:
                 raise MachineError(f"{key}: no such parameter{_nearest(key, parameters)}")
             vector = (float(value),) if isinstance(value, int | float) else tuple(float(v) for v in value)
+            if len(vector) != len(parameters[key].value):
+                raise MachineError(f"{key}: expected {len(parameters[key].value)} numbers, not {len(vector)}")
             _check_range(parameters[key].specification, vector)
             parameters[key] = replace(parameters[key], value=vector)
         return replace(self, parameters=parameters)
@@ -171,14 +173,7 @@ class Machine:
         if "planar" not in body:
             known = "; ".join(f"q3 = {c['q3']:g} rad, q4 = {c['q4']:g} m" for c in body["configs"].values())
             raise MachineError(f"rigid_body.planar is missing, so that only the tabulated poses are known: {known}")
-        limits = body.get("joint_limits", {})
-        for label, value, bounds, unit in (
-            ("outer boom angle", outer_boom_angle, limits.get("q3"), "rad"),
-            ("telescope length", telescope_length, [2 * v for v in limits.get("q4_per_stage", [])] or None, "m"),
-        ):
-            if bounds and not bounds[0] - 1e-3 <= value <= bounds[1] + 1e-3:
-                raise MachineError(f"pose: {label} of {value:g} {unit} is outside {bounds[0]:g} .. {bounds[1]:g} {unit}")
-        locked = locked_inertia(body["planar"], outer_boom_angle, telescope_length)
+        locked = locked_inertia(body, outer_boom_angle, telescope_length)
         return Pose(outer_boom_angle, telescope_length, load, locked.D0, locked.Sx, locked.Sy, locked.tip)
 
     def piston_position(self, angle: float) -> float:
@@ -264,6 +259,8 @@ class _UniqueKeys(yaml.SafeLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[str] = set()
         for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise yaml.constructor.ConstructorError(None, None, "a key must be a single word", key.start_mark)
             if key.value in seen:
                 raise yaml.constructor.ConstructorError(None, None, f"{key.value} is given twice", key.start_mark)
             seen.add(key.value)
@@ -271,6 +268,10 @@ class _UniqueKeys(yaml.SafeLoader):
 
 
 def _read(source: str | Path) -> tuple[str, str]:
+    shipped = files("boom_model").joinpath("machines")
+    known = sorted(entry.name.removesuffix(".yaml") for entry in shipped.iterdir() if entry.name.endswith(".yaml"))
+    if str(source) in known:
+        return shipped.joinpath(f"{source}.yaml").read_text(encoding="utf-8"), str(source)
     path = Path(source)
     if path.suffix in (".yaml", ".yml") or path.exists():
         try:
@@ -278,10 +279,6 @@ def _read(source: str | Path) -> tuple[str, str]:
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or "not a text file"
             raise MachineError(f"{path}: cannot be read: {reason}") from error
-    shipped = files("boom_model").joinpath("machines")
-    known = sorted(entry.name.removesuffix(".yaml") for entry in shipped.iterdir() if entry.name.endswith(".yaml"))
-    if str(source) in known:
-        return shipped.joinpath(f"{source}.yaml").read_text(encoding="utf-8"), str(source)
     raise MachineError(f"{source}: no such machine; shipped are {', '.join(known)}, or give the path of a .yaml file")
 
 

@@ -1,0 +1,88 @@
+"""Machines, plants and inputs that several tests of the model share."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from functools import cache
+from importlib import resources
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from boom_model.effects import EFFECTS
+from boom_model.equations import _namespace
+from boom_model.machine import Machine, load_machine
+from boom_model.plant import Plant
+
+
+@pytest.fixture(scope="session")
+def tz17() -> Machine:
+    return load_machine("tz17")
+
+
+@pytest.fixture(scope="session")
+def other_make() -> Machine:
+    return load_machine("triangle_direct")
+
+
+@pytest.fixture
+def document() -> dict[str, Any]:
+    """The text of tz17 as a document that a test may spoil."""
+    text = (resources.files("boom_model") / "machines" / "tz17.yaml").read_text(encoding="utf-8")
+    loaded: dict[str, Any] = yaml.safe_load(text)
+    return copy.deepcopy(loaded)
+
+
+@pytest.fixture(scope="session")
+def p(tz17: Machine) -> Any:
+    """Parameters of tz17, folded, as nested namespaces of floats."""
+    return _namespace(tz17.values(tz17.pose(4.59, 0.0)))
+
+
+@pytest.fixture(scope="session")
+def effects() -> Callable[..., SimpleNamespace]:
+    """Parameters of all effects, neutral but for what is given: effects(piston_leakage={"c": 1e-12})."""
+
+    def make(**given: dict[str, float]) -> SimpleNamespace:
+        return _namespace(
+            {
+                f"{x.id}.{row.name}": given.get(x.id, {}).get(row.name, row.neutral)
+                for x in EFFECTS.values()
+                for row in x.parameters
+            }
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def folded(tz17: Machine) -> Plant:
+    return Plant(tz17, tz17.pose(4.59, 0.0))
+
+
+@pytest.fixture(scope="session")
+def joystick() -> Callable[..., tuple[Any, Any]]:
+    """Times (n,) and currents (n, 2) at 100 Hz as from an operator: rests, creeping, ramps, full strokes."""
+
+    @cache
+    def make(seconds: float, seed: int = 0) -> tuple[Any, Any]:
+        rng = np.random.default_rng(seed)
+        time = np.arange(round(seconds * 100)) * 0.01
+        command = np.zeros(len(time))
+        begin, direction = 100, -1.0
+        while begin < len(time):
+            length = int(rng.integers(60, 260))
+            level = rng.uniform(0.31, 0.55)
+            up, down = rng.integers(1, 60), rng.integers(20, 60)
+            k = np.arange(length)
+            shape = np.clip(np.minimum((k + 1) / up, (length - k) / down), 0.0, 1.0)
+            end = min(begin + length, len(time))
+            command[begin:end] = (direction * level * shape)[: end - begin]
+            begin, direction = end + int(rng.integers(20, 150)), -direction
+        return time, np.column_stack((np.maximum(command, 0.0), np.maximum(-command, 0.0)))
+
+    return make

@@ -1,0 +1,262 @@
+"""Machine files: what is shipped loads, what is spoilt is refused in one line that names the key and the range."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from boom_model.errors import MachineError
+from boom_model.machine import Machine, load_machine, machine_from
+
+Spoil = Callable[[dict[str, Any]], object]
+
+
+def put(path: str, value: Any) -> Spoil:
+    *way, last = path.split(".")
+
+    def change(document: dict[str, Any]) -> None:
+        for key in way:
+            document = document[key]
+        document[last] = value
+
+    return change
+
+
+def drop(path: str) -> Spoil:
+    *way, last = path.split(".")
+
+    def change(document: dict[str, Any]) -> None:
+        for key in way:
+            document = document[key]
+        del document[last]
+
+    return change
+
+
+CASES: dict[str, tuple[Spoil, str]] = {
+    "missing_section": (drop("friction"), "friction: the section is missing"),
+    "missing_optional_component": (drop("accumulators"), r"accumulators: the section is missing; .*type: none"),
+    "missing_key": (drop("fluid.rho"), r"fluid\.rho: missing \(density of the oil\); expected 600 \.\. 1200 kg/m\^3"),
+    "misspelt_section": (
+        lambda d: d.update(frction=d.pop("friction")),
+        "frction: no such section; did you mean friction",
+    ),
+    "misspelt_key": (
+        lambda d: d["fluid"].update(beat=d["fluid"].pop("beta")),
+        r"fluid\.beat: no such key; did you mean beta",
+    ),
+    "misspelt_inner_key": (
+        put("fluid.beta", {"value": 1e9, "unit": "Pa", "porv": "x"}),
+        r"fluid\.beta\.porv: no such key",
+    ),
+    "too_large": (put("fluid.rho.value", 8700.0), r"fluid\.rho: 8700.0 is outside 600 \.\. 1200 kg/m\^3"),
+    "negative": (put("cylinder.A_a.value", -1e-2), r"cylinder\.A_a: -0\.01 is outside 1e-05 \.\. 1 m\^2"),
+    "nan": (put("cylinder.l_p.value", float("nan")), r"cylinder\.l_p: nan is outside 0\.01 \.\. 10 m"),
+    "infinite": (put("friction.tau_C_pos.value", float("inf")), r"friction\.tau_C_pos: inf is outside"),
+    "text_for_number": (put("fluid.rho.value", "heavy"), r"fluid\.rho: heavy is outside 600 \.\. 1200"),
+    "none_for_number": (put("fluid.rho.value", None), r"fluid\.rho: nan is outside 600 \.\. 1200"),
+    "truth_for_number": (put("fluid.rho.value", True), r"fluid\.rho: True is outside 600 \.\. 1200"),
+    "list_for_number": (put("fluid.rho.value", [870.0]), r"fluid\.rho: \[870\.0\] is outside 600 \.\. 1200"),
+    "number_for_list": (put("kinematics.att.value", 0.4), r"kinematics\.att: expected a list of 2 numbers \[m\]"),
+    "short_list": (put("pilot_valves.h.value", [76.1, -0.58]), r"pilot_valves\.h: expected a list of 3 numbers"),
+    "bare_number": (put("fluid.rho", 870.0), r"fluid\.rho: write \{value: \.\.\., unit: kg/m\^3\}"),
+    "wrong_unit": (put("fluid.beta.unit", "bar"), r"fluid\.beta\.unit: bar; expected Pa"),
+    "missing_unit": (drop("fluid.beta.unit"), r"fluid\.beta\.unit: missing; expected Pa"),
+    "unknown_confidence": (put("fluid.beta.conf", "sure"), r"fluid\.beta\.conf: 'sure' is not high, medium or low"),
+    "unknown_type": (
+        put("kinematics.type", "five_bar"),
+        r"kinematics\.type: 'five_bar' is not one of four_bar, triangle",
+    ),
+    "pilot_without_spool": (put("pilot_valves", {"type": "none"}), r"pilot_valves\.type: none goes with .*direct"),
+    "other_linkage_lacks_keys": (put("kinematics.type", "triangle"), r"kinematics\.(foot|a)"),
+    "compensator_not_boolean": (
+        put("main_valve_orifices.compensator", "yes"),
+        r"compensator: 'yes' is not true or false",
+    ),
+    "anti_cavitation_unsaid": (
+        drop("main_valve_orifices.anti_cavitation.enabled"),
+        r"anti_cavitation\.enabled: say true or false",
+    ),
+    "anti_cavitation_area": (drop("main_valve_orifices.anti_cavitation.A_ac"), r"anti_cavitation\.A_ac: missing"),
+    "meter_out_form": (put("main_valve_orifices.A_ta_law.value", "2*A_sb"), r"A_ta_law: '2\*A_sb' is not of the form"),
+    "meter_out_pole": (put("main_valve_orifices.A_ta_law.value", "A_sb/(1.0-0.7*u^2)"), "not positive up to u = 1.3"),
+    "stroke_too_short": (
+        put("cylinder.l_p.value", 0.5),
+        r"kinematics: .* needs s_p = .* but the stroke cylinder\.l_p is",
+    ),
+    "linkage_apart": (put("kinematics.L2.value", 0.02), r"kinematics: the linkage cannot be assembled"),
+    "limits_swapped": (put("kinematics.q2_max.value", -1.2), r"kinematics\.q2_max: -1\.2 rad is not above"),
+    "missing_limit": (drop("kinematics.q2_max"), r"kinematics\.q2_max: missing"),
+    "areas_swapped": (put("cylinder.A_b.value", 2e-2), r"cylinder\.A_b: 0\.02 m\^2 is not smaller than A_a"),
+    "burst_valve_not_smooth": (put("hose_burst_valve.node.value", -15.0), r"hose_burst_valve\.node: -15 does not fit"),
+    "no_poses": (put("rigid_body.configs", {}), r"rigid_body\.configs: missing"),
+    "pose_lacks_key": (drop("rigid_body.configs.T3_extended.Sx"), r"rigid_body\.configs\.T3_extended\.Sx: missing"),
+    "pose_not_finite": (
+        put("rigid_body.configs.T3_extended.Sx", float("nan")),
+        r"T3_extended\.Sx: nan is not a finite number",
+    ),
+    "pose_without_inertia": (put("rigid_body.configs.T3_extended.D0", -1.0), r"D0: -1\.0 is not a positive inertia"),
+    "pose_tip": (put("rigid_body.configs.T3_extended.tip", [1.0]), r"T3_extended\.tip: expected \[x, y\] in m"),
+    "absolute_pressures": (put("meta.pressure_reference", "absolute"), r"meta\.pressure_reference: only gauge"),
+    "no_name": (drop("meta.name"), r"meta\.name: missing"),
+    "not_a_mapping": (put("fluid", [1, 2]), r"fluid: expected keys with values"),
+    "unknown_effect": (
+        put("effects", {"hose_burst_lag": {"tau": 0.1}}),
+        r"effects\.hose_burst_lag: no such effect; did you mean",
+    ),
+    "unknown_effect_parameter": (
+        put("effects", {"payload": {"weight": 10}}),
+        r"effects\.payload\.weight: no such parameter",
+    ),
+    "effect_out_of_range": (
+        put("effects", {"payload": {"mass": 1e6}}),
+        r"effects\.payload\.mass: 1e\+06 kg is outside -500 \.\. 5000 kg",
+    ),
+    "effect_not_a_number": (
+        put("effects", {"payload": {"mass": "log"}}),
+        r"effects\.payload\.mass: 'log' is not a finite number",
+    ),
+    "learned_terms": (put("learned", []), "learned: "),
+}
+
+
+@pytest.mark.parametrize("name", list(CASES))
+def test_spoilt_file_is_refused_in_one_line_that_names_the_key(document: dict[str, Any], name: str) -> None:
+    spoil, message = CASES[name]
+    spoil(document)
+    with pytest.raises(MachineError, match=message) as caught:
+        machine_from(document)
+    assert "\n" not in str(caught.value)
+
+
+def test_key_given_twice_is_refused_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "twice.yaml"
+    path.write_text("fluid:\n  rho: {value: 870.0}\n  rho: {value: 900.0}\n")
+    with pytest.raises(MachineError, match=r"twice\.yaml, line 3: .*rho is given twice"):
+        load_machine(path)
+
+
+def test_key_that_is_a_list_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "odd.yaml"
+    path.write_text("? [a, b]\n: 1\n")
+    with pytest.raises(MachineError, match=r"odd\.yaml"):
+        load_machine(path)
+
+
+@pytest.mark.parametrize("text", ["", "- 1\n- 2\n", "a: [1, 2\n", "just words"])
+def test_what_is_no_machine_file_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    with pytest.raises(MachineError, match=r"bad\.yaml"):
+        load_machine(path)
+
+
+def test_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "binary.yaml"
+    path.write_bytes(b"\xff\xfe\x00\x80")
+    with pytest.raises(MachineError, match=r"binary\.yaml: cannot be read: not a text file"):
+        load_machine(path)
+
+
+def test_missing_file_and_unknown_name_are_told_apart(tmp_path: Path) -> None:
+    with pytest.raises(MachineError, match=r"none\.yaml: cannot be read: No such file"):
+        load_machine(tmp_path / "none.yaml")
+    with pytest.raises(MachineError, match=r"tz18: no such machine; shipped are .*tz17"):
+        load_machine("tz18")
+
+
+def test_number_written_as_yaml_1_1_text_is_a_number(document: dict[str, Any]) -> None:
+    document["fluid"]["beta"]["value"] = "1.6e9"  # without a sign in the exponent YAML 1.1 reads a text
+    assert machine_from(document).parameters["fluid.beta"].value == (1.6e9,)
+
+
+# ------------------------------------------------------------------------------------------------------ what is shipped
+
+
+def test_tz17_has_the_structure_of_the_thesis(tz17: Machine) -> None:
+    s = tz17.structure
+    assert (s.linkage, s.accumulators, s.hose_burst_valve, s.pilot_valves, s.compensator) == (
+        "four_bar",
+        True,
+        True,
+        True,
+        True,
+    )
+    assert tz17.parameters["pilot_valves.h"].value == (76.1, -0.58, 0.247)
+    assert tz17.parameters["main_valve_orifices.A_ta_law.c0"].value == (2.27,)
+
+
+def test_file_of_the_same_machine_in_the_shared_folder_is_the_same() -> None:
+    path = Path(__file__).resolve().parents[4] / "shared" / "machine" / "tz17.yaml"
+    if not path.exists():
+        pytest.skip("the shared folder is there only while this is built")
+    shared, ours = load_machine(path), load_machine("tz17")
+    assert {k: v.value for k, v in shared.parameters.items()} == {k: v.value for k, v in ours.parameters.items()}
+
+
+def test_other_make_has_another_structure(other_make: Machine) -> None:
+    s = other_make.structure
+    assert (s.linkage, s.accumulators, s.hose_burst_valve, s.pilot_valves, s.compensator) == ("triangle", *[False] * 4)
+    assert other_make.parameters["fluid.p_s"].value == (2.1e7,)
+
+
+def test_other_make_needs_a_supply_pressure(other_make: Machine) -> None:
+    document = dict(other_make.document)
+    document["fluid"] = {k: v for k, v in document["fluid"].items() if k != "p_s"}
+    with pytest.raises(MachineError, match=r"fluid\.p_s: missing \(supply pressure\)"):
+        machine_from(document)
+
+
+def test_every_parameter_carries_unit_source_and_tolerance(tz17: Machine) -> None:
+    for parameter in tz17.parameters.values():
+        assert parameter.specification.unit and parameter.source
+        assert parameter.tolerance in (0.03, 0.10, 0.15, 0.30)
+    assert tz17.parameters["cylinder.A_a"].tolerance == 0.03  # high
+    assert tz17.parameters["friction.tau_C_pos"].tolerance == 0.30  # low
+    assert tz17.parameters["hose_burst_valve.a11"].tolerance == 0.03  # thesis
+
+
+# --------------------------------------------------------------------------------------------------- changing a machine
+
+
+def test_changed_values_are_checked_too(tz17: Machine) -> None:
+    assert tz17.with_values({"fluid.beta": 1e9}).parameters["fluid.beta"].value == (1e9,)
+    with pytest.raises(MachineError, match=r"fluid\.beta: .* is outside"):
+        tz17.with_values({"fluid.beta": 1.0})
+    with pytest.raises(MachineError, match=r"fluid\.bta: no such parameter; did you mean fluid\.beta"):
+        tz17.with_values({"fluid.bta": 1e9})
+
+
+def test_pair_needs_two_numbers(tz17: Machine) -> None:
+    with pytest.raises(MachineError, match=r"kinematics\.att"):
+        tz17.with_values({"kinematics.att": (0.4,)})
+
+
+def test_effects_of_the_file_are_active_and_neutral_ones_are_not(document: dict[str, Any]) -> None:
+    document["effects"] = {"payload": {"mass": 120.0}, "pilot_lag": {"r": 1.0}}
+    assert machine_from(document).effects == {"payload": {"mass": 120.0}}
+
+
+def test_machine_survives_the_way_through_a_file(tz17: Machine, tmp_path: Path) -> None:
+    path = tmp_path / "copy.yaml"
+    path.write_text(yaml.safe_dump(dict(tz17.document)), encoding="utf-8")
+    again = load_machine(path)
+    assert {k: v.value for k, v in again.parameters.items()} == {k: v.value for k, v in tz17.parameters.items()}
+
+
+@pytest.mark.parametrize(
+    ("pose", "message"),
+    [((4.59, 0.0, -1.0), "load"), ((4.59, 0.0, float("nan")), "load"), ((float("inf"), 0.0, 0.0), "finite")],
+)
+def test_impossible_pose_is_refused(tz17: Machine, pose: tuple[float, float, float], message: str) -> None:
+    with pytest.raises(MachineError, match=message):
+        tz17.pose(*pose)
+
+
+def test_pose_that_is_not_tabulated_needs_the_bodies(other_make: Machine) -> None:
+    with pytest.raises(MachineError, match=r"rigid_body\.planar is missing.*q3 = 4\.5 rad, q4 = 0 m"):
+        other_make.pose(1.0, 0.0)
