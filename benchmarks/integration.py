@@ -23,7 +23,7 @@ import numpy as np
 from integration_routes import PERIOD, Array, Case
 
 from boom_model.errors import ModelError, SimulationError
-from boom_model.machine import load_machine
+from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
 from boom_recording.errors import RecordingError
 from boom_recording.loading import load

@@ -22,7 +22,7 @@ import numpy as np
 from integration import _held
 
 from boom_model.errors import ModelError, SimulationError
-from boom_model.machine import load_machine
+from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
 from boom_model.variation import draw
 from boom_recording.errors import RecordingError

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from boom_diagnosis.validation import validate
-from boom_model.machine import load_machine
+from boom_model.machine_file import load_machine
 from boom_recording.loading import load
 
 BAGS = Path(__file__).parents[1] / "bags"

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from boom_diagnosis.validation import BagValidation, validate
-from boom_model.machine import Machine, load_machine
+from boom_model.machine import Machine
+from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
 from boom_recording.loading import load
 from boom_recording.recording import Configuration, Recording

@@ -16,7 +16,7 @@ from typing import Any
 
 import casadi as ca
 
-from boom_model.regularisation import Expression, signed_sqrt
+from boom_model.regularisation import Expression, power, signed_sqrt
 from boom_model.specification import Specification
 
 GATE_WIDTH = 5.0e3
@@ -36,7 +36,7 @@ SPECIFICATIONS = (
 
 def gas_volume(pressure: Expression, precharge: Expression, p: Any) -> Expression:
     """V_g = (zeta_0 / p_o)^(1/kappa) [m^3] at the pressure p_o [Pa], (3.16)."""
-    return p.accumulators.V_g0 * (precharge / ca.fmax(pressure, LOWEST_PRESSURE)) ** (1 / p.accumulators.kappa)
+    return p.accumulators.V_g0 * power(precharge / ca.fmax(pressure, LOWEST_PRESSURE), 1 / p.accumulators.kappa)
 
 
 def oil_volume(pressure: Expression, precharge: Expression, p: Any) -> Expression:
@@ -65,7 +65,7 @@ def orifice_flow(
 
 
 def compliance(pressure: Expression, precharge: Expression, bulk_modulus: Expression, p: Any) -> Expression:
-    """dV / dp [m^3/Pa] of an accumulator at rest with the line, 0 below pre-charge: the denominator of (5.45).
+    """DV / dp [m^3/Pa] of an accumulator at rest with the line, 0 below pre-charge: the denominator of (5.45).
 
     (V_o / beta) + V_g / (kappa p_o), which is (3.19) with q_o = V' solved for q_o / p_o'.
     """

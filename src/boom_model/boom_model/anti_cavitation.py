@@ -1,5 +1,7 @@
-"""Anti-cavitation valves at both ports of the main valve. Not in the thesis (machine notes), whose equations let p_b fall to
--147 bar on a fast stop with a log; ``enabled: false`` in the machine file is the thesis as printed.
+"""Anti-cavitation valves at both ports of the main valve.
+
+Not in the thesis (machine notes), whose equations let p_b fall to -147 bar on a fast stop with a log; ``enabled: false`` in the
+machine file is the thesis as printed.
 
     q = C_d A_ac sqrt(2 / rho) sqrt(max(0, p_open - p))
 """
@@ -24,6 +26,6 @@ SPECIFICATIONS = (
 
 
 def flow(pressure: Expression, p: Any) -> Expression:
-    """q [m^3/s] into the port with the gauge pressure [Pa]."""
+    """Q [m^3/s] into the port with the gauge pressure [Pa]."""
     a = p.main_valve_orifices.anti_cavitation
     return p.fluid.C_d * a.A_ac * ca.sqrt(2 / p.fluid.rho) * signed_sqrt(positive(a.p_open - pressure))

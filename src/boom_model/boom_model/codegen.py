@@ -93,6 +93,7 @@ def _elimination(pattern: np.ndarray) -> tuple[list[int], str, str, int]:
     left = set(range(n))
     work = filled.copy()
     while left:
+
         def cost(k: int) -> tuple[int, int]:
             rows = sum(work[i, k] for i in left) - 1
             columns = sum(work[k, j] for j in left) - 1

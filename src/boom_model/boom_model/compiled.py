@@ -57,12 +57,16 @@ def _load(source: str) -> ctypes.CDLL:
                     raise BuildError(f"{compiler} could not build the model: {result.stderr.strip().splitlines()[-1:]}")
                 built.replace(library)  # atomic: several processes may build the same model at once
         except OSError as error:
-            raise BuildError(f"cannot write the compiled model to {folder}: {error.strerror}; set BOOM_CACHE") from error
+            raise BuildError(
+                f"cannot write the compiled model to {folder}: {error.strerror}; set BOOM_CACHE"
+            ) from error
     try:
         return ctypes.CDLL(str(library))
     except OSError as error:
         library.unlink(missing_ok=True)
-        raise BuildError(f"cannot load the compiled model {library.name}: {error}; run again to build it anew") from error
+        raise BuildError(
+            f"cannot load the compiled model {library.name}: {error}; run again to build it anew"
+        ) from error
 
 
 def build(equations: Equations) -> ctypes.CDLL:

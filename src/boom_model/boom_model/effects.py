@@ -9,11 +9,12 @@ states that an effect brings exist only while it is active. Ids are those that o
 from __future__ import annotations
 
 import contextlib
-import difflib
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
+from typing import Any
 
-from boom_model.errors import MachineError
+from boom_model.errors import MachineError, nearest
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,9 @@ class Effect:
     needs: str = ""
 
 
-def _p(name: str, unit: str, neutral: float, rng: tuple[float, float], lim: tuple[float, float], text: str) -> EffectParameter:
+def _p(
+    name: str, unit: str, neutral: float, rng: tuple[float, float], lim: tuple[float, float], text: str
+) -> EffectParameter:
     return EffectParameter(name, unit, neutral, rng[0], rng[1], lim[0], lim[1], text)
 
 
@@ -64,12 +67,18 @@ BAR = 1.0e5
 
 CATALOGUE: tuple[Effect, ...] = (
     Effect(
-        "payload", "load", "5.39a", "D += m |tip|^2, g += m g_0 (t_x cos q_2 - t_y sin q_2)",
+        "payload",
+        "load",
+        "5.39a",
+        "D += m |tip|^2, g += m g_0 (t_x cos q_2 - t_y sin q_2)",
         (_p("mass", "kg", 0.0, (50.0, 2000.0), (-500.0, 5000.0), "mass at the tip beyond the configuration's"),),
         "static head pressure, with the lever arm",
     ),
     Effect(
-        "stribeck_friction", "friction", "5.39b", "tau_C += tau_s exp(-(w / w_s)^2)",
+        "stribeck_friction",
+        "friction",
+        "5.39b",
+        "tau_C += tau_s exp(-(w / w_s)^2)",
         (
             _p("tau_s", "N m", 0.0, (600.0, 4000.0), (0.0, 1e5), "break-away above sliding friction"),
             _p("w_s", "rad/s", 0.02, (0.005, 0.05), (1e-4, 1.0), "Stribeck velocity"),
@@ -77,7 +86,10 @@ CATALOGUE: tuple[Effect, ...] = (
         "starts, stops and slow motion",
     ),
     Effect(
-        "position_dependent_friction", "friction", "5.39b", "tau_C (1 + b exp(-((q_2 - q_c) / width)^2))",
+        "position_dependent_friction",
+        "friction",
+        "5.39b",
+        "tau_C (1 + b exp(-((q_2 - q_c) / width)^2))",
         (
             _p("b", "-", 0.0, (0.2, 2.0), (-0.9, 20.0), "height of the tight spot over tau_C"),
             _p("q_c", "rad", 0.5, (0.0, 1.0), (-2.0, 2.0), "where it is"),
@@ -86,37 +98,72 @@ CATALOGUE: tuple[Effect, ...] = (
         "the same angle, flips with the direction",
     ),
     Effect(
-        "piston_leakage", "cylinder", "5.39c,d", "q_l = c (p_a - p_b)",
-        (_p("c", "m^3/s/Pa", 0.0, (0.1 * LPM / 1e7, 5 * LPM / 1e7), (0.0, 1e-9), "laminar leakage past the piston seal"),),
+        "piston_leakage",
+        "cylinder",
+        "5.39c,d",
+        "q_l = c (p_a - p_b)",
+        (
+            _p(
+                "c",
+                "m^3/s/Pa",
+                0.0,
+                (0.1 * LPM / 1e7, 5 * LPM / 1e7),
+                (0.0, 1e-9),
+                "laminar leakage past the piston seal",
+            ),
+        ),
         "sinks at standstill, p_b rises, slower both ways",
     ),
     Effect(
-        "entrained_air", "oil", "5.39c,d,i", "beta(p) = beta (1 + a r^(1/n)) / (1 + a r^(1/n) beta / (n p_abs))",
+        "entrained_air",
+        "oil",
+        "5.39c,d,i",
+        "beta(p) = beta (1 + a r^(1/n)) / (1 + a r^(1/n) beta / (n p_abs))",
         (_p("a", "-", 0.0, (0.002, 0.06), (0.0, 0.3), "free air over oil volume at ambient pressure"),),
         "soft below 15 bar, stiff above",
     ),
     Effect(
-        "accumulator_precharge", "accumulators", "5.39g,h", "p_g0 r",
+        "accumulator_precharge",
+        "accumulators",
+        "5.39g,h",
+        "p_g0 r",
         (_p("r", "-", 1.0, (0.2, 1.1), (0.02, 2.0), "factor of both pre-charge pressures"),),
-        "the corner in p_h' moves", needs="accumulators",
+        "the corner in p_h' moves",
+        needs="accumulators",
     ),
     Effect(
-        "accumulator_restrictor", "accumulators", "5.39j,k", "d r",
+        "accumulator_restrictor",
+        "accumulators",
+        "5.39j,k",
+        "d r",
         (_p("r", "-", 1.0, (0.3, 1.2), (0.0, 5.0), "factor of both orifice diameters"),),
-        "time constant of p_h", needs="accumulators",
+        "time constant of p_h",
+        needs="accumulators",
     ),
     Effect(
-        "hose_burst_valve_lag", "hose_burst_valve", "5.39f", "q_a = G (p_h - p_a) outwards, tau G' = G_limited - G",
+        "hose_burst_valve_lag",
+        "hose_burst_valve",
+        "5.39f",
+        "q_a = G (p_h - p_a) outwards, tau G' = G_limited - G",
         (_p("tau", "s", 0.0, (0.005, 0.15), (1e-4, 2.0), "time constant of the poppet"),),
-        "first 0.3 s of fast lowering", (("G", "m^3/s/Pa"),), needs="hose_burst_valve",
+        "first 0.3 s of fast lowering",
+        (("G", "m^3/s/Pa"),),
+        needs="hose_burst_valve",
     ),
     Effect(
-        "hose_burst_valve_setting", "hose_burst_valve", "5.39f", "limited branch r q_a(dp)",
+        "hose_burst_valve_setting",
+        "hose_burst_valve",
+        "5.39f",
+        "limited branch r q_a(dp)",
         (_p("r", "-", 1.0, (0.6, 1.2), (0.1, 5.0), "factor of the limited flow"),),
-        "plateau speed when lowering fast", needs="hose_burst_valve",
+        "plateau speed when lowering fast",
+        needs="hose_burst_valve",
     ),
     Effect(
-        "valve_dead_zone", "main_valve", "5.39l,m", "x_0 + d",
+        "valve_dead_zone",
+        "main_valve",
+        "5.39l,m",
+        "x_0 + d",
         (
             _p("d_extend", "-", 0.0, (-0.1, 0.1), (-0.25, 0.5), "added overlap over full stroke, lifting"),
             _p("d_retract", "-", 0.0, (-0.1, 0.1), (-0.25, 0.5), "added overlap over full stroke, lowering"),
@@ -124,52 +171,95 @@ CATALOGUE: tuple[Effect, ...] = (
         "start delay, creep speed",
     ),
     Effect(
-        "flow_force", "main_valve", "5.39n", "F_q = c |q| sqrt(|dp|), summed over both edges, closes the spool",
+        "flow_force",
+        "main_valve",
+        "5.39n",
+        "F_q = c |q| sqrt(|dp|), summed over both edges, closes the spool",
         (_p("c", "N s/m^3/Pa^0.5", 0.0, (2.0, 31.0), (0.0, 1e3), "force per flow and root of the drop"),),
-        "gain loss with flow and pressure drop", needs="pilot_valves",
+        "gain loss with flow and pressure drop",
+        needs="pilot_valves",
     ),
     Effect(
-        "spring_rate", "main_valve", "5.39n", "k r",
+        "spring_rate",
+        "main_valve",
+        "5.39n",
+        "k r",
         (_p("r", "-", 1.0, (0.7, 1.3), (0.1, 10.0), "factor of the return spring (or inverse of the pilot gain)"),),
-        "speed at all currents, opens earlier or later", needs="pilot_valves",
+        "speed at all currents, opens earlier or later",
+        needs="pilot_valves",
     ),
     Effect(
-        "compensator_droop", "main_valve", "5.39l,m", "supply flow q (1 - k (q / 120 l/min)^2)",
+        "compensator_droop",
+        "main_valve",
+        "5.39l,m",
+        "supply flow q (1 - k (q / 120 l/min)^2)",
         (_p("k", "-", 0.0, (0.05, 0.5), (0.0, 1.0), "loss of supply flow at 120 l/min"),),
-        "top speed, supply side only", needs="compensator",
+        "top speed, supply side only",
+        needs="compensator",
     ),
     Effect(
-        "pilot_lag", "pilot_valves", "5.39p,s", "a_1 / r, b_0 / r",
+        "pilot_lag",
+        "pilot_valves",
+        "5.39p,s",
+        "a_1 / r, b_0 / r",
         (_p("r", "-", 1.0, (0.6, 3.0), (0.05, 50.0), "factor of the pilot valves' time constant"),),
-        "slower at every edge", needs="pilot_valves",
+        "slower at every edge",
+        needs="pilot_valves",
     ),
     Effect(
-        "command_delay", "pilot_valves", "5.39p,s", "i(t - T)",
+        "command_delay",
+        "pilot_valves",
+        "5.39p,s",
+        "i(t - T)",
         (_p("T", "s", 0.0, (0.005, 0.1), (0.0, 1.0), "dead time between command and valve"),),
         "follows the edges of the command",
     ),
     Effect(
-        "pump_flow_limit", "supply", "5.39l,m", "supply flow q / (1 + (q / q_max)^8)^(1/8)",
-        (_p("inverse_q_max", "s/m^3", 0.0, (60_000 / 120, 60_000 / 50), (0.0, 60_000.0), "1 / largest flow of the pump"),),
+        "pump_flow_limit",
+        "supply",
+        "5.39l,m",
+        "supply flow q / (1 + (q / q_max)^8)^(1/8)",
+        (
+            _p(
+                "inverse_q_max",
+                "s/m^3",
+                0.0,
+                (60_000 / 120, 60_000 / 50),
+                (0.0, 60_000.0),
+                "1 / largest flow of the pump",
+            ),
+        ),
         "speed saturates",
     ),
     Effect(
-        "return_line_pressure", "return_line", "5.39l,m", "p_t + k q^2",
+        "return_line_pressure",
+        "return_line",
+        "5.39l,m",
+        "p_t + k q^2",
         (_p("k", "Pa s^2/m^6", 0.0, (2e5 / 2.17e-3**2, 2e6 / 2.17e-3**2), (0.0, 1e13), "rise per squared flow"),),
         "p_b when extending, p_h when lowering slowly",
     ),
     Effect(
-        "angle_offset", "sensors", "ch. 4.2", "y = q_2 + b",
+        "angle_offset",
+        "sensors",
+        "ch. 4.2",
+        "y = q_2 + b",
         (_p("b", "rad", 0.0, (-0.035, 0.035), (-0.5, 0.5), "IMU mounted askew"),),
         "gravity mismatch over the angle",
     ),
     Effect(
-        "rate_scale", "sensors", "ch. 4.2", "y = a q_2'",
+        "rate_scale",
+        "sensors",
+        "ch. 4.2",
+        "y = a q_2'",
         (_p("a", "-", 1.0, (0.95, 1.05), (0.1, 10.0), "gain of the gyro"),),
         "integrated rate against angle, without any hydraulics",
     ),
     Effect(
-        "pressure_bias", "sensors", "ch. 4.2", "y = p + b",
+        "pressure_bias",
+        "sensors",
+        "ch. 4.2",
+        "y = p + b",
         (
             _p("hose", "Pa", 0.0, (-3e5, 3e5), (-5e6, 5e6), "offset of the hose pressure transducer"),
             _p("rod", "Pa", 0.0, (-3e5, 3e5), (-5e6, 5e6), "offset of the rod pressure transducer"),
@@ -177,7 +267,10 @@ CATALOGUE: tuple[Effect, ...] = (
         "level of one pressure, everywhere",
     ),
     Effect(
-        "pressure_delay", "sensors", "ch. 4.2", "y = p(t - T)",
+        "pressure_delay",
+        "sensors",
+        "ch. 4.2",
+        "y = p(t - T)",
         (_p("T", "s", 0.0, (0.005, 0.1), (0.0, 1.0), "dead time of both pressure channels"),),
         "all edges of the pressures",
     ),
@@ -195,14 +288,14 @@ def check_effects(values: dict[str, dict[str, float]]) -> dict[str, dict[str, fl
     result: dict[str, dict[str, float]] = {}
     for name, given in values.items():
         if name not in EFFECTS:
-            raise MachineError(f"effects.{name}: no such effect{_nearest(name, EFFECTS)}")
+            raise MachineError(f"effects.{name}: no such effect{nearest(name, EFFECTS)}")
         rows = {row.name: row for row in EFFECTS[name].parameters}
         if not isinstance(given, dict):
             raise MachineError(f"effects.{name}: expected parameters, e.g. {{{next(iter(rows))}: ...}}")
         complete = {row.name: row.neutral for row in rows.values()}
         for key, value in given.items():
             if key not in rows:
-                raise MachineError(f"effects.{name}.{key}: no such parameter{_nearest(key, rows)}")
+                raise MachineError(f"effects.{name}.{key}: no such parameter{nearest(key, rows)}")
             row = rows[key]
             if isinstance(value, dict):
                 value = value.get("value")
@@ -227,8 +320,16 @@ def is_neutral(name: str, values: dict[str, float]) -> bool:
     return all(values[row.name] == row.neutral for row in leading)
 
 
-def _nearest(name: str, names: dict[str, object] | dict[str, Effect] | dict[str, EffectParameter]) -> str:
-    close = difflib.get_close_matches(name, list(names), 1)
-    return f"; did you mean {close[0]}?" if close else f"; known: {', '.join(sorted(names))}"
+def active_effects(given: Any, has: Callable[[str], bool]) -> dict[str, dict[str, float]]:
+    """The effects that are not neutral, complete and checked; ``has`` tells whether the machine has a component.
 
-
+    Raises:
+        MachineError: unknown effect or parameter, a value outside its limits, or a component that is not there.
+    """
+    if not isinstance(given, dict):
+        raise MachineError("effects: expected effect ids with their parameters below")
+    complete = check_effects(given)
+    for name in complete:
+        if not has(EFFECTS[name].needs):
+            raise MachineError(f"effects.{name}: this machine has no {EFFECTS[name].needs.replace('_', ' ')}")
+    return {name: values for name, values in complete.items() if not is_neutral(name, values)}

@@ -158,9 +158,7 @@ class _Wiring:
             minus = self.add("pilot_extend", "lambda_-", "A s", 2e-2, -10.0, 10.0)
             difference = pilot_valve.pressure(plus, u[0], p, e) - pilot_valve.pressure(minus, u[1], p, e)
             self.rates["spool_position"] = velocity
-            self.rates["spool_velocity"] = main_valve_spool.acceleration(
-                spool, velocity, difference, flows.force, p, e
-            )
+            self.rates["spool_velocity"] = main_valve_spool.acceleration(spool, velocity, difference, flows.force, p, e)
             self.rates["pilot_retract"] = pilot_valve.state_rate(plus, u[0], p, e)
             self.rates["pilot_extend"] = pilot_valve.state_rate(minus, u[1], p, e)
             self.pilot_difference = difference
@@ -190,7 +188,9 @@ class _Wiring:
         net = inflow + self.velocity * self.p.cylinder.A_b
         self.rates["rod_pressure"] = cylinder.pressure_rate(beta, volume, net)
 
-    def finish(self, kind: Kind, hose_pressure: Any, rod_pressure: Any, auxiliary: dict[str, tuple[str, Any]]) -> Equations:
+    def finish(
+        self, kind: Kind, hose_pressure: Any, rod_pressure: Any, auxiliary: dict[str, tuple[str, Any]]
+    ) -> Equations:
         if self.structure.pilot_valves:
             auxiliary["pilot_pressure_difference"] = ("Pa", self.pilot_difference)
         auxiliary |= {
@@ -266,8 +266,10 @@ def full_model(structure: Structure, effects: Iterable[str] = ()) -> Equations:
 
 
 def reduced_model(structure: Structure, effects: Iterable[str] = ()) -> Equations:
-    """The reduced model (5.47); 8 states (5.46). V_h is dropped, the accumulators are part of the head volume (5.43),
-    the hose burst valve is the torque A_a J dp_ha(q_2, q_2') of (5.41), and the hose pressure is p_a.
+    """The reduced model (5.47); 8 states (5.46).
+
+    V_h is dropped, the accumulators are part of the head volume (5.43), the hose burst valve is the torque
+    A_a J dp_ha(q_2, q_2') of (5.41), and the hose pressure is p_a.
 
     Raises:
         ModelError: an effect needs a component that the structure does not have.

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 
 class ModelError(Exception):
     """Base of everything that boom_model raises on purpose."""
@@ -29,3 +32,10 @@ class SimulationError(ModelError):
         super().__init__(message)
         self.time = time
         self.state = state
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """The end of a message about an unknown name: the one that may be meant, or all there are."""
+    known = sorted(names)
+    close = difflib.get_close_matches(name, known, 1, 0.5)
+    return f"; did you mean {close[0]}?" if close else f"; known: {', '.join(known)}"

@@ -22,7 +22,9 @@ from boom_model.specification import Specification
 
 SPECIFICATIONS = (
     Specification("kinematics.foot", "foot", "m", "foot of the cylinder on the column", -10.0, 10.0, "3.13a", "pair"),
-    Specification("kinematics.pivot", "pivot", "m", "pivot of the long bar on the column", -10.0, 10.0, "3.13a", "pair"),
+    Specification(
+        "kinematics.pivot", "pivot", "m", "pivot of the long bar on the column", -10.0, 10.0, "3.13a", "pair"
+    ),
     Specification("kinematics.att", "att", "m", "joint of the short bar on the boom", -10.0, 10.0, "3.13a", "pair"),
     Specification("kinematics.L1", "L_1", "m", "length of the long bar", 1e-3, 10.0, "3.13a"),
     Specification("kinematics.L2", "L_2", "m", "length of the short bar", 1e-3, 10.0, "3.13a"),

@@ -24,11 +24,13 @@ from typing import Any
 
 import casadi as ca
 
-from boom_model.regularisation import Expression, signed_sqrt
+from boom_model.regularisation import Expression, power, signed_sqrt
 from boom_model.specification import Specification
 
 LARGEST_OPENING = 1.2
 LARGEST_METER_OUT = 1.3
+SMALLEST_OPENING = 1e-12
+"""Keeps the logarithm of the exponentiation finite; the area in the dead zone itself is exactly zero."""
 Q_REFERENCE = 2.0e-3
 """m^3/s (120 l/min), full flow."""
 
@@ -56,13 +58,14 @@ class ValveFlows:
     force: Expression
 
 
-def opening(position: Expression, extend: bool, p: Any, e: Any) -> Expression:
-    """u [-] at the spool position s_s [m]."""
+def opening(position: Expression, p: Any, e: Any) -> Expression:
+    """U [-] at the spool position s_s [m], of the edges that are open on its side."""
     o = p.main_valve_orifices
-    shift = e.valve_dead_zone.d_extend if extend else e.valve_dead_zone.d_retract
+    shift = ca.if_else(position < 0, e.valve_dead_zone.d_extend, e.valve_dead_zone.d_retract)
     x0 = o.x0 + shift
-    x = ca.fmin((-position if extend else position) / p.main_valve_spool.s_max, LARGEST_OPENING)
-    return ca.fmax(0.0, (x - x0) / (1 - x0)) ** o.n
+    x = ca.fmin(ca.fabs(position) / p.main_valve_spool.s_max, LARGEST_OPENING)
+    u = (x - x0) / (1 - x0)
+    return ca.if_else(u > 0, power(ca.fmax(u, SMALLEST_OPENING), o.n), 0.0)
 
 
 def _supply(flow: Expression, e: Any) -> Expression:
@@ -80,21 +83,17 @@ def flows(position: Expression, hose_pressure: Expression, rod_pressure: Express
     o, f = p.main_valve_orifices, p.fluid
     gain = f.C_d * ca.sqrt(2 / f.rho)
     extend = position < 0
-    u_e, u_r = opening(position, True, p, e), opening(position, False, p, e)
-    a_ta = o.A_sb_max * u_r / (o.A_ta_law.c0 - o.A_ta_law.c1 * ca.fmin(u_r, LARGEST_METER_OUT) ** 2)
-    drop_a = o.dp_c if hasattr(o, "dp_c") else f.p_s - hose_pressure
-    drop_b = o.dp_c if hasattr(o, "dp_c") else f.p_s - rod_pressure
-    root_a = ca.sqrt(drop_a) if hasattr(o, "dp_c") else signed_sqrt(drop_a)
-    root_b = ca.sqrt(drop_b) if hasattr(o, "dp_c") else signed_sqrt(drop_b)
-    to_a = _supply(gain * o.A_sa_max * u_e * root_a, e)
-    to_b = _supply(gain * o.A_sb_max * u_r * root_b, e)
-    from_a = _tank_flow(a_ta, hose_pressure - f.p_t, gain, e)
-    from_b = _tank_flow(o.A_tb_max * u_e, rod_pressure - f.p_t, gain, e)
-    q_a, q_b = ca.if_else(extend, to_a, -from_a), ca.if_else(extend, -from_b, to_b)
-    supply_force = ca.if_else(extend, -ca.fabs(to_a) * ca.fabs(root_a), ca.fabs(to_b) * ca.fabs(root_b))
-    tank_force = ca.if_else(
-        extend,
-        -ca.fabs(from_b) * ca.fabs(signed_sqrt(rod_pressure - f.p_t)),
-        ca.fabs(from_a) * ca.fabs(signed_sqrt(hose_pressure - f.p_t)),
+    u = opening(position, p, e)
+    compensated = hasattr(o, "dp_c")
+    port_pressure = ca.if_else(extend, hose_pressure, rod_pressure)
+    supply_root = ca.sqrt(o.dp_c) if compensated else signed_sqrt(f.p_s - port_pressure)
+    supply = _supply(gain * ca.if_else(extend, o.A_sa_max, o.A_sb_max) * u * supply_root, e)
+    a_ta = o.A_sb_max * u / (o.A_ta_law.c0 - o.A_ta_law.c1 * ca.fmin(u, LARGEST_METER_OUT) ** 2)
+    tank_drop = ca.if_else(extend, rod_pressure, hose_pressure) - f.p_t
+    tank = _tank_flow(ca.if_else(extend, o.A_tb_max * u, a_ta), tank_drop, gain, e)
+    size = ca.fabs(supply * supply_root) + ca.fabs(tank * signed_sqrt(tank_drop))
+    return ValveFlows(
+        head=ca.if_else(extend, supply, -tank),
+        rod=ca.if_else(extend, -tank, supply),
+        force=e.flow_force.c * ca.if_else(extend, -size, size),
     )
-    return ValveFlows(q_a, q_b, e.flow_force.c * (supply_force + tank_force))

@@ -13,7 +13,7 @@ from typing import Any
 
 import casadi as ca
 
-from boom_model.regularisation import Expression
+from boom_model.regularisation import Expression, power
 from boom_model.specification import Specification
 
 AMBIENT_PRESSURE = 101_325.0
@@ -35,5 +35,5 @@ def bulk_modulus(pressure: Expression, p: Any, e: Any) -> Expression:
     """beta(p) [Pa] at the gauge pressure p [Pa]."""
     air, n = e.entrained_air.a, POLYTROPIC_EXPONENT
     absolute = ca.fmax(pressure + AMBIENT_PRESSURE, LOWEST_ABSOLUTE_PRESSURE)
-    free_air = air * (AMBIENT_PRESSURE / absolute) ** (1 / n)
+    free_air = air * power(AMBIENT_PRESSURE / absolute, 1 / n)
     return p.fluid.beta * (1 + free_air) / (1 + free_air * p.fluid.beta / (n * absolute))

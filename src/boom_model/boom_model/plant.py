@@ -189,7 +189,9 @@ class Plant:
         result = np.full((len(sets), len(t_out), len(OUTPUTS)), np.nan)
 
         def one(k: int) -> None:
-            _, outputs, report = self._call(t_in, u, sampled, x0.copy(), sets[k], float(t_out[0]), tolerance, None, None)
+            _, outputs, report = self._call(
+                t_in, u, sampled, x0.copy(), sets[k], float(t_out[0]), tolerance, None, None
+            )
             outputs[int(report[7]) :] = np.nan
             if late is not None:
                 outputs[late[0], 2:] = outputs[late[1], 2:]
@@ -207,7 +209,7 @@ class Plant:
     # ------------------------------------------------------------------------------------------------ points of the model
 
     def derivative(self, state: ArrayLike, current: ArrayLike, parameters: Array | None = None) -> tuple[Array, Array]:
-        """x' (NX,) and the Jacobian dx'/dx (NX, NX) at one point."""
+        """X' (NX,) and the Jacobian dx'/dx (NX, NX) at one point."""
         n = len(self.state_names)
         f, jacobian = np.empty(n), np.empty((n, n))
         x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
@@ -216,7 +218,7 @@ class Plant:
         return f, jacobian
 
     def outputs(self, state: ArrayLike, current: ArrayLike = (0.0, 0.0)) -> Array:
-        """y (4,) = angle, rate, p_h, p_b at one point, without delay."""
+        """Y (4,) = angle, rate, p_h, p_b at one point, without delay."""
         y = np.empty(len(OUTPUTS))
         x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
         self._library.boom_outputs(_pointer(self.p), _pointer(x), _pointer(u), _pointer(y))
@@ -244,7 +246,9 @@ class Plant:
 
         values = self.machine.values(self.pose)
         tree = _namespace({k: v for k, v in values.items() if not k.startswith("effects.")})
-        effects = _namespace({f"{e.id}.{r.name}": self._effect(e.id, r.name) for e in EFFECTS.values() for r in e.parameters})
+        effects = _namespace(
+            {f"{e.id}.{r.name}": self._effect(e.id, r.name) for e in EFFECTS.values() for r in e.parameters}
+        )
         return float(hose_burst_valve.limited_conductance(0.0, tree, effects))
 
     def _sampling(self, t_out: Array) -> tuple[Array, tuple[NDArray[np.int64], NDArray[np.int64]] | None]:
@@ -302,7 +306,9 @@ class Plant:
             )
         if status == 3:
             raise SimulationError(f"stopped at {time:.3f} s", time, None)
-        raise SimulationError(f"at {time:.3f} s the step size vanished: the equations have no solution there", time, None)
+        raise SimulationError(
+            f"at {time:.3f} s the step size vanished: the equations have no solution there", time, None
+        )
 
 
 class Stepper:
@@ -354,5 +360,3 @@ class Stepper:
 
 def _pointer(array: Array) -> Any:
     return array.ctypes.data_as(_DOUBLE)
-
-

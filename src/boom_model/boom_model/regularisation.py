@@ -24,3 +24,8 @@ def signed_sqrt(x: Expression, epsilon: float = PRESSURE_EPSILON) -> Expression:
 def positive(x: Expression) -> Expression:
     """max(0, x)."""
     return ca.fmax(x, 0.0)
+
+
+def power(base: Expression, exponent: Expression) -> Expression:
+    """base^exponent for base > 0, as exp(exponent ln base): its derivative uses the same exponential again."""
+    return ca.exp(exponent * ca.log(base))

@@ -22,7 +22,7 @@ OUTPUT_UNITS = ("rad", "rad/s", "Pa", "Pa")
 
 
 def measured(angle: Expression, rate: Expression, hose_pressure: Expression, rod_pressure: Expression, e: Any) -> Any:
-    """y = (angle [rad], rate [rad/s], p_h [Pa gauge], p_b [Pa gauge]) without noise."""
+    """Y = (angle [rad], rate [rad/s], p_h [Pa gauge], p_b [Pa gauge]) without noise."""
     return ca.vertcat(
         angle + e.angle_offset.b,
         rate * e.rate_scale.a,

@@ -16,7 +16,7 @@ from pathlib import Path
 from boom_model.effects import CATALOGUE
 from boom_model.equations import INPUTS, State, full_model, reduced_model
 from boom_model.errors import ModelError
-from boom_model.machine import load_machine
+from boom_model.machine_file import load_machine
 from boom_model.sensors import OUTPUT_UNITS, OUTPUTS
 from boom_model.specification import Specification
 from boom_model.structure import Structure

@@ -15,7 +15,8 @@ import yaml
 
 from boom_model.effects import EFFECTS
 from boom_model.equations import _namespace
-from boom_model.machine import Machine, load_machine
+from boom_model.machine import Machine
+from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
 
 

@@ -10,7 +10,8 @@ import pytest
 import yaml
 
 from boom_model.errors import MachineError
-from boom_model.machine import Machine, load_machine, machine_from
+from boom_model.machine import Machine
+from boom_model.machine_file import load_machine, machine_from
 
 Spoil = Callable[[dict[str, Any]], object]
 

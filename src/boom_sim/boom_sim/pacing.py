@@ -20,6 +20,11 @@ class Pacer:
         self._done_until: float | None = None
         self.skipped = 0
 
+    @property
+    def started(self) -> bool:
+        """Whether time runs: ``due`` or ``hold`` was called."""
+        return self._done_until is not None
+
     def due(self, now: float) -> int:
         """How many whole periods have passed since the last call; at most ``LARGEST_BACKLOG``."""
         if self._done_until is None:

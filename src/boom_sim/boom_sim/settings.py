@@ -10,7 +10,8 @@ from typing import Any
 import yaml
 
 from boom_model.errors import ModelError
-from boom_model.machine import Machine, load_machine
+from boom_model.machine import Machine
+from boom_model.machine_file import load_machine
 from boom_model.sensors import IDEAL
 from boom_node.parameters import ParameterSpec
 from boom_sim.simulated_crane import SimulatedCrane, Start

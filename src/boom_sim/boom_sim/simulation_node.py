@@ -97,9 +97,6 @@ class SimulationNode(Node):
             self._latched.append(urdf)
         if not self._lockstep:
             self.create_timer(PERIOD, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
-            self._anchor()
-            self._pacer.hold(time.monotonic())
-            self._publish(self._crane.sample)
         self.get_logger().info(
             f"{self._crane.machine.name}, q3 = {pose.outer_boom_angle:g} rad, q4 = {pose.telescope_length:g} m, load "
             f"{pose.load:g} kg, boom at {self._values.initial_angle:.3f} rad, {self._values.mode.replace('_', ' ')}"
@@ -138,6 +135,9 @@ class SimulationNode(Node):
             self._pacer.hold(time.monotonic())
             self._anchor()
             return
+        if not self._pacer.started:  # the first tick is time zero: building the node took a while
+            self._anchor()
+            self._publish(self._crane.sample)
         skipped = self._pacer.skipped
         for _ in range(self._pacer.due(time.monotonic())):
             self._advance()
@@ -190,10 +190,9 @@ class SimulationNode(Node):
         self._failure = self._refused = ""
         self._watch = WatchedCommand()
         if not self._lockstep:
-            self._anchor()
             self._pacer = Pacer(PERIOD)
-            self._pacer.hold(time.monotonic())
-        self._publish(self._crane.sample, tick=False)
+        else:
+            self._publish(self._crane.sample, tick=False)
         self._diagnostics.update()
         response.success, response.message = True, f"back at {self._crane.sample.angle:.3f} rad, time 0"
         return response

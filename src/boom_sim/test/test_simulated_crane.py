@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from boom_model.errors import ModelError, SimulationError
-from boom_model.machine import Machine, load_machine
+from boom_model.machine import Machine
+from boom_model.machine_file import load_machine
 from boom_model.sensors import IDEAL, SensorNoise
 from boom_sim.simulated_crane import PERIOD, CommandError, Sample, SimulatedCrane, Start
 

@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from boom_diagnosis.initial_state import resting_start
-    from boom_model.machine import load_machine
+    from boom_model.machine_file import load_machine
     from boom_recording.loading import load
 
     console = Console(highlight=False)

@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate and write; returns 0."""
-    from boom_model.machine import load_machine
+    from boom_model.machine_file import load_machine
     from boom_model.sensors import IDEAL
     from boom_recording import writing
     from boom_recording.recording import Configuration

@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _machine(wanted: str | None, bags: list[str], recordings: list[Recording]) -> tuple[Machine, str]:
     """The machine to run, and its name or path: the one asked for, or the one that all recordings name."""
-    from boom_model.machine import load_machine
+    from boom_model.machine_file import load_machine
 
     if wanted:
         return load_machine(wanted), wanted

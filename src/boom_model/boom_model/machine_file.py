@@ -1,0 +1,312 @@
+"""Machine files: every number of a machine, with unit, source and confidence; checked key by key.
+
+A missing, misspelt or impossible value is a :class:`MachineError` that names the key and the allowed range; nothing is
+filled in silently. The components that a machine has (``type:`` keys) decide the structure of the equations; a section without
+``type`` is the thesis' component. See docs/machine_file.md.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from importlib.resources import files
+from itertools import pairwise
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from boom_model.effects import active_effects
+from boom_model.errors import MachineError, nearest
+from boom_model.hose_burst_valve import smooth_node
+from boom_model.machine import TOLERANCES, Machine, Parameter, check_range, number
+from boom_model.specification import Specification
+from boom_model.structure import Structure
+
+# Keys that a section may hold beside its parameters: for people, for other parts of the project, or derived from others.
+_INFORMATION: dict[str, frozenset[str]] = {
+    "meta": frozenset({"name", "version", "pressure_reference", "angle_q2"}),
+    "constants": frozenset(),
+    "fluid": frozenset({"p_s", "q_pump_max", "dp_c"}),
+    "cylinder": frozenset({"D_piston", "d_rod"}),
+    "kinematics": frozenset({"type", "q2_stroke_min", "q2_max", "q2_recommended", "s_p_poly6", "triangle_fit"}),
+    "rigid_body": frozenset(
+        {"convention", "configs", "m_total_moving", "m_log", "m_load_test", "links", "joint_limits", "planar"}
+    ),
+    "friction": frozenset(),
+    "hose_burst_valve": frozenset({"type", "a22", "node", "a22_c1", "node_c1"}),
+    "accumulators": frozenset({"type"}),
+    "main_valve_spool": frozenset({"type", "d_spool", "p_max", "xi_s"}),
+    "main_valve_orifices": frozenset(
+        {"compensator", "A_0", "A_ta_law", "A_ta_law_soft", "A_ta_max", "anti_cavitation"}
+    ),
+    "pilot_valves": frozenset({"type", "i_range", "i_neutral"}),
+    "control": frozenset(
+        {"Ts", "pos_poles", "force_poles", "svf_poles", "q2_quant", "p_quant", "p_noise_psd", "perturbations"}
+    ),
+}
+_TOP = frozenset({*_INFORMATION, "effects"})
+_METER_OUT = re.compile(r"^\s*A_sb\s*/\s*\(\s*([0-9.eE+-]+?)\s*([+-])\s*([0-9.eE+-]+?)\s*\*\s*u\^2\s*\)\s*$")
+_STROKE_SLACK = 1e-3
+
+
+def load_machine(source: str | Path) -> Machine:
+    """Reads a machine file: the name of one that is shipped (``tz17``) or the path of a YAML file.
+
+    Raises:
+        MachineError: not found, not YAML, or a key that is missing, misspelt or impossible.
+    """
+    text, where = _read(source)
+    try:
+        document = yaml.load(text, Loader=_UniqueKeys)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f", line {mark.line + 1}" if mark else ""
+        raise MachineError(f"{where}{line}: not readable as YAML: {getattr(error, 'problem', error)}") from error
+    try:
+        return machine_from(document)
+    except MachineError as error:
+        raise MachineError(f"{where}: {error}") from None
+
+
+def machine_from(document: Any) -> Machine:
+    """Checks a document in the form of a machine file.
+
+    Raises:
+        MachineError: names the first key that is missing, misspelt or impossible.
+    """
+    if not isinstance(document, dict):
+        raise MachineError("not a machine file: expected sections such as fluid, cylinder, kinematics")
+    for section in document:
+        if section == "learned":
+            raise MachineError(
+                "learned: terms learnt from data cannot be simulated by this version; remove the section"
+            )
+        if section not in _TOP:
+            raise MachineError(f"{section}: no such section{nearest(str(section), _TOP)}")
+        if section != "effects" and not isinstance(document[section], dict):
+            raise MachineError(f"{section}: expected keys with values below it")
+    for section in ("meta", "constants", "fluid", "cylinder", "kinematics", "rigid_body", "friction"):
+        if section not in document:
+            raise MachineError(f"{section}: the section is missing")
+    structure = _structure(document)
+    name = document["meta"].get("name")
+    if not isinstance(name, str) or not name:
+        raise MachineError("meta.name: missing")
+    if document["meta"].get("pressure_reference", "gauge") != "gauge":
+        raise MachineError("meta.pressure_reference: only gauge is known; write all pressures as gauge pressures")
+    specifications = [s for s in structure.specifications() if not s.key.startswith("pose.")]
+    _check_keys(document, specifications, structure)
+    parameters = {s.key: _parameter(document, s) for s in specifications}
+    _check_rigid_body(document["rigid_body"])
+    kinematics = document["kinematics"]
+    limits = (_limit(kinematics, "q2_stroke_min"), _limit(kinematics, "q2_max"))
+    machine = Machine(
+        name, structure, parameters, limits, active_effects(document.get("effects") or {}, structure.has), document
+    )
+    _check_consistency(machine)
+    return machine
+
+
+# ---------------------------------------------------------------------------------------------- reading and checking
+
+
+class _UniqueKeys(yaml.SafeLoader):
+    """YAML that refuses a key given twice, which would silently drop the first."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise yaml.constructor.ConstructorError(None, None, "a key must be a single word", key.start_mark)
+            if key.value in seen:
+                raise yaml.constructor.ConstructorError(None, None, f"{key.value} is given twice", key.start_mark)
+            seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
+def _read(source: str | Path) -> tuple[str, str]:
+    shipped = files("boom_model").joinpath("machines")
+    known = sorted(entry.name.removesuffix(".yaml") for entry in shipped.iterdir() if entry.name.endswith(".yaml"))
+    if str(source) in known:
+        return shipped.joinpath(f"{source}.yaml").read_text(encoding="utf-8"), str(source)
+    path = Path(source)
+    if path.suffix in (".yaml", ".yml") or path.exists():
+        try:
+            return path.read_text(encoding="utf-8"), str(path)
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or "not a text file"
+            raise MachineError(f"{path}: cannot be read: {reason}") from error
+    raise MachineError(f"{source}: no such machine; shipped are {', '.join(known)}, or give the path of a .yaml file")
+
+
+def _structure(document: Mapping[str, Any]) -> Structure:
+    def kind(section: str, allowed: tuple[str, ...]) -> str:
+        if section not in document:
+            raise MachineError(
+                f"{section}: the section is missing; a machine without it says {section}: {{type: none}}"
+            )
+        value = document[section].get("type", allowed[0])
+        if value not in allowed:
+            raise MachineError(f"{section}.type: {value!r} is not one of {', '.join(allowed)}")
+        return str(value)
+
+    pilot = kind("pilot_valves", ("wiener", "none")) == "wiener"
+    spool = kind("main_valve_spool", ("pilot_operated", "direct"))
+    if pilot != (spool == "pilot_operated"):
+        raise MachineError("pilot_valves.type: none goes with main_valve_spool.type: direct, and only with it")
+    if "main_valve_orifices" not in document:
+        raise MachineError("main_valve_orifices: the section is missing")
+    orifices = document["main_valve_orifices"]
+    compensator = orifices.get("compensator", True)
+    if not isinstance(compensator, bool):
+        raise MachineError(f"main_valve_orifices.compensator: {compensator!r} is not true or false")
+    anti_cavitation = orifices.get("anti_cavitation")
+    enabled = anti_cavitation.get("enabled") if isinstance(anti_cavitation, dict) else None
+    if not isinstance(enabled, bool):
+        raise MachineError("main_valve_orifices.anti_cavitation.enabled: say true or false")
+    return Structure(
+        linkage="four_bar" if kind("kinematics", ("four_bar", "triangle")) == "four_bar" else "triangle",
+        accumulators=kind("accumulators", ("two_diaphragm", "none")) != "none",
+        hose_burst_valve=kind("hose_burst_valve", ("flow_limiting", "none")) != "none",
+        pilot_valves=pilot,
+        compensator=compensator,
+        anti_cavitation=enabled,
+    )
+
+
+def _check_keys(document: Mapping[str, Any], specifications: Iterable[Specification], structure: Structure) -> None:
+    wanted: dict[str, set[str]] = {}
+    for spec in specifications:
+        section, key = spec.key.split(".")[:2]
+        wanted.setdefault(section, set()).add(key)
+    for section, keys in document.items():
+        if section == "effects":
+            continue
+        allowed = wanted.get(section, set()) | _INFORMATION[section]
+        for key in keys:
+            if key not in allowed:
+                absent = "" if wanted.get(section) or document[section].get("type") != "none" else " (type: none)"
+                raise MachineError(f"{section}.{key}: no such key{absent}{nearest(str(key), allowed)}")
+
+
+def _parameter(document: Mapping[str, Any], spec: Specification) -> Parameter:
+    path = spec.key.split(".")
+    section = document.get(path[0], {})
+    if path[1] == "A_ta_law":
+        return _meter_out_law(section, spec)
+    if path[1] == "anti_cavitation":
+        group = section["anti_cavitation"]
+        if path[2] not in group:
+            raise MachineError(f"{spec.key}: missing ({spec.meaning}, {spec.unit})")
+        entry: Any = {"value": group[path[2]], "unit": spec.unit, "prov": group.get("prov", "")}
+    elif path[1] not in section:
+        raise MachineError(
+            f"{spec.key}: missing ({spec.meaning}); expected {spec.minimum:g} .. {spec.maximum:g} {spec.unit}"
+        )
+    else:
+        entry = section[path[1]]
+    if not isinstance(entry, dict) or "value" not in entry:
+        raise MachineError(f"{spec.key}: write {{value: ..., unit: {spec.unit}}}")
+    unknown = set(entry) - {"value", "unit", "prov", "conf", "note"}
+    if unknown:
+        raise MachineError(f"{spec.key}.{sorted(unknown)[0]}: no such key; known: value, unit, prov, conf, note")
+    if str(entry.get("unit", "")).strip() != spec.unit:
+        raise MachineError(f"{spec.key}.unit: {entry.get('unit', 'missing')!s}; expected {spec.unit}")
+    confidence = entry.get("conf", "")
+    if confidence not in TOLERANCES:
+        raise MachineError(f"{spec.key}.conf: {confidence!r} is not high, medium or low")
+    if spec.shape == "scalar":
+        value: tuple[float, ...] = (number(entry),)
+    else:
+        listed = entry["value"]
+        size = len(spec.components)
+        if not isinstance(listed, list) or len(listed) != size:
+            raise MachineError(f"{spec.key}: expected a list of {size} numbers [{spec.unit}]")
+        value = tuple(number(v) for v in listed)
+    check_range(spec, value, shown=entry["value"])
+    return Parameter(spec, value, str(entry.get("prov", "")), confidence, str(entry.get("note", "")))
+
+
+def _meter_out_law(section: Mapping[str, Any], spec: Specification) -> Parameter:
+    if "A_ta_law" not in section:
+        raise MachineError('main_valve_orifices.A_ta_law: missing; expected e.g. {value: "A_sb/(2.27-0.7*u^2)"}')
+    entry = section["A_ta_law"]
+    text = entry.get("value") if isinstance(entry, dict) else entry
+    match = _METER_OUT.match(str(text))
+    if match is None:
+        raise MachineError(f"main_valve_orifices.A_ta_law: {text!r} is not of the form A_sb/(2.27-0.7*u^2)")
+    c0, c1 = float(match[1]), float(match[3]) * (1 if match[2] == "-" else -1)
+    if c0 - max(c1, 0.0) * 1.3**2 <= 0.0:
+        raise MachineError(f"main_valve_orifices.A_ta_law: {text!r} is not positive up to u = 1.3")
+    value = (c0 if spec.key.endswith("c0") else c1,)
+    check_range(spec, value)
+    prov = str(entry.get("prov", "")) if isinstance(entry, dict) else ""
+    return Parameter(spec, value, prov, entry.get("conf", "low") if isinstance(entry, dict) else "low")
+
+
+def _limit(section: Mapping[str, Any], key: str) -> float:
+    if key not in section:
+        raise MachineError(f"kinematics.{key}: missing (limit of the boom angle); expected -3.2 .. 3.2 rad")
+    value = number(section[key])
+    if not -3.2 <= value <= 3.2:
+        raise MachineError(f"kinematics.{key}: {value} is outside -3.2 .. 3.2 rad")
+    return value
+
+
+def _check_rigid_body(section: Mapping[str, Any]) -> None:
+    configs = section.get("configs")
+    if not isinstance(configs, dict) or not configs:
+        raise MachineError(
+            "rigid_body.configs: missing; expected at least one configuration with q3, q4, D0, Sx, Sy, tip"
+        )
+    for name, entry in configs.items():
+        for key in ("q3", "q4", "D0", "Sx", "Sy"):
+            if not isinstance(entry, dict) or key not in entry:
+                raise MachineError(f"rigid_body.configs.{name}.{key}: missing")
+            if not isfinite(number(entry[key])):
+                raise MachineError(f"rigid_body.configs.{name}.{key}: {entry[key]!r} is not a finite number")
+        if not entry["D0"] > 0:
+            raise MachineError(f"rigid_body.configs.{name}.D0: {entry['D0']} is not a positive inertia [kg m^2]")
+        tip = entry.get("tip")
+        if not isinstance(tip, list) or len(tip) != 2 or not all(isfinite(number(v)) for v in tip):
+            raise MachineError(f"rigid_body.configs.{name}.tip: expected [x, y] in m")
+
+
+def _check_consistency(machine: Machine) -> None:
+    low, high = machine.angle_limits
+    if low >= high:
+        raise MachineError(f"kinematics.q2_max: {high:g} rad is not above q2_stroke_min, {low:g} rad")
+    stroke = machine.parameters["cylinder.l_p"].value[0]
+    steps = 40
+    positions = [machine.piston_position(low + (high - low) * k / steps) for k in range(steps + 1)]
+    if not all(isfinite(s) for s in positions):
+        raise MachineError(f"kinematics: the linkage cannot be assembled everywhere in {low:g} .. {high:g} rad")
+    if positions[0] < -_STROKE_SLACK or positions[-1] > stroke + _STROKE_SLACK:
+        raise MachineError(
+            f"kinematics: {low:g} .. {high:g} rad needs s_p = {positions[0]:.4f} .. {positions[-1]:.4f} m, "
+            f"but the stroke cylinder.l_p is 0 .. {stroke:g} m"
+        )
+    if any(b <= a for a, b in pairwise(positions)):
+        raise MachineError("kinematics: s_p must grow with q2 over the whole range")
+    if machine.structure.hose_burst_valve:
+        _check_hose_burst_valve(machine)
+    areas = machine.parameters["cylinder.A_a"].value[0], machine.parameters["cylinder.A_b"].value[0]
+    if areas[1] >= areas[0]:
+        raise MachineError(f"cylinder.A_b: {areas[1]:g} m^2 is not smaller than A_a, {areas[0]:g} m^2 (single rod)")
+
+
+def _check_hose_burst_valve(machine: Machine) -> None:
+    """a_22 and the node follow from the other coefficients (5.29); printed ones must agree with them."""
+    a21, a30, a31 = (machine.parameters[f"hose_burst_valve.{k}"].value[0] for k in ("a21", "a30", "a31"))
+    if a21 <= a31:
+        raise MachineError(f"hose_burst_valve.a31: {a31:g} must be below a21, {a21:g} l/min/bar")
+    a22, node = smooth_node(a21, a30, a31)
+    section = machine.document["hose_burst_valve"]
+    for key, value in (("a22", a22), ("a22_c1", a22), ("node", node), ("node_c1", node)):
+        if key in section and abs(number(section[key]) / value - 1) > 0.02:
+            raise MachineError(
+                f"hose_burst_valve.{key}: {number(section[key]):g} does not fit a21, a30, a31, with which the branches "
+                f"meet smoothly at {value:.4g} (5.29); correct it or leave it out"
+            )
