@@ -27,7 +27,7 @@ _BINARY = {
 _UNARY = {
     ca.OP_NEG: "(-{0})", ca.OP_EXP: "exp({0})", ca.OP_LOG: "log({0})", ca.OP_SQRT: "sqrt({0})", ca.OP_SQ: "({0} * {0})",
     ca.OP_TWICE: "({0} + {0})", ca.OP_INV: "(1.0 / {0})", ca.OP_SIN: "sin({0})", ca.OP_COS: "cos({0})",
-    ca.OP_TAN: "tan({0})", ca.OP_TANH: "tanh({0})", ca.OP_FABS: "fabs({0})", ca.OP_NOT: "(double)(!({0} != 0))",
+    ca.OP_TAN: "tan({0})", ca.OP_TANH: "boom_tanh({0})", ca.OP_FABS: "fabs({0})", ca.OP_NOT: "(double)(!({0} != 0))",
     ca.OP_SIGN: "boom_sign({0})", ca.OP_ASIN: "asin({0})", ca.OP_ACOS: "acos({0})", ca.OP_ATAN: "atan({0})",
     ca.OP_ASSIGN: "{0}",
 }  # fmt: skip

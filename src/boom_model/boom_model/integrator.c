@@ -38,7 +38,6 @@ static const method_t RODAS4 = {
 enum { OK = 0, STEP_VANISHED = 1, LEFT_RANGE = 2, INTERRUPTED = 3 };
 
 typedef struct {
-  const method_t *method;
   const double *scale, *minimum, *maximum;
   double tolerance;
   volatile const int *stop; /* set to non-zero from another thread to end the run */
@@ -56,10 +55,10 @@ static void interpolate(double theta, double h, const double *x0, const double *
 }
 
 /* Integrates x over [t0, t1] with the input u held. Outputs at times out_t[*next] <= t1 are written.
-   h: step size, kept from interval to interval. */
-static int interval(run_t *r, double *x, const double *u, const double *c, double t0, double t1, double *h,
+   h: step size, kept from interval to interval. Inlined once for each method, so that its table is unrolled into the code. */
+static inline __attribute__((always_inline)) int
+interval_with(const method_t *m, run_t *r, double *x, const double *u, const double *c, double t0, double t1, double *h,
                     const double *out_t, long n_out, long *next, double *out_x, double *out_y) {
-  const method_t *m = r->method;
   double f0[NX], J[NX * NX], W[NW], K[6][NX], y[NX], fv[NX], x0[NX], f1[NX];
   const double length = t1 - t0;
   double t = 0.0;
@@ -146,6 +145,12 @@ static int interval(run_t *r, double *x, const double *u, const double *c, doubl
   }
 }
 
+static int interval(int order, run_t *r, double *x, const double *u, const double *c, double t0, double t1, double *h,
+                    const double *out_t, long n_out, long *next, double *out_x, double *out_y) {
+  return order == 3 ? interval_with(&RODAS3, r, x, u, c, t0, t1, h, out_t, n_out, next, out_x, out_y)
+                    : interval_with(&RODAS4, r, x, u, c, t0, t1, h, out_t, n_out, next, out_x, out_y);
+}
+
 /* One run. t_in[n_in], u[n_in][NU]: the input u[k] holds from t_in[k] to t_in[k+1]; before t_in[0] it is u[0]. From t_begin to
    t_end. out_t ascending. x: start in, end out. report: status, failing time, failing state, steps, rejected, evaluations. */
 int boom_run(const double *p, double *x, double t_begin, double t_end, const double *t_in, const double *u, long n_in,
@@ -153,7 +158,7 @@ int boom_run(const double *p, double *x, double t_begin, double t_end, const dou
              const double *scale, const double *minimum, const double *maximum, double h, volatile const int *stop,
              double *report) {
   double c[NC > 0 ? NC : 1];
-  run_t r = {order == 3 ? &RODAS3 : &RODAS4, scale, minimum, maximum, tolerance, stop, 0, 0, 0, 0.0, -1};
+  run_t r = {scale, minimum, maximum, tolerance, stop, 0, 0, 0, 0.0, -1};
   long next = 0, k = 0;
   int status = OK;
   model_prepare(p, c);
@@ -161,7 +166,7 @@ int boom_run(const double *p, double *x, double t_begin, double t_end, const dou
   while (k + 1 < n_in && t_in[k + 1] <= t) k++;
   while (status == OK) {
     const double end = (k + 1 < n_in && t_in[k + 1] < t_end) ? t_in[k + 1] : t_end;
-    status = interval(&r, x, u + k * NU, c, t, end, &h, out_t, n_out, &next, out_x, out_y);
+    status = interval(order, &r, x, u + k * NU, c, t, end, &h, out_t, n_out, &next, out_x, out_y);
     if (status != OK || end >= t_end) break;
     if (stop && *stop) { status = INTERRUPTED; r.time = end; break; }
     t = end;
@@ -181,9 +186,9 @@ int boom_run(const double *p, double *x, double t_begin, double t_end, const dou
 /* One step of length dt with u held: x in place, y the outputs at its end, h the step size to begin with, updated. */
 int boom_step(const double *c, double *x, const double *u, double dt, double *y, double tolerance, int order,
               const double *scale, const double *minimum, const double *maximum, double *h, double *report) {
-  run_t r = {order == 3 ? &RODAS3 : &RODAS4, scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1};
+  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1};
   long next = 0;
-  const int status = interval(&r, x, u, c, 0.0, dt, h, 0, 0, &next, 0, 0);
+  const int status = interval(order, &r, x, u, c, 0.0, dt, h, 0, 0, &next, 0, 0);
   model_y(x, u, c, y);
   report[0] = status; report[1] = r.time; report[2] = r.state;
   return status;
