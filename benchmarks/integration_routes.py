@@ -185,7 +185,7 @@ def python_right_hand_side(plant: Plant) -> Callable[[list[float], list[float]],
         ca.OP_IF_ELSE_ZERO: "({1} if {0} else 0.0)",
     }  # fmt: skip
     unary = {
-        ca.OP_NEG: "-{0}", ca.OP_EXP: "exp({0})", ca.OP_SQRT: "sqrt({0})", ca.OP_SQ: "{0} * {0}",
+        ca.OP_NEG: "-{0}", ca.OP_EXP: "exp({0})", ca.OP_LOG: "log({0})", ca.OP_SQRT: "sqrt({0})", ca.OP_SQ: "{0} * {0}",
         ca.OP_TWICE: "{0} + {0}", ca.OP_INV: "1.0 / {0}", ca.OP_SIN: "sin({0})", ca.OP_COS: "cos({0})",
         ca.OP_TANH: "tanh({0})", ca.OP_FABS: "fabs({0})", ca.OP_NOT: "not {0}", ca.OP_ASSIGN: "{0}",
     }  # fmt: skip
@@ -204,7 +204,7 @@ def python_right_hand_side(plant: Plant) -> Callable[[list[float], list[float]],
             text = form.format(*(f"v{j}" for j in i))
         lines.append(f"    v{o[0]} = {text}")
     lines.append("    return r")
-    names: dict[str, Any] = {name: getattr(math, name) for name in ("exp", "sqrt", "sin", "cos", "tanh", "fabs")}
+    names: dict[str, Any] = {name: getattr(math, name) for name in ("exp", "log", "sqrt", "sin", "cos", "tanh", "fabs")}
     exec("\n".join(lines), names)
     function: Callable[[list[float], list[float]], list[float]] = names["f"]
     return function
