@@ -17,6 +17,7 @@ from ros_processes import Partner, start
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
 
 from boom_interfaces.msg import SolenoidCurrents
 from boom_node import qos, stamps
@@ -185,6 +186,33 @@ def test_an_interrupted_replay_ends_with_zero_currents(
     partner.until(lambda: got[-1][1:] == (0.0, 0.0))
     process.communicate(timeout=20)
     assert process.returncode == 0
+
+
+def test_a_paused_replay_waits_goes_on_when_asked_and_commands_zero_when_paused_again(
+    partner: Partner, started: list[Any], bag: Path, tmp_path: Path
+) -> None:
+    got = commands_of(partner)
+    started.append(start("boom_recording.replay_node", tmp_path, bag=bag, loop=True, start=0.4, paused=True))
+    client = partner.node.create_client(SetBool, "/boom_replay/pause")
+
+    def pause(data: bool) -> str:
+        partner.until(client.service_is_ready)
+        future = client.call_async(SetBool.Request(data=data))
+        partner.until(future.done)
+        result = future.result()
+        assert result is not None and result.success
+        return str(result.message)
+
+    partner.until(lambda: partner.node.count_publishers("/boom/current_command"))
+    assert pause(True) == "paused"
+    assert got == []
+    assert pause(False) == "going on"
+    partner.until(lambda: got and got[-1][2] > 0.3)
+    pause(True)
+    partner.until(lambda: got[-1][1:] == (0.0, 0.0))
+    sent = len(got)
+    assert pause(True) == "paused"
+    assert len(got) - sent <= 1, "nothing but another zero is sent while it is paused"
 
 
 class Simulation:
