@@ -107,7 +107,10 @@ def ignored_range(environment: Mapping[str, str]) -> str:
 
 def _set_network(environment: MutableMapping[str, str]) -> None:
     mode = network_mode(environment)
-    if mode == "loopback":
+    if not environment.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps"):
+        # The profile is Fast DDS's; for another middleware ROS's own restriction is what there is.
+        environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET" if mode == "lan" else "LOCALHOST")
+    elif mode == "loopback":
         for name in (*_OPENING_VARIABLES, *_PROFILE_VARIABLES):
             environment.pop(name, None)
         environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(LOOPBACK_PROFILE)

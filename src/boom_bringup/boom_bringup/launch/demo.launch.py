@@ -14,6 +14,7 @@ from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from boom_bringup import environment
 from boom_diagnosis.initial_state import resting_start
 from boom_recording.errors import RecordingError
 from boom_recording.loading import load
@@ -84,6 +85,7 @@ def start_processes(context):
 
 def generate_launch_description() -> LaunchDescription:
     """Arguments, then the processes once the recording is known."""
+    environment.apply()  # the processes inherit it: loopback only, unless BOOM_NETWORK says otherwise (docs/network.md)
     return LaunchDescription(
         [
             DeclareLaunchArgument("bag", description="recording to replay: a rosbag2 directory or an .mcap file"),

@@ -13,6 +13,8 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+from boom_bringup import environment
+
 # Arguments that are handed to the simulation as parameters of the same name: type, default, what it is.
 ARGUMENTS = {
     "machine": (str, "tz17", "machine file: the name of one that is shipped, or a path to a .yaml"),
@@ -30,6 +32,7 @@ ARGUMENTS = {
 
 def generate_launch_description() -> LaunchDescription:
     """Simulation, robot description and, on request, the tip pose."""
+    environment.apply()  # the processes inherit it: loopback only, unless BOOM_NETWORK says otherwise (docs/network.md)
     share = Path(get_package_share_directory("boom_bringup"))
     urdf = str(share / "urdf" / "epsilon_tz17.urdf")
     declared = [
