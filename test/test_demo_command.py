@@ -10,6 +10,7 @@ import threading
 from pathlib import Path
 
 import pytest
+
 from boom_bringup import environment
 from boom_recording.loading import load
 
