@@ -5,8 +5,12 @@
 
 The gate of (5.39j,k) is smoothed: the outflow is multiplied by u / sqrt(1 + u^2), u = max(0, p_o - p_g0) / GATE_WIDTH;
 as a jump it overshoots and costs ten times the steps. Valid for p_o > 0.
-Effects: ``accumulator_precharge`` multiplies both pre-charge pressures by r, ``accumulator_restrictor`` both orifice
-diameters by r (neutral: 1).
+Effects (neutral value):
+
+* ``accumulator_precharge`` multiplies both pre-charge pressures by r (1), ``accumulator_restrictor`` both orifice diameters (1).
+* ``accumulator_heat_loss``: the gas exchanges heat with its surroundings. Its entropy, as e = ln(p V_g^kappa / zeta_0), is a
+  state, e' = -(1 - T_a / T) / tau with T ~ p V_g, and (3.19) holds with the pre-charge p_g0 exp(e) and the further term p e'. T_a
+  is the temperature at the start of the run, where the gas is taken to have rested (1 / tau = 0: no states, adiabatic).
 """
 
 from __future__ import annotations
@@ -45,13 +49,29 @@ def oil_volume(pressure: Expression, precharge: Expression, p: Any) -> Expressio
 
 
 def pressure_rate(
-    pressure: Expression, flow: Expression, precharge: Expression, bulk_modulus: Expression, p: Any
+    pressure: Expression,
+    flow: Expression,
+    precharge: Expression,
+    bulk_modulus: Expression,
+    p: Any,
+    entropy_rate: Expression = 0.0,
 ) -> Expression:
-    """p_o' [Pa/s] for the flow q_o [m^3/s] into the accumulator, (3.19)."""
+    """p_o' [Pa/s] for the flow q_o [m^3/s] into the accumulator, (3.19); ``entropy_rate`` e' [1/s] of exchanged heat."""
     a = p.accumulators
-    stiffness = a.kappa * ca.fmax(pressure, LOWEST_PRESSURE)
+    held = ca.fmax(pressure, LOWEST_PRESSURE)
+    stiffness = a.kappa * held
     volume = gas_volume(pressure, precharge, p)
-    return stiffness * bulk_modulus * flow / (stiffness * a.V_g0 + (bulk_modulus - stiffness) * volume)
+    driven = stiffness * flow + held * entropy_rate * volume
+    return bulk_modulus * driven / (stiffness * a.V_g0 + (bulk_modulus - stiffness) * volume)
+
+
+def entropy_rate(
+    pressure: Expression, entropy: Expression, ambient: Expression, precharge: Expression, p: Any, e: Any
+) -> Expression:
+    """e' [1/s]; ``ambient`` is T_a relative to the temperature at pre-charge, on the nominal adiabat."""
+    volume = gas_volume(pressure, precharge * ca.exp(entropy), p)
+    temperature = ca.fmax(pressure, LOWEST_PRESSURE) * volume / (precharge * p.accumulators.V_g0)
+    return -(1 - ambient / temperature) * e.accumulator_heat_loss.inverse_tau
 
 
 def orifice_flow(

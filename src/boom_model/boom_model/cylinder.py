@@ -5,12 +5,15 @@
     f_p = p_a A_a - p_b A_b
 
 a is the head side (extends, lifts), b the rod side. Effect ``piston_leakage``: laminar flow past the piston seal
-q_l = c (p_a - p_b), neutral c = 0. Valid for 0 <= s_p <= l_p.
+q_l = c (p_a - p_b), neutral c = 0. Effect ``end_cushioning``: within ``length`` of an end of stroke the outflow of the chamber
+that shrinks passes a throttle, which takes up to the share k of its passage (neutral k = 0). Valid for 0 <= s_p <= l_p.
 """
 
 from __future__ import annotations
 
 from typing import Any
+
+import casadi as ca
 
 from boom_model.regularisation import Expression
 from boom_model.specification import Specification
@@ -47,3 +50,9 @@ def force(head_pressure: Expression, rod_pressure: Expression, p: Any) -> Expres
 def leakage(head_pressure: Expression, rod_pressure: Expression, e: Any) -> Expression:
     """q_l [m^3/s] from the head to the rod side."""
     return e.piston_leakage.c * (head_pressure - rod_pressure)
+
+
+def cushion(distance: Expression, e: Any) -> Expression:
+    """Share of the passage [-] that is left for the outflow, ``distance`` [m] before the end of stroke."""
+    c = e.end_cushioning
+    return 1 - c.k * ca.fmin(ca.fmax(1 - distance / c.length, 0.0), 1.0)

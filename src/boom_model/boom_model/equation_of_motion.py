@@ -6,8 +6,8 @@
 
 D_0 and (S_x, S_y) are inertia and first moment about the boom joint of everything that moves, in the boom's frame
 (x along the boom), without the load; tip = (t_x, t_y) is the tip hinge, at which the load m hangs as a point mass
-(machine notes; the thesis has D and g as MATLAB functions only). m is the mass that the configuration tells plus
-effect ``payload`` (neutral: 0 kg).
+(machine notes; the thesis has D and g as MATLAB functions only). m is the mass that the configuration tells plus those of
+the effects ``payload`` and ``payload_change`` (neutral: 0 kg); the latter is attached within some 10 ms at t_g, at the tip's speed.
 """
 
 from __future__ import annotations
@@ -18,6 +18,9 @@ import casadi as ca
 
 from boom_model.regularisation import Expression
 from boom_model.specification import Specification
+
+GRASP_TIME = 0.01
+"""s. Width of the tanh with which a load is grasped or released."""
 
 SPECIFICATIONS = (
     Specification("constants.g", "g_0", "m/s^2", "gravity", 9.7, 9.9, "3.4"),
@@ -30,15 +33,20 @@ SPECIFICATIONS = (
 """The section ``pose`` is not in the machine file: it follows from it, the pose of the locked joints and the load."""
 
 
-def inertia(p: Any, e: Any) -> Expression:
-    """D [kg m^2]."""
-    load = p.pose.load + e.payload.mass
+def load_mass(p: Any, e: Any, elapsed: Expression = 0.0) -> Expression:
+    """m [kg]: the configuration's load, ``payload`` and, from t_g on, ``payload_change``; ``elapsed`` [s]."""
+    c = e.payload_change
+    grasped = 0.5 * (1 + ca.tanh((elapsed - c.t_g) / GRASP_TIME))
+    return p.pose.load + e.payload.mass + c.mass * grasped
+
+
+def inertia(load: Expression, p: Any) -> Expression:
+    """D [kg m^2] with the load [kg]."""
     return p.pose.D0 + load * (p.pose.tip[0] ** 2 + p.pose.tip[1] ** 2)
 
 
-def gravity_torque(angle: Expression, p: Any, e: Any) -> Expression:
-    """g(q_2) [N m] at the boom angle q_2 [rad]."""
-    load = p.pose.load + e.payload.mass
+def gravity_torque(angle: Expression, load: Expression, p: Any) -> Expression:
+    """g(q_2) [N m] at the boom angle q_2 [rad] with the load [kg]."""
     along = p.pose.Sx + load * p.pose.tip[0]
     across = p.pose.Sy + load * p.pose.tip[1]
     return p.constants.g * (along * ca.cos(angle) - across * ca.sin(angle))

@@ -17,6 +17,7 @@ import casadi as ca
 from boom_model import (
     accumulator,
     anti_cavitation,
+    boom_flexibility,
     cylinder,
     direct_spool,
     equation_of_motion,
@@ -28,6 +29,7 @@ from boom_model import (
     oil,
     pilot_valve,
     sensors,
+    swinging_load,
     triangle_linkage,
 )
 from boom_model.effects import EFFECTS
@@ -139,6 +141,15 @@ class _Wiring:
     def active(self, effect: str) -> bool:
         return effect in self.effects
 
+    def elapsed(self) -> Any:
+        """Time since the start of the run [s], a state that exists only where an effect needs it."""
+        if not {"payload_change", "friction_drift"} & set(self.effects):
+            return 0.0
+        if "elapsed_time" not in self.symbols:
+            self.add("elapsed_time", "t", "s", 10.0)
+            self.rates["elapsed_time"] = ca.SX(1.0)
+        return self.symbols["elapsed_time"]
+
     def kinematics(self) -> None:
         linkage = four_bar_linkage if self.structure.linkage == "four_bar" else triangle_linkage
         self.angle = self.add("angle", "q_2", "rad", 1.0)
@@ -151,7 +162,12 @@ class _Wiring:
         """Adds spool and pilot states; flows (q_h, q_b) into hose and rod side, anti-cavitation included."""
         p, e, u = self.p, self.e, self.u
         spool = self.add("spool_position", "s_s", "m", 5e-3, -1.0, 1.0)
-        flows = main_valve_orifices.flows(spool, hose_pressure, rod_pressure, p, e)
+        metering = spool
+        if self.active("valve_hysteresis"):
+            metering = self.add("metering_position", "x", "m", 5e-3, -1.0, 1.0)
+            self.rates["metering_position"] = main_valve_orifices.play_rate(metering, spool, p, e)
+        passage = cylinder.cushion(p.cylinder.l_p - self.position, e)
+        flows = main_valve_orifices.flows(metering, hose_pressure, rod_pressure, p, e, passage)
         if self.structure.pilot_valves:
             velocity = self.add("spool_velocity", "w_s", "m/s", 0.1, -1e3, 1e3)
             plus = self.add("pilot_retract", "lambda_+", "A s", 2e-2, -10.0, 10.0)
@@ -175,12 +191,38 @@ class _Wiring:
         """Equation of motion from the pressures that act on the piston."""
         p, e = self.p, self.e
         self.force = cylinder.force(head_pressure, rod_pressure, p)
-        self.friction = friction.torque(self.angle, self.rate, p, e)
-        self.gravity = equation_of_motion.gravity_torque(self.angle, p, e)
+        self.friction = self.friction_torque()
+        load = equation_of_motion.load_mass(p, e, self.elapsed())
+        inertia = equation_of_motion.inertia(load, p)
+        self.gravity = equation_of_motion.gravity_torque(self.angle, load, p)
         self.rates["angle"] = self.rate
-        self.rates["rate"] = equation_of_motion.acceleration(
-            equation_of_motion.inertia(p, e), self.gravity, self.jacobian, self.force, self.friction
-        )
+        if self.active("swinging_load"):
+            swing = self.add("swing_angle", "theta", "rad", 0.1, -1.5, 1.5)
+            swing_rate = self.add("swing_rate", "theta'", "rad/s", 0.3)
+            torque = self.jacobian * self.force - self.friction - self.gravity
+            self.rates["swing_angle"] = swing_rate
+            self.rates["rate"], self.rates["swing_rate"] = swinging_load.accelerations(
+                self.angle, self.rate, swing, swing_rate, inertia, torque, p, e
+            )
+        else:
+            self.rates["rate"] = equation_of_motion.acceleration(
+                inertia, self.gravity, self.jacobian, self.force, self.friction
+            )
+        self.seen_angle, self.seen_rate = self.angle, self.rate
+        if self.active("boom_flexibility"):
+            bend = self.add("bend", "x", "rad", 1e-2, -1.0, 1.0)
+            bend_rate = self.add("bend_rate", "x'", "rad/s", 0.1)
+            self.rates["bend"] = bend_rate
+            self.rates["bend_rate"] = boom_flexibility.acceleration(bend, bend_rate, self.rates["rate"], e)
+            self.seen_angle, self.seen_rate = self.angle + bend, self.rate + bend_rate
+
+    def friction_torque(self) -> Any:
+        p, e = self.p, self.e
+        bristle = None
+        if self.active("presliding_friction"):
+            bristle = self.add("bristle_torque", "z", "N m", 4e3)
+            self.rates["bristle_torque"] = friction.bristle_rate(self.angle, self.rate, bristle, p, e)
+        return friction.drift(self.elapsed(), e) * friction.torque(self.angle, self.rate, p, e, bristle)
 
     def rod_side(self, rod_pressure: Any, inflow: Any) -> None:
         beta = oil.bulk_modulus(rod_pressure, self.p, self.e)
@@ -212,7 +254,7 @@ class _Wiring:
             u=self.u,
             p=self.p_vector,
             derivative=ca.vertcat(*(self.rates[name] for name in names)),
-            outputs=sensors.measured(self.angle, self.rate, hose_pressure, rod_pressure, self.e),
+            outputs=sensors.measured(self.seen_angle, self.seen_rate, hose_pressure, rod_pressure, self.e),
             auxiliary=auxiliary,
         )
 
@@ -238,14 +280,23 @@ def full_model(structure: Structure, effects: Iterable[str] = ()) -> Equations:
             p_o = w.add_pressure(name, f"p_o,{i}")
             precharge = precharge * e.accumulator_precharge.r
             diameter = diameter * e.accumulator_restrictor.r
+            entropy_rate: Any = 0.0
+            if w.active("accumulator_heat_loss"):
+                entropy = w.add(f"accumulator_entropy_{i}", f"e_{i}", "-", 0.1)
+                ambient = w.add(f"accumulator_ambient_{i}", f"T_a,{i}", "-", 1.0)
+                entropy_rate = accumulator.entropy_rate(p_o, entropy, ambient, precharge, p, e)
+                w.rates[f"accumulator_entropy_{i}"] = entropy_rate
+                w.rates[f"accumulator_ambient_{i}"] = ca.SX(0.0)
+                precharge = precharge * ca.exp(entropy)
             flow = accumulator.orifice_flow(p_h, p_o, precharge, diameter, p)
-            w.rates[name] = accumulator.pressure_rate(p_o, flow, precharge, p.fluid.beta, p)
+            w.rates[name] = accumulator.pressure_rate(p_o, flow, precharge, p.fluid.beta, p, entropy_rate)
             q_o = q_o + flow
     q_h, q_b = w.valve(p_h, p_b)
     leakage = cylinder.leakage(p_a, p_b, e)
     w.motion(p_a, p_b)
     w.rod_side(p_b, q_b + leakage)
     beta_a = oil.bulk_modulus(p_a, p, e)
+    passage = cylinder.cushion(w.position, e)
     if structure.hose_burst_valve:
         if w.active("hose_burst_valve_lag"):
             g = w.add("hose_burst_valve_conductance", "G", "m^3/s/Pa", 1e-8)
@@ -254,6 +305,7 @@ def full_model(structure: Structure, effects: Iterable[str] = ()) -> Equations:
             q_a = hose_burst_valve.flow(p_h - p_a, p, e, g)
         else:
             q_a = hose_burst_valve.flow(p_h - p_a, p, e)
+        q_a = ca.if_else(q_a < 0, q_a * passage, q_a) if w.active("end_cushioning") else q_a
         head, net = cylinder.head_volume(w.position, p), q_a
         w.rates["hose_pressure"] = cylinder.pressure_rate(oil.bulk_modulus(p_h, p, e), p.cylinder.V_h, q_h - q_o - q_a)
     else:

@@ -14,6 +14,8 @@ In the dead zone x <= x_0 every area is exactly zero. Effects (neutral value):
 * ``compensator_droop``: the supply flow q becomes q (1 - k (q / Q_REFERENCE)^2) (0).
 * ``pump_flow_limit``: the supply flow is limited to q_max, smoothly: q / (1 + (q / q_max)^8)^(1/8) (infinite).
 * ``return_line_pressure``: p_t + k q^2 with q the returning flow; closed form, as an orifice in series (0).
+* ``valve_hysteresis``: the metering edges follow the spool with a play of +-h s_max; their position x is a state,
+  T_play x' = max(0, s_s - h s_max - x) + min(0, s_s + h s_max - x) (0: no state, x = s_s).
 * ``flow_force``: F_q = c |q| sqrt(|dp|), summed over both edges, closes the spool (0).
 """
 
@@ -29,6 +31,8 @@ from boom_model.specification import Specification
 
 LARGEST_OPENING = 1.2
 LARGEST_METER_OUT = 1.3
+PLAY_TIME = 2.0e-3
+"""s. How quickly the edges take up the play; far below the pilot stage's 51 ms."""
 SMALLEST_OPENING = 1e-12
 """Keeps the logarithm of the exponentiation finite; the area in the dead zone itself is exactly zero."""
 Q_REFERENCE = 2.0e-3
@@ -78,8 +82,18 @@ def _tank_flow(area: Expression, drop: Expression, gain: Expression, e: Any) -> 
     return k * signed_sqrt(drop) / ca.sqrt(1 + e.return_line_pressure.k * k * k)
 
 
-def flows(position: Expression, hose_pressure: Expression, rod_pressure: Expression, p: Any, e: Any) -> ValveFlows:
-    """Flows and closing force at the spool position s_s [m], p_h and p_b [Pa]."""
+def flows(
+    position: Expression,
+    hose_pressure: Expression,
+    rod_pressure: Expression,
+    p: Any,
+    e: Any,
+    rod_passage: Expression = 1.0,
+) -> ValveFlows:
+    """Flows and closing force at the spool position s_s [m], p_h and p_b [Pa].
+
+    rod_passage: share of the rod side's return passage that an end cushioning leaves open.
+    """
     o, f = p.main_valve_orifices, p.fluid
     gain = f.C_d * ca.sqrt(2 / f.rho)
     extend = position < 0
@@ -90,10 +104,17 @@ def flows(position: Expression, hose_pressure: Expression, rod_pressure: Express
     supply = _supply(gain * ca.if_else(extend, o.A_sa_max, o.A_sb_max) * u * supply_root, e)
     a_ta = o.A_sb_max * u / (o.A_ta_law.c0 - o.A_ta_law.c1 * ca.fmin(u, LARGEST_METER_OUT) ** 2)
     tank_drop = ca.if_else(extend, rod_pressure, hose_pressure) - f.p_t
-    tank = _tank_flow(ca.if_else(extend, o.A_tb_max * u, a_ta), tank_drop, gain, e)
+    tank = _tank_flow(ca.if_else(extend, o.A_tb_max * u * rod_passage, a_ta), tank_drop, gain, e)
     size = ca.fabs(supply * supply_root) + ca.fabs(tank * signed_sqrt(tank_drop))
     return ValveFlows(
         head=ca.if_else(extend, supply, -tank),
         rod=ca.if_else(extend, -tank, supply),
         force=e.flow_force.c * ca.if_else(extend, -size, size),
     )
+
+
+def play_rate(metering: Expression, spool: Expression, p: Any, e: Any) -> Expression:
+    """x' [m/s] of the metering edges at x [m] behind the spool at s_s [m], ``valve_hysteresis``."""
+    half = e.valve_hysteresis.h * p.main_valve_spool.s_max
+    ahead, behind = ca.fmax(spool - half - metering, 0.0), ca.fmin(spool + half - metering, 0.0)
+    return (ahead + behind) / PLAY_TIME

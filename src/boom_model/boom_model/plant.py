@@ -104,7 +104,10 @@ class Plant:
         for i in (1, 2):
             if f"accumulator_pressure_{i}" in values:
                 p_g0 = self.machine.parameters[f"accumulators.p_g0_{i}"].value[0] * precharge
-                values[f"accumulator_pressure_{i}"] = max(hose_pressure, p_g0)
+                values[f"accumulator_pressure_{i}"] = p_o = max(hose_pressure, p_g0)
+                if f"accumulator_ambient_{i}" in values:  # the gas has rested on the nominal adiabat
+                    kappa = self.machine.parameters["accumulators.kappa"].value[0]
+                    values[f"accumulator_ambient_{i}"] = (p_o / p_g0) ** ((kappa - 1) / kappa)
         if "hose_burst_valve_conductance" in values:
             values["hose_burst_valve_conductance"] = self._conductance_at_rest()
         return np.array([values[name] for name in self.state_names])
@@ -158,6 +161,7 @@ class Plant:
         p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
         begin = float(t_out[0]) if start is None and len(t_out) else float(start or 0.0)
         self._check(t_in, u, t_out, x, p, begin)
+        self._set_time(x, begin)
         sampled, late = self._sampling(t_out)
         states, outputs, report = self._call(t_in, u, sampled, x, p, begin, tolerance, order, stop)
         self._raise(report)
@@ -185,6 +189,8 @@ class Plant:
         t_out = np.ascontiguousarray(output_time, dtype=float)
         x0 = np.asarray(initial_state, dtype=float)
         self._check(t_in, u, t_out, x0, sets[0], float(t_out[0]))
+        x0 = x0.copy()
+        self._set_time(x0, float(t_out[0]))
         sampled, late = self._sampling(t_out)
         result = np.full((len(sets), len(t_out), len(OUTPUTS)), np.nan)
 
@@ -250,6 +256,11 @@ class Plant:
             {f"{e.id}.{r.name}": self._effect(e.id, r.name) for e in EFFECTS.values() for r in e.parameters}
         )
         return float(hose_burst_valve.limited_conductance(0.0, tree, effects))
+
+    def _set_time(self, x: Array, begin: float) -> None:
+        """The state ``elapsed_time``, where an effect brings it, is the time of the run itself."""
+        if "elapsed_time" in self.state_names:
+            x[self.state_names.index("elapsed_time")] = begin
 
     def _sampling(self, t_out: Array) -> tuple[Array, tuple[NDArray[np.int64], NDArray[np.int64]] | None]:
         """Times at which the run is sampled, and where among them the outputs and the delayed pressures are."""

@@ -27,7 +27,9 @@ _STATE_EQUATIONS = {
     "angle": "5.39a", "rate": "5.39a", "head_pressure": "5.39c, 5.47c", "rod_pressure": "5.39d, 5.47d",
     "hose_pressure": "5.39i", "accumulator_pressure_1": "5.39g", "accumulator_pressure_2": "5.39h",
     "spool_position": "5.39n", "spool_velocity": "5.39n,o", "pilot_retract": "5.39p", "pilot_extend": "5.39s",
-    "hose_burst_valve_conductance": "5.39f",
+    "hose_burst_valve_conductance": "5.39f", "elapsed_time": "-", "swing_angle": "-", "swing_rate": "-", "bend": "-",
+    "bend_rate": "-", "bristle_torque": "5.39b", "metering_position": "5.39l,m", "accumulator_entropy_1": "5.39g",
+    "accumulator_ambient_1": "5.39g", "accumulator_entropy_2": "5.39h", "accumulator_ambient_2": "5.39h",
 }  # fmt: skip
 _OUTPUT_SYMBOLS = ("q_2", "q_2'", "p_h", "p_b")
 _INPUT_SYMBOLS = ("i_+", "i_-")

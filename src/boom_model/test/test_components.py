@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from boom_model import (
     accumulator,
     anti_cavitation,
+    boom_flexibility,
     cylinder,
     direct_spool,
     equation_of_motion,
@@ -25,6 +26,7 @@ from boom_model import (
     main_valve_spool,
     oil,
     pilot_valve,
+    swinging_load,
     triangle_linkage,
 )
 from boom_model.equations import _namespace
@@ -409,19 +411,74 @@ def test_anti_cavitation_valve_is_shut_above_and_open_below_its_pressure(p: Any)
 
 def test_load_adds_to_inertia_and_gravity_at_the_tip(tz17: Any, effects: Any) -> None:
     q = _namespace(tz17.values(tz17.pose(0.28, 2.8, 300.0)))
-    assert float(equation_of_motion.inertia(q, effects())) == pytest.approx(33_818 + 300 * (4.7619**2 + 5.8335**2))
-    assert float(equation_of_motion.gravity_torque(0.0, q, effects())) == pytest.approx(9.81 * (4633.6 + 300 * 4.7619))
-    upright = float(equation_of_motion.gravity_torque(pi / 2, q, effects()))
+    load = equation_of_motion.load_mass(q, effects())
+    assert float(load) == 300.0
+    assert float(equation_of_motion.inertia(load, q)) == pytest.approx(33_818 + 300 * (4.7619**2 + 5.8335**2))
+    assert float(equation_of_motion.gravity_torque(0.0, load, q)) == pytest.approx(9.81 * (4633.6 + 300 * 4.7619))
+    upright = float(equation_of_motion.gravity_torque(pi / 2, load, q))
     assert upright == pytest.approx(9.81 * (3142.9 + 300 * 5.8335))
 
 
 def test_payload_effect_is_a_load_that_the_configuration_does_not_tell(tz17: Any, effects: Any) -> None:
     told, hidden = (_namespace(tz17.values(tz17.pose(0.28, 2.8, load))) for load in (260.0, 0.0))
     e = effects(payload={"mass": 260.0})
-    assert float(equation_of_motion.inertia(hidden, e)) == float(equation_of_motion.inertia(told, effects()))
-    assert float(equation_of_motion.gravity_torque(0.3, hidden, e)) == float(
-        equation_of_motion.gravity_torque(0.3, told, effects())
-    )
+    assert float(equation_of_motion.load_mass(hidden, e)) == float(equation_of_motion.load_mass(told, effects()))
+
+
+def test_grasped_load_is_there_from_its_time_on(tz17: Any, effects: Any) -> None:
+    q = _namespace(tz17.values(tz17.pose(0.28, 2.8, 100.0)))
+    e = effects(payload_change={"mass": 260.0, "t_g": 5.0})
+    masses = [float(equation_of_motion.load_mass(q, e, t)) for t in (0.0, 4.9, 5.0, 5.1, 50.0)]
+    assert masses == pytest.approx([100.0, 100.0, 230.0, 360.0, 360.0], abs=1e-5)
+
+
+def test_friction_drifts_from_one_to_its_factor(effects: Any) -> None:
+    e = effects(friction_drift={"r": 3.0, "T": 10.0})
+    assert [float(friction.drift(t, e)) for t in (0.0, 10.0, 1e4)] == pytest.approx([1.0, 3.0 - 2.0 / np.e, 3.0])
+
+
+def test_bristles_are_a_spring_before_and_coulomb_friction_in_sliding(p: Any, effects: Any) -> None:
+    e = effects(presliding_friction={"compliance": 1e-6})
+    assert float(friction.bristle_rate(0.3, 1e-3, 0.0, p, e)) == pytest.approx(1e3)  # w / c
+    assert float(friction.bristle_rate(0.3, 0.1, 4000.0, p, e)) == pytest.approx(0.0)  # sliding: z = tau_C+
+    assert float(friction.bristle_rate(0.3, -0.1, -3000.0, p, e)) == pytest.approx(0.0)
+
+
+def test_cushion_leaves_the_passage_open_but_for_the_last_stretch(effects: Any) -> None:
+    e = effects(end_cushioning={"k": 0.8, "length": 0.05})
+    passages = [float(cylinder.cushion(d, e)) for d in (0.5, 0.05, 0.025, 0.0, -0.01)]
+    assert passages == pytest.approx([1.0, 1.0, 0.6, 0.2, 0.2])
+
+
+def test_metering_edges_stand_still_inside_the_play_and_follow_behind_it(p: Any, effects: Any) -> None:
+    e = effects(valve_hysteresis={"h": 0.05})  # 0.45 mm
+    rates = [float(main_valve_orifices.play_rate(0.0, s, p, e)) for s in (0.0, 4e-4, -4e-4, 6e-4, -6e-4)]
+    assert rates == pytest.approx([0.0, 0.0, 0.0, 1.5e-4 / 2e-3, -1.5e-4 / 2e-3])
+
+
+def test_gas_that_exchanges_heat_cools_when_it_is_hotter_than_at_rest(p: Any, effects: Any) -> None:
+    e = effects(accumulator_heat_loss={"inverse_tau": 0.1})
+    rest = (8e6 / 5.5e6) ** (0.4 / 1.4)
+    assert float(accumulator.entropy_rate(8e6, 0.0, rest, 5.5e6, p, e)) == pytest.approx(0.0)
+    hot = (1.2e7 / 5.5e6) ** (0.4 / 1.4)
+    expected = -(1 - rest / hot) * 0.1
+    assert float(accumulator.entropy_rate(1.2e7, 0.0, rest, 5.5e6, p, e)) == pytest.approx(expected)
+
+
+def test_swinging_load_at_rest_pulls_like_one_that_sticks(tz17: Any, effects: Any) -> None:
+    """theta = 0, no motion: torque - m g x_t over D + m x_t^2, and the rope's pivot takes theta along."""
+    q = _namespace(tz17.values(tz17.pose(0.28, 2.8)))
+    e = effects(swinging_load={"mass": 300.0, "length": 2.0})
+    w, theta = (float(v) for v in swinging_load.accelerations(0.0, 0.0, 0.0, 0.0, 33_818.0, 5e4, q, e))
+    expected = (5e4 - 300 * 9.81 * 4.7619) / (33_818 + 300 * 4.7619**2)
+    assert w == pytest.approx(expected)
+    assert theta == pytest.approx(-5.8335 * expected / 2.0)
+
+
+def test_elastic_mode_rings_at_its_frequency(effects: Any) -> None:
+    e = effects(boom_flexibility={"gain": 0.1, "f": 2.0, "zeta": 0.0})
+    assert float(boom_flexibility.acceleration(0.01, 0.0, 0.0, e)) == pytest.approx(-0.01 * (4 * pi) ** 2)
+    assert float(boom_flexibility.acceleration(0.0, 0.0, 3.0, e)) == pytest.approx(-0.3)
 
 
 def test_acceleration_is_torque_over_inertia() -> None:

@@ -352,12 +352,27 @@ def exercise(tz17: Machine) -> tuple[Plant, Any, Any, Any]:
     return plant, time, currents, nominal
 
 
-@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda e: e.id)
+def test_cushion_raises_the_rod_pressure_near_the_end_of_stroke(tz17: Machine) -> None:
+    """The only effect that the exercise does not reach: it stays clear of the ends."""
+    time = np.arange(0.0, 0.5, 0.01)
+    currents = np.tile([0.0, 0.5], (50, 1))
+
+    def at_the_end(k: float) -> float:
+        plant = Plant(tz17.with_effects({"end_cushioning": {"k": k, "length": 0.1}}), tz17.pose(0.28, 2.2))
+        return float(plant.run(time, currents, time, plant.equilibrium(1.42)).output("rod_pressure")[-1])
+
+    assert at_the_end(0.3) > at_the_end(0.0) + 1e5
+    assert at_the_end(0.95) > at_the_end(0.3) + 1e6
+
+
+@pytest.mark.parametrize("effect", [e for e in CATALOGUE if e.id != "end_cushioning"], ids=lambda e: e.id)
 def test_effect_shows_at_both_ends_of_its_range(tz17: Machine, exercise: Any, effect: Any) -> None:
     nominal_plant, time, currents, nominal = exercise
     start = nominal_plant.outputs(nominal_plant.equilibrium(0.2))
     for end in ("low", "high"):
-        shape = {"w_s", "q_c", "width"}  # say where a term acts, not how strongly: kept
+        shape = {"w_s", "q_c", "width", "t_g", "T", "f", "zeta", "length"} - {
+            row.name for row in effect.parameters[:1]
+        }  # say where a term acts, not how strongly: kept
         values = {row.name: row.neutral if row.name in shape else getattr(row, end) for row in effect.parameters}
         plant = Plant(tz17.with_effects({effect.id: values}), nominal_plant.pose)
         outputs = plant.run(time, currents, time, plant.rest_state(start[0], start[2], start[3])).outputs
