@@ -1,0 +1,236 @@
+"""The bridge as a lifecycle node: the machine's topics from CAN frames, command frames from /boom/current_command. See README.md.
+
+Configured, it has the bus, listens, and sends zero current. Active, it publishes, and commands pass once ~/enable was called.
+"""
+
+# ruff: noqa: I001
+from __future__ import annotations
+
+from boom_node import early  # noqa: F401  (first: signals and environment)
+
+import time
+from typing import Any
+
+from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
+from boom_node import parameters, qos, shell
+from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
+from boom_node.errors import StartError
+from boom_node.stamps import ns_to_seconds, set_ns, to_ns
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
+
+from boom_can_bridge import settings
+from boom_can_bridge.bridge import Bridge, BridgeSettings
+from boom_can_bridge.connection import BusSettings, BusUnavailableError
+from boom_can_bridge.errors import CanConfigurationError
+from boom_can_bridge.receiver import Reading
+
+AMBIENT_PRESSURE_PA = 101_325.0  # sensor_msgs/FluidPressure is absolute; inside, pressures are gauge
+LOOK_S = 0.05
+
+
+class BridgeNode(LifecycleNode):
+    """Thin shell around :class:`boom_can_bridge.bridge.Bridge`."""
+
+    def __init__(self) -> None:
+        super().__init__("boom_can_bridge")
+        self._values = values = parameters.declare(self, settings.PARAMETERS)
+        self._bridge: Bridge | None = None
+        self._failure = ""
+        self._said = ""
+        self._settings = BridgeSettings(
+            BusSettings(values.interface, values.channel, values.bitrate),
+            values.dbc, values.mapping, values.log, values.good_frames, values.watchdog, values.largest_current,
+            values.rise_rate, values.command_timeout, values.revoke_after,
+        )  # fmt: skip
+        self._make_messages()
+
+        def publisher(kind: Any, topic: str) -> Any:
+            return self.create_publisher(kind, topic, qos.BY_TOPIC[topic])
+
+        self._joints = publisher(JointState, "/joint_states")
+        self._hose = publisher(FluidPressure, "/boom/hose_pressure")
+        self._rod = publisher(FluidPressure, "/boom/rod_pressure")
+        self._currents = publisher(SolenoidCurrents, "/boom/solenoid_currents")
+        self._configuration = publisher(MachineConfiguration, "/boom/machine_configuration")
+        self.create_subscription(
+            SolenoidCurrents, "/boom/current_command", self._on_command, qos.BY_TOPIC["/boom/current_command"]
+        )
+        self.create_subscription(Bool, "/boom/emergency_stop", self._on_stop, qos.BY_TOPIC["/boom/emergency_stop"])
+        self.create_service(SetBool, "~/enable", self._on_enable)
+        self._diagnostics = DiagnosticsPublisher(self, self._health, values.machine)
+        self.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._stopped = False
+        if values.autostart:
+            self.trigger_configure()
+            if not self._failure:
+                self.trigger_activate()
+            if self._failure:
+                raise StartError(f"boom_can_bridge: {self._failure}")
+
+    def _make_messages(self) -> None:
+        values = self._values
+        fixed = [values.outer_boom_angle, values.telescope_length][: len(values.fixed_joints)]
+        names = list(values.fixed_joints)[: len(fixed)]
+        joints = JointState(name=[values.joint_name, *names], position=[0.0, *fixed], velocity=[0.0] * (1 + len(fixed)))
+        self._joint_message = joints
+        self._hose_message = FluidPressure(variance=values.pressure_variance)
+        self._hose_message.header.frame_id = "hose"
+        self._rod_message = FluidPressure(variance=values.pressure_variance)
+        self._rod_message.header.frame_id = "rod"
+        self._current_message = SolenoidCurrents()
+
+    # ------------------------------------------------------------------------------------------------------- lifecycle
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Read the DBC file, open the bus, listen."""
+        try:
+            bridge = Bridge(self._settings, self._publish, self._on_connection)
+        except CanConfigurationError as error:
+            return self._fail(str(error))
+        try:
+            bridge.open(wait=self._values.wait_for_bus)
+        except (CanConfigurationError, BusUnavailableError) as error:
+            if bridge.log is not None:
+                bridge.log.close()
+            return self._fail(str(error))
+        bridge.emergency_stop(self._stopped)
+        self._failure = ""
+        self._bridge = bridge
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Publish; commands pass once motion is enabled."""
+        if self._bridge is None:
+            return TransitionCallbackReturn.FAILURE
+        values = self._values
+        message = MachineConfiguration(
+            machine=values.machine, outer_boom_angle=values.outer_boom_angle, telescope_length=values.telescope_length,
+            load_mass=values.load_mass if values.load_mass >= 0 else float("nan"), note=values.note,
+        )  # fmt: skip
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._configuration.publish(message)
+        self._bridge.activate(True)
+        self.get_logger().info(f"active on {self._settings.bus}, DBC {values.dbc}; motion needs ~/enable")
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Zero current; publish no more."""
+        if self._bridge is not None:
+            self._bridge.activate(False)
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close the bus."""
+        self.close()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close the bus for good."""
+        self.close()
+        return TransitionCallbackReturn.SUCCESS
+
+    def _fail(self, reason: str) -> TransitionCallbackReturn:
+        self._failure = reason
+        if not self._values.autostart:
+            self.get_logger().error(reason)
+        return TransitionCallbackReturn.FAILURE
+
+    def close(self) -> None:
+        """Zero current once more, then the bus is closed."""
+        bridge, self._bridge = self._bridge, None
+        if bridge is not None:
+            bridge.close()
+
+    # ------------------------------------------------------------------------------------------------- bus to topics
+
+    def _publish(self, reading: Reading) -> None:
+        """In the receive thread."""
+        bridge = self._bridge
+        if bridge is None:
+            return
+        clock, steady = bridge.checker.clock, time.monotonic()
+        if clock.ros_clock_due(steady):
+            stamp_ns = clock.to_ros_ns(reading.steady, steady, self.get_clock().now().nanoseconds)
+        else:
+            stamp_ns = clock.last_ros_ns(reading.steady)
+        values = reading.values
+        if "angle" in values:
+            message = self._joint_message
+            set_ns(message.header.stamp, stamp_ns)
+            message.position[0], message.velocity[0] = values["angle"], values["rate"]
+            self._joints.publish(message)
+        for field, pressure, topic in (
+            ("hose_pressure", self._hose_message, self._hose), ("rod_pressure", self._rod_message, self._rod)
+        ):  # fmt: skip
+            if field in values:
+                set_ns(pressure.header.stamp, stamp_ns)
+                pressure.fluid_pressure = values[field] + AMBIENT_PRESSURE_PA
+                topic.publish(pressure)
+        if "retract_current" in values:
+            set_ns(self._current_message.header.stamp, stamp_ns)
+            self._current_message.retract = values["retract_current"]
+            self._current_message.extend = values["extend_current"]
+            self._currents.publish(self._current_message)
+
+    def _on_connection(self, up: bool, text: str) -> None:
+        if up:
+            self.get_logger().info(text)
+        else:
+            self.get_logger().warning(f"{text}; zero current, trying again")
+
+    # ---------------------------------------------------------------------------------------------- topics to the bus
+
+    def _on_command(self, message: SolenoidCurrents) -> None:
+        bridge = self._bridge
+        if bridge is None:
+            return
+        stamp_ns = to_ns(message.header.stamp)
+        age = ns_to_seconds(self.get_clock().now().nanoseconds - stamp_ns) if stamp_ns else 0.0
+        bridge.command(message.retract, message.extend, age)
+
+    def _on_stop(self, message: Bool) -> None:
+        self._stopped = bool(message.data)
+        if self._bridge is not None:
+            self._bridge.emergency_stop(self._stopped)
+
+    def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if self._bridge is None:
+            response.success, response.message = not request.data, "the bridge is not configured: zero current"
+        else:
+            response.success, response.message = self._bridge.enable(bool(request.data))
+        self.get_logger().info(response.message)
+        return response
+
+    # ------------------------------------------------------------------------------------------------------------ health
+
+    def _look(self) -> None:
+        """Say at once when the motion is taken away or given."""
+        if self._bridge is None:
+            return
+        output = self._bridge.output
+        said = "motion enabled" if output.enable else f"zero current: {output.reason}"
+        if said != self._said:
+            self._said = said
+            self.get_logger().info(said)
+            self._diagnostics.update()
+
+    def _health(self) -> Health:
+        if self._bridge is None:
+            level = Level.ERROR if self._failure else Level.OK
+            return Health(level, self._failure or "not configured", {})
+        report = self._bridge.report()
+        return Health(Level(report.level), report.message, report.values)
+
+
+def main() -> int:
+    """Runs the node until SIGINT or SIGTERM; returns the exit status."""
+    return shell.run(BridgeNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

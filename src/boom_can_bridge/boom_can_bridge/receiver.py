@@ -1,0 +1,315 @@
+"""The receive thread: takes frames off the bus, checks them, hands on what is believed, counts what is not.
+
+`FrameChecker` is the checks alone, without thread and bus; `Receiver` is the thread around it, which opens the bus, opens it again
+after a failure, and ends only when told to.
+"""
+
+import contextlib
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import can
+
+from .clock_map import ClockMap
+from .codec import Codec, CounterCheck
+from .connection import BackOff, BusSettings, BusUnavailableError, close_bus, open_bus
+from .errors import CanConfigurationError, FrameError
+from .plausibility import RateCheck
+
+RECEIVE_TIMEOUT_S = 0.05
+STANDSTILL_S = 0.2
+"""Time away from the bus after which what waits there is old."""
+BUS_OFF, OVERRUN = 0x40, 0x04
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A frame that passed all checks.
+
+    frame      name
+    values     SI values by field
+    steady     when it was on the bus, on the steady clock [s]
+    received   when it was taken off it [s]
+    """
+
+    frame: str
+    values: dict[str, float]
+    steady: float
+    received: float
+
+
+@dataclass
+class Counts:
+    """What has happened on the bus so far.
+
+    good      frames by name
+    bad       frames by reason (also: error, bus_off, overrun, remote)
+    lost      frames by name, told by the counters
+    unknown   ids that the mapping does not name, the first `UNKNOWN_IDS` of them
+    """
+
+    UNKNOWN_IDS = 32
+
+    good: Counter[str] = field(default_factory=Counter)
+    bad: Counter[str] = field(default_factory=Counter)
+    lost: Counter[str] = field(default_factory=Counter)
+    unknown: Counter[int] = field(default_factory=Counter)
+    connects: int = 0
+    discarded: int = 0
+    last_bad: str = ""
+
+
+class FrameChecker:
+    """All checks of one frame, in the order: error frame, id, length, checksum, counter, values.
+
+    Args:
+        codec: of the machine
+        proof: frames of each kind that must pass after a (re)connection before any is handed on
+    """
+
+    def __init__(self, codec: Codec, proof: int = 5) -> None:
+        self.codec = codec
+        self.counts = Counts()
+        self.clock = ClockMap()
+        self._proof = proof
+        self._counters = CounterCheck(codec)
+        self._rates = RateCheck(codec)
+        self._outgoing = codec.command.name
+        self._needed = {spec.name for spec in codec.incoming if not set(spec.fields) <= {"mode", "faults", "uptime_s"}}
+        self._proven: Counter[str] = Counter()
+        self.proving = True
+
+    def restart(self) -> None:
+        """The bus was opened anew: believe nothing until enough good frames have come."""
+        self._counters.forget()
+        self._rates.forget()
+        self.clock.reset()
+        self._proven.clear()
+        self.proving = True
+
+    def check(self, message: can.Message, received: float) -> Reading | None:
+        """The reading of a frame, or None where there is none to hand on. Raises nothing, whatever the frame holds.
+
+        Args:
+            message: as python-can gives it
+            received: steady time [s]
+        """
+        try:
+            return self._check(message, received)
+        except FrameError as error:
+            self.counts.bad[error.reason] += 1
+            if error.reason != "unknown_id":
+                self.counts.last_bad = str(error)
+        except Exception as error:  # a driver may hand over anything
+            self.counts.bad["decode"] += 1
+            self.counts.last_bad = f"{type(error).__name__}: {error}"
+        return None
+
+    def _check(self, message: can.Message, received: float) -> Reading | None:
+        if message.is_error_frame:
+            kind = message.arbitration_id
+            overrun = kind & OVERRUN and len(message.data) > 1 and message.data[1] & 1
+            self.counts.bad["bus_off" if kind & BUS_OFF else "overrun" if overrun else "error"] += 1
+            if kind & BUS_OFF:
+                self.restart()
+            return None
+        if message.is_remote_frame:
+            self.counts.bad["remote"] += 1
+            return None
+        if not self.codec.knows(message.arbitration_id, bool(message.is_extended_id)):
+            self.counts.bad["unknown_id"] += 1
+            if len(self.counts.unknown) < Counts.UNKNOWN_IDS or message.arbitration_id in self.counts.unknown:
+                self.counts.unknown[message.arbitration_id] += 1
+            return None
+        decoded = self.codec.decode(message.arbitration_id, bytes(message.data), extended=bool(message.is_extended_id))
+        name = decoded.frame
+        if name == self._outgoing:  # another sender of commands, or our own echo: nothing to publish
+            self.counts.good[name] += 1
+            return None
+        steady = self.clock.to_steady(float(message.timestamp), received)
+        try:
+            self.counts.lost[name] += self._counters.accept(name, decoded.counter, received)
+            self._rates.accept(name, decoded.values, steady)
+        except FrameError:
+            if self.proving:
+                self._proven.clear()
+            raise
+        self.counts.good[name] += 1
+        if self.proving:
+            self._proven[name] += 1
+            if all(self._proven[needed] >= self._proof for needed in self._needed):
+                self.proving = False
+            return None
+        return Reading(name, decoded.values, steady, received)
+
+
+class Receiver:
+    """Owns the bus and the thread that receives.
+
+    Args:
+        settings: of the bus
+        checker: all frames go through it
+        on_reading: called in the thread with every reading; what it raises is counted, not passed on
+        on_state: called in the thread with a line when the connection changes, and whether it is up
+        on_raw: called with every frame as it came (for a log)
+        bus_factory: opens the bus; for tests
+    """
+
+    def __init__(
+        self,
+        settings: BusSettings,
+        checker: FrameChecker,
+        on_reading: Callable[[Reading], None],
+        on_state: Callable[[bool, str], None] = lambda up, text: None,
+        on_raw: Callable[[can.Message], None] | None = None,
+        bus_factory: Callable[[BusSettings], Any] = open_bus,
+    ) -> None:
+        self.settings = settings
+        self.checker = checker
+        self.trouble = ""
+        self.failures: Counter[str] = Counter()
+        self.latencies: deque[float] = deque(maxlen=1000)
+        self._on_reading = on_reading
+        self._on_state = on_state
+        self._on_raw = on_raw
+        self._factory = bus_factory
+        self._bus: Any = None
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._back_off = BackOff()
+
+    @property
+    def bus(self) -> Any:
+        """The open bus, or None."""
+        return self._bus
+
+    def open(self) -> None:
+        """Open the bus before the thread starts, so that what is wrong is told to whoever asks for it.
+
+        Raises:
+            CanConfigurationError, BusUnavailableError: as `open_bus`
+        """
+        self._bus = self._factory(self.settings)
+
+    def start(self) -> None:
+        """Start the thread; a bus that is not open yet is opened by it."""
+        self._stop.clear()
+        self._thread = threading.Thread(target=self._run, name="can-receive", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread and close the bus."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join(5.0)
+            self._thread = None
+        self._close()
+
+    def fail(self, bus: Any, error: BaseException) -> None:
+        """A sender found the bus broken: the receive thread opens it again."""
+        if bus is self._bus and not self.trouble:
+            self.trouble = _plain(error)
+
+    def _close(self) -> None:
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            close_bus(bus)
+
+    def _run(self) -> None:
+        if self._bus is not None:
+            self._begin()
+        while not self._stop.is_set():
+            try:
+                if self._bus is None and not self._reopen():
+                    continue
+                self._receive()
+            except Exception as error:  # nothing may end this thread but `stop`
+                self.failures[type(error).__name__] += 1
+                self.trouble = _plain(error)
+            if self.trouble and not self._stop.is_set():
+                self._lose()
+
+    def _lose(self) -> None:
+        text, self.trouble = self.trouble, ""
+        self._close()
+        self.checker.restart()
+        self._tell(False, f"{self.settings} is lost: {text}")
+        self._stop.wait(self._back_off.wait())
+
+    def _reopen(self) -> bool:
+        try:
+            self._bus = self._factory(self.settings)
+        except (BusUnavailableError, CanConfigurationError) as error:
+            self.failures["open"] += 1
+            self._tell(False, str(error))
+            self._stop.wait(self._back_off.wait())
+            return False
+        self._begin()
+        return True
+
+    def _begin(self) -> None:
+        self.checker.restart()
+        self.checker.counts.connects += 1
+        self.trouble = ""
+        self._drain()
+        self._tell(True, f"{self.settings} is open")
+
+    def _tell(self, up: bool, text: str) -> None:
+        with contextlib.suppress(Exception):
+            self._on_state(up, text)
+
+    def _drain(self) -> None:
+        # What waited is old. Bounded: a bus under full load never runs dry.
+        end = time.monotonic() + RECEIVE_TIMEOUT_S
+        while time.monotonic() < end and self._bus.recv(0) is not None:
+            self.checker.counts.discarded += 1
+
+    def _receive(self) -> None:
+        garbled = 0
+        before = time.monotonic()
+        while not self._stop.is_set() and not self.trouble:
+            try:
+                message = self._bus.recv(RECEIVE_TIMEOUT_S)
+            except (ValueError, TypeError):
+                # Corrupted bytes of a serial adapter. Again and again means that more is broken.
+                self.checker.counts.bad["decode"] += 1
+                garbled += 1
+                if garbled >= 20:
+                    raise
+                continue
+            now = time.monotonic()
+            if now - before > STANDSTILL_S:
+                # This process stood still: the frame is the oldest of many that waited.
+                self._drain()
+                self.checker.restart()
+                before = time.monotonic()
+                continue
+            before = now
+            if message is not None:
+                garbled = 0
+                self._handle(message, now)
+
+    def _handle(self, message: can.Message, now: float) -> None:
+        if self._on_raw is not None:
+            with contextlib.suppress(Exception):
+                self._on_raw(message)
+        reading = self.checker.check(message, now)
+        if message.is_error_frame and message.arbitration_id & BUS_OFF:
+            self.trouble = "the controller went bus-off"
+        if reading is None:
+            return
+        self._back_off.reset()  # only now: an adapter that opens and fails at once is not well again
+        try:
+            self._on_reading(reading)
+        except Exception as error:
+            self.failures[f"publishing: {type(error).__name__}"] += 1
+            return
+        self.latencies.append(time.monotonic() - reading.steady)
+
+
+def _plain(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

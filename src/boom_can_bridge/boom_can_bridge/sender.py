@@ -1,0 +1,150 @@
+"""The thread that sends commands: every period whatever happens, and at once when a new command arrives. Never queues."""
+
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+from typing import Any
+
+import can
+
+from .codec import Codec
+from .command_gate import CommandGate, Output
+from .connection import send_now
+from .errors import FrameError
+
+PERIOD_S = 0.01
+SLACK_S = 0.002
+"""How much later than the next command the timer fires on its own: two frames a period would be one too many."""
+CLOSEST_S = 0.004
+"""Two frames never follow closer than this, however fast commands come."""
+
+
+class CommandSender:
+    """Sends what the gate lets through.
+
+    Args:
+        codec: of the machine
+        gate: decides; used under `lock`
+        bus: gives the open bus or None
+        on_broken: told the bus and the error when sending fails for good
+        before: called under `lock` in front of every decision with the steady time [s]
+        on_sent: called with every frame that went out (for a log)
+    """
+
+    def __init__(
+        self,
+        codec: Codec,
+        gate: CommandGate,
+        bus: Callable[[], Any],
+        on_broken: Callable[[Any, BaseException], None],
+        before: Callable[[float], None] = lambda now: None,
+        on_sent: Callable[[can.Message], None] | None = None,
+    ) -> None:
+        self.lock = threading.RLock()
+        self.sent = 0
+        self.dropped = 0
+        self.last = Output(0.0, 0.0, False, "not active")
+        self.latencies: deque[float] = deque(maxlen=1000)
+        self.failures: Counter[str] = Counter()
+        self._codec = codec
+        self._frame = codec.command
+        self._gate = gate
+        self._bus = bus
+        self._on_broken = on_broken
+        self._before = before
+        self._on_sent = on_sent
+        self._counter = 0
+        self._wake = threading.Condition()
+        self._waiting: float | None = None
+        self._running = False
+        self._thread: threading.Thread | None = None
+
+    def command(self, retract: float, extend: float, age: float, now: float) -> bool:
+        """A command from the topic, see `CommandGate.command`; it goes out at once."""
+        with self.lock:
+            accepted = self._gate.command(retract, extend, age, now)
+        with self._wake:
+            self._waiting = now
+            self._wake.notify()
+        return accepted
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._running = True
+        self._thread = threading.Thread(target=self._run, name="can-send", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread, with zero current as the last frame."""
+        with self._wake:
+            self._running = False
+            self._wake.notify()
+        if self._thread is not None:
+            self._thread.join(2.0)
+            self._thread = None
+        with self.lock:
+            self._gate.enable(False)
+        self._send(time.monotonic())
+
+    def _run(self) -> None:
+        last = time.monotonic()
+        due = last + PERIOD_S
+        while True:
+            with self._wake:
+                while self._running:
+                    now = time.monotonic()
+                    until = due if self._waiting is None else min(due, last + CLOSEST_S)
+                    if now >= until:
+                        break
+                    self._wake.wait(until - now)
+                if not self._running:
+                    return
+                arrived, self._waiting = self._waiting, None
+            last = time.monotonic()
+            try:
+                if self._send(last) and arrived is not None:
+                    self.latencies.append(time.monotonic() - arrived)
+            except Exception as error:  # nothing may end this thread but `stop`: the ECU would wait for its time-out
+                self.failures[type(error).__name__] += 1
+            # Commands at the same rate pull the frames along; the timer fills in where one is missing.
+            due = last + PERIOD_S + (SLACK_S if arrived is not None else 0.0)
+
+    def _send(self, now: float) -> bool:
+        with self.lock:
+            self._before(now)
+            output = self._gate.output(now)
+            self.last = output
+        bus = self._bus()
+        if bus is None:
+            self.dropped += 1
+            return False
+        values = {"retract_current": output.retract, "extend_current": output.extend, "enable": float(output.enable)}
+        self._counter += 1
+        try:
+            identifier, payload = self._codec.encode(self._frame.name, values, self._counter)
+        except FrameError:
+            # Less than the frame can hold is possible with another machine's file: then it is zero, never something else.
+            self.failures["range"] += 1
+            values = dict.fromkeys(values, 0.0)
+            identifier, payload = self._codec.encode(self._frame.name, values, self._counter)
+        message = can.Message(
+            timestamp=time.time(),
+            arbitration_id=identifier,
+            data=payload,
+            is_extended_id=self._frame.is_extended,
+            is_rx=False,
+        )
+        try:
+            done = send_now(bus, message)
+        except Exception as error:
+            self.failures[type(error).__name__] += 1
+            self._on_broken(bus, error)
+            done = False
+        if not done:
+            self.dropped += 1
+            return False
+        self.sent += 1
+        if self._on_sent is not None:
+            self._on_sent(message)
+        return True
