@@ -19,12 +19,13 @@ setup(
     author_email="boom@example.com",
     maintainer="boom developers",
     maintainer_email="boom@example.com",
-    description="The stand-in for the crane: the simulated boom with its sensors on ROS topics",
+    description="The stand-in for the crane: the simulated boom with its sensors on ROS topics or behind a CAN bus",
     license="Apache-2.0",
     python_requires=">=3.11",
     entry_points={
         "console_scripts": [
             "simulation = boom_sim.simulation_node:main",
+            "ecu = boom_sim.ecu_node:main",
         ],
     },
 )
