@@ -1,6 +1,6 @@
 """The entry point of the commands: finds the one that was asked for, loads only that, and prints errors plainly.
 
-A command is a module of `boom_bringup.commands` with
+A command is a module of `boom_bringup.commands` (`import-can` is `import_can`) with
 
 - `HELP`: one line, a plain string constant (read without importing the module),
 - `add_arguments(parser)`: its options, added to an `argparse.ArgumentParser`,
@@ -25,7 +25,7 @@ from typing import NoReturn
 from boom_bringup import __version__
 
 # The order of the help: what a newcomer needs first comes first.
-_ORDER = ("demo", "test", "validate", "simulate", "sim", "replay", "record", "setup")
+_ORDER = ("demo", "test", "validate", "simulate", "sim", "replay", "record", "import-can", "setup")
 _COMMANDS = Path(__file__).with_name("commands")
 _DESCRIPTION = "Model, recordings and control of a forestry crane's inner boom, as ROS 2 processes."
 _EPILOG = "Every command has its own help, for example: {program} validate --help"
@@ -51,14 +51,18 @@ class _Parser(argparse.ArgumentParser):
 
 def command_names() -> list[str]:
     """List the commands that exist, in the order of the help."""
-    found = {path.stem for path in _COMMANDS.glob("*.py") if not path.stem.startswith("_")}
+    found = {path.stem.replace("_", "-") for path in _COMMANDS.glob("*.py") if not path.stem.startswith("_")}
     known = [name for name in _ORDER if name in found]
     return [*known, *sorted(found - set(known))]
 
 
+def _module(name: str) -> str:
+    return name.replace("-", "_")
+
+
 def command_help(name: str) -> str:
     """Read the one-line help of a command without importing it."""
-    tree = ast.parse((_COMMANDS / f"{name}.py").read_text(encoding="utf-8"))
+    tree = ast.parse((_COMMANDS / f"{_module(name)}.py").read_text(encoding="utf-8"))
     for statement in tree.body:
         targets = statement.targets if isinstance(statement, ast.Assign) else []
         if isinstance(statement, ast.AnnAssign):
@@ -92,7 +96,7 @@ def _run(arguments: Sequence[str], program: str) -> int:
         near = difflib.get_close_matches(name, names, n=1)
         hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
         raise UsageError(f"unknown command {name}: {hint}")
-    module = importlib.import_module(f"boom_bringup.commands.{name}")
+    module = importlib.import_module(f"boom_bringup.commands.{_module(name)}")
     description = module.__doc__ or module.HELP
     parser = _Parser(
         prog=f"{program} {name}",
