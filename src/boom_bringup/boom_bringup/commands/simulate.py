@@ -67,6 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate and write; returns 0."""
+    from boom_bringup import replica
     from boom_model.machine_file import load_machine
     from boom_model.sensors import IDEAL
     from boom_recording import writing
@@ -85,9 +86,14 @@ def run(args: argparse.Namespace) -> int:
         stamps, currents = csv_currents.read(source)
         start = Start(0.3)
         configuration = Configuration("tz17", 0.28, 2.2, 0.0)
+        machine = load_machine(configuration.machine if args.machine is None else args.machine)
     else:
         recording, stamps, currents = _from_bag(source)
-        configuration, start = recording.configuration, _rest(recording)
+        configuration = recording.configuration
+        machine, _ = replica.machine_of({args.input: recording}, args.machine)
+        if args.angle is None:
+            rest = replica.rest_of(recording, args.input, "give --angle")
+            start = Start(rest["angle"], rest["hose_pressure"], rest["rod_pressure"])
         if args.duration is None:
             args.duration = recording.duration
     if args.angle is not None:
@@ -101,7 +107,6 @@ def run(args: argparse.Namespace) -> int:
     if changed:
         configuration = replace(configuration, **changed)
         start = Start(start.angle)
-    machine = load_machine(args.machine or configuration.machine)
     machine = machine.with_effects({**machine.effects, **parse_effects(args.effect)})
     note = f"simulated: {args.model} model, sensors {args.sensors}, seed {args.seed}"
     configuration = replace(configuration, machine=machine.name, note=note)
@@ -128,19 +133,6 @@ def _from_bag(path: Path) -> tuple[Recording, Array, Array]:
         gap = f"{stretches[0][1]:.1f} s to {stretches[1][0]:.1f} s"
         print(f"note: {path}: no currents from {gap}; the last ones before a gap are held through it")
     return recording, held.time, held.values
-
-
-def _rest(recording: Recording) -> Start:
-    """The resting start of a recording: means until the first current."""
-    from boom_diagnosis.initial_state import resting_start
-    from boom_sim.simulated_crane import Start
-
-    rest = resting_start(recording)
-    if rest is None:
-        raise SimulateError(
-            f"{recording.path}: the boom does not rest at the beginning, so that its state is not known; give --angle"
-        )
-    return Start(rest["angle"], rest["hose_pressure"], rest["rod_pressure"])
 
 
 def parse_effects(texts: list[str]) -> dict[str, dict[str, float]]:
