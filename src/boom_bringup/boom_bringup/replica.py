@@ -47,7 +47,9 @@ def machine_of(recordings: Mapping[str, Recording], wanted: str | None = None) -
     name, bag = next(iter(named.items()))
     shipped = shipped_machines()
     if not name:
-        raise ReplicaError(f"{bag}: no machine named: give its file, or a shipped one ({', '.join(shipped)}), with --machine")
+        raise ReplicaError(
+            f"{bag}: no machine named: give its file, or a shipped one ({', '.join(shipped)}), with --machine"
+        )
     if name not in shipped:
         raise ReplicaError(
             f"{bag}: recorded on machine '{name}', for which no file is shipped (there is {', '.join(shipped)}): "

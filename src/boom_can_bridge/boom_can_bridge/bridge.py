@@ -56,8 +56,8 @@ class Bridge:
         settings: of the bridge
         publish: called in the receive thread with every reading while the bridge is active
         tell: called with a line for the user when the connection changes, and whether it is up
-        on_cycle: in lockstep, called in the receive thread with the time [s] from which the next command acts
         bus_factory: opens the bus; for tests
+        on_cycle: in lockstep, called in the receive thread with the time [s] from which the next command acts
 
     Raises:
         CanConfigurationError: DBC, mapping or log file cannot be used
@@ -68,8 +68,8 @@ class Bridge:
         settings: BridgeSettings,
         publish: Callable[[Reading], None],
         tell: Callable[[bool, str], None] = lambda up, text: None,
-        on_cycle: Callable[[float], None] = lambda now: None,
         bus_factory: Callable[[BusSettings], Any] = open_bus,
+        on_cycle: Callable[[float], None] = lambda now: None,
     ) -> None:
         self.settings = settings
         self.codec = Codec.load(settings.dbc, settings.mapping or None)
@@ -95,7 +95,13 @@ class Bridge:
             settings.bus, self.checker, self._on_reading, self._on_state, raw, bus_factory, self._clock
         )
         self.sender = CommandSender(
-            self.codec, self.gate, lambda: self.receiver.bus if self._up else None, self.receiver.fail, self._judge, raw, pace
+            self.codec,
+            self.gate,
+            lambda: self.receiver.bus if self._up else None,
+            self.receiver.fail,
+            self._judge,
+            raw,
+            pace,
         )
         self._rate_base = (time.monotonic(), dict.fromkeys(self.codec.frames, 0))
 

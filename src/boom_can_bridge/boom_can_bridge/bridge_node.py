@@ -98,7 +98,7 @@ class BridgeNode(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read the DBC file, open the bus, listen."""
         try:
-            bridge = Bridge(self._settings, self._publish, self._on_connection, self._publish_clock)
+            bridge = Bridge(self._settings, self._publish, self._on_connection, on_cycle=self._publish_clock)
         except CanConfigurationError as error:
             return self._fail(str(error))
         try:

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from boom_model.machine import Machine
     from boom_recording.recording import Recording
-    from boom_sim.simulated_crane import Start
 
     Array = NDArray[np.float64]
 

@@ -8,7 +8,6 @@ A mismatch is a result, not an error: the exit status is 0 all the same, unless 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import os
 import shlex
@@ -17,14 +16,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import checked, write, write_json
 from boom_bringup.replica import machine_of
 
 if TYPE_CHECKING:
-    from boom_model.machine import Machine
     from boom_recording.recording import Recording
 
 HELP = "run recorded currents through the model and compare it with what was measured"

@@ -8,7 +8,14 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, EmitEvent, ExecuteProcess, LogInfo, OpaqueFunction, RegisterEventHandler
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    ExecuteProcess,
+    LogInfo,
+    OpaqueFunction,
+    RegisterEventHandler,
+)
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
@@ -54,7 +61,9 @@ def start_processes(context):
     else:
         crane = [node("boom_sim", "simulation", "boom_simulation", simulation, "simulation")]
         given = demo_processes.REPLAY
-    replay = node("boom_recording", "replay", "boom_replay", {"bag": value["bag"], "what": "commands", **given}, "replay")
+    replay = node(
+        "boom_recording", "replay", "boom_replay", {"bag": value["bag"], "what": "commands", **given}, "replay"
+    )
     hint = f"the new bag is {value['output']}; validate it with: ros2 run boom_bringup boom validate {value['output']}"
     return [
         node("boom_recording", "recorder", "boom_recorder", {"output": value["output"]}, "recorder"),
@@ -82,7 +91,9 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument("seed", default_value="0", description="seed of the simulated sensors' noise"),
             DeclareLaunchArgument(
-                "transport", default_value="can", description="can: ECU stand-in, bus and bridge; topics: the simulation itself"
+                "transport",
+                default_value="can",
+                description="can: ECU stand-in, bus and bridge; topics: the simulation itself",
             ),
             OpaqueFunction(function=start_processes),
         ]
