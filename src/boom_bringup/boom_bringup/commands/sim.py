@@ -13,7 +13,7 @@ import argparse
 import os
 from pathlib import Path
 
-from boom_bringup import environment
+from boom_bringup import arguments, environment
 from boom_bringup.commands._node_command import node_command
 from boom_bringup.commands.simulate import parse_effects
 
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--outer-boom-angle", type=float, default=0.28, metavar="RAD", help="q3 [rad] (default: 0.28)")
     parser.add_argument("--telescope-length", type=float, default=2.2, metavar="M", help="q4 [m] (default: 2.2)")
     parser.add_argument("--load", type=float, default=0.0, metavar="KG", help="load at the tip [kg] (default: 0)")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the sensor noise (default: 0)")
+    parser.add_argument("--seed", type=arguments.seed, default=0, help="seed of the sensor noise (default: 0)")
     parser.add_argument("--sensors", choices=("thesis", "ideal"), default="thesis", help="noise of ch. 6.4 or none")
     parser.add_argument("--ground-truth", action="store_true", help="publish the true states on /boom/ground_truth")
     parser.add_argument(
