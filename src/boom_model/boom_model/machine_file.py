@@ -13,7 +13,7 @@ from importlib.resources import files
 from itertools import pairwise
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import yaml
 
@@ -21,7 +21,7 @@ from boom_model import rigid_body, sensors
 from boom_model.effects import active_effects
 from boom_model.errors import MachineError, nearest
 from boom_model.hose_burst_valve import smooth_node
-from boom_model.machine import TOLERANCES, Machine, Parameter, Pose, check_overlap, check_range, number
+from boom_model.machine import TOLERANCES, Confidence, Machine, Parameter, Pose, check_overlap, check_range, number
 from boom_model.specification import Specification
 from boom_model.structure import Structure
 
@@ -244,7 +244,7 @@ def _parameter(document: Mapping[str, Any], spec: Specification) -> Parameter:
             raise MachineError(f"{spec.key}: expected a list of {size} numbers [{spec.unit}]")
         value = tuple(number(v) for v in listed)
     check_range(spec, value, shown=entry["value"])
-    return Parameter(spec, value, str(entry.get("prov", "")), confidence, str(entry.get("note", "")))
+    return Parameter(spec, value, str(entry.get("prov", "")), cast(Confidence, confidence), str(entry.get("note", "")))
 
 
 def _meter_out_law(section: Mapping[str, Any], spec: Specification) -> Parameter:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import os
-from pathlib import Path
 
 from boom_bringup import arguments, environment
 from boom_bringup.commands._node_command import node_command
@@ -48,7 +47,11 @@ def run(args: argparse.Namespace) -> int:
     import yaml
 
     from boom_bringup.supervisor import Program, Supervisor
+    from boom_bringup.urdf_of import robot_description
+    from boom_model.machine_file import load_machine
 
+    machine = load_machine(args.machine)
+    urdf = robot_description(machine.name)
     effects = parse_effects(args.effect)
     crane = {
         "machine": args.machine,
@@ -61,12 +64,13 @@ def run(args: argparse.Namespace) -> int:
         "sensors": args.sensors,
         "ground_truth": args.ground_truth,
         "mode": "lockstep" if args.lockstep else "real_time",
-        "robot_description": str(Path(__file__).parents[1] / "urdf" / "epsilon_tz17.urdf"),
+        "robot_description": urdf,
     }
-    programs = [
-        Program("crane", node_command("boom_sim.simulation_node", crane)),
-        Program("tip_pose", node_command("boom_bringup.tip_pose_node", {})),
-    ]
+    programs = [Program("crane", node_command("boom_sim.simulation_node", crane))]
+    if urdf:
+        programs.append(Program("tip_pose", node_command("boom_bringup.tip_pose_node", {})))
+    else:
+        print(f"note: no URDF for machine {machine.name}: neither /robot_description nor the tip pose is published")
     outcome = Supervisor(programs, environment=environment.for_processes(os.environ)).run()
     if outcome.interrupted is not None:
         return 0  # Ctrl-C is how it is meant to end
