@@ -19,6 +19,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from boom_bringup import arguments
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -49,11 +51,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--effect", metavar="ID.NAME=VALUE", action="append", default=[],
         help="physics beside the machine file's, SI, e.g. hose_burst_valve_lag.tau=0.09; may be given again",
     )  # fmt: skip
-    parser.add_argument("--seed", type=int, default=0, help="seed of the sensor noise (default: 0)")
+    parser.add_argument("--seed", type=arguments.seed, default=0, help="seed of the sensor noise (default: 0)")
     parser.add_argument(
         "--sensors", choices=("thesis", "ideal"), default="thesis", help="noise of ch. 6.4 or none (default: thesis)"
     )
-    parser.add_argument("--duration", type=float, metavar="S", help="[s]; default: to the last current")
+    parser.add_argument("--duration", type=arguments.duration, metavar="S", help="[s]; default: to the last current")
     parser.add_argument(
         "--angle", type=float, metavar="RAD", help="initial boom angle [rad] (default: the input's, csv: 0.3)"
     )
@@ -78,8 +80,6 @@ def run(args: argparse.Namespace) -> int:
     output = Path(args.output)
     if output.exists():
         raise SimulateError(f"{output} exists already: give another --output, nothing is overwritten")
-    if args.duration is not None and not args.duration > 0:
-        raise SimulateError(f"--duration {args.duration:g}: give a time above 0 s")
     source = Path(args.input)
     if source.suffix == ".csv":
         stamps, currents = csv_currents.read(source)
