@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from importlib.resources import files
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from boom_bringup.urdf_of import robot_description
 
 if TYPE_CHECKING:
     from boom_model.machine import Machine
     from boom_recording.recording import Recording
-
-_URDF_OF = {"tz17": Path(__file__).with_name("urdf") / "epsilon_tz17.urdf"}
 
 
 class ReplicaError(ValueError):
@@ -107,8 +106,7 @@ def simulation_parameters(recording: Recording, bag: str, machine: Machine, sour
         "initial_rod_pressure": float(rest["rod_pressure"]),
         "mode": "lockstep",
         "seed": seed,
-        # Another machine's geometry would be wrong without a word.
-        "robot_description": str(_URDF_OF.get(machine.name, "")),
+        "robot_description": robot_description(machine.name),
     }
 
 

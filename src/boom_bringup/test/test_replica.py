@@ -21,7 +21,7 @@ def recording() -> Recording:
 
 
 def named(recording: Recording, machine: str) -> Recording:
-    return replace(recording, configuration=replace(recording.configuration, machine=machine))
+    return replace(recording, stored_configuration=replace(recording.configuration, machine=machine))
 
 
 def test_the_crane_has_pose_load_and_rest_of_the_recording(recording: Recording) -> None:

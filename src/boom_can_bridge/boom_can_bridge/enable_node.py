@@ -1,6 +1,6 @@
 """Enables the motion once, as soon as the bridge lets it, and ends: ``ros2 run boom_can_bridge enable``.
 
-It calls ``/boom_can_bridge/enable`` until the answer is yes. Exit status 0, or 2 with the bridge's reason once ``wait_timeout`` is over.
+It calls ``/boom_can_bridge/enable`` until the answer is yes. Exit status 0, or 2 with the bridge's reason after ``wait_timeout``.
 """
 
 # ruff: noqa: I001

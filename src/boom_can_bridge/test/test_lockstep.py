@@ -132,7 +132,7 @@ def test_each_command_makes_one_period_and_nothing_is_published_before_the_first
 
 
 def test_a_lost_frame_costs_a_sample_and_not_the_run(rig):
-    ecu, bridge, readings, ticks = rig
+    ecu, bridge, _, ticks = rig
     drive(bridge, ticks, 3)
     ecu.lose = {"pressures"}
     assert drive(bridge, ticks, 1) == pytest.approx([0.05])  # the same command once more: two periods have passed

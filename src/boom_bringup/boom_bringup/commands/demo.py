@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from boom_bringup import demo_processes, environment
+from boom_bringup import arguments, demo_processes, environment
 from boom_bringup.demo_processes import DemoError
 
 if TYPE_CHECKING:
@@ -26,13 +26,6 @@ if TYPE_CHECKING:
 HELP = "replay a recording into the simulated crane over CAN, record and validate it"
 
 DEFAULT_BAG = Path("bags/healthy/extended")
-
-
-def _seed(text: str) -> int:
-    value = int(text)
-    if not 0 <= value < 2**31:
-        raise argparse.ArgumentTypeError(f"{text} is not between 0 and {2**31 - 1}")
-    return value
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,7 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--transport", choices=tuple(demo_processes.TRANSPORTS), default="can",
         help="can: ECU stand-in, bus and bridge; topics: the simulation itself (default: can)",
     )  # fmt: skip
-    parser.add_argument("--seed", type=_seed, default=0, help="seed of the simulated sensors' noise (default: 0)")
+    parser.add_argument(
+        "--seed", type=arguments.seed, default=0, help="seed of the simulated sensors' noise (default: 0)"
+    )
     parser.add_argument("--json", metavar="F", help="write the numbers to this file too")
 
 
