@@ -22,4 +22,5 @@ setup(
     description="The cascade controller of the inner boom: references, control laws, supervision, node",
     license="Apache-2.0",
     python_requires=">=3.11",
+    entry_points={"console_scripts": ["controller = boom_controller.controller_node:main"]},
 )

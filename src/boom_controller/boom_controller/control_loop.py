@@ -121,11 +121,10 @@ class ControlLoop:
             return
         self._controller = controller
         self._configuration, self._pending = (machine, pose), None
-        margin = self.supervision.settings.angle_margin
         low, high = machine.angle_limits
-        self._watch = Watch(self.supervision.settings, (low, high))
-        self._angles = (low + margin, high - margin)
         self._set_joint(low - _BEYOND, high + _BEYOND)
+        self._watch = Watch(self.supervision.settings, (low, high))
+        self._use_supervision(self.supervision.settings)
 
     @property
     def configuration(self) -> tuple[Machine, Pose] | None:
@@ -161,8 +160,8 @@ class ControlLoop:
         r = self.references
         r.deceleration, r.fastest, r.blend = new.stop_deceleration, new.largest_rate, new.blend
         if self._watch is not None and self._configuration is not None:
-            self._watch.settings = new
-            low, high = self._configuration[0].angle_limits
+            low, high = new.angles(self._configuration[0].angle_limits)
+            self._watch.settings, self._watch.angles = new, (low, high)
             self._angles = (low + new.angle_margin, high - new.angle_margin)
 
     def _hand_over(self, new: Controller) -> None:

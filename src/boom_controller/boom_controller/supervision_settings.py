@@ -25,7 +25,9 @@ class SupervisionSettings:
     bad_samples: int = _tunable(3, "", 1, 20, "wrong samples in a row of one sensor that stop the boom")
     largest_rate: float = _tunable(0.6, "rad/s", 0.05, 2.0, "speed from which the boom is stopped; references stay below")
     largest_pressure: float = _tunable(3.5e7, "Pa", 1.0e6, 6.0e7, "gauge pressure from which the boom is stopped")
-    angle_margin: float = _tunable(0.01, "rad", 0.0, 0.5, "distance that references keep from the ends of the stroke")
+    lowest_angle: float = _tunable(-1.6, "rad", -3.2, 3.2, "lowest angle of the boom; never below the machine's stroke")
+    highest_angle: float = _tunable(3.2, "rad", -3.2, 3.2, "highest angle of the boom; never beyond the machine's stroke")
+    angle_margin: float = _tunable(0.01, "rad", 0.0, 0.5, "distance that references keep from both limits")
     largest_disagreement: float = _tunable(0.05, "rad", 0.005, 1.0, "angle against integrated rate, within about 1 s")
     largest_angle_error: float = _tunable(0.2, "rad", 0.01, 1.5, "distance from the reference that counts as divergence")
     persistence: float = _tunable(0.05, "s", 0.0, 1.0, "how long a limit of speed or pressure must be exceeded")
@@ -49,6 +51,12 @@ class SupervisionSettings:
             problem = spec.problem(getattr(self, spec.name))
             if problem:
                 raise ControlError(problem)
+        if self.highest_angle - self.lowest_angle <= 2 * self.angle_margin:
+            raise ControlError("highest_angle has to be above lowest_angle by more than twice the angle_margin")
+
+    def angles(self, machine: tuple[float, float]) -> tuple[float, float]:
+        """Lowest and highest angle [rad] of a machine whose stroke ends at `machine`."""
+        return max(machine[0], self.lowest_angle), min(machine[1], self.highest_angle)
 
 
 def _table() -> tuple[ParameterSpec, ...]:

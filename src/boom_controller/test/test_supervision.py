@@ -169,6 +169,13 @@ def test_impossible_settings_are_refused_by_name() -> None:
         SupervisionSettings(largest_rate=math.nan)
 
 
+def test_limits_never_lie_beyond_the_stroke_and_exclude_each_other_with_a_reason() -> None:
+    assert SupervisionSettings(lowest_angle=0.1).angles((-1.0, 1.6)) == (0.1, 1.6)
+    assert SupervisionSettings(highest_angle=3.0).angles((-1.0, 1.6)) == (-1.0, 1.6)
+    with pytest.raises(ControlError, match="highest_angle"):
+        SupervisionSettings(lowest_angle=0.5, highest_angle=0.4)
+
+
 def test_every_setting_has_description_and_range() -> None:
     for spec in SUPERVISION:
         assert spec.description and spec.minimum is not None and spec.maximum is not None
