@@ -26,6 +26,8 @@ class Settings:
     position_pole: float = _tunable(-3.0, "1/s", -10.0, -0.1, "triple pole of the position loop (6.9), thesis and baseline")
     force_pole: float = _tunable(-11.0, "1/s", -40.0, -0.5, "double pole of the force loop (6.15), thesis and baseline")
     neutral_pressure: float = _tunable(5.0e5, "Pa", 0.5e5, 8.0e5, "pilot pressure of both sides with the spool centred")
+    pilot_response: float = _tunable(0.02, "s", 0.002, 0.2, "time constant to which the pilot stage's lag is inverted, baseline")
+    spool_response: float = _tunable(0.01, "s", 0.005, 0.2, "time constant of the spool's set point, baseline")
     largest_current: float = _tunable(0.55, "A", 0.3, 1.5, "largest current of a solenoid")
     largest_spool_position: float = _tunable(1.0, "-", 0.4, 1.2, "largest wanted spool position over its full stroke")
 
