@@ -12,6 +12,7 @@ from boom_node import early  # noqa: F401  (first: signals and environment)
 
 import gc
 import os
+import re
 import time
 from typing import Any
 
@@ -44,6 +45,7 @@ from boom_controller.trajectory_action import TrajectoryAction
 
 _LOOK_EVERY = 0.25  # sample times between two looks for samples that are late
 _EVERY_SAMPLE = QoSProfile(depth=1000, reliability=QoSReliabilityPolicy.RELIABLE)  # lockstep: a lost one would stop both
+_NUMBER = re.compile(r"[-+.\d]+")
 _LEVEL = {"ok": Level.OK, "warning": Level.WARN, "error": Level.ERROR, "stopped": Level.ERROR}
 
 
@@ -308,10 +310,8 @@ class ControllerNode(LifecycleNode):
             if number not in self._action.running and ending.text:
                 self.get_logger().warning(f"trajectory: {ending.text}")
         self._feed_back(loop, stamp_ns)
-        said = (cycle.state.value, cycle.reason)
-        if said != self._said:
+        if (cycle.state.value, cycle.reason) != self._said:
             self._tell(cycle)
-            self._said = said
 
     def _command(self, retract: float, extend: float) -> None:
         message = self._command_message
@@ -330,13 +330,16 @@ class ControllerNode(LifecycleNode):
                     self._action.feed_back(number, stamp_ns, progress)
 
     def _tell(self, cycle: Cycle) -> None:
+        before, self._said = self._said, (cycle.state.value, cycle.reason)
+        if before[0] == self._said[0] and _NUMBER.sub("", before[1]) == _NUMBER.sub("", cycle.reason):
+            return  # the same with another age or angle in it
         text = cycle.state.value + (f": {cycle.reason}" if cycle.reason else "")
         logger = self.get_logger()
-        if cycle.status == "stopped" and cycle.state is State.STOPPING:
+        if cycle.status == "stopped":
             logger.error(text)
-        elif cycle.status == "warning" and cycle.reason.split(" of ")[0] != self._said[1].split(" of ")[0]:
+        elif cycle.status == "warning":
             logger.warning(text)
-        elif cycle.status == "ok" or cycle.state.value != self._said[0]:
+        else:
             logger.info(text)
         self._diagnostics.update()
 
