@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from time import perf_counter
 
 from boom_controller.controller import Controller, Measurement, Output, Reference, make_controller
+from boom_controller.errors import ControlError
+from boom_controller.gradual import GradualSettings
 from boom_controller.handover import Handover
 from boom_controller.joint_trajectory import Bounds, Code, Point, TrajectoryError, plan
 from boom_controller.reasons import Finding
@@ -85,8 +87,8 @@ class ControlLoop:
         self._watch_cycles = watch_cycles
         self._watch: Watch | None = None
         self._controller: Controller | None = None
+        self._gradual: GradualSettings | None = None
         self._configuration: tuple[Machine, Pose] | None = None
-        self._pending: tuple[Machine, Pose] | None = None
         self.references = self._new_references()
         self._hose = Sensor("hose pressure", (Range("hose pressure", "Pa", *_PRESSURE),))
         self._rod = Sensor("rod pressure", (Range("rod pressure", "Pa", *_PRESSURE),))
@@ -106,25 +108,25 @@ class ControlLoop:
 
     # ---------------------------------------------------------------------------------------------------- configuration
 
-    def configure(self, machine: Machine, pose: Pose, now: float) -> None:
-        """The machine in its pose. During a motion the boom is stopped first, and the new one counts from there on.
+    def configure(self, machine: Machine, pose: Pose) -> None:
+        """The machine in its pose; not while it moves.
 
         Raises:
-            ControlError, ModelError: the control law cannot be made for it.
+            ControlError, ModelError: the control law cannot be made for it, or the boom moves.
         """
-        if self._configuration == (machine, pose):
-            return
-        controller = make_controller(self.mode, machine, pose, self.settings)
         if self.supervision.moving:
-            self._pending = (machine, pose)
-            self._stop(Finding("configuration_changed", "another machine, pose or load was told during the motion"), now)
-            return
-        self._controller = controller
-        self._configuration, self._pending = (machine, pose), None
+            raise ControlError("the boom moves: stop it before the configuration changes")
+        self._controller = make_controller(self.mode, machine, pose, self.settings)
+        self._configuration = (machine, pose)
         low, high = machine.angle_limits
         self._set_joint(low - _BEYOND, high + _BEYOND)
         self._watch = Watch(self.supervision.settings, (low, high))
         self._use_supervision(self.supervision.settings)
+
+    def configuration_changes(self, now: float) -> None:
+        """Another machine, pose or load was told: a boom in motion is stopped, then ``configure`` can be called."""
+        if self.supervision.moving:
+            self._stop(Finding("configuration_changed", "another machine, pose or load was told during the motion"), now)
 
     @property
     def configuration(self) -> tuple[Machine, Pose] | None:
@@ -143,17 +145,30 @@ class ControlLoop:
         Raises:
             ControlError: no such mode, or the change needs a new start.
         """
-        if settings is not None and settings != self.settings:
-            if self._controller is not None:
-                self._controller.change(settings)
-            self.references.change(settings.generator_pole)
-            self.settings = settings
+        if settings is not None and settings != (self._gradual.new if self._gradual else self.settings):
+            if settings.sample_time != self.settings.sample_time:
+                raise ControlError("sample_time cannot change while running: stop the controller and start it again")
+            steps = self.supervision.settings.blend / self.settings.sample_time if self.supervision.closed_loop else 1
+            self._gradual = GradualSettings(self.settings, settings, round(steps))
+            self._go_on_changing()
         if supervision is not None:
             self._use_supervision(supervision)
         if mode is not None and mode != self.mode:
             if self._configuration is not None and self._controller is not None:
                 self._hand_over(make_controller(mode, *self._configuration, self.settings))
             self.mode = mode
+
+    def _go_on_changing(self) -> None:
+        if self._gradual is None:
+            return
+        settings = self._gradual.next()
+        if self._gradual.finished:
+            self._gradual = None
+        if self._controller is not None:
+            self._controller.change(settings)
+        if settings.generator_pole != self.settings.generator_pole:
+            self.references.change(settings.generator_pole)
+        self.settings = settings
 
     def _use_supervision(self, new: SupervisionSettings) -> None:
         self.supervision.settings = new
@@ -232,11 +247,7 @@ class ControlLoop:
 
     def resume(self, now: float) -> tuple[bool, str]:
         """The explicit command to go on after a stop. Success, and a line for the operator."""
-        success, text = self.supervision.resume(self._standing(now))
-        if success and self._pending is not None:
-            machine, pose = self._pending
-            self.configure(machine, pose, now)
-        return success, text
+        return self.supervision.resume(self._standing(now))
 
     def stream(self, wanted: float, now: float) -> None:
         """A wanted angle [rad] of /boom/reference."""
@@ -372,6 +383,7 @@ class ControlLoop:
             if self.supervision.state is State.STOPPING:
                 return self.references.present, _NO_OUTPUT
             return Reference(measurement.angle), _NO_OUTPUT
+        self._go_on_changing()
         reference = self.references.advance(self._time)
         output = self._controller.step(reference, measurement)
         if isinstance(self._controller, Handover) and self._controller.finished:

@@ -59,6 +59,8 @@ class ControllerNode(LifecycleNode):
         self._loop: ControlLoop | None = None
         self._active = False
         self._configuration: MachineConfiguration | None = None
+        self._told: tuple[str, float, float, float] | None = None
+        self._pending = False
         self._emergency = False
         self._origin_ns: int | None = None
         self._joint_stamp_ns = 0
@@ -296,6 +298,8 @@ class ControllerNode(LifecycleNode):
     def _cycle(self) -> None:
         loop = self._loop
         assert loop is not None  # the callers have looked
+        if self._pending:
+            self._configure()
         cycle = loop.cycle(self._now())
         self._command(cycle.retract, cycle.extend)
         self._last = cycle
@@ -346,22 +350,26 @@ class ControllerNode(LifecycleNode):
     # -------------------------------------------------------------------------------------------------------- requests
 
     def _on_configuration(self, message: MachineConfiguration) -> None:
-        self._configuration = message
-        if self._loop is None:
-            return
-        try:
+        said = (message.machine, message.outer_boom_angle, message.telescope_length, message.load_mass)
+        if self._told == said:
+            return  # a publisher that joined anew says it again
+        self._told, self._configuration = said, message
+        if self._loop is not None:
+            self._loop.configuration_changes(self._now())
             self._configure()
-        except (ControlError, ModelError) as error:
-            self.get_logger().error(f"/boom/machine_configuration cannot be used: {error}")
 
     def _configure(self) -> None:
+        """Use what was told last; where the boom moves, later, once it stands."""
         message, loop = self._configuration, self._loop
-        if message is None or loop is None:
+        self._pending = message is not None and loop is not None and loop.supervision.moving
+        if message is None or loop is None or self._pending:
             return
-        machine = load_machine(self._values["machine"] or message.machine)
         load = message.load_mass if message.load_mass == message.load_mass else 0.0
-        pose = machine.pose(message.outer_boom_angle, message.telescope_length, load)
-        loop.configure(machine, pose, self._now())
+        try:
+            machine = load_machine(self._values["machine"] or message.machine)
+            loop.configure(machine, machine.pose(message.outer_boom_angle, message.telescope_length, load))
+        except (ControlError, ModelError) as error:
+            self.get_logger().error(f"/boom/machine_configuration cannot be used: {error}")
 
     def _on_reference(self, message: JointState) -> None:
         joint = self._values["joint_name"]

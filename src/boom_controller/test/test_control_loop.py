@@ -11,6 +11,7 @@ import pytest
 from boom_controller import control_loop
 from boom_controller.control_loop import ControlLoop, Cycle
 from boom_controller.controller import Measurement, Output, Reference
+from boom_controller.errors import ControlError
 from boom_controller.joint_trajectory import Code, Point, TrajectoryError
 from boom_controller.settings import Settings
 from boom_controller.supervision import State
@@ -51,7 +52,7 @@ class Boom:
         self.loop, self.machine, self.pose = loop, machine, pose
         self.now, self.angle, self.rate = 100.0, 0.3, 0.0
         self.hose = 8e6
-        self.loop.configure(machine, pose, self.now)
+        self.loop.configure(machine, pose)
         self.cycles: list[Cycle] = []
         self.wanted: Callable[[float], float] | None = None
         self.silent: set[str] = set()
@@ -179,7 +180,7 @@ SENSOR_FAULTS = {
     "divergence": lambda b: setattr(b, "push", -0.7),
     "load_not_held": lambda b: setattr(b.loop._controller, "reason", "2000 kg cannot be held"),
     "currents_not_followed": lambda b: setattr(b, "dead_solenoids", True),
-    "configuration_changed": lambda b: b.loop.configure(b.machine, b.machine.pose(0.28, 2.2, 300.0), b.now),
+    "configuration_changed": lambda b: b.loop.configuration_changes(b.now),
 }
 
 
@@ -241,18 +242,19 @@ def test_after_a_stop_a_reference_moves_nothing_until_it_is_resumed(boom: Boom) 
 def test_a_new_pose_counts_after_the_stop_that_it_causes(boom: Boom) -> None:
     lifting(boom)
     pose = boom.machine.pose(0.28, 2.2, 300.0)
-    boom.loop.configure(boom.machine, pose, boom.now)
+    with pytest.raises(ControlError, match="moves"):
+        boom.loop.configure(boom.machine, pose)
+    boom.loop.configuration_changes(boom.now)
     boom.until(State.STOPPED)
-    boom.wanted = None
+    boom.loop.configure(boom.machine, pose)
+    boom.period()
     assert boom.loop.resume(boom.now)[0]
     assert boom.loop.configuration == (boom.machine, pose)
 
 
-def test_the_same_configuration_again_disturbs_nothing(boom: Boom) -> None:
-    lifting(boom)
-    boom.loop.configure(boom.machine, boom.machine.pose(0.28, 2.2, 50.0), boom.now)
-    boom.run(0.2)
-    assert boom.last.state is State.TRACK
+def test_at_rest_a_new_configuration_is_no_reason_to_stop(boom: Boom) -> None:
+    boom.loop.configuration_changes(boom.now)
+    assert boom.period().state is State.IDLE
 
 
 def endings(boom: Boom) -> list[tuple[int, Code, str]]:
@@ -348,7 +350,7 @@ def test_before_sensors_and_configuration_are_there_references_are_refused(
     loop = ControlLoop("improved", Settings(), SupervisionSettings())
     with pytest.raises(TrajectoryError, match="machine_configuration"):
         loop.start([Point(1.0, 0.3)], 0.0)
-    loop.configure(machine, machine.pose(0.28, 2.2), 0.0)
+    loop.configure(machine, machine.pose(0.28, 2.2))
     with pytest.raises(TrajectoryError, match="no angle yet"):
         loop.start([Point(1.0, 0.3)], 0.0)
     loop.stream(0.3, 0.0)
