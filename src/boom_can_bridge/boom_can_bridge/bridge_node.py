@@ -1,6 +1,7 @@
 """The bridge as a lifecycle node: the machine's topics from CAN frames, command frames from /boom/current_command. See README.md.
 
 Configured, it has the bus, listens, and sends zero current. Active, it publishes, and commands pass once ~/enable was called.
+In lockstep (with an ECU that is simulated in lockstep) time is that of the simulation, and /clock tells it.
 """
 
 # ruff: noqa: I001
@@ -15,10 +16,11 @@ from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
-from boom_node.stamps import ns_to_seconds, set_ns, to_ns
+from boom_node.stamps import ns_to_seconds, seconds_to_ns, set_ns, to_ns
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
@@ -42,25 +44,32 @@ class BridgeNode(LifecycleNode):
         self._bridge: Bridge | None = None
         self._failure = ""
         self._said = ""
+        self._told_enabled = False
+        self._answered = ""
         self._settings = BridgeSettings(
             BusSettings(values.interface, values.channel, values.bitrate),
             values.dbc, values.mapping, values.log, values.good_frames, values.watchdog, values.largest_current,
-            values.rise_rate, values.command_timeout, values.revoke_after,
+            values.rise_rate, values.command_timeout, values.revoke_after, values.lockstep,
         )  # fmt: skip
         self._make_messages()
 
         def publisher(kind: Any, topic: str) -> Any:
-            return self.create_publisher(kind, topic, qos.BY_TOPIC[topic])
+            return self.create_publisher(kind, topic, qos.EVERY_SAMPLE if values.lockstep else qos.BY_TOPIC[topic])
 
         self._joints = publisher(JointState, "/joint_states")
         self._hose = publisher(FluidPressure, "/boom/hose_pressure")
         self._rod = publisher(FluidPressure, "/boom/rod_pressure")
         self._currents = publisher(SolenoidCurrents, "/boom/solenoid_currents")
-        self._configuration = publisher(MachineConfiguration, "/boom/machine_configuration")
+        self._clock_publisher = publisher(ClockMessage, "/clock") if values.lockstep else None
+        self._configuration = self.create_publisher(
+            MachineConfiguration, "/boom/machine_configuration", qos.BY_TOPIC["/boom/machine_configuration"]
+        )
+        self._enabled = self.create_publisher(Bool, "~/motion_enabled", qos.LATCHED)
         self.create_subscription(
             SolenoidCurrents, "/boom/current_command", self._on_command, qos.BY_TOPIC["/boom/current_command"]
         )
         self.create_subscription(Bool, "/boom/emergency_stop", self._on_stop, qos.BY_TOPIC["/boom/emergency_stop"])
+        self._enabled.publish(Bool(data=False))
         self.create_service(SetBool, "~/enable", self._on_enable)
         self._diagnostics = DiagnosticsPublisher(self, self._health, values.machine)
         self.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -89,7 +98,7 @@ class BridgeNode(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read the DBC file, open the bus, listen."""
         try:
-            bridge = Bridge(self._settings, self._publish, self._on_connection)
+            bridge = Bridge(self._settings, self._publish, self._on_connection, on_cycle=self._publish_clock)
         except CanConfigurationError as error:
             return self._fail(str(error))
         try:
@@ -112,7 +121,8 @@ class BridgeNode(LifecycleNode):
             machine=values.machine, outer_boom_angle=values.outer_boom_angle, telescope_length=values.telescope_length,
             load_mass=values.load_mass if values.load_mass >= 0 else float("nan"), note=values.note,
         )  # fmt: skip
-        message.header.stamp = self.get_clock().now().to_msg()
+        if not values.lockstep:
+            message.header.stamp = self.get_clock().now().to_msg()
         self._configuration.publish(message)
         self._bridge.activate(True)
         self.get_logger().info(f"active on {self._settings.bus}, DBC {values.dbc}; motion needs ~/enable")
@@ -154,7 +164,9 @@ class BridgeNode(LifecycleNode):
         if bridge is None:
             return
         clock, steady = bridge.checker.clock, time.monotonic()
-        if clock.ros_clock_due(steady):
+        if bridge.lockstep is not None:
+            stamp_ns = seconds_to_ns(reading.steady)
+        elif clock.ros_clock_due(steady):
             stamp_ns = clock.to_ros_ns(reading.steady, steady, self.get_clock().now().nanoseconds)
         else:
             stamp_ns = clock.last_ros_ns(reading.steady)
@@ -177,6 +189,12 @@ class BridgeNode(LifecycleNode):
             self._current_message.extend = values["extend_current"]
             self._currents.publish(self._current_message)
 
+    def _publish_clock(self, now: float) -> None:
+        """In the receive thread, in lockstep."""
+        message = ClockMessage()
+        set_ns(message.clock, seconds_to_ns(now))
+        self._clock_publisher.publish(message)
+
     def _on_connection(self, up: bool, text: str) -> None:
         if up:
             self.get_logger().info(text)
@@ -190,7 +208,11 @@ class BridgeNode(LifecycleNode):
         if bridge is None:
             return
         stamp_ns = to_ns(message.header.stamp)
-        age = ns_to_seconds(self.get_clock().now().nanoseconds - stamp_ns) if stamp_ns else 0.0
+        if bridge.lockstep is not None:
+            now = bridge.simulated_time
+            age = 0.0 if now is None else now - ns_to_seconds(stamp_ns)
+        else:
+            age = ns_to_seconds(self.get_clock().now().nanoseconds - stamp_ns) if stamp_ns else 0.0
         bridge.command(message.retract, message.extend, age)
 
     def _on_stop(self, message: Bool) -> None:
@@ -203,7 +225,9 @@ class BridgeNode(LifecycleNode):
             response.success, response.message = not request.data, "the bridge is not configured: zero current"
         else:
             response.success, response.message = self._bridge.enable(bool(request.data))
-        self.get_logger().info(response.message)
+        if response.message != self._answered:  # who asks again and again is told, not the log
+            self._answered = response.message
+            self.get_logger().info(response.message)
         return response
 
     # ------------------------------------------------------------------------------------------------------------ health
@@ -212,6 +236,9 @@ class BridgeNode(LifecycleNode):
         """Say at once when the motion is taken away or given."""
         if self._bridge is None:
             return
+        if self._bridge.gate.enabled != self._told_enabled:
+            self._told_enabled = self._bridge.gate.enabled
+            self._enabled.publish(Bool(data=self._told_enabled))
         output = self._bridge.output
         said = "motion enabled" if output.enable else f"zero current: {output.reason}"
         if said != self._said:

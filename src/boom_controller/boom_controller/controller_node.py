@@ -27,7 +27,6 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool, Float64
@@ -44,7 +43,6 @@ from boom_controller.tracking_goal import Tolerances
 from boom_controller.trajectory_action import TrajectoryAction
 
 _LOOK_EVERY = 0.25  # sample times between two looks for samples that are late
-_EVERY_SAMPLE = QoSProfile(depth=1000, reliability=QoSReliabilityPolicy.RELIABLE)  # lockstep: a lost one would stop both
 _NUMBER = re.compile(r"[-+.\d]+")
 _LEVEL = {"ok": Level.OK, "warning": Level.WARN, "error": Level.ERROR, "stopped": Level.ERROR}
 
@@ -68,6 +66,7 @@ class ControllerNode(LifecycleNode):
         self._said = ("", "")
         self._cycles, self._late, self._feedback_at = 0, 0, 0
         self._tick_ns, self._answered_ns = -1, -1
+        self._delay_ns = seconds_to_ns(self._values["lockstep_delay"])
         self._stamps = {"joint": -1, "hose": -1, "rod": -1, "reference": -1}
         self._failure = ""
         self._make_topics()
@@ -91,11 +90,11 @@ class ControllerNode(LifecycleNode):
             return self.create_publisher(kind, topic, profile or qos.BY_TOPIC[topic])
 
         def subscribe(kind: Any, topic: str, callback: Any, *, sensor: bool = False) -> None:
-            profile = _EVERY_SAMPLE if sensor and self._lockstep else qos.BY_TOPIC[topic]
+            profile = qos.EVERY_SAMPLE if sensor and self._lockstep else qos.BY_TOPIC[topic]
             self.create_subscription(kind, topic, callback, profile)
 
         self._commands = publisher(SolenoidCurrents, "/boom/current_command")
-        state = _EVERY_SAMPLE if self._lockstep else None
+        state = qos.EVERY_SAMPLE if self._lockstep else None
         self._states = publisher(ControllerState, "/boom/controller_state", state)
         self._references = publisher(ReferenceState, "/boom/reference_state", state or qos.SENSOR_DATA)
         self._loads = publisher(Float64, "/boom/estimated_load", qos.SENSOR_DATA)
@@ -110,7 +109,7 @@ class ControllerNode(LifecycleNode):
         subscribe(JointTrajectory, "/boom/joint_trajectory", self._on_trajectory)
         subscribe(Bool, "/boom/emergency_stop", self._on_emergency)
         if self._lockstep:
-            self.create_subscription(ClockMessage, "/clock", self._on_clock, _EVERY_SAMPLE)
+            self.create_subscription(ClockMessage, "/clock", self._on_clock, qos.EVERY_SAMPLE)
         self.create_service(Trigger, "~/resume", self._on_resume)
         self.create_service(Trigger, "~/emergency_stop", self._on_emergency_service)
         self._action = TrajectoryAction(self, self._start_goal, self._cancel_goal)
@@ -289,7 +288,7 @@ class ControllerNode(LifecycleNode):
         if tick <= self._answered_ns or not self._active:
             return
         names = ("joint", "hose", "rod", *(("reference",) if self._values["lockstep_reference"] else ()))
-        if all(self._stamps[name] >= tick for name in names):
+        if all(self._stamps[name] >= tick - (name != "reference") * self._delay_ns for name in names):
             self._answered_ns = tick
             self._cycle()
 

@@ -17,6 +17,9 @@ OWN = (
     ParameterSpec("joint_name", "inner_boom_joint", "name of the boom's joint in all messages", read_only=True),
     ParameterSpec("time", "real_time", "time base", choices=("real_time", "lockstep"), read_only=True),
     ParameterSpec("lockstep_reference", False, "lockstep: each cycle waits for the reference of its tick", read_only=True),
+    ParameterSpec(
+        "lockstep_delay", 0.0, "lockstep: age of the samples at their tick; 0.01 over CAN", "s", 0.0, 0.1, read_only=True
+    ),
     ParameterSpec("wait_for", 1, "lockstep: subscribers of the commands to wait for", "", 1, 100, read_only=True),
     ParameterSpec("autostart", True, "configure and activate at the start, without a lifecycle manager", read_only=True),
     ParameterSpec("feedback_rate", 20.0, "how often the action sends feedback", "Hz", 1.0, 100.0),

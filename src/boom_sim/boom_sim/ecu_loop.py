@@ -121,7 +121,7 @@ class EcuLoop:
         next_tick = last_turn = time.monotonic()
         while not self._stop.is_set():
             now = time.monotonic()
-            if now - last_turn > STANDSTILL:
+            if now - last_turn > STANDSTILL and not self.ecu.lockstep:  # in lockstep no time has passed
                 self._drain()
                 now = time.monotonic()
             last_turn = now
