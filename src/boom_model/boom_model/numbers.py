@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from boom_model.effects import EFFECTS
-from boom_model.equations import _namespace
+from boom_model.equations import namespace
 from boom_model.machine import Machine, Pose
 
 
@@ -17,4 +17,4 @@ def component_numbers(machine: Machine, pose: Pose) -> tuple[Any, Any]:
         for effect in EFFECTS.values()
         for row in effect.parameters
     }
-    return _namespace({k: v for k, v in values.items() if not k.startswith("effects.")}), _namespace(effects)
+    return namespace({k: v for k, v in values.items() if not k.startswith("effects.")}), namespace(effects)
