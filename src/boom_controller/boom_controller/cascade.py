@@ -27,14 +27,16 @@ class Variant:
 
     Attributes:
         friction_at_reference: tau~_f of (6.13a) at the wanted rate instead of the measured one.
-        inverse_valve: currents through the inverse of pilot stage and spool dynamics instead of (6.24) alone.
+        pilot_inverse: currents that make up for the lag of the pilot stage, instead of (6.25), (6.26).
+        spool_inverse: pilot pressures that make up for the spool's friction too, instead of (6.24).
     """
 
     friction_at_reference: bool = False
-    inverse_valve: bool = False
+    pilot_inverse: bool = False
+    spool_inverse: bool = False
 
 
-VARIANTS = {"thesis": Variant(), "baseline": Variant(friction_at_reference=True, inverse_valve=True)}
+VARIANTS = {"thesis": Variant(), "baseline": Variant(friction_at_reference=True, pilot_inverse=True, spool_inverse=True)}
 
 
 class Cascade:
@@ -52,7 +54,7 @@ class Cascade:
         self._settings = settings
         self._position = PositionFeedback(settings.position_pole, settings.sample_time)
         self._pilot = StaticPilot(p, e, settings.neutral_pressure)
-        self._inverse = ValveInverse(p, e, self._pilot, settings)
+        self._inverse = ValveInverse(p, e, self._pilot, settings, spool=self._variant.spool_inverse)
         self._force_integral = 0.0
         self._last: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
@@ -81,7 +83,7 @@ class Cascade:
         if not (limited and e1 * limited > 0):
             self._position.integrate(e1)
         self._last = (e1, e2, force_error)
-        if self._variant.inverse_valve:
+        if self._variant.pilot_inverse:
             retract, extend, plus, minus = self._inverse.step(spool)
         else:
             plus, minus = self._pilot.split(self._pilot.stiffness * spool)

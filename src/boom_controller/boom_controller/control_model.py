@@ -48,6 +48,7 @@ class Quantities(NamedTuple):
         position, jacobian, inertia, gravity: s_p [m], J [m/rad], D [kg m^2], g(q_2) [N m].
         friction: tau~_f(q_2, q_2') [N m]; friction_wanted: tau~_f(q_2, q_2*'), at the measured angle and the wanted rate.
         stiffness_head, stiffness_rod: dp/dV of both chambers [Pa/m^3], hose excluded as in (5.47).
+        stiffness_line: the head side's with its hose.
         extend_supply, extend_tank, retract_supply, retract_tank: flow per orifice area [m/s], positive into the port.
         reference_position, reference_jacobian, reference_gravity, reference_friction: s_p(q_2*), J(q_2*), g(q_2*), tau~_f(*).
         feedforward_force, feedforward_force_rate: f_p^f of (6.2) [N] and its time derivative along the reference [N/s].
@@ -63,6 +64,7 @@ class Quantities(NamedTuple):
     friction_wanted: float
     stiffness_head: float
     stiffness_rod: float
+    stiffness_line: float
     extend_supply: float
     extend_tank: float
     retract_supply: float
@@ -142,6 +144,7 @@ def _function(machine: Machine, p: Any, e: Any) -> Any:
         friction_wanted=torque(v.angle, jacobian, v.reference_rate),
         stiffness_head=1 / compliance,
         stiffness_rod=stiffness_rod,
+        stiffness_line=1 / (compliance + p.cylinder.V_h / oil.bulk_modulus(v.hose_pressure, p, e)),
         extend_supply=extend[0],
         extend_tank=extend[1],
         retract_supply=retract[0],

@@ -1,91 +1,154 @@
-"""Draft."""
+"""Mode ``improved``: the boom as a mass on an oil spring that the valve's flow drives; no force loop.
+
+Every sample time (docs/control.md derives it):
+
+1. observers: load at the tip (``load_observer``), compliance of both chambers and flow that the valve's model misses (``flow_observer``);
+2. speed wanted of the oil, v = J(q*) q*' ahead by ``preview`` - k_p e - k_v e' - k_d f~ - d^, with gains by pole placement for the
+   estimated stiffness and mass and f~ predicted over the valve's remaining lag (``state_feedback``);
+3. flow map: Sigma = K v + d/dt f_ff, solved for the spool position by (6.23) (``valve_map``);
+4. dead zone: below ``dead_zone_speed`` the spool moves through it in proportion, ahead of a reference that is about to start or turn;
+5. currents through the inverse of spool and pilot stage (``valve_follower``).
+"""
+
 from __future__ import annotations
-from math import exp, sqrt
+
 from boom_controller.control_model import ControlModel, Point, Quantities
 from boom_controller.controller import Measurement, Output, Reference
 from boom_controller.errors import ControlError
+from boom_controller.flow_observer import ChamberCompliance, MissedFlow
+from boom_controller.load_observer import LoadObserver
 from boom_controller.pilot_stage import StaticPilot, require_pilot_stage
 from boom_controller.settings import Settings
-from boom_controller.valve_follower import ValveFollower as ValveInverse
+from boom_controller.stall_watch import StallWatch
+from boom_controller.state_feedback import gains, predicted_force
+from boom_controller.valve_follower import ValveFollower
 from boom_controller.valve_map import ValveMap
+from boom_model.machine import Machine, Pose
+
+CAVITATION = 3.0e5
+"""Pa. Below it the rod side may draw oil through its anti-cavitation valve, and tells nothing about its compliance."""
+
 
 class Improved:
+    """See the module."""
+
     mode = "improved"
-    T = 0.03; p = 4.0; zeta = 0.8; obs = 15.0; kdmax = 10.0; soft = 0.0; massmax=3000.0
-    spool_response=0.01; pilot_response=0.02; lmass=2.0; kv_on=1.0; wd=0.0; cgain=0.0; hp=2.0; rho=3e5; tau_rest=0.05
-    def __init__(self, machine, pose, settings):
-        require_pilot_stage(machine, "improved")
+
+    def __init__(self, machine: Machine, pose: Pose, settings: Settings) -> None:
+        require_pilot_stage(machine, self.mode)
         self._model = ControlModel(machine, pose)
         p, e = self._model.p, self._model.e
-        self._map = ValveMap(p, e)
-        self.Aa, self.Ab = float(p.cylinder.A_a), float(p.cylinder.A_b)
+        self._area_a, self._area_b = float(p.cylinder.A_a), float(p.cylinder.A_b)
         self._stroke = float(p.main_valve_spool.s_max)
-        self._settings = settings
+        self._map = ValveMap(p, e)
         self._pilot = StaticPilot(p, e, settings.neutral_pressure)
-        self._inverse = ValveInverse(p, e, self._pilot, settings)
-    def reset(self, m):
-        q = self._at(Reference(m.angle), m, 0.0)
-        self.w = 0.0
-        self.m = 0.0
-        self.d = q.jacobian*q.force - q.gravity
-        self._inverse.reset()
-        self._inverse.tau_s=self.spool_response; self._inverse.tau_p=self.pilot_response; self._inverse.imax=self._settings.largest_current; self._inverse.tau_rest=self.tau_rest
-        self._inverse.dead=self._map.dead_extend*1.02
-        self.ca=self.cb=1.0; self.xa=self.ya=self.xb=self.yb=0.0; self.ph=m.hose_pressure; self.pb=m.rod_pressure; self.dv=0.0; self.Klast=0.0; self.flast=q.force
-        self.I=0.0
-    def _at(self, r, m, load):
-        return self._model.at(Point(m.angle, m.rate, m.hose_pressure, m.rod_pressure, r.angle, r.rate, r.acceleration, r.jerk, load))
-    def step(self, r, m):
-        dt = 0.01
-        q = self._at(r, m, self.m)
-        # observer of speed and load
-        acc = (q.jacobian*q.force - q.friction - q.gravity)/q.inertia
-        c = -(q.tip_gravity + q.tip_inertia*acc)/q.inertia
-        err = m.rate - self.w
-        self.w += dt*(acc + 2*self.obs*err)
-        cc = c/(c*c+1e-8)   # regularised
-        self.m += dt*self.obs**2*err*cc
-        self.m = min(max(self.m, -500.0), self.massmax)
-        # chamber stiffness
-        v0 = q.jacobian*m.rate
-        A1, A2 = self._map.areas(self._inverse.s)
-        if self._inverse.s < 0: qa_, qb_ = q.extend_supply*A1, q.extend_tank*A2
-        else: qa_, qb_ = q.retract_tank*A2, q.retract_supply*A1
-        dpa, dpb = m.hose_pressure-self.ph, m.rod_pressure-self.pb
-        self.ph, self.pb = m.hose_pressure, m.rod_pressure
-        a = exp(-self.hp*dt)
-        g = self.cgain*dt
-        fa, fb = q.stiffness_head*(qa_-self.Aa*v0), q.stiffness_rod*(qb_+self.Ab*v0)
-        self.xa=a*self.xa+dt*fa; self.ya=a*self.ya+dpa
-        self.xb=a*self.xb+dt*fb; self.yb=a*self.yb+dpb
-        if self.cgain:
-            self.ca += g*self.ya*(self.xa-self.ca*self.ya)/(self.rho**2+self.ya**2)
-            if m.rod_pressure>3e5: self.cb += g*self.yb*(self.xb-self.cb*self.yb)/(self.rho**2+self.yb**2)
-            self.ca=min(max(self.ca,0.7),6.0); self.cb=min(max(self.cb,0.7),6.0)
-        T = self.T
-        ahead = Reference(r.angle+T*(r.rate+T/2*(r.acceleration+T/3*r.jerk)), r.rate+T*(r.acceleration+T/2*r.jerk), r.acceleration+T*r.jerk, r.jerk)
-        qa = self._at(ahead, m, self.m)
-        ka, kb = self.Aa*q.stiffness_head/self.ca, self.Ab*q.stiffness_rod/self.cb
-        K = ka*self.Aa + kb*self.Ab
-        mass = q.inertia/q.jacobian**2
-        p = self.p
-        kv = self.kv_on*max(3*p*p*mass/K-1, 0.0)
-        kd = min(2*self.zeta*sqrt(K/mass*(1+kv)), self.kdmax)/K
-        kp = (1+kv)*p/3
-        e = q.position - q.reference_position
-        ev = q.jacobian*m.rate - q.reference_jacobian*r.rate
-        ff = q.feedforward_force
-        Qe = (ka*qa_-kb*qb_)/K
-        self.dv += self.wd*(dt*(v0-Qe-self.dv)+(q.force-self.flast)/K); self.flast=q.force
-        self.dv=min(max(self.dv,-.05),.05)
-        self.I = self.dv
-        v = qa.reference_jacobian*ahead.rate - kp*e - kv*ev - kd*(q.force-ff) - self.I
-        sigma = K*v + qa.feedforward_force_rate
-        L = 1.0*self._stroke
+        dead_zone = max(self._map.dead_extend, self._map.dead_retract)
+        self._valve = ValveFollower(p, e, self._pilot, dead_zone, settings)
+        self._load = LoadObserver(settings)
+        self._head, self._rod = ChamberCompliance(), ChamberCompliance()
+        self._missed, self._stall = MissedFlow(), StallWatch()
+        self._settings = settings
+
+    def reset(self, measurement: Measurement) -> None:
+        """Rest: valve centred, nominal oil, no load beyond the configuration's."""
+        self._valve.reset()
+        self._load.reset()
+        self._head.reset(measurement.hose_pressure)
+        self._rod.reset(measurement.rod_pressure)
+        force = self._at(Reference(measurement.angle), measurement).force
+        self._missed.reset(force)
+        self._stall.reset(force)
+
+    def step(self, reference: Reference, measurement: Measurement) -> Output:
+        """One sample time."""
+        s = self._settings
+        q = self._at(reference, measurement)
+        self._load.step(q, measurement.rate)
+        velocity = q.jacobian * measurement.rate
+        head_flow, rod_flow = self._flows(q)
+        self._head.step(measurement.hose_pressure, q.stiffness_line * (head_flow - self._area_a * velocity), s)
+        self._rod.step(
+            measurement.rod_pressure, q.stiffness_rod * (rod_flow + self._area_b * velocity), s,
+            trusted=measurement.rod_pressure > CAVITATION,
+        )  # fmt: skip
+        a = self._area_a * q.stiffness_line / self._head.ratio
+        b = self._area_b * q.stiffness_rod / self._rod.ratio
+        stiffness = a * self._area_a + b * self._area_b
+        modelled = (a * head_flow - b * rod_flow) / stiffness
+        self._missed.step(velocity, modelled, q.force, stiffness, s)
+        self._stall.step(velocity, modelled, q.force, stiffness, self._load.load, measurement.hose_pressure, s)
+
+        ahead = _ahead(reference, s.preview)
+        future = self._at(ahead, measurement)
+        k = gains(stiffness, q.inertia / q.jacobian**2, s)
+        e1 = q.position - q.reference_position
+        e2 = velocity - q.reference_jacobian * reference.rate
+        driving = modelled - future.feedforward_force_rate / stiffness - velocity
+        force = predicted_force(q.force - q.feedforward_force, driving, stiffness, k.frequency, s.remaining_lag)
+        wanted = (future.reference_jacobian * ahead.rate - k.position * e1 - k.velocity * e2 - k.force * force
+                  - self._missed.speed)  # fmt: skip
+        sigma = stiffness * wanted + future.feedforward_force_rate
+        spool = self._spool(q, sigma, a, b)
+        coming = future.reference_jacobian * _ahead(reference, s.dead_zone_preview).rate
+        spool = self._through_dead_zone(spool, wanted + coming)
+        retract, extend, plus, minus = self._valve.step(spool)
+        return Output(
+            retract, extend,
+            angle_error=reference.angle - measurement.angle, piston_position_error=-e1, force_error=q.feedforward_force - q.force,
+            feedforward_force=q.feedforward_force, feedback_force=0.0, force_set_point=q.feedforward_force, force=q.force,
+            spool_position=spool, pilot_pressure_retract=plus, pilot_pressure_extend=minus, estimated_load=self._load.load,
+            reason=self._stall.reason,
+        )  # fmt: skip
+
+    def change(self, settings: Settings) -> None:
+        """Everything but the sample time; the observers' states stay.
+
+        Raises:
+            ControlError: another sample time.
+        """
+        if settings.sample_time != self._settings.sample_time:
+            raise ControlError("sample_time cannot change while running: stop the controller and start it again")
+        self._pilot.neutral = settings.neutral_pressure
+        self._valve.change(settings)
+        self._load.change(settings)
+        self._settings = settings
+
+    def _at(self, r: Reference, m: Measurement) -> Quantities:
+        return self._model.at(
+            Point(
+                m.angle, m.rate, m.hose_pressure, m.rod_pressure,
+                r.angle, r.rate, r.acceleration, r.jerk, self._load.load,
+            )
+        )  # fmt: skip
+
+    def _flows(self, q: Quantities) -> tuple[float, float]:
+        """(q_h, q_b) [m^3/s] into the ports, at the spool position that is followed."""
+        position = self._valve.position
+        supply, tank = self._map.areas(position)
+        if position < 0:
+            return q.extend_supply * supply, q.extend_tank * tank
+        return q.retract_tank * tank, q.retract_supply * supply
+
+    def _spool(self, q: Quantities, sigma: float, a: float, b: float) -> float:
+        """s_s* [m] of (6.23) for Sigma [N/s]; a, b [N/m^3] are force per volume of both chambers."""
+        largest = self._settings.largest_spool_position * self._stroke
         if sigma > 0:
-            size = -min(self._map.extending(sigma, ka*q.extend_supply, -kb*q.extend_tank), L)
-        else:
-            size = min(self._map.retracting(sigma, ka*q.retract_tank, -kb*q.retract_supply), L)
-        if self.soft and abs(sigma) < K*self.soft: size *= abs(sigma)/(K*self.soft)
-        i1, i2, plus, minus = self._inverse.step(size)
-        return Output(i1, i2, angle_error=r.angle-m.angle, piston_position_error=-e, force_error=ff-q.force, feedforward_force=ff, feedback_force=0.0, force_set_point=ff, force=q.force, spool_position=size, pilot_pressure_retract=plus, pilot_pressure_extend=minus, estimated_load=self.m)
+            return -min(self._map.extending(sigma, a * q.extend_supply, -b * q.extend_tank), largest)
+        return min(self._map.retracting(sigma, a * q.retract_tank, -b * q.retract_supply), largest)
+
+    def _through_dead_zone(self, spool: float, speed: float) -> float:
+        """s_s* [m] with its jump across the dead zone made a ramp over ``speed`` [m/s], positive lifts."""
+        share = min(abs(speed) / self._settings.dead_zone_speed, 1.0)
+        if (speed > 0) == (spool < 0):
+            return spool * share
+        return -self._map.dead_extend * share if speed > 0 else self._map.dead_retract * share
+
+
+def _ahead(r: Reference, t: float) -> Reference:
+    """The reference t [s] later, as its derivatives tell."""
+    return Reference(
+        r.angle + t * (r.rate + t / 2 * (r.acceleration + t / 3 * r.jerk)),
+        r.rate + t * (r.acceleration + t / 2 * r.jerk),
+        r.acceleration + t * r.jerk,
+        r.jerk,
+    )

@@ -1,47 +1,98 @@
-"""Draft valve follower."""
+"""The valve as the controller follows it: pilot stage and spool, from the commanded currents. Inverted for a wanted position.
+
+Nothing of the valve is measured. Pilot stage (5.7c) exactly; spool (3.21) without its mass, whose time constant is below 2 ms:
+
+    A_s (p_+ - p_-) = k s_s + d_v s_s' + f_c tanh(s_s' / sigma_s)
+
+Inverse: the wanted velocity brings s_s nearer to its set point by the share 1 - exp(-T_s / spool_response) in a sample time; the
+current brings nu nearer to what the pressure for it needs by 1 - exp(-T_s / pilot_response). Inside the dead zone, where nothing
+flows and noise would only make the solenoids hum, the slower ``rest_response`` counts.
+"""
+
 from __future__ import annotations
+
 from math import exp, tanh
-from boom_controller.pilot_stage import PilotValve
+from typing import Any
+
+from boom_controller.pilot_stage import PilotValve, StaticPilot
+from boom_controller.settings import Settings
+from boom_model import main_valve_spool, pilot_valve
+
+SUBSTEPS = 4
+_NEWTON = 3
+_LEAST_SLOPE = 0.02
+"""Of tanh in the Newton iteration: keeps its step finite where the friction is saturated."""
+
 
 class ValveFollower:
-    def __init__(self, p, e, pilot, settings):
+    """Two pilot valves and the spool; ``position`` is s_s [m] as followed."""
+
+    def __init__(self, p: Any, e: Any, pilot: StaticPilot, dead_zone: float, settings: Settings) -> None:
+        self._p, self._e, self._pilot, self._dead_zone = p, e, pilot, dead_zone
         s = p.main_valve_spool
-        self.A, self.d, self.f, self.sig = float(s.A_s), float(s.d_v), float(s.f_c), float(s.sigma_s)
-        self.k = self.A*pilot.stiffness
-        self._pilot = pilot
-        self.h = p.pilot_valves.h
-        self.plus, self.minus = PilotValve(p, e, 0.01), PilotValve(p, e, 0.01)
-        self.tau_s, self.tau_p, self.imax, self.tau_rest = 0.01, 0.02, settings.largest_current, 0.05
-        self.dead = 0.0
-        self.reset()
-    def reset(self):
-        self.s = self.v = 0.0
-        self.plus.settle(0.0); self.minus.settle(0.0)
-    def pressure(self, nu):
-        h0,h1,h2=self.h
-        return 1e5*((h0*nu+h1)*nu+h2)
-    def step(self, want):
-        dt=0.01
-        inside = abs(want) <= self.dead and abs(self.s) <= self.dead
-        v = (want-self.s)*(1-exp(-dt/(self.tau_rest if inside else self.tau_s)))/dt
-        F = self.k*(self.s+0.5*v*dt) + self.d*v + self.f*tanh(v/self.sig)
-        pp, pm = self._pilot.split(F/self.A)
-        # before: pressure at the beginning of the interval
-        n0 = self.pressure(self.plus.output_held()) - self.pressure(self.minus.output_held())
-        i1, i2 = self.drive(self.plus, pp), self.drive(self.minus, pm)
-        n1 = self.pressure(self.plus.output_held()) - self.pressure(self.minus.output_held())
-        for k in range(4):
-            dp = n0 + (n1-n0)*(k+0.5)/4; h=dt/4
-            v = self.v
-            Fd = dp*self.A - self.k*self.s
-            for _ in range(3):
-                th = tanh(v/self.sig)
-                g = (self.d+self.k*h)*v + self.f*th - Fd
-                v -= g/(self.d+self.k*h+self.f/self.sig*max(1-th*th, 0.02))
-            self.v = v; self.s += h*v
-        return i1, i2, pp, pm
-    def drive(self, valve, pressure):
-        want = self._pilot.current(pressure); now = valve.output_held()
-        i = min(max(valve.current_for(now+(1-exp(-0.01/self.tau_p))*(want-now)),0.0),self.imax)
-        valve.advance(i)
-        return i
+        self._area = float(s.A_s)
+        self._spring = self._area * pilot.stiffness
+        self._damping, self._steepness = float(s.d_v), float(s.f_c / s.sigma_s)
+        self._width = float(s.sigma_s)
+        self._retract = PilotValve(p, e, settings.sample_time)
+        self._extend = PilotValve(p, e, settings.sample_time)
+        self.position = self._velocity = 0.0
+        self._set(settings)
+
+    def reset(self) -> None:
+        """No current for long: the spool is centred."""
+        self.position = self._velocity = 0.0
+        self._retract.settle(0.0)
+        self._extend.settle(0.0)
+
+    def change(self, settings: Settings) -> None:
+        """Other responses and limits; the followed states stay."""
+        self._set(settings)
+
+    def step(self, wanted: float) -> tuple[float, float, float, float]:
+        """(i_+, i_-) [A] for the wanted s_s [m], and the pilot pressures (p_+*, p_-*) [Pa]; follows the valve one sample time."""
+        resting = abs(wanted) <= self._dead_zone and abs(self.position) <= self._dead_zone
+        velocity = (wanted - self.position) * (self._rest_rate if resting else self._rate)
+        middle = self.position + 0.5 * velocity * self._step
+        needed = self._spring * middle + main_valve_spool.friction(velocity, self._p, tanh)
+        plus, minus = self._pilot.split(needed / self._area)
+        before = self._difference()
+        retract, extend = self._drive(self._retract, plus), self._drive(self._extend, minus)
+        self._follow(before, self._difference())
+        return retract, extend, plus, minus
+
+    def _difference(self) -> float:
+        """p_+ - p_- [Pa] now."""
+        return float(
+            pilot_valve.pressure(self._retract.state, self._retract.current, self._p, self._e)
+            - pilot_valve.pressure(self._extend.state, self._extend.current, self._p, self._e)
+        )
+
+    def _drive(self, valve: PilotValve, pressure: float) -> float:
+        wanted, now = self._pilot.current(pressure), valve.output_held()
+        current = valve.current_for(now + self._pilot_share * (wanted - now))
+        current = min(max(current, 0.0), self._largest)
+        valve.advance(current)
+        return current
+
+    def _follow(self, before: float, after: float) -> None:
+        """Implicit Euler steps of the spool while the pressure difference goes from ``before`` to ``after`` [Pa]."""
+        h = self._step / SUBSTEPS
+        stiff = self._damping + self._spring * h
+        v = self._velocity
+        for k in range(SUBSTEPS):
+            difference = before + (after - before) * (k + 0.5) / SUBSTEPS
+            driving = difference * self._area - self._spring * self.position
+            for _ in range(_NEWTON):
+                residual = self._spring * h * v + main_valve_spool.friction(v, self._p, tanh) - driving
+                slope = max(1.0 - tanh(v / self._width) ** 2, _LEAST_SLOPE)
+                v -= residual / (stiff + self._steepness * slope)
+            self.position += h * v
+        self._velocity = v
+
+    def _set(self, settings: Settings) -> None:
+        t = self._step = settings.sample_time
+        self._rate = (1.0 - exp(-t / settings.spool_response)) / t
+        self._rest_rate = (1.0 - exp(-t / settings.rest_response)) / t
+        self._pilot_share = 1.0 - exp(-t / settings.pilot_response)
+        self._largest = settings.largest_current

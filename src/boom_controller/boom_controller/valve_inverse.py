@@ -16,9 +16,10 @@ from boom_controller.settings import Settings
 
 
 class ValveInverse:
-    """Two pilot valves and the spool of a machine."""
+    """Two pilot valves and the spool of a machine; ``spool``: False inverts the pilot stage only."""
 
-    def __init__(self, p: Any, e: Any, pilot: StaticPilot, settings: Settings) -> None:
+    def __init__(self, p: Any, e: Any, pilot: StaticPilot, settings: Settings, *, spool: bool = True) -> None:
+        self._with_spool = spool
         s = p.main_valve_spool
         self._area, self._damping, self._coulomb, self._width = float(s.A_s), float(s.d_v), float(s.f_c), float(s.sigma_s)
         self._pilot = pilot
@@ -39,6 +40,9 @@ class ValveInverse:
 
     def step(self, position: float) -> tuple[float, float, float, float]:
         """(i_+, i_-) [A] for the wanted s_s [m], and the pilot pressures (p_+, p_-) [Pa] that are wanted for it."""
+        if not self._with_spool:
+            plus, minus = self._pilot.split(self._pilot.stiffness * position)
+            return self._drive(self._retract, plus), self._drive(self._extend, minus), plus, minus
         velocity = (position - self._filtered) * self._rate
         self._filtered += (position - self._filtered) * self._share
         friction = self._damping * velocity + self._coulomb * tanh(velocity / self._width)
