@@ -31,6 +31,7 @@ os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 import numpy as np
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from boom_bringup.closed_loop import follow, wanted_angles
@@ -77,8 +78,14 @@ def run_processes(recording: Recording, wanted: np.ndarray, mode: str, seconds: 
         heard.mode, heard.reason = m.mode, m.reason
         heard.states.append((to_ns(m.header.stamp), m.reference_angle, m.reference_rate, m.angle, m.cycle_time))
 
-    node.create_subscription(SolenoidCurrents, "/boom/current_command", lambda m: heard.commands.append(to_ns(m.header.stamp)), 100)
-    node.create_subscription(ControllerState, "/boom/controller_state", on_state, 100)
+    reliable, best_effort = (
+        QoSProfile(depth=200, reliability=kind)
+        for kind in (QoSReliabilityPolicy.RELIABLE, QoSReliabilityPolicy.BEST_EFFORT)
+    )
+    node.create_subscription(
+        SolenoidCurrents, "/boom/current_command", lambda m: heard.commands.append(to_ns(m.header.stamp)), reliable
+    )
+    node.create_subscription(ControllerState, "/boom/controller_state", on_state, best_effort)
     reference = node.create_publisher(JointState, "/boom/reference", qos.BY_TOPIC["/boom/reference"])
     crane = {
         "outer_boom_angle": c.outer_boom_angle, "telescope_length": c.telescope_length, "initial_angle": float(wanted[0]),
