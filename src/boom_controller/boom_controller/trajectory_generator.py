@@ -49,13 +49,17 @@ class TrajectoryGenerator:
 
     def step(self, angle: float) -> Reference:
         """One sample time with the wanted angle [rad] held; the reference at its end."""
-        x = self._x
-        self._x = [
-            row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3] * x[3] + gain * angle
-            for row, gain in zip(self._phi, self._gamma, strict=True)
-        ]
-        f0, x = self._f0, self._x
-        return Reference(f0 * x[0], f0 * x[1], f0 * x[2], f0 * x[3])
+        # written out: every cycle of the controller waits for it, and a loop takes three times as long
+        x0, x1, x2, x3 = self._x
+        (a0, a1, a2, a3), (b0, b1, b2, b3), (c0, c1, c2, c3), (d0, d1, d2, d3) = self._phi
+        g0, g1, g2, g3 = self._gamma
+        y0 = a0 * x0 + a1 * x1 + a2 * x2 + a3 * x3 + g0 * angle
+        y1 = b0 * x0 + b1 * x1 + b2 * x2 + b3 * x3 + g1 * angle
+        y2 = c0 * x0 + c1 * x1 + c2 * x2 + c3 * x3 + g2 * angle
+        y3 = d0 * x0 + d1 * x1 + d2 * x2 + d3 * x3 + g3 * angle
+        self._x = [y0, y1, y2, y3]
+        f0 = self._f0
+        return Reference(f0 * y0, f0 * y1, f0 * y2, f0 * y3)
 
     def change(self, pole: float) -> None:
         """Another pole [1/s] from the next step on; angle and derivatives go on without a jump."""
