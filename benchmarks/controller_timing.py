@@ -2,13 +2,13 @@
 
     python benchmarks/controller_timing.py --seconds 600
 
-Starts as processes: the simulated crane in real time and the controller. This process gives the reference: the recorded angle of a bag,
-then within 5 s back to its beginning, again and again. It hears commands and states.
+Starts as processes: the simulated crane in real time and the controller. This process gives the reference: the recorded angle of a
+bag, then within 5 s back to its beginning, again and again. It hears commands and states.
 
 missed cycles   periods of 10 ms in which no command was published, by the stamps of the commands
 jitter          |time between two commands - 10 ms|, by their stamps
 computation     of one cycle, as the controller measures it: supervision, reference, control law
-tracking        (6.29) with the measured angle, first pass of the recording, beside the same loop in one process (no topics, no delay)
+tracking        (6.29) with the measured angle, first pass of the recording, beside the same loop in one process (no topics)
 """
 
 from __future__ import annotations
@@ -129,7 +129,12 @@ def run_processes(recording: Recording, wanted: np.ndarray, mode: str, seconds: 
             executor.spin_once(timeout_sec=0.1)
             if time.monotonic() > told:
                 told += 10.0
-                print(f"\r{seconds - (end - time.monotonic()):.0f} of {seconds:.0f} s", end="", file=sys.stderr, flush=True)
+                print(
+                    f"\r{seconds - (end - time.monotonic()):.0f} of {seconds:.0f} s",
+                    end="",
+                    file=sys.stderr,
+                    flush=True,
+                )
         print(file=sys.stderr)
     finally:
         ended.set()
@@ -169,8 +174,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=70.0, help="how long to run [s] (default: 70)")
     parser.add_argument("--mode", default="improved", choices=("thesis", "baseline", "improved"), help="control law")
-    parser.add_argument("--bag", default=str(Path(__file__).parents[1] / "bags" / "healthy" / "extended"), help="the reference")
-    parser.add_argument("--realtime-priority", type=int, default=0, help="SCHED_FIFO priority of the controller (default: none)")
+    parser.add_argument(
+        "--bag", default=str(Path(__file__).parents[1] / "bags" / "healthy" / "extended"), help="the reference"
+    )
+    parser.add_argument(
+        "--realtime-priority", type=int, default=0, help="SCHED_FIFO priority of the controller (default: none)"
+    )
     parser.add_argument("--json", help="write the numbers to this file")
     args = parser.parse_args()
     recording = load(args.bag)
@@ -199,7 +208,9 @@ def main() -> None:
     print("jitter [ms]        p50 {p50:.3f}  p99 {p99:.3f}  largest {max:.3f}".format(**numbers["jitter_ms"]))
     print("computation [us]   p50 {p50:.0f}  p99 {p99:.0f}  largest {max:.0f}".format(**numbers["computation_us"]))
     for label, errors in (("over topics", topics), ("in one process", alone)):
-        print(f"{label:18s} MAE / MAXE / RMSE  {1e3 * errors.mae:.3f} / {1e3 * errors.maxe:.2f} / {1e3 * errors.rmse:.3f} mm")
+        print(
+            f"{label:18s} MAE / MAXE / RMSE  {1e3 * errors.mae:.3f} / {1e3 * errors.maxe:.2f} / {1e3 * errors.rmse:.3f} mm"
+        )
     print("ratio              " + " / ".join(f"{v:.2f}" for v in numbers["ratio"].values()))
     if args.json:
         Path(args.json).write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -118,7 +119,12 @@ class Rig:
         return future.result()
 
     def set(self, **parameters: Any) -> list[Any]:
-        kinds = {bool: (1, "bool_value"), int: (2, "integer_value"), float: (3, "double_value"), str: (4, "string_value")}
+        kinds = {
+            bool: (1, "bool_value"),
+            int: (2, "integer_value"),
+            float: (3, "double_value"),
+            str: (4, "string_value"),
+        }
         request = SetParameters.Request()
         for name, value in parameters.items():
             kind, field = kinds[type(value)]
@@ -347,7 +353,7 @@ def test_a_parameter_changed_in_motion_makes_no_jump_and_an_impossible_one_is_re
     count = len(rig.states)
     rig.until(lambda: len(rig.states) > count + 100)
     after = [s.current_extend for s in rig.states[len(before) :]]
-    usual = max(abs(b - a) for a, b in zip(before, before[1:], strict=False))
+    usual = max(abs(b - a) for a, b in pairwise(before))
     steady = abs(sum(after[-20:]) / 20 - sum(before[-20:]) / 20)
     jump = max(abs(b - a) for a, b in zip([before[-1], *after], after, strict=False))
     assert jump <= usual + steady + 0.01

@@ -72,7 +72,9 @@ def held(path: Path) -> Iterator[DemoFolder]:
             path.mkdir(parents=True, exist_ok=True)
             for name in BAGS:
                 if (path / name).exists() and not (path / MARK).exists():
-                    raise FolderError(f"{path / name} exists and is not the bag of an earlier demo: give another --output")
+                    raise FolderError(
+                        f"{path / name} exists and is not the bag of an earlier demo: give another --output"
+                    )
             mark = stack.enter_context((path / MARK).open("a+", encoding="utf-8"))
             fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if not mark.tell():

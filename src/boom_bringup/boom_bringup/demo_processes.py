@@ -82,14 +82,16 @@ def close_loop(programs: Sequence[Program], target: Path, controller: Mapping[st
         controller: parameters of the controller.
         delay: age of the sensors' samples at their tick [s].
     """
-    lockstep = {"time": "lockstep", "lockstep_reference": True, "lockstep_delay": delay, "wait_for": 2}
-    recorder = {"output": str(target), "topics": (*DEFAULT_TOPICS, *CLOSED_TOPICS)}
+    lockstep: dict[str, Any] = {"time": "lockstep", "lockstep_reference": True, "lockstep_delay": delay, "wait_for": 2}
+    recorder: dict[str, Any] = {"output": str(target), "topics": (*DEFAULT_TOPICS, *CLOSED_TOPICS)}
     result = []
     for program in programs:
         if program.name == "recorder":
             program = Program("recorder", node_command("boom_recording.recorder_node", recorder))
         if program.name == "replay":
-            result.append(Program("controller", node_command("boom_controller.controller_node", {**controller, **lockstep})))
+            result.append(
+                Program("controller", node_command("boom_controller.controller_node", {**controller, **lockstep}))
+            )
             # beside its own parameters: a parameter that is given twice counts as it was given last
             program = replace(program, command=[*program.command, "-p", 'what:="reference"'])
         result.append(program)

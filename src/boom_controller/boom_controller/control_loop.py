@@ -27,7 +27,9 @@ from boom_controller.trajectory_generator import TrajectoryGenerator
 from boom_controller.watch import Watch
 from boom_model.machine import Machine, Pose
 
-_BEYOND = 0.3  # rad. An IMU may be mounted askew by that much; what is further outside the stroke is no angle of this boom
+_BEYOND = (
+    0.3  # rad. An IMU may be mounted askew by that much; what is further outside the stroke is no angle of this boom
+)
 _RATE = Range("rate", "rad/s", -3.0, 3.0)
 _PRESSURE = (-1.02e5, 6.0e7)
 _CURRENT = Range("current", "A", -0.05, 10.0)
@@ -126,7 +128,9 @@ class ControlLoop:
     def configuration_changes(self, now: float) -> None:
         """Another machine, pose or load was told: a boom in motion is stopped, then ``configure`` can be called."""
         if self.supervision.moving:
-            self._stop(Finding("configuration_changed", "another machine, pose or load was told during the motion"), now)
+            self._stop(
+                Finding("configuration_changed", "another machine, pose or load was told during the motion"), now
+            )
 
     @property
     def configuration(self) -> tuple[Machine, Pose] | None:
@@ -261,7 +265,9 @@ class ControlLoop:
         if state is State.TRACK:
             if self.references.kind == "stream":
                 self.references.stream(clamped)
-                self._note = "" if clamped == wanted else f"the reference of {wanted:.3f} rad is beyond {clamped:.3f} rad"
+                self._note = (
+                    "" if clamped == wanted else f"the reference of {wanted:.3f} rad is beyond {clamped:.3f} rad"
+                )
             return  # a trajectory on its way goes first
         if state not in (State.IDLE, State.HOLD):
             return

@@ -1,8 +1,8 @@
 """The controller as a lifecycle node. Topics, parameters, services, reasons to stop: README.md.
 
-Real time: a cycle runs as soon as angle, hose pressure and rod pressure have all brought a new sample, which costs no waiting and no
-jitter of its own; a steady timer runs it where one of them is late. Lockstep: one cycle for each tick of /clock, once all samples of
-that tick are there. Configured, it listens. Active, it commands, zero current until a reference is accepted.
+Real time: a cycle runs as soon as angle, hose pressure and rod pressure have all brought a new sample, which costs no waiting
+and no jitter of its own; a steady timer runs it where one of them is late. Lockstep: one cycle for each tick of /clock, once all
+samples of that tick are there. Configured, it listens. Active, it commands, zero current until a reference is accepted.
 """
 
 # ruff: noqa: I001
@@ -36,9 +36,8 @@ from trajectory_msgs.msg import JointTrajectory
 from boom_controller import messages
 from boom_controller.control_loop import ControlLoop, Cycle
 from boom_controller.errors import ControlError
-from boom_controller.joint_trajectory import Code, TrajectoryError
+from boom_controller.joint_trajectory import TrajectoryError
 from boom_controller.node_parameters import PARAMETERS, settings_of, supervision_of
-from boom_controller.supervision import State
 from boom_controller.tracking_goal import Tolerances
 from boom_controller.trajectory_action import TrajectoryAction
 

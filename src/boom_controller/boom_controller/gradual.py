@@ -1,7 +1,7 @@
 """Settings that change in motion go to their new values in straight lines, not in a step.
 
-A law may be bumpless in its integral states and still answer a step of a number with a peak: a lead for the pilot stage makes a kick
-of every step of the neutral pressure. In small steps nothing is left of it.
+A law may be bumpless in its integral states and still answer a step of a number with a peak: a lead for the pilot stage makes a
+kick of every step of the neutral pressure. In small steps nothing is left of it.
 """
 
 from __future__ import annotations

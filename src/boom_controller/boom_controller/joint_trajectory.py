@@ -12,6 +12,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import pairwise
 
 from boom_controller.controller import Reference
 from boom_controller.polynomial import Polynomial, cubic, linear, quintic
@@ -117,7 +118,7 @@ def plan(points: Sequence[Point], present: Reference, measured: float, bounds: B
             None if first.acceleration is None else present.acceleration,
         )
         points = [begin, *points]
-    pieces = [_piece(a, b) for a, b in zip(points[:-1], points[1:], strict=True)]
+    pieces = [_piece(a, b) for a, b in pairwise(points)]
     if not pieces:  # one point at time zero: be there
         pieces, points = [Polynomial(first.angle)], [first, first]
     result = JointTrajectory([point.time for point in points], pieces, last.angle, smoothed=last.rate is None)
@@ -134,12 +135,12 @@ def _check_fields(points: Sequence[Point]) -> None:
         if not all(math.isfinite(number) for number in numbers):
             raise TrajectoryError(f"point {k}: a number is not finite")
         if point.time < 0.0 or point.time <= before:
-            raise TrajectoryError(
-                f"point {k} is at {point.time:g} s: times have to ascend strictly, from 0 s on"
-            )
+            raise TrajectoryError(f"point {k} is at {point.time:g} s: times have to ascend strictly, from 0 s on")
         before = point.time
         if (point.rate is None, point.acceleration is None) != (points[0].rate is None, points[0].acceleration is None):
-            raise TrajectoryError(f"point {k} has other fields than the first one: give rates and accelerations for all")
+            raise TrajectoryError(
+                f"point {k} has other fields than the first one: give rates and accelerations for all"
+            )
         if point.rate is None and point.acceleration is not None:
             raise TrajectoryError(f"point {k} has an acceleration but no rate: give the rate too")
 

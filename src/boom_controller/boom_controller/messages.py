@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from boom_interfaces.msg import ControllerState, ReferenceState
 from boom_controller.control_loop import Cycle
 from boom_controller.joint_trajectory import Code, Point, TrajectoryError
+from boom_interfaces.msg import ControllerState, ReferenceState
 from boom_model.oil import AMBIENT_PRESSURE
 from boom_node.stamps import set_ns
 

@@ -69,6 +69,4 @@ def to_rest(begin: Reference, duration: float) -> Polynomial:
     """
     T = max(duration, _SHORTEST)
     v0, a0 = begin.rate, begin.acceleration
-    return Polynomial(
-        begin.angle, v0, 0.5 * a0, -(3 * v0 + 2 * a0 * T) / (3 * T**2), (2 * v0 + a0 * T) / (4 * T**3)
-    )
+    return Polynomial(begin.angle, v0, 0.5 * a0, -(3 * v0 + 2 * a0 * T) / (3 * T**2), (2 * v0 + a0 * T) / (4 * T**3))

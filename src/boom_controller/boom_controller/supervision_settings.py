@@ -23,13 +23,19 @@ class SupervisionSettings:
 
     sensor_timeout: float = _tunable(0.05, "s", 0.02, 0.5, "age from which a sensor counts as gone")
     bad_samples: int = _tunable(3, "", 1, 20, "wrong samples in a row of one sensor that stop the boom")
-    largest_rate: float = _tunable(0.6, "rad/s", 0.05, 2.0, "speed from which the boom is stopped; references stay below")
+    largest_rate: float = _tunable(
+        0.6, "rad/s", 0.05, 2.0, "speed from which the boom is stopped; references stay below"
+    )
     largest_pressure: float = _tunable(3.5e7, "Pa", 1.0e6, 6.0e7, "gauge pressure from which the boom is stopped")
     lowest_angle: float = _tunable(-1.6, "rad", -3.2, 3.2, "lowest angle of the boom; never below the machine's stroke")
-    highest_angle: float = _tunable(3.2, "rad", -3.2, 3.2, "highest angle of the boom; never beyond the machine's stroke")
+    highest_angle: float = _tunable(
+        3.2, "rad", -3.2, 3.2, "highest angle of the boom; never beyond the machine's stroke"
+    )
     angle_margin: float = _tunable(0.01, "rad", 0.0, 0.5, "distance that references keep from both limits")
     largest_disagreement: float = _tunable(0.05, "rad", 0.005, 1.0, "angle against integrated rate, within about 1 s")
-    largest_angle_error: float = _tunable(0.2, "rad", 0.01, 1.5, "distance from the reference that counts as divergence")
+    largest_angle_error: float = _tunable(
+        0.2, "rad", 0.01, 1.5, "distance from the reference that counts as divergence"
+    )
     persistence: float = _tunable(0.05, "s", 0.0, 1.0, "how long a limit of speed or pressure must be exceeded")
     longest_cycle: float = _tunable(0.05, "s", 0.02, 1.0, "time between two cycles from which a deadline was missed")
     most_missed: int = _tunable(20, "", 1, 100, "periods without a cycle within one second that stop the boom")
@@ -62,7 +68,11 @@ class SupervisionSettings:
 def _table() -> tuple[ParameterSpec, ...]:
     return tuple(
         ParameterSpec(
-            f.name, f.default, f.metadata["description"], f.metadata["unit"], *f.metadata["range"]  # type: ignore[arg-type]
+            f.name,
+            f.default,
+            f.metadata["description"],
+            f.metadata["unit"],
+            *f.metadata["range"],
         )
         for f in fields(SupervisionSettings)
     )

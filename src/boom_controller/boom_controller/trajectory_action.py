@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.task import Future
+
 from boom_controller.joint_trajectory import Code, TrajectoryError
 from boom_controller.tracking_goal import Ending
 from boom_interfaces.action import TrackTrajectory
 from boom_node.stamps import seconds_to_ns, set_ns
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.task import Future
-
 
 
 class TrajectoryAction:

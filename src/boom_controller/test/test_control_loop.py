@@ -192,10 +192,15 @@ def test_every_fault_in_motion_ends_with_zero_currents_in_time_and_its_reason(bo
     found = boom.until(State.STOPPING) if boom.loop.supervision.state is State.TRACK else 0.0
     assert boom.loop.supervision.finding is not None
     assert boom.loop.supervision.finding.reason == fault.split()[0]
-    assert found <= {"sensors_disagree": 0.5, "divergence": 1.0, "currents_not_followed": s.current_timeout + 0.1}.get(fault, 0.11)
+    assert found <= {"sensors_disagree": 0.5, "divergence": 1.0, "currents_not_followed": s.current_timeout + 0.1}.get(
+        fault, 0.11
+    )
     before = max(boom.last.retract, boom.last.extend)
     taken = boom.until(State.STOPPED)
-    assert taken <= (s.longest_stop if fault in ("pressure_limit", "configuration_changed") else 0.0) + s.current_ramp + 0.02
+    assert (
+        taken
+        <= (s.longest_stop if fault in ("pressure_limit", "configuration_changed") else 0.0) + s.current_ramp + 0.02
+    )
     steps = [abs(b.extend - a.extend) for a, b in zip(boom.cycles[-12:], boom.cycles[-11:], strict=False)]
     assert max(steps) <= max(before, 0.05) * 0.25
     assert (boom.last.retract, boom.last.extend) == (0.0, 0.0)

@@ -37,7 +37,8 @@ def test_the_same_stamp_again_makes_nothing_younger() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "reason"), [(math.nan, "sensor_not_a_number"), (math.inf, "sensor_not_a_number"), (9e7, "sensor_out_of_range")]
+    ("value", "reason"),
+    [(math.nan, "sensor_not_a_number"), (math.inf, "sensor_not_a_number"), (9e7, "sensor_out_of_range")],
 )
 def test_one_bad_sample_is_left_out_and_three_in_a_row_are_a_reason(value: float, reason: str) -> None:
     made = sensor()

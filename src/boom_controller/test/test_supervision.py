@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
@@ -34,7 +35,7 @@ def test_a_stop_by_the_currents_ramps_them_to_zero_in_the_stated_time() -> None:
     parts = [made.advance(5.0 + 0.01 * k, resting=False) for k in range(12)]
     assert parts[0] == 1.0
     assert parts[5] == pytest.approx(0.5)
-    assert all(b <= a for a, b in zip(parts, parts[1:], strict=False))
+    assert all(b <= a for a, b in pairwise(parts))
     assert parts[11] == 0.0
     assert made.state is State.STOPPED
 

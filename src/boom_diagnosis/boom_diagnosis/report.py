@@ -67,10 +67,11 @@ def write_report(
         f"<section class=card><h2>About this report</h2><p>{escape(_METHOD)}</p>"
         f"{report_inputs.section(validation, machine, machine_source)}</section>"
     )
-    Path(path).write_text(_page(heading, body), encoding="utf-8")
+    Path(path).write_text(page(heading, body), encoding="utf-8")
 
 
-def _page(heading: str, body: str) -> str:
+def page(heading: str, body: str) -> str:
+    """A whole HTML page in the reports' style, with plotly.js and what draws the charts inside."""
     from plotly.offline import get_plotlyjs  # half a second, which only a report costs
 
     # The library can send a chart to its maker's server; report.js switches that off, and there is no address either.

@@ -173,7 +173,7 @@ def line(time: Array, values: Array, n: str, name: str, colour: str, width: floa
     """A trace in the panel with the suffix `n`: time [s] and values (m,), decimated; NaN breaks the line."""
     x, y = decimate(time, values)
     return {
-        "type": "scatter", "mode": "lines", "x": _packed(x), "y": _packed(y), "xaxis": f"x{n}", "yaxis": f"y{n}",
+        "type": "scatter", "mode": "lines", "x": packed(x), "y": packed(y), "xaxis": f"x{n}", "yaxis": f"y{n}",
         "name": name,
         "legendgroup": name, "showlegend": False, "line": {"color": colour, "width": width}, "connectgaps": False,
         "hovertemplate": "%{y:.5g}",
@@ -225,7 +225,7 @@ def _shaded(event: Event, n: str) -> Json:
     }  # fmt: skip
 
 
-def _packed(values: Array) -> Json | list[None]:
+def packed(values: Array) -> Json | list[None]:
     """Single precision is finer than any pixel, and base64 is a third of the text."""
     if len(values) == 0:
         return []

@@ -73,7 +73,9 @@ def figure(tracking: Tracking, recording: Recording) -> Json:
     ):  # fmt: skip
         signal = recording.signals.get(name)
         if signal is not None:
-            traces.append(line(signal.time, np.where(signal.valid, signal.values, np.nan), currents, label, colour, 1.0))
+            traces.append(
+                line(signal.time, np.where(signal.valid, signal.values, np.nan), currents, label, colour, 1.0)
+            )
     shown = {trace["name"]: trace["line"]["color"] for trace in traces}
     traces += [
         {"type": "scatter", "mode": "lines", "x": [None], "y": [None], "name": name, "legendgroup": name,

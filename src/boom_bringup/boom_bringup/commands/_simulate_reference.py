@@ -53,7 +53,8 @@ def simulate_reference(
         configuration: pose and load, of the crane and as the control law is told.
         law: control law and the machine that it knows.
         angle: where the boom rests at the beginning [rad]; default: at the first wanted angle.
-        noise: of the sensors. seed: of the noise.
+        noise: of the sensors.
+        seed: of the noise.
         duration: [s]; default: the whole of it.
         name: of the result.
 
