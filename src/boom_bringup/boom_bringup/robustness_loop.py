@@ -42,7 +42,7 @@ class History:
 
     Attributes:
         diverged: why the run ended early; empty if it did not.
-        stopped: (time [s], reason) when the controller asked to stop; None if it did not.
+        stopped: (time [s], reason) when the controller asked to stop, with which the run ends; None if it did not.
         final: (NX,) state at the end.
     """
 
@@ -100,8 +100,10 @@ def run(
             stepper.change_parameters(plant.with_numbers(plant.machine, pose).p)
         out = controller.step(reference, _measure(noise, draws[k], y, now))
         rows[k] = _row(y, out)
-        if out.reason and stopped is None:
+        if out.reason:  # what the supervision would do: the valve is closed, and the run is over
             stopped = (now, out.reason)
+            count = k + 1
+            break
         waiting.append((out.retract, out.extend))
         retract, extend = waiting.pop(0)
         try:

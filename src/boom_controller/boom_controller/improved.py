@@ -90,7 +90,7 @@ class Improved:
         sigma = stiffness * wanted + future.feedforward_force_rate
         spool = self._spool(q, sigma, a, b)
         coming = future.reference_jacobian * _ahead(reference, s.dead_zone_preview).rate
-        spool = self._through_dead_zone(spool, wanted + coming)
+        spool = self._through_dead_zone(spool, sigma / stiffness + coming)
         retract, extend, plus, minus = self._valve.step(spool)
         return Output(
             retract, extend,

@@ -34,10 +34,10 @@ class Settings:
     rest_response: float = _tunable(0.05, "s", 0.005, 1.0, "time constant of the spool inside the dead zone, improved")
     feedback_pole: float = _tunable(-5.0, "1/s", -15.0, -0.5, "real pole of the position feedback, improved")
     feedback_damping: float = _tunable(0.7, "-", 0.1, 1.5, "damping wanted of the boom on its oil spring, improved")
-    largest_damping: float = _tunable(15.0, "1/s", 1.0, 60.0, "limit of the force feedback K k_d, improved")
+    largest_damping: float = _tunable(18.0, "1/s", 1.0, 60.0, "limit of the force feedback K k_d, improved")
     slowest_frequency: float = _tunable(3.0, "rad/s", 0.5, 20.0, "frequency to which a softer oil spring is stiffened, improved")
-    preview: float = _tunable(0.03, "s", 0.0, 0.2, "lead of the reference over the valve's remaining lag, improved")
-    remaining_lag: float = _tunable(0.035, "s", 0.0, 0.2, "lag over which the force is predicted, improved")
+    preview: float = _tunable(0.035, "s", 0.0, 0.2, "lead of the reference over the valve's remaining lag, improved")
+    remaining_lag: float = _tunable(0.025, "s", 0.0, 0.2, "lag over which the force is predicted, improved")
     dead_zone_speed: float = _tunable(1.0e-3, "m/s", 1e-4, 0.02, "piston speed below which the spool stays inside its dead zone, improved")
     dead_zone_preview: float = _tunable(0.06, "s", 0.0, 0.3, "how long ahead of the reference the spool crosses its dead zone, improved")
     load_pole: float = _tunable(-20.0, "1/s", -60.0, -1.0, "double pole of the load observer, improved")
@@ -46,7 +46,7 @@ class Settings:
     largest_load: float = _tunable(3000.0, "kg", 0.0, 1e5, "largest load that is estimated, improved")
     flow_pole: float = _tunable(-3.0, "1/s", -10.0, 0.0, "pole with which flow that the valve's model misses is learnt, improved")
     compliance_gain: float = _tunable(8.0, "1/s", 0.0, 30.0, "how quickly the oil's compliance is learnt, improved")
-    compliance_pressure: float = _tunable(3.0e5, "Pa", 1e4, 1e7, "pressure change below which it is not learnt, improved")
+    compliance_pressure: float = _tunable(1.0e6, "Pa", 1e4, 1e7, "pressure change below which it is not learnt, improved")
     stall_time: float = _tunable(0.5, "s", 0.1, 5.0, "how long the supply may deliver too little before the load counts as too heavy")
 
     def __post_init__(self) -> None:

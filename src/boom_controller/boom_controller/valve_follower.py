@@ -4,8 +4,8 @@ Nothing of the valve is measured. Pilot stage (5.7c) exactly; spool (3.21) witho
 
     A_s (p_+ - p_-) = k s_s + d_v s_s' + f_c tanh(s_s' / sigma_s)
 
-Inverse: the wanted velocity brings s_s nearer to its set point by the share 1 - exp(-T_s / spool_response) in a sample time; the
-current brings nu nearer to what the pressure for it needs by 1 - exp(-T_s / pilot_response). Inside the dead zone, where nothing
+Inverse: the set point goes through a first-order filter of time constant ``spool_response``, which gives a position and a velocity and
+so a pressure; the current brings nu nearer to what that pressure needs by the share 1 - exp(-T_s / pilot_response). Inside the dead zone, where nothing
 flows and noise would only make the solenoids hum, the slower ``rest_response`` counts.
 """
 
@@ -36,12 +36,12 @@ class ValveFollower:
         self._width = float(s.sigma_s)
         self._retract = PilotValve(p, e, settings.sample_time)
         self._extend = PilotValve(p, e, settings.sample_time)
-        self.position = self._velocity = 0.0
+        self.position = self._velocity = self._target = 0.0
         self._set(settings)
 
     def reset(self) -> None:
         """No current for long: the spool is centred."""
-        self.position = self._velocity = 0.0
+        self.position = self._velocity = self._target = 0.0
         self._retract.settle(0.0)
         self._extend.settle(0.0)
 
@@ -52,9 +52,9 @@ class ValveFollower:
     def step(self, wanted: float) -> tuple[float, float, float, float]:
         """(i_+, i_-) [A] for the wanted s_s [m], and the pilot pressures (p_+*, p_-*) [Pa]; follows the valve one sample time."""
         resting = abs(wanted) <= self._dead_zone and abs(self.position) <= self._dead_zone
-        velocity = (wanted - self.position) * (self._rest_rate if resting else self._rate)
-        middle = self.position + 0.5 * velocity * self._step
-        needed = self._spring * middle + main_valve_spool.friction(velocity, self._p, tanh)
+        velocity = (wanted - self._target) * (self._rest_rate if resting else self._rate)
+        self._target += velocity * self._step
+        needed = self._spring * self._target + main_valve_spool.friction(velocity, self._p, tanh)
         plus, minus = self._pilot.split(needed / self._area)
         before = self._difference()
         retract, extend = self._drive(self._retract, plus), self._drive(self._extend, minus)
