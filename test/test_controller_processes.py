@@ -38,7 +38,7 @@ from boom_node.stamps import seconds_to_ns, set_ns
 
 pytestmark = pytest.mark.process
 PATIENCE = 60.0
-DOMAIN = str(10 + os.getpid() % 90)
+DOMAIN = 10 + os.getpid() % 45 * 2
 JOINT = "inner_boom_joint"
 WIDE = {
     "sensor_timeout": 0.5, "longest_cycle": 1.0, "most_missed": 100, "reference_timeout": 5.0, "current_timeout": 2.0,
@@ -50,9 +50,9 @@ MANY = QoSProfile(depth=2000, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 class Rig:
     """Both processes, and a partner that watches and disturbs."""
 
-    def __init__(self) -> None:
+    def __init__(self, mode: str = "baseline", domain: int = DOMAIN, effects: str = "") -> None:
         self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=int(DOMAIN))
+        rclpy.init(context=self.context, domain_id=domain)
         self.node = rclpy.create_node("operator", context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
@@ -73,11 +73,11 @@ class Rig:
         self.clients: dict[str, Any] = {}
         self.shown: dict[str, float] | None = None
         self.node.create_timer(0.01, self._show)
-        environment = dict(os.environ, ROS_DOMAIN_ID=DOMAIN)
-        parameters = {**WIDE, "mode": "baseline"}
+        environment = dict(os.environ, ROS_DOMAIN_ID=str(domain))
+        parameters = {**WIDE, "mode": mode}
         given = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
         programs = {
-            "boom_sim.simulation_node": ["-p", "sensors:=ideal"],
+            "boom_sim.simulation_node": ["-p", "sensors:=ideal", *(["-p", f"effects:={effects}"] if effects else [])],
             "boom_controller.controller_node": given,
         }
         self.processes = [
@@ -199,6 +199,17 @@ def path(points: list[tuple[float, float]], joint: str = JOINT) -> JointTrajecto
         set_ns(point.time_from_start, seconds_to_ns(when))
         message.points.append(point)
     return message
+
+
+def test_a_load_that_the_supply_cannot_hold_stops_the_boom_and_says_so() -> None:
+    weak = Rig("improved", DOMAIN + 1, "'{pump_flow_limit: {inverse_q_max: 60000.0}}'")
+    try:
+        weak.set(largest_angle_error=1.0)
+        weak.trajectory.publish(path([(6.0, 0.8)]))
+        weak.stopped("load_not_held")
+        assert "cannot be held" in weak.states[-1].reason
+    finally:
+        weak.close()
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Settings that change in motion go to their new values in straight lines, not in a step.
+"""Settings that change in motion glide to their new values: p = old + (3 w^2 - 2 w^3) (new - old), w from 0 to 1.
 
 A law may be bumpless in its integral states and still answer a step of a number with a peak: a lead for the pilot stage makes a
 kick of every step of the neutral pressure. In small steps nothing is left of it.
@@ -33,7 +33,8 @@ class GradualSettings:
         self._done += 1
         if self.finished:
             return self.new
-        part = self._done / self._steps
+        w = self._done / self._steps
+        part = w * w * (3.0 - 2.0 * w)
         changed = {}
         for entry in fields(Settings):
             old, new = getattr(self._old, entry.name), getattr(self.new, entry.name)
