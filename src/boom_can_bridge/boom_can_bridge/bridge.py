@@ -91,9 +91,10 @@ class Bridge:
         self._begun: float | None = None
         self.log = FrameLog(Path(settings.log)) if settings.log else None
         raw = self.log.write if self.log else None
-        self.receiver = Receiver(
-            settings.bus, self.checker, self._on_reading, self._on_state, raw, bus_factory, self._clock
-        )
+        # A log shows the whole bus; without one, frames of others need not come here.
+        known = tuple(dict.fromkeys((frame.arbitration_id, frame.is_extended) for frame in self.codec.frames.values()))
+        bus = settings.bus if self.log else replace(settings.bus, wanted=known)
+        self.receiver = Receiver(bus, self.checker, self._on_reading, self._on_state, raw, bus_factory, self._clock)
         self.sender = CommandSender(
             self.codec,
             self.gate,

@@ -20,6 +20,7 @@ from boom_node.stamps import ns_to_seconds, seconds_to_ns, set_ns, to_ns
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
@@ -29,6 +30,7 @@ from boom_can_bridge import settings
 from boom_can_bridge.bridge import Bridge, BridgeSettings
 from boom_can_bridge.connection import BusSettings, BusUnavailableError
 from boom_can_bridge.errors import CanConfigurationError
+from boom_can_bridge.prepared_message import PreparedMessage
 from boom_can_bridge.receiver import Reading
 
 AMBIENT_PRESSURE_PA = 101_325.0  # sensor_msgs/FluidPressure is absolute; inside, pressures are gauge
@@ -86,12 +88,13 @@ class BridgeNode(LifecycleNode):
         fixed = [values.outer_boom_angle, values.telescope_length][: len(values.fixed_joints)]
         names = list(values.fixed_joints)[: len(fixed)]
         joints = JointState(name=[values.joint_name, *names], position=[0.0, *fixed], velocity=[0.0] * (1 + len(fixed)))
-        self._joint_message = joints
-        self._hose_message = FluidPressure(variance=values.pressure_variance)
-        self._hose_message.header.frame_id = "hose"
-        self._rod_message = FluidPressure(variance=values.pressure_variance)
-        self._rod_message.header.frame_id = "rod"
-        self._current_message = SolenoidCurrents()
+        self._joint_message = PreparedMessage(joints, ("position.0", "velocity.0"), serialize_message)
+        self._pressure_messages = {}
+        for field, frame in (("hose_pressure", "hose"), ("rod_pressure", "rod")):
+            pressure = FluidPressure(variance=values.pressure_variance)
+            pressure.header.frame_id = frame
+            self._pressure_messages[field] = PreparedMessage(pressure, ("fluid_pressure",), serialize_message)
+        self._current_message = PreparedMessage(SolenoidCurrents(), ("retract", "extend"), serialize_message)
 
     # ------------------------------------------------------------------------------------------------------- lifecycle
 
@@ -172,22 +175,14 @@ class BridgeNode(LifecycleNode):
             stamp_ns = clock.last_ros_ns(reading.steady)
         values = reading.values
         if "angle" in values:
-            message = self._joint_message
-            set_ns(message.header.stamp, stamp_ns)
-            message.position[0], message.velocity[0] = values["angle"], values["rate"]
-            self._joints.publish(message)
-        for field, pressure, topic in (
-            ("hose_pressure", self._hose_message, self._hose), ("rod_pressure", self._rod_message, self._rod)
-        ):  # fmt: skip
+            self._joints.publish(self._joint_message.fill(stamp_ns, values["angle"], values["rate"]))
+        for field, topic in (("hose_pressure", self._hose), ("rod_pressure", self._rod)):
             if field in values:
-                set_ns(pressure.header.stamp, stamp_ns)
-                pressure.fluid_pressure = values[field] + AMBIENT_PRESSURE_PA
-                topic.publish(pressure)
+                absolute = values[field] + AMBIENT_PRESSURE_PA
+                topic.publish(self._pressure_messages[field].fill(stamp_ns, absolute))
         if "retract_current" in values:
-            set_ns(self._current_message.header.stamp, stamp_ns)
-            self._current_message.retract = values["retract_current"]
-            self._current_message.extend = values["extend_current"]
-            self._currents.publish(self._current_message)
+            currents = self._current_message.fill(stamp_ns, values["retract_current"], values["extend_current"])
+            self._currents.publish(currents)
 
     def _publish_clock(self, now: float) -> None:
         """In the receive thread, in lockstep."""

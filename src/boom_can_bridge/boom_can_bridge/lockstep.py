@@ -16,6 +16,8 @@ from .sender import PERIOD_S, Pace
 
 ANSWER_PATIENCE_S = 0.2
 """Real time without a complete cycle after which the command is sent again: a frame was lost, in either direction."""
+MOST_REPEATS = 5
+"""Then a new command goes out: an ECU that has started again does not know what it is asked for."""
 IDLE_S = 1.0
 
 
@@ -45,6 +47,7 @@ class Lockstep(Pace):
             self._seen[spec.name] = -1
         self._newest = -1
         self._asked = -1
+        self._repeats = 0
 
     @property
     def complete(self) -> bool:
@@ -75,6 +78,14 @@ class Lockstep(Pace):
     def sent(self, commanded: bool) -> None:
         """A command frame went out: the next cycle answers it."""
         self._asked = self._newest + 1
+        self._repeats = 0
+
+    def repeats(self) -> bool:
+        """See `Pace.repeats`: the ECU that has answered sends its answer again, it does not go on by another cycle."""
+        if self._asked < 0 or (self._newest >= self._asked and self.complete):
+            return False
+        self._repeats += 1
+        return self._repeats <= MOST_REPEATS
 
     def until(self, last: float, waiting: float | None) -> float:
         """See `Pace.until`."""

@@ -31,7 +31,7 @@ class Pace:
         return time.monotonic()
 
     def sent(self, commanded: bool) -> None:
-        """A frame went out, for a command or by the timer."""
+        """A new frame goes out, for a command or by the timer."""
         # Commands at the same rate pull the frames along; the timer fills in where one is missing.
         self._slack = SLACK_S if commanded else 0.0
 
@@ -43,6 +43,10 @@ class Pace:
             waiting: when the command that has not gone out yet arrived [s]; None = there is none
         """
         return last + (PERIOD_S + self._slack if waiting is None else CLOSEST_S)
+
+    def repeats(self) -> bool:
+        """Whether the last frame is to go out again, to the bit, instead of a new one."""
+        return False
 
 
 class CommandSender:
@@ -83,6 +87,7 @@ class CommandSender:
         self._on_sent = on_sent
         self._pace = pace or Pace()
         self._counter = 0
+        self._message: can.Message | None = None
         self._wake = threading.Condition()
         self._waiting: float | None = None
         self._running = False
@@ -132,10 +137,14 @@ class CommandSender:
                     self._wake.wait(until - now)
                 if not self._running:
                     return
-                arrived, self._waiting = self._waiting, None
+                again = self._pace.repeats()
+                arrived = self._waiting
+                self._waiting = arrived if again else None
             last = time.monotonic()
             try:
-                if self._send(arrived is not None) and arrived is not None:
+                if again:
+                    self._put(self._message)
+                elif self._send(arrived is not None) and arrived is not None:
                     self.latencies.append(time.monotonic() - arrived)
             except Exception as error:  # nothing may end this thread but `stop`: the ECU would wait for its time-out
                 self.failures[type(error).__name__] += 1
@@ -147,10 +156,6 @@ class CommandSender:
             self._before(now)
             output = self._gate.output(now)
             self.last = output
-        bus = self._bus()
-        if bus is None:
-            self.dropped += 1
-            return False
         values = {"retract_current": output.retract, "extend_current": output.extend, "enable": float(output.enable)}
         self._counter += 1
         try:
@@ -160,13 +165,21 @@ class CommandSender:
             self.failures["range"] += 1
             values = dict.fromkeys(values, 0.0)
             identifier, payload = self._codec.encode(self._frame.name, values, self._counter)
-        message = can.Message(
+        self._message = can.Message(
             timestamp=time.time(),
             arbitration_id=identifier,
             data=payload,
             is_extended_id=self._frame.is_extended,
             is_rx=False,
         )
+        return self._put(self._message)
+
+    def _put(self, message: can.Message | None) -> bool:
+        """Hand a frame to the bus; False = it did not go out."""
+        bus = self._bus()
+        if bus is None or message is None:
+            self.dropped += 1
+            return False
         try:
             done = send_now(bus, message)
         except Exception as error:

@@ -57,13 +57,19 @@ def test_frames_without_a_counter_cannot_tell_the_time():
 
 
 class SimulatedEcu:
-    """A bus with an ECU that answers every command frame with one cycle; its angle tells the number of the enabled ones."""
+    """A bus with an ECU that answers a new command with one cycle and a repeated one with the same frames again.
+
+    Its angle tells the number of the enabled cycles.
+    """
 
     def __init__(self):
         self.waiting = queue.Queue()
         self.counter = 0
         self.moves = 0
         self.lose = set()
+        self.deaf = 0
+        self.answered = None
+        self.answer = {}
 
     def recv(self, timeout):
         try:
@@ -72,7 +78,19 @@ class SimulatedEcu:
             return None
 
     def send(self, frame, timeout=None):
-        command = CODEC.decode(frame.arbitration_id, bytes(frame.data)).values
+        if self.deaf:
+            self.deaf -= 1
+            return
+        decoded = CODEC.decode(frame.arbitration_id, bytes(frame.data))
+        if decoded.counter != self.answered:
+            self.answered = decoded.counter
+            self.go_on(decoded.values)
+        for name, message in self.answer.items():
+            if name not in self.lose:
+                self.waiting.put(message)
+        self.lose = set()
+
+    def go_on(self, command):
         values = {
             "imu": {"angle": 1e-3 * self.moves, "rate": 0.0},
             "pressures": {"hose_pressure": 8e6, "rod_pressure": 1e6},
@@ -81,9 +99,7 @@ class SimulatedEcu:
         }
         for name, content in values.items():
             identifier, data = CODEC.encode(name, content, self.counter)
-            if name not in self.lose:
-                self.waiting.put(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
-        self.lose = set()
+            self.answer[name] = can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
         self.counter += 1
         self.moves += bool(command["enable"])
 
@@ -131,13 +147,25 @@ def test_each_command_makes_one_period_and_nothing_is_published_before_the_first
     assert currents == pytest.approx([0.01 * (k + 1) for k in range(len(currents))], abs=1e-6)
 
 
-def test_a_lost_frame_costs_a_sample_and_not_the_run(rig):
+@pytest.mark.parametrize("lost", [{"pressures"}, {"imu", "currents"}, set(SENSORS)])
+def test_lost_frames_are_sent_again_and_cost_neither_a_sample_nor_a_period(rig, lost):
+    ecu, bridge, readings, ticks = rig
+    drive(bridge, ticks, 3)
+    ecu.lose = lost
+    assert drive(bridge, ticks, 1) == pytest.approx([0.04])
+    assert drive(bridge, ticks, 1) == pytest.approx([0.05])
+    assert sum(bridge.checker.counts.lost.values()) == 0
+    currents = [r.values["retract_current"] for r in list(readings.queue) if r.frame == "currents"]
+    assert currents == pytest.approx([0.01, 0.02, 0.03, 0.01, 0.01][: len(currents)], abs=1e-6)
+
+
+def test_a_lost_command_is_sent_again_and_moves_the_boom_once(rig):
     ecu, bridge, _, ticks = rig
     drive(bridge, ticks, 3)
-    ecu.lose = {"pressures"}
-    assert drive(bridge, ticks, 1) == pytest.approx([0.05])  # the same command once more: two periods have passed
-    assert drive(bridge, ticks, 1) == pytest.approx([0.06])
-    assert bridge.checker.counts.lost["pressures"] == 1
+    before = ecu.moves
+    ecu.deaf = 2
+    assert drive(bridge, ticks, 1) == pytest.approx([0.04])
+    assert ecu.moves == before + 1
 
 
 def test_an_old_command_is_refused_in_simulated_time_too(rig):
