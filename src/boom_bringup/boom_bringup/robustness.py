@@ -10,7 +10,7 @@ import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -61,7 +61,7 @@ class Job:
     delay: int = 0
     keep: bool = False
     duration: float = 0.0
-    settings: Settings = Settings()
+    settings: Settings = field(default_factory=Settings)
     grasp: Grasp | None = None
 
 
@@ -119,7 +119,9 @@ def carry_out_one(job: Job) -> Result:
         references = references[: round(job.duration / job.settings.sample_time)]
     base = nominal.pose(*pose_key)
     machine = job.case.machine(nominal, job.limited)
-    plant = _plant(job.machine, job.limited, pose_key).with_numbers(machine, replace(base, load=base.load + job.case.load))
+    plant = _plant(job.machine, job.limited, pose_key).with_numbers(
+        machine, replace(base, load=base.load + job.case.load)
+    )
     history = run(
         _controller(job.mode, job.machine, pose_key, job.settings),
         plant,
@@ -135,7 +137,9 @@ def carry_out_one(job: Job) -> Result:
     error = piston_positions(nominal, history.reference) - piston_positions(nominal, history.values["angle"])
     measured = errors(error)
     wanted = _feedforward(job.machine, pose_key, job.case.load, job.folder, job.bag, job.settings)
-    oscillation, final = _oscillation(force(nominal, history) - wanted[: len(history.time)], history, job.settings.sample_time)
+    oscillation, final = _oscillation(
+        force(nominal, history) - wanted[: len(history.time)], history, job.settings.sample_time
+    )
     return Result(
         job, measured.mae, measured.maxe, measured.rmse, oscillation, final, history.diverged, history.stopped,
         history if job.keep else None,
@@ -170,7 +174,10 @@ def with_poses(results: Iterable[Result]) -> dict[str, Any]:
     """:func:`summary` over all and under ``poses`` over each pose."""
     every = list(results)
     poses = list(dict.fromkeys(POSE_OF[r.job.bag] for r in every))
-    return {**summary(every), "poses": {pose: summary([r for r in every if POSE_OF[r.job.bag] == pose]) for pose in poses}}
+    return {
+        **summary(every),
+        "poses": {pose: summary([r for r in every if POSE_OF[r.job.bag] == pose]) for pose in poses},
+    }
 
 
 def _oscillation(error: Array, history: History, period: float) -> tuple[float, float]:
@@ -183,7 +190,9 @@ def _oscillation(error: Array, history: History, period: float) -> tuple[float, 
 
 
 @lru_cache(maxsize=32)
-def _feedforward(machine: str, pose: tuple[float, float, float], load: float, folder: str, bag: str, settings: Settings) -> Array:
+def _feedforward(
+    machine: str, pose: tuple[float, float, float], load: float, folder: str, bag: str, settings: Settings
+) -> Array:
     """f_p^f (n,) [N] of (6.2) along the reference, with the load [kg] that really hangs on."""
     model = ControlModel(_machine(machine), _machine(machine).pose(*pose))
     references, _ = _references(folder, bag, settings.sample_time, settings.generator_pole)
@@ -210,7 +219,9 @@ def _controller(mode: str, machine: str, pose: tuple[float, float, float], setti
 
 
 @lru_cache(maxsize=32)
-def _references(folder: str, bag: str, period: float, pole: float) -> tuple[list[Reference], tuple[float, float, float]]:
+def _references(
+    folder: str, bag: str, period: float, pole: float
+) -> tuple[list[Reference], tuple[float, float, float]]:
     """Smooth references of a recorded angle, one a period, and (q_3, q_4, load) of its configuration."""
     recording = load(Path(folder) / bag)
     angle = recording.signals["angle"]

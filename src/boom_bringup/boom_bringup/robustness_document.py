@@ -13,7 +13,9 @@ from boom_bringup.robustness_stability import stability_document
 MEASURES = ("mae_mm", "maxe_mm", "rmse_mm")
 
 
-def document(results: Mapping[str, Sequence[Result]], modes: Sequence[str], bags: Sequence[str], seed: int) -> dict[str, Any]:
+def document(
+    results: Mapping[str, Sequence[Result]], modes: Sequence[str], bags: Sequence[str], seed: int
+) -> dict[str, Any]:
     """All numbers; the parts that were not asked for are left out."""
     configured = results["configurations"]
     numbers: dict[str, Any] = {"modes": {mode: {} for mode in modes}, "trajectories": list(bags), "seed": seed}
@@ -24,7 +26,10 @@ def document(results: Mapping[str, Sequence[Result]], modes: Sequence[str], bags
             numbers["modes"][mode][name] = {**with_poses(chosen), **_intervals(chosen), **_stops(chosen)}
     if "off_nominal" in results:
         numbers["off_nominal"] = {
-            mode: {name: summary(group) for name, group in _by_case(r for r in results["off_nominal"] if r.job.mode == mode)}
+            mode: {
+                name: summary(group)
+                for name, group in _by_case(r for r in results["off_nominal"] if r.job.mode == mode)
+            }
             for mode in modes
         }
     for part in ("monte_carlo", "monte_carlo_unloaded"):
@@ -42,7 +47,11 @@ def _intervals(results: Sequence[Result]) -> dict[str, Any]:
         return {}
     each = [summary([r for r in results if r.job.seed == seed]) for seed in seeds]
     known = {name: [e[name] for e in each if e[name] is not None] for name in MEASURES}
-    return {"interval_90": {name: [float(v) for v in np.quantile(values, (0.05, 0.95))] for name, values in known.items() if values}}
+    return {
+        "interval_90": {
+            name: [float(v) for v in np.quantile(values, (0.05, 0.95))] for name, values in known.items() if values
+        }
+    }
 
 
 def _stops(results: Sequence[Result]) -> dict[str, Any]:

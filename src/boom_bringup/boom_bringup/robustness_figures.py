@@ -63,28 +63,42 @@ def stability_figure(stability: Mapping[str, Any]) -> Json:
             cases = list(maps[mode][pose])
             z = [[int(v) for v in maps[mode][pose][case]] for case in cases]
             traces.append({
-                "type": "heatmap", "x": delays, "y": cases, "z": z, "zmin": 0, "zmax": 1, "showscale": False, "xgap": 2, "ygap": 2,
-                "colorscale": [[0, "#e6b0ac"], [1, "#9ccca6"]], "xaxis": f"x{suffix}", "yaxis": f"y{suffix}",
+                "type": "heatmap", "x": delays, "y": cases, "z": z, "zmin": 0, "zmax": 1, "showscale": False,
+                "xgap": 2, "ygap": 2, "colorscale": [[0, "#e6b0ac"], [1, "#9ccca6"]], "xaxis": f"x{suffix}", "yaxis": f"y{suffix}",
                 "hovertemplate": "%{y}, %{x} ms: %{z}<extra></extra>",
             })  # fmt: skip
             left, width = (j + 0.0) / len(poses), 1 / len(poses) - 0.09
             bottom, height = 1 - (i + 1) / len(modes), 1 / len(modes) - 0.13
             layout[f"xaxis{suffix}"] = {
-                "domain": [left, left + width], "anchor": f"y{suffix}", "tickvals": delays, "title": {"text": "dead time [ms]", "standoff": 4},
+                "domain": [left, left + width], "anchor": f"y{suffix}", "tickvals": delays,
+                "title": {"text": "dead time [ms]", "standoff": 4},
             }  # fmt: skip
-            layout[f"yaxis{suffix}"] = {"domain": [bottom, bottom + height], "anchor": f"x{suffix}", "automargin": False}
+            layout[f"yaxis{suffix}"] = {
+                "domain": [bottom, bottom + height],
+                "anchor": f"x{suffix}",
+                "automargin": False,
+            }
             layout["annotations"].append({
-                "text": f"<b>{mode}</b>, {pose}", "x": left, "y": bottom + height, "xref": "paper", "yref": "paper", "xanchor": "left",
-                "yanchor": "bottom", "showarrow": False,
+                "text": f"<b>{mode}</b>, {pose}", "x": left, "y": bottom + height, "xref": "paper", "yref": "paper",
+                "xanchor": "left", "yanchor": "bottom", "showarrow": False,
             })  # fmt: skip
     return {"data": traces, "layout": layout}
 
 
-def _line(time: NDArray[np.float64], values: NDArray[np.float64], row: int, name: str, colour: str, width: float, dash: str = "solid") -> Json:
+def _line(
+    time: NDArray[np.float64],
+    values: NDArray[np.float64],
+    row: int,
+    name: str,
+    colour: str,
+    width: float,
+    dash: str = "solid",
+) -> Json:
     n = "" if row == 1 else str(row)
     return {
-        "type": "scatter", "mode": "lines", "x": packed(time[::_EVERY]), "y": packed(values[::_EVERY]), "xaxis": f"x{n}", "yaxis": f"y{n}",
-        "name": name, "showlegend": False, "line": {"color": colour, "width": width, "dash": dash}, "hovertemplate": "%{y:.4g}",
+        "type": "scatter", "mode": "lines", "x": packed(time[::_EVERY]), "y": packed(values[::_EVERY]),
+        "xaxis": f"x{n}", "yaxis": f"y{n}", "name": name, "showlegend": False,
+        "line": {"color": colour, "width": width, "dash": dash}, "hovertemplate": "%{y:.4g}",
     }  # fmt: skip
 
 
@@ -98,7 +112,12 @@ def _stacked(rows: Sequence[tuple[str, int]], time_label: str) -> Json:
     for k, (label, height) in enumerate(rows):
         n = "" if k == 0 else str(k + 1)
         upper = 1 - top / total
-        layout[f"yaxis{n}"] = {"domain": [max(0.0, upper - height / total), upper], "anchor": f"x{n}", "gridcolor": "#e4e8ec", "nticks": 5}
+        layout[f"yaxis{n}"] = {
+            "domain": [max(0.0, upper - height / total), upper],
+            "anchor": f"x{n}",
+            "gridcolor": "#e4e8ec",
+            "nticks": 5,
+        }
         layout[f"xaxis{n}"] = {"anchor": f"y{n}", "gridcolor": "#e4e8ec", "showticklabels": k == len(rows) - 1}
         if k:
             layout[f"xaxis{n}"]["matches"] = "x"

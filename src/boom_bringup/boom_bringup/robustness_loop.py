@@ -74,7 +74,8 @@ def run(
         plant: of the machine as it is, its load included.
         start: (NX,) state at time zero.
         references: one a period, the first at time zero.
-        noise: of the sensors; seed: of the noise.
+        noise: of the sensors.
+        seed: of the noise.
         period: sample time [s].
         supply_pressure: the pump's [Pa]. The compensator keeps its margin as long as that allows, min(dp_c, p_s - p_port).
             The pump's flow is limited by the effect ``pump_flow_limit`` of the plant's machine.
@@ -115,9 +116,9 @@ def run(
         if diverged:
             count = k + 1
             break
-    wanted = np.array([r.angle for r in references[:count]])
+    wanted = np.array([r.angle for r in references[:count]], np.float64)
     values = {name: rows[:count, i] for i, name in enumerate(RECORDED)}
-    return History(np.arange(count) * period, wanted, values, diverged, stopped, stepper.state.copy())
+    return History(np.arange(count, dtype=np.float64) * period, wanted, values, diverged, stopped, stepper.state.copy())
 
 
 def start_state(plant: Plant, machine: Machine, pose: Pose, angle: float) -> Array:
@@ -150,7 +151,8 @@ class _Supply:
 def _draws(noise: SensorNoise, rng: np.random.Generator, n: int) -> list[list[float]]:
     """Noise to be added before quantisation, (n, 4): the sensors' own noise at y = 0 without quanta."""
     smooth = replace(noise, angle_quantum=0.0, pressure_quantum=0.0)
-    return smooth.outputs(np.zeros((n, 4)), rng).tolist()
+    draws: list[list[float]] = smooth.outputs(np.zeros((n, 4)), rng).tolist()
+    return draws
 
 
 def _measure(noise: SensorNoise, draw: list[float], y: list[float], time: float) -> Measurement:
@@ -160,7 +162,15 @@ def _measure(noise: SensorNoise, draw: list[float], y: list[float], time: float)
 
 
 def _row(y: list[float], out: Output) -> tuple[float, ...]:
-    return (*y, out.force_set_point, out.feedforward_force, out.estimated_load, out.spool_position, out.retract, out.extend)
+    return (
+        *y,
+        out.force_set_point,
+        out.feedforward_force,
+        out.estimated_load,
+        out.spool_position,
+        out.retract,
+        out.extend,
+    )
 
 
 def _tolerant(plant: Plant) -> Plant:

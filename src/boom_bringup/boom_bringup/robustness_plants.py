@@ -51,7 +51,9 @@ class PlantCase:
         changed = {key: nominal.parameters[key].value[0] * factor for key, factor in self.factors.items()}
         machine = nominal.with_values(changed)
         if limited:
-            machine = machine.with_effects({**machine.effects, "pump_flow_limit": {"inverse_q_max": 1 / FULL_PUMP_FLOW}})
+            machine = machine.with_effects(
+                {**machine.effects, "pump_flow_limit": {"inverse_q_max": 1 / FULL_PUMP_FLOW}}
+            )
         return machine
 
     def off(self, factors: Mapping[str, float], name: str = "") -> PlantCase:
@@ -107,7 +109,10 @@ def monte_carlo(count: int, seed: int, *, loaded: bool = True) -> list[PlantCase
     cases = []
     for k in range(count):
         beta, friction, precharge, load = (float(rng.uniform(*r)) for r in (BULK_MODULUS, FRICTION, PRECHARGE, LOAD))
-        valve = {key: float(1 + OFF_NOMINAL * v) for key, v in zip((DEAD_ZONE, SPRING, "areas", "lag"), rng.uniform(-1, 1, 4), strict=True)}
+        valve = {
+            key: float(1 + OFF_NOMINAL * v)
+            for key, v in zip((DEAD_ZONE, SPRING, "areas", "lag"), rng.uniform(-1, 1, 4), strict=True)
+        }
         areas, lag = valve.pop("areas"), valve.pop("lag")
         off = {**valve, **dict.fromkeys(AREAS, areas), **lag_factors(lag)}
         base = _case("", beta, load, precharge, friction) if loaded else PlantCase("")

@@ -16,10 +16,11 @@ from boom_diagnosis.report import page
 from boom_diagnosis.tracking import THESIS
 
 _METHOD = (
-    "Plant: the full model (5.39), stepped by 10 ms with held currents; sensors of ch. 6.4 (angle quantised, pressure noise 0.17 bar rms and "
-    "0.1 bar steps, rate noise 1.5 mrad/s). The load of the configuration hangs on from the first instant, beside what the recording "
-    "says, and the controller does not know of it. A piston more than 100 mm from its reference counts as diverged and is left out of the "
-    "means. Force oscillation: rms of the piston force against the one that the reference needs (6.2), above 0.8 Hz."
+    "Plant: the full model (5.39), stepped by 10 ms with held currents; sensors of ch. 6.4 (angle quantised, pressure noise "
+    "0.17 bar rms and 0.1 bar steps, rate noise 1.5 mrad/s). The load of the configuration hangs on from the first instant, "
+    "beside what the recording says, and the controller does not know of it. A piston more than 100 mm from its reference "
+    "counts as diverged and is left out of the means. Force oscillation: rms of the piston force against the one that the "
+    "reference needs (6.2), above 0.8 Hz."
 )
 _FIGURE = {"C0": "6.5", "C1": "6.6", "C2": "6.7", "C3": "6.8", "C4": "6.9"}
 
@@ -50,16 +51,17 @@ def write_report(
             parts.append(f"<section class=card><h2>{title}</h2>{_further(numbers[key])}</section>")
     if "stability_map" in numbers:
         parts.append(
-            "<section class=card><h2>Stability</h2><p>Dead time added in the valve chain against oil stiffness (beta over nominal) and "
-            f"against load. Green: stable.</p>{_chart('stability', stability_figure(numbers['stability_map']))}</section>"
+            "<section class=card><h2>Stability</h2><p>Dead time added in the valve chain against oil stiffness (beta over "
+            f"nominal) and against load. Green: stable.</p>"
+            f"{_chart('stability', stability_figure(numbers['stability_map']))}</section>"
         )
     kept = [r for r in results["configurations"] if r.history is not None]
     for name in dict.fromkeys(r.job.case.name for r in kept):
         mine = [r for r in kept if r.job.case.name == name]
         colours = ", ".join(f"<span style='color:{COLOURS[r.job.mode]}'>{r.job.mode}</span>" for r in mine)
         parts.append(
-            f"<section class=card><h2>{name}: {escape(mine[0].job.bag)}</h2><p class=quiet>As Fig. {_FIGURE.get(name, '6.5')} of the thesis. "
-            f"{colours}; reference black.</p>{_chart(name, figure(mine))}</section>"
+            f"<section class=card><h2>{name}: {escape(mine[0].job.bag)}</h2><p class=quiet>As Fig. {_FIGURE.get(name, '6.5')} of "
+            f"the thesis. {colours}; reference black.</p>{_chart(name, figure(mine))}</section>"
         )
     path.write_text(page("Robustness of the closed loop", "".join(parts)), encoding="utf-8")
 
@@ -78,7 +80,12 @@ def _main_table(numbers: Mapping[str, Any]) -> str:
     for mode, each in numbers["modes"].items():
         rows.append([mode, *(three(each[name]) for name in names)])
         if all(each[name].get("interval_90") for name in names):
-            rows.append(["MAE, 90 % over seeds", *("{:.2f} .. {:.2f}".format(*each[name]["interval_90"]["mae_mm"]) for name in names)])
+            rows.append(
+                [
+                    "MAE, 90 % over seeds",
+                    *("{:.2f} .. {:.2f}".format(*each[name]["interval_90"]["mae_mm"]) for name in names),
+                ]
+            )
     return _table(["", *names], rows)
 
 

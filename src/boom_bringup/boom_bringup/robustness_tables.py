@@ -17,7 +17,10 @@ PRINTED = "thesis, Table 6.3"
 def print_document(numbers: Mapping[str, Any], console: Console, *, limited: bool) -> None:
     """Prints the document of ``boom_bringup.robustness_document``; ``limited``: the supply was."""
     with console.capture() as printed:
-        console.print(f"Piston position, mean over nine trajectories: MAE / MAXE / RMSE [mm], supply {'limited' if limited else 'unlimited'}", markup=False)
+        console.print(
+            f"Piston position, mean over nine trajectories: MAE / MAXE / RMSE [mm], supply {'limited' if limited else 'unlimited'}",
+            markup=False,
+        )
         console.print(_configurations(numbers))
         console.print("per pose, MAE / MAXE [mm] and force oscillation above 0.8 Hz [kN]", markup=False)
         console.print(_poses(numbers))
@@ -39,7 +42,7 @@ def print_document(numbers: Mapping[str, Any], console: Console, *, limited: boo
 
 
 def three(numbers: Mapping[str, Any]) -> str:
-    """"MAE / MAXE / RMSE" [mm], with the number of diverged runs where there are any."""
+    """``MAE / MAXE / RMSE`` [mm], with the number of diverged runs where there are any."""
     ended = [f"{numbers[word]} {word}" for word in ("diverged", "stopped") if numbers[word]]
     if numbers["mae_mm"] is None:
         return ", ".join(ended)
@@ -90,7 +93,8 @@ def _stopped(numbers: Mapping[str, Any], console: Console) -> None:
             if "stops" in values:
                 s = values["stops"]
                 console.print(
-                    f"{mode}, {name}: stopped in {values['stopped']} runs, after {s['latest_s']:.1f} s at the latest, e.g.: {s['reason']}",
+                    f"{mode}, {name}: stopped in {values['stopped']} runs, after {s['latest_s']:.1f} s at the latest, e.g.: "
+                    f"{s['reason']}",
                     markup=False,
                 )
 
@@ -107,8 +111,10 @@ def _monte_carlo(numbers: Mapping[str, Any]) -> Table:
     table = _table("", "plants", "diverged", "MAE / MAXE / RMSE, mean", "MAE 5 / 50 / 95 / 100 %, mm")
     for mode, each in numbers.items():
         quantiles = each.get("mae_mm_quantiles", {})
-        table.add_row(mode, str(each["plants"]), str(each["diverged"]), three({**each, "diverged": 0, "stopped": 0}) if quantiles else "-",
-                      " / ".join(f"{v:.2f}" for v in quantiles.values()))  # fmt: skip
+        means = three({**each, "diverged": 0, "stopped": 0}) if quantiles else "-"
+        table.add_row(
+            mode, str(each["plants"]), str(each["diverged"]), means, " / ".join(f"{v:.2f}" for v in quantiles.values())
+        )
     return table
 
 

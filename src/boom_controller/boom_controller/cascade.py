@@ -36,13 +36,18 @@ class Variant:
     spool_inverse: bool = False
 
 
-VARIANTS = {"thesis": Variant(), "baseline": Variant(friction_at_reference=True, pilot_inverse=True, spool_inverse=True)}
+VARIANTS = {
+    "thesis": Variant(),
+    "baseline": Variant(friction_at_reference=True, pilot_inverse=True, spool_inverse=True),
+}
 
 
 class Cascade:
     """Modes ``thesis`` and ``baseline``."""
 
-    def __init__(self, mode: str, machine: Machine, pose: Pose, settings: Settings, variant: Variant | None = None) -> None:
+    def __init__(
+        self, mode: str, machine: Machine, pose: Pose, settings: Settings, variant: Variant | None = None
+    ) -> None:
         require_pilot_stage(machine, mode)
         self.mode = mode
         self._variant = variant if variant is not None else VARIANTS[mode]

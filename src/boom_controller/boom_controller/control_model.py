@@ -102,8 +102,9 @@ class ControlModel:
 
 def _function(machine: Machine, p: Any, e: Any) -> Any:
     x = ca.SX.sym("x", len(Point._fields))
-    v = Point(*(x[i] for i in range(x.numel())))
-    a_a, a_b = p.cylinder.A_a, p.cylinder.A_b
+    elements: Any = ca.vertsplit(x)
+    v = Point(*elements)
+    a_a = p.cylinder.A_a
     load = equation_of_motion.load_mass(p, e) + v.load
     inertia = equation_of_motion.inertia(load, p)
     linkage = four_bar_linkage if machine.structure.linkage == "four_bar" else triangle_linkage
@@ -119,6 +120,7 @@ def _function(machine: Machine, p: Any, e: Any) -> Any:
             result = result + a_a * jacobian * hose_burst_valve.pressure_drop(jacobian * rate * a_a, p, e)
         return result
 
+    further: Any = v.load
     position, jacobian = kinematics(v.angle)
     reference_position, reference_jacobian = kinematics(v.reference_angle)
     gravity = equation_of_motion.gravity_torque(v.angle, load, p)
@@ -155,8 +157,8 @@ def _function(machine: Machine, p: Any, e: Any) -> Any:
         reference_friction=reference_friction,
         feedforward_force=wanted,
         feedforward_force_rate=wanted_rate,
-        tip_gravity=ca.jacobian(gravity, v.load),
-        tip_inertia=ca.jacobian(inertia, v.load),
+        tip_gravity=ca.jacobian(gravity, further),
+        tip_inertia=ca.jacobian(inertia, further),
     )
     return ca.Function("control_model", [x], [ca.cse(ca.densify(ca.vertcat(*values)))])
 

@@ -1,8 +1,8 @@
 """What the oil does, learnt while running: how soft each chamber is, and how much flow the valve's model misses.
 
-Compliance of a chamber, against the nominal one:  int k (q - A v) dt = kappa (p - p_0), k the nominal dp/dV. Both sides pass the same
-high-pass filter; kappa follows by a normalised gradient, only while the pressure moves. The regression is on the pressure, which
-is measured, so that an error of the modelled flow does not bias kappa.
+Compliance of a chamber, against the nominal one:  int k (q - A v) dt = kappa (p - p_0), k the nominal dp/dV. Both
+sides pass the same high-pass filter; kappa follows by a normalised gradient, only while the pressure
+moves. The regression is on the pressure, which is measured, so that an error of the modelled flow does not bias kappa.
 
 Flow that the model misses, as a piston speed:  d^' = w (v + f_p' / K - Q - d^), Q the speed that the modelled flows would give.
 """

@@ -2,11 +2,12 @@
 
 Every sample time (docs/control.md derives it):
 
-1. observers: load at the tip (``load_observer``), compliance of both chambers and flow that the valve's model misses (``flow_observer``);
+1. observers: load at the tip (``load_observer``), compliance of both chambers, flow that the valve's model misses
+   (``flow_observer``);
 2. speed wanted of the oil, v = J(q*) q*' ahead by ``preview`` - k_p e - k_v e' - k_d f~ - d^, with gains by pole placement for the
    estimated stiffness and mass and f~ predicted over the valve's remaining lag (``state_feedback``);
 3. flow map: Sigma = K v + d/dt f_ff, solved for the spool position by (6.23) (``valve_map``);
-4. dead zone: below ``dead_zone_speed`` the spool moves through it in proportion, ahead of a reference that is about to start or turn;
+4. dead zone: below ``dead_zone_speed`` the spool moves through it in proportion, ahead of a reference that starts or turns;
 5. currents through the inverse of spool and pilot stage (``valve_follower``).
 """
 

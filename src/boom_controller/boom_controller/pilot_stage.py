@@ -28,11 +28,10 @@ class StaticPilot:
     """h^-1 and the split of the pressures."""
 
     def __init__(self, p: Any, e: Any, neutral: float) -> None:
-        self._h = p.pilot_valves.h
+        self._h: tuple[float, float, float] = p.pilot_valves.h
         s = p.main_valve_spool
-        self.stiffness = s.k * e.spring_rate.r / s.A_s  # Pa/m
-        self.largest = self.stiffness * s.s_max
-        self.lowest = self._lowest()
+        self.stiffness = float(s.k * e.spring_rate.r / s.A_s)  # Pa/m
+        self.largest = self.stiffness * float(s.s_max)
         self.neutral = neutral
 
     def current(self, pressure: float) -> float:
@@ -50,10 +49,6 @@ class StaticPilot:
         high = low + size
         return (high, low) if difference >= 0 else (low, high)
 
-    def _lowest(self) -> float:
-        h0, h1, h2 = self._h
-        return float(BAR * (h2 - h1 * h1 / (4.0 * h0)))
-
 
 class PilotValve:
     """State lambda of one pilot valve, followed from the commanded currents: exact for held currents, (5.7c)."""
@@ -65,11 +60,6 @@ class PilotValve:
         self.gamma = (self.phi - 1.0) / a1
         self.b0, self.b1 = v.b0_s / e.pilot_lag.r, v.b1_s
         self.state = self.current = 0.0
-
-    @property
-    def gain(self) -> float:
-        """Stationary nu / i."""
-        return self.b0 * self.gamma / (1.0 - self.phi) + self.b1
 
     def settle(self, current: float) -> None:
         """Stationary under the current [A]."""

@@ -1,6 +1,6 @@
 """Position feedback with an integral state, (6.6)-(6.13b): gains by Ackermann's formula, anti-windup.
 
-    x_e = (q_2 - q_2*, q_2' - q_2*'),  x_eI,k+1 = x_eI,k + T_s (q_2 - q_2*),  u = k~^T (x_e, x_eI)   [N m]
+x_e = (q_2 - q_2*, q_2' - q_2*'),  x_eI,k+1 = x_eI,k + T_s (q_2 - q_2*),  u = k~^T (x_e, x_eI)   [N m]
 """
 
 from __future__ import annotations

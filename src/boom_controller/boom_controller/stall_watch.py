@@ -27,7 +27,14 @@ class StallWatch:
         self.reason, self._delivered, self._elapsed, self._force = "", 0.0, 0.0, force
 
     def step(
-        self, velocity: float, modelled: float, force: float, stiffness: float, load: float, pressure: float, settings: Settings
+        self,
+        velocity: float,
+        modelled: float,
+        force: float,
+        stiffness: float,
+        load: float,
+        pressure: float,
+        settings: Settings,
     ) -> None:
         """One sample time: v and Q [m/s], f_p [N], K [N/m], estimated load [kg], p_h [Pa]."""
         t = settings.sample_time

@@ -4,9 +4,9 @@ Nothing of the valve is measured. Pilot stage (5.7c) exactly; spool (3.21) witho
 
     A_s (p_+ - p_-) = k s_s + d_v s_s' + f_c tanh(s_s' / sigma_s)
 
-Inverse: the set point goes through a first-order filter of time constant ``spool_response``, which gives a position and a velocity and
-so a pressure; the current brings nu nearer to what that pressure needs by the share 1 - exp(-T_s / pilot_response). Inside the dead zone, where nothing
-flows and noise would only make the solenoids hum, the slower ``rest_response`` counts.
+Inverse: the set point goes through a first-order filter of time constant ``spool_response``, which gives a position and a velocity
+and so a pressure; the current brings nu nearer to what that pressure needs by the share 1 - exp(-T_s / pilot_response). Inside
+the dead zone, where nothing flows and noise would only make the solenoids hum, the slower ``rest_response`` counts.
 """
 
 from __future__ import annotations

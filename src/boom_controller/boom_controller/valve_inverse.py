@@ -21,7 +21,12 @@ class ValveInverse:
     def __init__(self, p: Any, e: Any, pilot: StaticPilot, settings: Settings, *, spool: bool = True) -> None:
         self._with_spool = spool
         s = p.main_valve_spool
-        self._area, self._damping, self._coulomb, self._width = float(s.A_s), float(s.d_v), float(s.f_c), float(s.sigma_s)
+        self._area, self._damping, self._coulomb, self._width = (
+            float(s.A_s),
+            float(s.d_v),
+            float(s.f_c),
+            float(s.sigma_s),
+        )
         self._pilot = pilot
         self._retract = PilotValve(p, e, settings.sample_time)
         self._extend = PilotValve(p, e, settings.sample_time)

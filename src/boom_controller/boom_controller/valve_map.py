@@ -9,6 +9,7 @@ side is too: find the segment that holds Sigma, interpolate. Nodes lie closer wh
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 from boom_model import main_valve_orifices
@@ -39,7 +40,7 @@ class ValveMap:
         size = min(abs(position), nodes[-1][0])
         if size <= nodes[0][0]:
             return 0.0, 0.0
-        for (s0, a0, b0), (s1, a1, b1) in zip(nodes, nodes[1:], strict=False):
+        for (s0, a0, b0), (s1, a1, b1) in pairwise(nodes):
             if size <= s1:
                 share = (size - s0) / (s1 - s0)
                 return a0 + share * (a1 - a0), b0 + share * (b1 - b0)

@@ -35,22 +35,44 @@ PICTURED = "explained/payload_change_b"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument(
-        "--modes", nargs="+", choices=ALL_MODES, default=list(ALL_MODES), metavar="MODE", help=f"control modes: {', '.join(ALL_MODES)}"
+        "--modes",
+        nargs="+",
+        choices=ALL_MODES,
+        default=list(ALL_MODES),
+        metavar="MODE",
+        help=f"control modes: {', '.join(ALL_MODES)}",
     )
-    parser.add_argument("--bags", default="bags", metavar="FOLDER", help="folder of the recorded trajectories (default: bags)")
-    parser.add_argument("--machine", default="tz17", metavar="FILE", help="machine file, or the name of a shipped one (default: tz17)")
-    parser.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the sensors' noise (default: 0)")
-    parser.add_argument("--repeat", type=_count, default=1, metavar="N", help="repeat with N seeds and give 90 %% intervals")
     parser.add_argument(
-        "--supply", choices=("unlimited", "limited"), default="unlimited", help="limited: 250 bar and 84 l/min (default: unlimited)"
+        "--bags", default="bags", metavar="FOLDER", help="folder of the recorded trajectories (default: bags)"
     )
-    parser.add_argument("--off-nominal", action="store_true", help="also C0 with dead zone, spring, areas, pilot lag 5 %% off, one at a time")
+    parser.add_argument(
+        "--machine", default="tz17", metavar="FILE", help="machine file, or the name of a shipped one (default: tz17)"
+    )
+    parser.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the sensors' noise (default: 0)")
+    parser.add_argument(
+        "--repeat", type=_count, default=1, metavar="N", help="repeat with N seeds and give 90 %% intervals"
+    )
+    parser.add_argument(
+        "--supply",
+        choices=("unlimited", "limited"),
+        default="unlimited",
+        help="limited: 250 bar and 84 l/min (default: unlimited)",
+    )
+    parser.add_argument(
+        "--off-nominal",
+        action="store_true",
+        help="also C0 with dead zone, spring, areas, pilot lag 5 %% off, one at a time",
+    )
     parser.add_argument(
         "--monte-carlo", type=_count, default=0, metavar="N",
-        help="also N plants drawn from the whole of Table 6.1 with dead zone, spring, areas and pilot lag within 5 %%, and as many with "
-        "the latter only; a trajectory each, in turn",
+        help="also N plants drawn from the whole of Table 6.1 with dead zone, spring, areas and pilot lag within 5 %%, and as "
+        "many with the latter only; a trajectory each, in turn",
     )  # fmt: skip
-    parser.add_argument("--stability-map", action="store_true", help="also the map of dead time, oil stiffness and load (about a minute)")
+    parser.add_argument(
+        "--stability-map",
+        action="store_true",
+        help="also the map of dead time, oil stiffness and load (about a minute)",
+    )
     parser.add_argument("--workers", type=_count, default=None, metavar="N", help="processes (default: one per core)")
     parser.add_argument("--json", metavar="F", help="write the numbers as a JSON document to F")
     report = parser.add_mutually_exclusive_group()
@@ -74,7 +96,9 @@ def run(args: argparse.Namespace) -> int:
     bags = [bag for group in TRAJECTORIES.values() for bag in group]
     missing = [bag for bag in bags if not (Path(args.bags) / bag).exists()]
     if missing:
-        raise UsageError(f"--bags {args.bags}: there is no {missing[0]}: run in the folder of the repository, or give its bags")
+        raise UsageError(
+            f"--bags {args.bags}: there is no {missing[0]}: run in the folder of the repository, or give its bags"
+        )
     seeds = range(args.seed, args.seed + args.repeat)
     parts: dict[str, list[Job]] = {
         "configurations": [
@@ -83,7 +107,9 @@ def run(args: argparse.Namespace) -> int:
         ]
     }  # fmt: skip
     if args.off_nominal:
-        parts["off_nominal"] = [_job(args, mode, bag, case, args.seed) for mode in modes for case in off_nominal() for bag in bags]
+        parts["off_nominal"] = [
+            _job(args, mode, bag, case, args.seed) for mode in modes for case in off_nominal() for bag in bags
+        ]
     if args.monte_carlo:
         for name, loaded in (("monte_carlo", True), ("monte_carlo_unloaded", False)):
             cases = monte_carlo(args.monte_carlo, args.seed, loaded=loaded)
@@ -122,7 +148,9 @@ def _default_report() -> Path:
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
-        raise UsageError(f"folder output cannot be made here ({error.strerror}): give --report FILE or --no-report") from None
+        raise UsageError(
+            f"folder output cannot be made here ({error.strerror}): give --report FILE or --no-report"
+        ) from None
     path = checked(str(folder / "robustness.html"), "report")
     assert path is not None
     return path
