@@ -11,6 +11,8 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
+from boom_controller.buffers import on_buffers
+from boom_controller.controller import Reference
 from boom_model import (
     accumulator,
     cylinder,
@@ -79,6 +81,14 @@ class Quantities(NamedTuple):
     tip_inertia: float
 
 
+class Coming(NamedTuple):
+    """What the reference needs at a point of it: J(q_2*) [m/rad], f_p^f of (6.2) [N], its time derivative [N/s]."""
+
+    jacobian: float
+    force: float
+    force_rate: float
+
+
 class ControlModel:
     """The model of a machine in a pose, for control. The pose's load is part of it; a further load is an input."""
 
@@ -87,11 +97,11 @@ class ControlModel:
         self.p, self.e = component_numbers(machine, pose)
         self._in = array("d", [0.0] * len(Point._fields))
         self._out = array("d", [0.0] * len(Quantities._fields))
-        # The function has to live as long as its buffer.
-        self._function = _function(machine, self.p, self.e)
-        self._buffer, self._evaluate = self._function.buffer()
-        self._buffer.set_arg(0, memoryview(self._in))
-        self._buffer.set_res(0, memoryview(self._out))
+        self._coming_in = array("d", [0.0] * _COMING_INPUTS)
+        self._coming_out = array("d", [0.0] * len(Coming._fields))
+        whole, coming = _functions(machine, self.p, self.e)
+        self._evaluate = on_buffers(whole, self._in, self._out)
+        self._evaluate_coming = on_buffers(coming, self._coming_in, self._coming_out)
 
     def at(self, point: Point) -> Quantities:
         """All quantities at a point."""
@@ -99,8 +109,17 @@ class ControlModel:
         self._evaluate()
         return Quantities(*self._out)
 
+    def coming(self, reference: Reference, load: float) -> Coming:
+        """What a point of the reference needs, with a load [kg] beyond the pose's: the part of :meth:`at` that needs no sensor."""
+        self._coming_in[:] = array("d", (reference.angle, reference.rate, reference.acceleration, reference.jerk, load))
+        self._evaluate_coming()
+        return Coming(*self._coming_out)
 
-def _function(machine: Machine, p: Any, e: Any) -> Any:
+
+_COMING_INPUTS = 5
+
+
+def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
     x = ca.SX.sym("x", len(Point._fields))
     elements: Any = ca.vertsplit(x)
     v = Point(*elements)
@@ -160,7 +179,11 @@ def _function(machine: Machine, p: Any, e: Any) -> Any:
         tip_gravity=ca.jacobian(gravity, further),
         tip_inertia=ca.jacobian(inertia, further),
     )
-    return ca.Function("control_model", [x], [ca.cse(ca.densify(ca.vertcat(*values)))])
+    coming = Coming(reference_jacobian, wanted, wanted_rate)
+    return (
+        ca.Function("control_model", [x], [ca.cse(ca.densify(ca.vertcat(*values)))]),
+        ca.Function("coming", [x[-_COMING_INPUTS:]], [ca.cse(ca.densify(ca.vertcat(*coming)))]),
+    )
 
 
 def _flow_per_area(side: float, v: Point, p: Any, e: Any) -> tuple[Any, Any]:

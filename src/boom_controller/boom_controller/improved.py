@@ -80,17 +80,17 @@ class Improved:
         self._stall.step(velocity, modelled, q.force, stiffness, self._load.load, measurement.hose_pressure, s)
 
         ahead = _ahead(reference, s.preview)
-        future = self._at(ahead, measurement)
+        future = self._model.coming(ahead, self._load.load)
         k = gains(stiffness, q.inertia / q.jacobian**2, s)
         e1 = q.position - q.reference_position
         e2 = velocity - q.reference_jacobian * reference.rate
-        driving = modelled - future.feedforward_force_rate / stiffness - velocity
+        driving = modelled - future.force_rate / stiffness - velocity
         force = predicted_force(q.force - q.feedforward_force, driving, stiffness, k.frequency, s.remaining_lag)
-        wanted = (future.reference_jacobian * ahead.rate - k.position * e1 - k.velocity * e2 - k.force * force
+        wanted = (future.jacobian * ahead.rate - k.position * e1 - k.velocity * e2 - k.force * force
                   - self._missed.speed)  # fmt: skip
-        sigma = stiffness * wanted + future.feedforward_force_rate
+        sigma = stiffness * wanted + future.force_rate
         spool = self._spool(q, sigma, a, b)
-        coming = future.reference_jacobian * _ahead(reference, s.dead_zone_preview).rate
+        coming = future.jacobian * _ahead(reference, s.dead_zone_preview).rate
         spool = self._through_dead_zone(spool, sigma / stiffness + coming)
         retract, extend, plus, minus = self._valve.step(spool)
         return Output(

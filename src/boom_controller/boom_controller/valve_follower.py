@@ -11,9 +11,13 @@ the dead zone, where nothing flows and noise would only make the solenoids hum, 
 
 from __future__ import annotations
 
+from array import array
 from math import exp, tanh
 from typing import Any
 
+import casadi as ca
+
+from boom_controller.buffers import on_buffers
 from boom_controller.pilot_stage import PilotValve, StaticPilot
 from boom_controller.settings import Settings
 from boom_model import main_valve_spool, pilot_valve
@@ -32,11 +36,12 @@ class ValveFollower:
         s = p.main_valve_spool
         self._area = float(s.A_s)
         self._spring = self._area * pilot.stiffness
-        self._damping, self._steepness = float(s.d_v), float(s.f_c / s.sigma_s)
-        self._width = float(s.sigma_s)
         self._retract = PilotValve(p, e, settings.sample_time)
         self._extend = PilotValve(p, e, settings.sample_time)
         self.position = self._velocity = self._target = 0.0
+        self._moved = array("d", [0.0, 0.0])
+        self._motion = array("d", [0.0, 0.0, 0.0, 0.0])
+        self._move = on_buffers(_spool_motion(p, self._spring, settings.sample_time), self._motion, self._moved)
         self._set(settings)
 
     def reset(self) -> None:
@@ -76,19 +81,10 @@ class ValveFollower:
         return current
 
     def _follow(self, before: float, after: float) -> None:
-        """Implicit Euler steps of the spool while the pressure difference goes from ``before`` to ``after`` [Pa]."""
-        h = self._step / SUBSTEPS
-        stiff = self._damping + self._spring * h
-        v = self._velocity
-        for k in range(SUBSTEPS):
-            difference = before + (after - before) * (k + 0.5) / SUBSTEPS
-            driving = difference * self._area - self._spring * self.position
-            for _ in range(_NEWTON):
-                residual = self._spring * h * v + main_valve_spool.friction(v, self._p, tanh) - driving
-                slope = max(1.0 - tanh(v / self._width) ** 2, _LEAST_SLOPE)
-                v -= residual / (stiff + self._steepness * slope)
-            self.position += h * v
-        self._velocity = v
+        """One sample time of the spool while the pressure difference goes from ``before`` to ``after`` [Pa]."""
+        self._motion[:] = array("d", (self.position, self._velocity, before, after))
+        self._move()
+        self.position, self._velocity = self._moved
 
     def _set(self, settings: Settings) -> None:
         t = self._step = settings.sample_time
@@ -96,3 +92,23 @@ class ValveFollower:
         self._rest_rate = (1.0 - exp(-t / settings.rest_response)) / t
         self._pilot_share = 1.0 - exp(-t / settings.pilot_response)
         self._largest = settings.largest_current
+
+
+def _spool_motion(p: Any, spring: float, sample_time: float) -> Any:
+    """Function of (s_s, s_s', p_+ - p_- before, after) to (s_s, s_s') one sample time later; ``spring``: k [N/m], its effect in it.
+
+    Implicit Euler steps, Newton's iteration written out.
+    """
+    s = p.main_valve_spool
+    x = ca.SX.sym("x", 4)
+    position, v, before, after = ca.vertsplit(x)
+    h = sample_time / SUBSTEPS
+    stiff, steepness = s.d_v + spring * h, s.f_c / s.sigma_s
+    for k in range(SUBSTEPS):
+        driving = (before + (after - before) * (k + 0.5) / SUBSTEPS) * s.A_s - spring * position
+        for _ in range(_NEWTON):
+            residual = spring * h * v + main_valve_spool.friction(v, p) - driving
+            slope = ca.fmax(1.0 - ca.tanh(v / s.sigma_s) ** 2, _LEAST_SLOPE)
+            v = v - residual / (stiff + steepness * slope)
+        position = position + h * v
+    return ca.Function("spool_motion", [x], [ca.cse(ca.vertcat(position, v))])
