@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from boom_diagnosis import tracking
 from boom_diagnosis.validation import validate
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
@@ -37,6 +38,20 @@ def test_an_added_effect_shows_as_a_mismatch(tmp_path: Path) -> None:
     leaky = load(tmp_path / "leaky")
     assert "angle_mae_rad" in validate(leaky, machine).mismatches
     assert validate(leaky, machine.with_effects({"piston_leakage": {"c": 2e-12}})).mismatches == []
+
+
+def test_a_reference_is_followed_in_the_closed_loop_and_the_bag_tells_how_well(tmp_path: Path) -> None:
+    source = str(BAGS / "healthy" / "folded_fast")
+    words = ("--reference", "--mode", "baseline", "--duration", "12", "--output", "followed")
+    result = boom("simulate", source, *words, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "piston position error" in result.stdout
+    made = load(tmp_path / "followed")
+    assert tracking.of_recording(made, load_machine("tz17")).errors.maxe < 0.02
+    assert validate(made, load_machine("tz17")).mismatches == []
+    refused = boom("simulate", "steps.csv", "--reference", "--output", "other", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "takes a bag" in refused.stderr
 
 
 def test_currents_from_a_csv_file_move_the_boom(tmp_path: Path) -> None:

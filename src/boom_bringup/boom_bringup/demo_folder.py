@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 BAG = "simulated"
+CLOSED_BAG = "closed_loop"
+BAGS = (BAG, CLOSED_BAG)
 MARK = ".boom-demo"
 _MARK_TEXT = "Results of ./boom demo. The next demo in this folder replaces them.\n"
 
@@ -25,33 +27,34 @@ class DemoFolder:
 
     Attributes:
         path: of the folder.
-        recording: where the new bag is to be recorded; does not exist yet.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.recording = path / f".{BAG}-{os.getpid()}"
 
-    @property
-    def bag(self) -> Path:
+    def recording(self, name: str = BAG) -> Path:
+        """Where the new bag of that name is to be recorded; does not exist yet."""
+        return self.path / f".{name}-{os.getpid()}"
+
+    def bag(self, name: str = BAG) -> Path:
         """Where a bag that is complete lies."""
-        return self.path / BAG
+        return self.path / name
 
-    def keep(self) -> Path:
+    def keep(self, name: str = BAG) -> Path:
         """The new bag is good: it takes the place of the old one, whose path is returned.
 
         Raises:
             FolderError: the disk refuses.
         """
-        old = self.path / f".{BAG}-old-{os.getpid()}"
+        bag, old = self.bag(name), self.path / f".{name}-old-{os.getpid()}"
         try:
-            if self.bag.exists():
-                self.bag.rename(old)
-            self.recording.rename(self.bag)
+            if bag.exists():
+                bag.rename(old)
+            self.recording(name).rename(bag)
         except OSError as error:
             raise FolderError(f"{self.path}: the new bag cannot take its place: {error.strerror}") from None
         shutil.rmtree(old, ignore_errors=True)
-        return self.bag
+        return bag
 
 
 @contextlib.contextmanager
@@ -67,8 +70,11 @@ def held(path: Path) -> Iterator[DemoFolder]:
     with contextlib.ExitStack() as stack:
         try:
             path.mkdir(parents=True, exist_ok=True)
-            if (path / BAG).exists() and not (path / MARK).exists():
-                raise FolderError(f"{path / BAG} exists and is not the bag of an earlier demo: give another --output")
+            for name in BAGS:
+                if (path / name).exists() and not (path / MARK).exists():
+                    raise FolderError(
+                        f"{path / name} exists and is not the bag of an earlier demo: give another --output"
+                    )
             mark = stack.enter_context((path / MARK).open("a+", encoding="utf-8"))
             fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if not mark.tell():
@@ -78,10 +84,12 @@ def held(path: Path) -> Iterator[DemoFolder]:
             raise FolderError(f"{path} is in use by another ./boom demo: give another --output") from None
         except OSError as error:
             raise FolderError(f"{path}: cannot be written: {error.strerror}; give another --output") from None
-        for left in path.glob(f".{BAG}-*"):  # of a demo that was killed
-            shutil.rmtree(left, ignore_errors=True)
+        for name in BAGS:
+            for left in path.glob(f".{name}-*"):  # of a demo that was killed
+                shutil.rmtree(left, ignore_errors=True)
         folder = DemoFolder(path)
         try:
             yield folder
         finally:
-            shutil.rmtree(folder.recording, ignore_errors=True)
+            for name in BAGS:
+                shutil.rmtree(folder.recording(name), ignore_errors=True)

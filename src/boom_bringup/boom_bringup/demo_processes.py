@@ -1,4 +1,4 @@
-"""The processes of a demo, and their run: over CAN, or with the simulation on the topics itself."""
+"""The processes of a demo, and their run: over CAN, or with the simulation on the topics itself; open or closed loop."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import sys
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from boom_bringup import environment
 from boom_bringup.commands._node_command import node_command
 from boom_bringup.supervisor import Outcome, Program, Supervisor
+from boom_recording.recorder import DEFAULT_TOPICS
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -24,9 +25,16 @@ TRANSPORTS = {
     "can": "replay -> bridge -> CAN bus -> ECU with the simulated crane, and back",
     "topics": "replay -> simulated crane -> recorder",
 }
+CLOSED_TRANSPORTS = {
+    "can": "trajectory -> controller -> bridge -> CAN bus -> ECU with the simulated crane, and back",
+    "topics": "trajectory -> controller -> simulated crane, and back",
+}
 # In lockstep the replay begins only when everybody is there, and each command waits for the one before.
 REPLAY = {"lockstep": True, "wait_for_recorder": True, "wait_for": 2}
 CAN_REPLAY = REPLAY | {"wait_for_motion": True, "on_ticks": True}
+# What the closed loop says beside what the machine does.
+CAN_DELAY_S = 0.01
+CLOSED_TOPICS = ("/boom/reference", "/boom/reference_state", "/boom/controller_state")
 _DONE = re.compile(r"replayed \d+ messages")
 _PROGRESS = re.compile(r"replayed ([0-9.]+) of ([0-9.]+) s")
 
@@ -63,6 +71,31 @@ def over_can(bag: Path, target: Path, simulation: Mapping[str, Any], bridge: Map
         Program("recorder", node_command("boom_recording.recorder_node", {"output": str(target)})),
         Program("replay", node_command("boom_recording.replay_node", {"bag": str(bag), **CAN_REPLAY}), main=True),
     ]
+
+
+def close_loop(programs: Sequence[Program], target: Path, controller: Mapping[str, Any], delay: float) -> list[Program]:
+    """The same processes in the closed loop: the recorded angle becomes the reference, a controller commands.
+
+    Args:
+        programs: of `over_topics` or `over_can`.
+        target: folder of the new bag.
+        controller: parameters of the controller.
+        delay: age of the sensors' samples at their tick [s].
+    """
+    lockstep: dict[str, Any] = {"time": "lockstep", "lockstep_reference": True, "lockstep_delay": delay, "wait_for": 2}
+    recorder: dict[str, Any] = {"output": str(target), "topics": (*DEFAULT_TOPICS, *CLOSED_TOPICS)}
+    result = []
+    for program in programs:
+        if program.name == "recorder":
+            program = Program("recorder", node_command("boom_recording.recorder_node", recorder))
+        if program.name == "replay":
+            result.append(
+                Program("controller", node_command("boom_controller.controller_node", {**controller, **lockstep}))
+            )
+            # beside its own parameters: a parameter that is given twice counts as it was given last
+            program = replace(program, command=[*program.command, "-p", 'what:="reference"'])
+        result.append(program)
+    return result
 
 
 def free_bus() -> dict[str, str]:

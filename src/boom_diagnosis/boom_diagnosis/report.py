@@ -35,6 +35,7 @@ def write_report(
     machine: Machine | None = None,
     machine_source: str | Path | None = None,
     notes: tuple[str, ...] = (),
+    sections: tuple[str, ...] = (),
 ) -> None:
     """Writes the report of a validation.
 
@@ -46,6 +47,7 @@ def write_report(
         machine: the machine that was run, for the table of its parameters.
         machine_source: name or path it was loaded from, for its checksum.
         notes: sentences that the reader should know, shown on top.
+        sections: HTML of further sections, behind those of the recordings.
 
     Raises:
         OSError: the file cannot be written.
@@ -53,17 +55,23 @@ def write_report(
     names = [bag.recording.name for bag in validation.bags]
     heading = title or f"Validation of {_shortened(names)}"
     bags = "".join(_recording(bag, index + 1) for index, bag in enumerate(validation.bags))
-    body = (
-        f"<header><h1>{escape(heading)}</h1><p class=quiet>{_made(validation, command)}</p></header>"
+    compared = (
         f"<section class=card><ul class=results>{_results(validation)}</ul>{_notes(notes)}</section>"
         f"<section class=card>{report_tables.summary(validation)}</section>{bags}"
+        if validation.bags
+        else _notes(notes)
+    )
+    body = (
+        f"<header><h1>{escape(heading)}</h1><p class=quiet>{_made(validation, command)}</p></header>"
+        f"{compared}{''.join(sections)}"
         f"<section class=card><h2>About this report</h2><p>{escape(_METHOD)}</p>"
         f"{report_inputs.section(validation, machine, machine_source)}</section>"
     )
-    Path(path).write_text(_page(heading, body), encoding="utf-8")
+    Path(path).write_text(page(heading, body), encoding="utf-8")
 
 
-def _page(heading: str, body: str) -> str:
+def page(heading: str, body: str) -> str:
+    """A whole HTML page in the reports' style, with plotly.js and what draws the charts inside."""
     from plotly.offline import get_plotlyjs  # half a second, which only a report costs
 
     # The library can send a chart to its maker's server; report.js switches that off, and there is no address either.

@@ -30,7 +30,7 @@ _SHAPES = 150  # more shaded events than that make a page slow and say nothing m
 
 def figure(bag: BagValidation) -> Json:
     """The chart as plotly.js takes it: ``data`` and ``layout``."""
-    panels = _Panels()
+    panels = Panels()
     traces: list[Json] = []
     for channel in CHANNELS:
         traces += _channel(bag, channel, panels)
@@ -39,7 +39,7 @@ def figure(bag: BagValidation) -> Json:
     return {"data": traces, "layout": panels.layout(_shapes(bag, panels), bag.recording.duration)}
 
 
-class _Panels:
+class Panels:
     """Where each panel is: panels of one width below each other, all with the same time axis."""
 
     def __init__(self) -> None:
@@ -59,6 +59,7 @@ class _Panels:
         return self.suffix(name)
 
     def suffix(self, name: str) -> str:
+        """What plotly puts behind the names of the panel's axes."""
         index = self.names.index(name) + 1
         return "" if index == 1 else str(index)
 
@@ -68,6 +69,7 @@ class _Panels:
         self.annotations.append((top, {"text": text, "xref": "paper", "yref": "paper", "showarrow": False, **where}))
 
     def layout(self, shapes: list[Json], duration: float) -> Json:
+        """Plotly's layout of all panels; duration [s] of the time axis."""
         result: Json = {
             "height": self.height + _TOP + _BOTTOM,
             "margin": {"l": 52, "r": 12, "t": _TOP, "b": _BOTTOM},
@@ -109,7 +111,7 @@ class _Panels:
         return result
 
 
-def _channel(bag: BagValidation, channel: ShownChannel, panels: _Panels) -> list[Json]:
+def _channel(bag: BagValidation, channel: ShownChannel, panels: Panels) -> list[Json]:
     signal = bag.recording.signals[channel.name]
     measured = np.where(signal.valid, signal.values, np.nan)
     upper = panels.add(channel.name, _CHANNEL_HEIGHT, _OUTER_GAP)
@@ -131,21 +133,21 @@ def _channel(bag: BagValidation, channel: ShownChannel, panels: _Panels) -> list
         below, f"model − measured [{channel.error_unit}]", x=0, xanchor="left", yanchor="top", xshift=4, yshift=-1,
         font={"size": 10, "color": _QUIET}, bgcolor="rgba(255,255,255,0.8)",
     )  # fmt: skip
-    traces = [_line(signal.time, measured * channel.scale, upper, "measured", MEASURED, 2.6)]
+    traces = [line(signal.time, measured * channel.scale, upper, "measured", MEASURED, 2.6)]
     models = ((bag.reduced, "reduced model", REDUCED, 1.2), (bag.full, "full model", FULL, 1.3))
     for prediction, name, colour, width in models:
         values = prediction.values[channel.name]
-        traces.append(_line(signal.time, values * channel.scale, upper, name, colour, width))
+        traces.append(line(signal.time, values * channel.scale, upper, name, colour, width))
     for prediction, name, colour, _ in models:
         residual = (prediction.values[channel.name] - measured) * channel.error_scale
-        trace = _line(signal.time, residual, lower, name, colour, 0.9)
+        trace = line(signal.time, residual, lower, name, colour, 0.9)
         if name == _HIDDEN_OF:
             trace |= {"legendgroup": _HIDDEN, "visible": "legendonly"}
         traces.append(trace)
     return traces
 
 
-def _currents(bag: BagValidation, panels: _Panels) -> list[Json]:
+def _currents(bag: BagValidation, panels: Panels) -> list[Json]:
     n = panels.add("currents", _CURRENT_HEIGHT, _OUTER_GAP, rangemode="tozero")
     panels.write(
         "currents",
@@ -162,15 +164,16 @@ def _currents(bag: BagValidation, panels: _Panels) -> list[Json]:
         ("extend_current", "extend (lift)", _EXTEND),
     ):
         signal = bag.recording.signals[name]
-        trace = _line(signal.time, np.where(signal.valid, signal.values, np.nan), n, label, colour, 1.2)
+        trace = line(signal.time, np.where(signal.valid, signal.values, np.nan), n, label, colour, 1.2)
         traces.append(trace | {"line": {"color": colour, "width": 1.2, "shape": "hv"}})
     return traces
 
 
-def _line(time: Array, values: Array, n: str, name: str, colour: str, width: float) -> Json:
+def line(time: Array, values: Array, n: str, name: str, colour: str, width: float) -> Json:
+    """A trace in the panel with the suffix `n`: time [s] and values (m,), decimated; NaN breaks the line."""
     x, y = decimate(time, values)
     return {
-        "type": "scatter", "mode": "lines", "x": _packed(x), "y": _packed(y), "xaxis": f"x{n}", "yaxis": f"y{n}",
+        "type": "scatter", "mode": "lines", "x": packed(x), "y": packed(y), "xaxis": f"x{n}", "yaxis": f"y{n}",
         "name": name,
         "legendgroup": name, "showlegend": False, "line": {"color": colour, "width": width}, "connectgaps": False,
         "hovertemplate": "%{y:.5g}",
@@ -193,7 +196,7 @@ def _legend() -> list[Json]:
     return entries
 
 
-def _shapes(bag: BagValidation, panels: _Panels) -> list[Json]:
+def _shapes(bag: BagValidation, panels: Panels) -> list[Json]:
     shapes: list[Json] = []
     for channel in CHANNELS:
         limit = channel.error(bag.limits)
@@ -222,7 +225,7 @@ def _shaded(event: Event, n: str) -> Json:
     }  # fmt: skip
 
 
-def _packed(values: Array) -> Json | list[None]:
+def packed(values: Array) -> Json | list[None]:
     """Single precision is finer than any pixel, and base64 is a third of the text."""
     if len(values) == 0:
         return []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import isfinite
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -153,7 +154,12 @@ class Machine:
     def piston_position(self, angle: float) -> float:
         """s_p [m] at the boom angle [rad] (NaN where the linkage cannot be assembled)."""
         linkage = four_bar_linkage if self.structure.linkage == "four_bar" else triangle_linkage
-        return float(linkage.piston_position(angle, _tree(self.parameters)))
+        return float(linkage.piston_position(angle, self._numbers))
+
+    @cached_property
+    def _numbers(self) -> SimpleNamespace:
+        """All numbers by section and name: made once, for those who ask for thousands of positions."""
+        return _tree(self.parameters)
 
     def sensor_noise(self) -> SensorNoise:
         """Noise and quantisation of the machine's sensors; ch. 6.4 where section ``control`` does not say."""

@@ -72,6 +72,15 @@ def opening(position: Expression, p: Any, e: Any) -> Expression:
     return ca.if_else(u > 0, power(ca.fmax(u, SMALLEST_OPENING), o.n), 0.0)
 
 
+def areas(position: Expression, p: Any, e: Any) -> tuple[Expression, Expression]:
+    """(A_sa, A_tb) [m^2] at s_s < 0, (A_sb, A_ta) at s_s >= 0 [m]: from the supply to one port, from the other to the tank."""
+    o = p.main_valve_orifices
+    extend = position < 0
+    u = opening(position, p, e)
+    a_ta = o.A_sb_max * u / (o.A_ta_law.c0 - o.A_ta_law.c1 * ca.fmin(u, LARGEST_METER_OUT) ** 2)
+    return ca.if_else(extend, o.A_sa_max, o.A_sb_max) * u, ca.if_else(extend, o.A_tb_max * u, a_ta)
+
+
 def _supply(flow: Expression, e: Any) -> Expression:
     drooped = flow * (1 - e.compensator_droop.k * (flow / Q_REFERENCE) ** 2)
     return drooped / (1 + (drooped * e.pump_flow_limit.inverse_q_max) ** 8) ** 0.125
@@ -97,14 +106,13 @@ def flows(
     o, f = p.main_valve_orifices, p.fluid
     gain = f.C_d * ca.sqrt(2 / f.rho)
     extend = position < 0
-    u = opening(position, p, e)
+    supply_area, tank_area = areas(position, p, e)
     compensated = hasattr(o, "dp_c")
     port_pressure = ca.if_else(extend, hose_pressure, rod_pressure)
     supply_root = ca.sqrt(o.dp_c) if compensated else signed_sqrt(f.p_s - port_pressure)
-    supply = _supply(gain * ca.if_else(extend, o.A_sa_max, o.A_sb_max) * u * supply_root, e)
-    a_ta = o.A_sb_max * u / (o.A_ta_law.c0 - o.A_ta_law.c1 * ca.fmin(u, LARGEST_METER_OUT) ** 2)
+    supply = _supply(gain * supply_area * supply_root, e)
     tank_drop = ca.if_else(extend, rod_pressure, hose_pressure) - f.p_t
-    tank = _tank_flow(ca.if_else(extend, o.A_tb_max * u * rod_passage, a_ta), tank_drop, gain, e)
+    tank = _tank_flow(ca.if_else(extend, tank_area * rod_passage, tank_area), tank_drop, gain, e)
     size = ca.fabs(supply * supply_root) + ca.fabs(tank * signed_sqrt(tank_drop))
     return ValveFlows(
         head=ca.if_else(extend, supply, -tank),

@@ -8,6 +8,7 @@ is the axial force F_q with which the flow closes the spool (neutral 0); see ``m
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -31,5 +32,11 @@ def acceleration(
 ) -> Expression:
     """s_s'' [m/s^2] for s_s [m], s_s' [m/s], p_+ - p_- [Pa] and the closing force F_q [N]."""
     s = p.main_valve_spool
-    friction = s.d_v * velocity + s.f_c * ca.tanh(velocity / s.sigma_s)
-    return (pilot_difference * s.A_s - s.k * e.spring_rate.r * position - friction - flow_force) / s.m_s
+    held = s.k * e.spring_rate.r * position + friction(velocity, p) + flow_force
+    return (pilot_difference * s.A_s - held) / s.m_s
+
+
+def friction(velocity: Expression, p: Any, tanh: Callable[[Any], Any] = ca.tanh) -> Expression:
+    """(3.22) [N] at s_s' [m/s]; ``tanh``: ``math.tanh`` for plain floats, which is faster."""
+    s = p.main_valve_spool
+    return s.d_v * velocity + s.f_c * tanh(velocity / s.sigma_s)

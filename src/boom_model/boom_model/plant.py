@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from os import cpu_count
@@ -91,6 +92,24 @@ class Plant:
             self.minimum[k], self.maximum[k] = -stroke, stroke
         self.command_delay = machine.effects.get("command_delay", {}).get("T", 0.0)
         self.pressure_delay = machine.effects.get("pressure_delay", {}).get("T", 0.0)
+
+    def with_numbers(self, machine: Machine, pose: Pose) -> Plant:
+        """The same compiled model with the numbers of another machine of this structure and these effects, at no cost.
+
+        Raises:
+            ModelError: the machine has other components or other active effects.
+        """
+        if machine.structure != self.machine.structure or set(machine.effects) != set(self.machine.effects):
+            raise ModelError(f"machine {machine.name} has other components or effects: make a new Plant")
+        other = copy(self)
+        other.machine, other.pose = machine, pose
+        values = machine.values(pose)
+        other.p = np.array([values[name] for name in self.parameter_names])
+        other.minimum, other.maximum = self.minimum.copy(), self.maximum.copy()
+        other.minimum[0], other.maximum[0] = machine.angle_limits
+        other.command_delay = machine.effects.get("command_delay", {}).get("T", 0.0)
+        other.pressure_delay = machine.effects.get("pressure_delay", {}).get("T", 0.0)
+        return other
 
     # ------------------------------------------------------------------------------------------------ initial states
 

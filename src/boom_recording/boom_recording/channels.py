@@ -13,6 +13,7 @@ SOLENOID_CURRENTS = "/boom/solenoid_currents"
 MACHINE_CONFIGURATION = "/boom/machine_configuration"
 CURRENT_COMMAND = "/boom/current_command"
 REFERENCE = "/boom/reference"
+REFERENCE_STATE = "/boom/reference_state"
 OSCILLOSCOPE = "/boom/pilot_valve/oscilloscope"
 
 SENSOR_TOPICS = (JOINT_STATES, HOSE_PRESSURE, ROD_PRESSURE, SOLENOID_CURRENTS)
@@ -24,6 +25,7 @@ TYPES = {
     SOLENOID_CURRENTS: "boom_interfaces/msg/SolenoidCurrents",
     CURRENT_COMMAND: "boom_interfaces/msg/SolenoidCurrents",
     REFERENCE: "sensor_msgs/msg/JointState",
+    REFERENCE_STATE: "boom_interfaces/msg/ReferenceState",
     MACHINE_CONFIGURATION: "boom_interfaces/msg/MachineConfiguration",
 }
 
@@ -71,6 +73,10 @@ CHANNELS: tuple[Channel, ...] = (
     Channel("retract_current_command", "A", CURRENT_COMMAND, "retract", -0.01, 3.0),
     Channel("extend_current_command", "A", CURRENT_COMMAND, "extend", -0.01, 3.0),
     Channel("reference_angle", "rad", REFERENCE, "position", -3.2, 3.2),
+    Channel("smooth_reference_angle", "rad", REFERENCE_STATE, "angle", -3.2, 3.2),
+    Channel("smooth_reference_rate", "rad/s", REFERENCE_STATE, "rate", -2.0, 2.0),
+    Channel("smooth_reference_acceleration", "rad/s^2", REFERENCE_STATE, "acceleration", -100.0, 100.0),
+    Channel("smooth_reference_jerk", "rad/s^3", REFERENCE_STATE, "jerk", -10000.0, 10000.0),
 )
 
 BY_NAME = {channel.name: channel for channel in CHANNELS}

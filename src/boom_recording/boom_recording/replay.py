@@ -11,6 +11,7 @@ the sender; so the current of tick n is the last one with a stamp in [t_n + phi 
 Windows that began at t_n would take two currents now and none then wherever phi is near zero. Where there is none, the
 value before it acts on, stamped t_n, or zero inside a gap. The first command, for t_0, is sent without waiting for a
 tick as soon as the simulation listens. So the run depends on the recording alone and goes as fast as both allow.
+A reference is replayed in the same way: the controller, which commands the simulation, waits for the reference of its tick.
 
 Over CAN a command acts from its tick on: the stamp does not go over the bus. There phi counts from -T/2 to T/2, and the currents
 of a recording act up to 5 ms earlier or later than they did.
@@ -108,12 +109,14 @@ class Lockstep:
     """Answers the ticks of the simulation; see the module's text.
 
     start_ns   simulated time of the first sample [ns]
+    what       `COMMANDS`: zero acts before the first sample; `REFERENCE`: the first angle
     on_ticks   True: commands act from their tick on, whatever their stamp (over CAN); each tick gets the current nearest to it
     """
 
     chosen: list[Sample]
     start_ns: int = 0
     period_ns: int = PERIOD_NS
+    what: str = COMMANDS
     on_ticks: bool = False
     _next: int = 0
     _answered: int = -1
@@ -121,6 +124,8 @@ class Lockstep:
     _acting_from: int = 0
 
     def __post_init__(self) -> None:
+        if self.what == REFERENCE:
+            self._acting = self.chosen[0].values
         stamps = np.array([sample.stamp_ns for sample in self.chosen])
         turn = 2 * np.pi / self.period_ns
         mean = np.angle(np.exp(1j * turn * (stamps % self.period_ns)).sum()) / turn

@@ -61,7 +61,7 @@ PARAMETERS = (
     ),
     ParameterSpec("start_time", 0.0, "time on /clock of the first message", "s", 0.0, 2e9, read_only=True),
     ParameterSpec(
-        "lockstep", False, "one command per /clock tick of the simulation, as fast as both allow", read_only=True
+        "lockstep", False, "one message per /clock tick of the simulation, as fast as both allow", read_only=True
     ),
     ParameterSpec(
         "wait_for",
@@ -100,8 +100,8 @@ class ReplayNode(Node):
             raise StartError(
                 "boom_replay does not know what to replay: give the parameter 'bag', e.g. -p bag:=my_recording"
             )
-        if values.lockstep and (values.what != replay.COMMANDS or values.clock or values.loop or values.paused):
-            raise StartError("lockstep replays commands, without clock, loop or paused: leave those parameters out")
+        if values.lockstep and (values.clock or values.loop or values.paused):
+            raise StartError("lockstep replays without clock, loop or paused: leave those parameters out")
         try:
             needed = SOLENOID_CURRENTS if values.what == replay.COMMANDS else JOINT_STATES
             recording = load(values.bag, require=(needed,), joint=values.joint)
@@ -132,7 +132,9 @@ class ReplayNode(Node):
         if values.paused:
             self._pacer.pause()
         self._lockstep = (
-            replay.Lockstep(self._samples, stamps.seconds_to_ns(values.start_time), on_ticks=values.on_ticks)
+            replay.Lockstep(
+                self._samples, stamps.seconds_to_ns(values.start_time), what=values.what, on_ticks=values.on_ticks
+            )
             if values.lockstep
             else None
         )

@@ -153,7 +153,8 @@ def _template(topic: str, joint: str, present: list[bool]) -> bytes:
     elif TYPES[topic].endswith("/FluidPressure"):
         message = store.types[TYPES[topic]](header=header, fluid_pressure=0.0, variance=0.0)
     else:
-        message = store.types[TYPES[topic]](header=header, retract=0.0, extend=0.0)
+        numbers = {channel.field: 0.0 for channel in channels.of_topic(topic)}
+        message = store.types[TYPES[topic]](header=header, **numbers)
     return bytes(store.serialize_cdr(message, TYPES[topic]))
 
 

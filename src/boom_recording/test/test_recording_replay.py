@@ -99,6 +99,15 @@ def test_before_the_first_current_zero_is_commanded() -> None:
     assert Lockstep([Sample(25 * MS, (0.1, 0.0))]).first() == Sample(0, (0.0, 0.0))
 
 
+def test_a_reference_in_lockstep_begins_with_its_first_angle_and_is_stamped_with_its_tick_or_later() -> None:
+    chosen = [Sample(25 * MS, (0.3,)), Sample(35 * MS, (0.4,))]
+    step = Lockstep(chosen, what=replay.REFERENCE)
+    assert step.first() == Sample(0, (0.3,))
+    assert step.answer(10 * MS) == Sample(10 * MS, (0.3,))
+    assert step.answer(20 * MS) == Sample(25 * MS, (0.3,))
+    assert step.answer(30 * MS) == Sample(35 * MS, (0.4,))
+
+
 def test_a_tick_is_answered_once() -> None:
     step = Lockstep([Sample(0, (0.1, 0.0)), Sample(10 * MS, (0.2, 0.0))])
     step.first()

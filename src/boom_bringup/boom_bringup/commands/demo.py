@@ -3,16 +3,20 @@
 One process replays the currents of a recording, the CAN bridge turns them into frames on a bus inside this computer, the ECU
 stand-in moves the simulated crane by them and sends its sensors' frames, the bridge makes topics of these, and a recorder records
 them; all in lockstep, faster than real time. The new bag is then validated against the recording: table, HTML report, JSON.
+Then the loop is closed: the recorded angle becomes the reference, and the controller finds the currents, over the same bus; the
+report tells how well the boom followed.
 
   ./boom demo                                         a healthy recording: the model agrees
   ./boom demo bags/explained/hose_burst_valve_lag_b   the machine does something that the model does not have
   ./boom demo --transport topics                      the simulated crane on the topics itself, without CAN
+  ./boom demo --loop closed --mode thesis             the closed loop alone, with the thesis' controller
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,10 +24,11 @@ from boom_bringup import arguments, demo_processes, environment
 from boom_bringup.demo_processes import DemoError
 
 if TYPE_CHECKING:
+    from boom_bringup.demo_folder import DemoFolder
     from boom_model.machine import Machine
     from boom_recording.recording import Recording
 
-HELP = "replay a recording into the simulated crane over CAN, record and validate it"
+HELP = "a recording into the simulated crane over CAN, open and closed loop: recorded, compared, reported"
 
 DEFAULT_BAG = Path("bags/healthy/extended")
 
@@ -40,6 +45,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="can: ECU stand-in, bus and bridge; topics: the simulation itself (default: can)",
     )  # fmt: skip
     parser.add_argument(
+        "--loop", choices=("both", "open", "closed"), default="both",
+        help="open: recorded currents, validated; closed: the controller follows the recorded angle (default: both)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--mode", choices=("thesis", "baseline", "improved"), default="improved",
+        help="control law of the closed loop (default: improved)",
+    )  # fmt: skip
+    parser.add_argument(
         "--seed", type=arguments.seed, default=0, help="seed of the simulated sensors' noise (default: 0)"
     )
     parser.add_argument("--json", metavar="F", help="write the numbers to this file too")
@@ -50,6 +63,9 @@ def run(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from boom_bringup import demo_folder, outputs, replica
+    from boom_bringup.demo_results import Results, Tracked
+    from boom_diagnosis import tracking
+    from boom_diagnosis.validation import validate
     from boom_recording.loading import load
 
     console = Console(highlight=False)
@@ -61,26 +77,65 @@ def run(args: argparse.Namespace) -> int:
     with demo_folder.held(Path(args.output)) as folder:
         report = outputs.checked(str(folder.path / "report.html"), "report")
         assert report is not None
-        if args.transport == "can":
-            bridge = replica.bridge_parameters(simulation, machine)
-            programs = demo_processes.over_can(bag, folder.recording, simulation, bridge)
-        else:
-            programs = demo_processes.over_topics(bag, folder.recording, simulation)
         console.print(f"[bold]{recording.name}[/bold]: {recording.duration:.0f} s, {_pose(recording)}", soft_wrap=True)
-        spent, seen = demo_processes.run(programs, demo_processes.TRANSPORTS[args.transport], recording.duration)
-        load(folder.recording)  # only what can be read replaces the old bag
-        simulated = load(folder.keep())
-        console.print(
-            f"simulated by {len(programs)} processes in {spent:.1f} s: {recording.duration / spent:.1f} times real time; "
-            f"{_network(seen)}",
+        chain = _Chain(console, bag, recording, folder, simulation, machine, args.transport)
+        validation = tracked = None
+        if args.loop != "closed":
+            validation = validate(recording, machine, simulated=chain.run(demo_folder.BAG))
+        if args.loop != "open":
+            closed = chain.run(demo_folder.CLOSED_BAG, {"mode": args.mode, "machine": source})
+            tracked = Tracked(closed, tracking.of_recording(closed, machine), args.mode)
+        results = Results(machine, args.machine, recording, validation, tracked)
+        results.show(console)
+        outputs.write(report, lambda: results.report(report, "./boom " + " ".join(sys.argv[1:])))
+        if json_path:
+            outputs.write_json(json_path, results.document())
+        console.print(f"report: {report.resolve()}", soft_wrap=True)
+        for name in chain.kept:
+            console.print(f"bag:    {folder.bag(name).resolve()}", soft_wrap=True)
+    return 0
+
+
+@dataclass
+class _Chain:
+    """Runs the processes, open or closed loop, and keeps what they recorded."""
+
+    console: Any
+    bag: Path
+    recording: Recording
+    folder: DemoFolder
+    simulation: dict[str, Any]
+    machine: Machine
+    transport: str
+    kept: list[str] = field(default_factory=list)
+
+    def run(self, name: str, controller: dict[str, Any] | None = None) -> Recording:
+        """Runs into the bag `name`; with parameters of a controller in the closed loop. Returns what was recorded."""
+        from boom_bringup import replica
+        from boom_recording.loading import load
+
+        target, over_can = self.folder.recording(name), self.transport == "can"
+        if over_can:
+            bridge = replica.bridge_parameters(self.simulation, self.machine)
+            programs = demo_processes.over_can(self.bag, target, self.simulation, bridge)
+        else:
+            programs = demo_processes.over_topics(self.bag, target, self.simulation)
+        titles = demo_processes.TRANSPORTS
+        if controller is not None:
+            # Over CAN a cycle's frames show the crane as it was when the command before the last one went out.
+            delay = demo_processes.CAN_DELAY_S if over_can else 0.0
+            programs = demo_processes.close_loop(programs, target, controller, delay)
+            titles = demo_processes.CLOSED_TRANSPORTS
+        spent, seen = demo_processes.run(programs, titles[self.transport], self.recording.duration)
+        load(target)  # only what can be read replaces the old bag
+        result = load(self.folder.keep(name))
+        self.kept.append(name)
+        self.console.print(
+            f"{'closed loop' if controller else 'simulated'} by {len(programs)} processes in {spent:.1f} s: "
+            f"{self.recording.duration / spent:.1f} times real time; {_network(seen)}",
             soft_wrap=True,
         )
-        validation = _validate(console, recording, simulated, machine, args.machine, report)
-        if json_path:
-            outputs.write_json(json_path, validation.document())
-        console.print(f"report: {report.resolve()}", soft_wrap=True)
-        console.print(f"bag:    {folder.bag.resolve()}", soft_wrap=True)
-    return 0
+        return result
 
 
 def _shipped_bag() -> Path:
@@ -102,23 +157,3 @@ def _network(seen: list[environment.BoundSocket]) -> str:
     if outside:
         return f"sockets outside the loopback: {', '.join(outside)}"
     return "no socket outside the loopback"
-
-
-def _validate(
-    console: Any, recording: Recording, simulated: Recording, machine: Machine, source: str | None, report: Path
-) -> Any:
-    from boom_bringup import outputs
-    from boom_diagnosis import tables
-    from boom_diagnosis.report import write_report
-    from boom_diagnosis.validation import Validation, validate
-
-    validation = Validation(machine.name, [validate(recording, machine, simulated=simulated)])
-    tables.print_validation(validation, console)
-    outputs.write(
-        report,
-        lambda: write_report(
-            validation, report, title=f"Demo: {recording.name}", machine=machine, machine_source=source,
-            command="./boom " + " ".join(sys.argv[1:]),
-        ),
-    )  # fmt: skip
-    return validation

@@ -1,4 +1,4 @@
-"""Run a model on given currents and write a bag like the machine's.
+"""Run a model on given currents, or let the controller follow a given reference, and write a bag like the machine's.
 
 INPUT is a bag, whose currents, pose, load and resting start are taken, or a .csv file with the header
 time_s,retract_a,extend_a, for which pose, load and initial angle are options.
@@ -6,6 +6,7 @@ time_s,retract_a,extend_a, for which pose, load and initial angle are options.
   ./boom simulate bags/healthy/extended --output output/extended
   ./boom simulate bags/healthy/extended --output output/leak --effect piston_leakage.c=1e-12
   ./boom simulate steps.csv --angle 0.4 --load 300 --output output/steps
+  ./boom simulate bags/healthy/extended --reference --mode thesis --output output/followed
 
 The bag goes everywhere a recording goes, e.g. ./boom validate output/extended.
 """
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-HELP = "run a model on given currents and write a bag like the machine's"
+HELP = "run a model on given currents or a given reference and write a bag like the machine's"
 
 
 class SimulateError(ValueError):
@@ -51,6 +52,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--effect", metavar="ID.NAME=VALUE", action="append", default=[],
         help="physics beside the machine file's, SI, e.g. hose_burst_valve_lag.tau=0.09; may be given again",
     )  # fmt: skip
+    parser.add_argument(
+        "--reference", action="store_true",
+        help="INPUT is a bag whose reference, else angle, the controller follows in the closed loop",
+    )  # fmt: skip
+    parser.add_argument(
+        "--mode", choices=("thesis", "baseline", "improved"), default="improved",
+        help="control law of --reference (default: improved)",
+    )  # fmt: skip
     parser.add_argument("--seed", type=arguments.seed, default=0, help="seed of the sensor noise (default: 0)")
     parser.add_argument(
         "--sensors", choices=("thesis", "ideal"), default="thesis", help="noise of ch. 6.4 or none (default: thesis)"
@@ -69,6 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Simulate and write; returns 0."""
     from boom_bringup import replica
+    from boom_bringup.commands._simulate_reference import Law, load_reference, simulate_reference, tracking_line
     from boom_model.machine_file import load_machine
     from boom_model.sensors import IDEAL
     from boom_recording import writing
@@ -81,7 +91,13 @@ def run(args: argparse.Namespace) -> int:
     if output.exists():
         raise SimulateError(f"{output} exists already: give another --output, nothing is overwritten")
     source = Path(args.input)
-    if source.suffix == ".csv":
+    if args.reference:
+        if source.suffix == ".csv" or args.model != "full":
+            raise SimulateError("--reference takes a bag and runs the full model: leave out --model, or give a bag")
+        recording = load_reference(source)
+        configuration, start = recording.configuration, Start(0.0)
+        machine, _ = replica.machine_of({args.input: recording}, args.machine)
+    elif source.suffix == ".csv":
         stamps, currents = csv_currents.read(source)
         start = Start(0.3)
         configuration = Configuration("tz17", 0.28, 2.2, 0.0)
@@ -106,18 +122,28 @@ def run(args: argparse.Namespace) -> int:
     if changed:
         configuration = replace(configuration, **changed)
         start = Start(start.angle)
-    machine = machine.with_effects({**machine.effects, **parse_effects(args.effect)})
-    note = f"simulated: {args.model} model, sensors {args.sensors}, seed {args.seed}"
+    told = machine
+    machine = told.with_effects({**told.effects, **parse_effects(args.effect)})
+    by = f"closed loop, {args.mode}" if args.reference else f"{args.model} model"
+    note = f"simulated: {by}, sensors {args.sensors}, seed {args.seed}"
     configuration = replace(configuration, machine=machine.name, note=note)
+    noise = machine.sensor_noise() if args.sensors == "thesis" else IDEAL
     begin = time.perf_counter()
-    result = simulate(
-        machine, configuration, start, stamps, currents,
-        noise=machine.sensor_noise() if args.sensors == "thesis" else IDEAL,
-        seed=args.seed, kind=args.model, duration=args.duration, name=output.name,
-    )  # fmt: skip
+    if args.reference:
+        result = simulate_reference(
+            recording, machine, configuration, Law(args.mode, told), angle=args.angle, noise=noise, seed=args.seed,
+            duration=args.duration, name=output.name,
+        )  # fmt: skip
+    else:
+        result = simulate(
+            machine, configuration, start, stamps, currents,
+            noise=noise, seed=args.seed, kind=args.model, duration=args.duration, name=output.name,
+        )  # fmt: skip
     spent = time.perf_counter() - begin
     writing.write(output, result)
     _show(result, machine, spent, output)
+    if args.reference:
+        print(tracking_line(result, machine))
     return 0
 
 

@@ -1,0 +1,220 @@
+"""The controller as a process in real time: missed cycles, jitter, computation, and what the way over topics costs in tracking.
+
+    python benchmarks/controller_timing.py --seconds 600
+
+Starts as processes: the simulated crane in real time and the controller. This process gives the reference: the recorded angle of a
+bag, then within 5 s back to its beginning, again and again. It hears commands and states.
+
+missed cycles   periods of 10 ms in which no command was published, by the stamps of the commands
+jitter          |time between two commands - 10 ms|, by their stamps
+computation     of one cycle, as the controller measures it: supervision, reference, control law
+tracking        (6.29) with the measured angle, first pass of the recording, beside the same loop in one process (no topics)
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+
+import numpy as np
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, QoSReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from boom_bringup.closed_loop import follow, wanted_angles
+from boom_controller.controller import make_controller
+from boom_controller.settings import Settings
+from boom_controller.trajectory_generator import TrajectoryGenerator
+from boom_diagnosis import tracking
+from boom_interfaces.msg import ControllerState, SolenoidCurrents
+from boom_model.machine import Machine
+from boom_model.machine_file import load_machine
+from boom_node import qos
+from boom_node.stamps import to_ns
+from boom_recording.loading import load
+from boom_recording.recording import Recording
+from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
+
+RETURN_S = 5.0
+WARM_UP_S = 2.0
+PATIENCE_S = 60.0
+JOINT = "inner_boom_joint"
+
+
+@dataclass
+class Heard:
+    """What was heard: stamps of the commands [ns], states as (stamp [ns], reference, its rate, angle, computation [s])."""
+
+    commands: list[int] = field(default_factory=list)
+    states: list[tuple[int, float, float, float, float]] = field(default_factory=list)
+    mode: str = ""
+    reason: str = ""
+
+
+def run_processes(recording: Recording, wanted: np.ndarray, mode: str, seconds: float, priority: int) -> Heard:
+    """Runs crane and controller for so many seconds; returns what was heard from the first reference on."""
+    c = recording.configuration
+    os.environ["ROS_DOMAIN_ID"] = str(10 + os.getpid() % 90)
+    rclpy.init()
+    node = rclpy.create_node("controller_timing")
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    heard = Heard()
+
+    def on_state(m: ControllerState) -> None:
+        heard.mode, heard.reason = m.mode, m.reason
+        heard.states.append((to_ns(m.header.stamp), m.reference_angle, m.reference_rate, m.angle, m.cycle_time))
+
+    reliable, best_effort = (
+        QoSProfile(depth=200, reliability=kind)
+        for kind in (QoSReliabilityPolicy.RELIABLE, QoSReliabilityPolicy.BEST_EFFORT)
+    )
+    node.create_subscription(
+        SolenoidCurrents, "/boom/current_command", lambda m: heard.commands.append(to_ns(m.header.stamp)), reliable
+    )
+    node.create_subscription(ControllerState, "/boom/controller_state", on_state, best_effort)
+    reference = node.create_publisher(JointState, "/boom/reference", qos.BY_TOPIC["/boom/reference"])
+    crane = {
+        "outer_boom_angle": c.outer_boom_angle, "telescope_length": c.telescope_length, "initial_angle": float(wanted[0]),
+        "load_mass": 0.0 if math.isnan(c.load_mass) else c.load_mass, "machine": c.machine,
+    }  # fmt: skip
+    programs = {
+        "boom_sim.simulation_node": crane,
+        "boom_controller.controller_node": {"mode": mode, "realtime_priority": priority},
+    }
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-m", module, "--ros-args"] + [w for k, v in given.items() for w in ("-p", f"{k}:={v}")]
+        )
+        for module, given in programs.items()
+    ]  # fmt: skip
+    ended = threading.Event()
+
+    def give() -> None:
+        begin, k = time.monotonic(), 0
+        while not ended.wait(max(begin + k * PERIOD - time.monotonic(), 0.0)):
+            message = JointState(name=[JOINT], position=[float(wanted[k % len(wanted)])])
+            message.header.stamp = node.get_clock().now().to_msg()
+            reference.publish(message)
+            k += 1
+
+    giver = threading.Thread(target=give, daemon=True)
+    try:
+        patience = time.monotonic() + PATIENCE_S
+        ready_since = math.inf
+        while time.monotonic() - ready_since < WARM_UP_S:
+            if time.monotonic() > patience:
+                raise SystemExit(f"the controller is not ready: {heard.mode} {heard.reason}")
+            executor.spin_once(timeout_sec=0.1)
+            if heard.mode == "idle" and not heard.reason:
+                ready_since = min(ready_since, time.monotonic())
+        heard.commands.clear()
+        heard.states.clear()
+        giver.start()
+        end, told = time.monotonic() + seconds, time.monotonic() + 10.0
+        while time.monotonic() < end and heard.mode not in ("stopping", "stopped"):
+            executor.spin_once(timeout_sec=0.1)
+            if time.monotonic() > told:
+                told += 10.0
+                print(
+                    f"\r{seconds - (end - time.monotonic()):.0f} of {seconds:.0f} s",
+                    end="",
+                    file=sys.stderr,
+                    flush=True,
+                )
+        print(file=sys.stderr)
+    finally:
+        ended.set()
+        for process in processes:
+            process.send_signal(signal.SIGINT)
+        for process in processes:
+            process.wait(PATIENCE_S)
+        executor.shutdown()
+        rclpy.try_shutdown()
+    return heard
+
+
+def over_topics(heard: Heard, machine: Machine, count: int) -> tracking.Errors:
+    """Tracking of the first `count` periods from the first motion of the reference on."""
+    rows = np.array([row[1:4] for row in heard.states])
+    first = int(np.flatnonzero(np.abs(rows[:, 1]) > 1e-6)[0])
+    rows = rows[first : first + count]
+    time_s = np.array([row[0] for row in heard.states[first : first + count]]) * 1e-9
+    return tracking.track(machine, time_s - time_s[0], rows[:, 0], rows[:, 2]).errors
+
+
+def in_process(recording: Recording, machine: Machine, wanted: np.ndarray, mode: str) -> tuple[tracking.Errors, int]:
+    """Tracking of the loop without topics, and how many periods it counts."""
+    c = recording.configuration
+    pose = machine.pose(c.outer_boom_angle, c.telescope_length, 0.0 if math.isnan(c.load_mass) else c.load_mass)
+    settings = Settings()
+    result = follow(
+        SimulatedCrane(machine, pose, Start(float(wanted[0])), machine.sensor_noise()),
+        make_controller(mode, machine, pose, settings), TrajectoryGenerator(settings.generator_pole, PERIOD), wanted, c,
+    )  # fmt: skip
+    found = tracking.of_recording(result, machine)
+    return found.errors, len(found.time)
+
+
+def main() -> None:
+    """Measures and prints."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=70.0, help="how long to run [s] (default: 70)")
+    parser.add_argument("--mode", default="improved", choices=("thesis", "baseline", "improved"), help="control law")
+    parser.add_argument(
+        "--bag", default=str(Path(__file__).parents[1] / "bags" / "healthy" / "extended"), help="the reference"
+    )
+    parser.add_argument(
+        "--realtime-priority", type=int, default=0, help="SCHED_FIFO priority of the controller (default: none)"
+    )
+    parser.add_argument("--json", help="write the numbers to this file")
+    args = parser.parse_args()
+    recording = load(args.bag)
+    machine = load_machine(recording.configuration.machine)
+    wanted = wanted_angles(recording)
+    back = 0.5 * (1 - np.cos(np.pi * np.arange(1, round(RETURN_S / PERIOD)) * PERIOD / RETURN_S))
+    endless = np.concatenate((wanted, wanted[-1] + (wanted[0] - wanted[-1]) * back))
+    part = wanted[: min(len(wanted), round(max(args.seconds - 1.0, 1.0) / PERIOD))]
+    alone, count = in_process(recording, machine, part, args.mode)
+    heard = run_processes(recording, endless, args.mode, args.seconds, args.realtime_priority)
+    if heard.mode in ("stopping", "stopped"):
+        raise SystemExit(f"the controller stopped: {heard.reason}")
+    topics = over_topics(heard, machine, count)
+    periods = np.diff(np.array(heard.commands)) * 1e-9
+    jitter = np.abs(periods - PERIOD) * 1e3
+    computation = np.array([row[4] for row in heard.states]) * 1e6
+    missed = int(np.sum(np.maximum(np.rint(periods / PERIOD) - 1, 0)))
+    numbers: dict[str, Any] = {
+        "mode": args.mode, "seconds": args.seconds, "cycles": len(heard.commands), "missed": missed,
+        "jitter_ms": {"p50": float(np.percentile(jitter, 50)), "p99": float(np.percentile(jitter, 99)), "max": float(jitter.max())},
+        "computation_us": {q: float(np.percentile(computation, p)) for q, p in (("p50", 50), ("p99", 99), ("max", 100))},
+        "over_topics": topics.document(), "in_process": alone.document(),
+        "ratio": {k: topics.document()[k] / v for k, v in alone.document().items()},
+    }  # fmt: skip
+    print(f"{args.mode}, {recording.name}, {args.seconds:.0f} s: {len(heard.commands)} cycles, {missed} missed")
+    print("jitter [ms]        p50 {p50:.3f}  p99 {p99:.3f}  largest {max:.3f}".format(**numbers["jitter_ms"]))
+    print("computation [us]   p50 {p50:.0f}  p99 {p99:.0f}  largest {max:.0f}".format(**numbers["computation_us"]))
+    for label, errors in (("over topics", topics), ("in one process", alone)):
+        print(
+            f"{label:18s} MAE / MAXE / RMSE  {1e3 * errors.mae:.3f} / {1e3 * errors.maxe:.2f} / {1e3 * errors.rmse:.3f} mm"
+        )
+    print("ratio              " + " / ".join(f"{v:.2f}" for v in numbers["ratio"].values()))
+    if args.json:
+        Path(args.json).write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

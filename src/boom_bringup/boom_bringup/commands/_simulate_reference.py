@@ -1,0 +1,100 @@
+"""`./boom simulate --reference`: the input's angle is what the boom shall do; the control law finds the currents."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from boom_diagnosis.tracking import Tracking
+    from boom_model.machine import Machine
+    from boom_model.sensors import SensorNoise
+    from boom_recording.recording import Configuration, Recording
+
+
+@dataclass(frozen=True)
+class Law:
+    """How to follow it.
+
+    mode   control law
+    told   machine that the control law knows
+    """
+
+    mode: str
+    told: Machine
+
+
+def load_reference(source: str | Path) -> Recording:
+    """The recording whose angle is wanted; nothing else of it is needed. Raises RecordingError."""
+    from boom_recording.channels import JOINT_STATES, MACHINE_CONFIGURATION
+    from boom_recording.loading import load
+
+    return load(source, require=(JOINT_STATES, MACHINE_CONFIGURATION))
+
+
+def simulate_reference(
+    recording: Recording,
+    machine: Machine,
+    configuration: Configuration,
+    law: Law,
+    *,
+    angle: float | None,
+    noise: SensorNoise,
+    seed: int,
+    duration: float | None,
+    name: str,
+) -> Recording:
+    """Runs the closed loop; shows how far it is.
+
+    Args:
+        recording: what is wanted.
+        machine: of the crane, with its effects.
+        configuration: pose and load, of the crane and as the control law is told.
+        law: control law and the machine that it knows.
+        angle: where the boom rests at the beginning [rad]; default: at the first wanted angle.
+        noise: of the sensors.
+        seed: of the noise.
+        duration: [s]; default: the whole of it.
+        name: of the result.
+
+    Raises:
+        SimulationError: the loop diverged until a state left its range.
+    """
+    import math
+
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    from boom_bringup.closed_loop import follow, wanted_angles
+    from boom_controller.controller import make_controller
+    from boom_controller.settings import Settings
+    from boom_controller.trajectory_generator import TrajectoryGenerator
+    from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
+
+    angles = wanted_angles(recording)
+    if duration is not None:
+        angles = angles[: max(round(duration / PERIOD), 1)]
+    load = 0.0 if math.isnan(configuration.load_mass) else configuration.load_mass
+    place = (configuration.outer_boom_angle, configuration.telescope_length, load)
+    settings = Settings(sample_time=PERIOD)
+    controller = make_controller(law.mode, law.told, law.told.pose(*place), settings)
+    generator = TrajectoryGenerator(settings.generator_pole, PERIOD)
+    start = Start(float(angles[0]) if angle is None else angle)
+    crane = SimulatedCrane(machine, machine.pose(*place), start, noise, seed)
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.0f} of {task.total:.0f} s"))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(f"{law.mode} follows {recording.name}", total=len(angles) * PERIOD)
+        return follow(
+            crane, controller, generator, angles, configuration, name=name,
+            told=lambda now: progress.update(task, completed=now),
+        )  # fmt: skip
+
+
+def tracking_line(result: Recording, machine: Machine) -> str:
+    """The tracking numbers of a result in one line."""
+    from boom_diagnosis.tracking import of_recording
+
+    found: Tracking = of_recording(result, machine)
+    e = found.errors
+    return f"piston position error: mean {1e3 * e.mae:.2f} mm, largest {1e3 * e.maxe:.2f} mm, rms {1e3 * e.rmse:.2f} mm"

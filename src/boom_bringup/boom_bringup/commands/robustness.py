@@ -1,0 +1,183 @@
+"""Chapter 6.4: the closed loop with the full model under the configurations C0 to C4, beside Table 6.3 of the thesis.
+
+Nine recorded angles are the reference trajectories, three in each of three poses. The plant is the full model, 10 ms, with the
+noisy sampled sensors of ch. 6.4; the load hangs on from the first instant, and the supply is unlimited ("the thesis case") unless
+--supply limited is given. Errors are those of the piston, in mm. A run that diverges is counted, not averaged.
+
+  ./boom robustness                                   all modes, C0 to C4
+  ./boom robustness --modes improved --repeat 5       with 90 % intervals over the seeds of the noise
+  ./boom robustness --modes improved --monte-carlo 500
+  ./boom robustness --stability-map                   where the modes are stable: dead time, stiffness, load
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from boom_bringup.cli import UsageError
+from boom_bringup.commands.validate import _progress
+from boom_bringup.outputs import checked, write, write_json
+
+if TYPE_CHECKING:
+    from boom_bringup.robustness import Job, Result
+    from boom_bringup.robustness_plants import PlantCase
+
+HELP = "test the closed loop under varied plants: Table 6.3 of the thesis, all control modes"
+
+ALL_MODES = ("thesis", "baseline", "improved")
+PICTURED = "explained/payload_change_b"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "--modes",
+        nargs="+",
+        choices=ALL_MODES,
+        default=list(ALL_MODES),
+        metavar="MODE",
+        help=f"control modes: {', '.join(ALL_MODES)}",
+    )
+    parser.add_argument(
+        "--bags", default="bags", metavar="FOLDER", help="folder of the recorded trajectories (default: bags)"
+    )
+    parser.add_argument(
+        "--machine", default="tz17", metavar="FILE", help="machine file, or the name of a shipped one (default: tz17)"
+    )
+    parser.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the sensors' noise (default: 0)")
+    parser.add_argument(
+        "--repeat", type=_count, default=1, metavar="N", help="repeat with N seeds and give 90 %% intervals"
+    )
+    parser.add_argument(
+        "--supply",
+        choices=("unlimited", "limited"),
+        default="unlimited",
+        help="limited: 250 bar and 84 l/min (default: unlimited)",
+    )
+    parser.add_argument(
+        "--off-nominal",
+        action="store_true",
+        help="also C0 with dead zone, spring, areas, pilot lag 5 %% off, one at a time",
+    )
+    parser.add_argument(
+        "--monte-carlo", type=_count, default=0, metavar="N",
+        help="also N plants drawn from the whole of Table 6.1 with dead zone, spring, areas and pilot lag within 5 %%, and as "
+        "many with the latter only; a trajectory each, in turn",
+    )  # fmt: skip
+    parser.add_argument(
+        "--stability-map",
+        action="store_true",
+        help="also the map of dead time, oil stiffness and load (about a minute)",
+    )
+    parser.add_argument("--workers", type=_count, default=None, metavar="N", help="processes (default: one per core)")
+    parser.add_argument("--json", metavar="F", help="write the numbers as a JSON document to F")
+    report = parser.add_mutually_exclusive_group()
+    report.add_argument("--report", metavar="F.html", help="where the report goes (default: output/robustness.html)")
+    report.add_argument("--no-report", action="store_true", help="write no report")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Runs everything that was asked for; returns 0."""
+    json_path = checked(args.json, "--json")
+    report = None if args.no_report else checked(args.report, "--report") or _default_report()
+    modes = list(dict.fromkeys(args.modes))
+
+    from boom_bringup.robustness import carry_out
+    from boom_bringup.robustness_document import document
+    from boom_bringup.robustness_plants import CONFIGURATIONS, TRAJECTORIES, monte_carlo, off_nominal
+    from boom_bringup.robustness_stability import stability_jobs
+    from boom_bringup.robustness_tables import print_document
+    from boom_diagnosis.tables import console_for
+
+    bags = [bag for group in TRAJECTORIES.values() for bag in group]
+    missing = [bag for bag in bags if not (Path(args.bags) / bag).exists()]
+    if missing:
+        raise UsageError(
+            f"--bags {args.bags}: there is no {missing[0]}: run in the folder of the repository, or give its bags"
+        )
+    seeds = range(args.seed, args.seed + args.repeat)
+    parts: dict[str, list[Job]] = {
+        "configurations": [
+            _job(args, mode, bag, case, seed, keep=report is not None and bag == PICTURED and seed == args.seed)
+            for mode in modes for case in CONFIGURATIONS.values() for seed in seeds for bag in bags
+        ]
+    }  # fmt: skip
+    if args.off_nominal:
+        parts["off_nominal"] = [
+            _job(args, mode, bag, case, args.seed) for mode in modes for case in off_nominal() for bag in bags
+        ]
+    if args.monte_carlo:
+        for name, loaded in (("monte_carlo", True), ("monte_carlo_unloaded", False)):
+            cases = monte_carlo(args.monte_carlo, args.seed, loaded=loaded)
+            parts[name] = [
+                _job(args, mode, bags[k % len(bags)], case, args.seed + k) for mode in modes for k, case in enumerate(cases)
+            ]  # fmt: skip
+    if args.stability_map:
+        parts["stability_map"] = stability_jobs(modes, args.bags, args.machine)
+    results: dict[str, list[Result]] = {}
+    with _progress(sum(len(jobs) for jobs in parts.values())) as step:
+        for name, jobs in parts.items():
+            step(f"{name.replace('_', ' ')}: {len(jobs)} runs", 0)
+            results[name] = carry_out(jobs, args.workers, lambda: step("", 1))
+    numbers = document(results, modes, bags, args.seed)
+    console = console_for()
+    print_document(numbers, console, limited=args.supply == "limited")
+    if json_path:
+        write_json(json_path, numbers)
+    if report:
+        from boom_bringup.robustness_report import write_report
+
+        command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "robustness", *_words(args)])
+        write(report, lambda: write_report(report, numbers, results, command=command, limited=args.supply == "limited"))
+        console.print(f"report: {report}", markup=False, soft_wrap=True)
+    return 0
+
+
+def _job(args: argparse.Namespace, mode: str, bag: str, case: PlantCase, seed: int, keep: bool = False) -> Job:
+    from boom_bringup.robustness import Job
+
+    return Job(mode, bag, case, seed, args.bags, args.machine, limited=args.supply == "limited", keep=keep)
+
+
+def _default_report() -> Path:
+    folder = Path("output")
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise UsageError(
+            f"folder output cannot be made here ({error.strerror}): give --report FILE or --no-report"
+        ) from None
+    path = checked(str(folder / "robustness.html"), "report")
+    assert path is not None
+    return path
+
+
+def _count(text: str) -> int:
+    return _whole(text, 1, 100_000)
+
+
+def _seed(text: str) -> int:
+    return _whole(text, 0, 2**31 - 1)
+
+
+def _whole(text: str, low: int, high: int) -> int:
+    try:
+        number = int(text)
+    except ValueError:
+        number = low - 1
+    if not low <= number <= high:
+        raise argparse.ArgumentTypeError(f"{text!r}: give a whole number of {low} to {high}")
+    return number
+
+
+def _words(args: argparse.Namespace) -> list[str]:
+    """The command line again, from what was understood."""
+    words: list[Any] = ["--modes", *args.modes, "--seed", args.seed, "--repeat", args.repeat, "--supply", args.supply]
+    words += ["--off-nominal"] if args.off_nominal else []
+    words += ["--monte-carlo", args.monte_carlo] if args.monte_carlo else []
+    words += ["--stability-map"] if args.stability_map else []
+    return [str(word) for word in words]

@@ -1,0 +1,71 @@
+"""What a demo found: the open loop validated, the closed loop's tracking; as tables, report and document."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from boom_diagnosis import report_tracking, tables
+from boom_diagnosis.report import write_report
+from boom_diagnosis.validation import BagValidation, Validation
+
+if TYPE_CHECKING:
+    from boom_diagnosis.tracking import Tracking
+    from boom_model.machine import Machine
+    from boom_recording.recording import Recording
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """The closed loop: what was recorded, how well the boom followed, and by which control law."""
+
+    recording: Recording
+    tracking: Tracking
+    mode: str
+
+
+@dataclass(frozen=True)
+class Results:
+    """All results of one demo.
+
+    machine, source   that was simulated, and how the user named it
+    recording         that was repeated or followed
+    open_loop, closed_loop   None where that was not asked for
+    """
+
+    machine: Machine
+    source: str | None
+    recording: Recording
+    open_loop: BagValidation | None
+    closed_loop: Tracked | None
+
+    def show(self, console: Any) -> None:
+        """Tables on the terminal."""
+        if self.open_loop is not None:
+            tables.print_validation(self._validation(), console)
+        if self.closed_loop is not None:
+            report_tracking.print_tracking(self.closed_loop.tracking, self.closed_loop.mode, console)
+
+    def report(self, path: Path, command: str) -> None:
+        """One HTML file. Raises OSError where it cannot be written."""
+        write_report(
+            self._validation(), path, title=f"Demo: {self.recording.name}", machine=self.machine,
+            machine_source=self.source, command=command, sections=self._sections(),
+        )  # fmt: skip
+
+    def document(self) -> dict[str, Any]:
+        """As ``validate --json``, and ``closed_loop`` with the numbers of (6.29)."""
+        document = self._validation().document()
+        if self.closed_loop is not None:
+            document["closed_loop"] = {"mode": self.closed_loop.mode, **self.closed_loop.tracking.errors.document()}
+        return document
+
+    def _validation(self) -> Validation:
+        return Validation(self.machine.name, [self.open_loop] if self.open_loop is not None else [])
+
+    def _sections(self) -> tuple[str, ...]:
+        if self.closed_loop is None:
+            return ()
+        c = self.closed_loop
+        return (report_tracking.section(c.tracking, c.recording, c.mode),)

@@ -1,0 +1,456 @@
+"""The controller as a lifecycle node. Topics, parameters, services, reasons to stop: README.md.
+
+Real time: a cycle runs as soon as angle, hose pressure and rod pressure have all brought a new sample, which costs no waiting
+and no jitter of its own; a steady timer runs it where one of them is late. Lockstep: one cycle for each tick of /clock, once all
+samples of that tick are there. Configured, it listens. Active, it commands, zero current until a reference is accepted.
+"""
+
+# ruff: noqa: I001
+from __future__ import annotations
+
+from boom_node import early  # noqa: F401  (first: signals and environment)
+
+import gc
+import os
+import re
+import time
+from typing import Any
+
+from boom_interfaces.msg import ControllerState, MachineConfiguration, ReferenceState, SolenoidCurrents
+from boom_model.errors import ModelError
+from boom_model.machine_file import load_machine
+from boom_node import parameters, qos, shell
+from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
+from boom_node.errors import StartError
+from boom_node.stamps import ns_to_seconds, seconds_to_ns, set_ns, to_ns
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rosgraph_msgs.msg import Clock as ClockMessage
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Bool, Float64
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from boom_controller import messages
+from boom_controller.control_loop import ControlLoop, Cycle
+from boom_controller.errors import ControlError
+from boom_controller.joint_trajectory import TrajectoryError
+from boom_controller.node_parameters import PARAMETERS, settings_of, supervision_of
+from boom_controller.tracking_goal import Tolerances
+from boom_controller.trajectory_action import TrajectoryAction
+
+_LOOK_EVERY = 0.25  # sample times between two looks for samples that are late
+_NUMBER = re.compile(r"[-+.\d]+")
+_LEVEL = {"ok": Level.OK, "warning": Level.WARN, "error": Level.ERROR, "stopped": Level.ERROR}
+
+
+class ControllerNode(LifecycleNode):
+    """Thin shell around :class:`boom_controller.control_loop.ControlLoop`."""
+
+    def __init__(self) -> None:
+        super().__init__("boom_controller")
+        self._values = vars(parameters.declare(self, PARAMETERS))
+        self._lockstep = self._values["time"] == "lockstep"
+        self._loop: ControlLoop | None = None
+        self._active = False
+        self._configuration: MachineConfiguration | None = None
+        self._told: tuple[str, float, float, float] | None = None
+        self._pending = False
+        self._emergency = False
+        self._origin_ns: int | None = None
+        self._joint_stamp_ns = 0
+        self._last: Cycle | None = None
+        self._said = ("", "")
+        self._cycles, self._late, self._feedback_at = 0, 0, 0
+        self._tick_ns, self._answered_ns = -1, -1
+        self._delay_ns = seconds_to_ns(self._values["lockstep_delay"])
+        self._stamps = {"joint": -1, "hose": -1, "rod": -1, "reference": -1}
+        self._failure = ""
+        self._make_topics()
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._use_parameters)
+        self._diagnostics = DiagnosticsPublisher(self, self._health)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        if self._lockstep:
+            self.create_timer(0.05, self._begin_lockstep, clock=steady)
+        else:
+            self.create_timer(_LOOK_EVERY * self._values["sample_time"], self._look, clock=steady)
+        if self._values["autostart"]:
+            self.trigger_configure()
+            if not self._failure:
+                self.trigger_activate()
+            if self._failure:
+                raise StartError(f"boom_controller: {self._failure}")
+
+    def _make_topics(self) -> None:
+        def publisher(kind: Any, topic: str, profile: Any = None) -> Any:
+            return self.create_publisher(kind, topic, profile or qos.BY_TOPIC[topic])
+
+        def subscribe(kind: Any, topic: str, callback: Any, *, sensor: bool = False) -> None:
+            profile = qos.EVERY_SAMPLE if sensor and self._lockstep else qos.BY_TOPIC[topic]
+            self.create_subscription(kind, topic, callback, profile)
+
+        self._commands = publisher(SolenoidCurrents, "/boom/current_command")
+        state = qos.EVERY_SAMPLE if self._lockstep else None
+        self._states = publisher(ControllerState, "/boom/controller_state", state)
+        self._references = publisher(ReferenceState, "/boom/reference_state", state or qos.SENSOR_DATA)
+        self._loads = publisher(Float64, "/boom/estimated_load", qos.SENSOR_DATA)
+        self._command_message = SolenoidCurrents()
+        self._state_message, self._reference_message = ControllerState(), ReferenceState()
+        subscribe(JointState, "/joint_states", self._on_joint, sensor=True)
+        subscribe(FluidPressure, "/boom/hose_pressure", self._on_hose, sensor=True)
+        subscribe(FluidPressure, "/boom/rod_pressure", self._on_rod, sensor=True)
+        subscribe(SolenoidCurrents, "/boom/solenoid_currents", self._on_currents, sensor=True)
+        subscribe(JointState, "/boom/reference", self._on_reference, sensor=True)
+        subscribe(MachineConfiguration, "/boom/machine_configuration", self._on_configuration)
+        subscribe(JointTrajectory, "/boom/joint_trajectory", self._on_trajectory)
+        subscribe(Bool, "/boom/emergency_stop", self._on_emergency)
+        if self._lockstep:
+            self.create_subscription(ClockMessage, "/clock", self._on_clock, qos.EVERY_SAMPLE)
+        self.create_service(Trigger, "~/resume", self._on_resume)
+        self.create_service(Trigger, "~/emergency_stop", self._on_emergency_service)
+        self._action = TrajectoryAction(self, self._start_goal, self._cancel_goal)
+
+    # ------------------------------------------------------------------------------------------------------- lifecycle
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Make the loop; it waits for the machine's configuration."""
+        self._failure = ""
+        try:
+            self._loop = ControlLoop(
+                self._values["mode"], settings_of(self._values), supervision_of(self._values),
+                watch_cycles=not self._lockstep,
+            )  # fmt: skip
+            self._configure()
+        except (ControlError, ModelError) as error:
+            self._failure, self._loop = str(error), None
+            return TransitionCallbackReturn.FAILURE
+        self._loop.emergency_stop(self._emergency, self._now())
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Command, zero current at first."""
+        self._use_realtime()
+        gc.collect()
+        gc.freeze()  # what lives now lives to the end: the collector need not walk through it within a cycle
+        self._active = True
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Bring the currents to zero; command no more."""
+        self._end_motion()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget the loop."""
+        self._loop = None
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Bring the currents to zero for good."""
+        self._end_motion()
+        return TransitionCallbackReturn.SUCCESS
+
+    def close(self) -> None:
+        """Currents to zero before the node goes."""
+        self._end_motion()
+        self._action.destroy()
+
+    def _end_motion(self) -> None:
+        if not self._active or self._loop is None:
+            return
+        self._active = False
+        retract, extend = self._loop.drop()
+        steps = round(self._loop.supervision.settings.current_ramp / 0.01)
+        for k in range(1, steps if (retract or extend) and not self._lockstep else 1):
+            self._command(retract * (1 - k / steps), extend * (1 - k / steps))
+            time.sleep(0.01)
+        self._command(0.0, 0.0)
+        self._finish_goals()
+
+    def _use_realtime(self) -> None:
+        priority = self._values["realtime_priority"]
+        if not priority:
+            return
+        try:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        except OSError as error:
+            self.get_logger().warning(
+                f"realtime_priority {priority} is not used: {error.strerror}; allow it (ulimit -r), or set 0"
+            )
+
+    # ------------------------------------------------------------------------------------------------------ parameters
+
+    def _check_parameters(self, changed: list[Any]) -> Any:
+        given = {p.name: p.value for p in changed}
+        values = {**self._values, **given}
+        try:
+            settings, supervision = settings_of(values), supervision_of(values)
+            del settings, supervision
+        except (ControlError, KeyError, TypeError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _use_parameters(self, changed: list[Any]) -> None:
+        given = {p.name: p.value for p in changed if p.name in self._values}
+        if not given:
+            return
+        self._values.update(given)
+        if self._loop is None:
+            return
+        try:
+            self._loop.change(
+                mode=self._values["mode"], settings=settings_of(self._values), supervision=supervision_of(self._values)
+            )
+        except (ControlError, ModelError) as error:
+            self.get_logger().error(f"{', '.join(given)} not used: {error}")
+            return
+        self.get_logger().info("changed: " + ", ".join(f"{name} = {value}" for name, value in given.items()))
+
+    # --------------------------------------------------------------------------------------------------------- samples
+
+    def _now(self) -> float:
+        return ns_to_seconds(self._tick_ns) if self._lockstep else time.monotonic()
+
+    def _times(self, message: Any) -> tuple[float, float]:
+        """Stamp counted from the first one, and when it was measured by the supervising clock [s]."""
+        stamp_ns = to_ns(message.header.stamp)
+        if self._origin_ns is None:
+            self._origin_ns = stamp_ns
+        stamp = ns_to_seconds(stamp_ns - self._origin_ns)
+        if self._lockstep:
+            return stamp, ns_to_seconds(stamp_ns)
+        delay = ns_to_seconds(self.get_clock().now().nanoseconds - stamp_ns)
+        now = time.monotonic()
+        timeout = self._values["sensor_timeout"]
+        # a stamp from the future tells nothing about the age: clocks that differ so much count as a sensor that is gone
+        return stamp, now - delay if delay > -timeout else now - 2 * timeout
+
+    def _on_joint(self, message: JointState) -> None:
+        if self._loop is None:
+            return
+        try:
+            k = list(message.name).index(self._values["joint_name"])
+            angle, rate = message.position[k], message.velocity[k]
+        except (ValueError, IndexError):
+            return  # of other joints, or without the rate: it grows old, which is told
+        stamp, measured = self._times(message)
+        self._joint_stamp_ns = to_ns(message.header.stamp)
+        self._loop.joint(angle, rate, stamp, measured)
+        self._arrived("joint", self._joint_stamp_ns)
+
+    def _on_hose(self, message: FluidPressure) -> None:
+        if self._loop is not None:
+            self._loop.hose_pressure(messages.gauge(message), *self._times(message))
+            self._arrived("hose", to_ns(message.header.stamp))
+
+    def _on_rod(self, message: FluidPressure) -> None:
+        if self._loop is not None:
+            self._loop.rod_pressure(messages.gauge(message), *self._times(message))
+            self._arrived("rod", to_ns(message.header.stamp))
+
+    def _on_currents(self, message: SolenoidCurrents) -> None:
+        if self._loop is not None:
+            self._loop.currents(message.retract, message.extend, *self._times(message))
+
+    def _arrived(self, name: str, stamp_ns: int) -> None:
+        self._stamps[name] = stamp_ns
+        if self._lockstep:
+            self._answer_tick()
+        elif self._active and self._loop is not None and self._loop.due(time.monotonic()):
+            self._cycle()
+
+    def _look(self) -> None:
+        if self._active and self._loop is not None and self._loop.overdue(time.monotonic()):
+            self._late += self._loop.configuration is not None
+            self._cycle()
+
+    # -------------------------------------------------------------------------------------------------------- lockstep
+
+    def _begin_lockstep(self) -> None:
+        """The first command, without which the simulation stands, once everybody listens."""
+        if self._answered_ns >= 0 or self._tick_ns >= 0 or not self._active:
+            return
+        ready = self._commands.get_subscription_count() >= self._values["wait_for"] and self._configuration is not None
+        if ready and (self._stamps["reference"] >= 0 or not self._values["lockstep_reference"]):
+            self._answered_ns = 0
+            self._command(0.0, 0.0)
+
+    def _on_clock(self, message: ClockMessage) -> None:
+        self._tick_ns = to_ns(message.clock)
+        self._answer_tick()
+
+    def _answer_tick(self) -> None:
+        tick = self._tick_ns
+        if tick <= self._answered_ns or not self._active:
+            return
+        names = ("joint", "hose", "rod", *(("reference",) if self._values["lockstep_reference"] else ()))
+        if all(self._stamps[name] >= tick - (name != "reference") * self._delay_ns for name in names):
+            self._answered_ns = tick
+            self._cycle()
+
+    # ----------------------------------------------------------------------------------------------------------- cycle
+
+    def _cycle(self) -> None:
+        loop = self._loop
+        assert loop is not None  # the callers have looked
+        if self._pending:
+            self._configure()
+        cycle = loop.cycle(self._now())
+        self._command(cycle.retract, cycle.extend)
+        self._last = cycle
+        self._cycles += 1
+        stamp_ns = (self._origin_ns or 0) + seconds_to_ns(cycle.time)
+        self._states.publish(messages.fill_state(self._state_message, cycle, stamp_ns))
+        self._references.publish(messages.fill_reference(self._reference_message, cycle, stamp_ns))
+        if cycle.load == cycle.load:
+            self._loads.publish(Float64(data=cycle.load))
+        for number, ending in cycle.endings:
+            self._action.end(number, ending)
+            if number not in self._action.running and ending.text:
+                self.get_logger().warning(f"trajectory: {ending.text}")
+        self._feed_back(loop, stamp_ns)
+        if (cycle.state.value, cycle.reason) != self._said:
+            self._tell(cycle)
+
+    def _command(self, retract: float, extend: float) -> None:
+        message = self._command_message
+        stamp_ns = max(self._tick_ns, 0) if self._lockstep else self.get_clock().now().nanoseconds
+        set_ns(message.header.stamp, stamp_ns)
+        message.retract, message.extend = retract, extend
+        self._commands.publish(message)
+
+    def _feed_back(self, loop: ControlLoop, stamp_ns: int) -> None:
+        running = self._action.running
+        if running and stamp_ns - self._feedback_at >= 1e9 / self._values["feedback_rate"]:
+            self._feedback_at = stamp_ns
+            for number in running:
+                progress = loop.goal_progress(number)
+                if progress is not None:
+                    self._action.feed_back(number, stamp_ns, progress)
+
+    def _tell(self, cycle: Cycle) -> None:
+        before, self._said = self._said, (cycle.state.value, cycle.reason)
+        if before[0] == self._said[0] and _NUMBER.sub("", before[1]) == _NUMBER.sub("", cycle.reason):
+            return  # the same with another age or angle in it
+        text = cycle.state.value + (f": {cycle.reason}" if cycle.reason else "")
+        logger = self.get_logger()
+        if cycle.status == "stopped":
+            logger.error(text)
+        elif cycle.status == "warning":
+            logger.warning(text)
+        else:
+            logger.info(text)
+        self._diagnostics.update()
+
+    # -------------------------------------------------------------------------------------------------------- requests
+
+    def _on_configuration(self, message: MachineConfiguration) -> None:
+        said = (message.machine, message.outer_boom_angle, message.telescope_length, message.load_mass)
+        if self._told == said:
+            return  # a publisher that joined anew says it again
+        self._told, self._configuration = said, message
+        if self._loop is not None:
+            self._loop.configuration_changes(self._now())
+            self._configure()
+
+    def _configure(self) -> None:
+        """Use what was told last; where the boom moves, later, once it stands."""
+        message, loop = self._configuration, self._loop
+        self._pending = message is not None and loop is not None and loop.supervision.moving
+        if message is None or loop is None or self._pending:
+            return
+        load = message.load_mass if message.load_mass == message.load_mass else 0.0
+        try:
+            machine = load_machine(self._values["machine"] or message.machine)
+            loop.configure(machine, machine.pose(message.outer_boom_angle, message.telescope_length, load))
+        except (ControlError, ModelError) as error:
+            self.get_logger().error(f"/boom/machine_configuration cannot be used: {error}")
+
+    def _on_reference(self, message: JointState) -> None:
+        joint = self._values["joint_name"]
+        if self._loop is None or not self._active or joint not in message.name:
+            return
+        k = list(message.name).index(joint)
+        if k < len(message.position):
+            self._loop.stream(message.position[k], self._now())
+            self._arrived("reference", to_ns(message.header.stamp)) if self._lockstep else None
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        if self._loop is None or not self._active:
+            return
+        if not message.points:
+            self._loop.cancel()
+            return
+        try:
+            self._start(message, None)
+        except TrajectoryError as error:
+            self.get_logger().warning(f"trajectory refused: {error}")
+
+    def _start(self, message: JointTrajectory, tolerances: Tolerances | None) -> int:
+        loop = self._loop
+        if loop is None or not self._active:
+            raise TrajectoryError("the controller is not active: activate it first")
+        points = messages.points_of(message, self._values["joint_name"])
+        stamp_ns = to_ns(message.header.stamp)
+        begin = ns_to_seconds(stamp_ns - (self._origin_ns or 0)) if stamp_ns else None
+        return loop.start(points, self._now(), begin=begin, tolerances=tolerances)
+
+    def _start_goal(self, request: Any) -> int:
+        tolerances = Tolerances.asked(
+            request.path_tolerance, request.goal_tolerance, request.goal_time_tolerance, supervision_of(self._values)
+        )
+        return self._start(request.trajectory, tolerances)
+
+    def _cancel_goal(self, number: int) -> bool:
+        return self._loop is not None and self._loop.cancel(number)
+
+    def _finish_goals(self) -> None:
+        for number, ending in self._loop.pop_endings() if self._loop is not None else ():
+            self._action.end(number, ending)
+
+    def _on_emergency(self, message: Bool) -> None:
+        self._emergency = bool(message.data)
+        if self._loop is not None:
+            self._loop.emergency_stop(self._emergency, self._now())
+
+    def _on_emergency_service(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._loop is not None:
+            self._loop.stop_now(self._now())
+        response.success, response.message = True, "stopping; call ~/resume to go on"
+        return response
+
+    def _on_resume(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._loop is None or not self._active:
+            response.success, response.message = False, "the controller is not active: activate it first"
+        else:
+            response.success, response.message = self._loop.resume(self._now())
+        self.get_logger().info(response.message)
+        return response
+
+    # ---------------------------------------------------------------------------------------------------------- health
+
+    def _health(self) -> Health:
+        if self._loop is None or not self._active:
+            return Health(Level.ERROR if self._failure else Level.OK, self._failure or "not active", {})
+        values = {"control law": self._loop.mode, "cycles": self._cycles, "cycles without all samples": self._late}
+        if self._last is None:
+            return Health(Level.WARN, "no cycle yet", values)
+        last = self._last
+        values |= {
+            "state": last.state.value,
+            "computation of the last cycle [us]": f"{1e6 * last.duration:.0f}",
+            "estimated load [kg]": f"{last.load:.0f}",
+        }
+        return Health(_LEVEL[last.status], last.reason or last.state.value, values)
+
+
+def main() -> int:
+    """Runs the node until SIGINT or SIGTERM; returns the exit status."""
+    return shell.run(ControllerNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,61 @@
+"""Every reason for which the boom is stopped: one table, read by the supervision, the README's test and the diagnostics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Reaction = Literal["reference", "currents"]
+"""``reference``: the loop goes on, its reference comes to rest by a ramp, then the currents are ramped to zero.
+``currents``: the loop is not to be trusted any more, the currents are ramped to zero at once, which closes the valve."""
+
+
+@dataclass(frozen=True)
+class Reason:
+    """A reason to stop: its name, what it means, how the boom is brought to rest, and what to do before it may go on."""
+
+    id: str
+    cause: str
+    reaction: Reaction
+    remedy: str
+
+
+REASONS: dict[str, Reason] = {
+    reason.id: reason
+    for reason in (
+        Reason("emergency_stop", "/boom/emergency_stop is true, or ~/emergency_stop was called", "currents",
+               "clear the danger, publish false on the topic"),
+        Reason("sensor_old", "no good sample of a sensor for longer than its time-out", "currents",
+               "restore the sensor, the bus or the clocks"),
+        Reason("sensor_not_a_number", "a sensor sent NaN or infinity several times in a row", "currents",
+               "restore the sensor"),
+        Reason("sensor_out_of_range", "a sensor sent several times in a row what it cannot measure", "currents",
+               "restore the sensor"),
+        Reason("sensors_disagree", "angle and rate tell different motions", "currents",
+               "find out which of both is wrong"),
+        Reason("angle_limit", "the boom is outside its angles and moves further out", "reference",
+               "give a reference that leads back"),
+        Reason("speed_limit", "the boom moves faster than allowed", "currents",
+               "find out why: valve, load, parameters"),
+        Reason("pressure_limit", "a pressure stays above what is allowed", "reference",
+               "reduce the load or the speed"),
+        Reason("missed_deadlines", "cycles came too late or not at all", "currents",
+               "free the processor, or run the node with realtime_priority"),
+        Reason("divergence", "the boom is far from its reference, or the control law gave no number", "currents",
+               "look at the last motion before the next one"),
+        Reason("load_not_held", "the load is heavier than the supply can hold", "currents",
+               "set the load down"),
+        Reason("currents_not_followed", "the solenoids do not get what is commanded", "currents",
+               "enable the motion on the bridge, look at its diagnostics"),
+        Reason("configuration_changed", "another machine, pose or load was told during a motion", "reference",
+               "move with the new configuration"),
+    )
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A reason that holds now, with the numbers in one sentence for the operator."""
+
+    reason: str
+    text: str

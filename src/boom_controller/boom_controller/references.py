@@ -1,0 +1,150 @@
+"""Where the boom shall be: the one reference that the control law sees, whatever it comes from, without a jump.
+
+Sources: a stream of wanted angles through the trajectory generator (6.27), a planned trajectory, and rest. When the source
+changes, what the old one was ahead of the new one (angle, rate, acceleration) fades as a quintic within ``blend`` seconds, so that
+angle, rate and acceleration go on. To rest it comes by a bounded ramp, see :func:`boom_controller.polynomial.to_rest`.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from boom_controller.controller import Reference
+from boom_controller.joint_trajectory import JointTrajectory
+from boom_controller.polynomial import Polynomial, quintic, to_rest
+from boom_controller.trajectory_generator import TrajectoryGenerator
+
+Kind = Literal["rest", "stream", "trajectory"]
+_SHORTEST_RAMP = 0.2
+_MOST_STEPS = 10
+
+
+class References:
+    """The reference over time. All times in seconds of one clock, angles in rad.
+
+    Args:
+        generator: the trajectory generator; it steps every `sample_time` [s].
+        sample_time: [s].
+        deceleration: of the ramp to rest [rad/s^2].
+        fastest: rate [rad/s] to which a stream of wanted angles is limited.
+        blend: time in which a change of source fades [s].
+
+    Attributes:
+        present: the reference now.
+        kind: what it comes from.
+    """
+
+    def __init__(
+        self, generator: TrajectoryGenerator, sample_time: float, deceleration: float, fastest: float, blend: float
+    ) -> None:
+        self._generator = generator
+        self._sample_time = sample_time
+        self.deceleration, self.fastest, self.blend = deceleration, fastest, blend
+        self.reset(0.0, 0.0)
+
+    def reset(self, angle: float, now: float) -> None:
+        """Rest at the angle from `now` on, whatever was before."""
+        self.kind: Kind = "rest"
+        self.present = Reference(angle)
+        self._now = self._begin = now
+        self._piece = Polynomial(angle)
+        self._length = 0.0
+        self._fading: Polynomial | None = None
+        self._faded_from = now
+        self._trajectory: JointTrajectory | None = None
+        self._wanted = angle
+        self._limited = angle
+
+    @property
+    def resting(self) -> bool:
+        """True once the reference stands still."""
+        return self.kind == "rest" and self._fading is None and self._now >= self._begin + self._length
+
+    @property
+    def wanted(self) -> float:
+        """The angle that a stream asks for [rad], as it came in last."""
+        return self._wanted
+
+    def rest(self) -> None:
+        """Come to rest by the ramp, from whatever motion."""
+        before = self.present
+        self.kind = "rest"
+        self._fading = None
+        self._begin = self._now
+        self._length = max(1.5 * abs(before.rate) / self.deceleration, _SHORTEST_RAMP)
+        self._piece = to_rest(before, self._length)
+
+    def stream(self, wanted: float) -> None:
+        """From now on follow wanted angles [rad] through the generator; call again with every new one."""
+        self._wanted = wanted
+        if self.kind != "stream":
+            self.kind = "stream"
+            self._limited = self.present.angle
+            self._fade(self._generator.reset(self.present.angle))
+
+    def start(self, trajectory: JointTrajectory, begin: float) -> None:
+        """Follow a trajectory whose start is at the time `begin` [s]; one that lies in the past is joined on its way."""
+        self._trajectory = trajectory
+        self.kind = "trajectory"
+        self._begin = begin
+        angle = trajectory.at(self._now - begin)
+        self._fade(self._generator.reset(angle.angle) if trajectory.smoothed else angle)
+
+    @property
+    def elapsed(self) -> float:
+        """Time since the start of the trajectory [s]; negative before it."""
+        return self._now - self._begin
+
+    def advance(self, now: float) -> Reference:
+        """The reference at the time `now` [s]."""
+        before, self._now = self._now, max(now, self._now)
+        if self.kind == "rest":
+            passed = self._now - self._begin
+            reached = self._piece.at(min(passed, self._length))
+            source = reached if passed < self._length else Reference(reached.angle)
+        elif self.kind == "stream":
+            source = self._stepped(self._wanted, self._now - before, self.fastest)
+        else:
+            assert self._trajectory is not None  # set together with the kind
+            source = self._trajectory.at(self.elapsed)
+            if self._trajectory.smoothed:
+                self._limited = source.angle
+                source = self._stepped(source.angle, self._now - before, None)
+        self.present = self._faded(source)
+        return self.present
+
+    def change(self, pole: float) -> None:
+        """Another pole of the generator [1/s], without a jump."""
+        self._generator.change(pole)
+
+    def _stepped(self, wanted: float, passed: float, fastest: float | None) -> Reference:
+        # one step a sample time, also where cycles were missed
+        for _ in range(min(max(round(passed / self._sample_time), 1), _MOST_STEPS)):
+            if fastest is None:
+                self._limited = wanted
+            else:
+                most = fastest * self._sample_time
+                self._limited += min(max(wanted - self._limited, -most), most)
+            result = self._generator.step(self._limited)
+        return result
+
+    def _fade(self, new: Reference) -> None:
+        old = self.present
+        ahead = (old.angle - new.angle, old.rate - new.rate, old.acceleration - new.acceleration)
+        self._faded_from = self._now
+        self._fading = quintic(ahead, (0.0, 0.0, 0.0), self.blend) if any(ahead) else None
+
+    def _faded(self, source: Reference) -> Reference:
+        if self._fading is None:
+            return source
+        passed = self._now - self._faded_from
+        if passed >= self.blend:
+            self._fading = None
+            return source
+        off = self._fading.at(passed)
+        return Reference(
+            source.angle + off.angle,
+            source.rate + off.rate,
+            source.acceleration + off.acceleration,
+            source.jerk + off.jerk,
+        )

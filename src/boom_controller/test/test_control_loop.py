@@ -1,0 +1,398 @@
+"""The whole controller without ROS, on a boom of one line: rate = 0.6 rad/s per ampere. Time is counted, not waited for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from boom_controller import control_loop
+from boom_controller.control_loop import ControlLoop, Cycle
+from boom_controller.controller import Measurement, Output, Reference
+from boom_controller.errors import ControlError
+from boom_controller.joint_trajectory import Code, Point, TrajectoryError
+from boom_controller.settings import Settings
+from boom_controller.supervision import State
+from boom_controller.supervision_settings import SupervisionSettings
+from boom_controller.tracking_goal import Tolerances
+from boom_model.machine import Machine, Pose
+from boom_model.machine_file import load_machine
+
+TS = 0.01
+GAIN = 0.6
+
+
+class Law:
+    """Feedforward and a proportional part."""
+
+    def __init__(self, mode: str) -> None:
+        self.mode = mode
+        self.gain = 8.0 if mode == "improved" else 4.0
+        self.reason = ""
+        self.load = 120.0
+
+    def reset(self, measurement: Measurement) -> None:
+        pass
+
+    def change(self, settings: Settings) -> None:
+        self.gain = -settings.force_pole
+
+    def step(self, reference: Reference, measurement: Measurement) -> Output:
+        u = (reference.rate + self.gain * (reference.angle - measurement.angle)) / GAIN
+        u = min(max(u, -1.0), 1.0)
+        return Output(max(-u, 0.0), max(u, 0.0), reason=self.reason, estimated_load=self.load)
+
+
+class Boom:
+    """The loop, its boom and its sensors, period by period."""
+
+    def __init__(self, loop: ControlLoop, machine: Machine, pose: Pose) -> None:
+        self.loop, self.machine, self.pose = loop, machine, pose
+        self.now, self.angle, self.rate = 100.0, 0.3, 0.0
+        self.hose = 8e6
+        self.loop.configure(machine, pose)
+        self.cycles: list[Cycle] = []
+        self.wanted: Callable[[float], float] | None = None
+        self.silent: set[str] = set()
+        self.shown: Callable[[float, float], tuple[float, float]] = lambda angle, rate: (angle, rate)
+        self.dead_solenoids = False
+        self.push = 0.0
+
+    def period(self) -> Cycle:
+        stamp = self.now - 90.0
+        if self.wanted is not None:
+            self.loop.stream(self.wanted(self.now), self.now)
+        if "joint" not in self.silent:
+            self.loop.joint(*self.shown(self.angle, self.rate), stamp, self.now)
+        if "hose" not in self.silent:
+            self.loop.hose_pressure(self.hose, stamp, self.now)
+        if "rod" not in self.silent:
+            self.loop.rod_pressure(1e6, stamp, self.now)
+        cycle = self.loop.cycle(self.now)
+        given = (0.0, 0.0) if self.dead_solenoids else (cycle.retract, cycle.extend)
+        self.loop.currents(*given, stamp, self.now)
+        self.rate = GAIN * (given[1] - given[0]) + self.push
+        self.angle += self.rate * TS
+        self.now += TS
+        self.cycles.append(cycle)
+        return cycle
+
+    def run(self, seconds: float) -> Cycle:
+        for _ in range(round(seconds / TS)):
+            self.period()
+        return self.cycles[-1]
+
+    def until(self, state: State, most: float = 3.0) -> float:
+        """Seconds until the state is reached."""
+        begin = self.now
+        while self.period().state is not state:
+            assert self.now - begin < most, f"still {self.cycles[-1].state}"
+        return self.now - begin
+
+    @property
+    def last(self) -> Cycle:
+        return self.cycles[-1]
+
+
+@pytest.fixture(scope="module")
+def machine() -> Machine:
+    return load_machine("tz17")
+
+
+@pytest.fixture
+def boom(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> Boom:
+    monkeypatch.setattr(control_loop, "make_controller", lambda mode, *_: Law(mode))
+    made = Boom(ControlLoop("improved", Settings(), SupervisionSettings()), machine, machine.pose(0.28, 2.2, 50.0))
+    made.period()
+    return made
+
+
+def lifting(boom: Boom) -> Boom:
+    """Follows a stream upwards at 0.2 rad/s."""
+    begin = boom.now
+    boom.wanted = lambda now: 0.3 + 0.2 * (now - begin)
+    boom.run(1.0)
+    assert boom.last.state is State.TRACK
+    assert boom.rate > 0.15
+    return boom
+
+
+def test_without_a_reference_nothing_moves(boom: Boom) -> None:
+    cycle = boom.run(0.5)
+    assert (cycle.state, cycle.retract, cycle.extend) == (State.IDLE, 0.0, 0.0)
+    assert cycle.status == "ok"
+    assert math.isnan(cycle.load)
+
+
+def test_a_stream_is_followed_and_its_silence_holds_the_boom(boom: Boom) -> None:
+    lifting(boom)
+    assert abs(boom.last.reference.angle - boom.last.measurement.angle) < 0.01
+    assert boom.last.load == 170.0
+    boom.wanted = None
+    boom.run(1.0)
+    assert boom.last.state is State.HOLD
+    assert boom.last.status == "warning" and "no reference" in boom.last.reason
+    assert abs(boom.rate) < 1e-3
+
+
+def test_a_stream_that_begins_far_away_is_not_followed(boom: Boom) -> None:
+    boom.wanted = lambda _: 0.5
+    boom.run(0.5)
+    assert boom.last.state is State.IDLE
+    assert "bring it within" in boom.last.reason
+    boom.wanted = lambda _: 0.33
+    boom.run(0.1)
+    assert boom.last.state is State.TRACK
+    assert boom.last.status == "ok"
+
+
+def test_a_stream_beyond_the_limits_is_followed_to_their_margin(boom: Boom) -> None:
+    boom.loop.change(supervision=SupervisionSettings(lowest_angle=-0.1))
+    begin = boom.now
+    boom.wanted = lambda now: 0.3 - 0.3 * (now - begin)
+    boom.run(3.0)
+    assert boom.last.state is State.TRACK
+    assert boom.angle == pytest.approx(-0.09, abs=1e-3)
+    assert boom.last.status == "warning" and "beyond" in boom.last.reason
+
+
+def test_a_reference_that_is_no_number_is_not_used(boom: Boom) -> None:
+    lifting(boom)
+    boom.wanted = lambda _: math.nan
+    boom.run(1.0)
+    assert boom.last.state is State.HOLD
+    assert math.isfinite(boom.angle)
+
+
+SENSOR_FAULTS = {
+    "sensor_old joint": lambda b: b.silent.add("joint"),
+    "sensor_old hose": lambda b: b.silent.add("hose"),
+    "sensor_old rod": lambda b: b.silent.add("rod"),
+    "sensor_not_a_number": lambda b: setattr(b, "shown", lambda a, w: (math.nan, w)),
+    "sensor_out_of_range": lambda b: setattr(b, "shown", lambda a, w: (a + 3.0, w)),
+    "sensors_disagree": lambda b: setattr(b, "shown", lambda a, w, held=b.angle: (held, w)),
+    "emergency_stop": lambda b: b.loop.emergency_stop(True, b.now),
+    "emergency_stop by service": lambda b: b.loop.stop_now(b.now),
+    "missed_deadlines": lambda b: setattr(b, "now", b.now + 0.045 + TS),
+    "pressure_limit": lambda b: setattr(b, "hose", 4e7),
+    "divergence": lambda b: setattr(b, "push", -0.7),
+    "load_not_held": lambda b: setattr(b.loop._controller, "reason", "2000 kg cannot be held"),
+    "currents_not_followed": lambda b: setattr(b, "dead_solenoids", True),
+    "configuration_changed": lambda b: b.loop.configuration_changes(b.now),
+}
+
+
+@pytest.mark.parametrize("fault", SENSOR_FAULTS)
+def test_every_fault_in_motion_ends_with_zero_currents_in_time_and_its_reason(boom: Boom, fault: str) -> None:
+    lifting(boom)
+    s = boom.loop.supervision.settings
+    SENSOR_FAULTS[fault](boom)
+    found = boom.until(State.STOPPING) if boom.loop.supervision.state is State.TRACK else 0.0
+    assert boom.loop.supervision.finding is not None
+    assert boom.loop.supervision.finding.reason == fault.split()[0]
+    assert found <= {"sensors_disagree": 0.5, "divergence": 1.0, "currents_not_followed": s.current_timeout + 0.1}.get(
+        fault, 0.11
+    )
+    before = max(boom.last.retract, boom.last.extend)
+    taken = boom.until(State.STOPPED)
+    assert (
+        taken
+        <= (s.longest_stop if fault in ("pressure_limit", "configuration_changed") else 0.0) + s.current_ramp + 0.02
+    )
+    steps = [abs(b.extend - a.extend) for a, b in zip(boom.cycles[-12:], boom.cycles[-11:], strict=False)]
+    assert max(steps) <= max(before, 0.05) * 0.25
+    assert (boom.last.retract, boom.last.extend) == (0.0, 0.0)
+    assert boom.last.status == "stopped"
+    assert fault.split()[0] in boom.last.reason
+    boom.run(0.3)
+    assert (boom.last.state, boom.last.retract, boom.last.extend) == (State.STOPPED, 0.0, 0.0)
+
+
+def test_speed_beyond_the_limit_stops(boom: Boom) -> None:
+    lifting(boom)
+    boom.loop.change(supervision=replace(SupervisionSettings(), largest_rate=0.1))
+    boom.until(State.STOPPED)
+    assert "speed_limit" in boom.last.reason
+
+
+def test_beyond_an_angle_limit_the_boom_is_stopped(boom: Boom) -> None:
+    boom.loop.change(supervision=SupervisionSettings(lowest_angle=0.28))
+    boom.wanted = lambda _: 0.3
+    boom.run(0.5)
+    boom.push = -0.5
+    boom.until(State.STOPPING)
+    assert boom.loop.supervision.finding is not None
+    assert boom.loop.supervision.finding.reason == "angle_limit"
+
+
+def test_after_a_stop_a_reference_moves_nothing_until_it_is_resumed(boom: Boom) -> None:
+    lifting(boom)
+    boom.loop.emergency_stop(True, boom.now)
+    boom.until(State.STOPPED)
+    assert not boom.loop.resume(boom.now)[0]
+    boom.loop.emergency_stop(False, boom.now)
+    held = boom.angle
+    boom.wanted = lambda _: held
+    boom.run(0.5)
+    assert boom.last.state is State.STOPPED
+    with pytest.raises(TrajectoryError, match="resume"):
+        boom.loop.start([Point(1.0, 0.6, 0.0)], boom.now)
+    assert boom.loop.resume(boom.now)[0]
+    boom.run(0.1)
+    assert boom.last.state is State.TRACK
+
+
+def test_a_new_pose_counts_after_the_stop_that_it_causes(boom: Boom) -> None:
+    lifting(boom)
+    pose = boom.machine.pose(0.28, 2.2, 300.0)
+    with pytest.raises(ControlError, match="moves"):
+        boom.loop.configure(boom.machine, pose)
+    boom.loop.configuration_changes(boom.now)
+    boom.until(State.STOPPED)
+    boom.loop.configure(boom.machine, pose)
+    boom.period()
+    assert boom.loop.resume(boom.now)[0]
+    assert boom.loop.configuration == (boom.machine, pose)
+
+
+def test_at_rest_a_new_configuration_is_no_reason_to_stop(boom: Boom) -> None:
+    boom.loop.configuration_changes(boom.now)
+    assert boom.period().state is State.IDLE
+
+
+def endings(boom: Boom) -> list[tuple[int, Code, str]]:
+    return [(number, e.code, e.text) for cycle in boom.cycles for number, e in cycle.endings]
+
+
+def test_a_trajectory_is_followed_to_its_goal_and_held_there(boom: Boom) -> None:
+    number = boom.loop.start([Point(2.0, 0.6, 0.0, 0.0)], boom.now)
+    boom.run(3.0)
+    assert endings(boom) == [(number, Code.SUCCESSFUL, "")]
+    assert boom.last.state is State.HOLD
+    assert boom.angle == pytest.approx(0.6, abs=1e-3)
+
+
+def test_leaving_the_path_aborts_and_holds(boom: Boom) -> None:
+    boom.loop.start([Point(2.0, 0.6, 0.0)], boom.now, tolerances=Tolerances(0.03, 0.01, 1.0))
+    boom.run(0.7)
+    boom.push = -0.5
+    boom.run(0.3)
+    boom.push = 0.0
+    boom.run(1.0)
+    assert [code for _, code, _ in endings(boom)] == [Code.PATH_TOLERANCE_VIOLATED]
+    assert boom.last.state is State.HOLD
+    assert abs(boom.rate) < 1e-3
+
+
+def test_a_goal_that_is_not_reached_in_time_is_told(boom: Boom) -> None:
+    boom.push = 0.1  # what the law leaves over: 0.1 / 8 rad
+    boom.loop.start([Point(0.0, 0.3, 0.0), Point(1.0, 0.3, 0.0)], boom.now, tolerances=Tolerances(None, 0.005, 0.5))
+    boom.run(1.45)
+    assert endings(boom) == []
+    boom.run(0.2)
+    assert [code for _, code, _ in endings(boom)] == [Code.GOAL_TOLERANCE_VIOLATED]
+    assert boom.last.state is State.HOLD
+
+
+def test_cancel_comes_to_rest_without_a_jump_and_holds(boom: Boom) -> None:
+    number = boom.loop.start([Point(2.0, 0.7, 0.0)], boom.now)
+    boom.run(1.0)
+    rate = boom.rate
+    assert boom.loop.cancel(number)
+    assert not boom.loop.cancel(number)
+    boom.period()
+    assert boom.rate == pytest.approx(rate, abs=0.05)
+    boom.run(1.0)
+    assert boom.last.state is State.HOLD
+    assert abs(boom.rate) < 1e-3
+
+
+def test_a_new_trajectory_replaces_the_old_one_without_a_jump(boom: Boom) -> None:
+    first = boom.loop.start([Point(2.0, 0.7, 0.0)], boom.now)
+    boom.run(1.0)
+    rate = boom.rate
+    second = boom.loop.start([Point(2.0, 0.4, 0.0)], boom.now)
+    boom.period()
+    assert boom.rate == pytest.approx(rate, abs=0.05)
+    boom.run(3.5)
+    assert [(n, c) for n, c, _ in endings(boom)] == [(first, Code.INVALID_GOAL), (second, Code.SUCCESSFUL)]
+    assert boom.angle == pytest.approx(0.4, abs=1e-3)
+
+
+def test_a_trajectory_on_its_way_goes_before_a_stream(boom: Boom) -> None:
+    boom.loop.start([Point(1.0, 0.4, 0.0)], boom.now)
+    boom.wanted = lambda _: 0.3
+    boom.run(0.9)
+    assert boom.angle > 0.37
+
+
+def test_a_stop_aborts_the_trajectory_with_its_reason(boom: Boom) -> None:
+    boom.loop.start([Point(2.0, 0.7, 0.0)], boom.now)
+    boom.run(0.5)
+    boom.loop.emergency_stop(True, boom.now)
+    boom.run(0.3)
+    (ending,) = endings(boom)
+    assert ending[1] is Code.INVALID_GOAL and "emergency" in ending[2]
+
+
+def test_stamped_trajectories_begin_at_their_time(boom: Boom) -> None:
+    boom.loop.start([Point(0.0, 0.3, 0.0), Point(1.0, 0.5, 0.0)], boom.now, begin=boom.now - 90.0 + 0.5)
+    boom.run(0.5)
+    assert boom.angle == pytest.approx(0.3, abs=1e-6)
+    boom.run(1.2)
+    assert boom.angle == pytest.approx(0.5, abs=1e-3)
+    with pytest.raises(TrajectoryError) as caught:
+        boom.loop.start([Point(1.0, 0.5, 0.0)], boom.now, begin=boom.now - 95.0)
+    assert caught.value.code is Code.OLD_HEADER_TIMESTAMP
+
+
+def test_before_sensors_and_configuration_are_there_references_are_refused(
+    machine: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(control_loop, "make_controller", lambda mode, *_: Law(mode))
+    loop = ControlLoop("improved", Settings(), SupervisionSettings())
+    with pytest.raises(TrajectoryError, match="machine_configuration"):
+        loop.start([Point(1.0, 0.3)], 0.0)
+    loop.configure(machine, machine.pose(0.28, 2.2))
+    with pytest.raises(TrajectoryError, match="no angle yet"):
+        loop.start([Point(1.0, 0.3)], 0.0)
+    loop.stream(0.3, 0.0)
+    cycle = loop.cycle(0.0)
+    assert cycle.state is State.IDLE
+    assert (cycle.status, cycle.retract, cycle.extend) == ("warning", 0.0, 0.0)
+
+
+def test_another_control_law_takes_over_without_a_jump(boom: Boom) -> None:
+    lifting(boom)
+    boom.loop.change(mode="baseline")
+    before = boom.last.extend
+    boom.period()
+    assert abs(boom.last.extend - before) < 0.02
+    boom.run(1.0)
+    assert boom.loop.mode == "baseline"
+    assert boom.last.state is State.TRACK
+
+
+def test_two_late_samples_make_one_cycle_and_a_missing_one_is_not_waited_for(boom: Boom) -> None:
+    loop, now = boom.loop, boom.now
+    stamp = now - 90.0
+    loop.joint(0.3, 0.0, stamp, now)
+    assert not loop.due(now)
+    loop.hose_pressure(8e6, stamp, now)
+    loop.rod_pressure(1e6, stamp, now)
+    assert loop.due(now)
+    loop.cycle(now)
+    assert not loop.due(now)
+    assert not loop.overdue(now + 0.012)
+    loop.joint(0.3, 0.0, stamp + TS, now + TS)
+    assert loop.overdue(now + 0.0135)
+    assert loop.overdue(now + 0.018)
+
+
+def test_deactivation_gives_the_last_currents_to_be_ramped(boom: Boom) -> None:
+    lifting(boom)
+    extend = boom.last.extend
+    assert boom.loop.drop() == (0.0, pytest.approx(extend))
+    assert boom.loop.supervision.state is State.IDLE

@@ -1,0 +1,112 @@
+"""Planned motions: what is made of their points, and what is refused."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+
+from boom_controller.controller import Reference
+from boom_controller.joint_trajectory import SETTLING, Bounds, Code, JointTrajectory, Point, TrajectoryError, plan
+from boom_controller.polynomial import Polynomial, cubic, quintic, to_rest
+
+BOUNDS = Bounds(-0.02, 1.5, 0.6, 0.05)
+REST = Reference(0.3)
+
+
+def planned(*points: Point, present: Reference = REST, measured: float = 0.3) -> JointTrajectory:
+    return plan(points, present, measured, BOUNDS)
+
+
+def test_a_quintic_has_what_was_asked_for_at_both_ends() -> None:
+    piece = quintic((0.1, 0.2, -0.3), (0.5, -0.1, 0.4), 1.7)
+    begin, end = piece.at(0.0), piece.at(1.7)
+    assert (begin.angle, begin.rate, begin.acceleration) == pytest.approx((0.1, 0.2, -0.3))
+    assert (end.angle, end.rate, end.acceleration) == pytest.approx((0.5, -0.1, 0.4))
+
+
+def test_a_cubic_has_angle_and_rate_at_both_ends() -> None:
+    piece = cubic((0.1, 0.2), (0.5, -0.1), 0.8)
+    assert (piece.at(0.8).angle, piece.at(0.8).rate) == pytest.approx((0.5, -0.1))
+    assert (piece.at(0.0).angle, piece.at(0.0).rate) == pytest.approx((0.1, 0.2))
+
+
+def test_derivatives_are_those_of_the_polynomial() -> None:
+    piece, h = Polynomial(0.3, -0.2, 0.5, 0.7, -0.4, 0.1), 1e-5
+    before, here, behind = piece.at(0.9 - h), piece.at(0.9), piece.at(0.9 + h)
+    assert here.rate == pytest.approx((behind.angle - before.angle) / (2 * h), rel=1e-6)
+    assert here.acceleration == pytest.approx((behind.rate - before.rate) / (2 * h), rel=1e-6)
+    assert here.jerk == pytest.approx((behind.acceleration - before.acceleration) / (2 * h), rel=1e-6)
+
+
+def test_the_ramp_to_rest_ends_at_rest_with_the_stated_way_and_deceleration() -> None:
+    ramp = to_rest(Reference(0.2, 0.4), 0.5)
+    end = ramp.at(0.5)
+    assert (end.rate, end.acceleration) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert end.angle == pytest.approx(0.2 + 0.4 * 0.5 / 2)
+    assert max(-ramp.at(0.005 * k).acceleration for k in range(101)) == pytest.approx(1.5 * 0.4 / 0.5, rel=1e-3)
+
+
+def test_accelerations_make_quintics_rates_alone_cubics() -> None:
+    quintics = planned(Point(0.0, 0.3, 0.0, 0.0), Point(1.0, 0.4, 0.1, 0.2), Point(2.0, 0.5, 0.0, 0.0))
+    cubics = planned(Point(0.0, 0.3, 0.0), Point(1.0, 0.4, 0.1), Point(2.0, 0.5, 0.0))
+    for piece in (quintics, cubics):
+        assert piece.at(1.0).rate == pytest.approx(0.1)
+        assert not piece.smoothed
+        assert piece.duration == 2.0
+    assert quintics.at(1.0 - 1e-9).acceleration == pytest.approx(0.2)
+    assert abs(cubics.at(1.0 - 1e-9).acceleration - cubics.at(1.0).acceleration) > 0.01
+
+
+def test_angles_alone_make_straight_lines_for_the_trajectory_generator() -> None:
+    lines = planned(Point(0.0, 0.3), Point(1.0, 0.5), Point(2.0, 0.5))
+    assert lines.smoothed
+    assert lines.at(0.25).angle == pytest.approx(0.35)
+    assert lines.duration == pytest.approx(2.0 + SETTLING)
+
+
+def test_a_first_point_later_than_zero_is_reached_from_the_present_motion() -> None:
+    moving = Reference(0.3, 0.2, 0.1)
+    trajectory = planned(Point(1.0, 0.5, 0.0, 0.0), present=moving)
+    begin = trajectory.at(0.0)
+    assert (begin.angle, begin.rate, begin.acceleration) == pytest.approx((0.3, 0.2, 0.1))
+
+
+def test_before_its_start_and_behind_its_end_a_trajectory_stands_still() -> None:
+    trajectory = planned(Point(0.0, 0.3, 0.1), Point(1.0, 0.4, 0.0))
+    assert trajectory.at(-0.5) == Reference(0.3)
+    assert trajectory.at(7.0) == Reference(0.4)
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        ([], "no points"),
+        ([Point(0.0, 0.3), Point(0.0, 0.4)], "ascend"),
+        ([Point(-1.0, 0.3), Point(0.0, 0.4)], "ascend"),
+        ([Point(1.0, math.nan)], "not finite"),
+        ([Point(1.0, 0.4, math.inf)], "not finite"),
+        ([Point(1.0, 0.4, 0.0), Point(2.0, 0.5)], "other fields"),
+        ([Point(1.0, 0.4, None, 0.0)], "no rate"),
+        ([Point(1.0, 0.4, 0.2)], "rate of 0"),
+        ([Point(0.0, 0.6), Point(4.0, 0.5)], "away from the boom"),
+        ([Point(9.0, 1.6)], "moves between"),
+        ([Point(0.2, 0.9)], "at most 0.6 rad/s"),
+        ([Point(0.6, 0.55, 0.0)], "at most 0.6 rad/s"),
+    ],
+)
+def test_what_cannot_be_followed_is_refused_with_the_reason(points: list[Point], words: str) -> None:
+    with pytest.raises(TrajectoryError, match=words) as caught:
+        planned(*points)
+    assert caught.value.code is Code.INVALID_GOAL
+    assert "\n" not in str(caught.value)
+
+
+def test_angle_and_rate_go_on_across_the_points() -> None:
+    trajectory = planned(Point(0.0, 0.3, 0.0, 0.0), Point(0.8, 0.4, 0.1, -0.2), Point(2.0, 0.45, 0.0, 0.0))
+    samples = [trajectory.at(0.001 * k) for k in range(2100)]
+    for a, b in itertools.pairwise(samples):
+        assert abs(b.angle - a.angle) < 1e-3
+        assert abs(b.rate - a.rate) < 5e-3
+        assert abs(b.acceleration - a.acceleration) < 5e-2

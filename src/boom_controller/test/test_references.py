@@ -1,0 +1,118 @@
+"""The reference never jumps, whatever it comes from."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+
+from boom_controller.controller import Reference
+from boom_controller.joint_trajectory import Bounds, Point, plan
+from boom_controller.references import References
+from boom_controller.trajectory_generator import TrajectoryGenerator
+
+TS = 0.01
+BOUNDS = Bounds(-1.0, 2.0, 2.0, 0.1)
+
+
+def references(angle: float = 0.3) -> References:
+    made = References(TrajectoryGenerator(-10.0, TS), TS, deceleration=1.5, fastest=0.6, blend=0.4)
+    made.reset(angle, 0.0)
+    return made
+
+
+def run(made: References, begin: int, end: int) -> list[Reference]:
+    return [made.advance(TS * k) for k in range(begin, end)]
+
+
+def smooth(samples: list[Reference]) -> bool:
+    """Each sample follows from the one before it: angle from the rate, rate from the acceleration; no jump."""
+    return all(
+        abs(b.angle - a.angle - 0.5 * TS * (a.rate + b.rate)) < 2e-4
+        and abs(b.rate - a.rate - 0.5 * TS * (a.acceleration + b.acceleration)) < 3e-3
+        for a, b in itertools.pairwise(samples)
+    )
+
+
+def test_a_stream_goes_through_the_generator_exactly() -> None:
+    made, alone = references(), TrajectoryGenerator(-10.0, TS)
+    alone.reset(0.3)
+    for k in range(1, 200):
+        wanted = 0.3 + 0.1 * math.sin(0.02 * k)
+        made.stream(wanted)
+        reference = made.advance(TS * k)
+        assert reference.angle == pytest.approx(alone.step(wanted).angle, abs=1e-9)
+
+
+def test_a_jump_of_the_stream_is_followed_no_faster_than_allowed() -> None:
+    made = references()
+    made.stream(1.3)
+    samples = run(made, 1, 400)
+    assert max(sample.rate for sample in samples) <= 0.6 + 1e-9
+    assert samples[-1].angle == pytest.approx(1.3, abs=1e-3)
+    assert smooth(samples)
+
+
+def test_missed_cycles_do_not_slow_the_stream_down() -> None:
+    whole, holes = references(), references()
+    for k in range(1, 101):
+        whole.stream(0.3 + 0.002 * k)
+        whole.advance(TS * k)
+        if k % 3 == 0 or k == 100:
+            holes.stream(0.3 + 0.002 * k)
+            holes.advance(TS * k)
+    assert holes.present.angle == pytest.approx(whole.present.angle, abs=5e-3)
+    assert holes.present.rate == pytest.approx(whole.present.rate, rel=0.05)
+
+
+def test_to_rest_from_a_motion_is_bounded_and_ends_still() -> None:
+    made = references()
+    made.stream(0.9)
+    samples = run(made, 1, 60)
+    made.rest()
+    samples += run(made, 60, 200)
+    assert smooth(samples)
+    assert made.resting
+    assert samples[-1].rate == 0.0
+    assert min(sample.acceleration for sample in samples) >= -1.5 * 1.5
+
+
+def test_a_trajectory_that_replaces_another_in_motion_does_not_jump() -> None:
+    made = references()
+    first = plan([Point(2.0, 0.8, 0.0, 0.0)], made.present, 0.3, BOUNDS)
+    made.start(first, 0.0)
+    samples = run(made, 1, 100)
+    other = plan([Point(0.0, samples[-1].angle, 0.0, 0.0), Point(3.0, 0.4, 0.0, 0.0)], made.present, 0.55, BOUNDS)
+    made.start(other, 1.0)
+    samples += run(made, 100, 500)
+    assert smooth(samples)
+    assert samples[-1].angle == pytest.approx(0.4)
+
+
+def test_straight_lines_become_smooth_and_arrive() -> None:
+    made = references()
+    lines = plan([Point(1.0, 0.6), Point(2.0, 0.4)], made.present, 0.3, BOUNDS)
+    made.start(lines, 0.0)
+    samples = run(made, 1, 400)
+    assert smooth(samples)
+    assert samples[-1].angle == pytest.approx(0.4, abs=1e-4)
+
+
+def test_from_a_stream_in_motion_to_a_trajectory_and_back_nothing_jumps() -> None:
+    made = references()
+    made.stream(0.5)
+    samples = run(made, 1, 40)
+    made.start(plan([Point(1.0, 0.5, 0.0)], made.present, 0.4, BOUNDS), 0.39)
+    samples += run(made, 40, 90)
+    made.stream(0.45)
+    samples += run(made, 90, 300)
+    assert smooth(samples)
+    assert samples[-1].angle == pytest.approx(0.45, abs=1e-3)
+
+
+def test_a_trajectory_waits_for_its_start() -> None:
+    made = references()
+    made.start(plan([Point(0.0, 0.3, 0.0), Point(1.0, 0.5, 0.0)], made.present, 0.3, BOUNDS), 0.5)
+    assert run(made, 1, 50)[-1].angle == pytest.approx(0.3)
+    assert run(made, 50, 160)[-1].angle == pytest.approx(0.5)

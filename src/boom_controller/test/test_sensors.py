@@ -1,0 +1,83 @@
+"""Samples that are not to be believed, and sensors that fall silent."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from boom_controller.sensors import Agreement, Range, Sensor
+
+
+def sensor() -> Sensor:
+    return Sensor("hose pressure", (Range("hose pressure", "Pa", -1e5, 6e7),))
+
+
+def test_a_sensor_that_never_came_counts_as_gone() -> None:
+    finding = sensor().finding(0.0, 0.05, 3)
+    assert finding is not None
+    assert finding.reason == "sensor_old"
+    assert "no hose pressure yet" in finding.text
+
+
+def test_a_good_sample_grows_old() -> None:
+    made = sensor()
+    assert made.take((5e6,), 1.0, 10.0)
+    assert made.finding(10.045, 0.05, 3) is None
+    finding = made.finding(10.06, 0.05, 3)
+    assert finding is not None and "60 ms old" in finding.text
+
+
+def test_the_same_stamp_again_makes_nothing_younger() -> None:
+    made = sensor()
+    made.take((5e6,), 1.0, 10.0)
+    assert not made.take((5e6,), 1.0, 10.5)
+    assert made.finding(10.5, 0.05, 3) is not None
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [(math.nan, "sensor_not_a_number"), (math.inf, "sensor_not_a_number"), (9e7, "sensor_out_of_range")],
+)
+def test_one_bad_sample_is_left_out_and_three_in_a_row_are_a_reason(value: float, reason: str) -> None:
+    made = sensor()
+    made.take((5e6,), 1.0, 10.0)
+    for k in range(2):
+        assert not made.take((value,), 1.01 + 0.01 * k, 10.01 + 0.01 * k)
+    assert made.values == (5e6,)
+    assert made.finding(10.02, 0.05, 3) is None
+    made.take((value,), 1.03, 10.03)
+    finding = made.finding(10.03, 0.05, 3)
+    assert finding is not None and finding.reason == reason
+    made.take((5e6,), 1.04, 10.04)
+    assert made.finding(10.04, 0.05, 3) is None
+
+
+def drive(agreement: Agreement, rates: np.ndarray, shown: np.ndarray, measured: np.ndarray) -> float:
+    """Largest |r| while angle and rate are shown as given."""
+    return max(abs(agreement.update(0.01 * k, a, w)) for k, (a, w) in enumerate(zip(shown, measured, strict=True)))
+
+
+def test_noisy_sensors_that_agree_do_not_drift_apart() -> None:
+    rng = np.random.default_rng(0)
+    t = np.arange(6000) * 0.01
+    rate = 0.35 * np.cos(1.3 * t)
+    angle = 0.4 + 0.35 / 1.3 * np.sin(1.3 * t)
+    quantum = 2 * math.pi / 2**14
+    worst = drive(Agreement(), rate, np.round(angle / quantum) * quantum, rate + rng.normal(0, 1.5e-3, len(t)))
+    assert worst < 0.005
+
+
+def test_a_frozen_angle_and_a_dead_gyro_are_found_while_the_boom_moves() -> None:
+    t = np.arange(300) * 0.01
+    rate = np.full(300, 0.2)
+    angle = 0.3 + 0.2 * t
+    assert drive(Agreement(), rate, np.full(300, 0.3), rate) > 0.05
+    assert drive(Agreement(), rate, angle, np.zeros(300)) > 0.05
+    assert drive(Agreement(), rate, angle, -rate) > 0.1
+
+
+def test_a_gyro_that_is_five_percent_off_is_no_reason() -> None:
+    t = np.arange(600) * 0.01
+    assert drive(Agreement(), t, 0.3 + 0.3 * t, np.full(600, 0.3 * 1.05)) < 0.05

@@ -1,0 +1,376 @@
+"""The controller and the simulated crane as processes in real time: every reason to stop, the action, parameters in motion.
+
+What is timed is counted in cycles of the controller, so that a busy computer cannot fail a test. Limits of time are wide for the
+same reason; what they are by default is held by the tests of the core.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from typing import Any
+
+import pytest
+import rclpy
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.action import ActionClient
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, QoSReliabilityPolicy
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from boom_controller.reasons import REASONS
+from boom_interfaces.action import TrackTrajectory
+from boom_interfaces.msg import ControllerState, MachineConfiguration, SolenoidCurrents
+from boom_interfaces.srv import SetPayload
+from boom_node import qos
+from boom_node.stamps import seconds_to_ns, set_ns
+
+pytestmark = pytest.mark.process
+PATIENCE = 60.0
+DOMAIN = 10 + os.getpid() % 45 * 2
+JOINT = "inner_boom_joint"
+WIDE = {
+    "sensor_timeout": 0.5, "longest_cycle": 1.0, "most_missed": 100, "reference_timeout": 5.0, "current_timeout": 2.0,
+    "start_tolerance": 0.5, "persistence": 0.0,
+}  # fmt: skip
+MANY = QoSProfile(depth=2000, reliability=QoSReliabilityPolicy.BEST_EFFORT)
+
+
+class Rig:
+    """Both processes, and a partner that watches and disturbs."""
+
+    def __init__(self, mode: str = "baseline", domain: int = DOMAIN, effects: str = "") -> None:
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = rclpy.create_node("operator", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.states: list[ControllerState] = []
+        self.command = SolenoidCurrents()
+        subscribe, publish = self.node.create_subscription, self.node.create_publisher
+        subscribe(ControllerState, "/boom/controller_state", self.states.append, MANY)
+        subscribe(SolenoidCurrents, "/boom/current_command", self._on_command, 10)
+        self.joints = publish(JointState, "/joint_states", qos.SENSOR_DATA)
+        self.hose = publish(FluidPressure, "/boom/hose_pressure", qos.SENSOR_DATA)
+        self.rod = publish(FluidPressure, "/boom/rod_pressure", qos.SENSOR_DATA)
+        self.currents = publish(SolenoidCurrents, "/boom/solenoid_currents", qos.SENSOR_DATA)
+        self.configuration = publish(MachineConfiguration, "/boom/machine_configuration", qos.LATCHED)
+        self.stop = publish(Bool, "/boom/emergency_stop", qos.LATCHED)
+        self.trajectory = publish(JointTrajectory, "/boom/joint_trajectory", qos.EVENTS)
+        self.reference = publish(JointState, "/boom/reference", qos.LATEST)
+        self.action = ActionClient(self.node, TrackTrajectory, "/boom_controller/track_trajectory")
+        self.clients: dict[str, Any] = {}
+        self.shown: dict[str, float] | None = None
+        self.node.create_timer(0.01, self._show)
+        environment = dict(os.environ, ROS_DOMAIN_ID=str(domain))
+        parameters = {**WIDE, "mode": mode}
+        given = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+        programs = {
+            "boom_sim.simulation_node": ["-p", "sensors:=ideal", *(["-p", f"effects:={effects}"] if effects else [])],
+            "boom_controller.controller_node": given,
+        }
+        self.processes = [
+            subprocess.Popen([sys.executable, "-m", module, "--ros-args", *words], env=environment)
+            for module, words in programs.items()
+        ]
+        self.until(lambda: self.states and self.states[-1].status == "ok")
+
+    def _on_command(self, message: SolenoidCurrents) -> None:
+        self.command = message
+
+    def _show(self) -> None:
+        """In place of the paused simulation: sensors that show what the test wants."""
+        if self.shown is None:
+            return
+        now = self.node.get_clock().now().to_msg()
+        joint = JointState(name=[JOINT], position=[self.shown["angle"]], velocity=[self.shown["rate"]])
+        joint.header.stamp = now
+        self.joints.publish(joint)
+        for topic, name in ((self.hose, "hose"), (self.rod, "rod")):
+            pressure = FluidPressure(fluid_pressure=self.shown[name] + 101_325.0)
+            pressure.header.stamp = now
+            topic.publish(pressure)
+        currents = SolenoidCurrents()
+        currents.header.stamp = now
+        self.currents.publish(currents)
+
+    def until(self, done: Callable[[], Any]) -> None:
+        end = time.monotonic() + PATIENCE
+        while not done():
+            assert time.monotonic() < end, f"did not happen; last state: {self.states[-1:]}"
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def call(self, kind: Any, name: str, request: Any) -> Any:
+        client = self.clients.get(name) or self.clients.setdefault(name, self.node.create_client(kind, name))
+        self.until(client.service_is_ready)
+        future = client.call_async(request)
+        self.until(future.done)
+        return future.result()
+
+    def set(self, **parameters: Any) -> list[Any]:
+        kinds = {
+            bool: (1, "bool_value"),
+            int: (2, "integer_value"),
+            float: (3, "double_value"),
+            str: (4, "string_value"),
+        }
+        request = SetParameters.Request()
+        for name, value in parameters.items():
+            kind, field = kinds[type(value)]
+            request.parameters.append(Parameter(name=name, value=ParameterValue(type=kind, **{field: value})))
+        return list(self.call(SetParameters, "/boom_controller/set_parameters", request).results)
+
+    def pause(self, wanted: bool) -> None:
+        assert self.call(SetBool, "/boom_simulation/pause", SetBool.Request(data=wanted)).success
+
+    def show(self, **changed: float) -> None:
+        """The simulation pauses; its last values go on, but for what is changed."""
+        last = self.states[-1]
+        self.pause(True)
+        self.shown = {
+            "angle": last.angle, "rate": last.rate, "hose": last.hose_pressure, "rod": last.rod_pressure, **changed
+        }  # fmt: skip
+
+    def heal(self) -> None:
+        """All as it was at the beginning, at rest, ready."""
+        self.shown = None
+        self.set(largest_rate=0.6, largest_pressure=3.5e7, largest_angle_error=0.2, highest_angle=3.2, **WIDE)
+        self.configuration.publish(
+            MachineConfiguration(machine="tz17", outer_boom_angle=0.28, telescope_length=2.2, load_mass=0.0)
+        )
+        self.stop.publish(Bool(data=False))
+        self.call(SetPayload, "/boom_simulation/set_payload", SetPayload.Request(mass=0.0))
+        self.trajectory.publish(JointTrajectory(joint_names=[JOINT]))  # no points: hold
+        self.call(Trigger, "/boom_controller/emergency_stop", Trigger.Request())
+        self.pause(False)
+        assert self.call(Trigger, "/boom_simulation/reset", Trigger.Request()).success
+        self.until(lambda: self.call(Trigger, "/boom_controller/resume", Trigger.Request()).success)
+        self.until(lambda: self.states[-1].mode == "idle" and self.states[-1].status == "ok")
+        self.until(lambda: abs(self.states[-1].angle - 0.3) < 0.01)
+
+    def lift(self) -> None:
+        """Slowly upwards, far enough for any test."""
+        self.trajectory.publish(path([(6.0, self.states[-1].angle + 0.5)]))
+        self.until(lambda: self.states[-1].mode == "track" and self.states[-1].rate > 0.03)
+        self.states.clear()
+        self.until(lambda: self.states)
+
+    def stopped(self, reason: str) -> None:
+        """Waits for the stop; checks its reason and how many cycles it took until the currents were zero."""
+        self.until(lambda: self.states[-1].mode == "stopped" and self.command.extend == 0.0)
+        stopping = [s for s in self.states if s.mode == "stopping"]
+        longest = 1.5 + 0.1 if REASONS[reason].reaction == "reference" else 0.1
+        assert len(stopping) <= longest / 0.01 + 3
+        last = self.states[-1]
+        assert last.status == "stopped"
+        assert last.reason.startswith(f"{reason}: ")
+        assert (last.current_retract, last.current_extend) == (0.0, 0.0)
+        # the ramp is bounded: no step of more than what was there, spread over the ramp, and some late cycles
+        currents = [s.current_extend + s.current_retract for s in stopping]
+        if len(currents) > 6:
+            assert min(currents) < 0.6 * max(currents)
+
+    def close(self) -> None:
+        for process in reversed(self.processes):
+            with contextlib.suppress(ProcessLookupError):
+                process.send_signal(signal.SIGCONT)
+            process.kill()
+            process.wait(PATIENCE)
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+
+def path(points: list[tuple[float, float]], joint: str = JOINT) -> JointTrajectory:
+    message = JointTrajectory(joint_names=[joint])
+    for when, angle in points:
+        point = JointTrajectoryPoint(positions=[angle], velocities=[0.0], accelerations=[0.0])
+        set_ns(point.time_from_start, seconds_to_ns(when))
+        message.points.append(point)
+    return message
+
+
+def test_a_load_that_the_supply_cannot_hold_stops_the_boom_and_says_so() -> None:
+    weak = Rig("improved", DOMAIN + 1, "'{pump_flow_limit: {inverse_q_max: 60000.0}}'")
+    try:
+        weak.set(largest_angle_error=1.0)
+        weak.trajectory.publish(path([(6.0, 0.8)]))
+        weak.stopped("load_not_held")
+        assert "cannot be held" in weak.states[-1].reason
+    finally:
+        weak.close()
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[Rig]:
+    made = Rig()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def rig(running: Rig) -> Rig:
+    running.heal()
+    return running
+
+
+def reconfigure(rig: Rig) -> None:
+    rig.configuration.publish(
+        MachineConfiguration(machine="tz17", outer_boom_angle=0.28, telescope_length=2.8, load_mass=0.0)
+    )
+
+
+def stand_still(rig: Rig) -> None:
+    rig.set(longest_cycle=0.2)
+    controller = rig.processes[1]
+    controller.send_signal(signal.SIGSTOP)
+    begin = time.monotonic()
+    rig.until(lambda: time.monotonic() - begin > 0.3)
+    controller.send_signal(signal.SIGCONT)
+
+
+def overload(rig: Rig) -> None:
+    rig.set(largest_angle_error=0.01)
+    rig.call(SetPayload, "/boom_simulation/set_payload", SetPayload.Request(mass=2000.0))
+
+
+FAULTS: dict[str, Callable[[Rig], Any]] = {
+    "emergency_stop": lambda rig: rig.stop.publish(Bool(data=True)),
+    "emergency_stop by service": lambda rig: rig.call(Trigger, "/boom_controller/emergency_stop", Trigger.Request()),
+    "sensor_old": lambda rig: rig.pause(True),
+    "sensor_not_a_number": lambda rig: rig.show(hose=math.nan),
+    "sensor_out_of_range": lambda rig: rig.show(angle=4.0),
+    "sensors_disagree": lambda rig: rig.show(rate=0.4),
+    "angle_limit": lambda rig: rig.set(highest_angle=rig.states[-1].angle),
+    "speed_limit": lambda rig: rig.set(largest_rate=0.05),
+    "pressure_limit": lambda rig: rig.set(largest_pressure=1.0e6),
+    "missed_deadlines": stand_still,
+    "divergence": overload,
+    "currents_not_followed": lambda rig: (rig.set(current_timeout=0.05), rig.show(rate=0.0)),
+    "configuration_changed": reconfigure,
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_every_reason_stops_a_moving_boom_and_only_resume_lets_it_go_on(rig: Rig, fault: str) -> None:
+    rig.lift()
+    FAULTS[fault](rig)
+    rig.stopped(fault.split()[0])
+    rig.trajectory.publish(path([(2.0, 0.35)]))
+    count = len(rig.states)
+    rig.until(lambda: len(rig.states) > count + 20)
+    assert rig.states[-1].mode == "stopped"
+
+
+def goal(rig: Rig, message: JointTrajectory, **tolerances: float) -> tuple[Any, list[Any]]:
+    """Sends a goal; returns its handle and the feedback to come."""
+    rig.until(rig.action.server_is_ready)
+    feedback: list[Any] = []
+    request = TrackTrajectory.Goal(trajectory=message, **tolerances)
+    future = rig.action.send_goal_async(request, feedback_callback=lambda m: feedback.append(m.feedback))
+    rig.until(future.done)
+    return future.result(), feedback
+
+
+def ended(rig: Rig, handle: Any) -> Any:
+    future = handle.get_result_async()
+    rig.until(future.done)
+    return future.result().result
+
+
+def test_a_goal_is_tracked_with_feedback_and_succeeds_within_its_tolerances(rig: Rig) -> None:
+    handle, feedback = goal(rig, path([(1.0, 0.35)]), path_tolerance=0.1, goal_tolerance=0.01, goal_time_tolerance=20.0)
+    result = ended(rig, handle)
+    assert (result.error_code, result.error_string) == (result.SUCCESSFUL, "")
+    assert 0.0 < result.max_error < 0.1
+    assert feedback
+    assert feedback[-1].error_angle == pytest.approx(feedback[-1].desired_angle - feedback[-1].actual_angle)
+    rig.until(lambda: rig.states[-1].mode == "hold")
+    assert rig.states[-1].reference_angle == pytest.approx(0.35)
+
+
+def test_a_cancelled_goal_comes_to_rest_and_is_held(rig: Rig) -> None:
+    handle, _ = goal(rig, path([(6.0, 0.8)]))
+    rig.until(lambda: rig.states[-1].rate > 0.03)
+    future = handle.cancel_goal_async()
+    rig.until(future.done)
+    assert "cancelled" in ended(rig, handle).error_string
+    rig.until(lambda: rig.states[-1].mode == "hold" and rig.states[-1].reference_rate == 0.0)
+    assert rig.states[-1].reference_angle < 0.8
+
+
+def test_a_new_goal_replaces_the_old_one(rig: Rig) -> None:
+    first, _ = goal(rig, path([(6.0, 0.8)]))
+    rig.until(lambda: rig.states[-1].rate > 0.03)
+    second, _ = goal(rig, path([(1.0, 0.4)]), path_tolerance=-1.0, goal_time_tolerance=20.0, goal_tolerance=0.01)
+    assert "replaced" in ended(rig, first).error_string
+    assert ended(rig, second).error_code == 0
+
+
+def test_a_goal_that_leaves_its_path_is_aborted_and_the_boom_held(rig: Rig) -> None:
+    handle, _ = goal(rig, path([(6.0, 0.8)]), path_tolerance=0.02)
+    rig.until(lambda: rig.states[-1].rate > 0.03)
+    rig.call(SetPayload, "/boom_simulation/set_payload", SetPayload.Request(mass=2000.0))
+    result = ended(rig, handle)
+    assert result.error_code == result.PATH_TOLERANCE_VIOLATED
+    assert result.max_error > 0.02
+    rig.until(lambda: rig.states[-1].mode in ("hold", "stopped"))
+
+
+@pytest.mark.parametrize(
+    ("message", "code", "words"),
+    [
+        (path([(2.0, 0.4)], joint="telescope_joint"), "INVALID_JOINTS", "moves inner_boom_joint alone"),
+        (path([]), "INVALID_GOAL", "no points"),
+        (path([(0.1, 0.9)]), "INVALID_GOAL", "rad/s"),
+    ],
+)
+def test_a_goal_that_cannot_be_tracked_is_answered_with_code_and_reason(
+    rig: Rig, message: JointTrajectory, code: str, words: str
+) -> None:
+    handle, _ = goal(rig, message)
+    result = ended(rig, handle)
+    assert result.error_code == getattr(result, code)
+    assert words in result.error_string
+    assert rig.states[-1].mode == "idle"
+
+
+def test_a_stream_of_references_is_followed_smoothly(rig: Rig) -> None:
+    def send() -> bool:
+        rig.reference.publish(JointState(name=[JOINT], position=[0.35]))
+        return rig.states[-1].mode == "track" and abs(rig.states[-1].angle - 0.35) < 0.005
+
+    rig.until(send)
+    rates = [s.reference_rate for s in rig.states if s.mode == "track"]
+    assert 0.05 < max(rates) <= 0.6
+
+
+def test_a_parameter_changed_in_motion_makes_no_jump_and_an_impossible_one_is_refused(rig: Rig) -> None:
+    rig.lift()
+    rig.until(lambda: len(rig.states) > 60)
+    before = [s.current_extend for s in rig.states]
+    assert all(r.successful for r in rig.set(force_pole=-8.0, neutral_pressure=5.5e5))
+    count = len(rig.states)
+    rig.until(lambda: len(rig.states) > count + 100)
+    after = [s.current_extend for s in rig.states[len(before) :]]
+    usual = max(abs(b - a) for a, b in pairwise(before))
+    steady = abs(sum(after[-20:]) / 20 - sum(before[-20:]) / 20)
+    jump = max(abs(b - a) for a, b in zip([before[-1], *after], after, strict=False))
+    assert jump <= usual + steady + 0.01
+    (refused,) = rig.set(force_pole=5.0)
+    assert not refused.successful
+    assert "force_pole" in refused.reason
+    (refused,) = rig.set(sample_time=0.02)
+    assert not refused.successful
+    assert all(r.successful for r in rig.set(force_pole=-11.0, neutral_pressure=5.0e5))
