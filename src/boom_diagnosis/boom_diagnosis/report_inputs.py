@@ -30,15 +30,19 @@ def section(validation: Validation, machine: Machine | None, machine_source: str
     ]
     if machine_source is not None:
         rows.append((f"machine {validation.machine}", *_machine_file(machine_source)))
+    return f"{files_table(rows)}{'' if machine is None else machine_section(machine)}"
+
+
+def files_table(rows: list[tuple[str, str, str]]) -> str:
+    """HTML: (what it is, file, sha256) of each input."""
     listed = "".join(
         f"<tr><td>{escape(what)}</td><td>{escape(file)}</td><td><code class=hash>{checksum}</code></td></tr>"
         for what, file, checksum in rows
     )
-    table = (
-        "<div class=scroll><table><thead><tr><th>input</th><th>file</th><th>sha256</th></tr></thead>"
+    return (
+        "<h3>Files</h3><div class=scroll><table><thead><tr><th>input</th><th>file</th><th>sha256</th></tr></thead>"
         f"<tbody>{listed}</tbody></table></div>"
     )
-    return f"<h3>Files</h3>{table}{'' if machine is None else _machine(machine)}"
 
 
 def recording_files(recording: Recording) -> list[tuple[str, str]]:
@@ -65,7 +69,8 @@ def _machine_file(source: str | Path) -> tuple[str, str]:
     return Path(source).name, _sha256(Path(source))
 
 
-def _machine(machine: Machine) -> str:
+def machine_section(machine: Machine) -> str:
+    """HTML: every number of a machine with source and confidence, and the effects that it carries."""
     parameters = machine.parameters.values()
     sure = Counter(p.confidence or "not rated" for p in parameters)
     counted = ", ".join(f"{count} {name}" for name, count in sorted(sure.items(), key=lambda item: -item[1]))
