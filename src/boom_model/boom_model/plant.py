@@ -252,9 +252,7 @@ class Plant:
         self._library.boom_derivative(_pointer(p), _pointer(x), _pointer(u), _pointer(f), _pointer(jacobian))
         return f, jacobian
 
-    def outputs(
-        self, state: ArrayLike, current: ArrayLike = (0.0, 0.0), parameters: Array | None = None
-    ) -> Array:
+    def outputs(self, state: ArrayLike, current: ArrayLike = (0.0, 0.0), parameters: Array | None = None) -> Array:
         """Y (4,) = angle, rate, p_h, p_b at one point, without delay."""
         y = np.empty(len(OUTPUTS))
         x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
