@@ -1,0 +1,119 @@
+"""What an identification says of one number: its value, how sure it is, and why it is not known where it is not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+NORMAL_90 = 1.6449
+"""Half width of a 90 % interval in standard errors."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter.
+
+    Attributes:
+        key: of the machine file, joined with dots (``.0 .1 .2`` for the components of a vector).
+        value: [unit].
+        unit: as the machine file states it.
+        interval_90: (low, high) [unit].
+        how: a few words: equation and kind of data.
+        determined: False where the recordings do not tell it; the value is then the prior one and goes nowhere.
+        why: reason, where it is not determined.
+    """
+
+    key: str
+    value: float
+    unit: str
+    interval_90: tuple[float, float]
+    how: str
+    determined: bool = True
+    why: str = ""
+
+    def document(self) -> dict[str, Any]:
+        """As in ``identify --json``."""
+        return {
+            "value": self.value,
+            "unit": self.unit,
+            "interval_90": list(self.interval_90),
+            "determined": self.determined,
+            "how": self.how,
+        }
+
+
+@dataclass(frozen=True)
+class NotDetermined:
+    """A parameter, or a group of them, that the recordings cannot tell, and why."""
+
+    parameter: str
+    why: str
+
+    def document(self) -> dict[str, str]:
+        """As in ``identify --json``."""
+        return {"parameter": self.parameter, "why": self.why}
+
+
+def least_squares(design: Array, target: Array, groups: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Solution (m,) of min |target - design x| and its covariance (m, m); see `cluster_covariance`.
+
+    design (n, m), target (n,), groups (n,).
+
+    Raises:
+        ValueError: fewer than two groups, or columns that depend on each other.
+    """
+    if len(target) < design.shape[1]:
+        raise ValueError("fewer samples than unknowns")
+    x = np.asarray(np.linalg.lstsq(design, target, rcond=None)[0], np.float64)
+    return x, cluster_covariance(design, target - design @ x, groups)
+
+
+def cluster_covariance(jacobian: Array, residual: Array, groups: NDArray[np.int64]) -> Array:
+    """Covariance (m, m) of a least-squares estimate whose residuals may be alike within a group.
+
+    jacobian (n, m), residual (n,), groups (n,): samples of one group (a stretch of a recording) may err together; groups
+    are taken as independent (cluster-robust sandwich estimate, Liang and Zeger 1986, small-sample factor G / (G - 1)).
+
+    Raises:
+        ValueError: fewer than two groups, or columns that depend on each other.
+    """
+    scale = np.linalg.norm(jacobian, axis=0)
+    if (scale == 0.0).any():
+        raise ValueError("nothing depends on one of the unknowns")
+    scaled = jacobian / scale
+    normal = scaled.T @ scaled
+    if np.linalg.cond(normal) > 1e12:
+        raise ValueError("the unknowns cannot be told from each other")
+    _, index = np.unique(groups, return_inverse=True)
+    count = int(index.max()) + 1
+    if count < 2:
+        raise ValueError("one stretch of data only, so that its error cannot be told")
+    scores = np.zeros((count, jacobian.shape[1]))
+    np.add.at(scores, index, scaled * residual[:, None])
+    inverse = np.linalg.inv(normal)
+    covariance = inverse @ (scores.T @ scores) @ inverse * (count / (count - 1))
+    return np.asarray(covariance / np.outer(scale, scale))
+
+
+def interval(value: float, variance: float) -> tuple[float, float]:
+    """90 % interval of a value with a variance, normal."""
+    half = NORMAL_90 * math.sqrt(max(variance, 0.0))
+    return value - half, value + half
+
+
+def gradient(function: Any, x: Array) -> Array:
+    """Central differences of a scalar function of x (m,), for the propagation of a covariance."""
+    result = np.zeros(len(x))
+    for i in range(len(x)):
+        step = 1e-5 * max(abs(float(x[i])), 1e-6)
+        up, down = x.copy(), x.copy()
+        up[i] += step
+        down[i] -= step
+        result[i] = (function(up) - function(down)) / (2 * step)
+    return result

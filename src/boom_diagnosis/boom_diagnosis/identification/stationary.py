@@ -1,0 +1,208 @@
+"""Stationary points of recordings of the machine, (5.14): what ch. 5.2 and 5.3 are identified from.
+
+Angle rate, pressures and currents are smoothed and differentiated by a Savitzky-Golay filter on the recording's 100 Hz
+grid. Single samples that are missing are bridged for the filter, no more than 30 ms; their own points do not count. A
+point is stationary where currents, pressures and rate have been nearly constant for a settling time, which the pilot
+stage (51 ms) and the creeping spool (f_c / sigma_s over k: 94 ms) need.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.identification import signals
+from boom_model import equation_of_motion, pilot_valve
+from boom_model.components import component_parameters
+from boom_model.machine import Machine, Pose
+from boom_model.plant import Plant
+from boom_recording.recording import Recording
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+PERIOD = 0.01
+"""s. Grid of the recordings (ch. 4.2)."""
+WINDOW = 0.25
+"""s. Savitzky-Golay window."""
+BRIDGED = 3
+"""Samples that may be missing in a row within a window."""
+SETTLING = 0.3
+"""s. So long everything has to have been nearly constant."""
+LARGEST_PRESSURE_RATE = 5.0e5
+"""Pa/s. In 60 bar the accumulators then take less than 2 l/min of some 50 l/min."""
+LARGEST_ACCELERATION = 0.03
+"""rad/s^2."""
+LARGEST_SPOOL_RATE = 0.1
+"""1/s, of s_s / s_s^max."""
+SMALLEST_RATE = 0.01
+"""rad/s. Below it the boom counts as resting: friction has no direction there, and flows are within noise."""
+_CHANNELS = ("angle", "rate", "hose_pressure", "rod_pressure", "retract_current", "extend_current")
+
+
+@dataclass(frozen=True)
+class Points:
+    """Stationary points of several recordings, arrays (n,), SI.
+
+    Attributes:
+        group: number of the stretch that a point belongs to. bag: number of its recording.
+        time: [s]. angle, rate, acceleration: [rad], [rad/s], [rad/s^2]. hose_pressure, rod_pressure: [Pa].
+        spool: s_s / s_s^max by (5.18). jacobian: [m/rad]. gravity_torque: [N m]. inertia: [kg m^2].
+        excluded: reason -> number of samples that are no points.
+        bags: names of the recordings.
+    """
+
+    group: NDArray[np.int64]
+    bag: NDArray[np.int64]
+    time: Array
+    angle: Array
+    rate: Array
+    acceleration: Array
+    hose_pressure: Array
+    rod_pressure: Array
+    spool: Array
+    jacobian: Array
+    gravity_torque: Array
+    inertia: Array
+    excluded: dict[str, int] = field(default_factory=dict)
+    bags: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.rate)
+
+    @property
+    def piston_velocity(self) -> Array:
+        """w_p (n,) [m/s], (3.13b)."""
+        return self.jacobian * self.rate
+
+    def where(self, chosen: Flags) -> Points:
+        """Only some of the points; what is excluded stays as it is."""
+        arrays = {name: getattr(self, name)[chosen] for name in _ARRAYS}
+        return Points(**arrays, excluded=self.excluded, bags=self.bags)
+
+
+_ARRAYS = (
+    "group", "bag", "time", "angle", "rate", "acceleration", "hose_pressure", "rod_pressure", "spool", "jacobian",
+    "gravity_torque", "inertia",
+)  # fmt: skip
+
+
+def pose_of(recording: Recording, machine: Machine) -> Pose:
+    """Pose and load that the recording tells; an unknown load counts as none.
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    c = recording.configuration
+    load = 0.0 if math.isnan(c.load_mass) else c.load_mass
+    return machine.pose(c.outer_boom_angle, c.telescope_length, load)
+
+
+def stationary_points(recordings: Sequence[Recording], machine: Machine) -> Points:
+    """The points of all recordings, each in its own pose.
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    excluded = dict.fromkeys(("missing samples", "at rest", "changing", "spool closed or not settled"), 0)
+    parts: list[dict[str, Array]] = []
+    groups = 0
+    for number, recording in enumerate(recordings):
+        columns, counted = _points(recording, machine)
+        for reason, count in counted.items():
+            excluded[reason] += count
+        columns["group"] += groups
+        groups += int(columns["group"].max() - groups + 1) if len(columns["group"]) else 0
+        columns["bag"] = np.full(len(columns["time"]), number)
+        parts.append(columns)
+    merged = {name: np.concatenate([part[name] for part in parts]) if parts else np.empty(0) for name in _ARRAYS}
+    for name in ("group", "bag"):
+        merged[name] = merged[name].astype(np.int64)
+    return Points(**merged, excluded=excluded, bags=tuple(r.name for r in recordings))  # type: ignore[arg-type]
+
+
+def _points(recording: Recording, machine: Machine) -> tuple[dict[str, Array], dict[str, int]]:
+    pose = pose_of(recording, machine)
+    p, _ = component_parameters(machine, pose)
+    table = recording.on_grid(PERIOD)
+    known = np.logical_and.reduce([np.isfinite(table.columns[name]) for name in _CHANNELS])
+    n = len(table.time)
+    raw = {name: np.full(n, np.nan) for name in _CHANNELS}
+    for first, end in _bridged(known):
+        for name in _CHANNELS:
+            own = np.flatnonzero(np.isfinite(table.columns[name][first:end])) + first
+            raw[name][first:end] = np.interp(table.time[first:end], table.time[own], table.columns[name][own])
+
+    def filtered(values: Array, derivative: int = 0) -> Array:
+        result = np.full(n, np.nan)
+        for first, end in signals.stretches(np.isfinite(values)):
+            result[first:end] = signals.smoothed(values[first:end], PERIOD, WINDOW, derivative)
+        return result
+
+    current = {name: filtered(raw[name]) for name in ("retract_current", "extend_current")}
+    difference = _pilot(current["retract_current"], p) - _pilot(current["extend_current"], p)
+    spool = difference * p.main_valve_spool.A_s / p.main_valve_spool.k / p.main_valve_spool.s_max  # (5.18), (5.27b)
+    rate, acceleration = filtered(raw["rate"]), filtered(raw["rate"], 1)
+    with np.errstate(invalid="ignore"):
+        constant = np.abs(filtered(raw["hose_pressure"], 1)) < LARGEST_PRESSURE_RATE
+        constant &= np.abs(filtered(raw["rod_pressure"], 1)) < LARGEST_PRESSURE_RATE
+        constant &= np.abs(acceleration) < LARGEST_ACCELERATION
+        still = np.abs(filtered(spool, 1)) < LARGEST_SPOOL_RATE
+        moving = np.abs(rate) > SMALLEST_RATE
+        # The spool must be where its sign says the boom goes; else it closes, or its dead zone is crossed.
+        agrees = np.sign(spool) == -np.sign(rate)
+    settled = _held(still, round(SETTLING / PERIOD))
+    usable = known & np.isfinite(rate) & np.isfinite(acceleration)
+    chosen = usable & moving & constant & settled & agrees
+    counted = {
+        "missing samples": int((~usable).sum()),
+        "at rest": int((usable & ~moving).sum()),
+        "changing": int((usable & moving & ~constant).sum()),
+        "spool closed or not settled": int((usable & moving & constant & ~(settled & agrees)).sum()),
+    }
+    group = np.cumsum(np.diff(np.concatenate(([False], chosen)).astype(np.int8)) == 1) - 1
+    k = np.flatnonzero(chosen)
+    columns = {
+        "group": group[k].astype(np.int64), "time": table.time[k], "angle": filtered(raw["angle"])[k],
+        "rate": rate[k], "acceleration": acceleration[k], "hose_pressure": filtered(raw["hose_pressure"])[k],
+        "rod_pressure": filtered(raw["rod_pressure"])[k], "spool": spool[k],
+    }  # fmt: skip
+    plant = Plant(machine, pose)
+    states = np.tile(plant.rest_state(0.0, 1e6, 1e6), (len(k), 1))
+    states[:, 0], states[:, 1] = columns["angle"], columns["rate"]
+    columns["jacobian"], columns["gravity_torque"] = np.empty(0), np.empty(0)
+    if len(k):
+        inner = plant.auxiliary(states, np.zeros((len(k), 2)))
+        columns["jacobian"], columns["gravity_torque"] = inner["jacobian"], inner["gravity_torque"]
+    columns["inertia"] = np.full(len(k), float(equation_of_motion.inertia(pose.load, p)))
+    return columns, counted
+
+
+def _pilot(current: Array, p: object) -> Array:
+    """Stationary pilot pressure [Pa] of currents (n,) [A], not below zero."""
+    h = p.pilot_valves.h  # type: ignore[attr-defined]
+    return np.maximum(np.asarray(pilot_valve.static_pressure(current, h), float), 0.0)
+
+
+def _bridged(known: Flags) -> list[tuple[int, int]]:
+    """Stretches in which at most BRIDGED samples in a row are not known."""
+    runs = signals.stretches(known)
+    joined: list[tuple[int, int]] = []
+    for first, end in runs:
+        if joined and first - joined[-1][1] <= BRIDGED:
+            joined[-1] = (joined[-1][0], end)
+        else:
+            joined.append((first, end))
+    return joined
+
+
+def _held(flags: Flags, count: int) -> Flags:
+    """Where a flag has been true for so many samples up to here."""
+    since = np.zeros(len(flags), bool)
+    for first, end in signals.stretches(flags):
+        since[first + count : end] = True
+    return since
