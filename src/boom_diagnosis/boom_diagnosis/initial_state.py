@@ -53,11 +53,11 @@ def initial_state(
     recording: Recording, plant: Plant, currents: HeldCurrents, start: float, end: float
 ) -> InitialState | None:
     """Initial state of the run over [start, end] [s]; None where a channel has no valid sample there to begin with."""
-    rest_end = rest_end(currents, start, end)
-    means = means_at_rest(recording, start, rest_end)
+    resting = rest_end(currents, start, end)
+    means = means_at_rest(recording, start, resting)
     if means is not None:
         state = plant.rest_state(means["angle"], means["hose_pressure"], means["rod_pressure"])
-        return InitialState(start, state, f"at rest from {start:.2f} s to {rest_end:.2f} s")
+        return InitialState(start, state, f"at rest from {start:.2f} s to {resting:.2f} s")
     return _in_motion(recording, plant, currents, start, end)
 
 
