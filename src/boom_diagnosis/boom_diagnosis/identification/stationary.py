@@ -12,11 +12,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from typing import Any
+
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.identification import signals
-from boom_model import equation_of_motion, pilot_valve
+from boom_model import accumulator, cylinder, equation_of_motion, pilot_valve
 from boom_model.components import component_parameters
 from boom_model.machine import Machine, Pose
 from boom_model.plant import Plant
@@ -33,9 +36,9 @@ BRIDGED = 3
 """Samples that may be missing in a row within a window."""
 SETTLING = 0.3
 """s. So long everything has to have been nearly constant."""
-LARGEST_PRESSURE_RATE = 5.0e5
-"""Pa/s. In 60 bar the accumulators then take less than 2 l/min of some 50 l/min."""
-LARGEST_ACCELERATION = 0.03
+LARGEST_PRESSURE_RATE = 1.0e6
+"""Pa/s. What oil and gas then take up is a few percent of a usual flow, and `Points` tells it."""
+LARGEST_ACCELERATION = 0.05
 """rad/s^2."""
 LARGEST_SPOOL_RATE = 0.1
 """1/s, of s_s / s_s^max."""
@@ -52,6 +55,8 @@ class Points:
         group: number of the stretch that a point belongs to. bag: number of its recording.
         time: [s]. angle, rate, acceleration: [rad], [rad/s], [rad/s^2]. hose_pressure, rod_pressure: [Pa].
         spool: s_s / s_s^max by (5.18). jacobian: [m/rad]. gravity_torque: [N m]. inertia: [kg m^2].
+        head_storage, rod_storage: flow [m^3/s] that oil and accumulators take up, by the machine file's numbers and the
+            measured pressures; (5.15) leaves it out, but an accumulator fills and empties for seconds behind its orifice.
         excluded: reason -> number of samples that are no points.
         bags: names of the recordings.
     """
@@ -68,6 +73,8 @@ class Points:
     jacobian: Array
     gravity_torque: Array
     inertia: Array
+    head_storage: Array
+    rod_storage: Array
     excluded: dict[str, int] = field(default_factory=dict)
     bags: tuple[str, ...] = ()
 
@@ -87,7 +94,7 @@ class Points:
 
 _ARRAYS = (
     "group", "bag", "time", "angle", "rate", "acceleration", "hose_pressure", "rod_pressure", "spool", "jacobian",
-    "gravity_torque", "inertia",
+    "gravity_torque", "inertia", "head_storage", "rod_storage",
 )  # fmt: skip
 
 
@@ -127,7 +134,7 @@ def stationary_points(recordings: Sequence[Recording], machine: Machine) -> Poin
 
 def _points(recording: Recording, machine: Machine) -> tuple[dict[str, Array], dict[str, int]]:
     pose = pose_of(recording, machine)
-    p, _ = component_parameters(machine, pose)
+    p, e = component_parameters(machine, pose)
     table = recording.on_grid(PERIOD)
     known = np.logical_and.reduce([np.isfinite(table.columns[name]) for name in _CHANNELS])
     n = len(table.time)
@@ -147,16 +154,25 @@ def _points(recording: Recording, machine: Machine) -> tuple[dict[str, Array], d
     difference = _pilot(current["retract_current"], p) - _pilot(current["extend_current"], p)
     spool = difference * p.main_valve_spool.A_s / p.main_valve_spool.k / p.main_valve_spool.s_max  # (5.18), (5.27b)
     rate, acceleration = filtered(raw["rate"]), filtered(raw["rate"], 1)
+    hose_rate, rod_rate = filtered(raw["hose_pressure"], 1), filtered(raw["rod_pressure"], 1)
+    into_gas = np.full(n, np.nan)
+    hose = filtered(raw["hose_pressure"])
+    for first, end in signals.stretches(np.isfinite(hose)):
+        into_gas[first:end] = _accumulator_flow(hose[first:end], p, e)
     with np.errstate(invalid="ignore"):
-        constant = np.abs(filtered(raw["hose_pressure"], 1)) < LARGEST_PRESSURE_RATE
-        constant &= np.abs(filtered(raw["rod_pressure"], 1)) < LARGEST_PRESSURE_RATE
+        constant = np.abs(hose_rate) < LARGEST_PRESSURE_RATE
+        constant &= np.abs(rod_rate) < LARGEST_PRESSURE_RATE
         constant &= np.abs(acceleration) < LARGEST_ACCELERATION
-        still = np.abs(filtered(spool, 1)) < LARGEST_SPOOL_RATE
+        creep = filtered(spool, 1)
+        still = np.abs(creep) < LARGEST_SPOOL_RATE
         moving = np.abs(rate) > SMALLEST_RATE
         # The spool must be where its sign says the boom goes; else it closes, or its dead zone is crossed.
         agrees = np.sign(spool) == -np.sign(rate)
+    # While the currents still drift, the spool lags behind (5.18) by the time constants of pilot stage and spool.
+    s, v = p.main_valve_spool, p.pilot_valves
+    spool = spool - creep * (e.pilot_lag.r / -v.a1_s + (s.d_v + s.f_c / s.sigma_s) / s.k)
     settled = _held(still, round(SETTLING / PERIOD))
-    usable = known & np.isfinite(rate) & np.isfinite(acceleration)
+    usable = known & np.isfinite(rate) & np.isfinite(acceleration) & np.isfinite(creep)
     chosen = usable & moving & constant & settled & agrees
     counted = {
         "missing samples": int((~usable).sum()),
@@ -168,23 +184,51 @@ def _points(recording: Recording, machine: Machine) -> tuple[dict[str, Array], d
     k = np.flatnonzero(chosen)
     columns = {
         "group": group[k].astype(np.int64), "time": table.time[k], "angle": filtered(raw["angle"])[k],
-        "rate": rate[k], "acceleration": acceleration[k], "hose_pressure": filtered(raw["hose_pressure"])[k],
+        "rate": rate[k], "acceleration": acceleration[k], "hose_pressure": hose[k],
         "rod_pressure": filtered(raw["rod_pressure"])[k], "spool": spool[k],
     }  # fmt: skip
     plant = Plant(machine, pose)
     states = np.tile(plant.rest_state(0.0, 1e6, 1e6), (len(k), 1))
     states[:, 0], states[:, 1] = columns["angle"], columns["rate"]
-    columns["jacobian"], columns["gravity_torque"] = np.empty(0), np.empty(0)
+    inner = dict.fromkeys(("jacobian", "gravity_torque", "piston_position"), np.empty(0))
     if len(k):
-        inner = plant.auxiliary(states, np.zeros((len(k), 2)))
-        columns["jacobian"], columns["gravity_torque"] = inner["jacobian"], inner["gravity_torque"]
+        inner |= plant.auxiliary(states, np.zeros((len(k), 2)))
+    columns |= {name: inner[name] for name in ("jacobian", "gravity_torque")}
+    position, beta = inner["piston_position"], p.fluid.beta
+    head = (cylinder.head_volume(position, p) + p.cylinder.V_h) / beta
+    columns["head_storage"] = head * hose_rate[k] + into_gas[k]
+    columns["rod_storage"] = cylinder.rod_volume(position, p) / beta * rod_rate[k]
     columns["inertia"] = np.full(len(k), float(equation_of_motion.inertia(pose.load, p)))
     return columns, counted
 
 
-def _pilot(current: Array, p: object) -> Array:
+def _accumulator_flow(hose_pressure: Array, p: Any, e: Any) -> Array:
+    """q_o (n,) [m^3/s] into both accumulators behind p_h (n,) [Pa] on the grid, (3.19), (5.39j,k), from rest.
+
+    Steps of a tenth of the grid; an accumulator that would run past the hose's pressure within one has reached it.
+    """
+    if not hasattr(p, "accumulators"):
+        return np.zeros(len(hose_pressure))
+    fine = np.interp(np.arange(0.0, len(hose_pressure) - 0.05, 0.1), np.arange(len(hose_pressure)), hose_pressure)
+    total = np.zeros(len(hose_pressure))
+    for precharge, diameter in (
+        (p.accumulators.p_g0_1, p.accumulators.d_1),
+        (p.accumulators.p_g0_2, p.accumulators.d_2),
+    ):
+        charge = precharge * e.accumulator_precharge.r
+        p_h, p_o = ca.SX.sym("p_h"), ca.SX.sym("p_o")
+        flow = accumulator.orifice_flow(p_h, p_o, charge, diameter * e.accumulator_restrictor.r, p)
+        reached = p_o + 0.1 * PERIOD * accumulator.pressure_rate(p_o, flow, charge, p.fluid.beta, p)
+        after = ca.if_else((reached - p_h) * (p_o - p_h) < 0, ca.fmax(p_h, charge), reached)
+        step = ca.Function("step", [p_o, p_h], [after, flow])
+        _, flows = step.mapaccum(len(fine))(max(float(fine[0]), charge), fine[None, :])
+        total += np.asarray(flows, float).ravel()[::10][: len(total)]
+    return total
+
+
+def _pilot(current: Array, p: Any) -> Array:
     """Stationary pilot pressure [Pa] of currents (n,) [A], not below zero."""
-    h = p.pilot_valves.h  # type: ignore[attr-defined]
+    h = p.pilot_valves.h
     return np.maximum(np.asarray(pilot_valve.static_pressure(current, h), float), 0.0)
 
 
