@@ -50,10 +50,14 @@ class Estimate:
 
 @dataclass(frozen=True)
 class NotDetermined:
-    """A parameter, or a group of them, that the recordings cannot tell, and why."""
+    """A parameter, or a group of them, that the recordings cannot tell, and why.
+
+    excitation: whether other motions would tell it; False where no recording of this kind can.
+    """
 
     parameter: str
     why: str
+    excitation: bool = True
 
     def document(self) -> dict[str, str]:
         """As in ``identify --json``."""

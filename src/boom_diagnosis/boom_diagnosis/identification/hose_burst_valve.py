@@ -173,14 +173,14 @@ def from_recordings(points: Points, machine: Machine, pose: Pose) -> HoseBurstVa
     why = (
         "only the sum of friction and pressure drop is seen; give points of the data sheet, or friction measured apart"
     )
-    reasons = tuple(NotDetermined(f"hose_burst_valve.{name}", why) for name in _FREE)
+    reasons = tuple(NotDetermined(f"hose_burst_valve.{name}", why, excitation=False) for name in _FREE)
     _, node = hose_burst_valve.smooth_node(p.hose_burst_valve.a21, p.hose_burst_valve.a30, p.hose_burst_valve.a31)
     source = "recordings, with the machine file's friction"
     seen = np.abs(drop) > _SEEN_BAR
     try:
         a = constrained_fit(drop[seen], flow[seen], float(node))
     except ValueError as error:
-        reasons = tuple(NotDetermined(r.parameter, f"{error}; {why}") for r in reasons)
+        reasons = tuple(NotDetermined(r.parameter, f"{error}; {why}", excitation=False) for r in reasons)
         return HoseBurstValveResult(source, drop, flow, None, float(node), float("nan"), (), reasons)
     residual = flow - _design(drop, float(node)) @ a
     rms = float(np.sqrt(np.mean(residual**2)))

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-
 from typing import Any
 
 import casadi as ca
@@ -151,8 +150,7 @@ def _points(recording: Recording, machine: Machine) -> tuple[dict[str, Array], d
         return result
 
     current = {name: filtered(raw[name]) for name in ("retract_current", "extend_current")}
-    difference = _pilot(current["retract_current"], p) - _pilot(current["extend_current"], p)
-    spool = difference * p.main_valve_spool.A_s / p.main_valve_spool.k / p.main_valve_spool.s_max  # (5.18), (5.27b)
+    spool, lag = _spool(current["retract_current"], current["extend_current"], p, e)
     rate, acceleration = filtered(raw["rate"]), filtered(raw["rate"], 1)
     hose_rate, rod_rate = filtered(raw["hose_pressure"], 1), filtered(raw["rod_pressure"], 1)
     into_gas = np.full(n, np.nan)
@@ -169,8 +167,7 @@ def _points(recording: Recording, machine: Machine) -> tuple[dict[str, Array], d
         # The spool must be where its sign says the boom goes; else it closes, or its dead zone is crossed.
         agrees = np.sign(spool) == -np.sign(rate)
     # While the currents still drift, the spool lags behind (5.18) by the time constants of pilot stage and spool.
-    s, v = p.main_valve_spool, p.pilot_valves
-    spool = spool - creep * (e.pilot_lag.r / -v.a1_s + (s.d_v + s.f_c / s.sigma_s) / s.k)
+    spool = spool - creep * lag
     settled = _held(still, round(SETTLING / PERIOD))
     usable = known & np.isfinite(rate) & np.isfinite(acceleration) & np.isfinite(creep)
     chosen = usable & moving & constant & settled & agrees
@@ -224,6 +221,15 @@ def _accumulator_flow(hose_pressure: Array, p: Any, e: Any) -> Array:
         _, flows = step.mapaccum(len(fine))(max(float(fine[0]), charge), fine[None, :])
         total += np.asarray(flows, float).ravel()[::10][: len(total)]
     return total
+
+
+def _spool(retract: Array, extend: Array, p: Any, e: Any) -> tuple[Array, float]:
+    """Stationary s_s / s_s^max (n,) for both currents (n,) [A], (5.18), (5.27b), and the time [s] by which it lags behind."""
+    s = p.main_valve_spool
+    if not hasattr(p, "pilot_valves"):
+        return s.K_i * (retract - extend) / s.s_max, s.T_s
+    lag = e.pilot_lag.r / -p.pilot_valves.a1_s + (s.d_v + s.f_c / s.sigma_s) / s.k
+    return (_pilot(retract, p) - _pilot(extend, p)) * s.A_s / s.k / s.s_max, lag
 
 
 def _pilot(current: Array, p: Any) -> Array:
