@@ -29,7 +29,7 @@ def section(validation: Validation, machine: Machine | None, machine_source: str
         for file, checksum in recording_files(bag.recording)
     ]
     if machine_source is not None:
-        rows.append((f"machine {validation.machine}", *_machine_file(machine_source)))
+        rows.append((f"machine {validation.machine}", *machine_file(machine_source)))
     return f"{files_table(rows)}{'' if machine is None else machine_section(machine)}"
 
 
@@ -47,8 +47,13 @@ def files_table(rows: list[tuple[str, str, str]]) -> str:
 
 def recording_files(recording: Recording) -> list[tuple[str, str]]:
     """(file name, sha256) of the files a recording was read from; none where it was made in memory."""
+    return bag_files(recording.path)
+
+
+def bag_files(path: Path) -> list[tuple[str, str]]:
+    """(file name, sha256) of the files of a bag; none where there is none."""
     try:
-        found = bag_folder.find(recording.path).files
+        found = bag_folder.find(path).files
     except RecordingError:
         return []
     return [(file.name, _sha256(file)) for file in found]
@@ -62,7 +67,8 @@ def _sha256(path: Path) -> str:
         return f"not readable any more: {error.strerror}"
 
 
-def _machine_file(source: str | Path) -> tuple[str, str]:
+def machine_file(source: str | Path) -> tuple[str, str]:
+    """(file name, sha256) of a machine file, given as a path or as the name of a shipped one."""
     shipped = files("boom_model").joinpath("machines", f"{source}.yaml")
     if not Path(source).is_file() and shipped.is_file():
         return f"{source}.yaml (shipped)", hashlib.sha256(shipped.read_bytes()).hexdigest()

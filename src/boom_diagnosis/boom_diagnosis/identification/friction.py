@@ -52,10 +52,11 @@ class FrictionResult:
 def head_pressure(points: Points, machine: Machine, pose: Pose) -> Array:
     """p_a (n,) [Pa] from p_h and the hose burst valve, (5.37), (5.38)."""
     if not machine.structure.hose_burst_valve:
-        return points.hose_pressure
+        return np.asarray(points.hose_pressure, np.float64)
     p, e = component_parameters(machine, pose)
     flow = points.piston_velocity * p.cylinder.A_a
-    return points.hose_pressure - np.asarray(hose_burst_valve.pressure_drop(flow, p, e), float).ravel()
+    drop = np.asarray(hose_burst_valve.pressure_drop(flow, p, e), float).ravel()
+    return np.asarray(points.hose_pressure - drop, np.float64)
 
 
 def friction_torque(points: Points, machine: Machine, pose: Pose) -> Array:

@@ -9,7 +9,7 @@ simulation takes. Everything is relative to A_s, k and dp_c, which come from cat
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -214,10 +214,13 @@ def _law(
     start = np.array([prior[key] for key in free])
 
     def residuals(z: Array) -> Array:
-        return (predicted(prior | dict(zip(free, z * start, strict=True))) - target) / weight
+        flows = predicted(prior | dict(zip(free, z * start, strict=True)))
+        return np.asarray((flows - target) / weight, np.float64)
 
-    bounds = np.sort(np.stack((low / start, high / start)), axis=0)
-    fit = least_squares(residuals, np.ones(len(free)), bounds=bounds, loss="soft_l1", f_scale=3.0, x_scale=0.1)
+    edges = np.sort(np.stack((low / start, high / start)), axis=0)
+    fit = least_squares(
+        residuals, np.ones(len(free)), bounds=(edges[0], edges[1]), loss="soft_l1", f_scale=3.0, x_scale=0.1
+    )
     values = prior | {key: float(v) for key, v in zip(free, fit.x * start, strict=True)}
     residual = residuals(fit.x)
     rms = float(np.sqrt(np.mean((residual * weight) ** 2))) * 6e4
@@ -276,7 +279,7 @@ def _law_area(x: Array, port: str, values: dict[str, float], machine: Machine, p
     return np.asarray(flow / (p.fluid.C_d * np.sqrt(2.0 / p.fluid.rho * drop)), np.float64)
 
 
-def _set(orifices: object, values: dict[str, object] | dict[str, float]) -> None:
+def _set(orifices: object, values: Mapping[str, object]) -> None:
     for key, value in values.items():
         *path, last = key.split(".")
         node = orifices

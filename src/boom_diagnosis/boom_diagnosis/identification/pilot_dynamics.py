@@ -158,7 +158,11 @@ def output_error(pairs: Sequence[Pair], period: float, start: FirstOrder) -> Fir
         a, b0, b1 = -np.exp(-20.0 * period), 0.0, 1.0 - np.exp(-20.0 * period)
     states = [float(y[0] - b0 * i[0]) for i, y in pairs]
     scale = np.array([1.0 + a, 0.01, 0.01, *[0.1] * len(states)])
-    fit = least_squares(lambda x: simulated(x) - target, np.array([a, b0, b1, *states]), x_scale=scale)
+
+    def residuals(x: Array) -> Array:
+        return np.asarray(simulated(x) - target, np.float64)
+
+    fit = least_squares(residuals, np.array([a, b0, b1, *states]), x_scale=scale)
     if not -1.0 < fit.x[0] < 1.0:
         raise ValueError("the output-error fit found no stable pole")
     covariance = estimate.cluster_covariance(np.asarray(fit.jac), np.asarray(fit.fun), _groups(lengths, period))

@@ -56,7 +56,11 @@ def joint_fit(
         return np.concatenate(outputs)
 
     scale = np.array([0.1, 1.0, 0.1, 1.0, 0.1, *[0.1] * len(states)])
-    fit = least_squares(lambda x: simulated(x) - target, start, x_scale=scale)
+
+    def residuals(x: Array) -> Array:
+        return simulated(x) - target
+
+    fit = least_squares(residuals, start, x_scale=scale)
     discrete = _discrete(fit.x)
     h = _curve(fit.x)
     if not -1.0 < discrete[0] < 1.0 or not h[0] > 0.0:

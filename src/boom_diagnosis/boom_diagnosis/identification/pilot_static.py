@@ -49,7 +49,7 @@ class Averaged:
     @property
     def time(self) -> Array:
         """(n,) [s] since the start of the trace."""
-        return self.start + np.arange(len(self.current)) * self.period
+        return np.asarray(self.start + np.arange(len(self.current)) * self.period, np.float64)
 
 
 @dataclass(frozen=True)

@@ -161,7 +161,7 @@ def _solve(b: Array, y: Array, penalty: Array) -> Array:
     values, vectors = np.linalg.eigh(penalty)
     root = (vectors * np.sqrt(np.maximum(values, 0.0))).T
     # the normal equations' triangular factor stands for all samples at once
-    r = np.linalg.qr(np.column_stack((b, y)), mode="r")
+    _, r = np.linalg.qr(np.column_stack((b, y)))
     z, _ = nnls(np.vstack((r[:, :-1], root)), np.concatenate((r[:, -1], np.zeros(len(root)))))
     return np.asarray(z, float)
 

@@ -179,7 +179,7 @@ def _points(recording: Recording, machine: Machine) -> tuple[dict[str, Array], d
     }
     group = np.cumsum(np.diff(np.concatenate(([False], chosen)).astype(np.int8)) == 1) - 1
     k = np.flatnonzero(chosen)
-    columns = {
+    columns: dict[str, Any] = {
         "group": group[k].astype(np.int64), "time": table.time[k], "angle": filtered(raw["angle"])[k],
         "rate": rate[k], "acceleration": acceleration[k], "hose_pressure": hose[k],
         "rod_pressure": filtered(raw["rod_pressure"])[k], "spool": spool[k],
@@ -227,9 +227,10 @@ def _spool(retract: Array, extend: Array, p: Any, e: Any) -> tuple[Array, float]
     """Stationary s_s / s_s^max (n,) for both currents (n,) [A], (5.18), (5.27b), and the time [s] by which it lags behind."""
     s = p.main_valve_spool
     if not hasattr(p, "pilot_valves"):
-        return s.K_i * (retract - extend) / s.s_max, s.T_s
+        return np.asarray(s.K_i * (retract - extend) / s.s_max, np.float64), s.T_s
     lag = e.pilot_lag.r / -p.pilot_valves.a1_s + (s.d_v + s.f_c / s.sigma_s) / s.k
-    return (_pilot(retract, p) - _pilot(extend, p)) * s.A_s / s.k / s.s_max, lag
+    difference = _pilot(retract, p) - _pilot(extend, p)
+    return np.asarray(difference * s.A_s / s.k / s.s_max, np.float64), lag
 
 
 def _pilot(current: Array, p: Any) -> Array:
