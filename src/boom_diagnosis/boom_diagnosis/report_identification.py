@@ -20,6 +20,7 @@ from boom_diagnosis.report_page import chart, page
 from boom_diagnosis.report_verdict import verdict
 from boom_diagnosis.validation import BagValidation, Validation
 
+_WHOLE = "style='white-space:nowrap'"
 _METHOD = (
     "Each number is given with its 90 % interval. Residuals that lie close together in time are alike; the intervals count "
     "stretches of data, not samples. An interval covers the noise of the recordings, not an error of the model's structure or "
@@ -70,10 +71,10 @@ def _summary(result: Identification) -> str:
         inside = old is not None and low <= old <= high
         change = "–" if not old else f"{100 * (e.value / old - 1):+.1f} %"
         rows.append(
-            f"<tr><td><code>{escape(e.key)}</code></td><td class=n>{number(e.value, 4)}</td>"
-            f"<td class=n>{number(low, 4)} .. {number(high, 4)}</td><td>{escape(e.unit)}</td>"
+            f"<tr><td {_WHOLE}><code>{escape(e.key)}</code></td><td class=n>{number(e.value, 4)}</td>"
+            f"<td class=n>{number(low, 4)} .. {number(high, 4)}</td><td {_WHOLE}>{escape(e.unit)}</td>"
             f"<td class=n>{'–' if old is None else number(old, 4)}</td>"
-            f"<td class='n{'' if inside else ' off'}'>{change}</td><td class=quiet>{escape(e.how)}</td></tr>"
+            f"<td class='n{'' if inside else ' off'}'>{change}</td><td class=quiet {_WHOLE}>{escape(e.how)}</td></tr>"
         )
     table = (
         "<div class=scroll><table class=compact><thead><tr><th>parameter</th><th class=n>value</th>"

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 DEGREE = 3
 BASIS_FUNCTIONS = 15
 FOLDS = 5
+BINS = 40
+"""Of the abscissa, in which samples are counted for their weights."""
 SMOOTHING = tuple(float(10.0**k) for k in np.arange(-8.0, 3.0))
 """Smoothing parameters that cross-validation tries. The abscissa is s_s / s_s^max, the ordinate A / A_0 (5.27)."""
 
@@ -56,20 +58,18 @@ def equidistant_nodes(low: float, high: float, count: int = BASIS_FUNCTIONS) -> 
 def dead_zone_nodes(low: float, high: float, dead_zone: float, count: int = BASIS_FUNCTIONS) -> Array:
     """Nodes with the dead zone +-``dead_zone`` as two intervals in the middle, and equal intervals on either side of it.
 
-    The spline can then be exactly zero in the dead zone and grow from its very edge.
+    The nodes at its edges are double: the spline is exactly zero in the dead zone and its curvature may jump there, as an
+    edge that opens does; value and slope stay continuous.
 
     Raises:
         ValueError: the range does not reach beyond the dead zone on both sides.
     """
     if not low < -dead_zone < dead_zone < high:
         raise ValueError(f"the range {low:g} .. {high:g} does not reach beyond the dead zone of +-{dead_zone:g}")
-    intervals = count - DEGREE - 2
+    intervals = count - DEGREE - 4
     left = intervals // 2
-    return _repeated(
-        np.concatenate(
-            (np.linspace(low, -dead_zone, left + 1), [0.0], np.linspace(dead_zone, high, intervals - left + 1))
-        )
-    )
+    below, above = np.linspace(low, -dead_zone, left + 1), np.linspace(dead_zone, high, intervals - left + 1)
+    return _repeated(np.concatenate((below, [-dead_zone, 0.0, dead_zone], above)))
 
 
 def basis(nodes: Array, x: Array) -> Array:
@@ -110,6 +110,9 @@ def monotone_fit(
 ) -> PSpline:
     """Spline that is zero within +-dead_zone and never falls away from it.
 
+    Samples crowd where the operator likes to drive. Each counts by the inverse of how many lie near it, so that a
+    few at a small opening say as much there as hundreds elsewhere; the mean weight is one.
+
     x (n,), y (n,), groups (n,): samples of one stretch share a number, and a fold of the cross-validation.
     smoothing: lambda; None: chosen by cross-validation among `SMOOTHING`.
 
@@ -117,7 +120,9 @@ def monotone_fit(
         ValueError: fewer stretches than folds, where lambda is to be chosen.
     """
     increments = _increments(nodes, dead_zone)
-    b = basis(nodes, x) @ increments
+    weight = _weights(x)
+    b = (basis(nodes, x) @ increments) * weight[:, None]
+    y = y * weight
     penalty = curvature(nodes)
     scores: dict[float, float] = {}
     if smoothing is None:
@@ -154,6 +159,14 @@ def _increments(nodes: Array, dead_zone: float) -> Array:
     if not columns:
         raise ValueError("no basis function lies beyond the dead zone")
     return np.array(columns).T
+
+
+def _weights(x: Array) -> Array:
+    """Square roots of the samples' weights (n,)."""
+    counts, edges = np.histogram(x, bins=BINS)
+    near = counts[np.clip(np.searchsorted(edges, x, side="right") - 1, 0, BINS - 1)]
+    weight = 1.0 / near
+    return np.asarray(np.sqrt(weight / np.mean(weight)), np.float64)
 
 
 def _solve(b: Array, y: Array, penalty: Array) -> Array:

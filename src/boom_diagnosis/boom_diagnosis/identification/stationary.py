@@ -235,8 +235,8 @@ def _spool(retract: Array, extend: Array, p: Any, e: Any) -> tuple[Array, float]
 
 def _pilot(current: Array, p: Any) -> Array:
     """Stationary pilot pressure [Pa] of currents (n,) [A], not below zero."""
-    h = p.pilot_valves.h
-    return np.maximum(np.asarray(pilot_valve.static_pressure(current, h), float), 0.0)
+    pressure = np.asarray(pilot_valve.static_pressure(current, p.pilot_valves.h), np.float64)
+    return np.asarray(np.maximum(pressure, 0.0), np.float64)
 
 
 def _bridged(known: Flags) -> list[tuple[int, int]]:
