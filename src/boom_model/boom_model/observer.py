@@ -68,13 +68,14 @@ class NoiseModel:
 
     Attributes:
         outputs: (4,) standard deviation of the measured channels [SI].
-        currents: of both currents [A], new with each sample.
+        currents: of both currents [A], new with each sample. timing: of the moment at which a current changes [s].
         disturbance: state name -> intensity of white noise on its derivative [unit/s * sqrt(s)].
         initial: state name -> uncertainty of the initial state.
     """
 
     outputs: tuple[float, float, float, float]
     currents: float
+    timing: float
     disturbance: dict[str, float]
     initial: dict[str, float]
 
@@ -141,9 +142,7 @@ def transitions(jacobian: Array, step: Array) -> Array:
     return np.asarray(half @ half)
 
 
-def kalman(
-    plant: Plant, samples: Samples, states: Array, noise: NoiseModel, parameters: Array | None = None
-) -> Gains:
+def kalman(plant: Plant, samples: Samples, states: Array, noise: NoiseModel, parameters: Array | None = None) -> Gains:
     """Gains of the extended Kalman filter along ``states`` (n, NX)."""
     names = plant.state_names
     held, step = samples.held, np.diff(samples.grid)
@@ -157,7 +156,8 @@ def kalman(
         shifted = held.copy()
         shifted[:, j] += delta
         f1, _ = linearise(plant, states, shifted, parameters)
-        columns.append((f1 - f0) / delta * noise.currents * step[:, None])
+        change = np.abs(np.gradient(held[:, j])) * noise.timing / step
+        columns.append((f1 - f0) / delta * (np.hypot(noise.currents, change) * step)[:, None])
     drive = middle @ np.stack(columns, axis=-1)
     density = np.array([noise.disturbance.get(name, 0.0) ** 2 for name in names])
     process = drive @ drive.transpose(0, 2, 1) + middle @ (

@@ -56,7 +56,9 @@ class Problem:
     select: for each recording (n, 4) flags of the samples that may be used.
     """
 
-    def __init__(self, predictor: Predictor, nuisances: Sequence[Nuisance], select: Sequence[NDArray[np.bool_]]) -> None:
+    def __init__(
+        self, predictor: Predictor, nuisances: Sequence[Nuisance], select: Sequence[NDArray[np.bool_]]
+    ) -> None:
         self.predictor = predictor
         self.nuisances = tuple(nuisances)
         self.select = [np.asarray(s) for s in select]
@@ -87,6 +89,14 @@ class Problem:
             loss = rho(w) + 0.5 * float(z @ z)
             result.append(Point(z.copy(), dict(e), w, loss, [r.whitened for r in rows], [r.states for r in rows]))
         return result
+
+    def likelihood(self, at: Point) -> float:
+        """Log-likelihood [nats] but for a constant: of observers with different gains, at the same point."""
+        size = sum(
+            float(np.linalg.slogdet(g.whitening[s.all(axis=1)])[1].sum())
+            for g, s in zip(self.predictor.gains, self.select, strict=True)
+        )
+        return size - at.loss
 
     def nuisance_jacobian(self, at: Point) -> Array:
         """dw/dz (rows, number of tolerances) by differences."""
@@ -141,10 +151,25 @@ class Problem:
         columns = self.effect_jacobian(best, names) if names else np.zeros((len(best.w), 0))
         return best, np.concatenate([nz, columns], axis=1)
 
+    def fit_nominal(self, effects: Mapping[str, float], names: Sequence[Coordinate], *, iterations: int = 4) -> Point:
+        """The effects alone, fitted with every tolerance at its nominal value."""
+        zero = np.zeros(len(self.nuisances))
+        best = self.points([(zero, effects)])[0]
+        if not names:
+            return best
+        for _ in range(iterations):
+            columns = self.effect_jacobian(best, names)
+            step = _gauss_newton(best, np.concatenate([np.zeros((len(best.w), len(zero))), columns], axis=1), names)
+            trial = min(
+                self.points([self._moved(best, step, names, size) for size in (1.0, 0.3)]), key=lambda p: p.loss
+            )
+            if trial.loss >= best.loss - 0.1:
+                break
+            best = trial
+        return best
+
     @staticmethod
-    def _moved(
-        at: Point, step: Array, names: Sequence[Coordinate], size: float
-    ) -> tuple[Array, dict[str, float]]:
+    def _moved(at: Point, step: Array, names: Sequence[Coordinate], size: float) -> tuple[Array, dict[str, float]]:
         m = len(at.z)
         effects = dict(at.effects)
         for c, d in zip(names, step[m:], strict=True):

@@ -1,7 +1,7 @@
 """One round of the search: tolerances alone, every effect beside them, and what speaks for each.
 
-Two observers serve: a loose one follows a machine that is far from the model, and a tight one, whose innovations are
-white if the model is right, weighs the evidence.
+How large the disturbances are that the observer assumes is itself estimated (likelihood): a loose observer follows a
+machine that is far from the model; with a model that is right the tight one is the likeliest, and sees most.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from boom_diagnosis.diagnosis.bag_samples import Bag
 from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.diagnosis.fitting import Point, Problem, rho
 from boom_diagnosis.diagnosis.nuisances import Nuisance
-from boom_diagnosis.diagnosis.prediction import LOOSE, Predictor
+from boom_diagnosis.diagnosis.prediction import Predictor
 from boom_diagnosis.diagnosis.search import Candidate, Fitted, Scanner, possible_effects, refine
 from boom_model.machine import Machine
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-NEAR = 1.3
-"""Mean loss per innovation above which the tight observer is too far from the recording to search with it."""
+LOOSENESS = (1.0, 4.0, 15.0)
+"""Factors of the assumed disturbances that are tried; the likeliest is taken, and a machine that is like the model gets 1."""
 REFINED = 6
 """Effects that are fitted in a round."""
 WEIGHED = 3
-"""Effects that are weighed with the tight observer where the loose one found them."""
+"""Effects that are weighed again where the best of them makes another observer likelier."""
 
 Effects = Mapping[str, Mapping[str, float]]
 Progress = Callable[[str, float], None]
@@ -93,20 +93,24 @@ def run_round(
     def problem(at_z: Array, at_values: Mapping[str, float], looseness: float) -> Problem:
         return problem_at(machine, bags, select, nuisances, at_z, at_values, looseness)
 
-    def fit(p: Problem, at_z: Array, at_values: Mapping[str, float], names: Sequence[Coordinate]) -> tuple[Point, Array]:
+    def fit(
+        p: Problem, at_z: Array, at_values: Mapping[str, float], names: Sequence[Coordinate]
+    ) -> tuple[Point, Array]:
         start = p.points([(at_z, at_values)])[0]
         return p.fit(start, p.nuisance_jacobian(start), names, iterations=6)
 
+    def likeliest(at_z: Array, at_values: Mapping[str, float]) -> Problem:
+        tried = [problem(at_z, at_values, looseness) for looseness in LOOSENESS]
+        return max(tried, key=lambda p: p.likelihood(p.points([(at_z, at_values)])[0]))
+
     progress("tolerances", 0.0)
-    loose = problem(z, values, LOOSE)
+    loose = problem(z, values, LOOSENESS[-1])
     base, jacobian = fit(loose, z, values, kept)
-    tight = problem(base.z, base.effects, 1.0)
-    probe = tight.points([(base.z, base.effects)])[0]
-    searching = loose
-    if probe.loss / len(probe.w) < NEAR:
-        base, jacobian = fit(tight, base.z, base.effects, kept)
-        searching = tight
+    searching = likeliest(base.z, base.effects)
+    if searching.predictor.looseness < LOOSENESS[-1]:
+        base, jacobian = fit(searching, base.z, base.effects, kept)
     else:
+        searching = loose
         jacobian = np.concatenate([loose.nuisance_jacobian(base), jacobian[:, len(base.z) :]], axis=1)
     progress("effects", 0.3)
     scanner = Scanner(searching, base, jacobian)
@@ -119,12 +123,12 @@ def run_round(
     progress("fitting effects", 0.5)
     fitted = [refine(scanner, jacobian, grouped[e][:2], kept) for e in list(grouped)[:REFINED]]
     fitted.sort(key=lambda f: f.point.loss)
-    if searching is tight:
-        fitted = [_polished(tight, f, base) for f in fitted[:1]] + fitted[1:]
-        return Round(accepted, base, jacobian, _sorted(fitted), scanned, tight)
     progress("weighing effects", 0.8)
     best = fitted[0].point
-    weighing = problem(best.z, best.effects, 1.0)
+    weighing = likeliest(best.z, best.effects)
+    if weighing.predictor.looseness == searching.predictor.looseness:
+        fitted = [_polished(searching, f, base) for f in fitted[:1]] + fitted[1:]
+        return Round(accepted, base, jacobian, _sorted(fitted), scanned, searching)
     base, jacobian = fit(weighing, base.z, base.effects, kept)
     fitted = [_weighed(weighing, f, base) for f in fitted[:WEIGHED]]
     return Round(accepted, base, jacobian, _sorted(fitted), scanned, weighing)

@@ -45,5 +45,6 @@ def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
     entry = machine.document["rigid_body"]["configs"].get(pose.tabulated, {})
     body = TOLERANCES.get(entry.get("conf", "medium"), 0.15)
     result += [Nuisance(f"pose.{name}", body * SPREAD) for name in ("D0", "Sx", "Sy")]
-    result.append(Nuisance("pose.load", max(LOAD * pose.load, LOAD_KG) * SPREAD, shift=True))
+    if pose.load > 0.0:
+        result.append(Nuisance("pose.load", max(LOAD * pose.load, LOAD_KG) * SPREAD, shift=True))
     return tuple(result)

@@ -28,12 +28,14 @@ FLOW_NOISE = 2e-8
 """m^3/s sqrt(s). White disturbance of each flow. With it the innovations of a healthy machine are white (measured)."""
 TORQUE_NOISE = 6.0
 """N m sqrt(s)."""
-LOOSE = 15.0
-"""Factor of both in an observer that is to follow a machine which is far from the model."""
 TOLERANCE = 3e-4
 """Of the integrator: the error is a few percent of an innovation, the same in all hypotheses."""
 CURRENT_NOISE = 0.85e-3
 """A. Noise and quantisation of the measured currents, which drive the model."""
+SPOOL_NOISE = 2e-4
+"""1/s sqrt(s), of the full stroke: white disturbance of the spool where one is allowed."""
+TIMING_NOISE = 1e-3
+"""s. When between two samples a current changed is not known."""
 
 Values = Mapping[str, float]
 """Component of the parameter vector -> value, where it differs from the machine's."""
@@ -60,13 +62,19 @@ class Predictor:
     """Observers for several recordings of one machine, whose gains stay fixed.
 
     machine: as given, without what is found. tuned: numbers (effects included) at which the gains are computed.
-    looseness: factor of the assumed disturbances.
+    looseness: factor of the assumed disturbances. boost: state -> further factor of the disturbance of its derivative.
     """
 
     def __init__(
-        self, machine: Machine, bags: Sequence[Bag], tuned: Values | None = None, looseness: float = 1.0
+        self,
+        machine: Machine,
+        bags: Sequence[Bag],
+        tuned: Values | None = None,
+        looseness: float = 1.0,
+        boost: Mapping[str, float] | None = None,
     ) -> None:
         self.machine = machine
+        self.boost = dict(boost or {})
         self.looseness = looseness
         self.bags = tuple(bags)
         self.tuned = dict(tuned or {})
@@ -98,7 +106,7 @@ class Predictor:
 
     def predict(self, hypotheses: Sequence[Values]) -> list[list[Prediction]]:
         """For each hypothesis (values of parameters), the prediction of every recording."""
-        jobs = [self._job(i, values) for values in hypotheses for i in range(len(self.bags))]
+        jobs = [self.job(i, values) for values in hypotheses for i in range(len(self.bags))]
         observed = observe_all(jobs, tolerance=TOLERANCE)
         result, k = [], 0
         for _ in hypotheses:
@@ -111,12 +119,17 @@ class Predictor:
             result.append(row)
         return result
 
-    def _job(self, i: int, values: Values) -> Job:
+    def job(self, i: int, values: Values) -> Job:
+        """The observer's pass over recording ``i`` with these values."""
         plant = self.plant(i, with_states(values))
         p = self.parameters(plant, values)
         samples = self.samples(i, plant, p)
         gain = _for(plant, self.plant(i, with_states(self.tuned)), self.gains[i].gain)
         return plant, samples, self.bags[i].initial_state(plant, p), gain, p
+
+    def noise(self) -> tuple[float, float, float, float]:
+        """Standard deviations of the measured channels that the observer assumes [SI]."""
+        return noise_model(self.base[0], self.machine, self.base[0].p).outputs
 
     def samples(self, i: int, plant: Plant, p: Array) -> Samples:
         """The recording as this hypothesis' delays have it."""
@@ -127,7 +140,7 @@ class Predictor:
         p = self.parameters(plant, self.tuned)
         samples = self.samples(i, plant, p)
         x0 = bag.initial_state(plant, p)
-        noise = noise_model(plant, self.machine, p, self.looseness)
+        noise = noise_model(plant, self.machine, p, self.looseness, self.boost)
         states = observe(plant, samples, x0, _nudging(plant, len(bag.grid) - 1), parameters=p).states
         return kalman(plant, samples, _filled(states), noise, p)
 
@@ -138,7 +151,9 @@ def with_states(values: Values) -> frozenset[str]:
     return frozenset(effect for effect in named if EFFECTS[effect].states)
 
 
-def noise_model(plant: Plant, machine: Machine, p: Array, looseness: float = 1.0) -> NoiseModel:
+def noise_model(
+    plant: Plant, machine: Machine, p: Array, looseness: float = 1.0, boost: Mapping[str, float] | None = None
+) -> NoiseModel:
     """Sensors' noise, the currents' noise, and small white disturbances of torque and flows."""
     torque, flow = looseness * TORQUE_NOISE, looseness * FLOW_NOISE
     sensors = machine.sensor_noise()
@@ -152,12 +167,20 @@ def noise_model(plant: Plant, machine: Machine, p: Array, looseness: float = 1.0
         "head_pressure": flow * beta / (0.5 * number["cylinder.A_a"] * number["cylinder.l_p"]),
         "rod_pressure": flow * beta / (0.5 * number["cylinder.A_b"] * number["cylinder.l_p"]),
     }
+    if boost:
+        spool = SPOOL_NOISE * number.get("main_valve_spool.s_max", 1.0)
+        disturbance = {
+            name: value * boost.get(name, 1.0)
+            for name, value in (disturbance | ({"spool_position": spool} if "spool_position" in boost else {})).items()
+        }
     initial = {
         "angle": 1e-3, "rate": 1e-2, "head_pressure": 5e5, "rod_pressure": 1e5, "hose_pressure": 1e5,
         "accumulator_pressure_1": 5e5, "accumulator_pressure_2": 5e5,
     }  # fmt: skip
     angle = max(0.5 * sensors.angle_quantum, 1e-5)
-    return NoiseModel((angle, sensors.rate_sigma, pressure, pressure), CURRENT_NOISE, disturbance, initial)
+    return NoiseModel(
+        (angle, sensors.rate_sigma, pressure, pressure), CURRENT_NOISE, TIMING_NOISE, disturbance, initial
+    )
 
 
 def _nudging(plant: Plant, n: int) -> Array:

@@ -149,12 +149,14 @@ class Scanner:
             result.append(
                 Candidate(
                     effect,
-                    {"effects.payload_change.mass": float(mass * size), "effects.payload_change.t_g": float(t[pick[k]])},
+                    {
+                        "effects.payload_change.mass": float(mass * size),
+                        "effects.payload_change.t_g": float(t[pick[k]]),
+                    },
                     float(gains[k]),
                 )
             )
         return result
-
 
     def follow(self, columns: Array, size: Array) -> Array:
         """z that the tolerances would take if the innovations changed by columns @ size."""
@@ -180,9 +182,7 @@ def refine(
         start = _start(scanner, candidate)
         reached.append(problem.fit(start, jacobian[:, :count], names, iterations=iterations))
     point, final = min(reached, key=lambda r: r[0].loss)
-    return Fitted(
-        candidates[0].effect, point, names, final, at.loss - point.loss, tuple(r[0].loss for r in reached)
-    )
+    return Fitted(candidates[0].effect, point, names, final, at.loss - point.loss, tuple(r[0].loss for r in reached))
 
 
 def _start(scanner: Scanner, candidate: Candidate) -> Point:
