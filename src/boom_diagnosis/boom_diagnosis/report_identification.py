@@ -84,10 +84,7 @@ def _summary(result: Identification) -> str:
     )
     unexcited = result.unexcited
     alert = f"<p class=warning>Not enough excitation for: {escape(', '.join(unexcited))}</p>" if unexcited else ""
-    reasons: dict[str, list[str]] = {}
-    for missing in result.not_determined:
-        reasons.setdefault(missing.why, []).append(missing.parameter)
-    listed = "".join(f"<li><code>{escape(', '.join(keys))}</code>: {escape(why)}</li>" for why, keys in reasons.items())
+    listed = "".join(f"<li><code>{escape(', '.join(keys))}</code>: {escape(why)}</li>" for why, keys in result.reasons().items())
     lacking = f"<h3>Not determined</h3><ul>{listed}</ul>" if listed else ""
     return f"<h2>What was found</h2>{alert}{table if rows else '<p>No number could be told.</p>'}{lacking}"
 

@@ -141,8 +141,8 @@ def _show(result: Identification, console: Console) -> None:
             )
     if result.unexcited:
         console.print(f"not enough excitation for: {', '.join(result.unexcited)}", markup=False, soft_wrap=True)
-    for missing in result.not_determined:
-        console.print(f"not determined: {missing.parameter}: {missing.why}", markup=False, soft_wrap=True)
+    for why, keys in result.reasons().items():
+        console.print(f"not determined: {', '.join(keys)}: {why}", markup=False, soft_wrap=True)
 
 
 def _words(args: argparse.Namespace) -> list[str]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 Array = NDArray[np.float64]
 
@@ -17,7 +18,7 @@ NORMAL_90 = 1.6449
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter.
+    """One parameter that the recordings determine; those that they do not are `NotDetermined`.
 
     Attributes:
         key: of the machine file, joined with dots (``.0 .1 .2`` for the components of a vector).
@@ -25,8 +26,6 @@ class Estimate:
         unit: as the machine file states it.
         interval_90: (low, high) [unit].
         how: a few words: equation and kind of data.
-        determined: False where the recordings do not tell it; the value is then the prior one and goes nowhere.
-        why: reason, where it is not determined.
     """
 
     key: str
@@ -34,8 +33,6 @@ class Estimate:
     unit: str
     interval_90: tuple[float, float]
     how: str
-    determined: bool = True
-    why: str = ""
 
     def document(self) -> dict[str, Any]:
         """As in ``identify --json``."""
@@ -43,7 +40,7 @@ class Estimate:
             "value": self.value,
             "unit": self.unit,
             "interval_90": list(self.interval_90),
-            "determined": self.determined,
+            "determined": True,
             "how": self.how,
         }
 
@@ -82,7 +79,9 @@ def cluster_covariance(jacobian: Array, residual: Array, groups: NDArray[np.int6
     """Covariance (m, m) of a least-squares estimate whose residuals may be alike within a group.
 
     jacobian (n, m), residual (n,), groups (n,): samples of one group (a stretch of a recording) may err together; groups
-    are taken as independent (cluster-robust sandwich estimate, Liang and Zeger 1986, small-sample factor G / (G - 1)).
+    are taken as independent (cluster-robust sandwich estimate, Liang and Zeger 1986, small-sample factor G / (G - 1)). Few
+    groups tell their own spread badly: the covariance is widened so that a normal 90 % interval is as wide as Student's with
+    G - 1 degrees of freedom.
 
     Raises:
         ValueError: fewer than two groups, or columns that depend on each other.
@@ -101,7 +100,8 @@ def cluster_covariance(jacobian: Array, residual: Array, groups: NDArray[np.int6
     scores = np.zeros((count, jacobian.shape[1]))
     np.add.at(scores, index, scaled * residual[:, None])
     inverse = np.linalg.inv(normal)
-    covariance = inverse @ (scores.T @ scores) @ inverse * (count / (count - 1))
+    student = float(stdtrit(count - 1, 0.95)) / NORMAL_90
+    covariance = inverse @ (scores.T @ scores) @ inverse * (count / (count - 1) * student**2)
     return np.asarray(covariance / np.outer(scale, scale))
 
 
@@ -109,6 +109,15 @@ def interval(value: float, variance: float) -> tuple[float, float]:
     """90 % interval of a value with a variance, normal."""
     half = NORMAL_90 * math.sqrt(max(variance, 0.0))
     return value - half, value + half
+
+
+def too_wide(found: Estimate, tolerance: float) -> str:
+    """Why an estimate says no more than what was believed before (relative ``tolerance``); empty if it says more."""
+    half = max(abs(bound - found.value) for bound in found.interval_90)
+    if half <= tolerance * abs(found.value):
+        return ""
+    share = half / max(abs(found.value), 1e-300)
+    return f"known to +-{100 * share:.0f} % only (90 %), +-{100 * tolerance:.0f} % was known before"
 
 
 def gradient(function: Any, x: Array) -> Array:

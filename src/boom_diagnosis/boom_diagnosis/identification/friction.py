@@ -85,8 +85,13 @@ def identify_friction(points: Points, machine: Machine, pose: Pose) -> FrictionR
         for k, key in enumerate(keys):
             unit = machine.parameters[f"friction.{key}"].specification.unit
             bounds = estimate.interval(float(solution[k]), float(covariance[k, k]))
-            found.append(Estimate(f"friction.{key}", float(solution[k]), unit, bounds, _HOW))
-            values[key] = float(solution[k])
+            new = Estimate(f"friction.{key}", float(solution[k]), unit, bounds, _HOW)
+            values[key] = new.value
+            why = estimate.too_wide(new, machine.parameters[new.key].tolerance)
+            if why:
+                missing.append(NotDetermined(new.key, why))
+            else:
+                found.append(new)
     fitted = _model(points, machine, pose, values)
     residual = float(np.sqrt(np.mean((torque - fitted) ** 2))) if len(torque) else float("nan")
     return FrictionResult(points.rate, torque, fitted, residual, tuple(found), tuple(missing))

@@ -83,6 +83,13 @@ class Identification:
         """Keys that stay unknown for want of motion, not for want of sensors."""
         return tuple(n.parameter for n in self.not_determined if n.excitation)
 
+    def reasons(self) -> dict[str, list[str]]:
+        """Reason -> keys that are not determined for it."""
+        result: dict[str, list[str]] = {}
+        for missing in self.not_determined:
+            result.setdefault(missing.why, []).append(missing.parameter)
+        return result
+
     def document(self) -> dict[str, Any]:
         """``identify --json`` (contract): parameters, pilot_valve, not_determined; and what a controller can take."""
         result: dict[str, Any] = {

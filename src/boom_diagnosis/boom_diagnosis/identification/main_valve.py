@@ -54,6 +54,8 @@ LAW = {
     "A_ta_law.c0": "-",
     "A_ta_law.c1": "-",
 }
+_CATALOGUE = ("main_valve_spool.k", "main_valve_spool.A_s", "main_valve_orifices.dp_c")
+_RELATIVE = "no sensor sees the spool: pilot gain and spring, areas and compensator margin act as products; catalogue values"
 _OF_SIDE = {"extend": ("A_sa_max", "A_tb_max"), "retract": ("A_sb_max", "A_ta_law.c0", "A_ta_law.c1")}
 
 
@@ -142,6 +144,8 @@ def identify_main_valve(
         if edge in polygons:
             x = np.linspace(0.0, 1.0, 101) * (-1.0 if side == "extend" else 1.0)
             law[edge] = (x, _law_area(x, port, values, machine, pose))
+    if machine.structure.pilot_valves:
+        missing = (*missing, *(NotDetermined(key, _RELATIVE, excitation=False) for key in _CATALOGUE))
     return MainValveResult(a_0, dead_zone, (ports[0], ports[1]), polygons, found, missing, law, residual)
 
 
@@ -188,8 +192,7 @@ def _law(
     points: Points, machine: Machine, pose: Pose
 ) -> tuple[tuple[Estimate, ...], tuple[NotDetermined, ...], dict[str, float], float]:
     """The machine file's law, fitted to the flows at both ports of all points of the sides that are seen."""
-    parameters = {key: machine.parameters[f"main_valve_orifices.{key}"] for key in LAW}
-    prior = {key: parameter.value[0] for key, parameter in parameters.items()}
+    prior = {key: machine.parameters[f"main_valve_orifices.{key}"].value[0] for key in LAW}
     sides = [s for s, sign in zip(SIDES, (-1, 1), strict=True) if _seen(points.where(np.sign(points.spool) == sign))]
     free = ["x0", "n", *(key for side in sides for key in _OF_SIDE[side])] if sides else []
     missing = [
@@ -200,6 +203,37 @@ def _law(
         missing += [NotDetermined(f"main_valve_orifices.{key}", "the valve is hardly opened") for key in ("x0", "n")]
         return (), tuple(missing), prior, float("nan")
     used = points.where(np.isin(np.sign(points.spool), [(-1 if s == "extend" else 1) for s in sides]))
+    # A number that the points do not tell keeps its old value, and the others are fitted to that.
+    while free:
+        try:
+            found, rms = _fit(used, machine, pose, prior, free)
+        except ValueError as error:
+            missing += [NotDetermined(f"main_valve_orifices.{key}", str(error)) for key in free]
+            break
+        vague = [
+            NotDetermined(e.key, why)
+            for e in found
+            if (why := estimate.too_wide(e, machine.parameters[e.key].tolerance))
+        ]
+        if not vague:
+            values = {e.key.removeprefix("main_valve_orifices."): e.value for e in found}
+            return tuple(found), tuple(missing), prior | values, rms
+        # x_0 and n first: without them the areas are often clear
+        shape = [n for n in vague if n.parameter.rpartition(".")[2] in ("x0", "n")]
+        missing += shape or vague
+        gone = {n.parameter for n in shape or vague}
+        free = [key for key in free if f"main_valve_orifices.{key}" not in gone]
+    return (), tuple(missing), prior, float("nan")
+
+
+def _fit(
+    used: Points, machine: Machine, pose: Pose, prior: dict[str, float], free: list[str]
+) -> tuple[list[Estimate], float]:
+    """Estimates of the ``free`` numbers of the law, the others at their ``prior``, and the rms error of the flows [l/min].
+
+    Raises:
+        ValueError: the points cannot tell the numbers apart.
+    """
     p, _ = component_parameters(machine, pose)
     target = np.concatenate(
         (
@@ -209,33 +243,27 @@ def _law(
     )
     weight = np.hypot(FLOW_NOISE, STORAGE_ERROR * np.concatenate((used.head_storage, used.rod_storage)))
     predicted = _predicted(used, machine, pose)
-    low = np.array([parameters[key].specification.minimum for key in free])
-    high = np.array([parameters[key].specification.maximum for key in free])
+    specifications = [machine.parameters[f"main_valve_orifices.{key}"].specification for key in free]
     start = np.array([prior[key] for key in free])
+    edges = np.sort(np.array([(s.minimum, s.maximum) for s in specifications]).T / start, axis=0)
 
     def residuals(z: Array) -> Array:
         flows = predicted(prior | dict(zip(free, z * start, strict=True)))
         return np.asarray((flows - target) / weight, np.float64)
 
-    edges = np.sort(np.stack((low / start, high / start)), axis=0)
     fit = least_squares(
         residuals, np.ones(len(free)), bounds=(edges[0], edges[1]), loss="soft_l1", f_scale=3.0, x_scale=0.1
     )
-    values = prior | {key: float(v) for key, v in zip(free, fit.x * start, strict=True)}
     residual = residuals(fit.x)
-    rms = float(np.sqrt(np.mean((residual * weight) ** 2))) * 6e4
     groups = np.concatenate((used.group, used.group))
-    try:
-        covariance = estimate.cluster_covariance(_jacobian(residuals, fit.x), residual, groups)
-    except ValueError as error:
-        missing += [NotDetermined(f"main_valve_orifices.{key}", str(error)) for key in free]
-        return (), tuple(missing), prior, float("nan")
+    covariance = estimate.cluster_covariance(_jacobian(residuals, fit.x), residual, groups)
+    how = "(5.17), stationary points, relative to A_s, k and dp_c"
     found = []
     for k, key in enumerate(free):
-        bounds_90 = estimate.interval(values[key], float(covariance[k, k]) * start[k] ** 2)
-        how = "(5.17), stationary points, relative to A_s, k and dp_c"
-        found.append(Estimate(f"main_valve_orifices.{key}", values[key], LAW[key], bounds_90, how))
-    return tuple(found), tuple(missing), values, rms
+        value = float(fit.x[k] * start[k])
+        bounds = estimate.interval(value, float(covariance[k, k]) * start[k] ** 2)
+        found.append(Estimate(f"main_valve_orifices.{key}", value, LAW[key], bounds, how))
+    return found, float(np.sqrt(np.mean((residual * weight) ** 2))) * 6e4
 
 
 def _jacobian(function: Callable[[Array], Array], x: Array) -> Array:
