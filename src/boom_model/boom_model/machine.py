@@ -11,6 +11,7 @@ from typing import Any, Literal
 from boom_model import four_bar_linkage, triangle_linkage
 from boom_model.effects import active_effects
 from boom_model.errors import MachineError, nearest
+from boom_model.learned import LearnedTerm
 from boom_model.rigid_body import locked_inertia
 from boom_model.sensors import SensorNoise
 from boom_model.specification import Specification
@@ -71,6 +72,7 @@ class Machine:
         angle_limits: (q_2 at s_p = 0, largest q_2) [rad].
         effects: active effects, id -> parameter -> value.
         document: the file as it was read.
+        learned: terms learnt from data.
     """
 
     name: str
@@ -79,6 +81,7 @@ class Machine:
     angle_limits: tuple[float, float]
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     document: Mapping[str, Any] = field(default_factory=dict)
+    learned: tuple[LearnedTerm, ...] = ()
 
     def values(self, pose: Pose) -> dict[str, float]:
         """Every component of the parameter vector by name: machine, pose, effects."""
@@ -87,6 +90,8 @@ class Machine:
             result |= dict(zip(parameter.specification.components, parameter.value, strict=True))
         for effect, given in self.effects.items():
             result |= {f"effects.{effect}.{name}": value for name, value in given.items()}
+        for k, entry in enumerate(self.learned):
+            result |= {f"learned.{k}.{j}": value for j, value in enumerate(entry.coefficients)}
         return result
 
     def with_values(self, changed: Mapping[str, float | tuple[float, ...]]) -> Machine:

@@ -20,6 +20,7 @@ import yaml
 from boom_model.effects import active_effects
 from boom_model.errors import MachineError, nearest
 from boom_model.hose_burst_valve import smooth_node
+from boom_model.learned import check_learned
 from boom_model.machine import TOLERANCES, Machine, Parameter, check_range, number
 from boom_model.specification import Specification
 from boom_model.structure import Structure
@@ -46,7 +47,7 @@ _INFORMATION: dict[str, frozenset[str]] = {
         {"Ts", "pos_poles", "force_poles", "svf_poles", "q2_quant", "p_quant", "p_noise_psd", "perturbations"}
     ),
 }
-_TOP = frozenset({*_INFORMATION, "effects"})
+_TOP = frozenset({*_INFORMATION, "effects", "learned"})
 _METER_OUT = re.compile(r"^\s*A_sb\s*/\s*\(\s*([0-9.eE+-]+?)\s*([+-])\s*([0-9.eE+-]+?)\s*\*\s*u\^2\s*\)\s*$")
 _STROKE_SLACK = 1e-3
 
@@ -79,13 +80,9 @@ def machine_from(document: Any) -> Machine:
     if not isinstance(document, dict):
         raise MachineError("not a machine file: expected sections such as fluid, cylinder, kinematics")
     for section in document:
-        if section == "learned":
-            raise MachineError(
-                "learned: terms learnt from data cannot be simulated by this version; remove the section"
-            )
         if section not in _TOP:
             raise MachineError(f"{section}: no such section{nearest(str(section), _TOP)}")
-        if section != "effects" and not isinstance(document[section], dict):
+        if section not in ("effects", "learned") and not isinstance(document[section], dict):
             raise MachineError(f"{section}: expected keys with values below it")
     for section in ("meta", "constants", "fluid", "cylinder", "kinematics", "rigid_body", "friction"):
         if section not in document:
@@ -102,9 +99,11 @@ def machine_from(document: Any) -> Machine:
     _check_rigid_body(document["rigid_body"])
     kinematics = document["kinematics"]
     limits = (_limit(kinematics, "q2_stroke_min"), _limit(kinematics, "q2_max"))
-    machine = Machine(
-        name, structure, parameters, limits, active_effects(document.get("effects") or {}, structure.has), document
-    )
+    learned = check_learned(document.get("learned") or [])
+    if not structure.pilot_valves and any(entry.equation == "spool" or "spool" in entry.validity for entry in learned):
+        raise MachineError("learned: this machine has no pilot stage, so that no term can use the spool")
+    effects = active_effects(document.get("effects") or {}, structure.has)
+    machine = Machine(name, structure, parameters, limits, effects, document, learned)
     _check_consistency(machine)
     return machine
 
@@ -182,7 +181,7 @@ def _check_keys(document: Mapping[str, Any], specifications: Iterable[Specificat
         section, key = spec.key.split(".")[:2]
         wanted.setdefault(section, set()).add(key)
     for section, keys in document.items():
-        if section == "effects":
+        if section in ("effects", "learned"):
             continue
         allowed = wanted.get(section, set()) | _INFORMATION[section]
         for key in keys:

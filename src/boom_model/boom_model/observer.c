@@ -50,3 +50,64 @@ void boom_derivatives(const double *p, const double *x, const double *u, long n,
   for (long k = 0; k < n * NX * NX; k++) J[k] = 0.0;
   for (long k = 0; k < n; k++) model_fj(x + k * NX, u + k * NU, c, f + k * NX, J + k * NX * NX);
 }
+
+/* Riccati recursion of the Kalman filter. transition, process [n][NX][NX] of each interval; output [NY][NX];
+   valid [n][NY]: 1 where measured; variance [NY]; covariance [NX][NX]: start in, end out.
+   gain [n][NX][NY] and innovation [n][NY][NY], the covariance of the innovations. Channels that were not measured get no gain. */
+void boom_riccati(long n, const double *transition, const double *process, const double *output, const unsigned char *valid,
+                  const double *variance, double *covariance, double *gain, double *innovation) {
+  double M[NX * NX], H[NY][NX], PH[NX][NY], S[NY][NY], V[NY][NY];
+  double *P = covariance;
+  for (long k = 0; k < n; k++) {
+    const double *A = transition + k * NX * NX, *Q = process + k * NX * NX;
+    for (int i = 0; i < NX; i++)
+      for (int j = 0; j < NX; j++) {
+        double sum = 0.0;
+        for (int l = 0; l < NX; l++) sum += A[i * NX + l] * P[l * NX + j];
+        M[i * NX + j] = sum;
+      }
+    for (int i = 0; i < NX; i++)
+      for (int j = 0; j <= i; j++) {
+        double sum = 0.5 * (Q[i * NX + j] + Q[j * NX + i]);
+        for (int l = 0; l < NX; l++) sum += M[i * NX + l] * A[j * NX + l];
+        P[i * NX + j] = P[j * NX + i] = sum;
+      }
+    for (int a = 0; a < NY; a++)
+      for (int i = 0; i < NX; i++) H[a][i] = valid[k * NY + a] ? output[a * NX + i] : 0.0;
+    for (int i = 0; i < NX; i++)
+      for (int a = 0; a < NY; a++) {
+        double sum = 0.0;
+        for (int l = 0; l < NX; l++) sum += P[i * NX + l] * H[a][l];
+        PH[i][a] = sum;
+      }
+    for (int a = 0; a < NY; a++)
+      for (int b = 0; b < NY; b++) {
+        double sum = a == b ? variance[a] : 0.0;
+        for (int l = 0; l < NX; l++) sum += H[a][l] * PH[l][b];
+        S[a][b] = innovation[(k * NY + a) * NY + b] = sum;
+        V[a][b] = a == b;
+      }
+    for (int a = 0; a < NY; a++) { /* Gauss-Jordan; S is positive definite */
+      const double pivot = 1.0 / S[a][a];
+      for (int b = 0; b < NY; b++) { S[a][b] *= pivot; V[a][b] *= pivot; }
+      for (int r = 0; r < NY; r++) {
+        if (r == a) continue;
+        const double factor = S[r][a];
+        for (int b = 0; b < NY; b++) { S[r][b] -= factor * S[a][b]; V[r][b] -= factor * V[a][b]; }
+      }
+    }
+    double *g = gain + k * NX * NY;
+    for (int i = 0; i < NX; i++)
+      for (int a = 0; a < NY; a++) {
+        double sum = 0.0;
+        for (int b = 0; b < NY; b++) sum += PH[i][b] * V[b][a];
+        g[i * NY + a] = sum;
+      }
+    for (int i = 0; i < NX; i++)
+      for (int j = 0; j <= i; j++) {
+        double sum = 0.0;
+        for (int a = 0; a < NY; a++) sum += 0.5 * (g[i * NY + a] * PH[j][a] + g[j * NY + a] * PH[i][a]);
+        P[i * NX + j] = P[j * NX + i] = P[i * NX + j] - sum;
+      }
+  }
+}

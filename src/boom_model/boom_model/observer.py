@@ -16,6 +16,7 @@ from os import cpu_count
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_model.errors import SimulationError
 from boom_model.plant import Plant, _pointer
 from boom_model.sensors import OUTPUTS
 
@@ -136,9 +137,8 @@ def linearise(plant: Plant, states: Array, currents: Array, parameters: Array | 
 def transitions(jacobian: Array, step: Array) -> Array:
     """Exp(J h) for stacks J (n, NX, NX), h (n,): squared Pade (1, 2), L-stable as the stiff pressures need."""
     eye = np.eye(jacobian.shape[-1])
-    z = jacobian * (step[:, None, None] / 4.0)
+    z = jacobian * (step[:, None, None] / 2.0)
     half = np.linalg.solve(eye - z * (2.0 / 3.0) + z @ z / 6.0, eye + z / 3.0)
-    half = half @ half
     return np.asarray(half @ half)
 
 
@@ -147,8 +147,8 @@ def kalman(plant: Plant, samples: Samples, states: Array, noise: NoiseModel, par
     names = plant.state_names
     held, step = samples.held, np.diff(samples.grid)
     f0, jacobian = linearise(plant, states, held, parameters)
-    transition = transitions(jacobian, step)
     middle = transitions(jacobian, step / 2)
+    transition = middle @ middle
     # noise of the held currents acts over the whole interval, through the derivative's sensitivity to them
     delta = 1e-3
     columns = []
@@ -164,23 +164,17 @@ def kalman(plant: Plant, samples: Samples, states: Array, noise: NoiseModel, par
         density[None, :, None] * step[:, None, None] * middle.transpose(0, 2, 1)
     )
     output = output_jacobian(plant, states[0], parameters)
-    variance = np.diag(np.square(noise.outputs))
+    valid = np.ascontiguousarray(np.isfinite(samples.measured), dtype=np.uint8)
     covariance = np.diag([noise.initial.get(name, 0.0) ** 2 for name in names])
-    valid = np.isfinite(samples.measured)
     n = len(step)
-    gain, innovation = np.zeros((n, len(names), 4)), np.zeros((n, 4, 4))
-    for k in range(n):
-        a = transition[k]
-        covariance = a @ covariance @ a.T + process[k]
-        if not np.isfinite(covariance).all():
-            covariance = np.diag([noise.initial.get(name, 0.0) ** 2 for name in names])
-        h = output if valid[k].all() else output * valid[k][:, None]
-        ph = covariance @ h.T
-        s = h @ ph + variance
-        g = ph @ np.linalg.inv(s)
-        gain[k], innovation[k] = g, s
-        covariance = covariance - g @ ph.T
-        covariance = 0.5 * (covariance + covariance.T)
+    gain, innovation = np.empty((n, len(names), 4)), np.empty((n, 4, 4))
+    plant._library.boom_riccati(
+        ctypes.c_long(n), _pointer(np.ascontiguousarray(transition)), _pointer(np.ascontiguousarray(process)),
+        _pointer(np.ascontiguousarray(output)), valid.ctypes.data_as(ctypes.POINTER(ctypes.c_ubyte)),
+        _pointer(np.square(np.array(noise.outputs))), _pointer(covariance), _pointer(gain), _pointer(innovation),
+    )  # fmt: skip
+    if not np.isfinite(innovation).all():
+        raise SimulationError("the covariance of the observer grew without bounds", float(samples.grid[0]), None)
     return Gains(gain, np.linalg.inv(np.linalg.cholesky(innovation)))
 
 

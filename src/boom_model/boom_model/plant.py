@@ -74,7 +74,7 @@ class Plant:
         self.machine = machine
         self.pose = pose
         model = full_model if kind == "full" else reduced_model
-        self.equations: Equations = model(machine.structure, machine.effects)
+        self.equations: Equations = model(machine.structure, machine.effects, machine.learned)
         self._library = build(self.equations)
         self.state_names = self.equations.state_names
         self.parameter_names = self.equations.parameters

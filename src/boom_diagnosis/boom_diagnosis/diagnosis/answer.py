@@ -131,7 +131,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     moved = _moved(case, case.last) if verdict == "parameters_only" or case.taken else {}
     machines = _machines(case, verdict)
     spans = _spans(case)
-    runs = {label: [free_run(s.recording, m) for s in spans.all] for label, m in machines.items()}
+    runs = {label: [free_run(s.recording, _in(m, case, s)) for s in spans.all] for label, m in machines.items()}
     fit, ladder = _fit(case, machines, runs, spans)
     experiment = propose(case, ranked) if verdict in ("ambiguous", "unknown_physics", "identified") else None
     said = experiment.text if experiment else _nothing_more(verdict)
@@ -361,6 +361,16 @@ class _Spans:
     all: list[Span]
 
 
+def _in(machine: Machine, case: Case, span: Span) -> Machine:
+    """The machine in a recording: a load that changes does so at that recording's own time."""
+    held = any(bag.recording is span.recording for bag in case.proving)
+    if case.onset is None or not held or "payload_change" not in machine.effects:
+        return machine
+    effects = {k: dict(v) for k, v in machine.effects.items()}
+    effects["payload_change"]["t_g"] = case.onset
+    return machine.with_effects(effects)
+
+
 def _spans(case: Case) -> _Spans:
     training, judged, everything = [], [], []
     for bag, select in zip(case.bags, case.judged, strict=True):
@@ -390,7 +400,9 @@ def _fit(
 
     training = {label: table(label, spans.training) for label in machines}
     held = {label: table(label, spans.judged) for label in machines}
-    floor = median([noise_floor(s, machines["explained"], case.seed + 11 + i) for i, s in enumerate(spans.judged)])
+    floor = median(
+        [noise_floor(s, _in(machines["explained"], case, s), case.seed + 11 + i) for i, s in enumerate(spans.judged)]
+    )
     labels = {"nominal": "nominal", "parameters_only": "parameters only"}
     if case.taken:
         labels["explained"] = "+ " + ", ".join(_label(w.fitted.effect) for w in case.taken)

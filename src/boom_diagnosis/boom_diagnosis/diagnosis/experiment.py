@@ -97,4 +97,4 @@ def propose(case: Case, ranked: Sequence[RankingRow]) -> Experiment | None:
         f"Record {LENGTH:.0f} s of {name}: {points[0][0]} and {points[1][0]} would then differ by {apart[0]:.1f} standard "
         f"deviations of the sensors' noise in the mean."
     )
-    return Experiment(text, np.arange(len(currents)) * PERIOD, currents, separation)
+    return Experiment(text, np.asarray(np.arange(len(currents)) * PERIOD, dtype=np.float64), currents, separation)

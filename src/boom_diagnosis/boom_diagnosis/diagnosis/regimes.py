@@ -49,7 +49,7 @@ def classify(bag: Bag) -> Index:
     kernel = np.ones(9) / 9
     smooth = np.convolve(filled, kernel, mode="same")
     direction = np.where(smooth > STANDSTILL, 1, np.where(smooth < -STANDSTILL, -1, 0))
-    changed = np.flatnonzero(np.diff(direction) != 0) + 1
+    changed = [int(k) + 1 for k in np.flatnonzero(np.diff(direction) != 0)]
     since = np.full(len(direction), np.inf)
     for k in changed:
         until = min(len(since), k + round(TRANSIENT / PERIOD))

@@ -16,6 +16,7 @@ from boom_diagnosis.diagnosis.fitting import Point, Problem
 from boom_diagnosis.diagnosis.healthy import simulated
 from boom_diagnosis.diagnosis.hypotheses import Round, held_out_loss, problem_at, run_round
 from boom_diagnosis.diagnosis.nuisances import Nuisance, tolerances
+from boom_diagnosis.diagnosis.onset import TIME, onset
 from boom_diagnosis.diagnosis.weighing import (
     COLDEST,
     ENOUGH,
@@ -47,6 +48,7 @@ class Case:
     Attributes:
         bags: fitted. proving: not fitted at all. select, judged: samples fitted and held out, per bag of ``bags``.
         floor: loss per innovation of a healthy machine with the same currents.
+        onset: when a load came in the recordings held out [s].
     """
 
     machine: Machine
@@ -63,6 +65,7 @@ class Case:
     weighed: list[list[Weighed]] = field(default_factory=list)
     taken: list[Weighed] = field(default_factory=list)
     temperature: float = COLDEST
+    onset: float | None = None
 
     def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
         """Components of the parameter vector."""
@@ -195,7 +198,7 @@ def _weigh(case: Case, found: Round) -> list[Weighed]:
             case.machine, case.proving, [bag.counted for bag in case.proving], case.nuisances,
             found.fitted[0].point.z, found.fitted[0].point.effects, found.problem.predictor.looseness,
         )  # fmt: skip
-        points = problem.points([(p.z, held_effects(p.effects)) for p in everything])
+        points = problem.points([(p.z, _own_onset(case, problem, p)) for p in everything])
         losses = [p.loss - 0.5 * float(p.z @ p.z) for p in points]
     else:
         losses = [held_out_loss(p, case.judged) for p in everything]
@@ -208,9 +211,13 @@ def _weigh(case: Case, found: Round) -> list[Weighed]:
     return sorted(weighed, key=lambda w: -w.net)
 
 
-def held_effects(effects: Mapping[str, float]) -> dict[str, float]:
-    """Effects as they are in another recording: when a load came is its own."""
-    return dict(effects)
+def _own_onset(case: Case, problem: Problem, point: Point) -> dict[str, float]:
+    """Effects of a point as they are in the recordings held out: when a load came is their own."""
+    effects = dict(point.effects)
+    if TIME in effects:
+        effects[TIME] = onset(problem, point.z, effects)
+        case.onset = effects[TIME]
+    return effects
 
 
 def _earns(best: Weighed) -> bool:

@@ -162,7 +162,7 @@ class Scanner:
         """z that the tolerances would take if the innovations changed by columns @ size."""
         moved = self._score + self._weighted.T @ (columns @ size)
         count = len(self.at.z)
-        return np.clip(self.at.z - (self._factor @ moved)[:count], -LARGEST_Z, LARGEST_Z)
+        return np.asarray(np.clip(self.at.z - (self._factor @ moved)[:count], -LARGEST_Z, LARGEST_Z))
 
 
 def refine(
