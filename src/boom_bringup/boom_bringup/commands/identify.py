@@ -155,5 +155,7 @@ def _words(args: argparse.Namespace) -> list[str]:
     return words + (["--stationary-only"] if args.stationary_only else [])
 
 
-def _refiner() -> Refiner | None:
-    return None
+def _refiner() -> Refiner:
+    from boom_diagnosis.identification.refine import refine
+
+    return refine

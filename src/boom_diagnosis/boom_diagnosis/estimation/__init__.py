@@ -11,9 +11,9 @@ from boom_diagnosis.estimation.experiment import Experiment, Segment, last_part,
 from boom_diagnosis.estimation.fit import Fit, fit
 from boom_diagnosis.estimation.problem import Problem
 from boom_diagnosis.estimation.unknown import Unknown, effect_unknown, machine_unknown, with_effects_present
-from boom_diagnosis.estimation.whitening import Whitener, whitener
+from boom_diagnosis.estimation.whitening import Gains, gains
 
 __all__ = [
-    "Experiment", "Fit", "Problem", "Segment", "Unknown", "Whitener", "effect_unknown", "fit", "last_part",
-    "machine_unknown", "prepare", "whitener", "with_effects_present",
+    "Experiment", "Fit", "Gains", "Problem", "Segment", "Unknown", "effect_unknown", "fit", "gains", "last_part",
+    "machine_unknown", "prepare", "with_effects_present",
 ]  # fmt: skip

@@ -1,13 +1,14 @@
 """A recording prepared for estimation: stretches that can be run freely, their starts, and which samples count.
 
-A run does not cross a gap in the currents; it starts again behind it. Samples are sorted into nodes, one for each period
-of the recording, at which the noise is followed (``whitening``); the model itself is sampled at the samples' own stamps.
+A run does not cross a gap in the currents; it starts again behind it. Samples are sorted into nodes, the stamps of the
+currents, at which the noise is followed (``whitening``); the model itself is sampled at the samples' own stamps.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from boom_diagnosis.initial_state import UNCERTAINTY, initial_state, means_at_re
 from boom_diagnosis.validation import plant_for
 from boom_model.batch import Job
 from boom_model.machine import Machine
+from boom_model.observer import Samples
 from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording, Signal
@@ -38,7 +40,7 @@ class Segment:
         rest: means of the four channels where the boom rests at the beginning, else None.
         moving_state: (NX,) state at ``start``, where the boom does not rest there.
         times: (n,) [s] stamps at which the model is sampled.
-        nodes: (K,) [s] times of the nodes, one period apart.
+        nodes: (K,) [s] the stamps of the currents, filled up to one a period.
         where: (K, 4) index into ``times`` of the sample of each channel at each node, -1 where there is none.
         measured: (K, 4) what was measured there, SI; NaN where there is nothing.
         training: (K,) whether the samples of a node are used in a fit (else they are held out).
@@ -55,15 +57,14 @@ class Segment:
     training: Flags
 
     @property
+    def stamps(self) -> Array:
+        """(K, 4) [s] when it was measured; NaN where there is nothing."""
+        return np.where(self.valid, self.times[np.maximum(self.where, 0)], np.nan)
+
+    @property
     def valid(self) -> Flags:
         """(K, 4) whether there is a sample."""
         return self.where >= 0
-
-    @property
-    def used_until(self) -> float:
-        """Time [s] of the last sample that is used in a fit."""
-        last = np.flatnonzero(self.training)
-        return float(self.nodes[last[-1]]) + 0.5 * float(self.nodes[1] - self.nodes[0]) if len(last) else self.start
 
     def at_nodes(self, outputs: Array) -> Array:
         """(K, 4) the model's outputs (n, 4) at the nodes' samples, NaN where there is none."""
@@ -97,9 +98,11 @@ class Experiment:
         if segment.rest is None:
             assert segment.moving_state is not None
             return segment.moving_state
-        m = np.array([segment.rest["angle"], segment.rest["hose_pressure"], segment.rest["rod_pressure"]])
-        seen = self.plant.outputs(self.plant.rest_state(*m, parameters), parameters=parameters)[[0, 2, 3]]
-        return self.plant.rest_state(*(2 * m - seen), parameters)  # a biased sensor is seen through
+        rest = self.plant.rest_state
+        angle, hose, rod = segment.rest["angle"], segment.rest["hose_pressure"], segment.rest["rod_pressure"]
+        seen = self.plant.outputs(rest(angle, hose, rod, parameters), parameters=parameters)
+        # a biased sensor is seen through
+        return rest(2 * angle - seen[0], 2 * hose - seen[2], 2 * rod - seen[3], parameters)
 
     def initial_spread(self, segment: Segment) -> Array:
         """Standard deviation (NX,) of that state."""
@@ -107,13 +110,30 @@ class Experiment:
         scale = self.plant.scale
         return np.array([spread.get(name, 1e-3 * s) for name, s in zip(self.plant.state_names, scale, strict=True)])
 
-    def job(self, segment: Segment, parameters: Array, until: float | None = None) -> Job:
-        """The free run of a segment, sampled at ``segment.times`` (up to ``until`` [s])."""
-        n = len(segment.times) if until is None else int(np.searchsorted(segment.times, until, side="right"))
+    def free_run(self, segment: Segment, parameters: Array) -> Job:
+        """The free run of a segment, sampled at ``segment.times``."""
         state = self.initial_state(segment, parameters)
         return Job(
-            self.plant, parameters, self.currents.time, self.currents.values, segment.times[:n], state, segment.start
+            self.plant, parameters, self.currents.time, self.currents.values, segment.times, state, segment.start
         )
+
+    def samples(self, segment: Segment, parameters: Array) -> Samples:
+        """What an observer of a segment is fed with: the samples of the node at the end of each interval.
+
+        Delays are those of ``parameters``: the currents act later, and a pressure tells of an earlier time.
+        """
+        command_delay, pressure_delay = self.plant.delays(parameters)
+        measured = np.where(segment.training[:, None], segment.measured, np.nan)[1:]
+        share = (segment.stamps[1:] - segment.nodes[:-1, None]) / np.diff(segment.nodes)[:, None]
+        if pressure_delay != 0.0:
+            periods = round(pressure_delay / self.period)
+            n = len(measured)
+            late = np.minimum(np.arange(n) + periods, n - 1)
+            lost = np.arange(n) + periods >= n
+            measured[:, 2:] = np.where(lost[:, None], np.nan, measured[late, 2:])
+            share[:, 2:] = share[late, 2:] - (pressure_delay / self.period - periods)
+        share = np.where(np.isfinite(measured), share, 1.0)
+        return Samples(segment.nodes, share, measured, self.currents.time + command_delay, self.currents.values)
 
 
 _SPREAD_AT_REST = {
@@ -179,12 +199,12 @@ def _segment(
     times = np.unique(np.concatenate([recording.signals[n].time[k] for n, k in chosen.items()]))
     if len(times) == 0:
         return None
-    nodes = np.arange(start, end + 0.5 * period, period)
+    nodes = _nodes(currents.time, start, end, period)
     where = np.full((len(nodes), len(OUTPUTS)), -1, dtype=np.int64)
     measured = np.full((len(nodes), len(OUTPUTS)), np.nan)
     for i, n in enumerate(OUTPUTS):
         time = recording.signals[n].time[chosen[n]]
-        node = _node_of((time - start) / period, len(nodes))
+        node = _nearest(nodes, time)
         where[node, i] = np.searchsorted(times, time)
         measured[node, i] = recording.signals[n].values[chosen[n]]
     training = np.ones(len(nodes), dtype=bool)
@@ -197,7 +217,17 @@ def _chosen(signal: Signal, start: float, end: float) -> Indices:
     return np.flatnonzero(signal.valid & (signal.time >= start) & (signal.time <= end))
 
 
-def _node_of(cycles: Array, count: int) -> Indices:
-    """Node of each sample at ``cycles`` periods: the nearest, once the mean phase of the topic's clock is taken out."""
-    phase = float(np.angle(np.mean(np.exp(2j * np.pi * cycles)))) / (2 * np.pi) if len(cycles) else 0.0
-    return np.clip(np.round(cycles - phase), 0, count - 1).astype(np.int64)
+def _nodes(time: Array, start: float, end: float, period: float) -> Array:
+    """The currents' stamps, where an interval of held input ends anyway; evenly filled up where some were lost."""
+    stamps = np.unique(time[(time >= start) & (time <= end)])
+    pieces = []
+    for left, right in pairwise(stamps):
+        parts = max(1, round((right - left) / period))
+        pieces.append(left + (right - left) / parts * np.arange(parts))
+    last = stamps[-1] + period * np.arange(int((end - stamps[-1]) / period) + 1)
+    return np.concatenate([*pieces, last])
+
+
+def _nearest(nodes: Array, time: Array) -> Indices:
+    right = np.clip(np.searchsorted(nodes, time), 1, len(nodes) - 1)
+    return np.where(time - nodes[right - 1] < nodes[right] - time, right - 1, right).astype(np.int64)

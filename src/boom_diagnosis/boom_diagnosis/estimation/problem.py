@@ -1,4 +1,4 @@
-"""Experiments and unknowns together: free runs, their errors, and their sensitivities by finite differences.
+"""Experiments and unknowns together: predictions, their innovations, and their sensitivities by finite differences.
 
 All runs of a call, whichever recording and parameter set they belong to, are one batch on all cores.
 """
@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.estimation.experiment import Experiment, Segment
 from boom_diagnosis.estimation.unknown import Unknown, parameters
-from boom_diagnosis.estimation.whitening import Whitener, whitener
-from boom_model.batch import Job, run_jobs
+from boom_diagnosis.estimation.whitening import Gains, first_gains, gains
+from boom_model.batch import run_jobs
+from boom_model.observer import Job, Observed, observe_all
 from boom_model.plant import FINE
-from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
 
-DIVERGED = 25.0
-"""Cost of a sample that a run did not reach: that of an innovation of five standard deviations."""
+FREE_TOLERANCE = 1e-5
+"""Of the integrator in free runs that are only compared with the measurement."""
 
 
 @dataclass
@@ -32,13 +32,11 @@ class Problem:
     Attributes:
         experiments: recordings; names must differ.
         unknowns: in the order of z.
-        tolerance: of the integrator. Finite differences need 1e-6 or finer.
         stop: set to non-zero from another thread to end all runs.
     """
 
     experiments: Sequence[Experiment]
     unknowns: Sequence[Unknown]
-    tolerance: float = FINE
     stop: ctypes.c_int = field(default_factory=lambda: ctypes.c_int(0))
 
     @property
@@ -54,60 +52,64 @@ class Problem:
         """The unknowns' numbers (m,) for z."""
         return np.array([u.value(float(v)) for u, v in zip(self.unknowns, z, strict=True)])
 
-    def errors(self, z: Array, *, everything: bool = False) -> list[Array]:
-        """Measured minus model (K, 4) [SI] of the free run of every segment; NaN without sample or behind a failure.
+    def free_errors(self, z: Array) -> list[Array]:
+        """Measured minus model (K, 4) [SI] of the free run of every segment; NaN without sample or behind a failure."""
+        jobs = [e.free_run(s, self.parameters(e, z)) for e, s in self.segments]
+        outputs = run_jobs(jobs, tolerance=FREE_TOLERANCE, stop=self.stop)
+        return [s.measured - s.at_nodes(y) for (_, s), y in zip(self.segments, outputs, strict=True)]
 
-        everything: to the end of each segment, not only as far as samples are used in the fit.
-        """
-        jobs = [self._job(e, s, z, everything) for e, s in self.segments]
-        outputs = run_jobs(jobs, tolerance=self.tolerance, stop=self.stop)
-        return [s.measured - _at_nodes(s, y) for (_, s), y in zip(self.segments, outputs, strict=True)]
+    def observed(self, z: Array, gains: Sequence[Gains], *, tolerance: float = FINE) -> list[Observed]:
+        """Innovations and states of the observers of all segments. Differences of them need 1e-6 or finer."""
+        return observe_all([self._job(i, z, g) for i, g in enumerate(gains)], tolerance=tolerance)
 
     def sensitivities(
-        self, z: Array, columns: Sequence[int] | None = None, *, everything: bool = False
+        self,
+        z: Array,
+        gains: Sequence[Gains],
+        columns: Sequence[int] | None = None,
+        *,
+        steps: Array | None = None,
+        tolerance: float = FINE,
     ) -> tuple[list[Array], list[Array]]:
-        """Errors (K, 4) as of :meth:`errors` and d(model)/dz (K, 4, m), zero for unknowns that a segment does not have.
+        """Innovations (n, 4) [SI] and their derivatives by z (n, 4, m), zero for unknowns that a segment does not have.
 
-        columns: the unknowns wanted, by index; all by default.
+        columns: the unknowns wanted, by index; all by default. steps: (m,) of z, of the finite differences.
         """
         wanted = range(len(self.unknowns)) if columns is None else columns
-        jobs: list[Job] = []
-        places: list[tuple[int, int, float]] = []
-        for i, (e, s) in enumerate(self.segments):
-            jobs.append(self._job(e, s, z, everything))
+        jobs, places = [], []
+        for i, (e, _) in enumerate(self.segments):
+            jobs.append(self._job(i, z, gains[i]))
             places.append((i, -1, 0.0))
             for column, j in enumerate(wanted):
                 unknown = self.unknowns[j]
                 if unknown.bag and unknown.bag != e.name:
                     continue
-                low, high = unknown.bounds
-                step = unknown.step if z[j] + unknown.step <= high else -unknown.step
+                step = unknown.step if steps is None else float(steps[j])
+                step = step if z[j] + step <= unknown.bounds[1] else -step
                 moved = z.copy()
-                moved[j] = min(max(z[j], low), high) + step
-                jobs.append(self._job(e, s, moved, everything))
+                moved[j] += step
+                jobs.append(self._job(i, moved, gains[i]))
                 places.append((i, column, step))
-        outputs = run_jobs(jobs, tolerance=self.tolerance, stop=self.stop)
-        nominal = {i: y for (i, column, _), y in zip(places, outputs, strict=True) if column < 0}
-        errors = [s.measured - _at_nodes(s, nominal[i]) for i, (_, s) in enumerate(self.segments)]
-        derivatives = [np.zeros((*s.where.shape, len(wanted))) for _, s in self.segments]
-        for (i, column, step), y in zip(places, outputs, strict=True):
+        innovations = [run.innovations for run in observe_all(jobs, tolerance=tolerance)]
+        nominal = {i: e for (i, column, _), e in zip(places, innovations, strict=True) if column < 0}
+        derivatives = [np.zeros((*nominal[i].shape, len(wanted))) for i in range(len(self.segments))]
+        for (i, column, step), e in zip(places, innovations, strict=True):
             if column >= 0:
-                change = _at_nodes(self.segments[i][1], (y - nominal[i]) / step)
-                derivatives[i][:, :, column] = np.nan_to_num(change)
-        return errors, derivatives
+                derivatives[i][:, :, column] = np.nan_to_num((e - nominal[i]) / step)
+        return [nominal[i] for i in range(len(self.segments))], derivatives
 
-    def whiteners(self, z: Array, *, level: float = 1.0, everything: bool = False) -> list[Whitener | None]:
-        """One whitener for each segment, along the runs with z."""
-        return [whitener(e, s, self.parameters(e, z), level=level, everything=everything) for e, s in self.segments]
+    def first_gains(self) -> list[Gains]:
+        """Gains to begin with, for every segment."""
+        return [first_gains(e, s) for e, s in self.segments]
 
-    def _job(self, experiment: Experiment, segment: Segment, z: Array, everything: bool) -> Job:
-        until = None if everything else segment.used_until
-        return experiment.job(segment, self.parameters(experiment, z), until)
+    def gains(self, z: Array, along: Sequence[Gains], *, level: float = 1.0) -> list[Gains]:
+        """New gains for every segment, linearised along the observers with z and the gains ``along``."""
+        states = [run.states for run in self.observed(z, along, tolerance=FREE_TOLERANCE)]
+        runs = [(e, s, self.parameters(e, z), x) for (e, s), x in zip(self.segments, states, strict=True)]
+        return gains(runs, level=level)
 
-
-def _at_nodes(segment: Segment, outputs: Array) -> Array:
-    """The model's outputs (n, 4) at the nodes' samples (K, 4); the run may have ended before the segment."""
-    short = len(segment.times) - len(outputs)
-    if short:
-        outputs = np.concatenate((outputs, np.full((short, len(OUTPUTS)), np.nan)))
-    return segment.at_nodes(outputs)
+    def _job(self, index: int, z: Array, gain: Gains) -> Job:
+        experiment, segment = self.segments[index]
+        p = self.parameters(experiment, z)
+        state = experiment.initial_state(segment, p)
+        return experiment.plant, experiment.samples(segment, p), state, gain.gain, p
