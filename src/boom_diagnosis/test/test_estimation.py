@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosis_samples import FOLDED, PERIOD, constant, tz17
+from diagnosis_samples import BAGS, FOLDED, PERIOD, constant, tz17
 
 from boom_diagnosis.estimation import (
     Problem,
@@ -22,6 +22,7 @@ from boom_model.batch import Job, run_jobs
 from boom_model.errors import MachineError
 from boom_model.machine import Machine
 from boom_model.plant import Plant
+from boom_recording.loading import load
 from boom_recording.recording import Recording
 from boom_recording.writing import from_columns
 
@@ -171,6 +172,15 @@ def test_a_recording_at_standstill_invents_no_number() -> None:
     assert found.machine is tz17()
     assert {n.parameter for n in found.not_determined} == {SA, SB, FRICTION}
     assert all("not enough excitation" in n.why for n in found.not_determined)
+
+
+def test_a_recording_with_a_gap_in_motion_is_used_on_both_sides_of_it() -> None:
+    damaged = load(BAGS / "damaged/gap_in_motion")
+    experiment = prepare(damaged, wrong(**{SA.replace(".", "__"): 1.3}))
+    assert [segment.rest is None for segment in experiment.segments] == [False, True]
+    found = fit(Problem([experiment], [machine_unknown(wrong(**{SA.replace(".", "__"): 1.3}), SA, widen=3.0)]))
+    assert found.values[0] == pytest.approx(number(tz17(), SA), rel=0.01)
+    assert found.level < 1.3
 
 
 def test_an_unknown_that_the_machine_does_not_have_is_named() -> None:

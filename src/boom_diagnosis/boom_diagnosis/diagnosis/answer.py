@@ -31,11 +31,11 @@ from boom_diagnosis.diagnosis.experiment import propose
 from boom_diagnosis.diagnosis.fitting import Point
 from boom_diagnosis.diagnosis.found_machine import found_machine
 from boom_diagnosis.diagnosis.freerun import Span, errors, free_run, median, noise_floor
-from boom_diagnosis.diagnosis.hypotheses import problem_at
+from boom_diagnosis.diagnosis.hypotheses import NOTICED, problem_at
+from boom_diagnosis.diagnosis.learning import Learned, learn
 from boom_diagnosis.diagnosis.locating import LINKS, locate
 from boom_diagnosis.diagnosis.weighing import (
     NEGLIGIBLE,
-    NOTICED,
     Z90,
     Weighed,
     estimates,
@@ -45,6 +45,7 @@ from boom_diagnosis.diagnosis.weighing import (
 )
 from boom_diagnosis.validation import Prediction, plant_for
 from boom_model.effects import EFFECTS
+from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUT_UNITS, OUTPUTS
 from boom_recording.recording import Recording
@@ -57,6 +58,8 @@ NAN4 = (float("nan"),) * 4
 
 NAMED_FROM = 0.55
 """Probability from which on a finding counts as identified, not as one of several."""
+LEARNT_FROM, LEARNT_IN = 0.3, 2
+"""Probability of unknown physics from which on a term is learnt, and in how many equations it is tried."""
 MOVED = 1.0
 """Standard deviations a tolerance has to move to be listed."""
 
@@ -117,10 +120,17 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         case.machine, case.bags, case.select, case.nuisances, first.base.z, {}, case.healthy
     )
     rest_equations = equations
-    if case.taken and unknown > 0.5:
-        rest_equations, agreement, _ = locate(
-            case.machine, case.bags, case.select, case.nuisances, case.last.z, case.last.effects, case.healthy
-        )
+    learned: Learned | None = None
+    if unknown > LEARNT_FROM:
+        if case.taken:
+            rest_equations, agreement, _ = locate(
+                case.machine, case.bags, case.select, case.nuisances, case.last.z, case.last.effects, case.healthy
+            )
+        order = sorted(rest_equations, key=lambda e: -e.statistical)
+        learned = learn(
+            case.machine, case.bags, case.select, case.judged, case.nuisances, case.last,
+            [e.key for e in order[:LEARNT_IN]], first.problem.predictor.looseness, case.proving,
+        )  # fmt: skip
     findings = _findings(case, unknown, cells, tight)
     noticed = _noticed(case)
     verdict = _verdict(case, findings, unknown, noticed, tight)
@@ -129,7 +139,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     if verdict == "no_mismatch":
         agreement = "No equation needs an unknown input: what remains is noise."
     moved = _moved(case, case.last) if verdict == "parameters_only" or case.taken else {}
-    machines = _machines(case, verdict)
+    machines = _machines(case, verdict, learned)
     spans = _spans(case)
     runs = {label: [free_run(s.recording, _in(m, case, s)) for s in spans.all] for label, m in machines.items()}
     fit, ladder = _fit(case, machines, runs, spans)
@@ -150,7 +160,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     return DiagnosisResult(
         document, case.machine, machines["explained"], bags,
         regimes.table(cells, tight.nominal, tight.explained, case.healthy_squares), equations, agreement, tuple(ranked),
-        ladder, (), remaining, moved, experiment, tuple(notes), about.command,
+        ladder, (learned.curve,) if learned else (), remaining, moved, experiment, tuple(notes), about.command,
     )  # fmt: skip
 
 
@@ -164,7 +174,7 @@ def _tight(case: Case) -> _Tight:
     for z, values in ((zero, {}), (case.kept(0).z, {}), (case.last.z, case.last.effects)):
         problem = problem_at(case.machine, case.bags, case.select, case.nuisances, z, values, 1.0)
         stages.append(problem.points([(z, values)])[0])
-    n = len(stages[0].w)
+    n = int(stages[0].used.sum())
     before = min(stages[1].loss - 0.5 * float(stages[1].z @ stages[1].z), stages[0].loss) / n - case.floor
     after = (stages[2].loss - 0.5 * float(stages[2].z @ stages[2].z)) / n - case.floor
     return _Tight(stages[0].parts, stages[1].parts, stages[2].parts, before, after)
@@ -328,27 +338,32 @@ def _nothing_more(verdict: Verdict) -> str:
 # ---------------------------------------------------------------------------------------------------- machines and runs
 
 
-def _machines(case: Case, verdict: Verdict) -> dict[str, Machine]:
+def _machines(case: Case, verdict: Verdict, learned: Learned | None) -> dict[str, Machine]:
     """Stage -> machine, and the steps of the ladder between them."""
     pose = plant_for(case.bags[0].recording, case.machine, "full").pose
     steps = {"nominal": case.machine}
 
-    def at(point: Point, jacobian: Array) -> Machine:
+    def at(point: Point, jacobian: Array, terms: tuple[LearnedTerm, ...] = ()) -> Machine:
         covariance = posterior(point, jacobian, len(point.z))
         numbers = case.values(point.z, point.effects)
         spreads = {
             n.name: Z90 * sqrt(float(covariance[i, i])) * n.sigma * abs(numbers.get(n.name, 0.0))
             for i, n in enumerate(case.nuisances)
         }
-        return found_machine(case.machine, pose, numbers, spreads)
+        return found_machine(case.machine, pose, numbers, spreads, terms)
 
     steps["parameters_only"] = at(case.kept(0), case.rounds[0].jacobian)
     for k, w in enumerate(case.taken[:-1]):
         steps[f"+ {', '.join(x.fitted.effect for x in case.taken[: k + 1])}"] = at(case.kept(k + 1), w.fitted.jacobian)
     if case.taken:
         steps["explained"] = at(case.last, case.taken[-1].fitted.jacobian)
+        if learned:
+            steps[f"+ {', '.join(w.fitted.effect for w in case.taken)}"] = steps["explained"]
     else:
         steps["explained"] = case.machine if verdict == "no_mismatch" else steps["parameters_only"]
+    if learned:
+        jacobian = case.taken[-1].fitted.jacobian if case.taken else case.rounds[0].jacobian
+        steps["explained"] = at(learned.point, jacobian, (learned.term,))
     return steps
 
 
@@ -404,9 +419,11 @@ def _fit(
         [noise_floor(s, _in(machines["explained"], case, s), case.seed + 11 + i) for i, s in enumerate(spans.judged)]
     )
     labels = {"nominal": "nominal", "parameters_only": "parameters only"}
-    if case.taken:
-        labels["explained"] = "+ " + ", ".join(_label(w.fitted.effect) for w in case.taken)
-    order = [k for k in machines if k != "explained"] + (["explained"] if case.taken else [])
+    learnt = bool(machines["explained"].learned)
+    if case.taken or learnt:
+        names_ = [_label(w.fitted.effect) for w in case.taken] + (["term learnt from data"] if learnt else [])
+        labels["explained"] = "+ " + ", ".join(names_)
+    order = [k for k in machines if k != "explained"] + (["explained"] if case.taken or learnt else [])
     ladder = tuple(LadderStep(labels.get(k, k.replace("_", " ")), training[k], held[k]) for k in order)
     fit = Fit(
         {k: training[k] for k in STAGES}, {k: held[k] for k in STAGES}, floor,

@@ -33,21 +33,29 @@ def rho(w: Array) -> float:
     return float(np.sum(np.where(a <= HUBER, 0.5 * a * a, HUBER * (a - 0.5 * HUBER))))
 
 
-def weights(w: Array) -> Array:
-    """Huber's weights."""
-    return np.minimum(1.0, HUBER / np.maximum(np.abs(w), 1e-9))
-
-
 @dataclass
 class Point:
-    """A fitted hypothesis: z, values of its effects, whitened innovations (rows,), loss, and the states per bag."""
+    """A hypothesis and what it predicts.
+
+    Attributes:
+        z: standard deviations of the tolerances. effects: values of its effects by dotted name.
+        w: (rows,) whitened innovations, used: (rows,) which of them are fitted; the others are held out.
+        loss: of the rows used, and of the tolerances' prior.
+        parts: (n, 4) whitened innovations, states: (n, NX), per recording.
+    """
 
     z: Array
     effects: dict[str, float]
     w: Array
+    used: NDArray[np.bool_]
     loss: float
     parts: list[Array]
     states: list[Array]
+
+
+def weights(at: Point) -> Array:
+    """Huber's weights; zero for what is held out."""
+    return np.where(at.used, np.minimum(1.0, HUBER / np.maximum(np.abs(at.w), 1e-9)), 0.0)
 
 
 class Problem:
@@ -85,9 +93,11 @@ class Problem:
         predicted = self.predictor.predict([self.values(z, e) for z, e in wanted])
         result = []
         for (z, e), rows in zip(wanted, predicted, strict=True):
-            w = np.concatenate([r.whitened[s] for r, s in zip(rows, self.select, strict=True)])
-            loss = rho(w) + 0.5 * float(z @ z)
-            result.append(Point(z.copy(), dict(e), w, loss, [r.whitened for r in rows], [r.states for r in rows]))
+            w = np.concatenate([r.whitened[s] for r, s in zip(rows, self.rows, strict=True)])
+            loss = rho(w[self.used]) + 0.5 * float(z @ z)
+            result.append(
+                Point(z.copy(), dict(e), w, self.used, loss, [r.whitened for r in rows], [r.states for r in rows])
+            )
         return result
 
     def likelihood(self, at: Point) -> float:
@@ -182,7 +192,7 @@ class Problem:
 def _gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate]) -> Array:
     """Step of all unknowns; coordinates that would leave their limits stay there."""
     m = len(at.z)
-    omega = weights(at.w)
+    omega = weights(at)
     weighted = jacobian * omega[:, None]
     normal = weighted.T @ jacobian
     gradient = weighted.T @ at.w

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,18 @@ import yaml
 
 from boom_diagnosis.identification.estimate import Estimate as Identified
 from boom_diagnosis.identification.machine_output import document_with, fits
+from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine, Pose
 from boom_model.machine_file import machine_from
 
 
-def found_machine(machine: Machine, pose: Pose, numbers: Mapping[str, float], spreads: Mapping[str, float]) -> Machine:
+def found_machine(
+    machine: Machine,
+    pose: Pose,
+    numbers: Mapping[str, float],
+    spreads: Mapping[str, float],
+    learned: Sequence[LearnedTerm] = (),
+) -> Machine:
     """The machine with other numbers (components of the parameter vector) and effects.
 
     The moments of mass in ``pose`` go to the tabulated configuration; those of other poses, and a load, stay.
@@ -26,6 +33,7 @@ def found_machine(machine: Machine, pose: Pose, numbers: Mapping[str, float], sp
         pose: in which the recordings were made.
         numbers: component or ``effects.ID.NAME`` -> value.
         spreads: component -> half of its 90 % interval.
+        learned: terms beside those that the machine has.
     """
     identified = []
     components = {c: p for p in machine.parameters.values() for c in p.specification.components}
@@ -57,6 +65,8 @@ def found_machine(machine: Machine, pose: Pose, numbers: Mapping[str, float], sp
             effects.setdefault(effect, {})[parameter] = float(value)
     if effects:
         document["effects"] = effects
+    if machine.learned or learned:
+        document["learned"] = [entry.document() for entry in (*machine.learned, *learned)]
     return machine_from(document)
 
 

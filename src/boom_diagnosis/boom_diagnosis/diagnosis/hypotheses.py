@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis.bag_samples import Bag
 from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
-from boom_diagnosis.diagnosis.fitting import Point, Problem, rho
+from boom_diagnosis.diagnosis.fitting import Point, Problem
 from boom_diagnosis.diagnosis.nuisances import Nuisance
 from boom_diagnosis.diagnosis.prediction import Predictor
 from boom_diagnosis.diagnosis.search import Candidate, Fitted, Scanner, possible_effects, refine
@@ -25,10 +25,13 @@ Flags = NDArray[np.bool_]
 
 LOOSENESS = (1.0, 4.0, 15.0)
 """Factors of the assumed disturbances that are tried; the likeliest is taken, and a machine that is like the model gets 1."""
-REFINED = 6
-"""Effects that are fitted in a round."""
+REFINED, PROMISING = 5, 2.0
+"""Effects that are fitted in a round at most, and the nats that the linear look must promise for it."""
 WEIGHED = 3
 """Effects that are weighed again where the best of them makes another observer likelier."""
+
+NOTICED = 12.0
+"""Nats, and half a one for each tolerance, that tolerances must gain before they count as moved at all."""
 
 Effects = Mapping[str, Mapping[str, float]]
 Progress = Callable[[str, float], None]
@@ -71,10 +74,11 @@ def problem_at(
     z: Array,
     values: Mapping[str, float],
     looseness: float,
+    judged: Sequence[Flags] | None = None,
 ) -> Problem:
     """A problem whose observers' gains are those of this point."""
     plain = Problem(Predictor(machine, bags), nuisances, select)
-    return Problem(Predictor(machine, bags, plain.values(z, values), looseness), nuisances, select)
+    return Problem(Predictor(machine, bags, plain.values(z, values), looseness), nuisances, select, judged)
 
 
 def run_round(
@@ -85,13 +89,14 @@ def run_round(
     z: Array,
     values: Mapping[str, float],
     progress: Progress,
+    judged: Sequence[Flags] | None = None,
 ) -> Round:
     """Fits the tolerances (with the effects in ``values``), looks at all others, fits the best, weighs them."""
     accepted = tuple(effects_of(values))
     kept = tuple(all_coordinates(list(accepted)).values())
 
     def problem(at_z: Array, at_values: Mapping[str, float], looseness: float) -> Problem:
-        return problem_at(machine, bags, select, nuisances, at_z, at_values, looseness)
+        return problem_at(machine, bags, select, nuisances, at_z, at_values, looseness, judged)
 
     def fit(
         p: Problem, at_z: Array, at_values: Mapping[str, float], names: Sequence[Coordinate]
@@ -112,6 +117,9 @@ def run_round(
     else:
         searching = loose
         jacobian = np.concatenate([loose.nuisance_jacobian(base), jacobian[:, len(base.z) :]], axis=1)
+    nominal = searching.fit_nominal(base.effects, kept)
+    if nominal.loss - base.loss < NOTICED + 0.5 * len(base.z):
+        base = nominal
     progress("effects", 0.3)
     scanner = Scanner(searching, base, jacobian)
     found = scanner.scan(possible_effects(machine.structure.has, accepted))
@@ -121,8 +129,11 @@ def run_round(
         scanned[candidate.effect] = max(scanned.get(candidate.effect, 0.0), candidate.gain)
         grouped.setdefault(candidate.effect, []).append(candidate)
     progress("fitting effects", 0.5)
-    fitted = [refine(scanner, jacobian, grouped[e][:2], kept) for e in list(grouped)[:REFINED]]
+    promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING][:REFINED]
+    fitted = [refine(scanner, jacobian, _starts(grouped[e]), kept) for e in promising]
     fitted.sort(key=lambda f: f.point.loss)
+    if not fitted:
+        return Round(accepted, base, jacobian, (), scanned, searching)
     progress("weighing effects", 0.8)
     best = fitted[0].point
     weighing = likeliest(best.z, best.effects)
@@ -132,6 +143,11 @@ def run_round(
     base, jacobian = fit(weighing, base.z, base.effects, kept)
     fitted = [_weighed(weighing, f, base) for f in fitted[:WEIGHED]]
     return Round(accepted, base, jacobian, _sorted(fitted), scanned, weighing)
+
+
+def _starts(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The best start, and the second where it promises nearly as much from elsewhere."""
+    return list(candidates[:1]) + [c for c in candidates[1:2] if c.gain > 0.5 * candidates[0].gain]
 
 
 def _weighed(problem: Problem, f: Fitted, base: Point) -> Fitted:
@@ -148,8 +164,3 @@ def _polished(problem: Problem, f: Fitted, base: Point) -> Fitted:
 
 def _sorted(fitted: Sequence[Fitted]) -> tuple[Fitted, ...]:
     return tuple(sorted(fitted, key=lambda f: f.point.loss))
-
-
-def held_out_loss(point: Point, select: Sequence[Flags]) -> float:
-    """Loss of the samples that were not fitted."""
-    return float(sum(rho(w[s]) for w, s in zip(point.parts, select, strict=True)))

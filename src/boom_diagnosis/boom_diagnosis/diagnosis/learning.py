@@ -17,9 +17,10 @@ from boom_diagnosis.diagnosis.bag_samples import Bag
 from boom_diagnosis.diagnosis.coordinates import Coordinate
 from boom_diagnosis.diagnosis.document import LearnedCurve
 from boom_diagnosis.diagnosis.fitting import Point, Problem
-from boom_diagnosis.diagnosis.hypotheses import held_out_loss, problem_at
+from boom_diagnosis.diagnosis.hypotheses import problem_at
 from boom_diagnosis.diagnosis.nuisances import Nuisance
 from boom_diagnosis.diagnosis.search import Scanner
+from boom_diagnosis.diagnosis.weighing import precision, predictive_loss
 from boom_model.learned import PLACES, SHARPNESS, VARIABLES, LearnedTerm, parse
 from boom_model.machine import Machine
 
@@ -96,7 +97,7 @@ def _learn_in(
     validity = _ranges(machine, at)
     everything = library(equation, validity)
     wide = _with(machine, equation, everything, validity)
-    problem = problem_at(wide, bags, select, nuisances, at.z, at.effects, looseness)
+    problem = problem_at(wide, bags, select, nuisances, at.z, at.effects, looseness, judged)
     base = problem.points([(at.z, at.effects)])[0]
     tolerances = problem.nuisance_jacobian(base)
     scanner = Scanner(problem, base, tolerances)
@@ -108,25 +109,31 @@ def _learn_in(
     basis = [everything[j] for j in chosen]
     _, sizes = scanner.gain(columns[:, chosen])
     small = _with(machine, equation, basis, validity)
-    narrow = problem_at(small, bags, select, nuisances, at.z, at.effects, looseness)
+    narrow = problem_at(small, bags, select, nuisances, at.z, at.effects, looseness, judged)
     names = tuple(
         Coordinate(f"learned.0.{j}", PLACES[equation].unit, -LARGEST, LARGEST, PROBE, False, (-LARGEST, LARGEST))
         for j in range(len(basis))
     )
     start = _descended(narrow, at, names, np.clip(sizes, -LARGEST, LARGEST))
-    point, _ = narrow.fit(start, tolerances, names, iterations=6)
+    point, jacobian = narrow.fit(start, tolerances, names, iterations=6)
     reference = narrow.points([(at.z, {**at.effects, **{c.name: 0.0 for c in names}})])[0]
     term = LearnedTerm(
         equation, tuple(basis), tuple(point.effects[c.name] for c in names), {v: validity[v] for v in _used(basis)}
     )
+    without, with_ = precision(reference, tolerances, len(at.z)), precision(point, jacobian, len(at.z))
     if proving:
         others = problem_at(
             small, proving, [bag.counted for bag in proving], nuisances, point.z, point.effects, looseness
         )
         before, after = others.points([(reference.z, reference.effects), (point.z, point.effects)])
-        held = before.loss - after.loss + 0.5 * float(point.z @ point.z - reference.z @ reference.z)
+        own = others.nuisance_jacobian(after)
+        both = np.concatenate([own, others.effect_jacobian(after, names)], axis=1)
+        held = predictive_loss(before.w, own, without) - predictive_loss(after.w, both, with_)
     else:
-        held = held_out_loss(reference, judged) - held_out_loss(point, judged)
+        rows = ~point.used
+        held = predictive_loss(reference.w[rows], tolerances[rows], without) - predictive_loss(
+            point.w[rows], jacobian[rows], with_
+        )
     return Learned(term, point, reference.loss - point.loss, held, _curve(term, point, narrow, small))
 
 

@@ -10,21 +10,22 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis import answer
 from boom_diagnosis.diagnosis.bag_samples import Bag, prepare
-from boom_diagnosis.diagnosis.coordinates import Coordinate
+from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.diagnosis.document import DiagnosisResult
 from boom_diagnosis.diagnosis.fitting import Point, Problem
 from boom_diagnosis.diagnosis.healthy import simulated
-from boom_diagnosis.diagnosis.hypotheses import Round, held_out_loss, problem_at, run_round
+from boom_diagnosis.diagnosis.hypotheses import NOTICED, Round, problem_at, run_round
 from boom_diagnosis.diagnosis.nuisances import Nuisance, tolerances
 from boom_diagnosis.diagnosis.onset import TIME, onset
 from boom_diagnosis.diagnosis.weighing import (
     COLDEST,
     ENOUGH,
     NEGLIGIBLE,
-    NOTICED,
     UNEXPLAINED_WEIGHT,
     Weighed,
     occam,
+    precision,
+    predictive_loss,
 )
 from boom_diagnosis.validation import plant_for
 from boom_model.machine import Machine
@@ -133,12 +134,12 @@ def search(case: Case, progress: Progress) -> None:
         def inner(text: str, share: float, done: float = done) -> None:
             progress(text, done + 0.8 / MOST_EFFECTS * share)
 
-        found = run_round(case.machine, case.bags, case.select, case.nuisances, z, values, inner)
+        found = run_round(case.machine, case.bags, case.select, case.nuisances, z, values, inner, case.judged)
         case.rounds.append(found)
         if k == 0:
             _calibrate(case, found.base)
             _spare(case, 0, found.problem, found.base, ())
-        weighed = _weigh(case, found)
+        weighed = _weigh(case, found) if found.fitted else []
         case.weighed.append(weighed)
         best = weighed[0] if weighed else None
         if best is None or not _earns(best):
@@ -192,23 +193,43 @@ def _spare(case: Case, k: int, problem: Problem, point: Point, names: Sequence[C
 def _weigh(case: Case, found: Round) -> list[Weighed]:
     """Gains on data used and not used; the best first."""
     accepted = set(found.accepted)
-    everything = [found.base, *(f.point for f in found.fitted)]
-    if case.proving:
-        problem = problem_at(
-            case.machine, case.proving, [bag.counted for bag in case.proving], case.nuisances,
-            found.fitted[0].point.z, found.fitted[0].point.effects, found.problem.predictor.looseness,
-        )  # fmt: skip
-        points = problem.points([(p.z, _own_onset(case, problem, p)) for p in everything])
-        losses = [p.loss - 0.5 * float(p.z @ p.z) for p in points]
-    else:
-        losses = [held_out_loss(p, case.judged) for p in everything]
-    rest = max(0.0, found.fitted[0].point.loss - case.floor * len(found.base.w))
+    hypotheses = [(found.base, found.jacobian), *((f.point, f.jacobian) for f in found.fitted)]
+    names = [_coordinates(found), *(f.coordinates for f in found.fitted)]
+    losses = _held_out(case, found, hypotheses, names)
+    rest = max(0.0, found.fitted[0].point.loss - case.floor * int(found.base.used.sum()))
     case.temperature = COLDEST + UNEXPLAINED_WEIGHT * rest
     weighed = []
     for f, loss in zip(found.fitted, losses[1:], strict=True):
         new = [c for c in f.coordinates if c.name.split(".")[1] not in accepted]
         weighed.append(Weighed(f, f.gain, losses[0] - loss, occam(f, new)))
     return sorted(weighed, key=lambda w: -w.net)
+
+
+def _coordinates(found: Round) -> tuple[Coordinate, ...]:
+    return tuple(all_coordinates(list(found.accepted)).values())
+
+
+def _held_out(
+    case: Case, found: Round, hypotheses: Sequence[tuple[Point, Array]], names: Sequence[Sequence[Coordinate]]
+) -> list[float]:
+    """Loss of each hypothesis on data not used, its numbers known as well as the data used tell them [nats]."""
+    count = len(case.nuisances)
+    known = [precision(point, jacobian, count) for point, jacobian in hypotheses]
+    if not case.proving:
+        held = ~found.base.used
+        return [predictive_loss(p.w[held], j[held], k) for (p, j), k in zip(hypotheses, known, strict=True)]
+    best = found.fitted[0].point
+    others = problem_at(
+        case.machine, case.proving, [bag.counted for bag in case.proving], case.nuisances, best.z, best.effects,
+        found.problem.predictor.looseness,
+    )  # fmt: skip
+    points = others.points([(p.z, _own_onset(case, others, p)) for p, _ in hypotheses])
+    tolerances = others.nuisance_jacobian(points[1])
+    losses = []
+    for point, own, k in zip(points, names, known, strict=True):
+        columns = others.effect_jacobian(point, own) if own else np.zeros((len(point.w), 0))
+        losses.append(predictive_loss(point.w, np.concatenate([tolerances, columns], axis=1), k))
+    return losses
 
 
 def _own_onset(case: Case, problem: Problem, point: Point) -> dict[str, float]:
@@ -221,7 +242,5 @@ def _own_onset(case: Case, problem: Problem, point: Point) -> dict[str, float]:
 
 
 def _earns(best: Weighed) -> bool:
-    """Whether an effect is worth naming: more than chance, and no worse on data not used."""
-    clear = best.gain - best.cost > ENOUGH and best.held_out_gain > 0.0
-    strong = best.net > 3 * ENOUGH and best.held_out_gain > -0.05 * best.gain
-    return clear or strong
+    """Whether an effect is worth naming: more than chance, and better on data not used."""
+    return best.gain - best.cost > ENOUGH and best.held_out_gain > 0.0

@@ -54,7 +54,7 @@ class Scanner:
 
     def __init__(self, problem: Problem, at: Point, jacobian: Array) -> None:
         self.problem, self.at = problem, at
-        self.omega = weights(at.w)
+        self.omega = weights(at)
         count = len(at.z)
         size = np.maximum(np.sqrt(np.sum(jacobian * jacobian, axis=0)), 1e-9)
         size[:count] = 1.0
@@ -129,7 +129,7 @@ class Scanner:
         column = point.w - self.at.w
         times = np.concatenate(
             [np.broadcast_to(bag.time[:, None], s.shape)[s] for bag, s in zip(
-                self.problem.predictor.bags, self.problem.select, strict=True)]
+                self.problem.predictor.bags, self.problem.rows, strict=True)]
         )  # fmt: skip
         order = np.argsort(times, kind="stable")
         t, s, w = times[order], column[order], (self.omega * self.at.w)[order]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis.coordinates import Coordinate
 from boom_diagnosis.diagnosis.document import Estimate
-from boom_diagnosis.diagnosis.fitting import Point, weights
+from boom_diagnosis.diagnosis.fitting import HUBER, Point, rho, weights
 from boom_diagnosis.diagnosis.search import Fitted
 
 Array = NDArray[np.float64]
@@ -31,8 +31,6 @@ UNKNOWN_FROM, UNKNOWN_STEEPNESS = 0.45, 8.0
 """Share of the misfit's amplitude that remains where unknown physics becomes as likely as not, and how sharply."""
 NEGLIGIBLE = 0.012
 """Loss per innovation over that of a healthy machine which counts as nothing: the observer's own shortcomings."""
-NOTICED = 12.0
-"""Nats, and half a one for each tolerance, that tolerances must gain before they count as moved at all."""
 Z90 = 1.645
 
 
@@ -51,11 +49,33 @@ class Weighed:
         return self.gain + self.held_out_gain - self.cost
 
 
+def precision(point: Point, jacobian: Array, count: int) -> Array:
+    """Inverse covariance of (z, inner coordinates) from the rows used; the first ``count`` unknowns have unit priors."""
+    normal = (jacobian * weights(point)[:, None]).T @ jacobian
+    normal[np.arange(count), np.arange(count)] += 1.0
+    return np.asarray(normal)
+
+
+def predictive_loss(w: Array, jacobian: Array, known: Array) -> float:
+    """Loss [nats] of data not used, whose numbers are known from elsewhere only as well as ``known`` (their precision) says.
+
+    w: (rows,), jacobian: (rows, unknowns) at the fitted point; the unknowns may move within what is known of them.
+    """
+    omega = np.minimum(1.0, HUBER / np.maximum(np.abs(w), 1e-9))
+    weighted = jacobian * omega[:, None]
+    both = known + weighted.T @ jacobian
+    gradient = weighted.T @ w
+    scale = np.sqrt(np.maximum(np.diag(both), 1e-12))
+    ridge = 1e-9 * np.eye(len(scale))
+    scaled = both / np.outer(scale, scale) + ridge
+    moved = gradient / scale
+    spread = np.linalg.slogdet(scaled)[1] - np.linalg.slogdet(known / np.outer(scale, scale) + ridge)[1]
+    return rho(w) - 0.5 * float(moved @ np.linalg.solve(scaled, moved)) + 0.5 * float(spread)
+
+
 def posterior(point: Point, jacobian: Array, count: int) -> Array:
     """Covariance of (z, inner coordinates) at a fitted point; the first ``count`` unknowns have unit priors."""
-    omega = weights(point.w)
-    normal = (jacobian * omega[:, None]).T @ jacobian
-    normal[np.arange(count), np.arange(count)] += 1.0
+    normal = precision(point, jacobian, count)
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
     inverse = np.linalg.inv(normal / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)))
     return np.asarray(inverse / np.outer(scale, scale))

@@ -39,9 +39,9 @@ _EXPECTED, _FAR, _FALL = 1.1, 2.0, 3.0
 _UNDERSTATED = 1.15
 """Achieved over promised change of cost above which a step is tried at twice its length: corners of the cost, such as that of
 a pre-charge that is met, are not quadratic."""
-_REACH, _SMALLEST_STEP = 2.0, 1e-4
-"""Finite differences reach that many standard deviations of the estimate, and at least so far in z: a secant over what is
-not known anyway smooths the corners of the cost."""
+_NEAR, _REACH, _SMALLEST_STEP, _WIDEST_STEP = 1.5, 2.0, 1e-4, 10.0
+"""Below the level ``_NEAR`` finite differences reach that many standard deviations of the estimate, and at least so far in z;
+above, the level times their usual step, at most so many."""
 _FINER, _STUCK = 0.2, 2
 """Where no step helps, differences are taken that much finer, so many times, before the search ends."""
 _RENEW = 0.02
@@ -109,7 +109,8 @@ def fit(
     z = np.clip(z, bounds[:, 0], bounds[:, 1])
     now = HIGHEST_LEVEL if level is None else level
     radius, converged, count, stuck = _FIRST_RADIUS, False, 0, 0
-    steps = widest = np.array([u.step for u in problem.unknowns])
+    widest = np.array([u.step for u in problem.unknowns])
+    steps = _steps(now, widest, widest)
     prior = np.array([1.0 if u.prior else 0.0 for u in problem.unknowns])
     gains = problem.gains(z, problem.first_gains(), level=now)
     while True:
@@ -142,7 +143,7 @@ def fit(
             radius = 0.25 * length
         spread = np.sqrt(np.diag(np.linalg.inv(data + np.diag(np.maximum(prior, 1e-6)))))
         stuck = stuck + 1 if found is None else 0
-        steps = np.clip(_REACH * spread, _SMALLEST_STEP, widest) * _FINER**stuck
+        steps = _steps(now, spread, widest) * _FINER**stuck
         if found is None:
             converged = stuck > _STUCK
             radius = _FIRST_RADIUS
@@ -171,6 +172,13 @@ def _further(
             break
         found = longer, reached
     return found
+
+
+def _steps(level: float, spread: Array, usual: Array) -> Array:
+    """Of the finite differences: a secant over what is not known anyway smooths the corners of the cost."""
+    if level > _NEAR:
+        return np.asarray(usual * min(level, _WIDEST_STEP), dtype=float)
+    return np.clip(_REACH * spread, _SMALLEST_STEP, usual)
 
 
 def _tolerance(level: float) -> float:

@@ -91,11 +91,11 @@ class Problem:
                 jobs.append(self._job(i, moved, gains[i]))
                 places.append((i, column, step))
         innovations = [run.innovations for run in observe_all(jobs, tolerance=tolerance)]
-        nominal = {i: e for (i, column, _), e in zip(places, innovations, strict=True) if column < 0}
+        nominal = {i: seen for (i, column, _), seen in zip(places, innovations, strict=True) if column < 0}
         derivatives = [np.zeros((*nominal[i].shape, len(wanted))) for i in range(len(self.segments))]
-        for (i, column, step), e in zip(places, innovations, strict=True):
+        for (i, column, step), seen in zip(places, innovations, strict=True):
             if column >= 0:
-                derivatives[i][:, :, column] = np.nan_to_num((e - nominal[i]) / step)
+                derivatives[i][:, :, column] = np.nan_to_num((seen - nominal[i]) / step)
         return [nominal[i] for i in range(len(self.segments))], derivatives
 
     def first_gains(self) -> list[Gains]:

@@ -94,7 +94,7 @@ def gains(runs: Sequence[tuple[Experiment, Segment, Array, Array]], *, level: fl
 
 def _line(experiment: Experiment, segment: Segment, parameters: Array, states: Array, level: float) -> _Line:
     plant = experiment.plant
-    known = np.isfinite(states).all(axis=1)
+    known: NDArray[np.bool_] = np.isfinite(states).all(axis=1)
     reached = len(states) if known.all() else max(1, int(np.argmin(known)))
     states = states[:reached]
     scale, names = plant.scale, plant.state_names
@@ -176,6 +176,7 @@ def _filter(lines: Sequence[_Line]) -> list[Gains]:
     result = []
     for i, line in enumerate(lines):
         length = len(line.used)
-        own = np.where(line.used.any(axis=1)[:, None, None], root[:length, i], 0.0)
+        own = root[:length, i].copy()
+        own[~line.used.any(axis=1)] = 0.0
         result.append(Gains(gain[:length, i] * line.scale[None, :, None], own, line.used))
     return result
