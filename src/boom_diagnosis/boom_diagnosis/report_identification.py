@@ -84,7 +84,9 @@ def _summary(result: Identification) -> str:
     )
     unexcited = result.unexcited
     alert = f"<p class=warning>Not enough excitation for: {escape(', '.join(unexcited))}</p>" if unexcited else ""
-    listed = "".join(f"<li><code>{escape(', '.join(keys))}</code>: {escape(why)}</li>" for why, keys in result.reasons().items())
+    listed = "".join(
+        f"<li><code>{escape(', '.join(keys))}</code>: {escape(why)}</li>" for why, keys in result.reasons().items()
+    )
     lacking = f"<h3>Not determined</h3><ul>{listed}</ul>" if listed else ""
     return f"<h2>What was found</h2>{alert}{table if rows else '<p>No number could be told.</p>'}{lacking}"
 

@@ -82,7 +82,7 @@ class Equations:
         return tuple(state.name for state in self.states)
 
 
-def _namespace(values: dict[str, Any]) -> SimpleNamespace:
+def namespace(values: dict[str, Any]) -> SimpleNamespace:
     """Dotted names -> nested namespaces; ``.0 .1`` endings become tuples."""
     root = SimpleNamespace()
     for name, value in values.items():
@@ -124,7 +124,7 @@ class _Wiring:
         self.names = parameter_names(structure, self.effects, self.learned)
         self.p_vector = ca.SX.sym("p", len(self.names))
         symbols = {name: self.p_vector[i] for i, name in enumerate(self.names)}
-        self.p = _namespace({k: v for k, v in symbols.items() if not k.startswith(("effects.", "learned."))})
+        self.p = namespace({k: v for k, v in symbols.items() if not k.startswith(("effects.", "learned."))})
         self.coefficients = [
             [symbols[f"learned.{k}.{j}"] for j in range(len(entry.basis))] for k, entry in enumerate(self.learned)
         ]
@@ -134,7 +134,7 @@ class _Wiring:
             for effect in EFFECTS.values()
             for row in effect.parameters
         }
-        self.e = _namespace(values)
+        self.e = namespace(values)
         self.states: list[State] = []
         self.symbols: dict[str, Any] = {}
         self.rates: dict[str, Any] = {}
@@ -153,7 +153,7 @@ class _Wiring:
 
     def elapsed(self) -> Any:
         """Time since the start of the run [s], a state that exists only where an effect needs it."""
-        if not {"payload_change", "friction_drift"} & set(self.effects):
+        if not any("elapsed_time" in dict(EFFECTS[name].states) for name in self.effects):
             return 0.0
         if "elapsed_time" not in self.symbols:
             self.add("elapsed_time", "t", "s", 10.0)
@@ -194,9 +194,9 @@ class _Wiring:
         passage = cylinder.cushion(p.cylinder.l_p - self.position, e)
         flows = main_valve_orifices.flows(metering, hose_pressure, rod_pressure, p, e, passage)
         if self.structure.pilot_valves:
-            velocity = self.add("spool_velocity", "w_s", "m/s", 0.1, -1e3, 1e3)
-            plus = self.add("pilot_retract", "lambda_+", "A s", 2e-2, -10.0, 10.0)
-            minus = self.add("pilot_extend", "lambda_-", "A s", 2e-2, -10.0, 10.0)
+            velocity = self.add("spool_velocity", "w_s", "m/s", 0.1, -10.0, 10.0)
+            plus = self.add("pilot_retract", "lambda_+", "A s", 2e-2, -1.0, 1.0)
+            minus = self.add("pilot_extend", "lambda_-", "A s", 2e-2, -1.0, 1.0)
             self.quantities["spool"] = spool / p.main_valve_spool.s_max
             difference = pilot_valve.pressure(plus, u[0], p, e) - pilot_valve.pressure(minus, u[1], p, e)
             difference = difference + self.learnt("spool")

@@ -30,7 +30,7 @@ SPECIFICATIONS = (
 
 
 def state_rate(state: Expression, current: Expression, p: Any, e: Any) -> Expression:
-    """Lambda' [A] for lambda [A s] and the solenoid current [A]."""
+    """lambda' [A] for lambda [A s] and the solenoid current [A]."""
     return p.pilot_valves.a1_s / e.pilot_lag.r * state + current
 
 

@@ -20,18 +20,19 @@ from boom_model import hose_burst_valve
 from boom_model.batch import Job, run_jobs
 from boom_model.compiled import build
 from boom_model.effects import EFFECTS
-from boom_model.equations import INPUTS, Equations, Kind, full_model, reduced_model
+from boom_model.equations import INPUTS, Equations, Kind, full_model, namespace, reduced_model
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine, Pose
 from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
 
-FAST, FINE = 1e-4, 1e-6
-"""Tolerances of the error control. Measured over a 60 s recording they give errors of about the same size."""
-
 _ORDER_3_ABOVE = 5e-7  # at coarser tolerances the method of order 3 is faster, at finer ones that of order 4 (measured)
 _FIRST_STEP = 1e-4
+FAST, FINE = 1e-4, 1e-6
+"""Tolerances of the error control. Measured over a 60 s recording they give errors of about the same size."""
+LARGEST_SPOOL = 4.0
+"""Times s_max: beyond, a run ends with an error. The spool has no end stop in the equations; 0.7 A push it to 1.6 s_max."""
 _DOUBLE = ctypes.POINTER(ctypes.c_double)
 
 
@@ -85,6 +86,10 @@ class Plant:
         self.minimum: Array = np.array([s.minimum for s in states])
         self.maximum: Array = np.array([s.maximum for s in states])
         self.minimum[0], self.maximum[0] = machine.angle_limits
+        stroke = LARGEST_SPOOL * values["main_valve_spool.s_max"]
+        for name in {"spool_position", "metering_position"} & set(self.state_names):
+            k = self.state_names.index(name)
+            self.minimum[k], self.maximum[k] = -stroke, stroke
         names = self.parameter_names
         self._delay_index = tuple(
             names.index(name) if name in names else -1
@@ -244,7 +249,7 @@ class Plant:
     # ------------------------------------------------------------------------------------------------ points of the model
 
     def derivative(self, state: ArrayLike, current: ArrayLike, parameters: Array | None = None) -> tuple[Array, Array]:
-        """X' (NX,) and the Jacobian dx'/dx (NX, NX) at one point."""
+        """x' (NX,) and the Jacobian dx'/dx (NX, NX) at one point."""
         n = len(self.state_names)
         f, jacobian = np.empty(n), np.empty((n, n))
         x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
@@ -253,7 +258,7 @@ class Plant:
         return f, jacobian
 
     def outputs(self, state: ArrayLike, current: ArrayLike = (0.0, 0.0), parameters: Array | None = None) -> Array:
-        """Y (4,) = angle, rate, p_h, p_b at one point, without delay."""
+        """y (4,) = angle, rate, p_h, p_b at one point, without delay."""
         y = np.empty(len(OUTPUTS))
         x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
         p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
@@ -298,10 +303,8 @@ class Plant:
         return neutral | dict(zip(self.parameter_names, (float(v) for v in p), strict=True))
 
     def _conductance_at_rest(self, number: dict[str, float]) -> float:
-        from boom_model.equations import _namespace
-
-        tree = _namespace({k: v for k, v in number.items() if not k.startswith("effects.")})
-        effects = _namespace({k.removeprefix("effects."): v for k, v in number.items() if k.startswith("effects.")})
+        tree = namespace({k: v for k, v in number.items() if not k.startswith("effects.")})
+        effects = namespace({k.removeprefix("effects."): v for k, v in number.items() if k.startswith("effects.")})
         return float(hose_burst_valve.limited_conductance(0.0, tree, effects))
 
     def _set_time(self, x: Array, begin: float) -> None:

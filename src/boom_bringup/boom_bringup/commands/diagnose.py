@@ -21,7 +21,9 @@ from typing import TYPE_CHECKING
 
 from boom_bringup import __version__
 from boom_bringup.cli import UsageError
-from boom_bringup.command_io import checked_path, json_text, machine_for, progress, write
+from boom_bringup.outputs import checked, json_text, write
+from boom_bringup.replica import machine_of
+from boom_bringup.showing import progress
 
 if TYPE_CHECKING:
     from boom_recording.recording import Recording
@@ -57,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     twice = {bag for bag in args.hold_out if bag in args.bags}
     if twice:
         raise UsageError(f"{min(twice)}: given both to diagnose and to hold out: take it out of one of the two")
-    json_path = checked_path(args.json, "--json")
+    json_path = checked(args.json, "--json")
     folder = _folder(args.output)
     command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "diagnose", *_words(args)])
 
@@ -68,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
         recordings = [load(bag) for bag in args.bags]
         held_out = [load(bag) for bag in args.hold_out]
         everything = [*recordings, *held_out]
-        machine, _ = machine_for(args.machine, [*args.bags, *args.hold_out], everything)
+        machine, _ = machine_of(dict(zip([*args.bags, *args.hold_out], everything, strict=True)), args.machine)
         for recording in everything:
             if recording.configuration.machine != machine.name:
                 raise UsageError(

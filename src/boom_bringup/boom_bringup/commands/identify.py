@@ -21,7 +21,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from boom_bringup.cli import UsageError
-from boom_bringup.command_io import checked_path, default_report, json_text, machine_for, progress, write
+from boom_bringup.outputs import checked, default_report, write, write_json
+from boom_bringup.replica import machine_of
+from boom_bringup.showing import progress
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -67,11 +69,11 @@ def run(args: argparse.Namespace) -> int:
     """Identify; returns 0, also where nothing could be told."""
     if args.smoothing is not None and not 0.0 <= args.smoothing < float("inf"):
         raise UsageError(f"--smoothing {args.smoothing:g}: give a number of 0 or more")
-    report = None if args.no_report else checked_path(args.report, "--report") or default_report("identify", args.bags)
-    output = checked_path(args.output, "--output")
+    report = None if args.no_report else checked(args.report, "--report") or default_report("identify", args.bags)
+    output = checked(args.output, "--output")
     if output is not None and output.suffix not in (".yaml", ".yml"):
         raise UsageError(f"--output {output}: a machine file ends in .yaml")
-    json_path = checked_path(args.json, "--json")
+    json_path = checked(args.json, "--json")
     command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "identify", *_words(args)])
 
     from boom_diagnosis.identification.identify import identify, read_inputs
@@ -92,8 +94,7 @@ def run(args: argparse.Namespace) -> int:
     console = console_for()
     _show(result, console)
     if json_path:
-        document = json_text(result.document())
-        write(json_path, lambda: json_path.write_text(document, encoding="utf-8"))
+        write_json(json_path, result.document())
     if output:
         from boom_diagnosis.identification.machine_output import write_machine
 
@@ -111,7 +112,7 @@ def _machine(wanted: str | None, bags: list[str], inputs: Inputs) -> tuple[Machi
     if wanted is None and not inputs.recordings:
         wanted = "tz17"  # the bench does not tell whose valve it is
     recorded = [str(recording.path) for recording in inputs.recordings]
-    return machine_for(wanted, recorded or bags, list(inputs.recordings))
+    return machine_of(dict(zip(recorded or bags, inputs.recordings, strict=True)), wanted)
 
 
 def _show(result: Identification, console: Console) -> None:

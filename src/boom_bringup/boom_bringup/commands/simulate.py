@@ -24,13 +24,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from boom_bringup import arguments
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from boom_model.machine import Machine
     from boom_recording.recording import Recording
-    from boom_sim.simulated_crane import Start
 
     Array = NDArray[np.float64]
 
@@ -60,11 +61,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--effect", metavar="ID.NAME=VALUE", action="append", default=[],
         help="physics beside the machine file's, SI, e.g. hose_burst_valve_lag.tau=0.09; may be given again",
     )  # fmt: skip
-    parser.add_argument("--seed", type=int, default=0, help="seed of the sensor noise (default: 0)")
+    parser.add_argument("--seed", type=arguments.seed, default=0, help="seed of the sensor noise (default: 0)")
     parser.add_argument(
         "--sensors", choices=("thesis", "ideal"), default="thesis", help="noise of ch. 6.4 or none (default: thesis)"
     )
-    parser.add_argument("--duration", type=float, metavar="S", help="[s]; default: to the last current")
+    parser.add_argument("--duration", type=arguments.duration, metavar="S", help="[s]; default: to the last current")
     parser.add_argument(
         "--angle", type=float, metavar="RAD", help="initial boom angle [rad] (default: the input's, csv: 0.3)"
     )
@@ -77,6 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate and write; returns 0."""
+    from boom_bringup import replica
     from boom_model.machine_file import load_machine
     from boom_model.sensors import IDEAL
     from boom_recording import writing
@@ -88,8 +90,6 @@ def run(args: argparse.Namespace) -> int:
     output = Path(args.output)
     if output.exists():
         raise SimulateError(f"{output} exists already: give another --output, nothing is overwritten")
-    if args.duration is not None and not args.duration > 0:
-        raise SimulateError(f"--duration {args.duration:g}: give a time above 0 s")
     if args.campaign:
         return _campaign(args, output)
     if args.input is None:
@@ -101,9 +101,14 @@ def run(args: argparse.Namespace) -> int:
         stamps, currents = csv_currents.read(source)
         start = Start(0.3)
         configuration = Configuration("tz17", 0.28, 2.2, 0.0)
+        machine = load_machine(configuration.machine if args.machine is None else args.machine)
     else:
         recording, stamps, currents = _from_bag(source)
-        configuration, start = recording.configuration, _rest(recording)
+        configuration = recording.configuration
+        machine, _ = replica.machine_of({args.input: recording}, args.machine)
+        if args.angle is None:
+            rest = replica.rest_of(recording, args.input, "give --angle")
+            start = Start(rest["angle"], rest["hose_pressure"], rest["rod_pressure"])
         if args.duration is None:
             args.duration = recording.duration
     if args.angle is not None:
@@ -117,7 +122,6 @@ def run(args: argparse.Namespace) -> int:
     if changed:
         configuration = replace(configuration, **changed)
         start = Start(start.angle)
-    machine = load_machine(args.machine or configuration.machine)
     machine = machine.with_effects({**machine.effects, **parse_effects(args.effect)})
     note = f"simulated: {args.model} model, sensors {args.sensors}, seed {args.seed}"
     configuration = replace(configuration, machine=machine.name, note=note)
@@ -197,19 +201,6 @@ def _from_bag(path: Path) -> tuple[Recording, Array, Array]:
         gap = f"{stretches[0][1]:.1f} s to {stretches[1][0]:.1f} s"
         print(f"note: {path}: no currents from {gap}; the last ones before a gap are held through it")
     return recording, held.time, held.values
-
-
-def _rest(recording: Recording) -> Start:
-    """The resting start of a recording: means until the first current."""
-    from boom_diagnosis.initial_state import resting_start
-    from boom_sim.simulated_crane import Start
-
-    rest = resting_start(recording)
-    if rest is None:
-        raise SimulateError(
-            f"{recording.path}: the boom does not rest at the beginning, so that its state is not known; give --angle"
-        )
-    return Start(rest["angle"], rest["hose_pressure"], rest["rod_pressure"])
 
 
 def parse_effects(texts: list[str]) -> dict[str, dict[str, float]]:

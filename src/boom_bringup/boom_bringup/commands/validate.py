@@ -14,7 +14,9 @@ import shlex
 from typing import TYPE_CHECKING
 
 from boom_bringup.cli import UsageError
-from boom_bringup.command_io import checked_path, default_report, json_text, machine_for, progress, write
+from boom_bringup.outputs import checked, default_report, write, write_json
+from boom_bringup.replica import machine_of
+from boom_bringup.showing import progress
 
 if TYPE_CHECKING:
     from boom_recording.recording import Recording
@@ -49,8 +51,8 @@ def run(args: argparse.Namespace) -> int:
     """Validate; returns 0, or 1 with --strict and a mismatch."""
     if args.simulated and len(args.bags) > 1:
         raise UsageError(f"--simulated goes with one recording, {len(args.bags)} were given: validate them one by one")
-    json_path = checked_path(args.json, "--json")
-    report = None if args.no_report else checked_path(args.report, "--report") or default_report("validate", args.bags)
+    json_path = checked(args.json, "--json")
+    report = None if args.no_report else checked(args.report, "--report") or default_report("validate", args.bags)
 
     from boom_recording.loading import load
 
@@ -66,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
         from boom_diagnosis.validation import Validation, validate
         from boom_model.errors import MachineError
 
-        machine, source = machine_for(args.machine, args.bags, recordings)
+        machine, source = machine_of(dict(zip(args.bags, recordings, strict=True)), args.machine)
         validation = Validation(machine.name)
         for bag, recording in zip(args.bags, recordings, strict=True):
             step(f"running the models over {recording.name}", 0)
@@ -81,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
     for note in notes:
         console.print(f"note: {note}", markup=False)
     if json_path:
-        write(json_path, lambda: json_path.write_text(json_text(validation.document()), encoding="utf-8"))
+        write_json(json_path, validation.document())
     if report:
         from boom_diagnosis.report import write_report
 

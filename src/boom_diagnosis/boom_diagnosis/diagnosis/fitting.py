@@ -61,15 +61,21 @@ def weights(at: Point) -> Array:
 class Problem:
     """Tolerances and recordings; hypotheses are fitted in it.
 
-    select: for each recording (n, 4) flags of the samples that may be used.
+    select: for each recording (n, 4) flags of the samples that are fitted; judged: of those that are only predicted.
     """
 
     def __init__(
-        self, predictor: Predictor, nuisances: Sequence[Nuisance], select: Sequence[NDArray[np.bool_]]
+        self,
+        predictor: Predictor,
+        nuisances: Sequence[Nuisance],
+        select: Sequence[NDArray[np.bool_]],
+        judged: Sequence[NDArray[np.bool_]] | None = None,
     ) -> None:
         self.predictor = predictor
         self.nuisances = tuple(nuisances)
         self.select = [np.asarray(s) for s in select]
+        self.rows = self.select if judged is None else [s | j for s, j in zip(self.select, judged, strict=True)]
+        self.used = np.concatenate([s[rows] for s, rows in zip(self.select, self.rows, strict=True)])
         nominal = dict(zip(predictor.base[0].parameter_names, predictor.base[0].p, strict=True))
         poses = [dict(zip(p.parameter_names, p.p, strict=True)) for p in predictor.base]
         self._nominal = {n.name: nominal[n.name] for n in nuisances if not n.name.startswith("pose.")}

@@ -94,7 +94,7 @@ def gains(runs: Sequence[tuple[Experiment, Segment, Array, Array]], *, level: fl
 
 def _line(experiment: Experiment, segment: Segment, parameters: Array, states: Array, level: float) -> _Line:
     plant = experiment.plant
-    known: NDArray[np.bool_] = np.isfinite(states).all(axis=1)
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(states).all(axis=1))
     reached = len(states) if known.all() else max(1, int(np.argmin(known)))
     states = states[:reached]
     scale, names = plant.scale, plant.state_names

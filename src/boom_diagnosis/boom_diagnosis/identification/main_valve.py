@@ -55,7 +55,9 @@ LAW = {
     "A_ta_law.c1": "-",
 }
 _CATALOGUE = ("main_valve_spool.k", "main_valve_spool.A_s", "main_valve_orifices.dp_c")
-_RELATIVE = "no sensor sees the spool: pilot gain and spring, areas and compensator margin act as products; catalogue values"
+_RELATIVE = (
+    "no sensor sees the spool: pilot gain and spring, areas and compensator margin act as products; catalogue values"
+)
 _OF_SIDE = {"extend": ("A_sa_max", "A_tb_max"), "retract": ("A_sb_max", "A_ta_law.c0", "A_ta_law.c1")}
 
 
