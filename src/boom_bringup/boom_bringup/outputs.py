@@ -30,6 +30,27 @@ def checked(given: str | None, option: str) -> Path | None:
     return path
 
 
+def default_report(command: str, bags: list[str]) -> Path:
+    """Where the report of a command goes that was not told; makes the folder ``output``.
+
+    Raises:
+        UsageError: the folder cannot be made.
+    """
+    folder = Path("output")
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise UsageError(
+            f"folder output cannot be made here ({error.strerror}): give --report FILE or --no-report"
+        ) from None
+    first = Path(bags[0])
+    name = first.stem if first.suffix in (".mcap", ".zstd", ".yaml") else first.resolve().name
+    more = f"-and-{len(bags) - 1}-more" if len(bags) > 1 else ""
+    path = checked(str(folder / f"{command}-{name}{more}.html"), "report")
+    assert path is not None
+    return path
+
+
 def write(path: Path, action: Callable[[], Any]) -> None:
     """Run what writes ``path``.
 
@@ -42,13 +63,18 @@ def write(path: Path, action: Callable[[], Any]) -> None:
         raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
+def json_text(document: dict[str, Any]) -> str:
+    """A document as JSON; null for what is no finite number: JSON knows no NaN."""
+    return json.dumps(_finite(document), indent=2, allow_nan=False) + "\n"
+
+
 def write_json(path: Path, document: dict[str, Any]) -> None:
-    """Write a document, with null for what is no finite number: JSON knows no NaN.
+    """Write a document as JSON.
 
     Raises:
         UsageError: it failed.
     """
-    text = json.dumps(_finite(document), indent=2, allow_nan=False) + "\n"
+    text = json_text(document)
     write(path, lambda: path.write_text(text, encoding="utf-8"))
 
 

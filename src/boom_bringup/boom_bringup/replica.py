@@ -40,9 +40,7 @@ def machine_of(recordings: Mapping[str, Recording], wanted: str | None = None) -
     named = {recording.configuration.machine: bag for bag, recording in recordings.items()}
     if len(named) > 1:
         each = ", ".join(f"{bag} ({name or 'no name'})" for name, bag in named.items())
-        raise ReplicaError(
-            f"the recordings are of different machines: {each}: validate them apart, or give one --machine"
-        )
+        raise ReplicaError(f"the recordings are of different machines: {each}: take them apart, or give one --machine")
     name, bag = next(iter(named.items()))
     shipped = shipped_machines()
     if not name:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_bringup.robustness import Result, force
-from boom_diagnosis.report_figure import packed
+from boom_diagnosis.report_panels import packed
 from boom_diagnosis.tracking import piston_positions
 from boom_model.machine_file import load_machine
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from html import escape
@@ -12,7 +11,7 @@ from typing import Any
 from boom_bringup.robustness import Result
 from boom_bringup.robustness_figures import COLOURS, figure, stability_figure
 from boom_bringup.robustness_tables import PRINTED, three
-from boom_diagnosis.report import page
+from boom_diagnosis.report_page import chart, page
 from boom_diagnosis.tracking import THESIS
 
 _METHOD = (
@@ -53,7 +52,7 @@ def write_report(
         parts.append(
             "<section class=card><h2>Stability</h2><p>Dead time added in the valve chain against oil stiffness (beta over "
             f"nominal) and against load. Green: stable.</p>"
-            f"{_chart('stability', stability_figure(numbers['stability_map']))}</section>"
+            f"{chart('stability', stability_figure(numbers['stability_map']))}</section>"
         )
     kept = [r for r in results["configurations"] if r.history is not None]
     for name in dict.fromkeys(r.job.case.name for r in kept):
@@ -61,17 +60,9 @@ def write_report(
         colours = ", ".join(f"<span style='color:{COLOURS[r.job.mode]}'>{r.job.mode}</span>" for r in mine)
         parts.append(
             f"<section class=card><h2>{name}: {escape(mine[0].job.bag)}</h2><p class=quiet>As Fig. {_FIGURE.get(name, '6.5')} of "
-            f"the thesis. {colours}; reference black.</p>{_chart(name, figure(mine))}</section>"
+            f"the thesis. {colours}; reference black.</p>{chart(name, figure(mine))}</section>"
         )
     path.write_text(page("Robustness of the closed loop", "".join(parts)), encoding="utf-8")
-
-
-def _chart(name: str, spec: Mapping[str, Any]) -> str:
-    text = json.dumps(spec, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    return (
-        f"<div class=figure data-spec='spec-{name}' style='min-height:{spec['layout']['height']}px'></div>"
-        f"<script type='application/json' id='spec-{name}'>{text}</script>"
-    )
 
 
 def _main_table(numbers: Mapping[str, Any]) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from html import escape
 from typing import Any
 
 import numpy as np
 
-from boom_diagnosis.report_figure import FULL, MEASURED, Json, Panels, line
+from boom_diagnosis.report_figure import FULL, MEASURED
+from boom_diagnosis.report_page import chart
+from boom_diagnosis.report_panels import Json, Panels, line
 from boom_diagnosis.tracking import THESIS, Errors, Tracking
 from boom_recording.recording import Recording
 
@@ -48,13 +49,10 @@ def section(tracking: Tracking, recording: Recording, mode: str) -> str:
         + "</tr>"
         for label, errors in rows(tracking, mode)
     )
-    chart = figure(tracking, recording)
-    spec = json.dumps(chart, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     return (
         f"<section class='card recording' id='closed-loop'><h2>Closed loop: {escape(mode)}</h2>"
         f"<table><thead><tr><th></th>{heads}</tr></thead><tbody>{body}</tbody></table><p class=quiet>{escape(_METHOD)}</p>"
-        f"<div class=figure data-spec='spec-closed-loop' style='min-height:{chart['layout']['height']}px'></div>"
-        f"<script type='application/json' id='spec-closed-loop'>{spec}</script></section>"
+        f"{chart('closed-loop', figure(tracking, recording))}</section>"
     )
 
 

@@ -12,6 +12,7 @@ from typing import Any, Literal
 from boom_model import four_bar_linkage, triangle_linkage
 from boom_model.effects import active_effects
 from boom_model.errors import MachineError, nearest
+from boom_model.learned import LearnedTerm
 from boom_model.rigid_body import locked_inertia
 from boom_model.sensors import SensorNoise
 from boom_model.specification import Specification
@@ -76,6 +77,7 @@ class Machine:
         tabulated: poses whose D_0, S_x, S_y and tip the file states, without load.
         sensors: what the file says of its sensors, key of section ``control`` -> number.
         document: the file as it was read.
+        learned: terms learnt from data.
     """
 
     name: str
@@ -86,6 +88,7 @@ class Machine:
     tabulated: tuple[Pose, ...] = ()
     sensors: Mapping[str, float] = field(default_factory=dict)
     document: Mapping[str, Any] = field(default_factory=dict)
+    learned: tuple[LearnedTerm, ...] = ()
 
     def values(self, pose: Pose) -> dict[str, float]:
         """Every component of the parameter vector by name: machine, pose, effects."""
@@ -94,6 +97,8 @@ class Machine:
             result |= dict(zip(parameter.specification.components, parameter.value, strict=True))
         for effect, given in self.effects.items():
             result |= {f"effects.{effect}.{name}": value for name, value in given.items()}
+        for k, entry in enumerate(self.learned):
+            result |= {f"learned.{k}.{j}": value for j, value in enumerate(entry.coefficients)}
         return result
 
     def with_values(self, changed: Mapping[str, float | tuple[float, ...]]) -> Machine:

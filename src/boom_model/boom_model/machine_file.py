@@ -21,6 +21,7 @@ from boom_model import rigid_body, sensors
 from boom_model.effects import active_effects
 from boom_model.errors import MachineError, nearest
 from boom_model.hose_burst_valve import smooth_node
+from boom_model.learned import check_learned
 from boom_model.machine import TOLERANCES, Confidence, Machine, Parameter, Pose, check_overlap, check_range, number
 from boom_model.specification import Specification
 from boom_model.structure import Structure
@@ -53,7 +54,7 @@ _INFORMATION: dict[str, frozenset[str]] = {
         }
     ),
 }
-_TOP = frozenset({*_INFORMATION, "effects"})
+_TOP = frozenset({*_INFORMATION, "effects", "learned"})
 _NUMBER = r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
 _METER_OUT = re.compile(rf"^\s*A_sb\s*/\s*\(\s*{_NUMBER}\s*([+-])\s*{_NUMBER}\s*\*\s*u\^2\s*\)\s*$")
 _STROKE_SLACK = 1e-3
@@ -87,13 +88,9 @@ def machine_from(document: Any) -> Machine:
     if not isinstance(document, dict):
         raise MachineError("not a machine file: expected sections such as fluid, cylinder, kinematics")
     for section in document:
-        if section == "learned":
-            raise MachineError(
-                "learned: terms learnt from data cannot be simulated by this version; remove the section"
-            )
         if section not in _TOP:
             raise MachineError(f"{section}: no such section{nearest(str(section), _TOP)}")
-        if section != "effects" and not isinstance(document[section], dict):
+        if section not in ("effects", "learned") and not isinstance(document[section], dict):
             raise MachineError(f"{section}: expected keys with values below it")
     for section in ("meta", "constants", "fluid", "cylinder", "kinematics", "rigid_body", "friction"):
         if section not in document:
@@ -111,6 +108,9 @@ def machine_from(document: Any) -> Machine:
     said = {s.key: _parameter(document, s) for s in sensors.SPECIFICATIONS if _given(document, s)}
     kinematics = document["kinematics"]
     limits = (_limit(kinematics, "q2_stroke_min"), _limit(kinematics, "q2_max"))
+    learned = check_learned(document.get("learned") or [])
+    if not structure.pilot_valves and any(entry.equation == "spool" or "spool" in entry.validity for entry in learned):
+        raise MachineError("learned: this machine has no pilot stage, so that no term can use the spool")
     machine = Machine(
         name,
         structure,
@@ -120,6 +120,7 @@ def machine_from(document: Any) -> Machine:
         poses,
         {key.split(".")[1]: parameter.value[0] for key, parameter in said.items()},
         document,
+        learned,
     )
     _check_consistency(machine)
     return machine
@@ -200,7 +201,7 @@ def _check_keys(document: Mapping[str, Any], specifications: Iterable[Specificat
         section, key = spec.key.split(".")[:2]
         wanted.setdefault(section, set()).add(key)
     for section, keys in document.items():
-        if section == "effects":
+        if section in ("effects", "learned"):
             continue
         allowed = wanted.get(section, set()) | _INFORMATION[section]
         for key in keys:

@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from boom_bringup.cli import UsageError
-from boom_bringup.commands.validate import _progress
 from boom_bringup.outputs import checked, write, write_json
+from boom_bringup.showing import progress
 
 if TYPE_CHECKING:
     from boom_bringup.robustness import Job, Result
@@ -119,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
     if args.stability_map:
         parts["stability_map"] = stability_jobs(modes, args.bags, args.machine)
     results: dict[str, list[Result]] = {}
-    with _progress(sum(len(jobs) for jobs in parts.values())) as step:
+    with progress(sum(len(jobs) for jobs in parts.values())) as step:
         for name, jobs in parts.items():
             step(f"{name.replace('_', ' ')}: {len(jobs)} runs", 0)
             results[name] = carry_out(jobs, args.workers, lambda: step("", 1))

@@ -7,6 +7,8 @@ time_s,retract_a,extend_a, for which pose, load and initial angle are options.
   ./boom simulate bags/healthy/extended --output output/leak --effect piston_leakage.c=1e-12
   ./boom simulate steps.csv --angle 0.4 --load 300 --output output/steps
   ./boom simulate bags/healthy/extended --reference --mode thesis --output output/followed
+  ./boom simulate --campaign pilot --output output/pilot      (ch. 4.1: eleven oscilloscope bags in that folder)
+  ./boom simulate --campaign cylinder --output output/crane   (ch. 4.2: twelve recordings in that folder)
 
 The bag goes everywhere a recording goes, e.g. ./boom validate output/extended.
 """
@@ -15,7 +17,10 @@ from __future__ import annotations
 
 import argparse
 import math
+import shutil
+import sys
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -42,7 +47,12 @@ class SimulateError(ValueError):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("input", metavar="INPUT", help="bag (folder or .mcap) or .csv with the currents")
+    parser.add_argument("input", metavar="INPUT", nargs="?", help="bag (folder or .mcap) or .csv with the currents")
+    parser.add_argument(
+        "--campaign",
+        choices=("pilot", "cylinder"),
+        help="instead of INPUT: a whole measurement campaign of ch. 4, as bags in the folder --output",
+    )
     parser.add_argument("--output", metavar="BAG", required=True, help="folder of the new bag; must not exist")
     parser.add_argument(
         "--machine", metavar="FILE", help="machine file or shipped name (default: the input's, else tz17)"
@@ -90,6 +100,12 @@ def run(args: argparse.Namespace) -> int:
     output = Path(args.output)
     if output.exists():
         raise SimulateError(f"{output} exists already: give another --output, nothing is overwritten")
+    if args.campaign:
+        return _campaign(args, output)
+    if args.input is None:
+        raise SimulateError(
+            "nothing to simulate: give INPUT, a bag or .csv with currents, or --campaign pilot|cylinder"
+        )
     source = Path(args.input)
     if args.reference:
         if source.suffix == ".csv" or args.model != "full":
@@ -145,6 +161,59 @@ def run(args: argparse.Namespace) -> int:
     if args.reference:
         print(tracking_line(result, machine))
     return 0
+
+
+def _campaign(args: argparse.Namespace, output: Path) -> int:
+    """A campaign of chapter 4: one bag after the other into the folder; an unfinished one is removed again."""
+    given = {"INPUT": args.input, "--angle": args.angle, "--outer-boom-angle": args.outer_boom_angle,
+             "--telescope-length": args.telescope_length, "--load": args.load}  # fmt: skip
+    given["--duration"] = args.duration if args.campaign == "pilot" else None
+    given["--model"] = args.model if args.model != "full" else None
+    unfit = [name for name, value in given.items() if value is not None]
+    if unfit:
+        raise SimulateError(
+            f"--campaign {args.campaign} brings its own currents and poses: leave out {', '.join(unfit)}"
+        )
+    from boom_model.machine_file import load_machine
+
+    machine = load_machine(args.machine or "tz17")
+    machine = machine.with_effects({**machine.effects, **parse_effects(args.effect)})
+    count = 0
+    for name, write in _runs(args, machine):
+        count += 1
+        print(f"{count:2d} {output / name}", file=sys.stderr, flush=True)
+        try:
+            write(output / name)
+        except BaseException:
+            shutil.rmtree(output / name, ignore_errors=True)
+            raise
+    print(f"{count} bags in {output}; identify the machine from them: ./boom identify {output}/*")
+    return 0
+
+
+def _runs(args: argparse.Namespace, machine: Machine) -> Iterator[tuple[str, Callable[[Path], None]]]:
+    """Name and writer of each bag of a campaign."""
+    from functools import partial
+
+    from boom_sim import campaigns
+
+    ideal = args.sensors == "ideal"
+    if args.campaign == "pilot":
+        from boom_recording.oscilloscope import write_trace
+        from boom_sim.pilot_bench import SILENT, BenchNoise
+
+        if not machine.structure.pilot_valves:
+            raise SimulateError(f"machine {machine.name} has no pilot valves: there is nothing to put on the bench")
+        for trace in campaigns.pilot_campaign(machine, seed=args.seed, noise=SILENT if ideal else BenchNoise()):
+            yield trace.name, partial(write_trace, trace=trace)
+        return
+    from boom_model.sensors import IDEAL
+    from boom_recording import writing
+
+    duration = args.duration or campaigns.CYLINDER_DURATION
+    noise = IDEAL if ideal else machine.sensor_noise()
+    for recording in campaigns.cylinder_campaign(machine, seed=args.seed, duration=duration, noise=noise):
+        yield recording.name, partial(writing.write, recording=recording)
 
 
 def _from_bag(path: Path) -> tuple[Recording, Array, Array]:

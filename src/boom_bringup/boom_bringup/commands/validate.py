@@ -11,23 +11,17 @@ import argparse
 import math
 import os
 import shlex
-import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from boom_bringup.cli import UsageError
-from boom_bringup.outputs import checked, write, write_json
+from boom_bringup.outputs import checked, default_report, write, write_json
 from boom_bringup.replica import machine_of
+from boom_bringup.showing import progress
 
 if TYPE_CHECKING:
     from boom_recording.recording import Recording
 
 HELP = "run recorded currents through the model and compare it with what was measured"
-
-_QUIET = 10.0  # s: so long nothing is said in a log file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,11 +52,11 @@ def run(args: argparse.Namespace) -> int:
     if args.simulated and len(args.bags) > 1:
         raise UsageError(f"--simulated goes with one recording, {len(args.bags)} were given: validate them one by one")
     json_path = checked(args.json, "--json")
-    report = None if args.no_report else checked(args.report, "--report") or _default_report(args.bags)
+    report = None if args.no_report else checked(args.report, "--report") or default_report("validate", args.bags)
 
     from boom_recording.loading import load
 
-    with _progress(len(args.bags)) as step:
+    with progress(len(args.bags)) as step:
         # All are read before the first is run: a misspelt name is told at once, not after minutes.
         recordings = []
         for bag in args.bags:
@@ -116,22 +110,6 @@ def _notes(recordings: list[Recording], machine: str) -> list[str]:
     return notes
 
 
-def _default_report(bags: list[str]) -> Path:
-    folder = Path("output")
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise UsageError(
-            f"folder output cannot be made here ({error.strerror}): give --report FILE or --no-report"
-        ) from None
-    first = Path(bags[0])
-    name = first.stem if first.suffix in (".mcap", ".zstd", ".yaml") else first.resolve().name
-    more = f"-and-{len(bags) - 1}-more" if len(bags) > 1 else ""
-    path = checked(str(folder / f"validate-{name}{more}.html"), "report")
-    assert path is not None
-    return path
-
-
 def _words(args: argparse.Namespace) -> list[str]:
     """The command line again, from what was understood."""
     words = list(args.bags)
@@ -139,28 +117,3 @@ def _words(args: argparse.Namespace) -> list[str]:
         if getattr(args, option):
             words += [f"--{option}", getattr(args, option)]
     return words + (["--strict"] if args.strict else [])
-
-
-@contextmanager
-def _progress(total: int) -> Iterator[Callable[[str, int], None]]:
-    """Shows on stderr what is being done: a bar on a terminal, elsewhere a line for what begins after some seconds."""
-    if not sys.stderr.isatty():
-        begin = time.monotonic()
-
-        def say(text: str, _: int) -> None:
-            if text and time.monotonic() - begin > _QUIET:
-                print(f"boom: {text}", file=sys.stderr, flush=True)
-
-        yield say
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=total)
-
-        def show(text: str, done: int) -> None:
-            bar.update(task, advance=done, description=text or None)
-
-        yield show
