@@ -154,7 +154,7 @@ def test_a_bound_is_not_crossed() -> None:
 
 
 def test_refinement_fits_what_is_excited_and_predicts_what_it_has_not_seen() -> None:
-    names = (SA, SB, TB, FRICTION)
+    names = (SA, SB, TB, FRICTION, "fluid.beta")
     found = refine([recorded(tz17(), 16.0)], wrong(**OFF), unknowns=names)
     assert {e.key for e in found.estimates} >= {SA, SB}
     for e in found.estimates:
@@ -163,6 +163,13 @@ def test_refinement_fits_what_is_excited_and_predicts_what_it_has_not_seen() -> 
     check = found.held_out[0]
     assert check.after["angle"] < 0.2 * check.before["angle"]
     assert "main_valve_orifices.A_0" in {n.parameter for n in found.not_determined}
+
+
+def test_where_what_is_wrong_is_not_among_the_unknowns_no_number_is_invented() -> None:
+    found = refine([recorded(tz17(), 9.0)], wrong(fluid__beta=0.6), unknowns=(SA, FRICTION), starts=1)
+    assert found.estimates == ()
+    assert {n.parameter for n in found.not_determined} >= {SA, FRICTION}
+    assert any("no values were found" in n.why for n in found.not_determined)
 
 
 def test_a_recording_at_standstill_invents_no_number() -> None:

@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
 
     with progress(_STEPS) as step:
         inputs = read_inputs(args.bags, lambda text: step(text, 0))
-        machine, source = _machine(args.machine, args.bags, inputs)
+        machine, source = _machine(args.machine, inputs)
         result = identify(
             inputs, machine,
             curve=Path(args.hose_burst_valve_curve) if args.hose_burst_valve_curve else None,
@@ -108,11 +108,10 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _machine(wanted: str | None, bags: list[str], inputs: Inputs) -> tuple[Machine, str]:
+def _machine(wanted: str | None, inputs: Inputs) -> tuple[Machine, str]:
     if wanted is None and not inputs.recordings:
         wanted = "tz17"  # the bench does not tell whose valve it is
-    recorded = [str(recording.path) for recording in inputs.recordings]
-    return machine_of(dict(zip(recorded or bags, inputs.recordings, strict=True)), wanted)
+    return machine_of({str(recording.path): recording for recording in inputs.recordings}, wanted)
 
 
 def _show(result: Identification, console: Console) -> None:

@@ -123,10 +123,11 @@ def fit(
         if converged or count >= iterations:
             break
         count += 1
-        found = None
+        found, settled = None, False
         for _ in range(_TRIALS):
             wanted, promised = _step(z, gradient, data, prior, radius, bounds)
             if promised < _ENOUGH:
+                settled = now <= 1.0 or level is not None
                 break
             reached = cost_at(problem, gains, wanted, _tolerance(now))
             ratio = (cost - reached) / promised
@@ -142,6 +143,9 @@ def fit(
                 break
             radius = 0.25 * length
         spread = np.sqrt(np.diag(np.linalg.inv(data + np.diag(np.maximum(prior, 1e-6)))))
+        if settled:
+            converged = True
+            break
         stuck = stuck + 1 if found is None else 0
         steps = _steps(now, spread, widest) * _FINER**stuck
         if found is None:
