@@ -21,6 +21,7 @@ from boom_diagnosis.estimation.uncertainty import TOGETHER, TOLD, Uncertainty, c
 from boom_diagnosis.estimation.unknown import Unknown, machine_unknown
 from boom_diagnosis.identification.estimate import Estimate, NotDetermined
 from boom_diagnosis.identification.machine_output import vector_values
+from boom_diagnosis.identification.search import GOOD_LEVEL, search
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
@@ -43,8 +44,6 @@ free to find a number far outside its tolerance; the prior keeps what the record
 HELD_OUT = 0.25
 """Share of every recording, at its end, that the search does not see."""
 STARTS = 3
-_GOOD_LEVEL = 1.3
-"""Noise level up to which a fit agrees with the recordings, so that no other start is needed."""
 _WIDEST = 0.10
 """Half width of the 90 % interval over the value, from which a number counts as not determined."""
 _AREAS = (f"{_VALVE}.A_sa_max", f"{_VALVE}.A_tb_max", f"{_VALVE}.A_sb_max")
@@ -135,7 +134,7 @@ def refine(
     if not lively:
         return Refinement(machine, (), silent)
     problem = Problem(experiments, lively)
-    best, iterations, used = _search(problem, starts, seed, say)
+    best, iterations, used = search(problem, starts, seed, say)
     say("intervals")
     spread = uncertainty(problem, best)
     reasons = _reasons(problem, best, spread, machine)
@@ -183,24 +182,6 @@ def _unexcited(experiments: Sequence[Experiment], asked: Sequence[Unknown]) -> s
     return {u.name for u, information in zip(asked, told, strict=True) if 1.0 / np.sqrt(1.0 + information) > TOLD}
 
 
-def _search(problem: Problem, starts: int, seed: int, say: Progress) -> tuple[Fit, int, int]:
-    """The best of several searches; the first that agrees with the recordings ends them."""
-    rng = np.random.default_rng(seed)
-    best: Fit | None = None
-    iterations = 0
-    for attempt in range(max(1, starts)):
-        begin = np.zeros(len(problem.unknowns)) if attempt == 0 else rng.normal(0.0, 0.5, len(problem.unknowns))
-        label = f"start {attempt + 1}: "
-        found = fit(problem, begin, iterations=40, progress=lambda text, label=label: say(label + text))  # type: ignore[misc]
-        iterations += found.iterations
-        if best is None or (found.level, found.cost) < (best.level, best.cost):
-            best = found
-        if best.level <= _GOOD_LEVEL:
-            break
-    assert best is not None
-    return best, iterations, attempt + 1
-
-
 def _reasons(problem: Problem, best: Fit, spread: Uncertainty, machine: Machine) -> dict[str, tuple[str, bool]]:
     """Why unknowns are not determined: name -> (reason, whether another motion would help)."""
     result: dict[str, tuple[str, bool]] = {}
@@ -209,7 +190,7 @@ def _reasons(problem: Problem, best: Fit, spread: Uncertainty, machine: Machine)
         half = max(spread.high[j] - value, value - spread.low[j]) / max(abs(value), 1e-300)
         widest = _WIDEST_AREA if unknown.name in _AREAS else _WIDEST
         partners = [best.unknowns[k].name for k in spread.partners(j)]
-        if best.level > 2.0 * _GOOD_LEVEL:
+        if best.level > 2.0 * GOOD_LEVEL:
             result[unknown.name] = ("no values were found with which the model reproduces the recordings", False)
         elif spread.shrinkage[j] > TOLD or half > widest:
             together = f"; only together with {', '.join(partners)}" if partners else ""
