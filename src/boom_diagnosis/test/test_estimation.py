@@ -162,7 +162,10 @@ def test_refinement_fits_what_is_excited_and_predicts_what_it_has_not_seen() -> 
         assert found.machine.parameters[e.key].value[0] == e.value
     check = found.held_out[0]
     assert check.after["angle"] < 0.2 * check.before["angle"]
-    assert "main_valve_orifices.A_0" in {n.parameter for n in found.not_determined}
+    held = {n.parameter: n.why for n in found.not_determined}
+    assert all(name in held["main_valve_orifices.A_0"] for name in (SA, SB))
+    assert "pilot gain and spring cannot be told apart" in held["pilot_valves.h"]
+    assert "main_valve_spool.k" in held["pilot_valves.h"]
 
 
 def test_where_what_is_wrong_is_not_among_the_unknowns_no_number_is_invented() -> None:

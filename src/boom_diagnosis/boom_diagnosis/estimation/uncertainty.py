@@ -103,24 +103,3 @@ def _curvature(problem: Problem, fit: Fit, covariance: Array) -> tuple[Array, Ar
     rise = np.array([cost_at(problem, fit.gains, z) for z in moved]) - fit.cost
     factor = np.sqrt(NINETY**2 / np.clip(rise, NINETY**2 / _WIDEST**2, NINETY**2))
     return factor[: len(sigma)], factor[len(sigma) :]
-
-
-def companions(problem: Problem, fit: Fit, extra: Sequence[Unknown]) -> tuple[tuple[Unknown, ...], Array, Array]:
-    """What would be known if ``extra`` numbers, which the fit held, were unknown, too.
-
-    Returns:
-        All unknowns, their standard deviations (z) and correlations, from the sensitivities at the fitted values.
-    """
-    both = (*fit.unknowns, *extra)
-    wider = Problem(problem.experiments, both)
-    z = np.concatenate((fit.z, np.zeros(len(extra))))
-    m = len(fit.z)
-    _, derivatives = wider.sensitivities(z, fit.gains, columns=range(m, len(both)))
-    information = np.zeros((len(both), len(both)))
-    for g, held, d in zip(fit.gains, fit.derivatives, derivatives, strict=True):
-        flat = np.concatenate((held, g.whiten(d)), axis=2).reshape(-1, len(both))
-        information += flat.T @ flat
-    information += np.diag([1.0 if u.prior else 0.0 for u in both])
-    covariance = np.linalg.inv(information)
-    sigma = np.sqrt(np.diag(covariance))
-    return both, sigma, covariance / np.outer(sigma, sigma)

@@ -87,8 +87,13 @@ def gains(runs: Sequence[tuple[Experiment, Segment, Array, Array]], *, level: fl
 
     level: factor of the standard deviations of w and v.
     """
+
+    def one(run: tuple[Experiment, Segment, Array, Array]) -> Gains:
+        experiment, segment, parameters, states = run
+        return _filtered(experiment.plant, _line(experiment, segment, parameters, states, level))
+
     with ThreadPoolExecutor(cpu_count()) as pool:
-        return list(pool.map(lambda run: _filtered(run[0].plant, _line(*run, level)), runs))
+        return list(pool.map(one, runs))
 
 
 def _line(experiment: Experiment, segment: Segment, parameters: Array, states: Array, level: float) -> _Line:
