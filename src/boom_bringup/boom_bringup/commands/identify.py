@@ -60,6 +60,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of the P-splines (5.24), over s_s/s_s,max and A/A_0 (default: chosen by cross-validation)",
     )  # fmt: skip
     parser.add_argument(
+        "--parameters", metavar="KEY,KEY",
+        help="of the machine file, joined with dots: the refinement estimates these only (default: eighteen numbers of friction, "
+        "oil, accumulators and orifices), e.g. friction.tau_C_pos,fluid.beta",
+    )  # fmt: skip
+    parser.add_argument(
         "--stationary-only", action="store_true",
         help="only the stationary points of ch. 5.2 and 5.3; skip the refinement with all recordings at once",
     )  # fmt: skip
@@ -69,6 +74,9 @@ def run(args: argparse.Namespace) -> int:
     """Identify; returns 0, also where nothing could be told."""
     if args.smoothing is not None and not 0.0 <= args.smoothing < float("inf"):
         raise UsageError(f"--smoothing {args.smoothing:g}: give a number of 0 or more")
+    names = [name.strip() for name in args.parameters.split(",")] if args.parameters is not None else None
+    if names is not None and args.stationary_only:
+        raise UsageError("--parameters is for the refinement, which --stationary-only skips: leave one of them out")
     report = None if args.no_report else checked(args.report, "--report") or default_report("identify", args.bags)
     output = checked(args.output, "--output")
     if output is not None and output.suffix not in (".yaml", ".yml"):
@@ -85,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
             inputs, machine,
             curve=Path(args.hose_burst_valve_curve) if args.hose_burst_valve_curve else None,
             smoothing=args.smoothing,
-            refiner=None if args.stationary_only else _refiner(),
+            refiner=None if args.stationary_only else _refiner(names, machine),
             progress=lambda text: step(text, 1),
         )  # fmt: skip
 
@@ -148,14 +156,19 @@ def _show(result: Identification, console: Console) -> None:
 def _words(args: argparse.Namespace) -> list[str]:
     """The command line again, from what was understood."""
     words = list(args.bags)
-    for option in ("machine", "output", "json", "report", "hose_burst_valve_curve", "smoothing"):
+    for option in ("machine", "output", "json", "report", "hose_burst_valve_curve", "smoothing", "parameters"):
         value = getattr(args, option)
         if value is not None:
             words += [f"--{option.replace('_', '-')}", str(value)]
     return words + (["--stationary-only"] if args.stationary_only else [])
 
 
-def _refiner() -> Refiner:
+def _refiner(names: list[str] | None, machine: Machine) -> Refiner:
+    from functools import partial
+
+    from boom_diagnosis.estimation.unknown import machine_unknown
     from boom_diagnosis.identification.refine import refine
 
-    return refine
+    for name in names or ():
+        machine_unknown(machine, name)  # a wrong name is told before anything takes time
+    return partial(refine, unknowns=names)

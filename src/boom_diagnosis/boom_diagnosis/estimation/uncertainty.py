@@ -8,7 +8,6 @@ moved, all others following linearly) tells how far 90 % reach.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
