@@ -1,4 +1,4 @@
-"""The measurement campaign of ch. 4.1, simulated with random valves, is found again by ch. 5.1: traces from one package, answer from the other."""
+"""The measurement campaign of ch. 4.1, simulated with random valves, is found again by ch. 5.1."""
 
 from __future__ import annotations
 

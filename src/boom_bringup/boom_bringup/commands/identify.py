@@ -149,8 +149,32 @@ def _show(result: Identification, console: Console) -> None:
             )
     if result.unexcited:
         console.print(f"not enough excitation for: {', '.join(result.unexcited)}", markup=False, soft_wrap=True)
+    _show_held_out(result, console)
     for why, keys in result.reasons().items():
+        if set(keys) <= set(result.unexcited) and "not enough excitation" in why:
+            continue  # said above
         console.print(f"not determined: {', '.join(keys)}: {why}", markup=False, soft_wrap=True)
+
+
+def _show_held_out(result: Identification, console: Console) -> None:
+    from rich.table import Table
+
+    check = result.refined.document().get("held_out") if result.refined else None
+    if not check:
+        return
+    channels = {"angle": "angle", "rate": "rate", "hose_pressure": "p_h", "rod_pressure": "p_b"}
+    title = (
+        "Free runs over the end of each recording, which the search has not seen: rms error / standard deviation [%]"
+    )
+    table = Table(title=title, title_justify="left")
+    table.add_column("recording")
+    for short in channels.values():
+        table.add_column(f"{short} before", justify="right")
+        table.add_column("after", justify="right")
+    for row in check:
+        cells = [f"{100 * row[side][key]:.2f}" for key in channels for side in ("before", "after")]
+        table.add_row(row["bag"], *cells)
+    console.print(table)
 
 
 def _words(args: argparse.Namespace) -> list[str]:

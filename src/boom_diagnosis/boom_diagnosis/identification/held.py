@@ -85,13 +85,12 @@ def tied(problem: Problem, best: Fit, machine: Machine) -> list[tuple[str, tuple
 def held_numbers(
     groups: list[tuple[str, tuple[str, ...], tuple[str, ...]]], estimated: Collection[str]
 ) -> list[NotDetermined]:
-    """Numbers of the groups that were held, each with those that it goes together with."""
+    """Numbers of the groups that were held, each with the group that it belongs to."""
     missing: dict[str, NotDetermined] = {}
     for why, named, members in groups:
         for name in named:
             if name not in estimated and name not in missing:
-                others = ", ".join(other for other in members if other != name)
-                missing[name] = NotDetermined(name, f"held: {why}; goes together with {others}", False)
+                missing[name] = NotDetermined(name, f"held: {why} ({', '.join(members)} go together)", False)
     return list(missing.values())
 
 
