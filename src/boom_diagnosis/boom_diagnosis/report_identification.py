@@ -51,7 +51,7 @@ def write_identification_report(
         f"{f'<br><code>{escape(command)}</code>' if command else ''}</p></header>"
         f"<section class=card>{_summary(result)}</section>"
         f"{report_identification_pilot.section(result)}{report_identification_cylinder.sections(result)}"
-        f"{_validation(result)}"
+        f"{_held_out(result)}{_validation(result)}"
         f"<section class=card><h2>About this report</h2><p>{escape(_METHOD)}</p>{_files(result, machine_source)}"
         f"{report_inputs.machine_section(result.identified)}</section>"
     )
@@ -89,6 +89,30 @@ def _summary(result: Identification) -> str:
     )
     lacking = f"<h3>Not determined</h3><ul>{listed}</ul>" if listed else ""
     return f"<h2>What was found</h2>{alert}{table if rows else '<p>No number could be told.</p>'}{lacking}"
+
+
+def _held_out(result: Identification) -> str:
+    document = result.refined.document() if result.refined else {}
+    check = document.get("held_out")
+    if not check:
+        return ""
+    channels = {"angle": "angle", "rate": "rate", "hose_pressure": "p_h", "rod_pressure": "p_b"}
+    head = "".join(f"<th class=n>{short} before</th><th class=n>after</th>" for short in channels.values())
+    rows = "".join(
+        f"<tr><td {_WHOLE}>{escape(row['bag'])}</td>"
+        + "".join(f"<td class=n>{100 * row[side][key]:.2f}</td>" for key in channels for side in ("before", "after"))
+        + "</tr>"
+        for row in check
+    )
+    starts, iterations = document["starts"], document["iterations"]
+    return (
+        "<section class=card><h2>All recordings at once: the held-out check</h2><p>The end of each recording was not seen by "
+        "the search. Free runs over it, rms error over the standard deviation of the measured channel [%], with the numbers "
+        f"before and after. The search took {starts} start{'s' * (starts > 1)} and {iterations} iterations; noise level "
+        f"{number(document['noise_level'], 3)} (1: the model errs no more than the noise of currents and sensors explains).</p>"
+        f"<div class=scroll><table class=compact><thead><tr><th>recording</th>{head}</tr></thead><tbody>{rows}</tbody></table>"
+        "</div></section>"
+    )
 
 
 def _validation(result: Identification) -> str:

@@ -16,8 +16,10 @@ from boom_diagnosis.estimation import (
     prepare,
     with_effects_present,
 )  # fmt: skip
-from boom_diagnosis.estimation.uncertainty import uncertainty
+from boom_diagnosis.estimation.uncertainty import Uncertainty, uncertainty
+from boom_diagnosis.identification.held import pairing_told
 from boom_diagnosis.identification.refine import refine
+from boom_diagnosis.identification.search import search
 from boom_model.batch import Job, run_jobs
 from boom_model.errors import MachineError
 from boom_model.machine import Machine
@@ -154,7 +156,7 @@ def test_a_bound_is_not_crossed() -> None:
 
 
 def test_refinement_fits_what_is_excited_and_predicts_what_it_has_not_seen() -> None:
-    names = (SA, SB, TB, FRICTION)
+    names = (SA, SB, TB, FRICTION, "fluid.beta")
     found = refine([recorded(tz17(), 16.0)], wrong(**OFF), unknowns=names)
     assert {e.key for e in found.estimates} >= {SA, SB}
     for e in found.estimates:
@@ -162,7 +164,48 @@ def test_refinement_fits_what_is_excited_and_predicts_what_it_has_not_seen() -> 
         assert found.machine.parameters[e.key].value[0] == e.value
     check = found.held_out[0]
     assert check.after["angle"] < 0.2 * check.before["angle"]
-    assert "main_valve_orifices.A_0" in {n.parameter for n in found.not_determined}
+    held = {n.parameter: n.why for n in found.not_determined}
+    assert all(name in held["main_valve_orifices.A_0"] for name in (SA, SB))
+    assert "pilot gain and spring cannot be told apart" in held["pilot_valves.h.0"]
+    assert "main_valve_spool.k" in held["pilot_valves.h.0"]
+
+
+def test_where_what_is_wrong_is_not_among_the_unknowns_no_number_is_invented() -> None:
+    found = refine([recorded(tz17(), 9.0)], wrong(fluid__beta=0.6), unknowns=(SA, FRICTION), starts=1)
+    assert found.estimates == ()
+    assert {n.parameter for n in found.not_determined} >= {SA, FRICTION}
+    assert any("no values were found" in n.why for n in found.not_determined)
+
+
+def test_orifices_are_nobody_s_where_the_pre_charges_are_not_told() -> None:
+    names = [machine_unknown(tz17(), f"accumulators.{n}", least=0.3) for n in ("p_g0_1", "p_g0_2", "d_1", "d_2")]
+
+    def known(half: float) -> Uncertainty:
+        middle = np.array([u.nominal for u in names])
+        share = np.array([half, half, 0.01, 0.01])
+        return Uncertainty(
+            tuple(names),
+            np.full(4, 0.1),
+            np.eye(4),
+            middle * (1 - share),
+            middle * (1 + share),
+            np.ones(4),
+            np.full(4, 0.1),
+        )
+
+    assert pairing_told(known(0.01), ())
+    assert not pairing_told(known(0.3), ())
+    assert not pairing_told(known(0.01), ("accumulators.p_g0_1",))
+
+
+def test_two_accumulators_that_changed_places_are_found_from_another_start() -> None:
+    charges = ("accumulators.p_g0_1", "accumulators.p_g0_2")
+    machine = wrong(accumulators__p_g0_1=0.72, accumulators__p_g0_2=1.3)
+    unknowns = [machine_unknown(machine, name, widen=3.0, least=0.3) for name in charges]
+    recording = recorded(tz17(), 9.0)
+    found, _, _ = search(Problem([prepare(recording, machine)], unknowns), 3, 0, lambda _: None)
+    assert found.level <= 1.3
+    assert sorted(found.values) == pytest.approx(sorted(number(tz17(), name) for name in charges), rel=0.1)
 
 
 def test_a_recording_at_standstill_invents_no_number() -> None:

@@ -52,7 +52,7 @@ void boom_derivatives(const double *p, const double *x, const double *u, long n,
 }
 
 /* Riccati recursion of the Kalman filter. transition, process [n][NX][NX] of each interval; output [NY][NX];
-   valid [n][NY]: 1 where measured; variance [NY]; covariance [NX][NX]: start in, end out.
+   valid, variance [n][NY]: 1 where measured, of its noise; covariance [NX][NX]: start in, end out.
    gain [n][NX][NY] and innovation [n][NY][NY], the covariance of the innovations. Channels that were not measured get no gain. */
 void boom_riccati(long n, const double *transition, const double *process, const double *output, const unsigned char *valid,
                   const double *variance, double *covariance, double *gain, double *innovation) {
@@ -82,7 +82,7 @@ void boom_riccati(long n, const double *transition, const double *process, const
       }
     for (int a = 0; a < NY; a++)
       for (int b = 0; b < NY; b++) {
-        double sum = a == b ? variance[a] : 0.0;
+        double sum = a == b ? variance[k * NY + a] : 0.0;
         for (int l = 0; l < NX; l++) sum += H[a][l] * PH[l][b];
         S[a][b] = innovation[(k * NY + a) * NY + b] = sum;
         V[a][b] = a == b;

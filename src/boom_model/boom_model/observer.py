@@ -164,18 +164,43 @@ def kalman(plant: Plant, samples: Samples, states: Array, noise: NoiseModel, par
         density[None, :, None] * step[:, None, None] * middle.transpose(0, 2, 1)
     )
     output = output_jacobian(plant, states[0], parameters)
-    valid = np.ascontiguousarray(np.isfinite(samples.measured), dtype=np.uint8)
+    variance = np.broadcast_to(np.square(np.array(noise.outputs)), samples.measured.shape)
     covariance = np.diag([noise.initial.get(name, 0.0) ** 2 for name in names])
-    n = len(step)
-    gain, innovation = np.empty((n, len(names), 4)), np.empty((n, 4, 4))
-    plant._library.boom_riccati(
-        ctypes.c_long(n), _pointer(np.ascontiguousarray(transition)), _pointer(np.ascontiguousarray(process)),
-        _pointer(np.ascontiguousarray(output)), valid.ctypes.data_as(ctypes.POINTER(ctypes.c_ubyte)),
-        _pointer(np.square(np.array(noise.outputs))), _pointer(covariance), _pointer(gain), _pointer(innovation),
-    )  # fmt: skip
+    gain, innovation = riccati(plant, transition, process, output, np.isfinite(samples.measured), variance, covariance)
     if not np.isfinite(innovation).all():
         raise SimulationError("the covariance of the observer grew without bounds", float(samples.grid[0]), None)
     return Gains(gain, np.linalg.inv(np.linalg.cholesky(innovation)))
+
+
+def riccati(
+    plant: Plant,
+    transition: Array,
+    process: Array,
+    output: Array,
+    valid: NDArray[np.bool_],
+    variance: Array,
+    covariance: Array,
+) -> tuple[Array, Array]:
+    """Kalman gains (n, NX, 4) and covariances of the innovations (n, 4, 4) by the recursion of Riccati.
+
+    Args:
+        plant: whose states these are, scaled or not.
+        transition: (n, NX, NX) of each interval.
+        process: (n, NX, NX) covariance of what is added in it.
+        output: (4, NX) dy/dx.
+        valid: (n, 4) what was measured.
+        variance: (n, 4) of its noise.
+        covariance: (NX, NX) of the state at the beginning.
+    """
+    n, nx = len(transition), len(plant.state_names)
+    gain, innovation = np.empty((n, nx, len(OUTPUTS))), np.empty((n, len(OUTPUTS), len(OUTPUTS)))
+    measured = np.ascontiguousarray(valid, dtype=np.uint8)
+    plant._library.boom_riccati(
+        ctypes.c_long(n), _pointer(np.ascontiguousarray(transition)), _pointer(np.ascontiguousarray(process)),
+        _pointer(np.ascontiguousarray(output)), measured.ctypes.data_as(ctypes.POINTER(ctypes.c_ubyte)),
+        _pointer(np.ascontiguousarray(variance)), _pointer(np.array(covariance)), _pointer(gain), _pointer(innovation),
+    )  # fmt: skip
+    return gain, innovation
 
 
 def output_jacobian(plant: Plant, state: Array, parameters: Array | None = None) -> Array:

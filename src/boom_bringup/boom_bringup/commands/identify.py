@@ -60,6 +60,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of the P-splines (5.24), over s_s/s_s,max and A/A_0 (default: chosen by cross-validation)",
     )  # fmt: skip
     parser.add_argument(
+        "--parameters", metavar="KEY,KEY",
+        help="of the machine file, joined with dots: the refinement estimates these only (default: eighteen numbers of friction, "
+        "oil, accumulators and orifices), e.g. friction.tau_C_pos,fluid.beta",
+    )  # fmt: skip
+    parser.add_argument(
         "--stationary-only", action="store_true",
         help="only the stationary points of ch. 5.2 and 5.3; skip the refinement with all recordings at once",
     )  # fmt: skip
@@ -69,6 +74,9 @@ def run(args: argparse.Namespace) -> int:
     """Identify; returns 0, also where nothing could be told."""
     if args.smoothing is not None and not 0.0 <= args.smoothing < float("inf"):
         raise UsageError(f"--smoothing {args.smoothing:g}: give a number of 0 or more")
+    names = [name.strip() for name in args.parameters.split(",")] if args.parameters is not None else None
+    if names is not None and args.stationary_only:
+        raise UsageError("--parameters is for the refinement, which --stationary-only skips: leave one of them out")
     report = None if args.no_report else checked(args.report, "--report") or default_report("identify", args.bags)
     output = checked(args.output, "--output")
     if output is not None and output.suffix not in (".yaml", ".yml"):
@@ -80,12 +88,12 @@ def run(args: argparse.Namespace) -> int:
 
     with progress(_STEPS) as step:
         inputs = read_inputs(args.bags, lambda text: step(text, 0))
-        machine, source = _machine(args.machine, args.bags, inputs)
+        machine, source = _machine(args.machine, inputs)
         result = identify(
             inputs, machine,
             curve=Path(args.hose_burst_valve_curve) if args.hose_burst_valve_curve else None,
             smoothing=args.smoothing,
-            refiner=None if args.stationary_only else _refiner(),
+            refiner=None if args.stationary_only else _refiner(names, machine),
             progress=lambda text: step(text, 1),
         )  # fmt: skip
 
@@ -108,11 +116,10 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _machine(wanted: str | None, bags: list[str], inputs: Inputs) -> tuple[Machine, str]:
+def _machine(wanted: str | None, inputs: Inputs) -> tuple[Machine, str]:
     if wanted is None and not inputs.recordings:
         wanted = "tz17"  # the bench does not tell whose valve it is
-    recorded = [str(recording.path) for recording in inputs.recordings]
-    return machine_of(dict(zip(recorded or bags, inputs.recordings, strict=True)), wanted)
+    return machine_of({str(recording.path): recording for recording in inputs.recordings}, wanted)
 
 
 def _show(result: Identification, console: Console) -> None:
@@ -142,21 +149,50 @@ def _show(result: Identification, console: Console) -> None:
             )
     if result.unexcited:
         console.print(f"not enough excitation for: {', '.join(result.unexcited)}", markup=False, soft_wrap=True)
+    _show_held_out(result, console)
     for why, keys in result.reasons().items():
+        if set(keys) <= set(result.unexcited) and "not enough excitation" in why:
+            continue  # said above
         console.print(f"not determined: {', '.join(keys)}: {why}", markup=False, soft_wrap=True)
+
+
+def _show_held_out(result: Identification, console: Console) -> None:
+    from rich.table import Table
+
+    check = result.refined.document().get("held_out") if result.refined else None
+    if not check:
+        return
+    channels = {"angle": "angle", "rate": "rate", "hose_pressure": "p_h", "rod_pressure": "p_b"}
+    title = (
+        "Free runs over the end of each recording, which the search has not seen: rms error / standard deviation [%]"
+    )
+    table = Table(title=title, title_justify="left")
+    table.add_column("recording")
+    for short in channels.values():
+        table.add_column(f"{short} before", justify="right")
+        table.add_column("after", justify="right")
+    for row in check:
+        cells = [f"{100 * row[side][key]:.2f}" for key in channels for side in ("before", "after")]
+        table.add_row(row["bag"], *cells)
+    console.print(table)
 
 
 def _words(args: argparse.Namespace) -> list[str]:
     """The command line again, from what was understood."""
     words = list(args.bags)
-    for option in ("machine", "output", "json", "report", "hose_burst_valve_curve", "smoothing"):
+    for option in ("machine", "output", "json", "report", "hose_burst_valve_curve", "smoothing", "parameters"):
         value = getattr(args, option)
         if value is not None:
             words += [f"--{option.replace('_', '-')}", str(value)]
     return words + (["--stationary-only"] if args.stationary_only else [])
 
 
-def _refiner() -> Refiner:
+def _refiner(names: list[str] | None, machine: Machine) -> Refiner:
+    from functools import partial
+
+    from boom_diagnosis.estimation.unknown import machine_unknown
     from boom_diagnosis.identification.refine import refine
 
-    return refine
+    for name in names or ():
+        machine_unknown(machine, name)  # a wrong name is told before anything takes time
+    return partial(refine, unknowns=names)

@@ -44,6 +44,9 @@ _NEAR, _REACH, _SMALLEST_STEP, _WIDEST_STEP = 1.5, 2.0, 1e-4, 10.0
 above, the level times their usual step, at most so many."""
 _FINER, _STUCK = 0.2, 2
 """Where no step helps, differences are taken that much finer, so many times, before the search ends."""
+_STALL_STEPS, _STALL_SHARE = 4, 0.01
+"""So many iterations above level 1 that together lower the cost by less than that share end the search: another start is
+better than more of them."""
 _RENEW = 0.02
 """Step of z above which the whiteners are renewed."""
 
@@ -112,6 +115,7 @@ def fit(
     widest = np.array([u.step for u in problem.unknowns])
     steps = _steps(now, widest, widest)
     prior = np.array([1.0 if u.prior else 0.0 for u in problem.unknowns])
+    costs: list[tuple[float, float]] = []
     gains = problem.gains(z, problem.first_gains(), level=now)
     while True:
         if level is None:
@@ -120,13 +124,15 @@ def fit(
         white = [_white(g, e, d) for g, e, d in zip(gains, innovations, derivatives, strict=True)]
         gradient, data = _normal_equations(white, len(z))
         cost = _cost(problem, gains, innovations, z)
-        if converged or count >= iterations:
+        costs.append((now, cost))
+        if converged or count >= iterations or _stalled(costs):
             break
         count += 1
-        found = None
+        found, settled = None, False
         for _ in range(_TRIALS):
             wanted, promised = _step(z, gradient, data, prior, radius, bounds)
             if promised < _ENOUGH:
+                settled = now <= 1.0 or level is not None
                 break
             reached = cost_at(problem, gains, wanted, _tolerance(now))
             ratio = (cost - reached) / promised
@@ -142,6 +148,9 @@ def fit(
                 break
             radius = 0.25 * length
         spread = np.sqrt(np.diag(np.linalg.inv(data + np.diag(np.maximum(prior, 1e-6)))))
+        if settled:
+            converged = True
+            break
         stuck = stuck + 1 if found is None else 0
         steps = _steps(now, spread, widest) * _FINER**stuck
         if found is None:
@@ -158,6 +167,15 @@ def fit(
         sum(int(g.used.sum()) for g in gains), tuple(i for i, _ in white), tuple(d for _, d in white), tuple(gains),
         count, converged,
     )  # fmt: skip
+
+
+def _stalled(costs: Sequence[tuple[float, float]]) -> bool:
+    """Whether the last iterations, all at one level above 1, changed next to nothing; costs: (level, cost) of each."""
+    if len(costs) <= _STALL_STEPS or costs[-1][0] <= _NEAR:
+        return False
+    level, cost = costs[-1]
+    earlier_level, earlier = costs[-1 - _STALL_STEPS]
+    return level == earlier_level and earlier - cost < _STALL_SHARE * cost
 
 
 def _further(

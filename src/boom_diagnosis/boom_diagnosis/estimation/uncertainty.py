@@ -8,7 +8,6 @@ moved, all others following linearly) tells how far 90 % reach.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +26,8 @@ TOGETHER = 0.97
 TOLD = 0.5
 """Standard deviation after over before the recordings, from which they have told next to nothing."""
 _BLOCK = 1.0
-_WIDEST = 4.0
+_WIDEST, _DOUBTFUL = 4.0, 1.3
+"""Longest, and first doubtful, 90 % interval over that of the quadratic model."""
 
 
 @dataclass(frozen=True)
@@ -92,35 +92,39 @@ def _colour(problem: Problem, fit: Fit, covariance: Array) -> Array:
 
 
 def _curvature(problem: Problem, fit: Fit, covariance: Array) -> tuple[Array, Array]:
-    """Factors (m,) below and above by which the cost rises more slowly along the ridge than its quadratic model."""
+    """Factors (m,) below and above by which the cost rises more slowly along the ridge than its quadratic model.
+
+    Where that is doubtful, the ridge is bent, and the others are moved to where they fit best (profile likelihood).
+    """
+    count = len(fit.z)
     sigma = np.sqrt(np.diag(covariance))
     bounds = np.array([u.bounds for u in fit.unknowns])
-    moved = []
-    for sign in (-1.0, 1.0):
-        for j in range(len(sigma)):
-            step = sign * NINETY * covariance[:, j] / sigma[j]
-            moved.append(np.clip(fit.z + step, bounds[:, 0], bounds[:, 1]))
-    rise = np.array([cost_at(problem, fit.gains, z) for z in moved]) - fit.cost
-    factor = np.sqrt(NINETY**2 / np.clip(rise, NINETY**2 / _WIDEST**2, NINETY**2))
-    return factor[: len(sigma)], factor[len(sigma) :]
+    factors = np.ones((2, count))
+    for side, sign in enumerate((-1.0, 1.0)):
+        for j in range(count):
+            z = np.clip(fit.z + sign * NINETY * covariance[:, j] / sigma[j], bounds[:, 0], bounds[:, 1])
+            rise = cost_at(problem, fit.gains, z) - fit.cost
+            if _widening(rise) > _DOUBTFUL:
+                rise = min(rise, _followed(problem, fit, z, j, bounds) - fit.cost)
+            factors[side, j] = _widening(rise)
+    return factors[0], factors[1]
 
 
-def companions(problem: Problem, fit: Fit, extra: Sequence[Unknown]) -> tuple[tuple[Unknown, ...], Array, Array]:
-    """What would be known if ``extra`` numbers, which the fit held, were unknown, too.
+def _widening(rise: float) -> float:
+    """How much longer the way to the 90 % end is than the one that raised the cost by ``rise``."""
+    return float(np.sqrt(NINETY**2 / np.clip(rise, NINETY**2 / _WIDEST**2, NINETY**2)))
 
-    Returns:
-        All unknowns, their standard deviations (z) and correlations, from the sensitivities at the fitted values.
-    """
-    both = (*fit.unknowns, *extra)
-    wider = Problem(problem.experiments, both)
-    z = np.concatenate((fit.z, np.zeros(len(extra))))
-    m = len(fit.z)
-    _, derivatives = wider.sensitivities(z, fit.gains, columns=range(m, len(both)))
-    information = np.zeros((len(both), len(both)))
-    for g, held, d in zip(fit.gains, fit.derivatives, derivatives, strict=True):
-        flat = np.concatenate((held, g.whiten(d)), axis=2).reshape(-1, len(both))
-        information += flat.T @ flat
-    information += np.diag([1.0 if u.prior else 0.0 for u in both])
-    covariance = np.linalg.inv(information)
-    sigma = np.sqrt(np.diag(covariance))
-    return both, sigma, covariance / np.outer(sigma, sigma)
+
+def _followed(problem: Problem, fit: Fit, z: Array, held: int, bounds: Array) -> float:
+    """Cost with all unknowns but ``held`` moved from z (m,) by one Gauss-Newton step."""
+    innovations, derivatives = problem.sensitivities(z, fit.gains)
+    others = np.arange(len(z)) != held
+    prior = np.array([1.0 if u.prior else 0.0 for u in fit.unknowns])
+    pull, matrix = -prior * z, np.diag(prior)
+    for g, e, d in zip(fit.gains, innovations, derivatives, strict=True):
+        flat = g.whiten(d).reshape(-1, len(z))
+        pull -= flat.T @ g.whiten(e[:, :, None]).ravel()
+        matrix += flat.T @ flat
+    moved = z.copy()
+    moved[others] += np.linalg.solve(matrix[np.ix_(others, others)], pull[others])
+    return cost_at(problem, fit.gains, np.clip(moved, bounds[:, 0], bounds[:, 1]))

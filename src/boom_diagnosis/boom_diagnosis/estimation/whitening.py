@@ -18,12 +18,16 @@ as more of them.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from os import cpu_count
 
 import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.estimation.experiment import Experiment, Segment
+from boom_model.observer import riccati
+from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS, SensorNoise
 
 Array = NDArray[np.float64]
@@ -83,13 +87,13 @@ def gains(runs: Sequence[tuple[Experiment, Segment, Array, Array]], *, level: fl
 
     level: factor of the standard deviations of w and v.
     """
-    lines = [_line(e, s, p, x, level) for e, s, p, x in runs]
-    result: dict[int, Gains] = {}
-    for size in {line.a.shape[1] for line in lines}:
-        # all runs of one size are filtered side by side: the recursion's cost is Python's, not numpy's
-        same = [(k, line) for k, line in enumerate(lines) if line.a.shape[1] == size]
-        result |= {k: made for (k, _), made in zip(same, _filter([line for _, line in same]), strict=True)}
-    return [result[k] for k in range(len(lines))]
+
+    def one(run: tuple[Experiment, Segment, Array, Array]) -> Gains:
+        experiment, segment, parameters, states = run
+        return _filtered(experiment.plant, _line(experiment, segment, parameters, states, level))
+
+    with ThreadPoolExecutor(cpu_count()) as pool:
+        return list(pool.map(one, runs))
 
 
 def _line(experiment: Experiment, segment: Segment, parameters: Array, states: Array, level: float) -> _Line:
@@ -150,33 +154,12 @@ def _transition(by_state: Array, by_input: Array, step: Array, scale: Array) -> 
     return result[:, :n, :n], result[:, :n, n:]
 
 
-def _filter(lines: Sequence[_Line]) -> list[Gains]:
-    """Riccati recursions side by side; a sample that is missing has an infinite variance."""
-    m, n, outputs = len(lines), lines[0].a.shape[1], len(OUTPUTS)
-    count = max(len(line.used) for line in lines)
-    a, q = np.zeros((count, m, n, n)), np.zeros((count, m, n, n))
-    noise = np.full((count, m, outputs), _MISSING)
-    for i, line in enumerate(lines):
-        a[: len(line.a), i], q[: len(line.q), i] = line.a, line.q
-        noise[: len(line.r), i] = line.r
-    h = np.array([line.h for line in lines])
-    turned, p = h.transpose(0, 2, 1), np.array([line.p0 for line in lines])
-    gain, innovation = np.empty((count, m, n, outputs)), np.empty((count, m, outputs, outputs))
-    diagonal = np.arange(outputs)
-    for k in range(count):
-        p = a[k] @ p @ a[k].transpose(0, 2, 1) + q[k]
-        ph = p @ turned
-        s = h @ ph
-        s[:, diagonal, diagonal] += noise[k]
-        innovation[k] = s
-        gain[k] = ph @ np.linalg.inv(s)
-        p = p - gain[k] @ ph.transpose(0, 2, 1)
-        p = 0.5 * (p + p.transpose(0, 2, 1))
-    root = np.linalg.inv(np.linalg.cholesky(innovation))
-    result = []
-    for i, line in enumerate(lines):
-        length = len(line.used)
-        own = root[:length, i].copy()
-        own[~line.used.any(axis=1)] = 0.0
-        result.append(Gains(gain[:length, i] * line.scale[None, :, None], own, line.used))
-    return result
+def _filtered(plant: Plant, line: _Line) -> Gains:
+    """The filter along a line; what lies behind the end of a run that failed is neither corrected nor counted."""
+    n, count = len(line.used), len(line.a)
+    gain, root = np.zeros((n, len(plant.state_names), len(OUTPUTS))), np.zeros((n, len(OUTPUTS), len(OUTPUTS)))
+    made, innovation = riccati(plant, line.a, line.q, line.h, line.used[:count], line.r[:count], line.p0)
+    gain[:count] = made * line.scale[None, :, None]
+    root[:count] = np.linalg.inv(np.linalg.cholesky(innovation))
+    root[~line.used.any(axis=1)] = 0.0
+    return Gains(gain, root, line.used)

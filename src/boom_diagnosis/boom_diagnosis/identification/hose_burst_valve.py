@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from boom_diagnosis.identification import estimate
 from boom_diagnosis.identification.estimate import Estimate, NotDetermined
@@ -128,18 +129,22 @@ def read_curve(path: Path) -> tuple[Array, Array]:
 def from_curve(drop_bar: Array, flow_lpm: Array, source: str) -> HoseBurstValveResult:
     """The fit to points of the data sheet (n,); every point counts as a measurement of its own.
 
+    The node is that of the least squared error: the machine file's follows from the same coefficients (5.29), so that a
+    rounded one would bend both branches beside it.
+
     Raises:
         ValueError: a branch has too few points, or the fit bends the wrong way.
     """
-    a = constrained_fit(drop_bar, flow_lpm)
+    node = _best_node(drop_bar, flow_lpm)
+    a = constrained_fit(drop_bar, flow_lpm, node)
     if not (a[2] > a[5] >= 0.0 and a[4] < 0.0 and a[0] >= 0.0 and a[1] >= 0.0):
         raise ValueError("the points do not have the shape of (5.28): free flow upwards, a plateau downwards")
-    design = _design(drop_bar, NODE_BAR)
+    design = _design(drop_bar, node)
     residual = flow_lpm - design @ a
     # two of six are tied by (5.29): the free ones are a_11, a_12, a_30, a_31, the rest follow linearly
     tie = np.zeros((6, 4))
     tie[0, 0] = tie[1, 1] = tie[4, 2] = tie[5, 3] = 1.0
-    tie[3, 2], tie[2, 2], tie[2, 3] = -1.0 / NODE_BAR**2, 2.0 / NODE_BAR, 1.0
+    tie[3, 2], tie[2, 2], tie[2, 3] = -1.0 / node**2, 2.0 / node, 1.0
     reduced = design @ tie
     covariance = tie @ estimate.cluster_covariance(reduced, residual, np.arange(len(residual))) @ tie.T
     units = {"a11": "l/min/bar", "a12": "l/min/bar^0.5", "a21": "l/min/bar", "a30": "l/min", "a31": "l/min/bar"}
@@ -152,7 +157,23 @@ def from_curve(drop_bar: Array, flow_lpm: Array, source: str) -> HoseBurstValveR
         for name in _FREE
     )  # fmt: skip
     rms = float(np.sqrt(np.mean(residual**2)))
-    return HoseBurstValveResult(source, drop_bar, flow_lpm, a, NODE_BAR, rms, estimates)
+    return HoseBurstValveResult(source, drop_bar, flow_lpm, a, node, rms, estimates)
+
+
+def _best_node(drop_bar: Array, flow_lpm: Array) -> float:
+    """Node [bar] of the least squared error, with enough points on both sides of it; ``NODE_BAR`` where they are too few."""
+    negative = np.sort(drop_bar[drop_bar < 0.0])
+    if len(negative) < 2 * FEWEST_POINTS:
+        return NODE_BAR  # constrained_fit names the branch
+    low, high = float(negative[FEWEST_POINTS]), float(negative[-FEWEST_POINTS])
+
+    def error(node: float) -> float:
+        return float(np.sum((flow_lpm - _design(drop_bar, node) @ constrained_fit(drop_bar, flow_lpm, node)) ** 2))
+
+    coarse = np.linspace(low, high, 30)[1:]
+    best = int(np.argmin([error(float(node)) for node in coarse]))
+    around = float(coarse[max(best - 1, 0)]), float(coarse[min(best + 1, len(coarse) - 1)])
+    return float(minimize_scalar(error, bounds=around, method="bounded", options={"xatol": 1e-4}).x)
 
 
 def from_recordings(points: Points, machine: Machine, pose: Pose) -> HoseBurstValveResult:

@@ -74,13 +74,22 @@ class FirstOrder:
         a, b, c = state_space(np.array(self.discrete), self.period)
         return float(a), float(b), float(c)
 
+    @property
+    def held(self) -> tuple[float, float, float]:
+        """``state_space`` if the current were held from sample to sample, and not straight between them as (3.31) takes it."""
+        x = np.array(self.discrete)
+        a, b, c = held_state_space(x, self.period)
+        return float(a), float(b), float(c)
+
     def intervals(self) -> tuple[tuple[float, float], ...]:
-        """90 % intervals of ``state_space``."""
+        """90 % intervals of ``state_space``, wide enough for both readings of the current between two samples."""
         x = np.array(self.discrete)
         result = []
         for k, value in enumerate(self.state_space):
             slope = estimate.gradient(partial(_entry, self.period, k), x)
-            result.append(estimate.interval(value, float(slope @ self.covariance @ slope)))
+            low, high = estimate.interval(value, float(slope @ self.covariance @ slope))
+            other = self.held[k] - value
+            result.append((low + min(other, 0.0), high + max(other, 0.0)))
         return tuple(result)
 
     @property
@@ -106,6 +115,17 @@ def state_space(discrete: Array, period: float) -> Array:
     """(a_1^s, b_0^s, b_1^s) of (3.33): -a^c, b_1^c - a^c b_0^c, b_0^c."""
     a, b0, b1 = tustin(discrete, period)
     return np.array([-a, b1 - a * b0, b0])
+
+
+def held_state_space(discrete: Array, period: float) -> Array:
+    """(a_1^s, b_0^s, b_1^s) of (3.33) whose exact samples with held input are ``discrete``.
+
+    exp(a_1^s T) = -a^d, b_1^s = b_0^d, b_0^s (exp(a_1^s T) - 1) / a_1^s = b_1^d - a^d b_0^d; NaN where no decay has such a
+    pole (a^d >= 0).
+    """
+    a, b0, b1 = discrete
+    pole = np.log(-a) / period if a < 0.0 else np.nan
+    return np.array([pole, (b1 - a * b0) * pole / (-a - 1.0), b0])
 
 
 def _entry(period: float, k: int, discrete: Array) -> float:

@@ -7,8 +7,9 @@ and is predicted freely afterwards: the held-out check.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,12 @@ from numpy.typing import NDArray
 from boom_diagnosis.estimation.experiment import Experiment, last_part, prepare
 from boom_diagnosis.estimation.fit import Fit, fit
 from boom_diagnosis.estimation.problem import Problem
-from boom_diagnosis.estimation.uncertainty import TOGETHER, TOLD, Uncertainty, companions, uncertainty
+from boom_diagnosis.estimation.uncertainty import TOLD, Uncertainty, uncertainty
 from boom_diagnosis.estimation.unknown import Unknown, machine_unknown
 from boom_diagnosis.identification.estimate import Estimate, NotDetermined
+from boom_diagnosis.identification.held import AREAS, CHARGES, ORIFICES, held_numbers, pairing_told, tied
 from boom_diagnosis.identification.machine_output import vector_values
+from boom_diagnosis.identification.search import GOOD_LEVEL, search
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
@@ -32,8 +35,7 @@ _VALVE = "main_valve_orifices"
 UNKNOWNS = (
     "friction.tau_C_pos", "friction.tau_C_neg", "friction.k_v_pos", "friction.k_v_neg", "fluid.beta", "cylinder.V_h",
     "accumulators.p_g0_1", "accumulators.p_g0_2", "accumulators.V_g0", "accumulators.d_1", "accumulators.d_2",
-    f"{_VALVE}.A_sa_max", f"{_VALVE}.A_tb_max", f"{_VALVE}.A_sb_max", f"{_VALVE}.A_ta_law.c0", f"{_VALVE}.A_ta_law.c1",
-    f"{_VALVE}.x0", f"{_VALVE}.n",
+    *AREAS, f"{_VALVE}.A_ta_law.c0", f"{_VALVE}.A_ta_law.c1", f"{_VALVE}.x0", f"{_VALVE}.n",
 )  # fmt: skip
 """What is estimated unless something else is asked for; what a machine does not have is left out."""
 
@@ -43,16 +45,11 @@ free to find a number far outside its tolerance; the prior keeps what the record
 HELD_OUT = 0.25
 """Share of every recording, at its end, that the search does not see."""
 STARTS = 3
-_GOOD_LEVEL = 1.3
-"""Noise level up to which a fit agrees with the recordings, so that no other start is needed."""
 _WIDEST = 0.10
 """Half width of the 90 % interval over the value, from which a number counts as not determined."""
-_AREAS = (f"{_VALVE}.A_sa_max", f"{_VALVE}.A_tb_max", f"{_VALVE}.A_sb_max")
 _WIDEST_AREA = 0.05
 _MOTION, _SHORTEST_MOTION = 0.02, 2.0
 """rad/s, far above the gyro's noise; s."""
-_PAIRING = 9.0
-"""Rise of the cost (three standard deviations) by which the other pairing of the orifices must be worse."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +120,8 @@ def refine(
     """
     say = progress or (lambda text: None)
     names = _unknowns(machine) if unknowns is None else list(unknowns)
-    asked = [machine_unknown(machine, name, widen=WIDEN, least=LEAST) for name in names]
+    believed = partial(machine_unknown, machine, widen=WIDEN, least=LEAST)
+    asked = [believed(name) for name in names]
     say("preparing the recordings")
     experiments = [
         prepare(r, machine, held_out=last_part(r, held_out), name=f"{k}:{r.name}") for k, r in enumerate(recordings)
@@ -135,17 +133,20 @@ def refine(
     if not lively:
         return Refinement(machine, (), silent)
     problem = Problem(experiments, lively)
-    best, iterations, used = _search(problem, starts, seed, say)
+    best, iterations, used = search(problem, starts, seed, say)
     say("intervals")
     spread = uncertainty(problem, best)
-    reasons = _reasons(problem, best, spread, machine)
+    say("numbers that act only together")
+    together = tied(problem, best, machine) if best.level <= 2.0 * GOOD_LEVEL else []
+    reasons = _reasons(best, spread, [members for _, _, members in together])
     kept = [j for j, u in enumerate(best.unknowns) if u.name not in reasons]
     if len(kept) < len(lively) and kept:
         best = _only(problem, best, kept, say)
         iterations += best.iterations
     estimates = _estimates(best, spread, kept, lively)
-    estimates = _in_order(estimates, machine)
-    extra, groups = _companions(problem, best, spread, kept, machine) if kept else ((), ())
+    estimates = _in_order(estimates)
+    extra = held_numbers(together, {u.name for u in lively})
+    groups = tuple(members for _, _, members in together)
     fitted = machine.with_values(vector_values(machine, estimates))
     say("free runs over what was held out")
     check = _held_out([e.recording for e in experiments], machine, fitted, held_out) if held_out > 0 else ()
@@ -183,37 +184,30 @@ def _unexcited(experiments: Sequence[Experiment], asked: Sequence[Unknown]) -> s
     return {u.name for u, information in zip(asked, told, strict=True) if 1.0 / np.sqrt(1.0 + information) > TOLD}
 
 
-def _search(problem: Problem, starts: int, seed: int, say: Progress) -> tuple[Fit, int, int]:
-    """The best of several searches; the first that agrees with the recordings ends them."""
-    rng = np.random.default_rng(seed)
-    best: Fit | None = None
-    iterations = 0
-    for attempt in range(max(1, starts)):
-        begin = np.zeros(len(problem.unknowns)) if attempt == 0 else rng.normal(0.0, 0.5, len(problem.unknowns))
-        label = f"start {attempt + 1}: "
-        found = fit(problem, begin, iterations=40, progress=lambda text, label=label: say(label + text))  # type: ignore[misc]
-        iterations += found.iterations
-        if best is None or (found.level, found.cost) < (best.level, best.cost):
-            best = found
-        if best.level <= _GOOD_LEVEL:
-            break
-    assert best is not None
-    return best, iterations, attempt + 1
-
-
-def _reasons(problem: Problem, best: Fit, spread: Uncertainty, machine: Machine) -> dict[str, tuple[str, bool]]:
+def _reasons(best: Fit, spread: Uncertainty, groups: Sequence[Collection[str]]) -> dict[str, tuple[str, bool]]:
     """Why unknowns are not determined: name -> (reason, whether another motion would help)."""
+    if best.level > 2.0 * GOOD_LEVEL:
+        why = "no values were found with which the model reproduces the recordings"
+        return {u.name: (why, False) for u in best.unknowns}
     result: dict[str, tuple[str, bool]] = {}
     for j, unknown in enumerate(best.unknowns):
         value = best.values[j]
         half = max(spread.high[j] - value, value - spread.low[j]) / max(abs(value), 1e-300)
-        widest = _WIDEST_AREA if unknown.name in _AREAS else _WIDEST
+        widest = _WIDEST_AREA if unknown.name in AREAS else _WIDEST
         partners = [best.unknowns[k].name for k in spread.partners(j)]
-        if best.level > 2.0 * _GOOD_LEVEL:
-            result[unknown.name] = ("no values were found with which the model reproduces the recordings", False)
-        elif spread.shrinkage[j] > TOLD or half > widest:
+        if spread.shrinkage[j] > TOLD or half > widest:
             together = f"; only together with {', '.join(partners)}" if partners else ""
             result[unknown.name] = (f"known to +-{100 * half:.0f} % only (90 %){together}", not partners)
+    for members in groups:
+        if {u.name for u in best.unknowns} >= set(members):
+            why = f"only together with the others of {', '.join(members)}"
+            result |= dict.fromkeys(members, (why, False))
+    asked = [u.name for u in best.unknowns if u.name in ORIFICES]
+    if asked and not pairing_told(spread, result):
+        vague = [name for name in CHARGES if name in result]
+        why = "which orifice belongs to which accumulator is not told"
+        why += f", as their pre-charges are not ({', '.join(vague)})" if vague else ""
+        result |= {name: (why, True) for name in asked if name not in result}
     return result
 
 
@@ -239,66 +233,16 @@ def _estimates(best: Fit, spread: Uncertainty, kept: Sequence[int], lively: Sequ
     return result
 
 
-def _in_order(estimates: list[Estimate], machine: Machine) -> list[Estimate]:
-    """Both accumulators are alike: by convention that with the higher pre-charge is the one that the file calls so."""
+def _in_order(estimates: list[Estimate]) -> list[Estimate]:
+    """Both accumulators are alike in the equations: by (5.43) number 1 is the one with the higher pre-charge."""
     found = {e.key: e for e in estimates}
-    pairs = [("accumulators.p_g0_1", "accumulators.p_g0_2"), ("accumulators.d_1", "accumulators.d_2")]
+    pairs = (CHARGES, ORIFICES)
     if not all(key in found for pair in pairs for key in pair):
         return estimates
-    prior = [machine.parameters[key].value[0] for key in pairs[0]]
-    if (found[pairs[0][0]].value - found[pairs[0][1]].value) * (prior[0] - prior[1]) >= 0.0:
+    if found[CHARGES[0]].value >= found[CHARGES[1]].value:
         return estimates
     other = dict(pair for a, b in pairs for pair in ((a, b), (b, a)))
     return [replace(found[other[e.key]], key=e.key) if e.key in other else e for e in estimates]
-
-
-def _companions(
-    problem: Problem, best: Fit, spread: Uncertainty, kept: Sequence[int], machine: Machine
-) -> tuple[tuple[NotDetermined, ...], tuple[tuple[str, ...], ...]]:
-    """What was held and cannot be told from what was estimated; pairs and groups that only their product is known of."""
-    own = problem if len(best.unknowns) == len(problem.unknowns) else Problem(problem.experiments, best.unknowns)
-    has = {c for p in machine.parameters.values() for c in p.specification.components}
-    extra = [
-        machine_unknown(machine, name, widen=WIDEN, least=LEAST)
-        for name in ("main_valve_spool.k", f"{_VALVE}.dp_c", "fluid.C_d")
-        if name in has and name not in {u.name for u in best.unknowns}
-    ]
-    if "pilot_valves.h.0" in has:
-        gain = tuple(f"pilot_valves.h.{i}" for i in range(3))
-        extra.append(Unknown("pilot_valves.h", "", 1.0, LEAST, 0.1, 10.0, True, gain))
-    areas = tuple(name for name in _AREAS if name in has)
-    extra.append(Unknown(f"{_VALVE}.A_0", "m^2", 1.0, LEAST, 0.1, 10.0, True, areas))
-    everything, sigma, correlation = companions(own, best, extra)
-    names = [u.name for u in everything]
-    missing, groups = [], []
-    for j in range(len(best.unknowns), len(everything)):
-        with_ = [names[k] for k in np.argsort(-np.abs(correlation[j])) if k != j and abs(correlation[j, k]) > TOGETHER]
-        if with_:
-            groups.append((names[j], *with_))
-            missing.append(NotDetermined(names[j], f"held: only together with {', '.join(with_[:3])}", False))
-        elif sigma[j] * everything[j].sigma > _WIDEST:
-            missing.append(
-                NotDetermined(names[j], "held: acts like a mixture of the numbers that were estimated", False)
-            )
-    missing += _pairing(best, spread, kept)
-    return tuple(missing), tuple(groups)
-
-
-def _pairing(best: Fit, spread: Uncertainty, kept: Sequence[int]) -> list[NotDetermined]:
-    """Which orifice belongs to which accumulator: told only if the numbers the other way round are clearly worse."""
-    position = {u.name: k for k, u in enumerate(spread.unknowns)}
-    pair = ("accumulators.d_1", "accumulators.d_2")
-    told = False
-    if all(name in position and position[name] in kept for name in pair):
-        i, j = position[pair[0]], position[pair[1]]
-        ends = (spread.low[i], spread.high[i]), (spread.low[j], spread.high[j])
-        distance = abs(float(np.log((ends[0][0] + ends[0][1]) / (ends[1][0] + ends[1][1]))))
-        half = [0.5 * (high - low) / (0.5 * (high + low)) / 1.6449 for low, high in ends]
-        shared = 2 * spread.correlation[i, j] * half[0] * half[1]
-        told = distance**2 > _PAIRING * (half[0] ** 2 + half[1] ** 2 - shared)
-    if told or not any(name in position for name in pair):
-        return []
-    return [NotDetermined("accumulators.d_1, accumulators.d_2", "which orifice belongs to which accumulator", True)]
 
 
 def free_run_errors(
