@@ -239,7 +239,8 @@ def main() -> None:
         "ratio": {k: topics.document()[k] / v for k, v in alone.document().items()},
     }  # fmt: skip
     print(
-        f"{args.mode}, {recording.name}, {args.seconds:.0f} s: {len(heard.commands)} cycles, {missed} missed, {while_late} of them while the computer was late"
+        f"{args.mode}, {recording.name}, {args.seconds:.0f} s: {len(heard.commands)} cycles, {missed} missed, "
+        f"{while_late} of them while the computer was late"
     )
     print(
         "computer           {late} times more than 5 ms late, at most {latest_ms:.0f} ms".format(**numbers["computer"])

@@ -4,7 +4,8 @@
     retract, Sigma <= 0:  Psi- A_ta(s_s) + Omega- A_sb(s_s) = Sigma,   s_s > 0
 
 The areas come from ``boom_model.main_valve_orifices``. Between the nodes they are straight (thesis Figs. 6.2, 6.3), so the left
-side is too: find the segment that holds Sigma, interpolate. Nodes lie closer where the areas bend, at the edge of the dead zone: off by less than 0.5 % of the stroke.
+side is too: find the segment that holds Sigma, interpolate. Nodes lie closer where the areas bend, at the edge of the dead
+zone: off by less than 0.5 % of the stroke.
 """
 
 from __future__ import annotations

@@ -44,7 +44,9 @@ def test_a_boom_that_rests_at_its_reference_is_left_at_rest(machine: Machine, re
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_boom_below_its_reference_is_lifted_and_one_above_lowered(machine: Machine, rest: Measurement, mode: str) -> None:
+def test_a_boom_below_its_reference_is_lifted_and_one_above_lowered(
+    machine: Machine, rest: Measurement, mode: str
+) -> None:
     for off, lifts in ((0.03, True), (-0.03, False)):
         controller = make_controller(mode, machine, machine.pose(0.28, 2.2))
         controller.reset(rest)

@@ -1,4 +1,4 @@
-"""What the improved law learns while it runs: load, oil, missing flow, a supply that does not deliver; and the valve that it follows."""
+"""What the improved law learns as it runs: load, oil, missing flow, a supply that does not deliver; the valve that it follows."""
 
 from __future__ import annotations
 
