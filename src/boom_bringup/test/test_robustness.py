@@ -1,4 +1,4 @@
-"""The robustness test of chapter 6.4 on short runs: what is counted, what is drawn, what the limited supply does, a grasped load."""
+"""The robustness test of chapter 6.4 on short runs: what is counted, what is drawn, the limited supply, a grasped load."""
 
 from __future__ import annotations
 
@@ -108,7 +108,11 @@ def test_the_document_has_what_the_contract_names_and_intervals_over_seeds() -> 
 
 def test_monte_carlo_draws_the_whole_of_table_6_1_and_the_valve_within_5_percent() -> None:
     cases = monte_carlo(400, 0)
-    for name, (low, high) in (("fluid.beta", BULK_MODULUS), ("accumulators.p_g0_1", PRECHARGE), ("friction.tau_C_pos", FRICTION)):
+    for name, (low, high) in (
+        ("fluid.beta", BULK_MODULUS),
+        ("accumulators.p_g0_1", PRECHARGE),
+        ("friction.tau_C_pos", FRICTION),
+    ):
         drawn = [case.factors[name] for case in cases]
         assert low <= min(drawn) < low + 0.05 * (high - low)
         assert high - 0.05 * (high - low) < max(drawn) <= high
