@@ -13,7 +13,14 @@ from pathlib import Path
 import pytest
 
 from boom_bringup import environment
+from boom_bringup.closed_loop import follow, wanted_angles
+from boom_controller.controller import make_controller
+from boom_controller.settings import Settings
+from boom_controller.trajectory_generator import TrajectoryGenerator
+from boom_diagnosis import tracking
+from boom_model.machine_file import load_machine
 from boom_recording.loading import load
+from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
 
 pytestmark = pytest.mark.process
 BAGS = Path(__file__).parents[1] / "bags"
@@ -74,7 +81,10 @@ def test_the_demo_repeats_a_recording_over_can_on_the_loopback(tmp_path: Path) -
 
 
 def test_two_demos_at_once_do_not_hear_each_other(tmp_path: Path, short: Path) -> None:
-    both = [begin("demo", short, "--output", tmp_path / name, "--transport", name) for name in ("can", "topics")]
+    both = [
+        begin("demo", short, "--loop", "open", "--output", tmp_path / name, "--transport", name)
+        for name in ("can", "topics")
+    ]
     for process in both:
         out, err = process.communicate(timeout=PATIENCE)
         assert process.returncode == 0, err
@@ -83,11 +93,29 @@ def test_two_demos_at_once_do_not_hear_each_other(tmp_path: Path, short: Path) -
         assert load(tmp_path / name / "simulated").events == []
 
 
+def test_the_closed_loop_of_processes_follows_as_well_as_the_one_in_one_process(tmp_path: Path, short: Path) -> None:
+    words = ("--loop", "closed", "--transport", "topics", "--closed-duration", "0", "--json", tmp_path / "demo.json")
+    process = begin("demo", short, "--output", tmp_path / "demo", *words)
+    _, err = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, err
+    over_topics = json.loads((tmp_path / "demo.json").read_text())["closed_loop"]
+    recording, machine = load(short), load_machine("tz17")
+    c, wanted = recording.configuration, wanted_angles(recording)
+    pose = machine.pose(c.outer_boom_angle, c.telescope_length, c.load_mass)
+    crane = SimulatedCrane(machine, pose, Start(float(wanted[0])), machine.sensor_noise())
+    generator = TrajectoryGenerator(Settings().generator_pole, PERIOD)
+    alone = follow(crane, make_controller("improved", machine, pose), generator, wanted, c)
+    numbers = tracking.of_recording(alone, machine).errors.document()
+    for name in ("mae_mm", "rmse_mm"):
+        assert over_topics[name] == pytest.approx(numbers[name], rel=0.15)
+    assert load(tmp_path / "demo" / "closed_loop").events == []
+
+
 def test_a_stopped_demo_says_so_with_the_signals_status_and_leaves_the_old_bag(tmp_path: Path, short: Path) -> None:
     for name in ("simulated", ".boom-demo"):
         (tmp_path / name).mkdir() if name == "simulated" else (tmp_path / name).touch()
     (tmp_path / "simulated" / "metadata.yaml").write_text("old")
-    process = begin("demo", short, "--output", tmp_path)
+    process = begin("demo", short, "--loop", "open", "--output", tmp_path)
     assert process.stderr is not None
     while not children(process.pid):
         assert process.poll() is None
@@ -107,6 +135,7 @@ def test_a_stopped_demo_says_so_with_the_signals_status_and_leaves_the_old_bag(t
         (["--seed", "-1"], "whole number"),
         (["--machine", "tz18"], "tz18"),
         (["--transport", "flexray"], "flexray"),
+        (["--closed-duration", "1"], "5 to 3600 seconds"),
     ],
 )
 def test_a_wrong_word_is_one_line_and_status_2_before_anything_is_made(

@@ -73,7 +73,9 @@ def over_can(bag: Path, target: Path, simulation: Mapping[str, Any], bridge: Map
     ]
 
 
-def close_loop(programs: Sequence[Program], target: Path, controller: Mapping[str, Any], delay: float) -> list[Program]:
+def close_loop(
+    programs: Sequence[Program], target: Path, controller: Mapping[str, Any], delay: float, duration: float
+) -> list[Program]:
     """The same processes in the closed loop: the recorded angle becomes the reference, a controller commands.
 
     Args:
@@ -81,6 +83,7 @@ def close_loop(programs: Sequence[Program], target: Path, controller: Mapping[st
         target: folder of the new bag.
         controller: parameters of the controller.
         delay: age of the sensors' samples at their tick [s].
+        duration: how much of the recorded angle is followed [s]; 0: all of it.
     """
     lockstep: dict[str, Any] = {"time": "lockstep", "lockstep_reference": True, "lockstep_delay": delay, "wait_for": 2}
     recorder: dict[str, Any] = {"output": str(target), "topics": (*DEFAULT_TOPICS, *CLOSED_TOPICS)}
@@ -93,7 +96,9 @@ def close_loop(programs: Sequence[Program], target: Path, controller: Mapping[st
                 Program("controller", node_command("boom_controller.controller_node", {**controller, **lockstep}))
             )
             # beside its own parameters: a parameter that is given twice counts as it was given last
-            program = replace(program, command=[*program.command, "-p", 'what:="reference"'])
+            program = replace(
+                program, command=[*program.command, "-p", 'what:="reference"', "-p", f"duration:={duration}"]
+            )
         result.append(program)
     return result
 

@@ -58,7 +58,7 @@ class Improved:
         self._rod.reset(measurement.rod_pressure)
         force = self._at(Reference(measurement.angle), measurement).force
         self._missed.reset(force)
-        self._stall.reset(force)
+        self._stall.reset(measurement.hose_pressure * self._area_a)
 
     def step(self, reference: Reference, measurement: Measurement) -> Output:
         """One sample time."""
@@ -77,7 +77,10 @@ class Improved:
         stiffness = a * self._area_a + b * self._area_b
         modelled = (a * head_flow - b * rod_flow) / stiffness
         self._missed.step(velocity, modelled, q.force, stiffness, s)
-        self._stall.step(velocity, modelled, q.force, stiffness, self._load.load, measurement.hose_pressure, s)
+        pressure = measurement.hose_pressure
+        self._stall.step(
+            velocity, head_flow / self._area_a, pressure * self._area_a, a * self._area_a, self._load.load, pressure, s
+        )
 
         ahead = _ahead(reference, s.preview)
         future = self._model.coming(ahead, self._load.load)

@@ -1,7 +1,8 @@
 """Recognises a load that cannot be held: the valve is open to lift, and the supply does not deliver.
 
-Delivered speed v + f_p' / K against the speed Q that the open valve would give: less than a quarter of it for ``stall_time``.
-With an unlimited supply that does not happen, however heavy the load is: what does not move the piston compresses the oil.
+Of the head side alone: delivered speed v + f_h' / K_h, f_h = A_a p_h, against the speed Q = q_h / A_a that the open valve
+would give with its full pressure margin: less than a quarter of it for ``stall_time``. With an unlimited supply that does not
+happen, however heavy the load is: what does not move the piston compresses the oil.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ class StallWatch:
         self._delivered = self._elapsed = self._force = 0.0
 
     def reset(self, force: float) -> None:
-        """All is well; f_p [N] stands."""
+        """All is well; f_h [N] stands."""
         self.reason, self._delivered, self._elapsed, self._force = "", 0.0, 0.0, force
 
     def step(
@@ -36,7 +37,7 @@ class StallWatch:
         pressure: float,
         settings: Settings,
     ) -> None:
-        """One sample time: v and Q [m/s], f_p [N], K [N/m], estimated load [kg], p_h [Pa]."""
+        """One sample time: v and Q [m/s], f_h [N], K_h [N/m], estimated load [kg], p_h [Pa]."""
         t = settings.sample_time
         gained = t * (velocity - self._delivered) + (force - self._force) / stiffness
         self._force = force

@@ -13,6 +13,7 @@ from typing import Any
 
 from boom_controller.pilot_stage import PilotValve, StaticPilot
 from boom_controller.settings import Settings
+from boom_model import main_valve_spool
 
 
 class ValveInverse:
@@ -20,13 +21,7 @@ class ValveInverse:
 
     def __init__(self, p: Any, e: Any, pilot: StaticPilot, settings: Settings, *, spool: bool = True) -> None:
         self._with_spool = spool
-        s = p.main_valve_spool
-        self._area, self._damping, self._coulomb, self._width = (
-            float(s.A_s),
-            float(s.d_v),
-            float(s.f_c),
-            float(s.sigma_s),
-        )
+        self._p, self._area = p, float(p.main_valve_spool.A_s)
         self._pilot = pilot
         self._retract = PilotValve(p, e, settings.sample_time)
         self._extend = PilotValve(p, e, settings.sample_time)
@@ -50,7 +45,7 @@ class ValveInverse:
             return self._drive(self._retract, plus), self._drive(self._extend, minus), plus, minus
         velocity = (position - self._filtered) * self._rate
         self._filtered += (position - self._filtered) * self._share
-        friction = self._damping * velocity + self._coulomb * tanh(velocity / self._width)
+        friction = main_valve_spool.friction(velocity, self._p, tanh)
         plus, minus = self._pilot.split(self._pilot.stiffness * self._filtered + friction / self._area)
         return self._drive(self._retract, plus), self._drive(self._extend, minus), plus, minus
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 HELP = "a recording into the simulated crane over CAN, open and closed loop: recorded, compared, reported"
 
 DEFAULT_BAG = Path("bags/healthy/extended")
+CLOSED_DURATION_S = 25.0  # both acts together stay below half a minute on two idle cores
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,6 +52,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--mode", choices=("thesis", "baseline", "improved"), default="improved",
         help="control law of the closed loop (default: improved)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--closed-duration", type=_seconds, default=CLOSED_DURATION_S, metavar="S",
+        help=f"how much of the recorded angle the closed loop follows, 0: all of it (default: {CLOSED_DURATION_S:g} s)",
     )  # fmt: skip
     parser.add_argument(
         "--seed", type=arguments.seed, default=0, help="seed of the simulated sensors' noise (default: 0)"
@@ -83,7 +88,8 @@ def run(args: argparse.Namespace) -> int:
         if args.loop != "closed":
             validation = validate(recording, machine, simulated=chain.run(demo_folder.BAG))
         if args.loop != "open":
-            closed = chain.run(demo_folder.CLOSED_BAG, {"mode": args.mode, "machine": source})
+            controller = {"mode": args.mode, "machine": source}
+            closed = chain.run(demo_folder.CLOSED_BAG, controller, args.closed_duration)
             tracked = Tracked(closed, tracking.of_recording(closed, machine), args.mode)
         results = Results(machine, args.machine, recording, validation, tracked)
         results.show(console)
@@ -109,8 +115,11 @@ class _Chain:
     transport: str
     kept: list[str] = field(default_factory=list)
 
-    def run(self, name: str, controller: dict[str, Any] | None = None) -> Recording:
-        """Runs into the bag `name`; with parameters of a controller in the closed loop. Returns what was recorded."""
+    def run(self, name: str, controller: dict[str, Any] | None = None, duration: float = 0.0) -> Recording:
+        """Runs into the bag `name`, in the closed loop if there are parameters of a controller; returns what was recorded.
+
+        duration: how much of the recording is repeated [s]; 0: all of it.
+        """
         from boom_bringup import replica
         from boom_recording.loading import load
 
@@ -124,18 +133,29 @@ class _Chain:
         if controller is not None:
             # Over CAN a cycle's frames show the crane as it was when the command before the last one went out.
             delay = demo_processes.CAN_DELAY_S if over_can else 0.0
-            programs = demo_processes.close_loop(programs, target, controller, delay)
+            programs = demo_processes.close_loop(programs, target, controller, delay, duration)
             titles = demo_processes.CLOSED_TRANSPORTS
-        spent, seen = demo_processes.run(programs, titles[self.transport], self.recording.duration)
+        simulated = min(duration or self.recording.duration, self.recording.duration)
+        spent, seen = demo_processes.run(programs, titles[self.transport], simulated)
         load(target)  # only what can be read replaces the old bag
         result = load(self.folder.keep(name))
         self.kept.append(name)
         self.console.print(
             f"{'closed loop' if controller else 'simulated'} by {len(programs)} processes in {spent:.1f} s: "
-            f"{self.recording.duration / spent:.1f} times real time; {_network(seen)}",
+            f"{simulated:.0f} s, {simulated / spent:.1f} times real time; {_network(seen)}",
             soft_wrap=True,
         )
         return result
+
+
+def _seconds(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = -1.0
+    if not (number == 0.0 or 5.0 <= number <= 3600.0):
+        raise argparse.ArgumentTypeError(f"{text!r}: give 5 to 3600 seconds, or 0 for all")
+    return number
 
 
 def _shipped_bag() -> Path:

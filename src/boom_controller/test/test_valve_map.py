@@ -1,0 +1,48 @@
+"""The closed form of (6.23) against a numeric root of the orifice areas themselves."""
+
+from __future__ import annotations
+
+import pytest
+from scipy.optimize import brentq
+
+from boom_controller.valve_map import ValveMap
+from boom_model import main_valve_orifices
+from boom_model.machine_file import load_machine
+from boom_model.numbers import component_numbers
+
+MACHINE = load_machine("tz17")
+P, E = component_numbers(MACHINE, MACHINE.pose(0.28, 2.2))
+MAP = ValveMap(P, E)
+STROKE = P.main_valve_spool.s_max
+PSI, OMEGA = 3.1e9, 0.7e9  # effect per area of the supply and of the tank edge
+
+
+def effect(position: float, supply: float, tank: float) -> float:
+    a, b = main_valve_orifices.areas(position, P, E)
+    return float(supply * a + tank * b)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.3, 0.6, 0.9])
+def test_the_position_is_that_of_a_numeric_root_of_the_areas(share: float) -> None:
+    wanted = share * effect(-STROKE, PSI, OMEGA)
+    root = brentq(lambda s: effect(-s, PSI, OMEGA) - wanted, 0.0, STROKE)
+    assert MAP.extending(wanted, PSI, OMEGA) == pytest.approx(root, abs=5e-3 * STROKE)
+
+    wanted = -share * effect(STROKE, OMEGA, PSI)
+    root = brentq(lambda s: -effect(s, OMEGA, PSI) - wanted, 0.0, STROKE)
+    assert MAP.retracting(wanted, -PSI, -OMEGA) == pytest.approx(root, abs=5e-3 * STROKE)
+
+
+@pytest.mark.parametrize("share", [0.001, 0.05, 0.4, 0.99])
+def test_it_is_the_exact_root_of_the_piecewise_linear_areas(share: float) -> None:
+    wanted = share * effect(-STROKE, PSI, OMEGA)
+    supply, tank = MAP.areas(-MAP.extending(wanted, PSI, OMEGA))
+    assert PSI * supply + OMEGA * tank == pytest.approx(wanted, rel=1e-9)
+
+
+def test_nothing_wanted_is_the_edge_of_the_dead_zone_and_too_much_the_largest_opening() -> None:
+    assert MAP.extending(0.0, PSI, OMEGA) == pytest.approx(P.main_valve_orifices.x0 * STROKE)
+    assert MAP.retracting(0.0, -PSI, -OMEGA) == pytest.approx(P.main_valve_orifices.x0 * STROKE)
+    assert MAP.extending(1e9, PSI, OMEGA) == pytest.approx(MAP.extend[-1][0])
+    assert STROKE < MAP.extend[-1][0] <= main_valve_orifices.LARGEST_OPENING * STROKE
+    assert MAP.areas(0.5 * P.main_valve_orifices.x0 * STROKE) == (0.0, 0.0)
