@@ -34,6 +34,9 @@ CURRENT_NOISE = 0.85e-3
 """A. Noise and quantisation of the measured currents, which drive the model."""
 SPOOL_NOISE = 2e-4
 """1/s sqrt(s), of the full stroke: white disturbance of the spool where one is allowed."""
+POPPET_NOISE = 4e-9
+"""m^3/s/Pa/sqrt(s). White disturbance of a lagging poppet while the boom stands still: with nothing flowing through it, a
+valve stays where it likes, and how far open a lowering finds it is not known."""
 TIMING_NOISE = 1e-3
 """s. When between two samples a current changed is not known."""
 
@@ -78,7 +81,6 @@ class Predictor:
         self.looseness = looseness
         self.bags = tuple(bags)
         self.tuned = dict(tuned or {})
-        self._plants: dict[tuple[int, frozenset[str]], Plant] = {}
         self._samples = [lru_cache(maxsize=32)(bag.samples) for bag in self.bags]
         self.base: list[Plant] = [self.plant(i, ()) for i in range(len(self.bags))]
         self._given: list[Gains] | None = None
@@ -92,10 +94,14 @@ class Predictor:
 
     def plant(self, bag: int, stateful: Iterable[str]) -> Plant:
         """The plant of a recording that carries these effects with states, too."""
-        key = (bag, frozenset(stateful) - frozenset(self.machine.effects))
-        if key not in self._plants:
-            self._plants[key] = plant_for(self.bags[bag].recording, carrying(self.machine, key[1]), "full")
-        return self._plants[key]
+        wanted, built = frozenset(stateful) - frozenset(self.machine.effects), self.bags[bag].plants
+        for machine, effects, plant in built:
+            if machine is self.machine and effects == wanted:
+                return plant
+        built.append(
+            (self.machine, wanted, plant_for(self.bags[bag].recording, carrying(self.machine, wanted), "full"))
+        )
+        return built[-1][2]
 
     def parameters(self, plant: Plant, values: Values) -> Array:
         """Parameter vector with these values."""
@@ -179,8 +185,9 @@ def noise_model(
     }  # fmt: skip
     angle = max(0.5 * sensors.angle_quantum, 1e-5)
     return NoiseModel(
-        (angle, sensors.rate_sigma, pressure, pressure), CURRENT_NOISE, TIMING_NOISE, disturbance, initial
-    )
+        (angle, sensors.rate_sigma, pressure, pressure), CURRENT_NOISE, TIMING_NOISE, disturbance, initial,
+        {"hose_burst_valve_conductance": POPPET_NOISE},
+    )  # fmt: skip
 
 
 def _nudging(plant: Plant, n: int) -> Array:
