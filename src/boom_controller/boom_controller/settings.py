@@ -35,8 +35,8 @@ class Settings:
 
     rest_response: float = _tunable(0.05, "s", 0.005, 1.0, "time constant of the spool inside the dead zone, improved")
     feedback_pole: float = _tunable(-5.0, "1/s", -15.0, -0.5, "real pole of the position feedback, improved")
-    feedback_damping: float = _tunable(1.0, "-", 0.1, 1.5, "damping wanted of the boom on its oil spring, improved")
-    largest_damping: float = _tunable(40.0, "1/s", 1.0, 60.0, "limit of the force feedback K k_d, improved")
+    feedback_damping: float = _tunable(0.7, "-", 0.1, 1.5, "damping wanted of the boom on its oil spring, improved")
+    largest_damping: float = _tunable(30.0, "1/s", 1.0, 60.0, "limit of the force feedback K k_d, improved")
     slowest_frequency: float = _tunable(
         3.0, "rad/s", 0.5, 20.0, "frequency to which a softer oil spring is stiffened, improved"
     )
