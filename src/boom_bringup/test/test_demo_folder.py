@@ -17,7 +17,7 @@ def record(folder: Path, text: str) -> None:
 def test_a_new_bag_takes_the_place_of_the_old_one_when_it_is_good(tmp_path: Path) -> None:
     for text in ("first", "second"):
         with held(tmp_path / "demo") as folder:
-            record(folder.recording, text)
+            record(folder.recording(), text)
             assert folder.keep() == tmp_path / "demo" / BAG
     assert (tmp_path / "demo" / BAG / "metadata.yaml").read_text() == "second"
     assert [path.name for path in (tmp_path / "demo").iterdir() if path.is_dir()] == [BAG]
@@ -25,10 +25,10 @@ def test_a_new_bag_takes_the_place_of_the_old_one_when_it_is_good(tmp_path: Path
 
 def test_a_run_that_fails_leaves_the_old_bag_and_nothing_else(tmp_path: Path) -> None:
     with held(tmp_path) as folder:
-        record(folder.recording, "good")
+        record(folder.recording(), "good")
         folder.keep()
     with pytest.raises(KeyboardInterrupt), held(tmp_path) as folder:
-        record(folder.recording, "half")
+        record(folder.recording(), "half")
         raise KeyboardInterrupt
     assert (tmp_path / BAG / "metadata.yaml").read_text() == "good"
     assert [path.name for path in tmp_path.iterdir() if path.is_dir()] == [BAG]

@@ -144,7 +144,7 @@ CASES: dict[str, tuple[Spoil, str]] = {
         ),
         r"valve_dead_zone\.d_retract: 0\.5 is outside -0\.6 \.\. 0\.35",
     ),
-    "learned_terms": (put("learned", []), "learned: "),
+    "learned_terms": (put("learned", {"equation": "torque"}), "learned: expected a list"),
 }
 
 
