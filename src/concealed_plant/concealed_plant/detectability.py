@@ -1,0 +1,266 @@
+"""How large an effect must be before a recording can show it: sensitivity against noise, nothing set by hand.
+
+Let s be the effect's signature: the outputs y (four channels over time) with the effect minus those without it, both free runs
+of the same specimen on the same currents. It is seen through noise with two parts, that of the sensors and what the noise of
+the measured currents does to a run on them; their power spectra are added per channel (the second from an ensemble of runs) and
+divide the spectrum: W. Every number of the machine is known within its tolerance only, so what a change of these numbers
+imitates says nothing. With z their deviations in standard deviations and y(z) the undisturbed run with them,
+
+    d^2 = min over z of |W (y_effect - y(z))|^2 + z'z      d in standard deviations of the best possible test
+
+by Gauss-Newton steps with the sensitivities W dy/dz at the specimen. An effect that is itself one of the machine's numbers
+(spring, pre-charge, ...) keeps that number out of z, and counts as the effect only beyond the number's tolerance: its size is
+not below 1.5 tolerances at 1 x (``Concealment.floor``).
+
+d grows with the size of the effect. The detectable size is the one at which the part of the signature that nothing else imitates
+carries as much energy as all the noise of the recording, a signal-to-noise ratio of one: d^2 = number of whitened values (four
+channels at 50 Hz). A case at k times its detectability has k times that d. Sizes are found on log d over log size, by
+secants where they help and by halving where not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from concealed_plant import sensing
+from concealed_plant.hidden import Concealment, Hidden, Scene
+from concealed_plant.machine import DEVIATIONS_IN_TOLERANCE, DRAWN, Linkage, MachineFile, Pose, linkage, quantities
+from concealed_plant.plant import Courses, RunError, Start, per_millisecond, run
+from concealed_plant.quantities import Quantities
+
+Array = NDArray[np.float64]
+
+ENSEMBLE = 4
+PROBE = 0.1
+"""Standard deviations by which a number is moved for its sensitivity."""
+SPACING = 20
+"""Milliseconds between the samples that are compared."""
+GAUSS_NEWTON = 2
+_ACCURACY = 0.1
+_TRIES = 14
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A specimen at work: everything of a recording but what is concealed. currents (k, 2) [A], every 10 ms."""
+
+    specimen: MachineFile
+    pose: Pose
+    start: Start
+    currents: Array
+    starts: Array
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return len(self.currents) / 100.0
+
+
+@dataclass(frozen=True)
+class Sized:
+    """An effect at its size; d as it came out."""
+
+    size: float
+    d: float
+    hidden: Hidden
+    outputs: Array
+
+
+class TooFaint(ValueError):
+    """No size that still is this effect shows in this recording as strongly as asked."""
+
+
+class Detectability:
+    """Signatures in one setting. Raises RunError where the undisturbed crane leaves its range."""
+
+    def __init__(self, setting: Setting, rng: np.random.Generator) -> None:
+        self._setting, self._rng = setting, rng
+        self.linkage = linkage(setting.specimen)
+        self.m = quantities(setting.specimen, setting.pose)
+        plain = run(self.m, self.linkage, setting.start, per_millisecond(setting.currents))
+        angle = plain["angle"]
+        self.scene = Scene(self.m, setting.duration, float(angle.min()), float(angle.max()), setting.starts)
+        self.plain = plain.outputs
+
+    @property
+    def detectable(self) -> float:
+        """d at which an effect counts as detectable in this recording: signature and noise have the same energy."""
+        return float(np.sqrt(4 * (len(self.plain) // SPACING)))
+
+    def seen(self, hidden: Hidden) -> Array:
+        """What ideal sensors show with the effect in place: (n, 4) by millisecond."""
+        return outputs(self.m, self.linkage, self._setting, hidden)
+
+    def separation(self, changed: Array, twins: tuple[str, ...] = ()) -> float:
+        """d of the outputs (n, 4) against the undisturbed ones; ``twins``: numbers that are kept out of z."""
+        free = [k for k, key in enumerate(DRAWN) if key not in twins]
+        n = self._numbers[:, free]
+        solve = np.linalg.inv(n.T @ n + np.eye(len(free)))
+        rest, z, best = self._white(changed - self.plain), np.zeros(len(free)), np.inf
+        for step in range(GAUSS_NEWTON + 1):
+            cost = float(rest @ rest + z @ z)
+            if cost >= best:
+                break
+            best = cost
+            if step == GAUSS_NEWTON:
+                break
+            z = z + solve @ (n.T @ rest - z)
+            try:
+                rest = self._white(changed - self._moved(dict(zip((DRAWN[k] for k in free), z, strict=True))))
+            except RunError:
+                break
+        return float(np.sqrt(best))
+
+    def size_for(self, effect: Concealment, draws: Array, wanted: float) -> Sized:
+        """The effect at the size where d = ``wanted``, not below its floor.
+
+        Raises:
+            TooFaint: even its largest size stays below.
+        """
+        found = self._search(effect, draws, wanted)
+        least = min(effect.floor * wanted / self.detectable, effect.largest)
+        if found.size >= least:
+            return found
+        hidden = effect.build(least, draws, self.scene)
+        changed = self.seen(hidden)
+        return Sized(least, self.separation(changed, effect.twins), hidden, changed)
+
+    def _search(self, effect: Concealment, draws: Array, wanted: float) -> Sized:
+        low, high = np.log(effect.smallest), np.log(effect.largest)
+        at = 0.5 * (low + high)
+        found: Sized | None = None
+        below: tuple[float, float] | None = None
+        above: tuple[float, float] | None = None
+        for _ in range(_TRIES):
+            size = float(np.exp(at))
+            hidden = effect.build(size, draws, self.scene)
+            try:
+                result = self.seen(hidden)
+                d = max(self.separation(result, effect.twins), 1e-3)
+            except RunError:
+                above, at = (at, np.log(wanted) + 5.0), 0.5 * (at + (below[0] if below else low))
+                if at - low < 1e-3:
+                    break
+                continue
+            if found is None or abs(np.log(d / wanted)) < abs(np.log(found.d / wanted)):
+                found = Sized(size, d, hidden, result)
+            if abs(np.log(d / wanted)) < _ACCURACY:
+                break
+            if d < wanted:
+                below = (at, np.log(d))
+                if at >= high - 1e-9:
+                    raise TooFaint(f"{effect.id}: d = {d:.1f} at its largest, {wanted:.1f} is asked")
+            else:
+                above = (at, np.log(d))
+                if at <= low + 1e-9:
+                    break
+            at = self._next(below, above, np.log(wanted), low, high)
+        if found is None or abs(np.log(found.d / wanted)) > 0.35:
+            raise TooFaint(f"{effect.id}: no size between {effect.smallest:g} and {effect.largest:g} has d = {wanted:.1f}")
+        return found
+
+    @staticmethod
+    def _next(
+        below: tuple[float, float] | None, above: tuple[float, float] | None, goal: float, low: float, high: float
+    ) -> float:
+        if below is None and above is not None:
+            return max(low, above[0] - 1.2 * (above[1] - goal) - 0.1)
+        if above is None and below is not None:
+            return min(high, below[0] + 1.2 * (goal - below[1]) + 0.1)
+        assert below is not None and above is not None
+        if below[1] < goal - 3.0 or above[1] > goal + 3.0:
+            return 0.5 * (below[0] + above[0])
+        share = float(np.clip((goal - below[1]) / (above[1] - below[1]), 0.1, 0.9))
+        return below[0] + share * (above[0] - below[0])
+
+    @cached_property
+    def _weights(self) -> Array:
+        """(4, f) weights on the spectrum of a signature: 1 / sqrt of the noise's power per frequency."""
+        count = len(self.plain) // SPACING
+        power = np.zeros((4, count // 2 + 1))
+        for _ in range(ENSEMBLE):
+            noise = sensing.CURRENT_SIGMA * self._rng.standard_normal(self._setting.currents.shape)
+            measured = np.maximum(self._setting.currents + noise, 0.0)
+            driven = run(self.m, self.linkage, self._setting.start, per_millisecond(measured)).outputs
+            power += np.abs(_spectrum(driven - self.plain)) ** 2 / ENSEMBLE
+        smooth = np.array([_smoothed(row) for row in power])
+        # white noise keeps its density when the sensors' 100 Hz are averaged to 50 Hz
+        sigma = np.array([
+            sensing.ANGLE_QUANTUM / np.sqrt(12.0), sensing.RATE_SIGMA, sensing.PRESSURE_SIGMA, sensing.PRESSURE_SIGMA,
+        ])  # fmt: skip
+        white = count * sigma**2 / (SPACING / sensing.PERIOD)
+        return np.asarray(1.0 / np.sqrt(smooth + white[:, None]), dtype=np.float64)
+
+    @cached_property
+    def _numbers(self) -> Array:
+        """Whitened change of the outputs per standard deviation of each drawn number, (4 f 2, numbers); 0: it breaks."""
+        columns = []
+        for key in DRAWN:
+            column = np.zeros(2 * self._weights.size)
+            for direction in (PROBE, -PROBE):
+                try:
+                    column = self._white(self._moved({key: direction}) - self.plain) / direction
+                    break
+                except RunError:
+                    continue
+            columns.append(column)
+        return np.stack(columns, axis=-1)
+
+    def _moved(self, deviations: dict[str, float]) -> Array:
+        """Undisturbed outputs of the specimen with numbers moved by so many standard deviations. Raises RunError."""
+        setting = self._setting
+        factors = {
+            key: max(0.05, 1.0 + z * setting.specimen.tolerance(key, setting.pose) / DEVIATIONS_IN_TOLERANCE)
+            for key, z in deviations.items()
+        }
+        moved = setting.specimen.specimen(factors)
+        table = linkage(moved) if any(key.startswith("kinematics.") for key in deviations) else self.linkage
+        return run(quantities(moved, setting.pose), table, setting.start, per_millisecond(setting.currents)).outputs
+
+    def _white(self, difference: Array) -> Array:
+        spectrum = _spectrum(difference) * self._weights * np.sqrt(2.0)
+        return np.concatenate((spectrum.real.ravel(), spectrum.imag.ravel()))
+
+
+def outputs(m: Quantities, table: Linkage, setting: Setting, hidden: Hidden) -> Array:
+    """Outputs (n, 4) of a setting with an effect in place, as ideal sensors see them. Raises RunError."""
+    changed = m._replace(**dict(hidden.changes))
+    held = per_millisecond(setting.currents, hidden.late)
+    return sensing.seen(run(changed, table, setting.start, held, hidden.courses).outputs, hidden.sensing)
+
+
+def together(parts: list[Hidden]) -> Hidden:
+    """Several effects in one machine."""
+    changes: dict[str, float] = {}
+    parameters: dict[str, float] = {}
+    courses, seen, late, onset = Courses(), sensing.Sensing(), None, None
+    for part in parts:
+        changes |= part.changes
+        parameters |= part.parameters
+        given = {name: value for name, value in vars(part.courses).items() if value is not None}
+        courses = Courses(**(vars(courses) | given))
+        own = {name: value for name, value in vars(part.sensing).items() if value != getattr(sensing.Sensing(), name)}
+        seen = sensing.Sensing(**(vars(seen) | own))
+        late = part.late if part.late is not None else late
+        onset = part.onset if part.onset is not None else onset
+    return Hidden(changes, courses, seen, late, parameters, onset)
+
+
+def _spectrum(difference: Array) -> Array:
+    """(4, f) spectrum of (n, 4) outputs by millisecond, averaged over ``SPACING``."""
+    count = len(difference) // SPACING
+    coarse = difference[: count * SPACING].reshape(count, SPACING, 4).mean(axis=1)
+    return np.asarray(np.fft.rfft(coarse, axis=0).T)
+
+
+def _smoothed(power: Array) -> Array:
+    """Power averaged over neighbouring frequencies, wider where they are higher."""
+    index = np.arange(len(power))
+    reach = 2 + index // 4
+    total = np.concatenate(([0.0], np.cumsum(power)))
+    first, last = np.maximum(index - reach, 0), np.minimum(index + reach + 1, len(power))
+    return np.asarray((total[last] - total[first]) / (last - first), dtype=np.float64)
