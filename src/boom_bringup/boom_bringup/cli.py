@@ -25,7 +25,7 @@ from typing import NoReturn
 from boom_bringup import __version__
 
 # The order of the help: what a newcomer needs first comes first.
-_ORDER = ("demo", "test", "validate", "simulate", "sim", "replay", "record", "import-can", "setup")
+_ORDER = ("demo", "test", "validate", "prove", "simulate", "sim", "replay", "record", "import-can", "setup")
 _COMMANDS = Path(__file__).with_name("commands")
 _DESCRIPTION = "Model, recordings and control of a forestry crane's inner boom, as ROS 2 processes."
 _EPILOG = "Every command has its own help, for example: {program} validate --help"

@@ -11,14 +11,21 @@ from concealed_plant.kernel import FULL_FLOW, LPM
 from concealed_plant.plant import PERIOD, Courses
 
 
-@conceals("piston_leakage", "cylinder", "l/min at 100 bar", (0.003, 12.0), "turbulent, with the square root of the drop")
+@conceals(
+    "piston_leakage", "cylinder", "l/min at 100 bar", (0.003, 12.0), "turbulent, with the square root of the drop"
+)
 def piston_leakage(size: float, r: Array, scene: Scene) -> Hidden:
     """Flow past the seal."""
     return Hidden({"seal_gap": size * LPM / sqrt(1e7)})
 
 
 @conceals(
-    "end_cushioning", "cylinder", "Pa s/m^3", (1e7, 1e12), "a laminar gap whose resistance grows with the overlap", manner="ends"
+    "end_cushioning",
+    "cylinder",
+    "Pa s/m^3",
+    (1e7, 1e12),
+    "a laminar gap whose resistance grows with the overlap",
+    manner="ends",
 )
 def end_cushioning(size: float, r: Array, scene: Scene) -> Hidden:
     """A spear enters before the end of stroke."""
@@ -31,8 +38,14 @@ def entrained_air(size: float, r: Array, scene: Scene) -> Hidden:
     return Hidden({"air": size, "air_dissolves": within(r[0], 3.0e6, 6.0e6)})
 
 
-@conceals("accumulator_precharge", "accumulators", "-", (0.004, 0.8), "the two have not lost the same",
-    twins=("accumulators.p_g0_1", "accumulators.p_g0_2"), floor=0.075,
+@conceals(
+    "accumulator_precharge",
+    "accumulators",
+    "-",
+    (0.004, 0.8),
+    "the two have not lost the same",
+    twins=("accumulators.p_g0_1", "accumulators.p_g0_2"),
+    floor=0.075,
 )
 def accumulator_precharge(size: float, r: Array, scene: Scene) -> Hidden:
     """Gas lost, or filled too well."""
@@ -40,28 +53,48 @@ def accumulator_precharge(size: float, r: Array, scene: Scene) -> Hidden:
     return Hidden({"gas_lost_1": share + 0.1 * size, "gas_lost_2": share - 0.1 * size}, parameters={"r": share})
 
 
-@conceals("accumulator_heat_loss", "accumulators", "1/s", (0.001, 2.0), "to a wall that warms itself, faster for larger differences")
+@conceals(
+    "accumulator_heat_loss",
+    "accumulators",
+    "1/s",
+    (0.001, 2.0),
+    "to a wall that warms itself, faster for larger differences",
+)
 def accumulator_heat_loss(size: float, r: Array, scene: Scene) -> Hidden:
     """Gas that exchanges heat."""
     return Hidden({"wall_rate": size, "wall_size": within(r[0], 4.0, 10.0)})
 
 
-@conceals("accumulator_restrictor", "accumulators", "-", (0.004, 0.8), "clogged: narrower and partly laminar",
-    twins=("accumulators.d_1", "accumulators.d_2"), floor=0.06,
+@conceals(
+    "accumulator_restrictor",
+    "accumulators",
+    "-",
+    (0.004, 0.8),
+    "clogged: narrower and partly laminar",
+    twins=("accumulators.d_1", "accumulators.d_2"),
+    floor=0.06,
 )
 def accumulator_restrictor(size: float, r: Array, scene: Scene) -> Hidden:
     """The throats in the accumulators' ports."""
     return Hidden({"clogged": 1.0 - 0.75 * size, "clogged_viscous": 4.0e9 * size})
 
 
-@conceals("hose_burst_valve_lag", "hose_burst_valve", "s", (0.001, 0.4), "a poppet with mass: second order, critically damped")
+@conceals(
+    "hose_burst_valve_lag", "hose_burst_valve", "s", (0.001, 0.4), "a poppet with mass: second order, critically damped"
+)
 def hose_burst_valve_lag(size: float, r: Array, scene: Scene) -> Hidden:
     """The poppet needs time; tau is the delay of the ramp that both forms have in common."""
     return Hidden({"poppet_frequency": 2.0 / size}, parameters={"tau": size})
 
 
-@conceals("hose_burst_valve_setting", "hose_burst_valve", "-", (0.003, 0.6), "the preload moves the knee, the slope at zero stays",
-    twins=("hose_burst_valve.a30", "hose_burst_valve.a31", "hose_burst_valve.a21"), floor=0.045,
+@conceals(
+    "hose_burst_valve_setting",
+    "hose_burst_valve",
+    "-",
+    (0.003, 0.6),
+    "the preload moves the knee, the slope at zero stays",
+    twins=("hose_burst_valve.a30", "hose_burst_valve.a31", "hose_burst_valve.a21"),
+    floor=0.045,
 )
 def hose_burst_valve_setting(size: float, r: Array, scene: Scene) -> Hidden:
     """Limits at another flow."""
@@ -78,7 +111,13 @@ def valve_dead_zone(size: float, r: Array, scene: Scene) -> Hidden:
     return Hidden({"edge_shift_up": up, "edge_shift_down": down}, parameters={"d_extend": up, "d_retract": down})
 
 
-@conceals("valve_hysteresis", "main_valve pilot_valves", "-", (0.0003, 0.15), "remanence of the coil that saturates with travel, no play")
+@conceals(
+    "valve_hysteresis",
+    "main_valve pilot_valves",
+    "-",
+    (0.0003, 0.15),
+    "remanence of the coil that saturates with travel, no play",
+)
 def valve_hysteresis(size: float, r: Array, scene: Scene) -> Hidden:
     """Position depends on whether the current rises or falls."""
     full = scene.m.spring * scene.m.spool_stroke / scene.m.spool_area
@@ -86,14 +125,22 @@ def valve_hysteresis(size: float, r: Array, scene: Scene) -> Hidden:
     return Hidden(changes, parameters={"h": size})
 
 
-@conceals("flow_force", "main_valve", "m^2", (3e-8, 3e-4), "area times drop with a jet angle that turns as the edge opens")
+@conceals(
+    "flow_force", "main_valve", "m^2", (3e-8, 3e-4), "area times drop with a jet angle that turns as the edge opens"
+)
 def flow_force(size: float, r: Array, scene: Scene) -> Hidden:
     """Flow that closes the spool."""
     return Hidden({"jet": size})
 
 
-@conceals("spring_rate", "main_valve pilot_valves", "-", (0.003, 0.6), "a spring that hardens",
-    twins=("main_valve_spool.k", "pilot_valves.h.0"), floor=0.225,
+@conceals(
+    "spring_rate",
+    "main_valve pilot_valves",
+    "-",
+    (0.003, 0.45),
+    "a spring that hardens",
+    twins=("main_valve_spool.k", "pilot_valves.h.0"),
+    floor=0.225,
 )
 def spring_rate(size: float, r: Array, scene: Scene) -> Hidden:
     """Return spring, or pilot gain."""
@@ -101,14 +148,22 @@ def spring_rate(size: float, r: Array, scene: Scene) -> Hidden:
     return Hidden({"spring_factor": factor, "spring_hardening": 0.1 * r[1] * size}, parameters={"r": factor})
 
 
-@conceals("compensator_droop", "main_valve supply", "-", (0.003, 0.9), "the margin sinks with flow and with load pressure")
+@conceals(
+    "compensator_droop", "main_valve supply", "-", (0.003, 0.9), "the margin sinks with flow and with load pressure"
+)
 def compensator_droop(size: float, r: Array, scene: Scene) -> Hidden:
     """The compensator's spring gives way."""
     return Hidden({"sag": size})
 
 
-@conceals("pilot_lag", "pilot_valves", "s", (0.0005, 0.3), "a second pole in series, not a slower first one",
-    twins=("pilot_valves.a1_s",), floor=0.0023,
+@conceals(
+    "pilot_lag",
+    "pilot_valves",
+    "s",
+    (0.0005, 0.3),
+    "a second pole in series, not a slower first one",
+    twins=("pilot_valves.a1_s",),
+    floor=0.0023,
 )
 def pilot_lag(size: float, r: Array, scene: Scene) -> Hidden:
     """A slow coil in cold oil."""
@@ -129,7 +184,9 @@ def pump_flow_limit(size: float, r: Array, scene: Scene) -> Hidden:
     return Hidden({"pump": size})
 
 
-@conceals("return_line_pressure", "return_line", "Pa at 120 l/min", (5e3, 6e6), "flow to the power 1.75, with a laminar share")
+@conceals(
+    "return_line_pressure", "return_line", "Pa at 120 l/min", (5e3, 6e6), "flow to the power 1.75, with a laminar share"
+)
 def return_line_pressure(size: float, r: Array, scene: Scene) -> Hidden:
     """A filter that clogs."""
     laminar = within(r[0], 0.1, 0.4)
@@ -139,7 +196,14 @@ def return_line_pressure(size: float, r: Array, scene: Scene) -> Hidden:
 # ------------------------------------------------------------------------------------------------- outside the catalogue
 
 
-@conceals("spool_sticks", "main_valve pilot_valves", "s", (0.02, 5.0), "the spool stays where it is for a while, some times", known=False)
+@conceals(
+    "spool_sticks",
+    "main_valve pilot_valves",
+    "s",
+    (0.02, 5.0),
+    "the spool stays where it is for a while, some times",
+    known=False,
+)
 def spool_sticks(size: float, r: Array, scene: Scene) -> Hidden:
     """Dirt holds the spool shortly after a motion has begun."""
     time, stuck = scene.milliseconds, np.zeros(round(scene.duration * 1000))
@@ -150,7 +214,9 @@ def spool_sticks(size: float, r: Array, scene: Scene) -> Hidden:
     return Hidden(courses=Courses(stuck=stuck))
 
 
-@conceals("supply_disturbed", "supply main_valve", "-", (0.005, 0.95), "another function takes oil for seconds", known=False)
+@conceals(
+    "supply_disturbed", "supply main_valve", "-", (0.005, 0.95), "another function takes oil for seconds", known=False
+)
 def supply_disturbed(size: float, r: Array, scene: Scene) -> Hidden:
     """The share of the flow that is missing while somebody else moves."""
     time, share = scene.milliseconds, np.ones(round(scene.duration * 1000))
@@ -162,7 +228,14 @@ def supply_disturbed(size: float, r: Array, scene: Scene) -> Hidden:
     return Hidden(courses=Courses(supply=share))
 
 
-@conceals("hose_kinked", "return_line main_valve hose_burst_valve", "Pa at 120 l/min", (2e4, 5e8), "closes below an angle, outwards only", known=False)
+@conceals(
+    "hose_kinked",
+    "return_line main_valve hose_burst_valve",
+    "Pa at 120 l/min",
+    (2e4, 5e8),
+    "closes below an angle, outwards only",
+    known=False,
+)
 def hose_kinked(size: float, r: Array, scene: Scene) -> Hidden:
     """The head-side hose folds when the boom is low."""
     return Hidden({"kink": size / FULL_FLOW**2, "kink_angle": scene.between(within(r[0], 0.35, 0.65))})

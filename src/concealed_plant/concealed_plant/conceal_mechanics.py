@@ -8,7 +8,14 @@ from concealed_plant.hidden import Array, Hidden, Scene, conceals, within
 from concealed_plant.plant import Courses
 
 
-@conceals("payload", "load", "kg", (2.0, 3000.0), "a stiffly held log with an inertia of its own, not a point mass", floor=30.0)
+@conceals(
+    "payload",
+    "load",
+    "kg",
+    (2.0, 3000.0),
+    "a stiffly held log with an inertia of its own, not a point mass",
+    floor=30.0,
+)
 def payload(size: float, r: Array, scene: Scene) -> Hidden:
     """A mass throughout."""
     changes = {"extra_load": size, "load_gyration": size * within(r[0], 0.3, 1.3)}
@@ -27,7 +34,11 @@ def payload_change(size: float, r: Array, scene: Scene) -> Hidden:
 
 
 @conceals(
-    "swinging_load", "load", "kg", (2.0, 2500.0), "a pendulum of any swing with a drag that grows with it, pulling along its rope"
+    "swinging_load",
+    "load",
+    "kg",
+    (2.0, 2500.0),
+    "a pendulum of any swing with a drag that grows with it, pulling along its rope",
 )
 def swinging_load(size: float, r: Array, scene: Scene) -> Hidden:
     """A load on a rope."""
@@ -36,7 +47,13 @@ def swinging_load(size: float, r: Array, scene: Scene) -> Hidden:
     return Hidden(changes, parameters={"mass": size, "length": length})
 
 
-@conceals("boom_flexibility", "structure", "-", (0.003, 1.5), "the mode acts back on the boom, its damping grows with its speed")
+@conceals(
+    "boom_flexibility",
+    "structure",
+    "-",
+    (0.003, 1.5),
+    "the mode acts back on the boom, its damping grows with its speed",
+)
 def boom_flexibility(size: float, r: Array, scene: Scene) -> Hidden:
     """An elastic mode."""
     frequency = within(r[0], 1.2, 5.0)
@@ -44,13 +61,21 @@ def boom_flexibility(size: float, r: Array, scene: Scene) -> Hidden:
     return Hidden(changes, parameters={"f": frequency})
 
 
-@conceals("stribeck_friction", "friction", "N m", (20.0, 12000.0), "falls off as 1 / (1 + (w / w_s)^2), not as a bell curve")
+@conceals(
+    "stribeck_friction", "friction", "N m", (20.0, 12000.0), "falls off as 1 / (1 + (w / w_s)^2), not as a bell curve"
+)
 def stribeck_friction(size: float, r: Array, scene: Scene) -> Hidden:
     """Break-away above sliding friction."""
     return Hidden({"stiction": size, "stiction_rate": within(r[0], 0.008, 0.05)})
 
 
-@conceals("presliding_friction", "friction", "-", (0.003, 1.0), "four elastic sliders side by side that break loose one by one")
+@conceals(
+    "presliding_friction",
+    "friction",
+    "-",
+    (0.003, 1.0),
+    "four elastic sliders side by side that break loose one by one",
+)
 def presliding_friction(size: float, r: Array, scene: Scene) -> Hidden:
     """Hysteresis before sliding; the size is the share of the Coulomb torque that behaves so."""
     return Hidden({"slider_share": size, "slider_stiffness": 10.0 ** within(r[0], 5.3, 7.0)})
@@ -78,19 +103,42 @@ def friction_drift(size: float, r: Array, scene: Scene) -> Hidden:
 # ------------------------------------------------------------------------------------------------- outside the catalogue
 
 
-@conceals("resting_on_something", "structure load", "N m/rad", (2e2, 3e7), "a stiff one-sided support below an angle", known=False)
+@conceals(
+    "resting_on_something",
+    "structure load",
+    "N m/rad",
+    (2e2, 3e7),
+    "a stiff one-sided support below an angle",
+    known=False,
+)
 def resting_on_something(size: float, r: Array, scene: Scene) -> Hidden:
     """The boom comes to rest on a log or the cab."""
     return Hidden({"rest_angle": scene.between(within(r[0], 0.2, 0.4)), "rest_stiffness": size})
 
 
-@conceals("base_rocking", "structure load", "rad/(N m)", (1e-11, 1e-6), "the carrier rocks on its tyres; the IMU sees it", known=False)
+@conceals(
+    "base_rocking",
+    "structure load",
+    "rad/(N m)",
+    (1e-11, 1e-6),
+    "the carrier rocks on its tyres; the IMU sees it",
+    known=False,
+)
 def base_rocking(size: float, r: Array, scene: Scene) -> Hidden:
     """The base moves."""
-    return Hidden({"rock_compliance": size, "rock_frequency": within(r[0], 0.6, 1.6), "rock_loss": within(r[1], 0.03, 0.1)})
+    return Hidden(
+        {"rock_compliance": size, "rock_frequency": within(r[0], 0.6, 1.6), "rock_loss": within(r[1], 0.03, 0.1)}
+    )
 
 
-@conceals("linkage_play", "structure cylinder", "m", (5e-5, 0.04), "a worn pin: the piston moves free when the force turns", known=False)
+@conceals(
+    "linkage_play",
+    "structure cylinder",
+    "m",
+    (5e-5, 0.04),
+    "a worn pin: the piston moves free when the force turns",
+    known=False,
+)
 def linkage_play(size: float, r: Array, scene: Scene) -> Hidden:
     """Play between piston rod and boom."""
     return Hidden({"play": size})

@@ -5,7 +5,9 @@ from __future__ import annotations
 from concealed_plant.hidden import Array, Hidden, Scene, Sensing, conceals, sign
 
 
-@conceals("angle_offset", "sensors", "rad", (2e-4, 0.15), "with the small distortion of a sensor that is also tilted sideways")
+@conceals(
+    "angle_offset", "sensors", "rad", (2e-4, 0.15), "with the small distortion of a sensor that is also tilted sideways"
+)
 def angle_offset(size: float, r: Array, scene: Scene) -> Hidden:
     """IMU mounted askew."""
     offset = sign(r[0]) * size

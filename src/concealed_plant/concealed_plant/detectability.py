@@ -8,7 +8,7 @@ imitates says nothing. With z their deviations in standard deviations and y(z) t
 
     d^2 = min over z of |W (y_effect - y(z))|^2 + z'z      d in standard deviations of the best possible test
 
-by Gauss-Newton steps with the sensitivities W dy/dz at the specimen. An effect that is itself one of the machine's numbers
+by damped Gauss-Newton steps with the sensitivities W dy/dz at the specimen. An effect that is itself one of the machine's numbers
 (spring, pre-charge, ...) keeps that number out of z, and counts as the effect only beyond the number's tolerance: its size is
 not below 1.5 tolerances at 1 x (``Concealment.floor``).
 
@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from concealed_plant import sensing
-from concealed_plant.hidden import Concealment, Hidden, Scene
+from concealed_plant.hidden import Concealment, Hidden, Scene, Sensing
 from concealed_plant.machine import DEVIATIONS_IN_TOLERANCE, DRAWN, Linkage, MachineFile, Pose, linkage, quantities
 from concealed_plant.plant import Courses, RunError, Start, per_millisecond, run
 from concealed_plant.quantities import Quantities
@@ -39,7 +39,8 @@ PROBE = 0.1
 """Standard deviations by which a number is moved for its sensitivity."""
 SPACING = 20
 """Milliseconds between the samples that are compared."""
-GAUSS_NEWTON = 2
+PROJECTIONS, SETTLED = 8, 0.9
+"""Most runs that look for the numbers that imitate an effect best; a step that gains less than a tenth ends the search."""
 _ACCURACY = 0.1
 _TRIES = 14
 
@@ -70,7 +71,7 @@ class Sized:
     outputs: Array
 
 
-class TooFaint(ValueError):
+class TooFaintError(ValueError):
     """No size that still is this effect shows in this recording as strongly as asked."""
 
 
@@ -100,26 +101,30 @@ class Detectability:
         free = [k for k, key in enumerate(DRAWN) if key not in twins]
         n = self._numbers[:, free]
         solve = np.linalg.inv(n.T @ n + np.eye(len(free)))
-        rest, z, best = self._white(changed - self.plain), np.zeros(len(free)), np.inf
-        for step in range(GAUSS_NEWTON + 1):
-            cost = float(rest @ rest + z @ z)
-            if cost >= best:
-                break
-            best = cost
-            if step == GAUSS_NEWTON:
-                break
-            z = z + solve @ (n.T @ rest - z)
+        z, rest = np.zeros(len(free)), self._white(changed - self.plain)
+        cost, share = float(rest @ rest), 1.0
+        for _ in range(PROJECTIONS):
+            tried = z + share * (solve @ (n.T @ rest - z))
             try:
-                rest = self._white(changed - self._moved(dict(zip((DRAWN[k] for k in free), z, strict=True))))
+                left = self._white(changed - self._moved(dict(zip((DRAWN[k] for k in free), tried, strict=True))))
             except RunError:
+                share /= 4.0
+                continue
+            reached = float(left @ left + tried @ tried)
+            if reached >= cost:
+                share /= 4.0
+                continue
+            settled = reached > SETTLED * cost
+            z, rest, cost, share = tried, left, reached, min(1.0, 2.0 * share)
+            if settled:
                 break
-        return float(np.sqrt(best))
+        return float(np.sqrt(cost))
 
     def size_for(self, effect: Concealment, draws: Array, wanted: float) -> Sized:
         """The effect at the size where d = ``wanted``, not below its floor.
 
         Raises:
-            TooFaint: even its largest size stays below.
+            TooFaintError: even its largest size stays below.
         """
         found = self._search(effect, draws, wanted)
         least = min(effect.floor * wanted / self.detectable, effect.largest)
@@ -153,14 +158,16 @@ class Detectability:
             if d < wanted:
                 below = (at, np.log(d))
                 if at >= high - 1e-9:
-                    raise TooFaint(f"{effect.id}: d = {d:.1f} at its largest, {wanted:.1f} is asked")
+                    raise TooFaintError(f"{effect.id}: d = {d:.1f} at its largest, {wanted:.1f} is asked")
             else:
                 above = (at, np.log(d))
                 if at <= low + 1e-9:
                     break
             at = self._next(below, above, np.log(wanted), low, high)
         if found is None or abs(np.log(found.d / wanted)) > 0.35:
-            raise TooFaint(f"{effect.id}: no size between {effect.smallest:g} and {effect.largest:g} has d = {wanted:.1f}")
+            raise TooFaintError(
+                f"{effect.id}: no size between {effect.smallest:g} and {effect.largest:g} has d = {wanted:.1f}"
+            )
         return found
 
     @staticmethod
@@ -237,14 +244,14 @@ def together(parts: list[Hidden]) -> Hidden:
     """Several effects in one machine."""
     changes: dict[str, float] = {}
     parameters: dict[str, float] = {}
-    courses, seen, late, onset = Courses(), sensing.Sensing(), None, None
+    courses, seen, late, onset = Courses(), Sensing(), None, None
     for part in parts:
         changes |= part.changes
         parameters |= part.parameters
         given = {name: value for name, value in vars(part.courses).items() if value is not None}
         courses = Courses(**(vars(courses) | given))
-        own = {name: value for name, value in vars(part.sensing).items() if value != getattr(sensing.Sensing(), name)}
-        seen = sensing.Sensing(**(vars(seen) | own))
+        own = {name: value for name, value in vars(part.sensing).items() if value != getattr(Sensing(), name)}
+        seen = Sensing(**(vars(seen) | own))
         late = part.late if part.late is not None else late
         onset = part.onset if part.onset is not None else onset
     return Hidden(changes, courses, seen, late, parameters, onset)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,10 +21,19 @@ from boom_recording import writing
 from boom_recording.recording import Configuration, Recording
 from concealed_plant.cases import CaseSpec
 from concealed_plant.concealments import CONCEALMENTS
-from concealed_plant.detectability import Detectability, Setting, Sized, TooFaint, outputs, together
+from concealed_plant.detectability import Detectability, Setting, Sized, TooFaintError, outputs, together
 from concealed_plant.hidden import Hidden, Scene
-from concealed_plant.machine import DEVIATIONS_IN_TOLERANCE, DRAWN, LOAD_FLOOR, LOAD_SHARE, MachineFile, Pose, linkage, quantities
-from concealed_plant.machine import scattered
+from concealed_plant.machine import (
+    DEVIATIONS_IN_TOLERANCE,
+    DRAWN,
+    LOAD_FLOOR,
+    LOAD_SHARE,
+    MachineFile,
+    Pose,
+    linkage,
+    quantities,
+    scattered,
+)
 from concealed_plant.operator import Operator
 from concealed_plant.plant import RunError, Start, per_millisecond, run
 from concealed_plant.sensing import Bus, record
@@ -124,7 +134,7 @@ def make_case(spec: CaseSpec, machine: str | Path, blind: Path, sealed: Path) ->
         rng = np.random.default_rng([*spec.seed, attempt])
         try:
             truth, first, second = _attempt(spec, file, rng, attempt)
-        except (RunError, TooFaint) as error:
+        except (RunError, TooFaintError) as error:
             reason = str(error)
             continue
         writing.write(blind / spec.name / RECORDING, first)
@@ -141,7 +151,7 @@ def _attempt(
 ) -> tuple[Answer, Recording, Recording]:
     crane = _crane(spec, file, rng)
     manner = _manner(spec)
-    setting = _at_work(crane, rng, manner)
+    setting = _at_work(crane, rng, manner, _halfway(spec))
     detectability = Detectability(setting, rng)
     rows = [(CONCEALMENTS[name], strength, rng.uniform(size=5)) for name, strength in spec.effects]
     sized: list[Sized] = []
@@ -160,11 +170,9 @@ def _attempt(
         for (row, strength, _), each in zip(rows, sized, strict=True)
     )  # fmt: skip
     bus = Bus(loss=float(rng.choice([0.0, 0.002, 0.01])))
-    configuration = Configuration(
-        file.name, crane.told.outer_boom_angle, crane.told.telescope_length, crane.told.load
-    )
+    configuration = Configuration(file.name, crane.told.outer_boom_angle, crane.told.telescope_length, crane.told.load)
     first = record("recording", shown, per_millisecond(setting.currents), configuration, bus, rng)
-    again = _at_work(crane, rng, manner)
+    again = _at_work(crane, rng, manner, hidden.changes)
     second, oracle = _second(again, rows, sized, hidden, configuration, bus, rng)
     pose = (crane.told.outer_boom_angle, crane.told.telescope_length, crane.told.load)
     answer = Answer(
@@ -197,7 +205,9 @@ def _crane(spec: CaseSpec, file: MachineFile, rng: np.random.Generator) -> _Cran
         q3, q4 = float(rng.uniform(0.1, 1.5)), float(rng.uniform(0.5, 3.0))
     load = float(np.round(rng.uniform(100.0, 350.0))) if rng.uniform() < 0.25 and q4 > 0 else 0.0
     told = Pose(q3, q4, load)
-    off = max(LOAD_SHARE * load, LOAD_FLOOR) * SCATTER * rng.standard_normal() / DEVIATIONS_IN_TOLERANCE if load else 0.0
+    off = (
+        max(LOAD_SHARE * load, LOAD_FLOOR) * SCATTER * rng.standard_normal() / DEVIATIONS_IN_TOLERANCE if load else 0.0
+    )
     specimen = file.specimen(scattered(file, told, rng, SCATTER))
     wrong = _wrong(rng) if spec.kind == "parameters" else {}
     factors = {
@@ -218,11 +228,22 @@ def _wrong(rng: np.random.Generator) -> dict[str, float]:
     return result or {"friction.tau_C_pos": float(rng.uniform(1.0, 4.0))}
 
 
-def _at_work(crane: _Crane, rng: np.random.Generator, manner: str) -> Setting:
-    """The crane, healthy, driven by an operator. Raises RunError."""
+def _halfway(spec: CaseSpec) -> dict[str, float]:
+    """What the operator of the first recording meets: half of an effect that changes every motion, else a healthy machine.
+
+    The undisturbed and the affected crane are run on his currents; he keeps both in range by steering what lies between.
+    """
+    factors = [CONCEALMENTS[name].floor * strength / 2 for name, strength in spec.effects if name == "spring_rate"]
+    return {"spring_factor": 1.0 + factors[0]} if factors else {}
+
+
+def _at_work(crane: _Crane, rng: np.random.Generator, manner: str, changes: Mapping[str, float]) -> Setting:
+    """The crane driven by an operator who meets it with ``changes``. Raises RunError."""
     m, table = quantities(crane.specimen, crane.true), linkage(crane.specimen)
-    start = Start(float(rng.uniform(1.0, 1.3) if manner == "ends" else rng.uniform(0.25, 0.7)), float(rng.uniform(0.6e6, 1.6e6)))
-    currents, starts = Operator(m, table, rng).drive(DURATION, start.angle, manner)
+    start = Start(
+        float(rng.uniform(1.0, 1.3) if manner == "ends" else rng.uniform(0.25, 0.7)), float(rng.uniform(0.6e6, 1.6e6))
+    )
+    currents, starts = Operator(m._replace(**dict(changes)), table, rng).drive(DURATION, start.angle, manner)
     return Setting(crane.specimen, crane.true, start, currents, starts)
 
 

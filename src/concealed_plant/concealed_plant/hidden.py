@@ -120,7 +120,9 @@ def conceals(
     """Registers a builder; ``subsystems`` separated by blanks."""
 
     def register(build: Builder) -> Builder:
-        REGISTER[name] = Concealment(name, tuple(subsystems.split()), unit, *sizes, form, build, known, manner, twins, floor)
+        REGISTER[name] = Concealment(
+            name, tuple(subsystems.split()), unit, *sizes, form, build, known, manner, twins, floor
+        )
         return build
 
     return register

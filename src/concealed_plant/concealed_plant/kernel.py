@@ -130,7 +130,7 @@ def simulate(
     rock = rock_rate = 0.0
     rocking = m.rock_compliance > 0.0
     slack = 0.0
-    q_back = q_out = q_valve = 0.0
+    q_back = q_valve = 0.0
     root = m.discharge * sqrt(2.0 / m.density)
     k_1 = root * pi / 4.0 * (m.throat_1 * m.clogged) ** 2
     k_2 = root * pi / 4.0 * (m.throat_2 * m.clogged) ** 2
@@ -176,7 +176,9 @@ def simulate(
                     thrust = m.jet * u * (m.margin + max(across, 0.0)) * (0.36 + 0.3 * (1.0 - min(u, 1.0)))
                     force += thrust if s < 0.0 else -thrust
                 rub = m.spool_damping
-                rub += m.spool_coulomb / m.spool_slip if abs(ws) < 1e-9 else m.spool_coulomb * tanh(ws / m.spool_slip) / ws
+                rub += (
+                    m.spool_coulomb / m.spool_slip if abs(ws) < 1e-9 else m.spool_coulomb * tanh(ws / m.spool_slip) / ws
+                )
                 ws = (m.spool_mass * ws + h * force) / (m.spool_mass + h * rub + h * h * spring)
                 s += h * ws
             # ---- where the linkage stands
@@ -282,7 +284,6 @@ def simulate(
             new_h = (b_h * a_aa + couple * b_a) / (a_hh * a_aa - couple * couple)
             new_a = (b_a + couple * new_h) / a_aa
             new_b = b_b / a_bb
-            q_out = g_a * (new_h - new_a)
             q_valve = fed if lifting else -g_back * (new_h - m.tank)
             new_1, new_2 = p_1 + share_1 * (new_h - p_1), p_2 + share_2 * (new_h - p_2)
             v_1 = min(m.gas, v_1 - v_1 / (m.kappa * p_1) * (new_1 - p_1))

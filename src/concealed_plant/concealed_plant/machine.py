@@ -184,7 +184,10 @@ def linkage(machine: MachineFile, count: int = 6001) -> Linkage:
 
     The pin-to-pin length at zero stroke follows from the angle at which the file says that the stroke begins.
     """
-    low, high = float(machine.entry("kinematics.q2_stroke_min")["value"]), float(machine.entry("kinematics.q2_max")["value"])
+    low, high = (
+        float(machine.entry("kinematics.q2_stroke_min")["value"]),
+        float(machine.entry("kinematics.q2_max")["value"]),
+    )
     angles = np.linspace(low - 0.02, high + 0.02, count)
     lengths = _pin_to_pin(machine, angles)
     strokes = lengths - float(_pin_to_pin(machine, np.array([low]))[0])
@@ -196,7 +199,8 @@ def linkage(machine: MachineFile, count: int = 6001) -> Linkage:
 def _pin_to_pin(machine: MachineFile, angles: Array) -> Array:
     """Distance [m] from the cylinder's foot to the pin where both bars meet, the lower of the circles' two intersections."""
     foot, pivot, att = (
-        complex(machine.number(f"kinematics.{k}", 0), machine.number(f"kinematics.{k}", 1)) for k in ("foot", "pivot", "att")
+        complex(machine.number(f"kinematics.{k}", 0), machine.number(f"kinematics.{k}", 1))
+        for k in ("foot", "pivot", "att")
     )
     long_bar, short_bar = machine.number("kinematics.L1"), machine.number("kinematics.L2")
     eye = np.exp(1j * angles) * att

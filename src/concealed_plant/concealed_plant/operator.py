@@ -84,13 +84,33 @@ class Operator:
         """Current over the samples of one motion [A]."""
         rng = self._rng
         if kind == "quick":
-            top, rise, hold, fall = rng.uniform(0.42, STRONGEST), rng.integers(12, 22), rng.uniform(0.4, 2.0), rng.integers(18, 30)
+            top, rise, hold, fall = (
+                rng.uniform(0.42, STRONGEST),
+                rng.integers(12, 22),
+                rng.uniform(0.4, 2.0),
+                rng.integers(18, 30),
+            )
         elif kind == "fine":
-            top, rise, hold, fall = rng.uniform(0.33, 0.41), rng.integers(10, 60), rng.uniform(2.0, 6.0), rng.integers(5, 40)
+            top, rise, hold, fall = (
+                rng.uniform(0.33, 0.41),
+                rng.integers(10, 60),
+                rng.uniform(2.0, 6.0),
+                rng.integers(5, 40),
+            )
         elif kind == "idle":
-            top, rise, hold, fall = rng.uniform(0.1, 0.27), rng.integers(5, 40), rng.uniform(0.3, 1.0), rng.integers(5, 40)
+            top, rise, hold, fall = (
+                rng.uniform(0.1, 0.27),
+                rng.integers(5, 40),
+                rng.uniform(0.3, 1.0),
+                rng.integers(5, 40),
+            )
         else:
-            top, rise, hold, fall = rng.uniform(0.36, STRONGEST), rng.integers(14, 50), rng.uniform(0.8, 4.0), rng.integers(18, 60)
+            top, rise, hold, fall = (
+                rng.uniform(0.36, STRONGEST),
+                rng.integers(14, 50),
+                rng.uniform(0.8, 4.0),
+                rng.integers(18, 60),
+            )
         flat = np.full(round(hold / PERIOD_S), top)
         if kind == "joystick":
             steps = rng.standard_normal(len(flat))

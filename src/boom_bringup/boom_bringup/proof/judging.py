@@ -1,0 +1,117 @@
+"""Opens a case: answer, diagnosis and the sealed recording become one row of the score."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from boom_bringup.proof.outcomes import Row, Said, Truth
+from boom_diagnosis.validation import predict
+from boom_model.errors import MachineError
+from boom_model.machine_file import load_machine
+from boom_model.sensors import OUTPUTS
+from boom_recording.loading import load
+
+OUTCOME, DIAGNOSIS = "outcome.json", "diagnosis"
+ROW = "row.json"
+STAGES = ("nominal", "parameters_only", "explained", "noise_floor")
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One channel of the sealed recording for a picture: time [s], measured, nominal and explained values [SI]."""
+
+    name: str
+    time: tuple[float, ...]
+    lines: Mapping[str, tuple[float, ...]]
+
+
+def judge(case: str, blind: Path, sealed: Path, machine: str) -> dict[str, Any]:
+    """The row of a case as a JSON document, kept in sealed/CASE/row.json so that it is computed once."""
+    kept = sealed / case / ROW
+    if kept.exists():
+        return dict(json.loads(kept.read_text(encoding="utf-8")))
+    answer = json.loads((sealed / case / "answer.json").read_text(encoding="utf-8"))
+    outcome = json.loads((blind / case / OUTCOME).read_text(encoding="utf-8"))
+    document, failure = None, outcome["failure"]
+    if not failure:
+        try:
+            document = json.loads((blind / case / DIAGNOSIS / "diagnosis.json").read_text(encoding="utf-8"))
+            Said.from_document(document)
+        except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+            document, failure = None, f"diagnosis.json is not like the contract: {error!r}"
+    explained = blind / case / DIAGNOSIS / "machine.yaml"
+    row = {
+        "answer": answer,
+        "said": document,
+        "failure": failure,
+        "seconds": outcome["seconds"],
+        "nominal": _errors(sealed / case / "hold_out", machine),
+        "explained": _errors(
+            sealed / case / "hold_out", str(explained) if document and explained.exists() else machine
+        ),
+    }
+    temporary = kept.with_suffix(".new")
+    temporary.write_text(json.dumps(row), encoding="utf-8")
+    temporary.replace(kept)
+    return row
+
+
+def row_of(document: Mapping[str, Any]) -> Row:
+    """A document of ``judge`` as a row."""
+    said = Said("", failure=document["failure"] or "no answer")
+    if document["said"] is not None:
+        said = Said.from_document(document["said"])
+    nominal, explained = (
+        tuple(math.inf if e is None else float(e) for e in document[key]) for key in ("nominal", "explained")
+    )
+    fit = (document["said"] or {}).get("fit", {}).get("held_out", {})
+    own = {stage: tuple(math.inf if e is None else float(e) for e in fit.get(stage) or ()) for stage in STAGES}
+    return Row(Truth.from_document(document["answer"]), said, nominal, explained, float(document["seconds"]), own)
+
+
+def traces(case: str, blind: Path, sealed: Path, machine: str, points: int = 600) -> list[Trace]:
+    """The sealed recording beside the nominal and the explained model, thinned for a picture."""
+    recording = load(sealed / case / "hold_out")
+    explained = blind / case / DIAGNOSIS / "machine.yaml"
+    runs = {"nominal": predict(recording, load_machine(machine), "full").values}
+    if explained.exists():
+        with contextlib.suppress(MachineError):
+            runs["explained"] = predict(recording, load_machine(str(explained)), "full").values
+    result = []
+    for name in OUTPUTS:
+        signal = recording.signals[name]
+        step = max(1, len(signal.time) // points)
+        lines = {"measured": signal.values} | {label: values[name] for label, values in runs.items()}
+        result.append(
+            Trace(name, _floats(signal.time[::step]), {label: _floats(v[::step]) for label, v in lines.items()})
+        )
+    return result
+
+
+def _floats(values: Any) -> tuple[float, ...]:
+    return tuple(float(v) for v in values)
+
+
+def _errors(bag: Path, machine: str) -> list[float | None]:
+    """Normalised rms error per channel of a machine's free run; None where it broke off or could not be run."""
+    recording = load(bag)
+    try:
+        prediction = predict(recording, load_machine(machine), "full")
+    except MachineError:
+        return [None] * len(OUTPUTS)
+    result: list[float | None] = []
+    for name in OUTPUTS:
+        signal = recording.signals[name]
+        error = (prediction.values[name] - signal.values)[signal.valid]
+        spread = float(np.std(signal.values[signal.valid]))
+        whole = bool(np.isfinite(error).all()) and not prediction.stopped
+        result.append(float(np.sqrt(np.mean(error**2))) / spread if whole and spread > 0 else None)
+    return result
