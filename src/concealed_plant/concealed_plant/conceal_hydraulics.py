@@ -178,10 +178,10 @@ def command_delay(size: float, r: Array, scene: Scene) -> Hidden:
     return Hidden(late=np.maximum(0.0, 1000.0 * size + jitter), parameters={"T": size})
 
 
-@conceals("pump_flow_limit", "supply", "s/m^3", (380.0, 4000.0), "a hard limit that sinks with pressure")
+@conceals("pump_flow_limit", "supply", "-", (0.002, 0.75), "a hard limit that sinks with pressure")
 def pump_flow_limit(size: float, r: Array, scene: Scene) -> Hidden:
-    """The pump cannot deliver what the valve asks."""
-    return Hidden({"pump": size})
+    """The pump cannot deliver what the valve asks; the size is the share of the largest flow that is missing."""
+    return Hidden({"pump": 1.0 / (scene.peak * (1.02 - size))})
 
 
 @conceals(

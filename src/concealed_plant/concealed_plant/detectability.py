@@ -14,8 +14,8 @@ not below 1.5 tolerances at 1 x (``Concealment.floor``).
 
 d grows with the size of the effect. The detectable size is the one at which the part of the signature that nothing else imitates
 carries as much energy as all the noise of the recording, a signal-to-noise ratio of one: d^2 = number of whitened values (four
-channels at 50 Hz). A case at k times its detectability has k times that d. Sizes are found on log d over log size, by
-secants where they help and by halving where not.
+channels at 50 Hz). A case at k times its detectability has k times that size. It is found by going up from a size that does
+nothing, each z the beginning of the next.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from concealed_plant import sensing
 from concealed_plant.hidden import Concealment, Hidden, Scene, Sensing
 from concealed_plant.machine import DEVIATIONS_IN_TOLERANCE, DRAWN, Linkage, MachineFile, Pose, linkage, quantities
-from concealed_plant.plant import Courses, RunError, Start, per_millisecond, run
+from concealed_plant.plant import Courses, Run, RunError, Start, per_millisecond, run
 from concealed_plant.quantities import Quantities
 
 Array = NDArray[np.float64]
@@ -39,10 +39,13 @@ PROBE = 0.1
 """Standard deviations by which a number is moved for its sensitivity."""
 SPACING = 20
 """Milliseconds between the samples that are compared."""
-PROJECTIONS, SETTLED = 8, 0.9
+PROJECTIONS, SETTLED = 6, 0.9
 """Most runs that look for the numbers that imitate an effect best; a step that gains less than a tenth ends the search."""
-_ACCURACY = 0.1
-_TRIES = 14
+COARSE, FINE, NEAR = 3.0, 1.7, 1.25
+"""Factors between sizes that are tried, far from and near the detectable one; d that is near enough for a straight line."""
+CUT = 0.6
+"""Share of the size asked for that the largest one must have."""
+_TRIES = 16
 
 
 @dataclass(frozen=True)
@@ -63,10 +66,10 @@ class Setting:
 
 @dataclass(frozen=True)
 class Sized:
-    """An effect at its size; d as it came out."""
+    """An effect at its size; ``detectable`` is the size at one detectability, None if not looked for."""
 
     size: float
-    d: float
+    detectable: float | None
     hidden: Hidden
     outputs: Array
 
@@ -83,8 +86,7 @@ class Detectability:
         self.linkage = linkage(setting.specimen)
         self.m = quantities(setting.specimen, setting.pose)
         plain = run(self.m, self.linkage, setting.start, per_millisecond(setting.currents))
-        angle = plain["angle"]
-        self.scene = Scene(self.m, setting.duration, float(angle.min()), float(angle.max()), setting.starts)
+        self.scene = scene(self.m, setting, plain)
         self.plain = plain.outputs
 
     @property
@@ -96,93 +98,84 @@ class Detectability:
         """What ideal sensors show with the effect in place: (n, 4) by millisecond."""
         return outputs(self.m, self.linkage, self._setting, hidden)
 
-    def separation(self, changed: Array, twins: tuple[str, ...] = ()) -> float:
-        """d of the outputs (n, 4) against the undisturbed ones; ``twins``: numbers that are kept out of z."""
+    def separation(
+        self, changed: Array, twins: tuple[str, ...] = (), guess: Array | None = None
+    ) -> tuple[float, Array]:
+        """d of the outputs (n, 4) against the undisturbed ones, and the deviations z (numbers,) that imitate it best.
+
+        twins: numbers that are kept out of z. guess: z to begin with.
+        """
         free = [k for k, key in enumerate(DRAWN) if key not in twins]
         n = self._numbers[:, free]
         solve = np.linalg.inv(n.T @ n + np.eye(len(free)))
-        z, rest = np.zeros(len(free)), self._white(changed - self.plain)
+        z, rest = np.zeros(len(DRAWN)), self._white(changed - self.plain)
         cost, share = float(rest @ rest), 1.0
-        for _ in range(PROJECTIONS):
-            tried = z + share * (solve @ (n.T @ rest - z))
+        for step in range(PROJECTIONS):
+            tried = z.copy()
+            if step == 0 and guess is not None:
+                tried = guess
+            else:
+                tried[free] += share * (solve @ (n.T @ rest - z[free]))
             try:
-                left = self._white(changed - self._moved(dict(zip((DRAWN[k] for k in free), tried, strict=True))))
+                left = self._white(changed - self._moved(dict(zip(DRAWN, tried, strict=True))))
+                reached = float(left @ left + tried @ tried)
             except RunError:
+                reached = np.inf
+            if reached < cost:
+                settled = reached > SETTLED * cost
+                z, rest, cost, share = tried, left, reached, min(1.0, 2.0 * share)
+                if settled:
+                    break
+            elif step > 0 or guess is None:
                 share /= 4.0
-                continue
-            reached = float(left @ left + tried @ tried)
-            if reached >= cost:
-                share /= 4.0
-                continue
-            settled = reached > SETTLED * cost
-            z, rest, cost, share = tried, left, reached, min(1.0, 2.0 * share)
-            if settled:
-                break
-        return float(np.sqrt(cost))
+        return float(np.sqrt(cost)), z
 
-    def size_for(self, effect: Concealment, draws: Array, wanted: float) -> Sized:
-        """The effect at the size where d = ``wanted``, not below its floor.
+    def size_for(self, effect: Concealment, draws: Array, strength: float) -> Sized:
+        """The effect at ``strength`` times its detectable size, cut at its largest.
+
+        Raises:
+            TooFaintError: even its largest size stays well below that.
+            RunError: the crane with it leaves its range.
+        """
+        one = self.detectable_size(effect, draws)
+        size = min(strength * one, effect.largest)
+        if size < CUT * strength * one:
+            raise TooFaintError(
+                f"{effect.id}: detectable from {one:.3g} {effect.unit}, so that {strength:g} x is beyond {effect.largest:g}"
+            )
+        hidden = effect.build(size, draws, self.scene)
+        return Sized(size, one, hidden, self.seen(hidden))
+
+    def detectable_size(self, effect: Concealment, draws: Array) -> float:
+        """The size at which d is ``detectable``, not below the effect's floor.
 
         Raises:
             TooFaintError: even its largest size stays below.
         """
-        found = self._search(effect, draws, wanted)
-        least = min(effect.floor * wanted / self.detectable, effect.largest)
-        if found.size >= least:
-            return found
-        hidden = effect.build(least, draws, self.scene)
-        changed = self.seen(hidden)
-        return Sized(least, self.separation(changed, effect.twins), hidden, changed)
-
-    def _search(self, effect: Concealment, draws: Array, wanted: float) -> Sized:
-        low, high = np.log(effect.smallest), np.log(effect.largest)
-        at = 0.5 * (low + high)
-        found: Sized | None = None
-        below: tuple[float, float] | None = None
-        above: tuple[float, float] | None = None
+        least, low_d = effect.smallest, 0.0
+        z: Array | None = None
+        at, factor = effect.smallest, COARSE
         for _ in range(_TRIES):
-            size = float(np.exp(at))
-            hidden = effect.build(size, draws, self.scene)
             try:
-                result = self.seen(hidden)
-                d = max(self.separation(result, effect.twins), 1e-3)
+                guess = None if z is None else z * min(at / least, COARSE)
+                changed = self.seen(effect.build(at, draws, self.scene))
+                d, reached = self.separation(changed, effect.twins, guess)
             except RunError:
-                above, at = (at, np.log(wanted) + 5.0), 0.5 * (at + (below[0] if below else low))
-                if at - low < 1e-3:
-                    break
-                continue
-            if found is None or abs(np.log(d / wanted)) < abs(np.log(found.d / wanted)):
-                found = Sized(size, d, hidden, result)
-            if abs(np.log(d / wanted)) < _ACCURACY:
-                break
-            if d < wanted:
-                below = (at, np.log(d))
-                if at >= high - 1e-9:
-                    raise TooFaintError(f"{effect.id}: d = {d:.1f} at its largest, {wanted:.1f} is asked")
+                d, reached = np.inf, z
+            if d < self.detectable:
+                if at >= effect.largest:
+                    raise TooFaintError(f"{effect.id}: d is {d:.0f} at its largest, {self.detectable:.0f} is asked")
+                least, low_d, z = at, d, reached
+                if d > 0.2 * self.detectable:
+                    factor = min(factor, FINE)
+                at = min(at * factor, effect.largest)
+            elif d < NEAR * self.detectable or at / least < 1.02:
+                return max(effect.floor, at * self.detectable / d)
             else:
-                above = (at, np.log(d))
-                if at <= low + 1e-9:
-                    break
-            at = self._next(below, above, np.log(wanted), low, high)
-        if found is None or abs(np.log(found.d / wanted)) > 0.35:
-            raise TooFaintError(
-                f"{effect.id}: no size between {effect.smallest:g} and {effect.largest:g} has d = {wanted:.1f}"
-            )
-        return found
-
-    @staticmethod
-    def _next(
-        below: tuple[float, float] | None, above: tuple[float, float] | None, goal: float, low: float, high: float
-    ) -> float:
-        if below is None and above is not None:
-            return max(low, above[0] - 1.2 * (above[1] - goal) - 0.1)
-        if above is None and below is not None:
-            return min(high, below[0] + 1.2 * (goal - below[1]) + 0.1)
-        assert below is not None and above is not None
-        if below[1] < goal - 3.0 or above[1] > goal + 3.0:
-            return 0.5 * (below[0] + above[0])
-        share = float(np.clip((goal - below[1]) / (above[1] - below[1]), 0.1, 0.9))
-        return below[0] + share * (above[0] - below[0])
+                share = (self.detectable - low_d) / (min(d, 1e3 * self.detectable) - low_d)
+                factor = 1.0 + (at / least - 1.0) * float(np.clip(share, 0.25, 0.6))
+                at = least * factor
+        raise TooFaintError(f"{effect.id}: its detectable size was not found")
 
     @cached_property
     def _weights(self) -> Array:
@@ -220,6 +213,7 @@ class Detectability:
     def _moved(self, deviations: dict[str, float]) -> Array:
         """Undisturbed outputs of the specimen with numbers moved by so many standard deviations. Raises RunError."""
         setting = self._setting
+        deviations = {key: z for key, z in deviations.items() if z != 0.0}
         factors = {
             key: max(0.05, 1.0 + z * setting.specimen.tolerance(key, setting.pose) / DEVIATIONS_IN_TOLERANCE)
             for key, z in deviations.items()
@@ -231,6 +225,14 @@ class Detectability:
     def _white(self, difference: Array) -> Array:
         spectrum = _spectrum(difference) * self._weights * np.sqrt(2.0)
         return np.concatenate((spectrum.real.ravel(), spectrum.imag.ravel()))
+
+
+def scene(m: Quantities, setting: Setting, plain: Run) -> Scene:
+    """What an effect may need to know of the undisturbed recording."""
+    angle = plain["angle"]
+    return Scene(
+        m, setting.duration, float(angle.min()), float(angle.max()), setting.starts, float(plain["flow_head"].max())
+    )
 
 
 def outputs(m: Quantities, table: Linkage, setting: Setting, hidden: Hidden) -> Array:

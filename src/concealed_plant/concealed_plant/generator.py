@@ -21,8 +21,8 @@ from boom_recording import writing
 from boom_recording.recording import Configuration, Recording
 from concealed_plant.cases import CaseSpec
 from concealed_plant.concealments import CONCEALMENTS
-from concealed_plant.detectability import Detectability, Setting, Sized, TooFaintError, outputs, together
-from concealed_plant.hidden import Hidden, Scene
+from concealed_plant.detectability import Detectability, Setting, Sized, TooFaintError, outputs, scene, together
+from concealed_plant.hidden import Hidden
 from concealed_plant.machine import (
     DEVIATIONS_IN_TOLERANCE,
     DRAWN,
@@ -63,13 +63,13 @@ class GenerationError(RuntimeError):
 
 @dataclass(frozen=True)
 class TrueEffect:
-    """What was concealed. strength: asked for, in multiples of the detectability; d: reached; size [unit]."""
+    """What was concealed. strength: asked for, in multiples of the detectability; detectable: the size at 1 x; size [unit]."""
 
     effect: str
     known: bool
     subsystems: tuple[str, ...]
     strength: float
-    d: float
+    detectable: float | None
     size: float
     unit: str
     parameters: dict[str, float]
@@ -84,7 +84,6 @@ class Answer:
         name, kind: of the case.
         effects: what is concealed, none for healthy machines.
         wrong: keys of the machine file -> standard deviations by which they are off, beyond the scatter of every crane.
-        detectable: d that counts as one detectability in the recording.
         oracle: normalised rms error of the true plant on the second recording, per channel.
         pose: q3 [rad], q4 [m], load told [kg].
     """
@@ -93,7 +92,6 @@ class Answer:
     kind: str
     effects: tuple[TrueEffect, ...]
     wrong: dict[str, float]
-    detectable: float
     oracle: tuple[float, ...]
     pose: tuple[float, float, float]
     attempts: int = 1
@@ -159,12 +157,12 @@ def _attempt(
         if spec.kind == "idle":
             sized.append(_unseen(detectability, row.build, (row.smallest * row.largest) ** 0.5, draws))
         else:
-            sized.append(detectability.size_for(row, draws, strength * detectability.detectable))
+            sized.append(detectability.size_for(row, draws, strength))
     hidden = together([each.hidden for each in sized])
     shown = detectability.seen(hidden)
     effects = tuple(
         TrueEffect(
-            row.id, row.known, row.subsystems, strength, each.d, each.size, row.unit, dict(each.hidden.parameters),
+            row.id, row.known, row.subsystems, strength, each.detectable, each.size, row.unit, dict(each.hidden.parameters),
             each.hidden.onset,
         )
         for (row, strength, _), each in zip(rows, sized, strict=True)
@@ -175,9 +173,7 @@ def _attempt(
     again = _at_work(crane, rng, manner, hidden.changes)
     second, oracle = _second(again, rows, sized, hidden, configuration, bus, rng)
     pose = (crane.told.outer_boom_angle, crane.told.telescope_length, crane.told.load)
-    answer = Answer(
-        spec.name, spec.kind, effects, crane.wrong, detectability.detectable, oracle, pose, attempts=attempt + 1
-    )
+    answer = Answer(spec.name, spec.kind, effects, crane.wrong, oracle, pose, attempts=attempt + 1)
     return answer, first, second
 
 
@@ -185,7 +181,7 @@ def _unseen(detectability: Detectability, build: Any, size: float, draws: Array)
     """An effect of middling size in a recording that is not meant to show it."""
     hidden = build(size, draws, detectability.scene)
     changed = detectability.seen(hidden)
-    return Sized(size, detectability.separation(changed), hidden, changed)
+    return Sized(size, None, hidden, changed)
 
 
 def _manner(spec: CaseSpec) -> str:
@@ -253,14 +249,13 @@ def _second(
 ) -> tuple[Recording, tuple[float, ...]]:  # fmt: skip
     """The same crane with the same physics at other work; what is bound to time is laid anew. With the oracle's error."""
     table, m = linkage(setting.specimen), quantities(setting.specimen, setting.pose)
-    plain = run(m, table, setting.start, per_millisecond(setting.currents))["angle"]
-    scene = Scene(m, setting.duration, float(plain.min()), float(plain.max()), setting.starts)
-    laid = together([row.build(each.size, draws, scene) for (row, _, draws), each in zip(rows, sized, strict=True)])
-    there = Hidden(hidden.changes, laid.courses, hidden.sensing, laid.late)
-    shown = outputs(m, table, setting, there)
+    there = scene(m, setting, run(m, table, setting.start, per_millisecond(setting.currents)))
+    laid = together([row.build(each.size, draws, there) for (row, _, draws), each in zip(rows, sized, strict=True)])
+    same = Hidden(hidden.changes, laid.courses, hidden.sensing, laid.late)
+    shown = outputs(m, table, setting, same)
     recording = record(HOLD_OUT, shown, per_millisecond(setting.currents), configuration, bus, rng)
     measured = Setting(setting.specimen, setting.pose, setting.start, _as_measured(recording), setting.starts)
-    return recording, _errors(outputs(m, table, measured, there), recording)
+    return recording, _errors(outputs(m, table, measured, same), recording)
 
 
 def _as_measured(recording: Recording) -> Array:

@@ -23,6 +23,7 @@ class Scene:
         duration: [s].
         low, high: boom angles that are visited [rad].
         starts: times [s] at which a motion begins.
+        peak: largest flow from the pump to the head side [m^3/s].
     """
 
     m: Quantities
@@ -30,6 +31,7 @@ class Scene:
     low: float
     high: float
     starts: Array
+    peak: float
 
     @property
     def milliseconds(self) -> Array:

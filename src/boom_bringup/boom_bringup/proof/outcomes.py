@@ -21,7 +21,6 @@ class TrueEffect:
     strength: float
     size: float = 0.0
     unit: str = ""
-    d: float = 0.0
     parameters: Mapping[str, float] = field(default_factory=dict)
     onset_s: float | None = None
 
@@ -41,7 +40,7 @@ class Truth:
         """From answer.json."""
         effects = tuple(
             TrueEffect(
-                e["effect"], e["known"], tuple(e["subsystems"]), e["strength"], e["size"], e["unit"], e["d"], e["parameters"],
+                e["effect"], e["known"], tuple(e["subsystems"]), e["strength"], e["size"], e["unit"], e["parameters"],
                 e["onset_s"],
             )
             for e in document["effects"]
