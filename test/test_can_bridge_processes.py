@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import signal
 import subprocess
 import sys
@@ -30,7 +29,6 @@ from boom_node import qos
 
 pytestmark = pytest.mark.process
 PATIENCE = 30.0
-DOMAIN = str(10 + (os.getpid() + 45) % 90)
 CODEC = Codec.load("tz17")
 REST = {
     "imu": {"angle": 0.3, "rate": 0.0},
@@ -72,11 +70,10 @@ class Rig:
     """Server, bridge, ECU and a partner on the topics."""
 
     def __init__(self) -> None:
-        self.environment = dict(os.environ, ROS_DOMAIN_ID=DOMAIN)
         self.processes: list[subprocess.Popen[str]] = []
         self.ecus: list[Ecu] = []
         self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=int(DOMAIN))
+        rclpy.init(context=self.context)
         self.node = rclpy.create_node("partner", context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
@@ -124,7 +121,7 @@ class Rig:
         ]
         command = [sys.executable, "-m", "boom_can_bridge.bridge_node", "--ros-args"]
         command += [word for argument in arguments for word in ("-p", argument)]
-        self.processes.append(subprocess.Popen(command, env=self.environment))
+        self.processes.append(subprocess.Popen(command))
         return self.processes[-1]
 
     def until(self, done: Callable[[], Any]) -> None:
@@ -271,8 +268,7 @@ def test_the_lifecycle_decides_whether_anything_is_published(rig: Rig) -> None:
 def test_a_wrong_setting_ends_with_one_line_and_status_2(parameters: list[str], words: str) -> None:
     command = [sys.executable, "-m", "boom_can_bridge.bridge_node", "--ros-args"]
     command += [word for parameter in parameters for word in ("-p", parameter)]
-    environment = dict(os.environ, ROS_DOMAIN_ID=DOMAIN)
-    result = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    result = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert result.returncode == 2
     assert words in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1

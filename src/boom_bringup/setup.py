@@ -31,6 +31,7 @@ setup(
     entry_points={
         "console_scripts": [
             "tip_pose = boom_bringup.tip_pose_node:main",
+            "latency = boom_bringup.latency_node:main",
             "boom = boom_bringup.cli:main",
         ],
     },

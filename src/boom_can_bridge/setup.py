@@ -26,6 +26,7 @@ setup(
         "console_scripts": [
             "bridge = boom_can_bridge.bridge_node:main",
             "bus_server = boom_can_bridge.bus_server:main",
+            "enable = boom_can_bridge.enable_node:main",
         ],
     },
 )

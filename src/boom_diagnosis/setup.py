@@ -22,4 +22,5 @@ setup(
     description="Validation of the model against recordings, and the reports",
     license="Apache-2.0",
     python_requires=">=3.11",
+    entry_points={"console_scripts": ["watch = boom_diagnosis.watch_node:main"]},
 )

@@ -5,6 +5,7 @@ A command is a module of `boom_bringup.commands` (`import-can` is `import_can`) 
 - `HELP`: one line, a plain string constant (read without importing the module),
 - `add_arguments(parser)`: its options, added to an `argparse.ArgumentParser`,
 - `run(args) -> int`: does the work and returns the exit status,
+- `VERBATIM` (optional): name of the attribute of `args` that takes all words as they are, but for a lone --help,
 - `REST` (optional): name of the attribute of `args` that takes the words which `add_arguments` did not declare.
 
 Exit status: 0 success, 1 the work was done and its answer is no, 2 wrong input, 130 stopped by Ctrl-C.
@@ -20,12 +21,16 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import NoReturn
 
 from boom_bringup import __version__
 
 # The order of the help: what a newcomer needs first comes first.
-_ORDER = ("demo", "test", "validate", "prove", "simulate", "sim", "replay", "record", "import-can", "setup")
+_ORDER = (
+    "demo", "test", "validate", "identify", "diagnose", "prove", "simulate", "sim", "replay", "record", "watch",
+    "import-can", "setup", "python",
+)  # fmt: skip
 _COMMANDS = Path(__file__).with_name("commands")
 _DESCRIPTION = "Model, recordings and control of a forestry crane's inner boom, as ROS 2 processes."
 _EPILOG = "Every command has its own help, for example: {program} validate --help"
@@ -97,20 +102,30 @@ def _run(arguments: Sequence[str], program: str) -> int:
         hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
         raise UsageError(f"unknown command {name}: {hint}")
     module = importlib.import_module(f"boom_bringup.commands.{_module(name)}")
-    description = module.__doc__ or module.HELP
+    return int(module.run(parse(module, f"{program} {name}", list(arguments[1:]))))
+
+
+def parse(module: ModuleType, prog: str, words: list[str]) -> argparse.Namespace:
+    """What a command is given: the words behind its name, understood.
+
+    Raises:
+        UsageError: an option or a value that the command does not know.
+    """
     parser = _Parser(
-        prog=f"{program} {name}",
-        description=description,
+        prog=prog,
+        description=module.__doc__ or module.HELP,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
     module.add_arguments(parser)
-    rest = getattr(module, "REST", None)
+    verbatim, rest = getattr(module, "VERBATIM", None), getattr(module, "REST", None)
+    if verbatim is not None and words not in (["--help"], ["-h"]):
+        return argparse.Namespace(**{verbatim: words})
     if rest is None:
-        return int(module.run(parser.parse_args(list(arguments[1:]))))
-    args, words = parser.parse_known_args(list(arguments[1:]))
-    setattr(args, rest, [word for word in words if word != "--"])
-    return int(module.run(args))
+        return parser.parse_args(words)
+    args, left = parser.parse_known_args(words)
+    setattr(args, rest, [word for word in left if word != "--"])
+    return args
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -137,9 +152,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         # The packages' own error classes are not imported here: what marks them is the attribute.
         wanted = getattr(error, "exit_status", None)
+        text = str(error)
+        if isinstance(error, OSError) and error.strerror:  # a full disk, a folder that may not be written
+            text = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+            wanted = 2
+        elif isinstance(error, MemoryError):
+            text, wanted = "not enough memory: give a shorter recording or duration", 2
         if not isinstance(wanted, int):
             raise
-        print(f"boom: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"boom: {' '.join(text.split())}", file=sys.stderr)
         return wanted
 
 

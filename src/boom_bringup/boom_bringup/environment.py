@@ -13,15 +13,19 @@ Where the user names a Fast DDS profile file of his own, that file decides and t
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import ipaddress
 import os
-from collections.abc import Iterable, Mapping, MutableMapping
+import socket
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping
 from pathlib import Path
 from typing import NamedTuple
 
 NETWORK_MODES = ("loopback", "lan")
 LOOPBACK_PROFILE = Path(__file__).resolve().with_name("loopback.xml")
+# Above 101 the ports of a domain (7400 + 250 each) would lie where the kernel gives ports away; people begin at 0.
+PRIVATE_DOMAINS = range(60, 101)
 
 # What a sourced ROS leaves behind and the wheels must not see, and the loader path that the wheels set for themselves.
 FOREIGN_VARIABLES = (
@@ -148,6 +152,43 @@ def for_processes(environment: Mapping[str, str]) -> dict[str, str]:
     return result
 
 
+@contextlib.contextmanager
+def private_domain() -> Iterator[str]:
+    """Hold a ROS domain that no other closed run on this computer has, and that nobody is heard on.
+
+    Two runs on one domain would hear each other: a demo could drive somebody else's crane. The domain is held by an
+    abstract Unix socket: known as far as loopback traffic goes (the network namespace), gone with the process.
+
+    Yields:
+        The value for `ROS_DOMAIN_ID`.
+
+    Raises:
+        SettingError: all of `PRIVATE_DOMAINS` are taken.
+    """
+    for number in PRIVATE_DOMAINS:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as lock:
+            try:
+                lock.bind(f"\0boom-domain-{number}")
+            except OSError:
+                continue
+            if _is_silent(number):
+                yield str(number)
+                return
+    raise SettingError(
+        f"ROS domains {PRIVATE_DOMAINS[0]} to {PRIVATE_DOMAINS[-1]} are all in use: wait until other demos or tests have ended"
+    )
+
+
+def _is_silent(domain: int) -> bool:
+    """Whether the port of a domain's first participant is free (RTPS 9.6.1.1: 7410 + 250 domain)."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("127.0.0.1", 7410 + 250 * domain))
+        except OSError:
+            return False
+    return True
+
+
 def uses_wheels() -> bool:
     """Tell whether this Python has ROS from the wheels, and not from an installation."""
     return importlib.util.find_spec("ros_wheels_bootstrapper") is not None
@@ -221,10 +262,10 @@ def bound_sockets(pid: int) -> list[BoundSocket]:
 def off_loopback(sockets: Iterable[BoundSocket]) -> list[BoundSocket]:
     """Pick the sockets that can be reached from, or send to, anything but this machine."""
     result = []
-    for socket in sockets:
-        address = ipaddress.ip_address(socket.address)
+    for entry in sockets:
+        address = ipaddress.ip_address(entry.address)
         if isinstance(address, ipaddress.IPv6Address) and address.ipv4_mapped is not None:
             address = address.ipv4_mapped
         if not address.is_loopback:
-            result.append(socket)
+            result.append(entry)
     return result

@@ -63,6 +63,29 @@ def test_an_error_with_an_exit_status_becomes_one_line(monkeypatch, capsys):
     assert capsys.readouterr().err == "boom: bag x has no /joint_states: record it\n"
 
 
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (OSError(28, "No space left on device", "out.json"), "boom: out.json: No space left on device\n"),
+        (MemoryError(), "boom: not enough memory: give a shorter recording or duration\n"),
+    ],
+)
+def test_a_full_disk_or_memory_becomes_one_line_and_status_2(error, line, monkeypatch, capsys):
+    def fail(arguments, program):
+        raise error
+
+    monkeypatch.setattr(cli, "_run", fail)
+    assert cli.main(["setup"]) == 2
+    assert capsys.readouterr().err == line
+
+
+@pytest.mark.parametrize("words", [["--seed", "-1"], ["--duration", "1e9"], ["--duration", "nan"]])
+def test_impossible_options_are_refused_before_any_work(words, capsys):
+    assert cli.main(["simulate", "no_such_bag", "--output", "nowhere", *words]) == 2
+    error = capsys.readouterr().err
+    assert words[0] in error and error.count("\n") == 1
+
+
 def test_a_fault_of_ours_keeps_its_traceback(monkeypatch):
     def fail(arguments, program):
         raise ZeroDivisionError

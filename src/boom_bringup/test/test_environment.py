@@ -1,3 +1,5 @@
+import socket
+
 import pytest
 
 from boom_bringup import environment
@@ -73,3 +75,27 @@ def test_applying_twice_changes_nothing_and_keeps_the_loader_path():
 
 def test_messages_are_checked_before_they_are_sent():
     assert environment.for_processes({})["ROS_PYTHON_CHECK_FIELDS"] == "1"
+
+
+def test_a_private_domain_is_given_to_one_only_and_free_again_afterwards():
+    with environment.private_domain() as first, environment.private_domain() as second:
+        assert first != second
+        assert {int(first), int(second)} <= set(environment.PRIVATE_DOMAINS)
+    with environment.private_domain() as third:
+        assert third == first
+
+
+def test_a_domain_on_which_somebody_is_heard_is_left_alone():
+    with environment.private_domain() as free:
+        pass
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as participant:
+        participant.bind(("127.0.0.1", 7410 + 250 * int(free)))
+        with environment.private_domain() as other:
+            assert other != free
+
+
+def test_no_domain_left_is_an_error_that_says_what_to_do(monkeypatch):
+    with environment.private_domain() as held:
+        monkeypatch.setattr(environment, "PRIVATE_DOMAINS", [int(held)])
+        with pytest.raises(environment.SettingError, match="wait until"), environment.private_domain():
+            pass

@@ -26,6 +26,9 @@ LAUNCH_FILES = sorted((PACKAGE / "launch").glob("*.launch.py"))
 CONFIG_FILES = sorted((PACKAGE / "config").glob("*.yaml"))
 TABLES = {
     ("boom_sim", "simulation"): "boom_sim.settings",
+    ("boom_sim", "ecu"): "boom_sim.ecu_node",
+    ("boom_can_bridge", "bridge"): "boom_can_bridge.settings",
+    ("boom_can_bridge", "enable"): "boom_can_bridge.enable_node",
     ("boom_recording", "recorder"): "boom_recording.recorder_node",
     ("boom_recording", "replay"): "boom_recording.replay_node",
     ("boom_bringup", "tip_pose"): "boom_bringup.tip_pose_node",
@@ -101,7 +104,7 @@ def nodes_of(path: Path, kinds: dict[str, type[Noted]], context: dict[str, str])
 
 
 def context(tmp_path: Path) -> dict[str, str]:
-    return {"bag": str(HEALTHY), "output": str(tmp_path / "new"), "machine": "", "seed": "7"}
+    return {"bag": str(HEALTHY), "output": str(tmp_path / "new"), "machine": "", "seed": "7", "transport": "can"}
 
 
 def programs(package: str) -> set[str]:
@@ -149,14 +152,30 @@ def test_defaults_of_the_simulation_arguments_are_possible_values(launch: dict[s
         assert known[name].problem(value) is None
 
 
+@pytest.mark.parametrize(("transport", "crane"), [("can", "ecu"), ("topics", "simulation")])
 def test_demo_starts_the_simulation_in_the_pose_of_the_recording(
-    launch: dict[str, type[Noted]], tmp_path: Path
+    launch: dict[str, type[Noted]], tmp_path: Path, transport: str, crane: str
 ) -> None:
-    _, nodes = nodes_of(PACKAGE / "launch" / "demo.launch.py", launch, context(tmp_path))
-    simulation = next(node for node in nodes if node.named["executable"] == "simulation").named["parameters"][1]
+    wanted = context(tmp_path) | {"transport": transport}
+    _, nodes = nodes_of(PACKAGE / "launch" / "demo.launch.py", launch, wanted)
+    simulation = next(node for node in nodes if node.named["executable"] == crane).named["parameters"][-1]
     assert (simulation["outer_boom_angle"], simulation["telescope_length"]) == (0.28, 2.2)
     assert simulation["machine"] == "tz17"
     assert simulation["seed"] == 7
+
+
+def test_demo_over_can_has_everybody_on_one_bus(launch: dict[str, type[Noted]], tmp_path: Path) -> None:
+    _, nodes = nodes_of(PACKAGE / "launch" / "demo.launch.py", launch, context(tmp_path))
+    told = {node.named["executable"]: node.named["parameters"][-1] for node in nodes}
+    assert set(told) == {"recorder", "bridge", "ecu", "enable", "replay"}
+    assert told["bridge"]["channel"] == told["ecu"]["channel"]
+    assert told["ecu"]["mode"] == "lockstep"
+    assert told["bridge"]["lockstep"] is told["replay"]["on_ticks"] is True
+
+
+def test_demo_tells_a_transport_that_does_not_exist(launch: dict[str, type[Noted]], tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match="give can or topics"):
+        nodes_of(PACKAGE / "launch" / "demo.launch.py", launch, context(tmp_path) | {"transport": "flexray"})
 
 
 def test_demo_tells_a_bag_that_is_not_there(launch: dict[str, type[Noted]], tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,10 @@ from .command_gate import CommandGate, Output
 from .connection import BusSettings, open_bus
 from .errors import CanConfigurationError
 from .frame_log import FrameLog
+from .lockstep import Lockstep
 from .mapping import SENSOR_FIELDS
 from .receiver import FrameChecker, Reading, Receiver
-from .sender import CommandSender
+from .sender import CommandSender, Pace
 from .watchdog import Watchdog
 
 ECU_FAULT_MODE = 3.0
@@ -36,6 +37,7 @@ class BridgeSettings:
     rise_rate: float = 20.0
     command_timeout: float = 0.05
     revoke_after: float = 1.0
+    lockstep: bool = False
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,7 @@ class Bridge:
         publish: called in the receive thread with every reading while the bridge is active
         tell: called with a line for the user when the connection changes, and whether it is up
         bus_factory: opens the bus; for tests
+        on_cycle: in lockstep, called in the receive thread with the time [s] from which the next command acts
 
     Raises:
         CanConfigurationError: DBC, mapping or log file cannot be used
@@ -66,6 +69,7 @@ class Bridge:
         publish: Callable[[Reading], None],
         tell: Callable[[bool, str], None] = lambda up, text: None,
         bus_factory: Callable[[BusSettings], Any] = open_bus,
+        on_cycle: Callable[[float], None] = lambda now: None,
     ) -> None:
         self.settings = settings
         self.codec = Codec.load(settings.dbc, settings.mapping or None)
@@ -79,12 +83,26 @@ class Bridge:
         largest = min(settings.largest_current, limits["retract_current"].maximum, limits["extend_current"].maximum)
         self.gate = CommandGate(largest, settings.rise_rate, settings.command_timeout, settings.revoke_after)
         self.watchdog = Watchdog(SENSOR_FIELDS, settings.watchdog)
-        self.checker = FrameChecker(self.codec, settings.proof)
+        self.lockstep = Lockstep(self.codec, self._is_idle) if settings.lockstep else None
+        self.checker = FrameChecker(self.codec, settings.proof, self.lockstep)
+        pace = self.lockstep or Pace()
+        self._clock = pace.clock
+        self._on_cycle = on_cycle
+        self._begun: float | None = None
         self.log = FrameLog(Path(settings.log)) if settings.log else None
         raw = self.log.write if self.log else None
-        self.receiver = Receiver(settings.bus, self.checker, self._on_reading, self._on_state, raw, bus_factory)
+        # A log shows the whole bus; without one, frames of others need not come here.
+        known = tuple(dict.fromkeys((frame.arbitration_id, frame.is_extended) for frame in self.codec.frames.values()))
+        bus = settings.bus if self.log else replace(settings.bus, wanted=known)
+        self.receiver = Receiver(bus, self.checker, self._on_reading, self._on_state, raw, bus_factory, self._clock)
         self.sender = CommandSender(
-            self.codec, self.gate, lambda: self.receiver.bus if self._up else None, self.receiver.fail, self._judge, raw
+            self.codec,
+            self.gate,
+            lambda: self.receiver.bus if self._up else None,
+            self.receiver.fail,
+            self._judge,
+            raw,
+            pace,
         )
         self._rate_base = (time.monotonic(), dict.fromkeys(self.codec.frames, 0))
 
@@ -122,16 +140,21 @@ class Bridge:
         """Hand readings on and let commands pass (if enabled), or not."""
         self.active = active
         with self.sender.lock:
-            self._judge(time.monotonic())
+            self._judge(self._clock())
 
     def command(self, retract: float, extend: float, age: float) -> bool:
         """A command [A], [s] old by its stamp; False = refused."""
-        return self.sender.command(retract, extend, age, time.monotonic())
+        return self.sender.command(retract, extend, age)
+
+    @property
+    def simulated_time(self) -> float | None:
+        """In lockstep, the time from which the next command acts [s]: 0 for the first one that may move the boom; None before."""
+        return None if self._begun is None else self._clock() - self._begun
 
     def enable(self, wanted: bool) -> tuple[bool, str]:
         """Enable or disable motion: success and a line."""
         with self.sender.lock:
-            self._judge(time.monotonic())
+            self._judge(self._clock())
             return self.gate.enable(wanted)
 
     def emergency_stop(self, wanted: bool) -> None:
@@ -144,12 +167,26 @@ class Bridge:
         """What was sent last."""
         return self.sender.last
 
+    def _is_idle(self) -> bool:
+        return self.checker.proving or (self._begun is None and not self.gate.enabled)
+
     def _on_reading(self, reading: Reading) -> None:
         if "mode" in reading.values or "faults" in reading.values:
             self._status = reading.values
         self.watchdog.seen(reading.values, reading.received)
-        if self.active:
-            self._publish(reading)
+        if self.lockstep is None:
+            if self.active:
+                self._publish(reading)
+            return
+        # Nothing else is on its way while the first command is: the next cycle is the one that it has made.
+        if self._begun is None and self.sender.last.enable and self.lockstep.is_sensor(reading.frame):
+            self._begun = reading.steady
+        if self._begun is not None and self.active:
+            self._publish(replace(reading, steady=reading.steady - self._begun))
+        if self.lockstep.is_sensor(reading.frame) and self.lockstep.complete:
+            if self._begun is not None:
+                self._on_cycle(self._clock() - self._begun)
+            self.sender.wake()
 
     def _on_state(self, up: bool, text: str) -> None:
         changed = up != self._up or text != self.connection
@@ -210,7 +247,7 @@ class Bridge:
         values["motion"] = "enabled" if output.enable else output.reason
         if self.log is not None:
             values["log"] = self.log.state
-        problem = self._problem(now)
+        problem = self._problem(self._clock())
         level = 0
         message = "active, motion enabled" if output.enable else f"active, zero current: {output.reason}"
         if problem:

@@ -1,6 +1,7 @@
 """The bridge as a lifecycle node: the machine's topics from CAN frames, command frames from /boom/current_command. See README.md.
 
 Configured, it has the bus, listens, and sends zero current. Active, it publishes, and commands pass once ~/enable was called.
+In lockstep (with an ECU that is simulated in lockstep) time is that of the simulation, and /clock tells it.
 """
 
 # ruff: noqa: I001
@@ -15,10 +16,12 @@ from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
-from boom_node.stamps import ns_to_seconds, set_ns, to_ns
+from boom_node.stamps import ns_to_seconds, seconds_to_ns, set_ns, to_ns
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
@@ -27,6 +30,7 @@ from boom_can_bridge import settings
 from boom_can_bridge.bridge import Bridge, BridgeSettings
 from boom_can_bridge.connection import BusSettings, BusUnavailableError
 from boom_can_bridge.errors import CanConfigurationError
+from boom_can_bridge.prepared_message import PreparedMessage
 from boom_can_bridge.receiver import Reading
 
 AMBIENT_PRESSURE_PA = 101_325.0  # sensor_msgs/FluidPressure is absolute; inside, pressures are gauge
@@ -42,25 +46,32 @@ class BridgeNode(LifecycleNode):
         self._bridge: Bridge | None = None
         self._failure = ""
         self._said = ""
+        self._told_enabled = False
+        self._answered = ""
         self._settings = BridgeSettings(
             BusSettings(values.interface, values.channel, values.bitrate),
             values.dbc, values.mapping, values.log, values.good_frames, values.watchdog, values.largest_current,
-            values.rise_rate, values.command_timeout, values.revoke_after,
+            values.rise_rate, values.command_timeout, values.revoke_after, values.lockstep,
         )  # fmt: skip
         self._make_messages()
 
         def publisher(kind: Any, topic: str) -> Any:
-            return self.create_publisher(kind, topic, qos.BY_TOPIC[topic])
+            return self.create_publisher(kind, topic, qos.EVERY_SAMPLE if values.lockstep else qos.BY_TOPIC[topic])
 
         self._joints = publisher(JointState, "/joint_states")
         self._hose = publisher(FluidPressure, "/boom/hose_pressure")
         self._rod = publisher(FluidPressure, "/boom/rod_pressure")
         self._currents = publisher(SolenoidCurrents, "/boom/solenoid_currents")
-        self._configuration = publisher(MachineConfiguration, "/boom/machine_configuration")
+        self._clock_publisher = publisher(ClockMessage, "/clock") if values.lockstep else None
+        self._configuration = self.create_publisher(
+            MachineConfiguration, "/boom/machine_configuration", qos.BY_TOPIC["/boom/machine_configuration"]
+        )
+        self._enabled = self.create_publisher(Bool, "~/motion_enabled", qos.LATCHED)
         self.create_subscription(
             SolenoidCurrents, "/boom/current_command", self._on_command, qos.BY_TOPIC["/boom/current_command"]
         )
         self.create_subscription(Bool, "/boom/emergency_stop", self._on_stop, qos.BY_TOPIC["/boom/emergency_stop"])
+        self._enabled.publish(Bool(data=False))
         self.create_service(SetBool, "~/enable", self._on_enable)
         self._diagnostics = DiagnosticsPublisher(self, self._health, values.machine)
         self.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -77,19 +88,20 @@ class BridgeNode(LifecycleNode):
         fixed = [values.outer_boom_angle, values.telescope_length][: len(values.fixed_joints)]
         names = list(values.fixed_joints)[: len(fixed)]
         joints = JointState(name=[values.joint_name, *names], position=[0.0, *fixed], velocity=[0.0] * (1 + len(fixed)))
-        self._joint_message = joints
-        self._hose_message = FluidPressure(variance=values.pressure_variance)
-        self._hose_message.header.frame_id = "hose"
-        self._rod_message = FluidPressure(variance=values.pressure_variance)
-        self._rod_message.header.frame_id = "rod"
-        self._current_message = SolenoidCurrents()
+        self._joint_message = PreparedMessage(joints, ("position.0", "velocity.0"), serialize_message)
+        self._pressure_messages = {}
+        for field, frame in (("hose_pressure", "hose"), ("rod_pressure", "rod")):
+            pressure = FluidPressure(variance=values.pressure_variance)
+            pressure.header.frame_id = frame
+            self._pressure_messages[field] = PreparedMessage(pressure, ("fluid_pressure",), serialize_message)
+        self._current_message = PreparedMessage(SolenoidCurrents(), ("retract", "extend"), serialize_message)
 
     # ------------------------------------------------------------------------------------------------------- lifecycle
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read the DBC file, open the bus, listen."""
         try:
-            bridge = Bridge(self._settings, self._publish, self._on_connection)
+            bridge = Bridge(self._settings, self._publish, self._on_connection, on_cycle=self._publish_clock)
         except CanConfigurationError as error:
             return self._fail(str(error))
         try:
@@ -112,7 +124,8 @@ class BridgeNode(LifecycleNode):
             machine=values.machine, outer_boom_angle=values.outer_boom_angle, telescope_length=values.telescope_length,
             load_mass=values.load_mass if values.load_mass >= 0 else float("nan"), note=values.note,
         )  # fmt: skip
-        message.header.stamp = self.get_clock().now().to_msg()
+        if not values.lockstep:
+            message.header.stamp = self.get_clock().now().to_msg()
         self._configuration.publish(message)
         self._bridge.activate(True)
         self.get_logger().info(f"active on {self._settings.bus}, DBC {values.dbc}; motion needs ~/enable")
@@ -154,28 +167,28 @@ class BridgeNode(LifecycleNode):
         if bridge is None:
             return
         clock, steady = bridge.checker.clock, time.monotonic()
-        if clock.ros_clock_due(steady):
+        if bridge.lockstep is not None:
+            stamp_ns = seconds_to_ns(reading.steady)
+        elif clock.ros_clock_due(steady):
             stamp_ns = clock.to_ros_ns(reading.steady, steady, self.get_clock().now().nanoseconds)
         else:
             stamp_ns = clock.last_ros_ns(reading.steady)
         values = reading.values
         if "angle" in values:
-            message = self._joint_message
-            set_ns(message.header.stamp, stamp_ns)
-            message.position[0], message.velocity[0] = values["angle"], values["rate"]
-            self._joints.publish(message)
-        for field, pressure, topic in (
-            ("hose_pressure", self._hose_message, self._hose), ("rod_pressure", self._rod_message, self._rod)
-        ):  # fmt: skip
+            self._joints.publish(self._joint_message.fill(stamp_ns, values["angle"], values["rate"]))
+        for field, topic in (("hose_pressure", self._hose), ("rod_pressure", self._rod)):
             if field in values:
-                set_ns(pressure.header.stamp, stamp_ns)
-                pressure.fluid_pressure = values[field] + AMBIENT_PRESSURE_PA
-                topic.publish(pressure)
+                absolute = values[field] + AMBIENT_PRESSURE_PA
+                topic.publish(self._pressure_messages[field].fill(stamp_ns, absolute))
         if "retract_current" in values:
-            set_ns(self._current_message.header.stamp, stamp_ns)
-            self._current_message.retract = values["retract_current"]
-            self._current_message.extend = values["extend_current"]
-            self._currents.publish(self._current_message)
+            currents = self._current_message.fill(stamp_ns, values["retract_current"], values["extend_current"])
+            self._currents.publish(currents)
+
+    def _publish_clock(self, now: float) -> None:
+        """In the receive thread, in lockstep."""
+        message = ClockMessage()
+        set_ns(message.clock, seconds_to_ns(now))
+        self._clock_publisher.publish(message)
 
     def _on_connection(self, up: bool, text: str) -> None:
         if up:
@@ -190,7 +203,11 @@ class BridgeNode(LifecycleNode):
         if bridge is None:
             return
         stamp_ns = to_ns(message.header.stamp)
-        age = ns_to_seconds(self.get_clock().now().nanoseconds - stamp_ns) if stamp_ns else 0.0
+        if bridge.lockstep is not None:
+            now = bridge.simulated_time
+            age = 0.0 if now is None else now - ns_to_seconds(stamp_ns)
+        else:
+            age = ns_to_seconds(self.get_clock().now().nanoseconds - stamp_ns) if stamp_ns else 0.0
         bridge.command(message.retract, message.extend, age)
 
     def _on_stop(self, message: Bool) -> None:
@@ -203,7 +220,9 @@ class BridgeNode(LifecycleNode):
             response.success, response.message = not request.data, "the bridge is not configured: zero current"
         else:
             response.success, response.message = self._bridge.enable(bool(request.data))
-        self.get_logger().info(response.message)
+        if response.message != self._answered:  # who asks again and again is told, not the log
+            self._answered = response.message
+            self.get_logger().info(response.message)
         return response
 
     # ------------------------------------------------------------------------------------------------------------ health
@@ -212,6 +231,9 @@ class BridgeNode(LifecycleNode):
         """Say at once when the motion is taken away or given."""
         if self._bridge is None:
             return
+        if self._bridge.gate.enabled != self._told_enabled:
+            self._told_enabled = self._bridge.gate.enabled
+            self._enabled.publish(Bool(data=self._told_enabled))
         output = self._bridge.output
         said = "motion enabled" if output.enable else f"zero current: {output.reason}"
         if said != self._said:

@@ -73,9 +73,9 @@ class Hub:
             self._discard_until = now + _STANDSTILL
         self._last_beat = now
 
-    def join(self) -> Port:
-        """A new participant's port."""
-        port = Port(self)
+    def join(self, filters: Any = None) -> Port:
+        """A new participant's port; ``filters`` as python-can has them (``can_id``, ``can_mask``, ``extended``)."""
+        port = Port(self, filters)
         with self._lock:
             self._ports.append(port)
         return port
@@ -110,8 +110,9 @@ class Port:
 
     channel_info = "loopback bus"
 
-    def __init__(self, hub: Hub) -> None:
+    def __init__(self, hub: Hub, filters: Any = None) -> None:
         self._hub = hub
+        self._filters = [(int(f["can_id"]), int(f["can_mask"]), f.get("extended")) for f in filters or ()]
         self._waiting: deque[tuple[float, can.Message]] = deque()
         self._arrived = threading.Condition()
 
@@ -121,6 +122,8 @@ class Port:
 
     def put(self, message: can.Message) -> int:
         """Waits to be received. Returns how many older frames were dropped because they waited too long."""
+        if self._filters and not self._wanted(message):
+            return 0
         now = time.monotonic()
         dropped = 0
         with self._arrived:
@@ -130,6 +133,12 @@ class Port:
             self._waiting.append((now, message))
             self._arrived.notify()
         return dropped
+
+    def _wanted(self, message: can.Message) -> bool:
+        return message.is_error_frame or any(
+            extended in (None, message.is_extended_id) and (message.arbitration_id ^ can_id) & mask == 0
+            for can_id, mask, extended in self._filters
+        )
 
     def recv(self, timeout: float) -> can.Message | None:
         """The next frame, or None after ``timeout`` [s]."""
@@ -151,7 +160,7 @@ class _Connection(RemoteServerProtocol):  # type: ignore[misc]  # python-can-rem
         event = self.recv(_PATIENCE)
         if not isinstance(event, dict) or event.get("type") != "bus_request":
             raise ConnectionError("the participant did not ask for a bus")
-        self.bus = hub.join()
+        self.bus = hub.join(event.get("payload", {}).get("config", {}).get("can_filters"))
         self._send_tasks: dict[int, Any] = {}
         self.running = True
         self.send_bus_response(self.bus.channel_info)

@@ -18,11 +18,16 @@ CLOSE_PATIENCE_S = 0.5
 
 @dataclass(frozen=True)
 class BusSettings:
-    """Interface, channel and bitrate [bit/s] (0 = as the interface is set) as python-can takes them."""
+    """Interface, channel and bitrate [bit/s] (0 = as the interface is set) as python-can takes them.
+
+    wanted: (identifier, whether it has 29 bits) of the frames to receive, so that a driver or server that can filter spares this
+    process the others; empty = all. What does not filter hands over all the same.
+    """
 
     interface: str
     channel: str
     bitrate: int = 0
+    wanted: tuple[tuple[int, bool], ...] = ()
 
     def __str__(self) -> str:
         return f"{self.interface} {self.channel}".strip()
@@ -42,6 +47,11 @@ def open_bus(settings: BusSettings) -> can.BusABC:
     # What goes wrong is told by the exceptions; the driver's own lines beside them say it twice.
     logging.getLogger("can").setLevel(logging.CRITICAL)
     options: dict[str, Any] = {"bitrate": settings.bitrate} if settings.bitrate else {}
+    if settings.wanted:
+        options["can_filters"] = [
+            {"can_id": identifier, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
+            for identifier, extended in settings.wanted
+        ]
     try:
         bus = can.Bus(interface=settings.interface, channel=settings.channel, **options)
     except can.CanInterfaceNotImplementedError:

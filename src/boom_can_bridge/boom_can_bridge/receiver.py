@@ -18,6 +18,7 @@ from .clock_map import ClockMap
 from .codec import Codec, CounterCheck
 from .connection import BackOff, BusSettings, BusUnavailableError, close_bus, open_bus
 from .errors import CanConfigurationError, FrameError
+from .lockstep import Lockstep
 from .plausibility import RateCheck
 
 RECEIVE_TIMEOUT_S = 0.05
@@ -69,12 +70,14 @@ class FrameChecker:
     Args:
         codec: of the machine
         proof: frames of each kind that must pass after a (re)connection before any is handed on
+        lockstep: tells the time by the frames, where a simulated ECU makes it
     """
 
-    def __init__(self, codec: Codec, proof: int = 5) -> None:
+    def __init__(self, codec: Codec, proof: int = 5, lockstep: Lockstep | None = None) -> None:
         self.codec = codec
         self.counts = Counts()
         self.clock = ClockMap()
+        self._lockstep = lockstep
         self._proof = proof
         self._counters = CounterCheck(codec)
         self._rates = RateCheck(codec)
@@ -90,6 +93,8 @@ class FrameChecker:
         self.clock.reset()
         self._proven.clear()
         self.proving = True
+        if self._lockstep is not None:
+            self._lockstep.restart()
 
     def check(self, message: can.Message, received: float) -> Reading | None:
         """The reading of a frame, or None where there is none to hand on. Raises nothing, whatever the frame holds.
@@ -130,9 +135,13 @@ class FrameChecker:
         if name == self._outgoing:  # another sender of commands, or our own echo: nothing to publish
             self.counts.good[name] += 1
             return None
-        steady = self.clock.to_steady(float(message.timestamp), received)
         try:
-            self.counts.lost[name] += self._counters.accept(name, decoded.counter, received)
+            lost = self._counters.accept(name, decoded.counter, received)
+            self.counts.lost[name] += lost
+            if self._lockstep is not None:
+                steady = self._lockstep.frame_time(name, lost)
+            else:
+                steady = self.clock.to_steady(float(message.timestamp), received)
             self._rates.accept(name, decoded.values, steady)
         except FrameError:
             if self.proving:
@@ -157,6 +166,7 @@ class Receiver:
         on_state: called in the thread with a line when the connection changes, and whether it is up
         on_raw: called with every frame as it came (for a log)
         bus_factory: opens the bus; for tests
+        clock: steady time [s]
     """
 
     def __init__(
@@ -167,9 +177,11 @@ class Receiver:
         on_state: Callable[[bool, str], None] = lambda up, text: None,
         on_raw: Callable[[can.Message], None] | None = None,
         bus_factory: Callable[[BusSettings], Any] = open_bus,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.settings = settings
         self.checker = checker
+        self._clock = clock
         self.trouble = ""
         self.failures: Counter[str] = Counter()
         self.latencies: deque[float] = deque(maxlen=1000)
@@ -270,7 +282,7 @@ class Receiver:
 
     def _receive(self) -> None:
         garbled = 0
-        before = time.monotonic()
+        before = self._clock()
         while not self._stop.is_set() and not self.trouble:
             try:
                 message = self._bus.recv(RECEIVE_TIMEOUT_S)
@@ -281,12 +293,12 @@ class Receiver:
                 if garbled >= 20:
                     raise
                 continue
-            now = time.monotonic()
+            now = self._clock()
             if now - before > STANDSTILL_S:
                 # This process stood still: the frame is the oldest of many that waited.
                 self._drain()
                 self.checker.restart()
-                before = time.monotonic()
+                before = self._clock()
                 continue
             before = now
             if message is not None:
@@ -308,7 +320,7 @@ class Receiver:
         except Exception as error:
             self.failures[f"publishing: {type(error).__name__}"] += 1
             return
-        self.latencies.append(time.monotonic() - reading.steady)
+        self.latencies.append(self._clock() - reading.steady)
 
 
 def _plain(error: BaseException) -> str:

@@ -20,6 +20,35 @@ CLOSEST_S = 0.004
 """Two frames never follow closer than this, however fast commands come."""
 
 
+class Pace:
+    """When frames go out in real time: every period, and at once when a command arrives."""
+
+    def __init__(self) -> None:
+        self._slack = 0.0
+
+    def clock(self) -> float:
+        """Time that the gate judges by [s]."""
+        return time.monotonic()
+
+    def sent(self, commanded: bool) -> None:
+        """A new frame goes out, for a command or by the timer."""
+        # Commands at the same rate pull the frames along; the timer fills in where one is missing.
+        self._slack = SLACK_S if commanded else 0.0
+
+    def until(self, last: float, waiting: float | None) -> float:
+        """When the next frame is due, on the steady clock [s].
+
+        Args:
+            last: when the last one went out [s]
+            waiting: when the command that has not gone out yet arrived [s]; None = there is none
+        """
+        return last + (PERIOD_S + self._slack if waiting is None else CLOSEST_S)
+
+    def repeats(self) -> bool:
+        """Whether the last frame is to go out again, to the bit, instead of a new one."""
+        return False
+
+
 class CommandSender:
     """Sends what the gate lets through.
 
@@ -30,6 +59,7 @@ class CommandSender:
         on_broken: told the bus and the error when sending fails for good
         before: called under `lock` in front of every decision with the steady time [s]
         on_sent: called with every frame that went out (for a log)
+        pace: when frames go out, and the clock of the gate
     """
 
     def __init__(
@@ -40,6 +70,7 @@ class CommandSender:
         on_broken: Callable[[Any, BaseException], None],
         before: Callable[[float], None] = lambda now: None,
         on_sent: Callable[[can.Message], None] | None = None,
+        pace: Pace | None = None,
     ) -> None:
         self.lock = threading.RLock()
         self.sent = 0
@@ -54,20 +85,27 @@ class CommandSender:
         self._on_broken = on_broken
         self._before = before
         self._on_sent = on_sent
+        self._pace = pace or Pace()
         self._counter = 0
+        self._message: can.Message | None = None
         self._wake = threading.Condition()
         self._waiting: float | None = None
         self._running = False
         self._thread: threading.Thread | None = None
 
-    def command(self, retract: float, extend: float, age: float, now: float) -> bool:
+    def command(self, retract: float, extend: float, age: float) -> bool:
         """A command from the topic, see `CommandGate.command`; it goes out at once."""
         with self.lock:
-            accepted = self._gate.command(retract, extend, age, now)
+            accepted = self._gate.command(retract, extend, age, self._pace.clock())
         with self._wake:
-            self._waiting = now
+            self._waiting = time.monotonic()
             self._wake.notify()
         return accepted
+
+    def wake(self) -> None:
+        """The pace may have another answer now."""
+        with self._wake:
+            self._wake.notify()
 
     def start(self) -> None:
         """Start the thread."""
@@ -85,40 +123,39 @@ class CommandSender:
             self._thread = None
         with self.lock:
             self._gate.enable(False)
-        self._send(time.monotonic())
+        self._send()
 
     def _run(self) -> None:
         last = time.monotonic()
-        due = last + PERIOD_S
         while True:
             with self._wake:
                 while self._running:
                     now = time.monotonic()
-                    until = due if self._waiting is None else min(due, last + CLOSEST_S)
+                    until = self._pace.until(last, self._waiting)
                     if now >= until:
                         break
                     self._wake.wait(until - now)
                 if not self._running:
                     return
-                arrived, self._waiting = self._waiting, None
+                again = self._pace.repeats()
+                arrived = self._waiting
+                self._waiting = arrived if again else None
             last = time.monotonic()
             try:
-                if self._send(last) and arrived is not None:
+                if again:
+                    self._put(self._message)
+                elif self._send(arrived is not None) and arrived is not None:
                     self.latencies.append(time.monotonic() - arrived)
             except Exception as error:  # nothing may end this thread but `stop`: the ECU would wait for its time-out
                 self.failures[type(error).__name__] += 1
-            # Commands at the same rate pull the frames along; the timer fills in where one is missing.
-            due = last + PERIOD_S + (SLACK_S if arrived is not None else 0.0)
 
-    def _send(self, now: float) -> bool:
+    def _send(self, commanded: bool = False) -> bool:
+        self._pace.sent(commanded)
         with self.lock:
+            now = self._pace.clock()
             self._before(now)
             output = self._gate.output(now)
             self.last = output
-        bus = self._bus()
-        if bus is None:
-            self.dropped += 1
-            return False
         values = {"retract_current": output.retract, "extend_current": output.extend, "enable": float(output.enable)}
         self._counter += 1
         try:
@@ -128,13 +165,21 @@ class CommandSender:
             self.failures["range"] += 1
             values = dict.fromkeys(values, 0.0)
             identifier, payload = self._codec.encode(self._frame.name, values, self._counter)
-        message = can.Message(
+        self._message = can.Message(
             timestamp=time.time(),
             arbitration_id=identifier,
             data=payload,
             is_extended_id=self._frame.is_extended,
             is_rx=False,
         )
+        return self._put(self._message)
+
+    def _put(self, message: can.Message | None) -> bool:
+        """Hand a frame to the bus; False = it did not go out."""
+        bus = self._bus()
+        if bus is None or message is None:
+            self.dropped += 1
+            return False
         try:
             done = send_now(bus, message)
         except Exception as error:

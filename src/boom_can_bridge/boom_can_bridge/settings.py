@@ -19,6 +19,10 @@ PARAMETERS = (
     ParameterSpec(
         "revoke_after", 1.0, "silence of the commands after which motion must be enabled anew", "s", 0.1, 3600.0, read_only=True
     ),
+    ParameterSpec(
+        "lockstep", False, "a simulated ECU in lockstep makes the time: publish it on /clock, send with each command only",
+        read_only=True,
+    ),
     ParameterSpec("machine", "tz17", "machine file that the configuration names", read_only=True),
     ParameterSpec("outer_boom_angle", 0.28, "locked outer boom joint q3", "rad", -3.2, 6.3, read_only=True),
     ParameterSpec("telescope_length", 2.2, "locked telescope extension q4, both stages", "m", 0.0, 20.0, read_only=True),

@@ -13,7 +13,7 @@ from boom_can_bridge.bridge import Bridge, BridgeSettings
 from boom_can_bridge.clock_map import ClockMap
 from boom_can_bridge.codec import Codec
 from boom_can_bridge.command_gate import CommandGate
-from boom_can_bridge.connection import BackOff, BusSettings, BusUnavailableError
+from boom_can_bridge.connection import BackOff, BusSettings, BusUnavailableError, open_bus
 from boom_can_bridge.errors import CanConfigurationError
 from boom_can_bridge.frame_log import FrameLog
 from boom_can_bridge.fuzz import fuzz
@@ -229,6 +229,15 @@ def test_waiting_times_double_up_to_two_seconds():
     assert waits == [0.1, 0.2, 0.4, 0.8, 1.6, 2.0, 2.0]
     back_off.reset()
     assert back_off.wait() == 0.1
+
+
+def test_a_busy_channel_is_told_with_what_to_do(monkeypatch):
+    def busy(**_options):
+        raise can.CanInitializationError("[Errno 16] Device or resource busy")
+
+    monkeypatch.setattr(can, "Bus", busy)
+    with pytest.raises(BusUnavailableError, match="another program has the channel: end it, or choose another channel"):
+        open_bus(BusSettings("slcan", "/dev/ttyACM0"))
 
 
 class FakeBus:

@@ -18,6 +18,7 @@ import can
 import pytest
 
 from boom_can_bridge.bus_server import LONGEST_WAIT, BusServer, Hub
+from boom_can_bridge.connection import BusSettings, close_bus, open_bus
 
 PATIENCE = 20.0
 
@@ -83,6 +84,20 @@ def test_every_frame_reaches_every_other_participant_in_one_order(join: Callable
         assert got[0].data == got[1].data == frame(number * 1000).data
         assert got[0].timestamp == got[1].timestamp > 1.5e9
     assert sender.recv(0.0) is None
+
+
+def test_participant_that_wants_some_frames_is_spared_the_others(
+    server: Server, join: Callable[[], can.BusABC]
+) -> None:
+    sender = join()
+    few = open_bus(BusSettings("remote", server.channel, wanted=((0x102, False), (0x103, True))))
+    try:
+        for identifier, extended in ((0x101, False), (0x103, False), (0x103, True), (0x102, True), (0x102, False)):
+            sender.send(can.Message(arbitration_id=identifier, is_extended_id=extended, data=b""))
+        got = [received(few) for _ in range(2)]
+        assert [(m.arbitration_id, m.is_extended_id) for m in got] == [(0x103, True), (0x102, False)]
+    finally:
+        close_bus(few)
 
 
 def test_port_that_is_taken_is_one_line_and_status_2(server: Server) -> None:

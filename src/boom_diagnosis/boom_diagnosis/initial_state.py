@@ -32,11 +32,12 @@ FIT_WINDOW = 1.0
 
 NOISE = {"angle": 4e-4, "rate": 1.5e-3, "hose_pressure": 2e4, "rod_pressure": 2e4}
 """rad, rad/s, Pa: weights of the four channels in the fit (sensors of ch. 6.4)."""
-_UNCERTAINTY = {
+UNCERTAINTY = {
     "angle": 1e-3, "rate": 1e-2, "head_pressure": 5e5, "rod_pressure": 5e5, "hose_pressure": 3e5,
     "accumulator_pressure_1": 1e6, "accumulator_pressure_2": 1e6, "spool_position": 1e-3, "spool_velocity": 1e-3,
     "pilot_retract": 3e-3, "pilot_extend": 3e-3,
 }  # fmt: skip
+"""How far the guess of a state in motion may be off (standard deviation, SI)."""
 
 
 @dataclass(frozen=True)
@@ -52,25 +53,27 @@ def initial_state(
     recording: Recording, plant: Plant, currents: HeldCurrents, start: float, end: float
 ) -> InitialState | None:
     """Initial state of the run over [start, end] [s]; None where a channel has no valid sample there to begin with."""
-    rest_end = _rest_end(currents, start, end)
-    means = _means_at_rest(recording, start, rest_end)
+    resting = rest_end(currents, start, end)
+    means = means_at_rest(recording, start, resting)
     if means is not None:
         state = plant.rest_state(means["angle"], means["hose_pressure"], means["rod_pressure"])
-        return InitialState(start, state, f"at rest from {start:.2f} s to {rest_end:.2f} s")
+        return InitialState(start, state, f"at rest from {start:.2f} s to {resting:.2f} s")
     return _in_motion(recording, plant, currents, start, end)
 
 
 def resting_start(recording: Recording) -> dict[str, float] | None:
     """Mean of the four channels [SI] while the boom rests at the beginning of a recording; None if it does not."""
     currents = held_currents(recording)
-    return _means_at_rest(recording, 0.0, _rest_end(currents, 0.0, recording.duration))
+    return means_at_rest(recording, 0.0, rest_end(currents, 0.0, recording.duration))
 
 
-def _rest_end(currents: HeldCurrents, start: float, end: float) -> float:
+def rest_end(currents: HeldCurrents, start: float, end: float) -> float:
+    """Until when [s] the boom may rest at the beginning of [start, end]: no current has opened the valve yet."""
     return min(start + REST_WINDOW, currents.first_above(CLOSED_CURRENT, start), end)
 
 
-def _means_at_rest(recording: Recording, start: float, end: float) -> dict[str, float] | None:
+def means_at_rest(recording: Recording, start: float, end: float) -> dict[str, float] | None:
+    """Means of the four channels [SI] over [start, end] [s]; None where the boom moves or the time is too short."""
     if end - start < SHORTEST_REST:
         return None
     means = {name: _mean(recording, name, start, end) for name in OUTPUTS}
@@ -90,7 +93,7 @@ def _in_motion(
     first = {name: float(np.mean(values[:3])) for name, (_, values) in samples.items()}
     guess = stationary_guess(plant, first, currents.at(start))
     names = plant.state_names
-    spread = np.array([_UNCERTAINTY.get(name, max(abs(g), 1e-9)) for name, g in zip(names, guess, strict=True)])
+    spread = np.array([UNCERTAINTY.get(name, max(abs(g), 1e-9)) for name, g in zip(names, guess, strict=True)])
     times = np.unique(np.concatenate([time for time, _ in samples.values()]))
     times = times[times >= start]
     where = {name: np.searchsorted(times, time) for name, (time, _) in samples.items()}

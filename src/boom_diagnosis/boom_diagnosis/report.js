@@ -18,8 +18,11 @@
       spec.layout.font.size = 11;
       spec.layout.margin.l = 40;
       spec.layout.margin.r = 6;
-      spec.layout.margin.t += 30;
-      spec.layout.height += 30;
+      // The legend wraps to two entries a row.
+      const entries = spec.data.filter((trace) => trace.type === "scatter" && trace.showlegend !== false).length;
+      const grow = spec.layout.legend && entries > 2 ? Math.max(30, 40 + 20 * Math.ceil(entries / 2) - spec.layout.margin.t) : 0;
+      spec.layout.margin.t += grow;
+      spec.layout.height += grow;
       spec.layout.annotations.filter((note) => note.name === "error").forEach((note) => { note.text = note.text.split(" (")[0]; });
       Object.keys(spec.layout).filter((key) => key.startsWith("xaxis")).forEach((key) => { spec.layout[key].nticks = 6; });
     }
@@ -43,11 +46,18 @@
   window.addEventListener("beforeprint", function () {
     figures.forEach(function (figure) {
       draw(figure);
-      figure.dataset.height = figure.layout.height;
-      Plotly.relayout(figure, { width: 690, height: 800 });
+      const own = figure.layout.height, height = Math.min(800, own), margin = figure.layout.margin;
+      figure.dataset.height = own;
+      figure.dataset.legend = figure.layout.legend ? figure.layout.legend.y : "";
+      Plotly.relayout(figure, { width: 690, height: height });
+      // The legend keeps its distance in pixels from the first panel.
+      if (height < own) Plotly.relayout(figure, { "legend.y": 1 + 26 / (height - margin.t - margin.b) });
     });
   });
   window.addEventListener("afterprint", function () {
-    figures.forEach((figure) => Plotly.relayout(figure, { width: null, height: Number(figure.dataset.height), autosize: true }));
+    figures.forEach(function (figure) {
+      Plotly.relayout(figure, { width: null, height: Number(figure.dataset.height), autosize: true });
+      if (figure.dataset.legend) Plotly.relayout(figure, { "legend.y": Number(figure.dataset.legend) });
+    });
   });
 })();

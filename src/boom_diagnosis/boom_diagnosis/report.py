@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from datetime import datetime
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 
 from boom_diagnosis import __version__, report_events, report_figure, report_inputs, report_tables
+from boom_diagnosis.report_page import chart, page
 from boom_diagnosis.report_verdict import verdict
 from boom_diagnosis.validation import BagValidation, Prediction, Validation
 from boom_model.machine import Machine
-
-# The page may load nothing at all: what is in the file is all there is.
-_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; form-action 'none'"
-)
-_CLOUD = "https://cloud.plotly.com/newchart"
 
 _METHOD = (
     "Both models run freely: they see the measured currents and the initial state, nothing else, and are never "
@@ -60,25 +53,7 @@ def write_report(
         f"<section class=card><h2>About this report</h2><p>{escape(_METHOD)}</p>"
         f"{report_inputs.section(validation, machine, machine_source)}</section>"
     )
-    Path(path).write_text(_page(heading, body), encoding="utf-8")
-
-
-def _page(heading: str, body: str) -> str:
-    from plotly.offline import get_plotlyjs  # half a second, which only a report costs
-
-    # The library can send a chart to its maker's server; report.js switches that off, and there is no address either.
-    plotly = get_plotlyjs().replace(_CLOUD, "")
-    own = files("boom_diagnosis")
-    style, script = own.joinpath("report.css").read_text("utf-8"), own.joinpath("report.js").read_text("utf-8")
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><title>{escape(heading)}</title>'
-        f"<style>\n{style}</style></head><body><main>{body}"
-        "<noscript><p class=alert>The charts need JavaScript; the tables above are complete without "
-        "it.</p></noscript></main>\n"
-        f"<script>{plotly}</script>\n<script>\n{script}</script></body></html>\n"
-    )
+    Path(path).write_text(page(heading, body), encoding="utf-8")
 
 
 def _made(validation: Validation, command: str) -> str:
@@ -124,15 +99,11 @@ def _recording(bag: BagValidation, index: int) -> str:
     runs = "".join(
         f"<li>{p.label} model, {escape(run)}</li>" for p in (bag.full, bag.reduced) for run in p.runs or (_not_run(p),)
     )
-    # "<" would end the script element wherever a name holds "</script>".
-    chart = report_figure.figure(bag)
-    spec = json.dumps(chart, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     return (
         f"<section class='card recording' id='bag-{index}'><h2>{escape(recording.name)} "
         f"<span class='pill {said.kind.replace(' ', '-')}'>{said.kind}</span></h2><p class=quiet>{escape(about)}</p>"
         f"<p>{escape(said.sentence)}</p>{stopped}{warnings}{report_tables.errors(bag)}"
-        f"<div class=figure data-spec='spec-{index}' style='min-height:{chart['layout']['height']}px'></div>"
-        f"<script type='application/json' id='spec-{index}'>{spec}</script>"
+        f"{chart(f'spec-{index}', report_figure.figure(bag))}"
         f"<h3>Free runs and their initial states</h3><ul>{runs}</ul><h3>Gaps, losses and faults</h3>"
         f"{report_events.section(recording.events)}{notes}</section>"
     )

@@ -29,22 +29,31 @@ def section(validation: Validation, machine: Machine | None, machine_source: str
         for file, checksum in recording_files(bag.recording)
     ]
     if machine_source is not None:
-        rows.append((f"machine {validation.machine}", *_machine_file(machine_source)))
+        rows.append((f"machine {validation.machine}", *machine_file(machine_source)))
+    return f"{files_table(rows)}{'' if machine is None else machine_section(machine)}"
+
+
+def files_table(rows: list[tuple[str, str, str]]) -> str:
+    """HTML: (what it is, file, sha256) of each input."""
     listed = "".join(
         f"<tr><td>{escape(what)}</td><td>{escape(file)}</td><td><code class=hash>{checksum}</code></td></tr>"
         for what, file, checksum in rows
     )
-    table = (
-        "<div class=scroll><table><thead><tr><th>input</th><th>file</th><th>sha256</th></tr></thead>"
+    return (
+        "<h3>Files</h3><div class=scroll><table><thead><tr><th>input</th><th>file</th><th>sha256</th></tr></thead>"
         f"<tbody>{listed}</tbody></table></div>"
     )
-    return f"<h3>Files</h3>{table}{'' if machine is None else _machine(machine)}"
 
 
 def recording_files(recording: Recording) -> list[tuple[str, str]]:
     """(file name, sha256) of the files a recording was read from; none where it was made in memory."""
+    return bag_files(recording.path)
+
+
+def bag_files(path: Path) -> list[tuple[str, str]]:
+    """(file name, sha256) of the files of a bag; none where there is none."""
     try:
-        found = bag_folder.find(recording.path).files
+        found = bag_folder.find(path).files
     except RecordingError:
         return []
     return [(file.name, _sha256(file)) for file in found]
@@ -58,14 +67,16 @@ def _sha256(path: Path) -> str:
         return f"not readable any more: {error.strerror}"
 
 
-def _machine_file(source: str | Path) -> tuple[str, str]:
+def machine_file(source: str | Path) -> tuple[str, str]:
+    """(file name, sha256) of a machine file, given as a path or as the name of a shipped one."""
     shipped = files("boom_model").joinpath("machines", f"{source}.yaml")
     if not Path(source).is_file() and shipped.is_file():
         return f"{source}.yaml (shipped)", hashlib.sha256(shipped.read_bytes()).hexdigest()
     return Path(source).name, _sha256(Path(source))
 
 
-def _machine(machine: Machine) -> str:
+def machine_section(machine: Machine) -> str:
+    """HTML: every number of a machine with source and confidence, and the effects that it carries."""
     parameters = machine.parameters.values()
     sure = Counter(p.confidence or "not rated" for p in parameters)
     counted = ", ".join(f"{count} {name}" for name, count in sorted(sure.items(), key=lambda item: -item[1]))

@@ -61,6 +61,8 @@ def verdict(bag: BagValidation) -> Verdict:
     if missing:
         text = f"no prediction could be compared in {_listed(missing)}"
         return Verdict("not compared", f"not compared: {text}", f"{text[0].upper()}{text[1:]}.{_why(bag.full)}")
+    if bag.too_little:
+        return Verdict("not compared", f"not compared: {bag.too_little}", f"Nothing can be said: {bag.too_little}.")
     sentence = f"The full model agrees with the measurement within the sensors' noise: {numbers}."
     return Verdict("agrees", "agrees within sensor noise", sentence)
 

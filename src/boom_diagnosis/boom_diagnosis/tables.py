@@ -19,6 +19,8 @@ from boom_diagnosis.validation import BagValidation, Validation
 
 WIDTH = 100
 """Columns where the output is no terminal."""
+NARROW = 88
+"""Columns below which pose and load are left out: the report shows them."""
 
 _STYLES = {"agrees": "green", "differs": "bold red", "stopped": "bold red", "not compared": "yellow"}
 
@@ -43,24 +45,26 @@ def print_validation(validation: Validation, console: Console) -> None:
 
 
 def _print(validation: Validation, console: Console) -> None:
-    console.print(full_table(validation))
+    narrow = console.width < NARROW
+    console.print(full_table(validation, narrow=narrow))
     if validation.bags:
         console.print(limits_text(validation.bags[0].limits), style="dim")
     console.print()
-    console.print(reduced_table(validation))
+    console.print(reduced_table(validation, narrow=narrow))
     console.print(REMARK, style="dim")
     console.print()
     for bag in validation.bags:
         _print_bag(bag, console)
 
 
-def full_table(validation: Validation) -> Table:
-    """Table 5.1: the full model against the measurement."""
-    table = _table("Table 5.1: full model against the measurement")
+def full_table(validation: Validation, *, narrow: bool = False) -> Table:
+    """Table 5.1: the full model against the measurement; ``narrow`` without pose and thesis."""
+    table = _table("Table 5.1: full model against the measurement", narrow)
     table.add_column("angle MAE\n\\[rad]", justify="right", no_wrap=True)
     for channel in CHANNELS[1:]:
         table.add_column(f"{channel.label.split()[0]} rms\n\\[{channel.error_unit}]", justify="right", no_wrap=True)
-    table.add_column("thesis MAE\n\\[rad]", no_wrap=True)
+    if not narrow:
+        table.add_column("thesis MAE\n\\[rad]", no_wrap=True)
     for bag in validation.bags:
         cells = [_rad(bag.full.metrics.angle_mae_rad)]
         for channel in CHANNELS[1:]:
@@ -68,24 +72,25 @@ def full_table(validation: Validation) -> Table:
             cells.append("-" if value is None else number(value * channel.error_scale))
         styles = ["red" if (r := ratio(c, bag)) is None or r > 1 else "" for c in CHANNELS]
         texts = [Text(cell, style) for cell, style in zip(cells, styles, strict=True)]
-        table.add_row(*_pose(bag), *texts, Text(beside_short(bag.recording.configuration, "5.1") or "-"))
+        table.add_row(*_row(bag, texts, "5.1", narrow))
     return table
 
 
-def reduced_table(validation: Validation) -> Table:
-    """Table 5.2: the reduced model against the full model."""
-    table = _table("Table 5.2: reduced model against the full model")
+def reduced_table(validation: Validation, *, narrow: bool = False) -> Table:
+    """Table 5.2: the reduced model against the full model; ``narrow`` without pose and thesis."""
+    table = _table("Table 5.2: reduced model against the full model", narrow)
     table.add_column("angle MAE\n\\[rad]", justify="right", no_wrap=True)
     table.add_column("\n\\[mrad]", justify="right", no_wrap=True)
-    table.add_column("thesis MAE\n\\[rad]", no_wrap=True)
+    if not narrow:
+        table.add_column("thesis MAE\n\\[rad]", no_wrap=True)
     for bag in validation.bags:
         value = bag.reduced_vs_full_angle_mae_rad
         shown = "-" if value is None else number(value * 1e3)
-        table.add_row(*_pose(bag), _rad(value), shown, Text(beside_short(bag.recording.configuration, "5.2") or "-"))
+        table.add_row(*_row(bag, [Text(_rad(value)), Text(shown)], "5.2", narrow))
     return table
 
 
-def _table(title: str) -> Table:
+def _table(title: str, narrow: bool) -> Table:
     table = Table(
         title=title,
         title_justify="left",
@@ -96,8 +101,9 @@ def _table(title: str) -> Table:
         header_style="bold",
     )
     table.add_column("recording", overflow="fold", min_width=12)
-    for head in ("q3\n\\[rad]", "q4\n\\[m]", "load\n\\[kg]"):
-        table.add_column(head, justify="right", no_wrap=True)
+    if not narrow:
+        for head in ("q3\n\\[rad]", "q4\n\\[m]", "load\n\\[kg]"):
+            table.add_column(head, justify="right", no_wrap=True)
     return table
 
 
@@ -112,10 +118,12 @@ def _print_bag(bag: BagValidation, console: Console) -> None:
         console.print(Text(f"  {line}"))
 
 
-def _pose(bag: BagValidation) -> list[Text]:
+def _row(bag: BagValidation, numbers: list[Text], thesis_table: str, narrow: bool) -> list[Text]:
     c = bag.recording.configuration
-    cells = (bag.recording.name, f"{c.outer_boom_angle:g}", f"{c.telescope_length:g}", load_text(c.load_mass))
-    return [Text(cell) for cell in cells]
+    if narrow:
+        return [Text(bag.recording.name), *numbers]
+    pose = [Text(f"{c.outer_boom_angle:g}"), Text(f"{c.telescope_length:g}"), Text(load_text(c.load_mass))]
+    return [Text(bag.recording.name), *pose, *numbers, Text(beside_short(c, thesis_table) or "-")]
 
 
 def _rad(value: float | None) -> str:

@@ -30,6 +30,10 @@ ANGLE_LIMIT = 1.0e-3
 NOISE_FACTOR = 2.0
 """Times the sensors' noise: largest rms error of a model that is right."""
 TOLERANCE = 1e-5
+SHORTEST = 5.0
+"""s. Less than this says nothing about a model."""
+LEAST_MOTION = 0.02
+"""rad. A boom that moves less has stood: the model is only asked to stand, too."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +91,28 @@ class BagValidation:
                 names.append(name)
         return names
 
+    @property
+    def compared_s(self) -> float:
+        """For how long the angle was both measured and predicted [s]."""
+        time = self.recording.signals["angle"].time[self._compared]
+        return float(len(time) * np.median(np.diff(time))) if len(time) > 1 else 0.0
+
+    @property
+    def too_little(self) -> str:
+        """Why nothing can be said about the model, empty if something can."""
+        if self.full.stopped or self.mismatches:
+            return ""
+        if self.compared_s < SHORTEST:
+            return f"{self.compared_s:.2g} s are too few, at least {SHORTEST:g} s are needed"
+        angle = self.recording.signals["angle"].values[self._compared]
+        if np.ptp(angle) < LEAST_MOTION:
+            return f"the boom did not move (by {np.ptp(angle):.2g} rad, at least {LEAST_MOTION:g} rad are needed)"
+        return ""
+
+    @property
+    def _compared(self) -> NDArray[np.bool_]:
+        return self.recording.signals["angle"].valid & np.isfinite(self.full.values["angle"])
+
     def document(self) -> dict[str, Any]:
         """As in ``validate --json``."""
         result: dict[str, Any] = {
@@ -100,7 +126,8 @@ class BagValidation:
                 {"kind": str(e.kind), "topic": e.topic, "start_s": e.start_s, "end_s": e.end_s, "count": e.count}
                 for e in self.recording.events
             ],
-            "agrees": not self.mismatches,
+            "compared_s": self.compared_s,
+            "agrees": not self.mismatches and not self.too_little,
             "warnings": list(self.recording.warnings),
         }
         for prediction in (self.full, self.reduced):

@@ -2,13 +2,15 @@
 
 import base64
 import dataclasses
+import io
 import json
 import re
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from diagnosis_samples import constant, tz17, validated
+from diagnosis_samples import constant, simulated, tz17, validated
+from rich.console import Console
 
 from boom_diagnosis import report_events
 from boom_diagnosis.report import write_report
@@ -261,3 +263,24 @@ def test_terminal_tables_fit_100_columns_and_are_plain_when_piped(capsys):
     assert "Table 5.1" in printed and "Table 5.2" in printed and "hose_burst_valve_lag_a" in printed
     assert "\x1b" not in printed
     assert max(len(line) for line in printed.splitlines()) <= WIDTH
+
+
+@pytest.mark.parametrize("width", [56, 70])
+def test_tables_keep_names_and_numbers_whole_on_a_narrow_terminal(width):
+    stream = io.StringIO()
+    print_validation(Validation("tz17", [validated("explained/payload_change_b")]), Console(file=stream, width=width))
+    printed = stream.getvalue()
+    assert "…" not in printed and "rod rms" in printed and "0.00" in printed
+    assert max(len(line.rstrip()) for line in printed.splitlines()) <= width
+
+
+@pytest.mark.parametrize(
+    ("duration", "current", "said"),
+    [(1.0, 0.5, "1 s are too few, at least 5 s are needed"), (8.0, 0.0, "the boom did not move")],
+)
+def test_too_short_or_standing_recordings_are_not_said_to_agree(duration, current, said):
+    time = np.arange(round(duration / 0.01)) * 0.01
+    currents = np.column_stack((np.zeros_like(time), np.where(time > 0.95, current, 0.0)))
+    bag = validate(simulated(duration, currents), tz17())
+    assert said in verdict(bag).short
+    assert bag.document()["agrees"] is False

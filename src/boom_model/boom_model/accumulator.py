@@ -85,7 +85,7 @@ def orifice_flow(
 
 
 def compliance(pressure: Expression, precharge: Expression, bulk_modulus: Expression, p: Any) -> Expression:
-    """DV / dp [m^3/Pa] of an accumulator at rest with the line, 0 below pre-charge: the denominator of (5.45).
+    """dV / dp [m^3/Pa] of an accumulator at rest with the line, 0 below pre-charge: the denominator of (5.45).
 
     (V_o / beta) + V_g / (kappa p_o), which is (3.19) with q_o = V' solved for q_o / p_o'.
     """

@@ -26,6 +26,6 @@ SPECIFICATIONS = (
 
 
 def flow(pressure: Expression, p: Any) -> Expression:
-    """Q [m^3/s] into the port with the gauge pressure [Pa]."""
+    """q [m^3/s] into the port with the gauge pressure [Pa]."""
     a = p.main_valve_orifices.anti_cavitation
     return p.fluid.C_d * a.A_ac * ca.sqrt(2 / p.fluid.rho) * signed_sqrt(positive(a.p_open - pressure))

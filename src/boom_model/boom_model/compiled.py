@@ -91,5 +91,5 @@ def build(equations: Equations) -> ctypes.CDLL:
     Raises:
         BuildError: no compiler, or the cache folder is not writable.
     """
-    integrator = files("boom_model").joinpath("integrator.c").read_text()
-    return _load(HEAD + generate(equations) + integrator)
+    sources = [files("boom_model").joinpath(name).read_text() for name in ("integrator.c", "observer.c")]
+    return _load(HEAD + generate(equations) + "".join(sources))

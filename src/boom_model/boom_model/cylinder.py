@@ -38,7 +38,7 @@ def rod_volume(position: Expression, p: Any) -> Expression:
 
 
 def pressure_rate(bulk_modulus: Expression, volume: Expression, net_flow: Expression) -> Expression:
-    """P' [Pa/s] of a volume [m^3] into which net_flow [m^3/s] is pressed, (3.8)."""
+    """p' [Pa/s] of a volume [m^3] into which net_flow [m^3/s] is pressed, (3.8)."""
     return bulk_modulus / volume * net_flow
 
 

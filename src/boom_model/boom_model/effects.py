@@ -44,6 +44,7 @@ class Effect:
         regime: when it shows.
         states: (name, unit) of the states that it brings while active.
         needs: structure that the machine must have, e.g. "hose_burst_valve"; empty if none.
+        independent: each parameter is a term of its own; otherwise the first one leads, and without it there is no term.
     """
 
     id: str
@@ -54,6 +55,12 @@ class Effect:
     regime: str
     states: tuple[tuple[str, str], ...] = ()
     needs: str = ""
+    independent: bool = False
+
+    @property
+    def leading(self) -> tuple[EffectParameter, ...]:
+        """The parameters at whose neutral values the term vanishes."""
+        return self.parameters if self.independent else self.parameters[:1]
 
 
 def _p(
@@ -254,6 +261,7 @@ CATALOGUE: tuple[Effect, ...] = (
             _p("d_retract", "-", 0.0, (-0.1, 0.1), (-0.25, 0.5), "added overlap over full stroke, lowering"),
         ),
         "start delay, creep speed",
+        independent=True,
     ),
     Effect(
         "valve_hysteresis",
@@ -359,6 +367,7 @@ CATALOGUE: tuple[Effect, ...] = (
             _p("rod", "Pa", 0.0, (-3e5, 3e5), (-5e6, 5e6), "offset of the rod pressure transducer"),
         ),
         "level of one pressure, everywhere",
+        independent=True,
     ),
     Effect(
         "pressure_delay",
@@ -408,10 +417,8 @@ def check_effects(values: dict[str, dict[str, float]]) -> dict[str, dict[str, fl
 
 
 def is_neutral(name: str, values: dict[str, float]) -> bool:
-    """Whether the effect's term vanishes: its first parameter (of independent ones: each) is at its neutral value."""
-    rows = EFFECTS[name].parameters
-    leading = rows if name in ("valve_dead_zone", "pressure_bias") else rows[:1]
-    return all(values[row.name] == row.neutral for row in leading)
+    """Whether the effect's term vanishes: its leading parameters are at their neutral values."""
+    return all(values[row.name] == row.neutral for row in EFFECTS[name].leading)
 
 
 def active_effects(given: Any, has: Callable[[str], bool]) -> dict[str, dict[str, float]]:

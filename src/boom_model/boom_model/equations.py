@@ -6,7 +6,7 @@ sensitivities are derived. Order of arguments everywhere: state, input, paramete
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf
 from types import SimpleNamespace
@@ -32,8 +32,10 @@ from boom_model import (
     swinging_load,
     triangle_linkage,
 )
+from boom_model import learned as learned_terms
 from boom_model.effects import EFFECTS
 from boom_model.errors import ModelError
+from boom_model.learned import LearnedTerm
 from boom_model.structure import Structure
 
 Kind = Literal["full", "reduced"]
@@ -80,7 +82,7 @@ class Equations:
         return tuple(state.name for state in self.states)
 
 
-def _namespace(values: dict[str, Any]) -> SimpleNamespace:
+def namespace(values: dict[str, Any]) -> SimpleNamespace:
     """Dotted names -> nested namespaces; ``.0 .1`` endings become tuples."""
     root = SimpleNamespace()
     for name, value in values.items():
@@ -99,32 +101,40 @@ def _namespace(values: dict[str, Any]) -> SimpleNamespace:
     return root
 
 
-def parameter_names(structure: Structure, effects: Iterable[str]) -> tuple[str, ...]:
-    """Order of the parameter vector p: the machine's numbers, then those of the active effects."""
+def parameter_names(
+    structure: Structure, effects: Iterable[str], learned: Sequence[LearnedTerm] = ()
+) -> tuple[str, ...]:
+    """Order of the parameter vector p: the machine's numbers, those of the active effects, those of learnt terms."""
     names = [c for spec in structure.specifications() for c in spec.components]
     names += [f"effects.{e}.{row.name}" for e in sorted(effects) for row in EFFECTS[e].parameters]
+    names += [f"learned.{k}.{j}" for k, entry in enumerate(learned) for j in range(len(entry.basis))]
     return tuple(names)
 
 
 class _Wiring:
     """Symbols and what both models share: kinematics, valve, spool, pilot stage, outputs."""
 
-    def __init__(self, structure: Structure, effects: Iterable[str]) -> None:
+    def __init__(self, structure: Structure, effects: Iterable[str], learned: Sequence[LearnedTerm] = ()) -> None:
         self.structure = structure
+        self.learned = tuple(learned)
         self.effects = tuple(sorted(effects))
         for name in self.effects:
             if not structure.has(EFFECTS[name].needs):
                 raise ModelError(f"effects.{name}: this machine has no {EFFECTS[name].needs.replace('_', ' ')}")
-        self.names = parameter_names(structure, self.effects)
+        self.names = parameter_names(structure, self.effects, self.learned)
         self.p_vector = ca.SX.sym("p", len(self.names))
         symbols = {name: self.p_vector[i] for i, name in enumerate(self.names)}
-        self.p = _namespace({k: v for k, v in symbols.items() if not k.startswith("effects.")})
+        self.p = namespace({k: v for k, v in symbols.items() if not k.startswith(("effects.", "learned."))})
+        self.coefficients = [
+            [symbols[f"learned.{k}.{j}"] for j in range(len(entry.basis))] for k, entry in enumerate(self.learned)
+        ]
+        self.quantities: dict[str, Any] = {}
         values = {
             f"{effect.id}.{row.name}": symbols.get(f"effects.{effect.id}.{row.name}", row.neutral)
             for effect in EFFECTS.values()
             for row in effect.parameters
         }
-        self.e = _namespace(values)
+        self.e = namespace(values)
         self.states: list[State] = []
         self.symbols: dict[str, Any] = {}
         self.rates: dict[str, Any] = {}
@@ -143,12 +153,27 @@ class _Wiring:
 
     def elapsed(self) -> Any:
         """Time since the start of the run [s], a state that exists only where an effect needs it."""
-        if not {"payload_change", "friction_drift"} & set(self.effects):
+        if not any("elapsed_time" in dict(EFFECTS[name].states) for name in self.effects):
             return 0.0
         if "elapsed_time" not in self.symbols:
             self.add("elapsed_time", "t", "s", 10.0)
             self.rates["elapsed_time"] = ca.SX(1.0)
         return self.symbols["elapsed_time"]
+
+    def learnt(self, equation: str) -> Any:
+        """Sum of the terms learnt from data for an equation, in its unit; 0 without any."""
+        total: Any = 0.0
+        for entry, coefficients in zip(self.learned, self.coefficients, strict=True):
+            if entry.equation == equation:
+                total = total + learned_terms.term(entry, coefficients, self.quantities, self._memory)
+        return total
+
+    def _memory(self, variable: str, time: float, value: Any) -> Any:
+        name = f"memory_{variable}_{time:g}"
+        if name not in self.symbols:
+            lagging = self.add(name, f"x_{variable}", "-", 1.0)
+            self.rates[name] = (value - lagging) / time
+        return self.symbols[name]
 
     def kinematics(self) -> None:
         linkage = four_bar_linkage if self.structure.linkage == "four_bar" else triangle_linkage
@@ -169,10 +194,12 @@ class _Wiring:
         passage = cylinder.cushion(p.cylinder.l_p - self.position, e)
         flows = main_valve_orifices.flows(metering, hose_pressure, rod_pressure, p, e, passage)
         if self.structure.pilot_valves:
-            velocity = self.add("spool_velocity", "w_s", "m/s", 0.1, -1e3, 1e3)
-            plus = self.add("pilot_retract", "lambda_+", "A s", 2e-2, -10.0, 10.0)
-            minus = self.add("pilot_extend", "lambda_-", "A s", 2e-2, -10.0, 10.0)
+            velocity = self.add("spool_velocity", "w_s", "m/s", 0.1, -10.0, 10.0)
+            plus = self.add("pilot_retract", "lambda_+", "A s", 2e-2, -1.0, 1.0)
+            minus = self.add("pilot_extend", "lambda_-", "A s", 2e-2, -1.0, 1.0)
+            self.quantities["spool"] = spool / p.main_valve_spool.s_max
             difference = pilot_valve.pressure(plus, u[0], p, e) - pilot_valve.pressure(minus, u[1], p, e)
+            difference = difference + self.learnt("spool")
             self.rates["spool_position"] = velocity
             self.rates["spool_velocity"] = main_valve_spool.acceleration(spool, velocity, difference, flows.force, p, e)
             self.rates["pilot_retract"] = pilot_valve.state_rate(plus, u[0], p, e)
@@ -191,7 +218,7 @@ class _Wiring:
         """Equation of motion from the pressures that act on the piston."""
         p, e = self.p, self.e
         self.force = cylinder.force(head_pressure, rod_pressure, p)
-        self.friction = self.friction_torque()
+        self.friction = self.friction_torque() - self.learnt("torque")
         load = equation_of_motion.load_mass(p, e, self.elapsed())
         inertia = equation_of_motion.inertia(load, p)
         self.gravity = equation_of_motion.gravity_torque(self.angle, load, p)
@@ -227,7 +254,7 @@ class _Wiring:
     def rod_side(self, rod_pressure: Any, inflow: Any) -> None:
         beta = oil.bulk_modulus(rod_pressure, self.p, self.e)
         volume = cylinder.rod_volume(self.position, self.p)
-        net = inflow + self.velocity * self.p.cylinder.A_b
+        net = inflow + self.velocity * self.p.cylinder.A_b + self.learnt("rod_flow")
         self.rates["rod_pressure"] = cylinder.pressure_rate(beta, volume, net)
 
     def finish(
@@ -259,17 +286,18 @@ class _Wiring:
         )
 
 
-def full_model(structure: Structure, effects: Iterable[str] = ()) -> Equations:
+def full_model(structure: Structure, effects: Iterable[str] = (), learned: Sequence[LearnedTerm] = ()) -> Equations:
     """The full model (5.39a-u); 11 states (5.40) for the thesis' structure, fewer or more for others.
 
     Raises:
         ModelError: an effect needs a component that the structure does not have.
     """
-    w = _Wiring(structure, effects)
+    w = _Wiring(structure, effects, learned)
     p, e = w.p, w.e
     w.kinematics()
     p_a, p_b = w.add_pressure("head_pressure", "p_a"), w.add_pressure("rod_pressure", "p_b")
     p_h = w.add_pressure("hose_pressure", "p_h") if structure.hose_burst_valve else p_a
+    w.quantities |= {"angle": w.angle, "rate": w.rate, "head_pressure": p_a, "rod_pressure": p_b, "hose_pressure": p_h}
     q_o: Any = 0
     if structure.accumulators:
         for i, precharge, diameter in (
@@ -307,17 +335,19 @@ def full_model(structure: Structure, effects: Iterable[str] = ()) -> Equations:
             q_a = hose_burst_valve.flow(p_h - p_a, p, e)
         q_a = ca.if_else(q_a < 0, q_a * passage, q_a) if w.active("end_cushioning") else q_a
         head, net = cylinder.head_volume(w.position, p), q_a
-        w.rates["hose_pressure"] = cylinder.pressure_rate(oil.bulk_modulus(p_h, p, e), p.cylinder.V_h, q_h - q_o - q_a)
+        w.rates["hose_pressure"] = cylinder.pressure_rate(
+            oil.bulk_modulus(p_h, p, e), p.cylinder.V_h, q_h - q_o - q_a + w.learnt("hose_flow")
+        )
     else:
-        q_a = q_h - q_o
+        q_a = q_h - q_o + w.learnt("hose_flow")
         head, net = cylinder.head_volume(w.position, p) + p.cylinder.V_h, q_a
-    net = net - w.velocity * p.cylinder.A_a - leakage
+    net = net - w.velocity * p.cylinder.A_a - leakage + w.learnt("head_flow")
     w.rates["head_pressure"] = cylinder.pressure_rate(beta_a, head, net)
     auxiliary = {"head_flow": ("m^3/s", q_a), "hose_flow": ("m^3/s", q_h), "rod_flow": ("m^3/s", q_b)}
     return w.finish("full", p_h, p_b, auxiliary)
 
 
-def reduced_model(structure: Structure, effects: Iterable[str] = ()) -> Equations:
+def reduced_model(structure: Structure, effects: Iterable[str] = (), learned: Sequence[LearnedTerm] = ()) -> Equations:
     """The reduced model (5.47); 8 states (5.46).
 
     V_h is dropped, the accumulators are part of the head volume (5.43), the hose burst valve is the torque
@@ -326,10 +356,11 @@ def reduced_model(structure: Structure, effects: Iterable[str] = ()) -> Equation
     Raises:
         ModelError: an effect needs a component that the structure does not have.
     """
-    w = _Wiring(structure, [name for name in effects if not EFFECTS[name].states])
+    w = _Wiring(structure, [name for name in effects if not EFFECTS[name].states], learned)
     p, e = w.p, w.e
     w.kinematics()
     p_a, p_b = w.add_pressure("head_pressure", "p_a"), w.add_pressure("rod_pressure", "p_b")
+    w.quantities |= {"angle": w.angle, "rate": w.rate, "head_pressure": p_a, "rod_pressure": p_b, "hose_pressure": p_a}
     q_a, q_b = w.valve(p_a, p_b)
     leakage = cylinder.leakage(p_a, p_b, e)
     drop: Any = 0.0
@@ -337,7 +368,7 @@ def reduced_model(structure: Structure, effects: Iterable[str] = ()) -> Equation
         drop = hose_burst_valve.pressure_drop(w.velocity * p.cylinder.A_a, p, e)
     w.motion(p_a - drop, p_b)
     w.rod_side(p_b, q_b + leakage)
-    net = q_a - w.velocity * p.cylinder.A_a - leakage
+    net = q_a - w.velocity * p.cylinder.A_a - leakage + w.learnt("head_flow") + w.learnt("hose_flow")
     beta = oil.bulk_modulus(p_a, p, e)
     compliance = cylinder.head_volume(w.position, p) / beta
     if structure.accumulators:

@@ -29,10 +29,10 @@ SPECIFICATIONS = (
     Specification("hose_burst_valve.unit_flow", "l/min", "m^3/s per l/min", "unit of its flow", 1e-5, 2e-5, "5.36"),
     Specification("hose_burst_valve.unit_pressure", "bar", "Pa per bar", "unit of its drop", 9e4, 1.1e5, "5.36"),
     Specification("hose_burst_valve.a11", "a_11", "l/min/bar", "free flow, linear", 0.0, 1e3, "5.36"),
-    Specification("hose_burst_valve.a12", "a_12", "l/min/bar^0.5", "free flow, square root", 0.0, 1e3, "5.36"),
+    Specification("hose_burst_valve.a12", "a_12", "l/min/bar^0.5", "free flow, square root", 1e-3, 1e3, "5.36"),
     Specification("hose_burst_valve.a21", "a_21", "l/min/bar", "limited flow, slope at zero", 1e-3, 1e3, "5.36"),
     Specification("hose_burst_valve.a30", "a_30", "l/min", "limited flow, plateau", -1e4, -1e-2, "5.36"),
-    Specification("hose_burst_valve.a31", "a_31", "l/min/bar", "limited flow, slope of the plateau", 0.0, 1e3, "5.36"),
+    Specification("hose_burst_valve.a31", "a_31", "l/min/bar", "limited flow, slope of the plateau", 1e-6, 1e3, "5.36"),
     Specification("hose_burst_valve.dp_lin", "dp_lin", "bar", "regularisation at zero", 1e-4, 1.0, "5.28"),
 )
 

@@ -203,6 +203,26 @@ void boom_derivative(const double *p, const double *x, const double *u, double *
   model_fj(x, u, c, f, J);
 }
 
+/* df/dx (n, NX, NX) and df/du (n, NX, NU) at n points; df/du by central differences of 10 uA. */
+void boom_linearise(const double *p, const double *x, const double *u, long n, double *by_state, double *by_input) {
+  double c[NC > 0 ? NC : 1], f[NX], g[NX], v[NU];
+  const double d = 1e-5;
+  model_prepare(p, c);
+  for (long k = 0; k < n; k++) {
+    double *J = by_state + k * NX * NX, *B = by_input + k * NX * NU;
+    for (int i = 0; i < NX * NX; i++) J[i] = 0.0;
+    model_fj(x + k * NX, u + k * NU, c, f, J);
+    for (int j = 0; j < NU; j++) {
+      for (int i = 0; i < NU; i++) v[i] = u[k * NU + i];
+      v[j] = u[k * NU + j] + d;
+      model_f(x + k * NX, v, c, f);
+      v[j] = u[k * NU + j] - d;
+      model_f(x + k * NX, v, c, g);
+      for (int i = 0; i < NX; i++) B[i * NU + j] = (f[i] - g[i]) / (2 * d);
+    }
+  }
+}
+
 void boom_outputs(const double *p, const double *x, const double *u, double *y) {
   double c[NC > 0 ? NC : 1];
   model_prepare(p, c);

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from boom_model import four_bar_linkage, triangle_linkage
 from boom_model.effects import active_effects
 from boom_model.errors import MachineError, nearest
+from boom_model.learned import LearnedTerm
 from boom_model.rigid_body import locked_inertia
 from boom_model.sensors import SensorNoise
 from boom_model.specification import Specification
@@ -19,6 +20,8 @@ from boom_model.structure import Structure
 Confidence = Literal["high", "medium", "low", ""]
 TOLERANCES = {"high": 0.03, "medium": 0.10, "low": 0.30, "": 0.15}
 """How far a number may be off before it is no longer the same machine (machine notes)."""
+LARGEST_OVERLAP = 0.95
+"""Of the stroke: largest dead zone, x_0 + d."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,10 @@ class Machine:
         parameters: dotted key -> parameter.
         angle_limits: (q_2 at s_p = 0, largest q_2) [rad].
         effects: active effects, id -> parameter -> value.
+        tabulated: poses whose D_0, S_x, S_y and tip the file states, without load.
+        sensors: what the file says of its sensors, key of section ``control`` -> number.
         document: the file as it was read.
+        learned: terms learnt from data.
     """
 
     name: str
@@ -78,7 +84,10 @@ class Machine:
     parameters: Mapping[str, Parameter]
     angle_limits: tuple[float, float]
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    tabulated: tuple[Pose, ...] = ()
+    sensors: Mapping[str, float] = field(default_factory=dict)
     document: Mapping[str, Any] = field(default_factory=dict)
+    learned: tuple[LearnedTerm, ...] = ()
 
     def values(self, pose: Pose) -> dict[str, float]:
         """Every component of the parameter vector by name: machine, pose, effects."""
@@ -87,6 +96,8 @@ class Machine:
             result |= dict(zip(parameter.specification.components, parameter.value, strict=True))
         for effect, given in self.effects.items():
             result |= {f"effects.{effect}.{name}": value for name, value in given.items()}
+        for k, entry in enumerate(self.learned):
+            result |= {f"learned.{k}.{j}": value for j, value in enumerate(entry.coefficients)}
         return result
 
     def with_values(self, changed: Mapping[str, float | tuple[float, ...]]) -> Machine:
@@ -104,6 +115,7 @@ class Machine:
                 raise MachineError(f"{key}: expected {len(parameters[key].value)} numbers, not {len(vector)}")
             check_range(parameters[key].specification, vector)
             parameters[key] = replace(parameters[key], value=vector)
+        check_overlap(parameters, self.effects)
         return replace(self, parameters=parameters)
 
     def with_effects(self, effects: Mapping[str, Mapping[str, float]]) -> Machine:
@@ -112,7 +124,9 @@ class Machine:
         Raises:
             MachineError: unknown effect or parameter, a value outside its limits, or a component that is not there.
         """
-        return replace(self, effects=active_effects(dict(effects), self.structure.has))
+        active = active_effects(dict(effects), self.structure.has)
+        check_overlap(self.parameters, active)
+        return replace(self, effects=active)
 
     def pose(self, outer_boom_angle: float, telescope_length: float, load: float = 0.0) -> Pose:
         """D_0, S and tip for locked joints q_3 [rad], q_4 [m] and the load [kg] that hangs at the tip.
@@ -128,14 +142,15 @@ class Machine:
             raise MachineError(
                 f"pose: load of {load} kg: give a number of 0 .. 100000 kg (effect payload for an unknown one)"
             )
+        for known_pose in self.tabulated:
+            angle, length = known_pose.outer_boom_angle, known_pose.telescope_length
+            if abs(angle - outer_boom_angle) < 1e-3 and abs(length - telescope_length) < 1e-3:
+                return replace(
+                    known_pose, outer_boom_angle=outer_boom_angle, telescope_length=telescope_length, load=load
+                )
         body = self.document["rigid_body"]
-        for name, entry in body["configs"].items():
-            if abs(entry["q3"] - outer_boom_angle) < 1e-3 and abs(entry["q4"] - telescope_length) < 1e-3:
-                tip = (float(entry["tip"][0]), float(entry["tip"][1]))
-                numbers = (float(entry["D0"]), float(entry["Sx"]), float(entry["Sy"]))
-                return Pose(outer_boom_angle, telescope_length, load, *numbers, tip, name)
         if "planar" not in body:
-            known = "; ".join(f"q3 = {c['q3']:g} rad, q4 = {c['q4']:g} m" for c in body["configs"].values())
+            known = "; ".join(f"q3 = {c.outer_boom_angle:g} rad, q4 = {c.telescope_length:g} m" for c in self.tabulated)
             raise MachineError(f"rigid_body.planar is missing, so that only the tabulated poses are known: {known}")
         locked = locked_inertia(body, outer_boom_angle, telescope_length)
         return Pose(outer_boom_angle, telescope_length, load, locked.D0, locked.Sx, locked.Sy, locked.tip)
@@ -147,16 +162,15 @@ class Machine:
 
     def sensor_noise(self) -> SensorNoise:
         """Noise and quantisation of the machine's sensors; ch. 6.4 where section ``control`` does not say."""
-        control = self.document.get("control", {})
-        noise = SensorNoise()
-        period = number(control["Ts"]) if "Ts" in control else 0.01
+        said, noise = self.sensors, SensorNoise()
+        sigma = noise.pressure_sigma
+        if "p_noise_psd" in said:
+            sigma = (said["p_noise_psd"] / said.get("Ts", 0.01)) ** 0.5
         return replace(
             noise,
-            angle_quantum=number(control["q2_quant"]) if "q2_quant" in control else noise.angle_quantum,
-            pressure_quantum=number(control["p_quant"]) if "p_quant" in control else noise.pressure_quantum,
-            pressure_sigma=(
-                (number(control["p_noise_psd"]) / period) ** 0.5 if "p_noise_psd" in control else noise.pressure_sigma
-            ),
+            angle_quantum=said.get("q2_quant", noise.angle_quantum),
+            pressure_quantum=said.get("p_quant", noise.pressure_quantum),
+            pressure_sigma=sigma,
         )
 
 
@@ -170,6 +184,21 @@ def check_range(spec: Specification, value: tuple[float, ...], shown: object = N
         if not spec.minimum <= number <= spec.maximum:
             text = number if shown is None or isfinite(number) else shown
             raise MachineError(f"{spec.key}: {text} is outside {spec.minimum:g} .. {spec.maximum:g} {spec.unit}")
+
+
+def check_overlap(parameters: Mapping[str, Parameter], effects: Mapping[str, Mapping[str, float]]) -> None:
+    """Refuses a dead zone x_0 + d that is negative or leaves nothing of the stroke.
+
+    Raises:
+        MachineError: names the effect's parameter and the range.
+    """
+    overlap = parameters["main_valve_orifices.x0"].value[0]
+    for name, change in effects.get("valve_dead_zone", {}).items():
+        if not 0.0 <= overlap + change <= LARGEST_OVERLAP:
+            raise MachineError(
+                f"effects.valve_dead_zone.{name}: {change:g} is outside {-overlap:g} .. {LARGEST_OVERLAP - overlap:g}, "
+                f"with which main_valve_orifices.x0 = {overlap:g} stays within 0 .. {LARGEST_OVERLAP:g} of the stroke"
+            )
 
 
 def number(entry: Any) -> float:

@@ -13,14 +13,16 @@ from importlib.resources import files
 from itertools import pairwise
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import yaml
 
+from boom_model import rigid_body, sensors
 from boom_model.effects import active_effects
 from boom_model.errors import MachineError, nearest
 from boom_model.hose_burst_valve import smooth_node
-from boom_model.machine import TOLERANCES, Machine, Parameter, check_range, number
+from boom_model.learned import check_learned
+from boom_model.machine import TOLERANCES, Confidence, Machine, Parameter, Pose, check_overlap, check_range, number
 from boom_model.specification import Specification
 from boom_model.structure import Structure
 
@@ -43,11 +45,18 @@ _INFORMATION: dict[str, frozenset[str]] = {
     ),
     "pilot_valves": frozenset({"type", "i_range", "i_neutral"}),
     "control": frozenset(
-        {"Ts", "pos_poles", "force_poles", "svf_poles", "q2_quant", "p_quant", "p_noise_psd", "perturbations"}
+        {
+            *(s.key.split(".")[1] for s in sensors.SPECIFICATIONS),
+            "pos_poles",
+            "force_poles",
+            "svf_poles",
+            "perturbations",
+        }
     ),
 }
-_TOP = frozenset({*_INFORMATION, "effects"})
-_METER_OUT = re.compile(r"^\s*A_sb\s*/\s*\(\s*([0-9.eE+-]+?)\s*([+-])\s*([0-9.eE+-]+?)\s*\*\s*u\^2\s*\)\s*$")
+_TOP = frozenset({*_INFORMATION, "effects", "learned"})
+_NUMBER = r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
+_METER_OUT = re.compile(rf"^\s*A_sb\s*/\s*\(\s*{_NUMBER}\s*([+-])\s*{_NUMBER}\s*\*\s*u\^2\s*\)\s*$")
 _STROKE_SLACK = 1e-3
 
 
@@ -79,13 +88,9 @@ def machine_from(document: Any) -> Machine:
     if not isinstance(document, dict):
         raise MachineError("not a machine file: expected sections such as fluid, cylinder, kinematics")
     for section in document:
-        if section == "learned":
-            raise MachineError(
-                "learned: terms learnt from data cannot be simulated by this version; remove the section"
-            )
         if section not in _TOP:
             raise MachineError(f"{section}: no such section{nearest(str(section), _TOP)}")
-        if section != "effects" and not isinstance(document[section], dict):
+        if section not in ("effects", "learned") and not isinstance(document[section], dict):
             raise MachineError(f"{section}: expected keys with values below it")
     for section in ("meta", "constants", "fluid", "cylinder", "kinematics", "rigid_body", "friction"):
         if section not in document:
@@ -93,17 +98,29 @@ def machine_from(document: Any) -> Machine:
     structure = _structure(document)
     name = document["meta"].get("name")
     if not isinstance(name, str) or not name:
-        raise MachineError("meta.name: missing")
+        raise MachineError("meta.name: missing" if name is None else f"meta.name: {name!r} is not a text")
     if document["meta"].get("pressure_reference", "gauge") != "gauge":
         raise MachineError("meta.pressure_reference: only gauge is known; write all pressures as gauge pressures")
     specifications = [s for s in structure.specifications() if not s.key.startswith("pose.")]
     _check_keys(document, specifications, structure)
     parameters = {s.key: _parameter(document, s) for s in specifications}
-    _check_rigid_body(document["rigid_body"])
+    poses = _tabulated(document["rigid_body"])
+    said = {s.key: _parameter(document, s) for s in sensors.SPECIFICATIONS if _given(document, s)}
     kinematics = document["kinematics"]
     limits = (_limit(kinematics, "q2_stroke_min"), _limit(kinematics, "q2_max"))
+    learned = check_learned(document.get("learned") or [])
+    if not structure.pilot_valves and any(entry.equation == "spool" or "spool" in entry.validity for entry in learned):
+        raise MachineError("learned: this machine has no pilot stage, so that no term can use the spool")
     machine = Machine(
-        name, structure, parameters, limits, active_effects(document.get("effects") or {}, structure.has), document
+        name,
+        structure,
+        parameters,
+        limits,
+        active_effects(document.get("effects") or {}, structure.has),
+        poses,
+        {key.split(".")[1]: parameter.value[0] for key, parameter in said.items()},
+        document,
+        learned,
     )
     _check_consistency(machine)
     return machine
@@ -129,6 +146,8 @@ class _UniqueKeys(yaml.SafeLoader):
 def _read(source: str | Path) -> tuple[str, str]:
     shipped = files("boom_model").joinpath("machines")
     known = sorted(entry.name.removesuffix(".yaml") for entry in shipped.iterdir() if entry.name.endswith(".yaml"))
+    if not str(source).strip() or str(source) == ".":
+        raise MachineError(f"no machine named; shipped are {', '.join(known)}, or give the path of a .yaml file")
     if str(source) in known:
         return shipped.joinpath(f"{source}.yaml").read_text(encoding="utf-8"), str(source)
     path = Path(source)
@@ -182,7 +201,7 @@ def _check_keys(document: Mapping[str, Any], specifications: Iterable[Specificat
         section, key = spec.key.split(".")[:2]
         wanted.setdefault(section, set()).add(key)
     for section, keys in document.items():
-        if section == "effects":
+        if section in ("effects", "learned"):
             continue
         allowed = wanted.get(section, set()) | _INFORMATION[section]
         for key in keys:
@@ -215,7 +234,7 @@ def _parameter(document: Mapping[str, Any], spec: Specification) -> Parameter:
     if str(entry.get("unit", "")).strip() != spec.unit:
         raise MachineError(f"{spec.key}.unit: {entry.get('unit', 'missing')!s}; expected {spec.unit}")
     confidence = entry.get("conf", "")
-    if confidence not in TOLERANCES:
+    if not isinstance(confidence, str) or confidence not in TOLERANCES:
         raise MachineError(f"{spec.key}.conf: {confidence!r} is not high, medium or low")
     if spec.shape == "scalar":
         value: tuple[float, ...] = (number(entry),)
@@ -226,7 +245,7 @@ def _parameter(document: Mapping[str, Any], spec: Specification) -> Parameter:
             raise MachineError(f"{spec.key}: expected a list of {size} numbers [{spec.unit}]")
         value = tuple(number(v) for v in listed)
     check_range(spec, value, shown=entry["value"])
-    return Parameter(spec, value, str(entry.get("prov", "")), confidence, str(entry.get("note", "")))
+    return Parameter(spec, value, str(entry.get("prov", "")), cast(Confidence, confidence), str(entry.get("note", "")))
 
 
 def _meter_out_law(section: Mapping[str, Any], spec: Specification) -> Parameter:
@@ -255,23 +274,48 @@ def _limit(section: Mapping[str, Any], key: str) -> float:
     return value
 
 
-def _check_rigid_body(section: Mapping[str, Any]) -> None:
+def _given(document: Mapping[str, Any], spec: Specification) -> bool:
+    section, key = spec.key.split(".")
+    return key in document.get(section, {})
+
+
+def _tabulated(section: Mapping[str, Any]) -> tuple[Pose, ...]:
     configs = section.get("configs")
     if not isinstance(configs, dict) or not configs:
         raise MachineError(
             "rigid_body.configs: missing; expected at least one configuration with q3, q4, D0, Sx, Sy, tip"
         )
+    poses = []
     for name, entry in configs.items():
         for key in ("q3", "q4", "D0", "Sx", "Sy"):
             if not isinstance(entry, dict) or key not in entry:
                 raise MachineError(f"rigid_body.configs.{name}.{key}: missing")
             if not isfinite(number(entry[key])):
                 raise MachineError(f"rigid_body.configs.{name}.{key}: {entry[key]!r} is not a finite number")
-        if not entry["D0"] > 0:
-            raise MachineError(f"rigid_body.configs.{name}.D0: {entry['D0']} is not a positive inertia [kg m^2]")
+        q3, q4, D0, Sx, Sy = (number(entry[key]) for key in ("q3", "q4", "D0", "Sx", "Sy"))
+        if not D0 > 0:
+            raise MachineError(f"rigid_body.configs.{name}.D0: {D0:g} is not a positive inertia [kg m^2]")
         tip = entry.get("tip")
         if not isinstance(tip, list) or len(tip) != 2 or not all(isfinite(number(v)) for v in tip):
             raise MachineError(f"rigid_body.configs.{name}.tip: expected [x, y] in m")
+        poses.append(Pose(q3, q4, 0.0, D0, Sx, Sy, (number(tip[0]), number(tip[1])), str(name)))
+    return tuple(poses)
+
+
+def _check_links(machine: Machine) -> None:
+    """What places the bodies in any pose, tried in the middle of the joint's range, so that an error shows at once."""
+    body = machine.document["rigid_body"]
+    middle = machine.tabulated[0].outer_boom_angle
+    if "joint_limits" in body:
+        limits = rigid_body.vector(
+            rigid_body.entry(body["joint_limits"], "rigid_body.joint_limits", "q3"), "rigid_body.joint_limits.q3", 2
+        )
+        if not limits[0] < limits[1]:
+            raise MachineError(f"rigid_body.joint_limits.q3: {limits[0]:g} .. {limits[1]:g} rad is no range")
+        middle = float(limits.mean())
+    if "planar" in body:
+        rigid_body.check_pose(body, middle, 0.0)
+        rigid_body.place_bodies(body, middle, 0.0)
 
 
 def _check_consistency(machine: Machine) -> None:
@@ -290,6 +334,8 @@ def _check_consistency(machine: Machine) -> None:
         )
     if any(b <= a for a, b in pairwise(positions)):
         raise MachineError("kinematics: s_p must grow with q2 over the whole range")
+    check_overlap(machine.parameters, machine.effects)
+    _check_links(machine)
     if machine.structure.hose_burst_valve:
         _check_hose_burst_valve(machine)
     areas = machine.parameters["cylinder.A_a"].value[0], machine.parameters["cylinder.A_b"].value[0]

@@ -63,7 +63,7 @@ class ValveFlows:
 
 
 def opening(position: Expression, p: Any, e: Any) -> Expression:
-    """U [-] at the spool position s_s [m], of the edges that are open on its side."""
+    """u [-] at the spool position s_s [m], of the edges that are open on its side."""
     o = p.main_valve_orifices
     shift = ca.if_else(position < 0, e.valve_dead_zone.d_extend, e.valve_dead_zone.d_retract)
     x0 = o.x0 + shift

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
+
 from boom_model.regularisation import Expression
 from boom_model.specification import Specification
 
@@ -28,12 +30,22 @@ SPECIFICATIONS = (
 
 
 def state_rate(state: Expression, current: Expression, p: Any, e: Any) -> Expression:
-    """Lambda' [A] for lambda [A s] and the solenoid current [A]."""
+    """lambda' [A] for lambda [A s] and the solenoid current [A]."""
     return p.pilot_valves.a1_s / e.pilot_lag.r * state + current
 
 
 def pressure(state: Expression, current: Expression, p: Any, e: Any) -> Expression:
     """Pilot control pressure p [Pa]."""
     v = p.pilot_valves
-    nu = v.b0_s / e.pilot_lag.r * state + v.b1_s * current
-    return BAR * ((v.h[0] * nu + v.h[1]) * nu + v.h[2])
+    return static_pressure(v.b0_s / e.pilot_lag.r * state + v.b1_s * current, v.h)
+
+
+def static_pressure(nu: Expression, h: Any) -> Expression:
+    """h(nu) [Pa] for nu [A], (5.2); ``h`` = (h_0, h_1, h_2) [bar/A^2, bar/A, bar]. At rest nu is the current."""
+    return BAR * ((h[0] * nu + h[1]) * nu + h[2])
+
+
+def static_inverse(pressure: Expression, h: Any) -> Expression:
+    """nu = h^-1(p) [A] for p [Pa], (5.6), on the rising branch; the vertex of h below its smallest pressure."""
+    discriminant = h[1] ** 2 + 4 * h[0] * (pressure / BAR - h[2])
+    return (ca.sqrt(ca.fmax(discriminant, 0.0)) - h[1]) / (2 * h[0])

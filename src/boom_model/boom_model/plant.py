@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
-from os import cpu_count
 from typing import Any
 
 import casadi as ca
@@ -19,20 +17,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from boom_model import hose_burst_valve
+from boom_model.batch import Job, run_jobs
 from boom_model.compiled import build
 from boom_model.effects import EFFECTS
-from boom_model.equations import INPUTS, Equations, Kind, full_model, reduced_model
+from boom_model.equations import INPUTS, Equations, Kind, full_model, namespace, reduced_model
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine, Pose
 from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
 
-FAST, FINE = 1e-4, 1e-6
-"""Tolerances of the error control. Measured over a 60 s recording they give errors of about the same size."""
-
 _ORDER_3_ABOVE = 5e-7  # at coarser tolerances the method of order 3 is faster, at finer ones that of order 4 (measured)
 _FIRST_STEP = 1e-4
+FAST, FINE = 1e-4, 1e-6
+"""Tolerances of the error control. Measured over a 60 s recording they give errors of about the same size."""
+LARGEST_SPOOL = 4.0
+"""Times s_max: beyond, a run ends with an error. The spool has no end stop in the equations; 0.7 A push it to 1.6 s_max."""
 _DOUBLE = ctypes.POINTER(ctypes.c_double)
 
 
@@ -75,7 +75,7 @@ class Plant:
         self.machine = machine
         self.pose = pose
         model = full_model if kind == "full" else reduced_model
-        self.equations: Equations = model(machine.structure, machine.effects)
+        self.equations: Equations = model(machine.structure, machine.effects, machine.learned)
         self._library = build(self.equations)
         self.state_names = self.equations.state_names
         self.parameter_names = self.equations.parameters
@@ -86,30 +86,41 @@ class Plant:
         self.minimum: Array = np.array([s.minimum for s in states])
         self.maximum: Array = np.array([s.maximum for s in states])
         self.minimum[0], self.maximum[0] = machine.angle_limits
-        self.command_delay = machine.effects.get("command_delay", {}).get("T", 0.0)
-        self.pressure_delay = machine.effects.get("pressure_delay", {}).get("T", 0.0)
+        stroke = LARGEST_SPOOL * values["main_valve_spool.s_max"]
+        for name in {"spool_position", "metering_position"} & set(self.state_names):
+            k = self.state_names.index(name)
+            self.minimum[k], self.maximum[k] = -stroke, stroke
+        names = self.parameter_names
+        self._delay_index = tuple(
+            names.index(name) if name in names else -1
+            for name in ("effects.command_delay.T", "effects.pressure_delay.T")
+        )
+        self.command_delay, self.pressure_delay = self.delays(self.p)
 
     # ------------------------------------------------------------------------------------------------ initial states
 
-    def rest_state(self, angle: float, hose_pressure: float, rod_pressure: float) -> Array:
+    def rest_state(
+        self, angle: float, hose_pressure: float, rod_pressure: float, parameters: Array | None = None
+    ) -> Array:
         """State of a boom that has rested: p_a = p_h, p_o,i = max(p_h, p_g0,i), spool and pilot states zero (notes).
 
-        angle [rad]; hose_pressure, rod_pressure [Pa gauge].
+        angle [rad]; hose_pressure, rod_pressure [Pa gauge]; parameters (NP,) other numbers than the machine's.
         """
-        precharge = self._effect("accumulator_precharge", "r")
+        number = self._numbers(parameters)
+        precharge = number["effects.accumulator_precharge.r"]
         values = dict.fromkeys(self.state_names, 0.0)
         values |= {"angle": angle, "head_pressure": hose_pressure, "rod_pressure": rod_pressure}
         if "hose_pressure" in values:
             values["hose_pressure"] = hose_pressure
         for i in (1, 2):
             if f"accumulator_pressure_{i}" in values:
-                p_g0 = self.machine.parameters[f"accumulators.p_g0_{i}"].value[0] * precharge
+                p_g0 = number[f"accumulators.p_g0_{i}"] * precharge
                 values[f"accumulator_pressure_{i}"] = p_o = max(hose_pressure, p_g0)
                 if f"accumulator_ambient_{i}" in values:  # the gas has rested on the nominal adiabat
-                    kappa = self.machine.parameters["accumulators.kappa"].value[0]
+                    kappa = number["accumulators.kappa"]
                     values[f"accumulator_ambient_{i}"] = (p_o / p_g0) ** ((kappa - 1) / kappa)
         if "hose_burst_valve_conductance" in values:
-            values["hose_burst_valve_conductance"] = self._conductance_at_rest()
+            values["hose_burst_valve_conductance"] = self._conductance_at_rest(number)
         return np.array([values[name] for name in self.state_names])
 
     def equilibrium(self, angle: float, rod_pressure: float = 1.0e6) -> Array:
@@ -154,22 +165,56 @@ class Plant:
             SimulationError: a state left its range or the step size vanished; names state and time.
             ModelError: shapes that do not fit, values that are not finite.
         """
-        t_in = np.ascontiguousarray(np.asarray(input_time, dtype=float) + self.command_delay)
-        u = np.ascontiguousarray(currents, dtype=float)
         t_out = np.ascontiguousarray(output_time, dtype=float)
-        x = np.array(initial_state, dtype=float)
-        p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
         begin = float(t_out[0]) if start is None and len(t_out) else float(start or 0.0)
-        self._check(t_in, u, t_out, x, p, begin)
-        self._set_time(x, begin)
-        sampled, late = self._sampling(t_out)
-        states, outputs, report = self._call(t_in, u, sampled, x, p, begin, tolerance, order, stop)
+        states, outputs, x, report = self.integrate(
+            input_time, currents, t_out, initial_state, begin,
+            tolerance=tolerance, parameters=parameters, order=order, stop=stop,
+        )  # fmt: skip
         self._raise(report)
+        steps, rejected, evaluations = (int(v) for v in report[3:6])
+        return Trajectory(t_out, states, outputs, self.state_names, x, steps, rejected, evaluations)
+
+    def integrate(
+        self,
+        input_time: ArrayLike,
+        currents: ArrayLike,
+        output_time: Array,
+        initial_state: ArrayLike,
+        start: float,
+        *,
+        tolerance: float = 1e-5,
+        parameters: Array | None = None,
+        order: int | None = None,
+        stop: ctypes.c_int | None = None,
+    ) -> tuple[Array, Array, Array, Array]:
+        """As :meth:`run`, but a run that fails is no error: what lies behind the failure is NaN.
+
+        Returns:
+            States (n, NX), outputs (n, 4), final state (NX,) and the integrator's report: status (0: good), time [s]
+            and state of the failure, steps, rejected ones, evaluations.
+
+        Raises:
+            ModelError: shapes that do not fit, values that are not finite.
+        """
+        p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
+        if p.shape != (len(self.parameter_names),):
+            raise ModelError(f"parameters must be {len(self.parameter_names)} numbers, not {p.shape}")
+        command_delay, pressure_delay = self.delays(p)
+        t_in = np.ascontiguousarray(np.asarray(input_time, dtype=float) + command_delay)
+        u = np.ascontiguousarray(currents, dtype=float)
+        x = np.array(initial_state, dtype=float)
+        self._check(t_in, u, output_time, x, start)
+        self._set_time(x, start)
+        sampled, late = self._sampling(output_time, pressure_delay)
+        states, outputs, report = self._call(t_in, u, sampled, x, p, start, tolerance, order, stop)
+        if report[0] != 0:
+            reached = int(report[7])
+            states[reached:], outputs[reached:] = np.nan, np.nan
         if late is not None:
             outputs[late[0], 2:] = outputs[late[1], 2:]
             states, outputs = states[late[0]], outputs[late[0]]
-        steps, rejected, evaluations = (int(v) for v in report[3:6])
-        return Trajectory(t_out, states, outputs, self.state_names, x, steps, rejected, evaluations)
+        return states, outputs, x, report
 
     def batch(
         self,
@@ -182,31 +227,20 @@ class Plant:
         tolerance: float = 1e-4,
         workers: int | None = None,
     ) -> Array:
-        """Outputs (M, n, 4) of runs with M parameter sets (M, NP), on all cores; NaN from where a run failed on."""
+        """Outputs (M, n, 4) of runs with M parameter sets (M, NP), on all cores; NaN from where a run failed on.
+
+        Runs that differ in more than their parameters: :func:`boom_model.batch.run_jobs`.
+        """
         sets = np.ascontiguousarray(parameter_sets, dtype=float)
-        t_in = np.ascontiguousarray(np.asarray(input_time, dtype=float) + self.command_delay)
-        u = np.ascontiguousarray(currents, dtype=float)
-        t_out = np.ascontiguousarray(output_time, dtype=float)
-        x0 = np.asarray(initial_state, dtype=float)
-        self._check(t_in, u, t_out, x0, sets[0], float(t_out[0]))
-        x0 = x0.copy()
-        self._set_time(x0, float(t_out[0]))
-        sampled, late = self._sampling(t_out)
-        result = np.full((len(sets), len(t_out), len(OUTPUTS)), np.nan)
+        t_in, u = np.asarray(input_time, dtype=float), np.ascontiguousarray(currents, dtype=float)
+        t_out, x0 = np.ascontiguousarray(output_time, dtype=float), np.asarray(initial_state, dtype=float)
+        jobs = [Job(self, p, t_in, u, t_out, x0, float(t_out[0])) for p in sets]
+        return np.array(run_jobs(jobs, tolerance=tolerance, workers=workers)).reshape(len(sets), len(t_out), -1)
 
-        def one(k: int) -> None:
-            _, outputs, report = self._call(
-                t_in, u, sampled, x0.copy(), sets[k], float(t_out[0]), tolerance, None, None
-            )
-            outputs[int(report[7]) :] = np.nan
-            if late is not None:
-                outputs[late[0], 2:] = outputs[late[1], 2:]
-                outputs = outputs[late[0]]
-            result[k] = outputs
-
-        with ThreadPoolExecutor(workers or cpu_count()) as pool:
-            list(pool.map(one, range(len(sets))))
-        return result
+    def delays(self, parameters: Array) -> tuple[float, float]:
+        """(``command_delay``, ``pressure_delay``) [s] of a parameter vector (NP,)."""
+        command, pressure = (float(parameters[k]) if k >= 0 else 0.0 for k in self._delay_index)
+        return command, pressure
 
     def stepper(self, initial_state: ArrayLike, *, tolerance: float = 1e-5) -> Stepper:
         """Single steps from a state, for real time and lockstep."""
@@ -215,7 +249,7 @@ class Plant:
     # ------------------------------------------------------------------------------------------------ points of the model
 
     def derivative(self, state: ArrayLike, current: ArrayLike, parameters: Array | None = None) -> tuple[Array, Array]:
-        """X' (NX,) and the Jacobian dx'/dx (NX, NX) at one point."""
+        """x' (NX,) and the Jacobian dx'/dx (NX, NX) at one point."""
         n = len(self.state_names)
         f, jacobian = np.empty(n), np.empty((n, n))
         x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
@@ -223,11 +257,12 @@ class Plant:
         self._library.boom_derivative(_pointer(p), _pointer(x), _pointer(u), _pointer(f), _pointer(jacobian))
         return f, jacobian
 
-    def outputs(self, state: ArrayLike, current: ArrayLike = (0.0, 0.0)) -> Array:
-        """Y (4,) = angle, rate, p_h, p_b at one point, without delay."""
+    def outputs(self, state: ArrayLike, current: ArrayLike = (0.0, 0.0), parameters: Array | None = None) -> Array:
+        """y (4,) = angle, rate, p_h, p_b at one point, without delay."""
         y = np.empty(len(OUTPUTS))
         x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
-        self._library.boom_outputs(_pointer(self.p), _pointer(x), _pointer(u), _pointer(y))
+        p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
+        self._library.boom_outputs(_pointer(p), _pointer(x), _pointer(u), _pointer(y))
         return y
 
     def auxiliary(self, states: ArrayLike, currents: ArrayLike) -> dict[str, Array]:
@@ -241,20 +276,35 @@ class Plant:
         m = self.equations
         return ca.Function("auxiliary", [m.x, m.u, m.p], [ca.vertcat(*(e for _, e in m.auxiliary.values()))])
 
+    def linearise(self, states: ArrayLike, currents: ArrayLike, parameters: Array | None = None) -> tuple[Array, Array]:
+        """Dx'/dx (n, NX, NX) and dx'/du (n, NX, 2) at the points: states (n, NX), currents (n, 2)."""
+        x, u = np.ascontiguousarray(states, dtype=float), np.ascontiguousarray(currents, dtype=float)
+        p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
+        n, size = x.shape
+        by_state, by_input = np.empty((n, size, size)), np.empty((n, size, len(INPUTS)))
+        self._library.boom_linearise(
+            _pointer(p), _pointer(x), _pointer(u), ctypes.c_long(n), _pointer(by_state), _pointer(by_input)
+        )
+        return by_state, by_input
+
+    def output_matrix(self, parameters: Array | None = None) -> Array:
+        """Dy/dx (4, NX); the outputs are linear in the states."""
+        origin = np.zeros(len(self.state_names))
+        zero = self.outputs(origin, parameters=parameters)
+        columns = [self.outputs(unit, parameters=parameters) - zero for unit in np.eye(len(origin))]
+        return np.column_stack(columns)
+
     # ------------------------------------------------------------------------------------------------------ internals
 
-    def _effect(self, name: str, parameter: str) -> float:
-        neutral = next(row.neutral for row in EFFECTS[name].parameters if row.name == parameter)
-        return self.machine.effects.get(name, {}).get(parameter, neutral)
+    def _numbers(self, parameters: Array | None = None) -> dict[str, float]:
+        """Every component by name, inactive effects at their neutral values."""
+        p = self.p if parameters is None else parameters
+        neutral = {f"effects.{e.id}.{row.name}": row.neutral for e in EFFECTS.values() for row in e.parameters}
+        return neutral | dict(zip(self.parameter_names, (float(v) for v in p), strict=True))
 
-    def _conductance_at_rest(self) -> float:
-        from boom_model.equations import _namespace
-
-        values = self.machine.values(self.pose)
-        tree = _namespace({k: v for k, v in values.items() if not k.startswith("effects.")})
-        effects = _namespace(
-            {f"{e.id}.{r.name}": self._effect(e.id, r.name) for e in EFFECTS.values() for r in e.parameters}
-        )
+    def _conductance_at_rest(self, number: dict[str, float]) -> float:
+        tree = namespace({k: v for k, v in number.items() if not k.startswith("effects.")})
+        effects = namespace({k.removeprefix("effects."): v for k, v in number.items() if k.startswith("effects.")})
         return float(hose_burst_valve.limited_conductance(0.0, tree, effects))
 
     def _set_time(self, x: Array, begin: float) -> None:
@@ -262,22 +312,20 @@ class Plant:
         if "elapsed_time" in self.state_names:
             x[self.state_names.index("elapsed_time")] = begin
 
-    def _sampling(self, t_out: Array) -> tuple[Array, tuple[NDArray[np.int64], NDArray[np.int64]] | None]:
+    def _sampling(self, t_out: Array, delay: float) -> tuple[Array, tuple[NDArray[np.int64], NDArray[np.int64]] | None]:
         """Times at which the run is sampled, and where among them the outputs and the delayed pressures are."""
-        if self.pressure_delay == 0.0:
+        if delay == 0.0:
             return t_out, None
-        both = np.concatenate((t_out, np.maximum(t_out - self.pressure_delay, t_out[0])))
+        both = np.concatenate((t_out, np.maximum(t_out - delay, t_out[0])))
         sampled, where = np.unique(both, return_inverse=True)
         n = len(t_out)
         return sampled, (where[:n], where[n:])
 
-    def _check(self, t_in: Array, u: Array, t_out: Array, x: Array, p: Array, begin: float) -> None:
+    def _check(self, t_in: Array, u: Array, t_out: Array, x: Array, begin: float) -> None:
         if u.ndim != 2 or u.shape != (len(t_in), len(INPUTS)) or len(t_in) == 0:
             raise ModelError(f"currents must have shape (m, 2) with m input times, not {u.shape} with {len(t_in)}")
         if x.shape != (len(self.state_names),):
             raise ModelError(f"the initial state must have {len(self.state_names)} numbers, not {x.shape}")
-        if p.shape != (len(self.parameter_names),):
-            raise ModelError(f"parameters must be {len(self.parameter_names)} numbers, not {p.shape}")
         for name, values in (("input times", t_in), ("currents", u), ("output times", t_out), ("initial state", x)):
             if not np.isfinite(values).all():
                 raise ModelError(f"{name}: not all numbers are finite")

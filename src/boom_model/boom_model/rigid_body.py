@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_model.errors import MachineError, ModelError
+from boom_model.errors import MachineError
 
 Vector = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ LIMIT_SLACK = 1e-3
 """rad or m: a pose read from a message may lie this far outside the joint limits by rounding."""
 
 
-class PoseError(ModelError):
+class PoseError(MachineError):
     """A joint angle or extension that the machine cannot have; the message gives the range."""
 
 

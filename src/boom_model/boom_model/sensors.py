@@ -16,13 +16,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_model.regularisation import Expression
+from boom_model.specification import Specification
+
+SPECIFICATIONS = (
+    Specification("control.Ts", "T_s", "s", "sample time", 1e-4, 1.0, "ch. 6.4"),
+    Specification("control.q2_quant", "", "rad", "resolution of the angle", 0.0, 0.1, "ch. 6.4"),
+    Specification("control.p_quant", "", "Pa", "resolution of the pressures", 0.0, 1e6, "ch. 6.4"),
+    Specification("control.p_noise_psd", "PSD_p", "Pa^2/Hz", "noise of the pressures", 0.0, 1e12, "ch. 6.4"),
+)
+"""What a machine file may say of its sensors; without it the numbers of :class:`SensorNoise` hold."""
 
 OUTPUTS = ("angle", "rate", "hose_pressure", "rod_pressure")
 OUTPUT_UNITS = ("rad", "rad/s", "Pa", "Pa")
 
 
 def measured(angle: Expression, rate: Expression, hose_pressure: Expression, rod_pressure: Expression, e: Any) -> Any:
-    """Y = (angle [rad], rate [rad/s], p_h [Pa gauge], p_b [Pa gauge]) without noise."""
+    """y = (angle [rad], rate [rad/s], p_h [Pa gauge], p_b [Pa gauge]) without noise."""
     return ca.vertcat(
         angle + e.angle_offset.b,
         rate * e.rate_scale.a,

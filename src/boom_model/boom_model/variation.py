@@ -60,7 +60,7 @@ def draw(machine: Machine, rng: np.random.Generator, most_effects: int = 2) -> V
 
 def _pose(machine: Machine, load: float, rng: np.random.Generator) -> Pose:
     body = machine.document["rigid_body"]
-    tabulated = list(body["configs"].values())
+    tabulated = machine.tabulated
     limits = body.get("joint_limits", {})
     k = int(rng.integers(len(tabulated) + 1))
     anywhere = [float(v) for v in rng.uniform(size=2)]
@@ -69,4 +69,4 @@ def _pose(machine: Machine, load: float, rng: np.random.Generator) -> Pose:
         stages = 2 * limits["q4_per_stage"][1]
         return machine.pose(low + (high - low) * anywhere[0], stages * anywhere[1], load)
     chosen = tabulated[k % len(tabulated)]
-    return machine.pose(float(chosen["q3"]), float(chosen["q4"]), load)
+    return machine.pose(chosen.outer_boom_angle, chosen.telescope_length, load)

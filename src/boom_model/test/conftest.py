@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from boom_model.effects import EFFECTS
-from boom_model.equations import _namespace
+from boom_model.equations import namespace
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
@@ -41,7 +41,7 @@ def document() -> dict[str, Any]:
 @pytest.fixture(scope="session")
 def p(tz17: Machine) -> Any:
     """Parameters of tz17, folded, as nested namespaces of floats."""
-    return _namespace(tz17.values(tz17.pose(4.59, 0.0)))
+    return namespace(tz17.values(tz17.pose(4.59, 0.0)))
 
 
 @pytest.fixture(scope="session")
@@ -49,7 +49,7 @@ def effects() -> Callable[..., SimpleNamespace]:
     """Parameters of all effects, neutral but for what is given: effects(piston_leakage={"c": 1e-12})."""
 
     def make(**given: dict[str, float]) -> SimpleNamespace:
-        return _namespace(
+        return namespace(
             {
                 f"{x.id}.{row.name}": given.get(x.id, {}).get(row.name, row.neutral)
                 for x in EFFECTS.values()

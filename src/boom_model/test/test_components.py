@@ -29,7 +29,7 @@ from boom_model import (
     swinging_load,
     triangle_linkage,
 )
-from boom_model.equations import _namespace
+from boom_model.equations import namespace
 from boom_model.regularisation import PRESSURE_EPSILON, positive, signed_sqrt
 
 BAR, LPM = 1e5, 1 / 60_000
@@ -254,7 +254,7 @@ def test_pilot_lag_slows_down_and_keeps_the_stationary_pressure(p: Any, effects:
 
 
 def test_direct_spool_is_a_first_order_lag(other_make: Any) -> None:
-    q = _namespace(other_make.values(other_make.pose(4.5, 0.0)))
+    q = namespace(other_make.values(other_make.pose(4.5, 0.0)))
     assert direct_spool.velocity(0.0, 0.6, 0.0, q) == pytest.approx(8e-3 / 0.04, rel=1e-3)
     assert direct_spool.velocity(0.0, 0.0, 0.6, q) == pytest.approx(-8e-3 / 0.04, rel=1e-3)
     assert direct_spool.velocity(1.333e-2 * 0.3, 0.3, 0.0, q) == pytest.approx(0.0, abs=1e-12)
@@ -359,7 +359,7 @@ def test_valve_opens_continuously(p: Any, effects: Any) -> None:
 
 
 def test_flow_follows_supply_and_load_without_compensator(other_make: Any, effects: Any) -> None:
-    q = _namespace(other_make.values(other_make.pose(4.5, 0.0)))
+    q = namespace(other_make.values(other_make.pose(4.5, 0.0)))
     flows = main_valve_orifices.flows(-8e-3, 60e5, 20e5, q, effects())
     assert float(flows.head) == pytest.approx(HOLE * 1.1e-5 * sqrt(150e5), rel=1e-6)
     assert (
@@ -410,7 +410,7 @@ def test_anti_cavitation_valve_is_shut_above_and_open_below_its_pressure(p: Any)
 
 
 def test_load_adds_to_inertia_and_gravity_at_the_tip(tz17: Any, effects: Any) -> None:
-    q = _namespace(tz17.values(tz17.pose(0.28, 2.8, 300.0)))
+    q = namespace(tz17.values(tz17.pose(0.28, 2.8, 300.0)))
     load = equation_of_motion.load_mass(q, effects())
     assert float(load) == 300.0
     assert float(equation_of_motion.inertia(load, q)) == pytest.approx(33_818 + 300 * (4.7619**2 + 5.8335**2))
@@ -420,13 +420,13 @@ def test_load_adds_to_inertia_and_gravity_at_the_tip(tz17: Any, effects: Any) ->
 
 
 def test_payload_effect_is_a_load_that_the_configuration_does_not_tell(tz17: Any, effects: Any) -> None:
-    told, hidden = (_namespace(tz17.values(tz17.pose(0.28, 2.8, load))) for load in (260.0, 0.0))
+    told, hidden = (namespace(tz17.values(tz17.pose(0.28, 2.8, load))) for load in (260.0, 0.0))
     e = effects(payload={"mass": 260.0})
     assert float(equation_of_motion.load_mass(hidden, e)) == float(equation_of_motion.load_mass(told, effects()))
 
 
 def test_grasped_load_is_there_from_its_time_on(tz17: Any, effects: Any) -> None:
-    q = _namespace(tz17.values(tz17.pose(0.28, 2.8, 100.0)))
+    q = namespace(tz17.values(tz17.pose(0.28, 2.8, 100.0)))
     e = effects(payload_change={"mass": 260.0, "t_g": 5.0})
     masses = [float(equation_of_motion.load_mass(q, e, t)) for t in (0.0, 4.9, 5.0, 5.1, 50.0)]
     assert masses == pytest.approx([100.0, 100.0, 230.0, 360.0, 360.0], abs=1e-5)
@@ -467,7 +467,7 @@ def test_gas_that_exchanges_heat_cools_when_it_is_hotter_than_at_rest(p: Any, ef
 
 def test_swinging_load_at_rest_pulls_like_one_that_sticks(tz17: Any, effects: Any) -> None:
     """theta = 0, no motion: torque - m g x_t over D + m x_t^2, and the rope's pivot takes theta along."""
-    q = _namespace(tz17.values(tz17.pose(0.28, 2.8)))
+    q = namespace(tz17.values(tz17.pose(0.28, 2.8)))
     e = effects(swinging_load={"mass": 300.0, "length": 2.0})
     w, theta = (float(v) for v in swinging_load.accelerations(0.0, 0.0, 0.0, 0.0, 33_818.0, 5e4, q, e))
     expected = (5e4 - 300 * 9.81 * 4.7619) / (33_818 + 300 * 4.7619**2)

@@ -100,7 +100,7 @@ CASES: dict[str, tuple[Spoil, str]] = {
         put("rigid_body.configs.T3_extended.Sx", float("nan")),
         r"T3_extended\.Sx: nan is not a finite number",
     ),
-    "pose_without_inertia": (put("rigid_body.configs.T3_extended.D0", -1.0), r"D0: -1\.0 is not a positive inertia"),
+    "pose_without_inertia": (put("rigid_body.configs.T3_extended.D0", -1.0), r"D0: -1 is not a positive inertia"),
     "pose_tip": (put("rigid_body.configs.T3_extended.tip", [1.0]), r"T3_extended\.tip: expected \[x, y\] in m"),
     "absolute_pressures": (put("meta.pressure_reference", "absolute"), r"meta\.pressure_reference: only gauge"),
     "no_name": (drop("meta.name"), r"meta\.name: missing"),
@@ -120,6 +120,29 @@ CASES: dict[str, tuple[Spoil, str]] = {
     "effect_not_a_number": (
         put("effects", {"payload": {"mass": "log"}}),
         r"effects\.payload\.mass: 'log' is not a finite number",
+    ),
+    "confidence_not_a_text": (put("fluid.beta.conf", ["low"]), r"fluid\.beta\.conf: \['low'\] is not high"),
+    "meter_out_two_signs": (put("main_valve_orifices.A_ta_law.value", "A_sb/(--2.27-0.7*u^2)"), "is not of the form"),
+    "meter_out_no_number": (put("main_valve_orifices.A_ta_law.value", "A_sb/(e-0.7*u^2)"), "is not of the form"),
+    "sample_time_zero": (put("control.Ts.value", 0), r"control\.Ts: 0\.0 is outside 0\.0001 \.\. 1 s"),
+    "noise_negative": (put("control.p_noise_psd.value", -3e6), r"control\.p_noise_psd: -3000000\.0 is outside"),
+    "noise_no_number": (put("control.p_noise_psd.value", "lots"), r"control\.p_noise_psd: lots is outside"),
+    "resolution_unit": (put("control.q2_quant.unit", "deg"), r"control\.q2_quant\.unit: deg; expected rad"),
+    "name_not_a_text": (put("meta.name", 17), r"meta\.name: 17 is not a text"),
+    "joint_limits_no_mapping": (put("rigid_body.joint_limits", 5), r"rigid_body\.joint_limits\.q3: missing"),
+    "joint_limits_text": (
+        put("rigid_body.joint_limits.q3", ["abc", 4.6]),
+        r"rigid_body\.joint_limits\.q3: .* expected",
+    ),
+    "joint_limits_swapped": (put("rigid_body.joint_limits.q3", [4.6, -0.9]), r"joint_limits\.q3: 4\.6 \.\. -0\.9 rad"),
+    "link_mass_negative": (put("rigid_body.links.inner_boom.m", -400), r"links\.inner_boom\.m: -400 given"),
+    "plateau_without_slope": (put("hose_burst_valve.a31.value", 0.0), r"hose_burst_valve\.a31: 0\.0 is outside 1e-06"),
+    "dead_zone_beyond_the_stroke": (
+        lambda d: (
+            put("main_valve_orifices.x0.value", 0.6)(d),
+            put("effects", {"valve_dead_zone": {"d_retract": 0.5}})(d),
+        ),
+        r"valve_dead_zone\.d_retract: 0\.5 is outside -0\.6 \.\. 0\.35",
     ),
     "learned_terms": (put("learned", []), "learned: "),
 }
@@ -261,3 +284,20 @@ def test_impossible_pose_is_refused(tz17: Machine, pose: tuple[float, float, flo
 def test_pose_that_is_not_tabulated_needs_the_bodies(other_make: Machine) -> None:
     with pytest.raises(MachineError, match=r"rigid_body\.planar is missing.*q3 = 4\.5 rad, q4 = 0 m"):
         other_make.pose(1.0, 0.0)
+
+
+def test_numbers_that_yaml_takes_for_texts_and_wrapped_ones_are_understood_in_a_pose(document: dict[str, Any]) -> None:
+    entry = document["rigid_body"]["configs"]["T1_T2_folded"]
+    entry["D0"], entry["q3"] = "5.288e3", {"value": entry["q3"], "unit": "rad"}
+    assert machine_from(document).pose(4.59, 0.0).D0 == 5288.0
+
+
+def test_no_name_is_no_machine() -> None:
+    with pytest.raises(MachineError, match="no machine named; shipped are"):
+        load_machine("")
+
+
+def test_dead_zone_may_not_be_turned_inside_out(document: dict[str, Any]) -> None:
+    machine = machine_from(document)
+    with pytest.raises(MachineError, match=r"with which main_valve_orifices\.x0 = 0\.1 stays within"):
+        machine.with_values({"main_valve_orifices.x0": 0.1}).with_effects({"valve_dead_zone": {"d_extend": -0.2}})

@@ -11,7 +11,7 @@ import pytest
 
 from boom_model import accumulator
 from boom_model.effects import CATALOGUE
-from boom_model.equations import _namespace
+from boom_model.equations import namespace
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine
 from boom_model.plant import Plant
@@ -26,7 +26,7 @@ def dense(folded: Plant, joystick: Any) -> dict[str, Any]:
     fine = np.arange(20_000 - 10) * 1e-3
     run = folded.run(time, currents, fine, folded.equilibrium(0.45), tolerance=1e-9)
     held = currents[np.minimum((fine / 0.01 + 1e-6).astype(int), len(time) - 1)]
-    parameters = _namespace(dict(zip(folded.parameter_names, folded.p, strict=True)))
+    parameters = namespace(dict(zip(folded.parameter_names, folded.p, strict=True)))
     return {"time": fine, "run": run, "p": parameters} | folded.auxiliary(run.states, held)
 
 

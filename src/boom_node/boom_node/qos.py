@@ -23,6 +23,8 @@ COMMAND = _profile(1, reliable=True, deadline_s=COMMAND_DEADLINE_S)
 LATEST = _profile(1, reliable=True)  # the newest counts, none may be lost silently
 EVENTS = _profile(10, reliable=True)  # on demand or on change
 LATCHED = _profile(1, reliable=True, latched=True)  # late joiners get the last one
+EVERY_SAMPLE = _profile(1000, reliable=True)
+"""Sensor topics in lockstep: no sample may be lost, however far behind a recorder is; readers with sensor data QoS still match."""
 CLOCK = _profile(10, reliable=True)  # to publish with: it serves subscribers of either kind, and lockstep loses no tick
 
 BY_TOPIC: dict[str, QoSProfile] = {

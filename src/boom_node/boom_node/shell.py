@@ -64,11 +64,6 @@ def finish(exit_status: int = 0, message: str = "") -> None:
     _state.stop = True
 
 
-def stop_requested() -> bool:
-    """True once a signal or `finish` has asked for the end; for loops inside a node's ``close``."""
-    return _state.stop
-
-
 def fail(message: str, exit_status: int = 2) -> int:
     """Print one line on stderr, as `StartError` wants it. Returns the exit status."""
     print(" ".join(message.split()), file=sys.stderr, flush=True)

@@ -67,7 +67,6 @@ class Tiny:
         (folder / "tiny_node.py").write_text(_NODE)
         environment = dict(os.environ, BLOCK_AT=block_at, BOOM_EXECUTOR=executor, PYTHONUNBUFFERED="1")
         environment["PYTHONPATH"] = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
-        environment["ROS_DOMAIN_ID"] = str(60 + os.getpid() % 40)
         command = [sys.executable, "-m", "tiny_node", *(["--ros-args", *arguments] if arguments else [])]
         self.process = subprocess.Popen(
             command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

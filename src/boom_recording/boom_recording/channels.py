@@ -50,10 +50,6 @@ class Channel:
         """True where the wire carries absolute pressure."""
         return self.unit == "Pa"
 
-    def from_wire(self, value: float) -> float:
-        """SI value inside; for arrays the offset is applied by `boom_recording.loading`."""
-        return value - self.wire_offset
-
     @property
     def wire_offset(self) -> float:
         """What the wire value is larger by [unit]."""
@@ -62,11 +58,11 @@ class Channel:
 
 _BAR = 1e5
 
-# Ranges: the joint's limits are -0.02..1.6 rad here and an IMU may be mounted askew; the boom reaches 0.4 rad/s; a
-# pressure transducer ends at 600 bar and cannot read below vacuum; a solenoid of 0.6 A is fed by a driver of 3 A, and a
-# current is clipped at zero.
+# Ranges hold for any machine of this kind (the machine file's own limits are the model's affair): an angle is within a
+# turn, a boom of 2 rad/s would tear itself off, a pressure transducer ends at 600 bar and cannot read below vacuum, a
+# solenoid of 0.6 A is fed by a driver of 3 A, and a current is clipped at zero.
 CHANNELS: tuple[Channel, ...] = (
-    Channel("angle", "rad", JOINT_STATES, "position", -1.3, 1.7),
+    Channel("angle", "rad", JOINT_STATES, "position", -3.2, 3.2),
     Channel("rate", "rad/s", JOINT_STATES, "velocity", -2.0, 2.0),
     Channel("hose_pressure", "Pa", HOSE_PRESSURE, "fluid_pressure", -1.02 * _BAR, 600 * _BAR),
     Channel("rod_pressure", "Pa", ROD_PRESSURE, "fluid_pressure", -1.02 * _BAR, 600 * _BAR),
@@ -74,7 +70,7 @@ CHANNELS: tuple[Channel, ...] = (
     Channel("extend_current", "A", SOLENOID_CURRENTS, "extend", -0.01, 3.0),
     Channel("retract_current_command", "A", CURRENT_COMMAND, "retract", -0.01, 3.0),
     Channel("extend_current_command", "A", CURRENT_COMMAND, "extend", -0.01, 3.0),
-    Channel("reference_angle", "rad", REFERENCE, "position", -1.3, 1.7),
+    Channel("reference_angle", "rad", REFERENCE, "position", -3.2, 3.2),
 )
 
 BY_NAME = {channel.name: channel for channel in CHANNELS}

@@ -79,7 +79,6 @@ class _Raw:
 
 
 # ---- stamps ----------------------------------------------------------------------------------------------------------
-# ---------------------
 
 
 def check_stamps(samples: TopicSamples, limits: Thresholds = THRESHOLDS) -> list[_Raw]:
@@ -92,7 +91,7 @@ def check_stamps(samples: TopicSamples, limits: Thresholds = THRESHOLDS) -> list
     if _comparable(stamps, log, limits):
         events += _jumps(samples, limits)
         events += _late(samples, limits)
-    events += _unordered(samples)
+    events += unordered(samples)
     return events
 
 
@@ -187,7 +186,7 @@ def _late(samples: TopicSamples, limits: Thresholds) -> list[_Raw]:
     ]  # fmt: skip
 
 
-def _unordered(samples: TopicSamples) -> list[_Raw]:
+def unordered(samples: TopicSamples) -> list[_Raw]:
     """Stamps that repeat or go back: the fewest samples are masked with which the rest increases strictly."""
     index = np.flatnonzero(samples.timed)
     stamps = samples.stamps_ns[index]
@@ -242,8 +241,7 @@ def _longest_increasing(stamps: Stamps) -> Flags:
     return keep
 
 
-# ---- what is missing
-# ----------------------------------------------------------------------------------------------------------------------
+# ---- what is missing -------------------------------------------------------------------------------------------------
 
 
 def check_missing(
@@ -293,7 +291,6 @@ def _missing(steps: Floats, period: float) -> NDArray[np.int64]:
 
 
 # ---- values ----------------------------------------------------------------------------------------------------------
-# ---------------------
 
 
 def check_values(samples: TopicSamples, limits: Thresholds = THRESHOLDS) -> list[_Raw]:
@@ -432,7 +429,6 @@ def _same_span(one: tuple[float, float], other: tuple[float, float], limits: Thr
 
 
 # ---- helpers ---------------------------------------------------------------------------------------------------------
-# ---------------------
 
 
 def _runs(flags: Flags, reach: int) -> list[tuple[int, int]]:

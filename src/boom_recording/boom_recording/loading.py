@@ -69,7 +69,7 @@ def _load(path: Path, bag: bag_folder.BagFiles, require: tuple[str, ...], joint:
         if check:
             raw[samples.topic] += defects.check_stamps(samples)
         else:
-            defects._unordered(samples)
+            defects.unordered(samples)
         for valid in samples.valid.values():
             valid &= samples.timed
     start_ns, end_ns = _span(sensors)

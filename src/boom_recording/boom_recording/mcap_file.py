@@ -40,7 +40,6 @@ class Topic:
     definition: str
     definition_encoding: str
     message_encoding: str
-    offered_qos: str
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,6 @@ class McapFile:
     _schemas: dict[int, Schema] = field(default_factory=dict)
     _chunks: list[ChunkIndex] = field(default_factory=list)
     _unchecked: bool = False
-    _spoilt: bool = False
 
     def batches(self) -> Iterator[Batch]:
         """Give all messages that can be read. Raises RecordingError for a file that is not MCAP."""
@@ -137,8 +135,8 @@ class McapFile:
                 self._add(Channel.read(stream))
             elif opcode == Opcode.CHUNK_INDEX:
                 self._chunks.append(ChunkIndex.read(stream))
-        except Exception:  # garbage in a record without a checksum; its messages are then counted as unreadable
-            self._spoilt = True
+        except Exception:  # garbage without a checksum may raise anything; its messages are then counted as unreadable
+            return
 
     def _add(self, channel: Channel) -> None:
         schema = self._schemas.get(channel.schema_id)
@@ -150,7 +148,6 @@ class McapFile:
             definition=schema.data.decode("utf-8", "replace") if schema else "",
             definition_encoding=schema.encoding if schema else "",
             message_encoding=channel.message_encoding,
-            offered_qos=channel.metadata.get("offered_qos_profiles", ""),
         )
 
     def _pieces(self, end: int) -> Iterator[bytes]:

@@ -12,6 +12,9 @@ Windows that began at t_n would take two currents now and none then wherever phi
 value before it acts on, stamped t_n, or zero inside a gap. The first command, for t_0, is sent without waiting for a
 tick as soon as the simulation listens. So the run depends on the recording alone and goes as fast as both allow.
 
+Over CAN a command acts from its tick on: the stamp does not go over the bus. There phi counts from -T/2 to T/2, and the currents
+of a recording act up to 5 ms earlier or later than they did.
+
 Gaps
 ----
 Masked samples are not replayed. Where the currents are not known for more than 50 ms, commands go to zero (the safe
@@ -102,11 +105,16 @@ def part(everything: list[Sample], start_s: float, duration_s: float) -> list[Sa
 
 @dataclass
 class Lockstep:
-    """Answers the ticks of the simulation; see the module's text. start_ns: simulated time of the first sample [ns]."""
+    """Answers the ticks of the simulation; see the module's text.
+
+    start_ns   simulated time of the first sample [ns]
+    on_ticks   True: commands act from their tick on, whatever their stamp (over CAN); each tick gets the current nearest to it
+    """
 
     chosen: list[Sample]
     start_ns: int = 0
     period_ns: int = PERIOD_NS
+    on_ticks: bool = False
     _next: int = 0
     _answered: int = -1
     _acting: tuple[float, ...] = (0.0, 0.0)
@@ -116,7 +124,7 @@ class Lockstep:
         stamps = np.array([sample.stamp_ns for sample in self.chosen])
         turn = 2 * np.pi / self.period_ns
         mean = np.angle(np.exp(1j * turn * (stamps % self.period_ns)).sum()) / turn
-        self._phase_ns = round(float(mean) % self.period_ns)
+        self._phase_ns = round(float(mean) if self.on_ticks else float(mean) % self.period_ns)
 
     def first(self) -> Sample:
         """The command for t_0, to be sent without a tick."""

@@ -73,6 +73,10 @@ PARAMETERS = (
         read_only=True,
     ),
     ParameterSpec("wait_for_recorder", False, "wait for /boom_recorder/ready too", read_only=True),
+    ParameterSpec("wait_for_motion", False, "wait until the CAN bridge reports that motion is enabled", read_only=True),
+    ParameterSpec(
+        "on_ticks", False, "lockstep: commands act from their tick on, not from their stamp (over CAN)", read_only=True
+    ),
     ParameterSpec("wait_timeout", 20.0, "how long to wait for them", "s", 0.1, 3600.0, read_only=True),
     ParameterSpec(
         "tick_timeout", 5.0, "lockstep: longest time without a tick of /clock", "s", 0.1, 3600.0, read_only=True
@@ -115,6 +119,9 @@ class ReplayNode(Node):
         self._recorder_ready = False
         if values.wait_for_recorder:
             self.create_subscription(Bool, "/boom_recorder/ready", self._on_recorder, qos.LATCHED)
+        self._motion_enabled = False
+        if values.wait_for_motion:
+            self.create_subscription(Bool, "/boom_can_bridge/motion_enabled", self._on_motion, qos.LATCHED)
         self.create_service(SetBool, "~/pause", self._on_pause)
         self._pacer = Pacer(
             values.rate,
@@ -125,7 +132,9 @@ class ReplayNode(Node):
         if values.paused:
             self._pacer.pause()
         self._lockstep = (
-            replay.Lockstep(self._samples, stamps.seconds_to_ns(values.start_time)) if values.lockstep else None
+            replay.Lockstep(self._samples, stamps.seconds_to_ns(values.start_time), on_ticks=values.on_ticks)
+            if values.lockstep
+            else None
         )
         self._thread: threading.Thread | None = None
         self._created = time.monotonic()
@@ -195,6 +204,8 @@ class ReplayNode(Node):
             missing.append(
                 "/boom_recorder/ready (is the recorder running, and do its required topics have publishers?)"
             )
+        if self._values.wait_for_motion and not self._motion_enabled:
+            missing.append("/boom_can_bridge/motion_enabled (is the bridge running, and was its ~/enable called?)")
         if self._lockstep is not None and not self._subscribe_clock():
             missing.append("a publisher of /clock (is the simulation running in lockstep?)")
         return missing
@@ -288,6 +299,9 @@ class ReplayNode(Node):
 
     def _on_recorder(self, message: Bool) -> None:
         self._recorder_ready = message.data
+
+    def _on_motion(self, message: Bool) -> None:
+        self._motion_enabled = message.data
 
     def _on_pause(self, request: Any, response: Any) -> Any:
         if self._lockstep is not None:

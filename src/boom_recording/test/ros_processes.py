@@ -7,12 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-DOMAIN = str(60 + os.getpid() % 40)
-
 
 def environment() -> dict[str, str]:
-    """What conftest.py has set (loopback only), and apart from whatever else runs on this computer."""
-    return dict(os.environ, ROS_DOMAIN_ID=DOMAIN, PYTHONUNBUFFERED="1")
+    """What conftest.py has set: loopback only, a domain apart from whatever else runs on this computer."""
+    return dict(os.environ, PYTHONUNBUFFERED="1")
 
 
 def start(module: str, cwd: Path, **parameters: object) -> "subprocess.Popen[str]":
@@ -40,7 +38,7 @@ class Partner:
         from rclpy.executors import SingleThreadedExecutor
 
         self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=int(DOMAIN))
+        rclpy.init(context=self.context)
         self.node = rclpy.create_node(name, context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)

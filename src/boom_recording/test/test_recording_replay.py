@@ -178,3 +178,14 @@ def test_the_stamps_of_a_replay_are_whole_nanoseconds_of_the_recording() -> None
     made = recording()
     chosen = replay.samples(made, "reference")
     assert np.array_equal([s.stamp_ns for s in chosen], made.signals["angle"].stamps_ns - made.start_ns)
+
+
+def test_over_can_each_tick_gets_the_current_nearest_to_it() -> None:
+    stamps = [k * 10 * MS - MS // 500 for k in range(1, 5)]  # just before the ticks, as a sender in step with them does
+    step = Lockstep([Sample(t, (k + 1.0, 0.0)) for k, t in enumerate(stamps)], on_ticks=True)
+    values = [step.first().values[0]]
+    while not step.finished:
+        answer = step.answer(step.next_tick_ns)
+        assert answer is not None
+        values.append(answer.values[0])
+    assert values == [0.0, 1.0, 2.0, 3.0, 4.0]

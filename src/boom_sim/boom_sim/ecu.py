@@ -66,6 +66,8 @@ class Ecu:
         refused: command frames that were not followed, by reason.
         accepted: command frames that were.
         failure: why the simulation stands, or "".
+        asked_again: in lockstep, the command that came last was that of the cycle before: its answer was lost.
+        answer: frames of the last cycle.
 
     Raises:
         CanConfigurationError: a frame carries what no ECU knows.
@@ -100,6 +102,8 @@ class Ecu:
         self._last_good = -math.inf
         self._repeated = 0
         self._last_counter: int | None = None
+        self.asked_again = False
+        self.answer: list[Frame] = []
         self._acting = (0.0, 0.0)
         self._armed = True
         self._enabled = False
@@ -138,7 +142,8 @@ class Ecu:
     def receive(self, frame: Frame, now: float) -> bool:
         """Takes a frame that arrived at ``now`` [s]. Returns whether it is a command, good or bad, and not of another.
 
-        A frame that is damaged, repeated or impossible is counted in ``refused`` and not followed.
+        A frame that is damaged, repeated or impossible is counted in ``refused`` and not followed. In lockstep a damaged
+        one is as good as lost (False), and a repeated one asks for the answer again.
         """
         spec = self._command
         if frame.arbitration_id != spec.arbitration_id or frame.extended != spec.is_extended:
@@ -149,11 +154,15 @@ class Ecu:
                 return False
             stands = decoded.counter is not None and decoded.counter == self._last_counter
             self._last_counter = decoded.counter
+            self.asked_again = stands and self.lockstep
+            if self.asked_again:
+                return True
             self._repeated = self._repeated + 1 if stands else 0
             self._counter_check.accept(spec.name, decoded.counter, now)
             self._follow(decoded.values, now)
         except FrameError as error:
             self._refuse(error.reason)
+            return not self.lockstep or error.reason not in ("crc", "length")
         return True
 
     def _follow(self, values: Mapping[str, float], now: float) -> None:
@@ -220,6 +229,7 @@ class Ecu:
                 self._counters[frame.name] += 1
             result.append(Frame(identifier, frame.is_extended, data))
         self._cycle += 1
+        self.answer = result
         return result
 
     def _values(self, retract: float, extend: float, now: float) -> dict[str, float]:

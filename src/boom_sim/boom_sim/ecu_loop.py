@@ -121,7 +121,7 @@ class EcuLoop:
         next_tick = last_turn = time.monotonic()
         while not self._stop.is_set():
             now = time.monotonic()
-            if now - last_turn > STANDSTILL:
+            if now - last_turn > STANDSTILL and not self.ecu.lockstep:  # in lockstep no time has passed
                 self._drain()
                 now = time.monotonic()
             last_turn = now
@@ -141,9 +141,12 @@ class EcuLoop:
 
     def _tick(self, now: float) -> None:
         with self.lock:
-            for frame in self.ecu.tick(self._now()):
-                if now >= self._silent_until:
-                    self.to_bus.put(frame, now)
+            self._put(self.ecu.tick(self._now()), now)
+
+    def _put(self, frames: list[Frame], now: float) -> None:
+        for frame in frames:
+            if now >= self._silent_until:
+                self.to_bus.put(frame, now)
 
     def _deliver(self, now: float) -> None:
         """Frames whose time has come: to the bus, and from it to the ECU."""
@@ -151,7 +154,7 @@ class EcuLoop:
             outgoing, incoming = self.to_bus.due(now), self.from_bus.due(now)
             for frame in incoming:
                 if self.ecu.receive(frame, self._now()) and self.ecu.lockstep:
-                    self._tick(now)
+                    self._put(self.ecu.answer if self.ecu.asked_again else self.ecu.tick(self._now()), now)
                     outgoing += self.to_bus.due(now)
         for frame in outgoing:
             self._send(frame)

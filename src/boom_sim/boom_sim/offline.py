@@ -52,14 +52,9 @@ def simulate(
     load = 0.0 if math.isnan(configuration.load_mass) else configuration.load_mass
     pose = machine.pose(configuration.outer_boom_angle, configuration.telescope_length, load)
     plant = Plant(machine, pose, kind)
-    rod = start.rod_pressure if math.isfinite(start.rod_pressure) else 1.0e6
-    if math.isfinite(start.hose_pressure):
-        x0 = plant.rest_state(start.angle, start.hose_pressure, rod)
-    else:
-        x0 = plant.equilibrium(start.angle, rod)
     end = float(time[-1]) + PERIOD if duration is None else duration
     grid: Array = np.arange(math.floor(end / PERIOD + 1e-9) + 1, dtype=np.float64) * PERIOD
-    run = plant.run(time, currents, grid, x0, start=0.0, tolerance=1e-6)
+    run = plant.run(time, currents, grid, start.state(plant), start=0.0, tolerance=1e-6)
     rng = np.random.default_rng(seed)
     measured = noise.outputs(run.outputs, rng)
     result = writing.from_columns(name, grid, {o: measured[:, i] for i, o in enumerate(OUTPUTS)}, configuration)

@@ -40,6 +40,13 @@ class Start:
     hose_pressure: float = math.nan
     rod_pressure: float = math.nan
 
+    def state(self, plant: Plant) -> Array:
+        """The state (NX,) of ``plant`` at this rest."""
+        rod = self.rod_pressure if math.isfinite(self.rod_pressure) else 1.0e6
+        if math.isfinite(self.hose_pressure):
+            return plant.rest_state(self.angle, self.hose_pressure, rod)
+        return plant.equilibrium(self.angle, rod)
+
 
 @dataclass(frozen=True)
 class Sample:
@@ -97,7 +104,7 @@ class SimulatedCrane:
         """Back to the beginning: state, load, time, noise, commands."""
         self.pose = self._first_pose
         self._plant = Plant(self.machine, self.pose)
-        self._stepper = self._plant.stepper(self._initial_state(), tolerance=TOLERANCE)
+        self._stepper = self._plant.stepper(self._start.state(self._plant), tolerance=TOLERANCE)
         self._rng = np.random.default_rng(self._seed)
         self._commands = _Commands()
         self._ticks = 0
@@ -208,9 +215,3 @@ class SimulatedCrane:
         i_r, i_e = (float(v) for v in self._noise.currents(np.array(given), self._rng))
         current_time = max(since, self.time - PERIOD) if self._ticks else math.nan
         return Sample(self.time, a, w, p_h, p_b, current_time, i_r, i_e)
-
-    def _initial_state(self) -> Array:
-        rod = self._start.rod_pressure if math.isfinite(self._start.rod_pressure) else 1.0e6
-        if math.isfinite(self._start.hose_pressure):
-            return self._plant.rest_state(self._start.angle, self._start.hose_pressure, rod)
-        return self._plant.equilibrium(self._start.angle, rod)

@@ -23,7 +23,6 @@ from boom_node.stamps import ns_to_seconds, seconds_to_ns, set_ns, to_ns
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import String
@@ -32,9 +31,6 @@ from std_srvs.srv import SetBool, Trigger
 from boom_sim import messages, settings
 from boom_sim.pacing import Pacer, WatchedCommand
 from boom_sim.simulated_crane import PERIOD, CommandError, Sample
-
-_EVERY_SAMPLE = QoSProfile(depth=1000, reliability=QoSReliabilityPolicy.RELIABLE)
-"""In lockstep no sample may be lost, however far behind a recorder is; readers that ask for sensor data QoS still match."""
 
 
 class SimulationNode(Node):
@@ -60,7 +56,7 @@ class SimulationNode(Node):
         )
 
         def publisher(kind: Any, topic: str) -> Any:
-            profile = _EVERY_SAMPLE if self._lockstep else qos.BY_TOPIC.get(topic, qos.SENSOR_DATA)
+            profile = qos.EVERY_SAMPLE if self._lockstep else qos.BY_TOPIC.get(topic, qos.SENSOR_DATA)
             return self.create_publisher(kind, topic, profile)
 
         self._joints = publisher(JointState, "/joint_states")

@@ -233,3 +233,24 @@ def test_in_lockstep_silence_closes_nothing() -> None:
     partner.now += 10.0
     partner.tick()
     assert partner.ecu.currents == pytest.approx((0.0, 0.4))
+
+
+def test_in_lockstep_a_repeated_command_asks_for_the_answer_and_moves_nothing() -> None:
+    partner = Partner(lockstep=True)
+    partner.drive(EXTEND, 5)
+    answer, refused = partner.ecu.answer, dict(partner.ecu.refused)
+    assert partner.send(EXTEND, counts=False)
+    assert partner.ecu.asked_again
+    assert partner.ecu.answer == answer
+    assert dict(partner.ecu.refused) == refused
+    assert partner.send(EXTEND)
+    assert not partner.ecu.asked_again
+
+
+def test_in_lockstep_a_damaged_command_is_as_good_as_lost() -> None:
+    partner = Partner(lockstep=True)
+    partner.drive(EXTEND, 5)
+    frame = partner.frame(EXTEND)
+    damaged = Frame(frame.arbitration_id, frame.extended, bytes([frame.data[0] ^ 1, *frame.data[1:]]))
+    assert not partner.ecu.receive(damaged, partner.now)
+    assert partner.ecu.refused["crc"] == 1

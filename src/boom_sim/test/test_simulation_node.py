@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
 import subprocess
 import sys
 import time
@@ -26,7 +25,6 @@ from boom_node.stamps import set_ns, to_ns
 
 pytestmark = pytest.mark.process
 PATIENCE = 30.0
-DOMAIN = str(10 + os.getpid() % 90)
 RELIABLE = qos.EVENTS
 
 
@@ -35,7 +33,7 @@ class Partner:
 
     def __init__(self) -> None:
         self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=int(DOMAIN))
+        rclpy.init(context=self.context)
         self.node = rclpy.create_node("partner", context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
@@ -101,10 +99,7 @@ def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
     def begin(*parameters: str) -> subprocess.Popen[str]:
         command = [sys.executable, "-m", "boom_sim.simulation_node", "--ros-args"]
         command += [word for parameter in parameters for word in ("-p", parameter)]
-        environment = dict(os.environ, ROS_DOMAIN_ID=DOMAIN)
-        running.append(
-            subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True)
-        )
+        running.append(subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True))
         return running[-1]
 
     yield begin

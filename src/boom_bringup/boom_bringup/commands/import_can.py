@@ -33,7 +33,9 @@ class ImportCanError(ValueError):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("log", metavar="LOG", help="CAN log: .blf, .asc, .log, .csv or .trc")
+    parser.add_argument(
+        "log", metavar="LOG", help="CAN log: .blf, .asc, .log, .csv or .trc (no .mf4: convert it first)"
+    )
     parser.add_argument("--dbc", metavar="FILE", default="tz17", help="DBC file or shipped name (default: tz17)")
     parser.add_argument("--mapping", metavar="FILE", help="mapping file (default: the .yaml beside the DBC file)")
     parser.add_argument("--output", metavar="BAG", required=True, help="folder of the new bag; must not exist")

@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import argparse
 import os
-from pathlib import Path
 
-from boom_bringup import environment
+from boom_bringup import arguments, environment
 from boom_bringup.commands._node_command import node_command
 from boom_bringup.commands.simulate import parse_effects
 
@@ -35,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--outer-boom-angle", type=float, default=0.28, metavar="RAD", help="q3 [rad] (default: 0.28)")
     parser.add_argument("--telescope-length", type=float, default=2.2, metavar="M", help="q4 [m] (default: 2.2)")
     parser.add_argument("--load", type=float, default=0.0, metavar="KG", help="load at the tip [kg] (default: 0)")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the sensor noise (default: 0)")
+    parser.add_argument("--seed", type=arguments.seed, default=0, help="seed of the sensor noise (default: 0)")
     parser.add_argument("--sensors", choices=("thesis", "ideal"), default="thesis", help="noise of ch. 6.4 or none")
     parser.add_argument("--ground-truth", action="store_true", help="publish the true states on /boom/ground_truth")
     parser.add_argument(
@@ -48,7 +47,11 @@ def run(args: argparse.Namespace) -> int:
     import yaml
 
     from boom_bringup.supervisor import Program, Supervisor
+    from boom_bringup.urdf_of import robot_description
+    from boom_model.machine_file import load_machine
 
+    machine = load_machine(args.machine)
+    urdf = robot_description(machine.name)
     effects = parse_effects(args.effect)
     crane = {
         "machine": args.machine,
@@ -61,12 +64,13 @@ def run(args: argparse.Namespace) -> int:
         "sensors": args.sensors,
         "ground_truth": args.ground_truth,
         "mode": "lockstep" if args.lockstep else "real_time",
-        "robot_description": str(Path(__file__).parents[1] / "urdf" / "epsilon_tz17.urdf"),
+        "robot_description": urdf,
     }
-    programs = [
-        Program("crane", node_command("boom_sim.simulation_node", crane)),
-        Program("tip_pose", node_command("boom_bringup.tip_pose_node", {})),
-    ]
+    programs = [Program("crane", node_command("boom_sim.simulation_node", crane))]
+    if urdf:
+        programs.append(Program("tip_pose", node_command("boom_bringup.tip_pose_node", {})))
+    else:
+        print(f"note: no URDF for machine {machine.name}: neither /robot_description nor the tip pose is published")
     outcome = Supervisor(programs, environment=environment.for_processes(os.environ)).run()
     if outcome.interrupted is not None:
         return 0  # Ctrl-C is how it is meant to end

@@ -6,6 +6,8 @@ time_s,retract_a,extend_a, for which pose, load and initial angle are options.
   ./boom simulate bags/healthy/extended --output output/extended
   ./boom simulate bags/healthy/extended --output output/leak --effect piston_leakage.c=1e-12
   ./boom simulate steps.csv --angle 0.4 --load 300 --output output/steps
+  ./boom simulate --campaign pilot --output output/pilot      (ch. 4.1: eleven oscilloscope bags in that folder)
+  ./boom simulate --campaign cylinder --output output/crane   (ch. 4.2: twelve recordings in that folder)
 
 The bag goes everywhere a recording goes, e.g. ./boom validate output/extended.
 """
@@ -14,10 +16,15 @@ from __future__ import annotations
 
 import argparse
 import math
+import shutil
+import sys
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from boom_bringup import arguments
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,7 +32,6 @@ if TYPE_CHECKING:
 
     from boom_model.machine import Machine
     from boom_recording.recording import Recording
-    from boom_sim.simulated_crane import Start
 
     Array = NDArray[np.float64]
 
@@ -40,7 +46,12 @@ class SimulateError(ValueError):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("input", metavar="INPUT", help="bag (folder or .mcap) or .csv with the currents")
+    parser.add_argument("input", metavar="INPUT", nargs="?", help="bag (folder or .mcap) or .csv with the currents")
+    parser.add_argument(
+        "--campaign",
+        choices=("pilot", "cylinder"),
+        help="instead of INPUT: a whole measurement campaign of ch. 4, as bags in the folder --output",
+    )
     parser.add_argument("--output", metavar="BAG", required=True, help="folder of the new bag; must not exist")
     parser.add_argument(
         "--machine", metavar="FILE", help="machine file or shipped name (default: the input's, else tz17)"
@@ -50,11 +61,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--effect", metavar="ID.NAME=VALUE", action="append", default=[],
         help="physics beside the machine file's, SI, e.g. hose_burst_valve_lag.tau=0.09; may be given again",
     )  # fmt: skip
-    parser.add_argument("--seed", type=int, default=0, help="seed of the sensor noise (default: 0)")
+    parser.add_argument("--seed", type=arguments.seed, default=0, help="seed of the sensor noise (default: 0)")
     parser.add_argument(
         "--sensors", choices=("thesis", "ideal"), default="thesis", help="noise of ch. 6.4 or none (default: thesis)"
     )
-    parser.add_argument("--duration", type=float, metavar="S", help="[s]; default: to the last current")
+    parser.add_argument("--duration", type=arguments.duration, metavar="S", help="[s]; default: to the last current")
     parser.add_argument(
         "--angle", type=float, metavar="RAD", help="initial boom angle [rad] (default: the input's, csv: 0.3)"
     )
@@ -67,6 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate and write; returns 0."""
+    from boom_bringup import replica
     from boom_model.machine_file import load_machine
     from boom_model.sensors import IDEAL
     from boom_recording import writing
@@ -78,16 +90,25 @@ def run(args: argparse.Namespace) -> int:
     output = Path(args.output)
     if output.exists():
         raise SimulateError(f"{output} exists already: give another --output, nothing is overwritten")
-    if args.duration is not None and not args.duration > 0:
-        raise SimulateError(f"--duration {args.duration:g}: give a time above 0 s")
+    if args.campaign:
+        return _campaign(args, output)
+    if args.input is None:
+        raise SimulateError(
+            "nothing to simulate: give INPUT, a bag or .csv with currents, or --campaign pilot|cylinder"
+        )
     source = Path(args.input)
     if source.suffix == ".csv":
         stamps, currents = csv_currents.read(source)
         start = Start(0.3)
         configuration = Configuration("tz17", 0.28, 2.2, 0.0)
+        machine = load_machine(configuration.machine if args.machine is None else args.machine)
     else:
         recording, stamps, currents = _from_bag(source)
-        configuration, start = recording.configuration, _rest(recording)
+        configuration = recording.configuration
+        machine, _ = replica.machine_of({args.input: recording}, args.machine)
+        if args.angle is None:
+            rest = replica.rest_of(recording, args.input, "give --angle")
+            start = Start(rest["angle"], rest["hose_pressure"], rest["rod_pressure"])
         if args.duration is None:
             args.duration = recording.duration
     if args.angle is not None:
@@ -101,7 +122,6 @@ def run(args: argparse.Namespace) -> int:
     if changed:
         configuration = replace(configuration, **changed)
         start = Start(start.angle)
-    machine = load_machine(args.machine or configuration.machine)
     machine = machine.with_effects({**machine.effects, **parse_effects(args.effect)})
     note = f"simulated: {args.model} model, sensors {args.sensors}, seed {args.seed}"
     configuration = replace(configuration, machine=machine.name, note=note)
@@ -117,6 +137,59 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _campaign(args: argparse.Namespace, output: Path) -> int:
+    """A campaign of chapter 4: one bag after the other into the folder; an unfinished one is removed again."""
+    given = {"INPUT": args.input, "--angle": args.angle, "--outer-boom-angle": args.outer_boom_angle,
+             "--telescope-length": args.telescope_length, "--load": args.load}  # fmt: skip
+    given["--duration"] = args.duration if args.campaign == "pilot" else None
+    given["--model"] = args.model if args.model != "full" else None
+    unfit = [name for name, value in given.items() if value is not None]
+    if unfit:
+        raise SimulateError(
+            f"--campaign {args.campaign} brings its own currents and poses: leave out {', '.join(unfit)}"
+        )
+    from boom_model.machine_file import load_machine
+
+    machine = load_machine(args.machine or "tz17")
+    machine = machine.with_effects({**machine.effects, **parse_effects(args.effect)})
+    count = 0
+    for name, write in _runs(args, machine):
+        count += 1
+        print(f"{count:2d} {output / name}", file=sys.stderr, flush=True)
+        try:
+            write(output / name)
+        except BaseException:
+            shutil.rmtree(output / name, ignore_errors=True)
+            raise
+    print(f"{count} bags in {output}; identify the machine from them: ./boom identify {output}/*")
+    return 0
+
+
+def _runs(args: argparse.Namespace, machine: Machine) -> Iterator[tuple[str, Callable[[Path], None]]]:
+    """Name and writer of each bag of a campaign."""
+    from functools import partial
+
+    from boom_sim import campaigns
+
+    ideal = args.sensors == "ideal"
+    if args.campaign == "pilot":
+        from boom_recording.oscilloscope import write_trace
+        from boom_sim.pilot_bench import SILENT, BenchNoise
+
+        if not machine.structure.pilot_valves:
+            raise SimulateError(f"machine {machine.name} has no pilot valves: there is nothing to put on the bench")
+        for trace in campaigns.pilot_campaign(machine, seed=args.seed, noise=SILENT if ideal else BenchNoise()):
+            yield trace.name, partial(write_trace, trace=trace)
+        return
+    from boom_model.sensors import IDEAL
+    from boom_recording import writing
+
+    duration = args.duration or campaigns.CYLINDER_DURATION
+    noise = IDEAL if ideal else machine.sensor_noise()
+    for recording in campaigns.cylinder_campaign(machine, seed=args.seed, duration=duration, noise=noise):
+        yield recording.name, partial(writing.write, recording=recording)
+
+
 def _from_bag(path: Path) -> tuple[Recording, Array, Array]:
     from boom_diagnosis.currents import held_currents
     from boom_recording.loading import load
@@ -128,19 +201,6 @@ def _from_bag(path: Path) -> tuple[Recording, Array, Array]:
         gap = f"{stretches[0][1]:.1f} s to {stretches[1][0]:.1f} s"
         print(f"note: {path}: no currents from {gap}; the last ones before a gap are held through it")
     return recording, held.time, held.values
-
-
-def _rest(recording: Recording) -> Start:
-    """The resting start of a recording: means until the first current."""
-    from boom_diagnosis.initial_state import resting_start
-    from boom_sim.simulated_crane import Start
-
-    rest = resting_start(recording)
-    if rest is None:
-        raise SimulateError(
-            f"{recording.path}: the boom does not rest at the beginning, so that its state is not known; give --angle"
-        )
-    return Start(rest["angle"], rest["hose_pressure"], rest["rod_pressure"])
 
 
 def parse_effects(texts: list[str]) -> dict[str, dict[str, float]]:

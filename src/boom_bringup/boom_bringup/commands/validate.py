@@ -8,26 +8,20 @@ A mismatch is a result, not an error: the exit status is 0 all the same, unless 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import os
 import shlex
-import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from boom_bringup.cli import UsageError
+from boom_bringup.outputs import checked, default_report, write, write_json
+from boom_bringup.replica import machine_of
+from boom_bringup.showing import progress
 
 if TYPE_CHECKING:
-    from boom_model.machine import Machine
     from boom_recording.recording import Recording
 
 HELP = "run recorded currents through the model and compare it with what was measured"
-
-_QUIET = 10.0  # s: so long nothing is said in a log file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,12 +51,12 @@ def run(args: argparse.Namespace) -> int:
     """Validate; returns 0, or 1 with --strict and a mismatch."""
     if args.simulated and len(args.bags) > 1:
         raise UsageError(f"--simulated goes with one recording, {len(args.bags)} were given: validate them one by one")
-    json_path = _checked(args.json, "--json")
-    report = None if args.no_report else _checked(args.report, "--report") or _default_report(args.bags)
+    json_path = checked(args.json, "--json")
+    report = None if args.no_report else checked(args.report, "--report") or default_report("validate", args.bags)
 
     from boom_recording.loading import load
 
-    with _progress(len(args.bags)) as step:
+    with progress(len(args.bags)) as step:
         # All are read before the first is run: a misspelt name is told at once, not after minutes.
         recordings = []
         for bag in args.bags:
@@ -74,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
         from boom_diagnosis.validation import Validation, validate
         from boom_model.errors import MachineError
 
-        machine, source = _machine(args.machine, args.bags, recordings)
+        machine, source = machine_of(dict(zip(args.bags, recordings, strict=True)), args.machine)
         validation = Validation(machine.name)
         for bag, recording in zip(args.bags, recordings, strict=True):
             step(f"running the models over {recording.name}", 0)
@@ -89,12 +83,12 @@ def run(args: argparse.Namespace) -> int:
     for note in notes:
         console.print(f"note: {note}", markup=False)
     if json_path:
-        _write(json_path, lambda: json_path.write_text(_json(validation.document()), encoding="utf-8"))
+        write_json(json_path, validation.document())
     if report:
         from boom_diagnosis.report import write_report
 
         command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "validate", *_words(args)])
-        _write(
+        write(
             report,
             lambda: write_report(
                 validation, report, command=command, machine=machine, machine_source=source, notes=tuple(notes)
@@ -102,36 +96,6 @@ def run(args: argparse.Namespace) -> int:
         )
         console.print(f"report: {report}", markup=False, soft_wrap=True)
     return 1 if args.strict and any(bag.mismatches for bag in validation.bags) else 0
-
-
-def _machine(wanted: str | None, bags: list[str], recordings: list[Recording]) -> tuple[Machine, str]:
-    """The machine to run, and its name or path: the one asked for, or the one that all recordings name."""
-    from boom_model.machine_file import load_machine
-
-    if wanted:
-        return load_machine(wanted), wanted
-    named = {recording.configuration.machine: bag for bag, recording in zip(bags, recordings, strict=True)}
-    if len(named) > 1:
-        each = ", ".join(f"{bag} ({name or 'no name'})" for name, bag in named.items())
-        raise UsageError(
-            f"the recordings are of different machines: {each}: validate them apart, or give one --machine"
-        )
-    name, bag = next(iter(named.items()))
-    shipped = shipped_machines()
-    if name not in shipped:
-        raise UsageError(
-            f"{bag}: recorded on machine '{name}', for which no file is shipped (there is {', '.join(shipped)}): "
-            "give its file with --machine FILE"
-        )
-    return load_machine(name), name
-
-
-def shipped_machines() -> list[str]:
-    """Names of the machine files that come with boom_model."""
-    from importlib.resources import files
-
-    entries = files("boom_model").joinpath("machines").iterdir()
-    return sorted(entry.name.removesuffix(".yaml") for entry in entries if entry.name.endswith(".yaml"))
 
 
 def _notes(recordings: list[Recording], machine: str) -> list[str]:
@@ -146,56 +110,6 @@ def _notes(recordings: list[Recording], machine: str) -> list[str]:
     return notes
 
 
-def _checked(given: str | None, option: str) -> Path | None:
-    """The path of an output; refused before the work where it could not be written."""
-    if given is None:
-        return None
-    path = Path(given)
-    if not given or path.is_dir():
-        raise UsageError(f"{option} {given or '(empty)'}: this is a folder, give the name of a file in it")
-    if not path.parent.is_dir():
-        raise UsageError(f"{option} {given}: there is no folder {path.parent}: create it first")
-    if not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise UsageError(f"{option} {given}: may not be written by this user: give another path")
-    return path
-
-
-def _default_report(bags: list[str]) -> Path:
-    folder = Path("output")
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise UsageError(
-            f"folder output cannot be made here ({error.strerror}): give --report FILE or --no-report"
-        ) from None
-    first = Path(bags[0])
-    name = first.stem if first.suffix in (".mcap", ".zstd", ".yaml") else first.resolve().name
-    more = f"-and-{len(bags) - 1}-more" if len(bags) > 1 else ""
-    path = _checked(str(folder / f"validate-{name}{more}.html"), "report")
-    assert path is not None
-    return path
-
-
-def _write(path: Path, action: Callable[[], Any]) -> None:
-    try:
-        action()
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
-
-
-def _json(document: dict[str, Any]) -> str:
-    return json.dumps(_finite(document), indent=2, allow_nan=False) + "\n"
-
-
-def _finite(value: Any) -> Any:
-    """The same document with null for what is no finite number: JSON knows no NaN."""
-    if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [_finite(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def _words(args: argparse.Namespace) -> list[str]:
     """The command line again, from what was understood."""
     words = list(args.bags)
@@ -203,28 +117,3 @@ def _words(args: argparse.Namespace) -> list[str]:
         if getattr(args, option):
             words += [f"--{option}", getattr(args, option)]
     return words + (["--strict"] if args.strict else [])
-
-
-@contextmanager
-def _progress(total: int) -> Iterator[Callable[[str, int], None]]:
-    """Shows on stderr what is being done: a bar on a terminal, elsewhere a line for what begins after some seconds."""
-    if not sys.stderr.isatty():
-        begin = time.monotonic()
-
-        def say(text: str, _: int) -> None:
-            if text and time.monotonic() - begin > _QUIET:
-                print(f"boom: {text}", file=sys.stderr, flush=True)
-
-        yield say
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=total)
-
-        def show(text: str, done: int) -> None:
-            bar.update(task, advance=done, description=text or None)
-
-        yield show

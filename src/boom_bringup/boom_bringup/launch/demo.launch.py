@@ -1,77 +1,73 @@
-"""Replays a recording into the simulated crane and records what both publish; says then how to validate the new bag.
+"""Replays a recording into the simulated crane over CAN and records what comes back; says then how to validate the new bag.
 
 ros2 launch boom_bringup demo.launch.py bag:=bags/healthy/extended output:=output/demo_bag
+ros2 launch boom_bringup demo.launch.py bag:=bags/healthy/extended transport:=topics        # without CAN
 """
 
-import math
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, EmitEvent, LogInfo, OpaqueFunction, RegisterEventHandler
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    ExecuteProcess,
+    LogInfo,
+    OpaqueFunction,
+    RegisterEventHandler,
+)
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from boom_bringup import environment
-from boom_diagnosis.initial_state import resting_start
+from boom_bringup import demo_processes, environment, replica
+from boom_bringup.replica import ReplicaError
+from boom_model.errors import ModelError
 from boom_recording.errors import RecordingError
 from boom_recording.loading import load
 
 
 def start_processes(context):
-    """The three processes, the simulation in the pose and with the load that the recording tells."""
+    """The processes, the simulated crane in the pose and with the load that the recording tells."""
     share = Path(get_package_share_directory("boom_bringup"))
-    value = {name: LaunchConfiguration(name).perform(context) for name in ("bag", "output", "machine", "seed")}
+    names = ("bag", "output", "machine", "seed", "transport")
+    value = {name: LaunchConfiguration(name).perform(context) for name in names}
+
+    def node(package, executable, name, parameters, file=None):
+        files = [str(share / "config" / f"{file}.yaml")] if file else []
+        return Node(
+            package=package, executable=executable, name=name, output="screen", parameters=[*files, dict(parameters)]
+        )
+
+    if value["transport"] not in demo_processes.TRANSPORTS:
+        raise RuntimeError(f"transport:={value['transport']} is unknown: give {' or '.join(demo_processes.TRANSPORTS)}")
     try:
         recording = load(value["bag"])
-    except RecordingError as error:
+        machine, source = replica.machine_of({value["bag"]: recording}, value["machine"] or None)
+        simulation = replica.simulation_parameters(recording, value["bag"], machine, source, int(value["seed"]))
+    except (RecordingError, ModelError, ReplicaError) as error:
         raise RuntimeError(str(error)) from None
-    rest = resting_start(recording)
-    if rest is None:
-        raise RuntimeError(
-            f"{value['bag']}: the boom does not rest at the beginning, so that the simulation cannot start like it"
-        )
-    configuration = recording.configuration
-    simulation = {
-        "machine": value["machine"] or configuration.machine,
-        "outer_boom_angle": float(configuration.outer_boom_angle),
-        "telescope_length": float(configuration.telescope_length),
-        "load_mass": 0.0 if math.isnan(configuration.load_mass) else float(configuration.load_mass),
-        "initial_angle": float(rest["angle"]),
-        "initial_hose_pressure": float(rest["hose_pressure"]),
-        "initial_rod_pressure": float(rest["rod_pressure"]),
-        "mode": "lockstep",
-        "seed": int(value["seed"]),
-        "robot_description": str(share / "urdf" / "epsilon_tz17.urdf"),
-    }
-    replay = Node(
-        package="boom_recording",
-        executable="replay",
-        name="boom_replay",
-        output="screen",
-        parameters=[
-            str(share / "config" / "replay.yaml"),
-            {"bag": value["bag"], "what": "commands", "lockstep": True, "wait_for_recorder": True, "wait_for": 2},
-        ],
+    if value["transport"] == "can":
+        bus = demo_processes.free_bus()
+        crane = [
+            # No ROS node: launch would give it arguments that it does not know.
+            ExecuteProcess(cmd=demo_processes.bus_command(bus), output="screen"),
+            node("boom_can_bridge", "bridge", "boom_can_bridge", replica.bridge_parameters(simulation, machine) | bus),
+            node("boom_sim", "ecu", "boom_ecu", simulation | bus),
+            node("boom_can_bridge", "enable", "boom_enable", {}),
+        ]
+        given = demo_processes.CAN_REPLAY
+    else:
+        crane = [node("boom_sim", "simulation", "boom_simulation", simulation, "simulation")]
+        given = demo_processes.REPLAY
+    replay = node(
+        "boom_recording", "replay", "boom_replay", {"bag": value["bag"], "what": "commands", **given}, "replay"
     )
     hint = f"the new bag is {value['output']}; validate it with: ros2 run boom_bringup boom validate {value['output']}"
     return [
-        Node(
-            package="boom_recording",
-            executable="recorder",
-            name="boom_recorder",
-            output="screen",
-            parameters=[str(share / "config" / "recorder.yaml"), {"output": value["output"]}],
-        ),
-        Node(
-            package="boom_sim",
-            executable="simulation",
-            name="boom_simulation",
-            output="screen",
-            parameters=[str(share / "config" / "simulation.yaml"), simulation],
-        ),
+        node("boom_recording", "recorder", "boom_recorder", {"output": value["output"]}, "recorder"),
+        *crane,
         replay,
         # The recorder writes the bag's index while it shuts down, hence the hint before.
         RegisterEventHandler(
@@ -94,6 +90,11 @@ def generate_launch_description() -> LaunchDescription:
                 "machine", default_value="", description="machine file; empty: the one that the recording names"
             ),
             DeclareLaunchArgument("seed", default_value="0", description="seed of the simulated sensors' noise"),
+            DeclareLaunchArgument(
+                "transport",
+                default_value="can",
+                description="can: ECU stand-in, bus and bridge; topics: the simulation itself",
+            ),
             OpaqueFunction(function=start_processes),
         ]
     )

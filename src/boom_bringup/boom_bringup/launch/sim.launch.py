@@ -45,7 +45,11 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             *declared,
-            DeclareLaunchArgument("urdf", default_value=urdf, description="URDF file published on /robot_description"),
+            DeclareLaunchArgument(
+                "urdf",
+                default_value=urdf,
+                description="URDF published on /robot_description; empty for another machine than tz17",
+            ),
             DeclareLaunchArgument(
                 "simulation_parameters",
                 default_value=str(share / "config" / "simulation.yaml"),

@@ -1,0 +1,161 @@
+"""Find out what physics the model lacks to explain recordings, prove it on data not used, and write the model with it.
+
+The doubts are raised in this order: clock and delay, sensors, parameters within and outside their tolerance, physics of the
+catalogue, physics of no catalogue. Written are diagnosis.json, report.html and machine.yaml; the last is a machine file
+for every other command. Without --hold-out the last third of each recording is held out.
+
+  ./boom diagnose bags/explained/hose_burst_valve_lag_a --hold-out bags/explained/hose_burst_valve_lag_b
+  ./boom validate bags/explained/hose_burst_valve_lag_b --machine output/diagnosis/machine.yaml
+
+A mismatch is a result, not an error: the exit status is 0 all the same.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from boom_bringup import __version__
+from boom_bringup.cli import UsageError
+from boom_bringup.outputs import checked, json_text, write
+from boom_bringup.replica import machine_of
+from boom_bringup.showing import progress
+
+if TYPE_CHECKING:
+    from boom_recording.recording import Recording
+
+HELP = "find what physics the model lacks to explain recordings, and prove it"
+
+_STEPS = 100
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("bags", nargs="+", metavar="BAG", help="recording: a rosbag2 folder or a .mcap file")
+    parser.add_argument(
+        "--hold-out", nargs="+", default=[], metavar="BAG", help="recordings to prove it on; nothing is fitted to them"
+    )
+    parser.add_argument(
+        "--machine",
+        metavar="FILE",
+        help="machine file, or the name of a shipped one (default: the machine that the recording names)",
+    )
+    parser.add_argument(
+        "--output", metavar="DIR", default="output/diagnosis", help="folder for the results (default: output/diagnosis)"
+    )
+    parser.add_argument("--json", metavar="F", help="write diagnosis.json to F, too")
+    parser.add_argument("--seed", type=int, default=0, help="of the simulated healthy recordings (default: 0)")
+    parser.add_argument("--no-report", action="store_true", help="write no report.html")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Diagnose; returns 0 whatever is found."""
+    if args.seed < 0:
+        raise UsageError(f"--seed {args.seed}: give a number of 0 or more")
+    twice = {bag for bag in args.hold_out if bag in args.bags}
+    if twice:
+        raise UsageError(f"{min(twice)}: given both to diagnose and to hold out: take it out of one of the two")
+    json_path = checked(args.json, "--json")
+    folder = _folder(args.output)
+    command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "diagnose", *_words(args)])
+
+    from boom_recording.loading import load
+
+    with progress(_STEPS) as step:
+        step("reading the recordings", 0)
+        recordings = [load(bag) for bag in args.bags]
+        held_out = [load(bag) for bag in args.hold_out]
+        everything = [*recordings, *held_out]
+        machine, _ = machine_of(dict(zip([*args.bags, *args.hold_out], everything, strict=True)), args.machine)
+        for recording in everything:
+            if recording.configuration.machine != machine.name:
+                raise UsageError(
+                    f"{recording.name} was recorded on machine '{recording.configuration.machine}', the machine file is that "
+                    f"of '{machine.name}': give the file of that machine"
+                )
+        sums = {str(bag): _sha256(r) for bag, r in zip([*args.bags, *args.hold_out], everything, strict=True)}
+
+        from boom_diagnosis.diagnosis.run import diagnose
+        from boom_model.errors import MachineError
+
+        done = 0
+
+        def show(text: str, share: float) -> None:
+            nonlocal done
+            step(text, max(0, round(share * _STEPS) - done))
+            done = max(done, round(share * _STEPS))
+
+        try:
+            result = diagnose(
+                recordings, machine, held_out=held_out, seed=args.seed, progress=show, version=__version__,
+                inputs_sha256=sums, command=command,
+            )  # fmt: skip
+        except MachineError as error:
+            raise UsageError(f"the configuration of a recording does not fit machine {machine.name}: {error}") from None
+
+    from boom_diagnosis.diagnosis.found_machine import write_machine
+    from boom_diagnosis.tables import console_for
+    from boom_diagnosis.tables_diagnosis import print_diagnosis
+
+    document = json_text(result.document.document())
+    for path in [folder / "diagnosis.json", *([json_path] if json_path else [])]:
+        write(path, lambda path=path: _whole(path, document))  # type: ignore[misc]
+    machine_path = folder / "machine.yaml"
+    write(machine_path, lambda: write_machine(machine_path, result.explained, command=command))
+    report = folder / "report.html"
+    if not args.no_report:
+        from boom_diagnosis.report_diagnosis import write_diagnosis_report
+
+        write(report, lambda: write_diagnosis_report(result, report))
+    console = console_for()
+    print_diagnosis(result, console)
+    named = ["diagnosis.json", "machine.yaml"] + ([] if args.no_report else ["report.html"])
+    console.print(f"written to {folder}: {', '.join(named)}", markup=False, soft_wrap=True)
+    return 0
+
+
+def _folder(given: str) -> Path:
+    """The folder of the results, made before the work."""
+    path = Path(given)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"--output {given}: cannot be made: {error.strerror}") from None
+    if not os.access(path, os.W_OK):
+        raise UsageError(f"--output {given}: may not be written by this user: give another folder")
+    return path
+
+
+def _whole(path: Path, text: str) -> None:
+    """Writes a file whole or not at all."""
+    temporary = path.with_name(path.name + ".new")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _sha256(recording: Recording) -> str:
+    """Of the recording's files, in the order of their names."""
+    path = recording.path
+    files = sorted(path.glob("*.mcap*")) if path.is_dir() else [path]
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def _words(args: argparse.Namespace) -> list[str]:
+    """The command line again, from what was understood."""
+    words = list(args.bags)
+    if args.hold_out:
+        words += ["--hold-out", *args.hold_out]
+    for option in ("machine", "output", "json"):
+        if getattr(args, option):
+            words += [f"--{option}", getattr(args, option)]
+    return words + (["--seed", str(args.seed)] if args.seed else [])

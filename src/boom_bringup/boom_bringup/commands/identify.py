@@ -1,0 +1,162 @@
+"""Estimate the machine's parameters from recordings: chapter 5 of the thesis as a tool.
+
+Every BAG is taken for what it holds:
+
+  oscilloscope traces of a pilot valve   static curve h, linear part, both valves compared        (5.1)
+  recordings of the machine              orifice areas, friction, then everything together        (5.2, 5.3)
+
+  ./boom identify bags/healthy/* --output output/machine.yaml
+  ./boom simulate --campaign pilot --output output/pilot && ./boom identify output/pilot/*
+
+What the recordings cannot tell is listed with the reason and left as it was. The machine file that --output writes says for
+each number where it comes from, and goes everywhere as --machine. The report is one HTML file with the figures of chapter 5.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from boom_bringup.cli import UsageError
+from boom_bringup.outputs import checked, default_report, write, write_json
+from boom_bringup.replica import machine_of
+from boom_bringup.showing import progress
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from boom_diagnosis.identification.identify import Identification, Inputs, Refiner
+    from boom_model.machine import Machine
+
+HELP = "estimate the machine's parameters from recordings, with intervals"
+
+_STEPS = 14
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "bags", nargs="+", metavar="BAG", help="recording or oscilloscope bag: a folder or a .mcap file"
+    )
+    parser.add_argument(
+        "--machine",
+        metavar="FILE",
+        help="machine file to begin with, or a shipped name (default: the recordings', else tz17)",
+    )
+    parser.add_argument("--output", metavar="machine.yaml", help="write the machine file with the numbers found")
+    parser.add_argument("--json", metavar="F", help="write the numbers as a JSON document to F")
+    report = parser.add_mutually_exclusive_group()
+    report.add_argument("--report", metavar="F.html", help="where the report goes (default: output/identify-BAG.html)")
+    report.add_argument("--no-report", action="store_true", help="write no report")
+    parser.add_argument(
+        "--hose-burst-valve-curve", metavar="CSV",
+        help="points of the data sheet's curve, header pressure_drop_bar,flow_lpm; negative: out of the cylinder",
+    )  # fmt: skip
+    parser.add_argument(
+        "--smoothing", type=float, metavar="LAMBDA",
+        help="of the P-splines (5.24), over s_s/s_s,max and A/A_0 (default: chosen by cross-validation)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--stationary-only", action="store_true",
+        help="only the stationary points of ch. 5.2 and 5.3; skip the refinement with all recordings at once",
+    )  # fmt: skip
+
+
+def run(args: argparse.Namespace) -> int:
+    """Identify; returns 0, also where nothing could be told."""
+    if args.smoothing is not None and not 0.0 <= args.smoothing < float("inf"):
+        raise UsageError(f"--smoothing {args.smoothing:g}: give a number of 0 or more")
+    report = None if args.no_report else checked(args.report, "--report") or default_report("identify", args.bags)
+    output = checked(args.output, "--output")
+    if output is not None and output.suffix not in (".yaml", ".yml"):
+        raise UsageError(f"--output {output}: a machine file ends in .yaml")
+    json_path = checked(args.json, "--json")
+    command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "identify", *_words(args)])
+
+    from boom_diagnosis.identification.identify import identify, read_inputs
+
+    with progress(_STEPS) as step:
+        inputs = read_inputs(args.bags, lambda text: step(text, 0))
+        machine, source = _machine(args.machine, args.bags, inputs)
+        result = identify(
+            inputs, machine,
+            curve=Path(args.hose_burst_valve_curve) if args.hose_burst_valve_curve else None,
+            smoothing=args.smoothing,
+            refiner=None if args.stationary_only else _refiner(),
+            progress=lambda text: step(text, 1),
+        )  # fmt: skip
+
+    from boom_diagnosis.tables import console_for
+
+    console = console_for()
+    _show(result, console)
+    if json_path:
+        write_json(json_path, result.document())
+    if output:
+        from boom_diagnosis.identification.machine_output import write_machine
+
+        write(output, lambda: write_machine(output, machine, result.estimates, command=command))
+        console.print(f"machine file: {output}", markup=False, soft_wrap=True)
+    if report:
+        from boom_diagnosis.report_identification import write_identification_report
+
+        write(report, lambda: write_identification_report(result, report, command=command, machine_source=source))
+        console.print(f"report: {report}", markup=False, soft_wrap=True)
+    return 0
+
+
+def _machine(wanted: str | None, bags: list[str], inputs: Inputs) -> tuple[Machine, str]:
+    if wanted is None and not inputs.recordings:
+        wanted = "tz17"  # the bench does not tell whose valve it is
+    recorded = [str(recording.path) for recording in inputs.recordings]
+    return machine_of(dict(zip(recorded or bags, inputs.recordings, strict=True)), wanted)
+
+
+def _show(result: Identification, console: Console) -> None:
+    from rich.table import Table
+
+    from boom_diagnosis.report_channels import number
+
+    if result.estimates:
+        table = Table(title=f"Identified: {result.machine.name}", title_justify="left")
+        for heading, side in (("parameter", "left"), ("value", "right"), ("90 % interval", "right"), ("unit", "left")):
+            table.add_column(heading, justify=side)  # type: ignore[arg-type]
+        table.add_column("before", justify="right")
+        before = {
+            name: value
+            for p in result.machine.parameters.values()
+            for name, value in zip(p.specification.components, p.value, strict=True)
+        }
+        for e in result.estimates:
+            low, high = e.interval_90
+            old = number(before[e.key], 4) if e.key in before else ""
+            table.add_row(e.key, number(e.value, 4), f"{number(low, 4)} .. {number(high, 4)}", e.unit, old)
+        console.print(table)
+    for check in result.pilot.checks if result.pilot else ():
+        if check.held_out:
+            console.print(
+                f"held-out trace {check.trace}: {check.rms / 1e5:.3f} bar rms (with the PWM ripple {check.rms_raw / 1e5:.3f} bar)"
+            )
+    if result.unexcited:
+        console.print(f"not enough excitation for: {', '.join(result.unexcited)}", markup=False, soft_wrap=True)
+    for why, keys in result.reasons().items():
+        console.print(f"not determined: {', '.join(keys)}: {why}", markup=False, soft_wrap=True)
+
+
+def _words(args: argparse.Namespace) -> list[str]:
+    """The command line again, from what was understood."""
+    words = list(args.bags)
+    for option in ("machine", "output", "json", "report", "hose_burst_valve_curve", "smoothing"):
+        value = getattr(args, option)
+        if value is not None:
+            words += [f"--{option.replace('_', '-')}", str(value)]
+    return words + (["--stationary-only"] if args.stationary_only else [])
+
+
+def _refiner() -> Refiner:
+    from boom_diagnosis.identification.refine import refine
+
+    return refine

@@ -1,0 +1,38 @@
+"""Watch a running machine: say when it leaves the tolerance of its model, and in which subsystem.
+
+The node listens to the machine's topics and to /boom/machine_configuration, and publishes on /diagnostics. An alarm is
+printed here too. Ctrl-C ends it. To try it, in two more terminals:
+
+  ./boom sim --effect hose_burst_valve_lag.tau=0.09
+  ./boom replay bags/healthy/extended
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from boom_bringup.commands._node_command import become_node
+
+HELP = "watch the running machine and tell when it leaves the tolerance of its model"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "--machine", metavar="FILE",
+        help="machine file, or the name of a shipped one (default: the machine that the configuration names)",
+    )  # fmt: skip
+    parser.add_argument("--joint", metavar="NAME", help="name of the boom's joint (default: inner_boom_joint)")
+    parser.add_argument(
+        "--threshold",
+        type=float,
+        metavar="X",
+        help="score above which the tolerance is left, 1 = noise (default: 1.35)",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Become the node; does not return."""
+    become_node(
+        "boom_diagnosis.watch_node", {"machine": args.machine, "joint_name": args.joint, "threshold": args.threshold}
+    )

@@ -1,0 +1,126 @@
+"""The crane of a recording in simulation: which machine it is, how it rests at the beginning, what the nodes are told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+from boom_bringup.urdf_of import robot_description
+
+if TYPE_CHECKING:
+    from boom_model.machine import Machine
+    from boom_recording.recording import Recording
+
+
+class ReplicaError(ValueError):
+    """The recording does not tell what the simulation needs; one line that says what to do."""
+
+    exit_status = 2
+
+
+def machine_of(recordings: Mapping[str, Recording], wanted: str | None = None) -> tuple[Machine, str]:
+    """The machine to run, and its name or path: the one asked for, or the one that all recordings name.
+
+    Args:
+        recordings: by the name under which the user knows them.
+        wanted: machine file or shipped name; None = the recordings'.
+
+    Raises:
+        ReplicaError: the recordings name none, several, or one that is not shipped.
+        MachineError: the file cannot be used.
+    """
+    from boom_model.machine_file import load_machine
+
+    if wanted is not None:
+        if not wanted:
+            raise ReplicaError("--machine is empty: give a machine file or the name of a shipped one")
+        return load_machine(wanted), wanted
+    named = {recording.configuration.machine: bag for bag, recording in recordings.items()}
+    if len(named) > 1:
+        each = ", ".join(f"{bag} ({name or 'no name'})" for name, bag in named.items())
+        raise ReplicaError(f"the recordings are of different machines: {each}: take them apart, or give one --machine")
+    name, bag = next(iter(named.items()))
+    shipped = shipped_machines()
+    if not name:
+        raise ReplicaError(
+            f"{bag}: no machine named: give its file, or a shipped one ({', '.join(shipped)}), with --machine"
+        )
+    if name not in shipped:
+        raise ReplicaError(
+            f"{bag}: recorded on machine '{name}', for which no file is shipped (there is {', '.join(shipped)}): "
+            "give its file with --machine FILE"
+        )
+    return load_machine(name), name
+
+
+def shipped_machines() -> list[str]:
+    """Names of the machine files that come with boom_model."""
+    entries = files("boom_model").joinpath("machines").iterdir()
+    return sorted(entry.name.removesuffix(".yaml") for entry in entries if entry.name.endswith(".yaml"))
+
+
+def rest_of(recording: Recording, bag: str, advice: str = "give another recording") -> dict[str, float]:
+    """How the boom rests at the beginning: angle [rad], hose_pressure and rod_pressure [Pa, gauge].
+
+    Args:
+        recording: to look at.
+        bag: its name for the user.
+        advice: what to do where the boom moves.
+
+    Raises:
+        ReplicaError: it moves.
+    """
+    from boom_diagnosis.initial_state import resting_start
+
+    rest = resting_start(recording)
+    if rest is None:
+        raise ReplicaError(f"{bag}: the boom does not rest at the beginning, so that its state is not known: {advice}")
+    return rest
+
+
+def simulation_parameters(recording: Recording, bag: str, machine: Machine, source: str, seed: int) -> dict[str, Any]:
+    """ROS parameters of the crane in lockstep (simulation or ECU stand-in), in the pose and with the load of the recording.
+
+    Args:
+        recording: to repeat.
+        bag: its name for the user.
+        machine: of the simulated crane.
+        source: its file or shipped name, for the node.
+        seed: of the sensors' noise.
+
+    Raises:
+        ReplicaError: the boom moves at the beginning.
+    """
+    rest, c = rest_of(recording, bag), recording.configuration
+    return {
+        "machine": source,
+        "outer_boom_angle": float(c.outer_boom_angle),
+        "telescope_length": float(c.telescope_length),
+        "load_mass": 0.0 if math.isnan(c.load_mass) else float(c.load_mass),
+        "initial_angle": float(rest["angle"]),
+        "initial_hose_pressure": float(rest["hose_pressure"]),
+        "initial_rod_pressure": float(rest["rod_pressure"]),
+        "mode": "lockstep",
+        "seed": seed,
+        "robot_description": robot_description(machine.name),
+    }
+
+
+def bridge_parameters(simulation: Mapping[str, Any], machine: Machine) -> dict[str, Any]:
+    """ROS parameters of the CAN bridge in front of that crane: what the bus does not tell, and nothing that limits it.
+
+    Args:
+        simulation: as `simulation_parameters` gives them.
+        machine: of the simulated crane.
+    """
+    return {
+        "lockstep": True,
+        "wait_for_bus": True,
+        "machine": machine.name,
+        **{name: simulation[name] for name in ("outer_boom_angle", "telescope_length", "load_mass")},
+        "note": f"simulated behind CAN, seed {simulation['seed']}",
+        "pressure_variance": machine.sensor_noise().pressure_sigma ** 2,
+        "rise_rate": 1000.0,  # the recorded currents have their own; the ECU is simulated
+    }

@@ -1,0 +1,14 @@
+"""Which robot description belongs to which machine: only tz17 has one, and a wrong geometry is worse than none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+DESCRIBED = {"tz17": "epsilon_tz17.urdf"}
+"""``meta.name`` of a machine file -> file in the folder ``urdf``."""
+
+
+def robot_description(machine: str) -> str:
+    """Path of the URDF of a machine, by its ``meta.name``; empty where there is none."""
+    name = DESCRIBED.get(machine)
+    return str(Path(__file__).with_name("urdf") / name) if name else ""

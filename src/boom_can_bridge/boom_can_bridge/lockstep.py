@@ -1,0 +1,96 @@
+"""Time in lockstep with a simulated ECU: one command frame makes the ECU go on by one cycle, however long that takes.
+
+The frames of cycle k show the crane at t_k = k T, T = 10 ms, so the number of a frame's cycle is its time; frames that were lost
+count too, by their counters. A cycle is complete once the last frame of every sensor has come; only then does the next command
+go out. All checks of frames and commands are those of real time, on this clock.
+"""
+
+import math
+import time
+from collections.abc import Callable
+
+from .codec import Codec
+from .errors import CanConfigurationError
+from .mapping import SENSOR_FIELDS
+from .sender import PERIOD_S, Pace
+
+ANSWER_PATIENCE_S = 0.2
+"""Real time without a complete cycle after which the command is sent again: a frame was lost, in either direction."""
+MOST_REPEATS = 5
+"""Then a new command goes out: an ECU that has started again does not know what it is asked for."""
+IDLE_S = 1.0
+
+
+class Lockstep(Pace):
+    """Counts the cycles of the ECU, and lets the sender send when one is complete.
+
+    Args:
+        codec: of the machine
+        idle: whether the ECU is to go on by itself, every 10 ms with zero current (until the boom may move)
+
+    Raises:
+        CanConfigurationError: the frames of the sensors have no counter, or do not come every 10 ms
+    """
+
+    def __init__(self, codec: Codec, idle: Callable[[], bool] = lambda: False) -> None:
+        super().__init__()
+        self._idle = idle
+        self._seen: dict[str, int] = {}
+        for spec in codec.incoming:
+            if not set(spec.fields) & set(SENSOR_FIELDS):
+                continue
+            if spec.counter is None or round(spec.period_s / PERIOD_S) != 1:
+                raise CanConfigurationError(
+                    f"lockstep counts the cycles by the frames of the sensors: {spec.name} needs a counter and a period of "
+                    f"{1e3 * PERIOD_S:.0f} ms"
+                )
+            self._seen[spec.name] = -1
+        self._newest = -1
+        self._asked = -1
+        self._repeats = 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether all sensors of the newest cycle have been heard."""
+        return min(self._seen.values()) == self._newest
+
+    def is_sensor(self, name: str) -> bool:
+        """Whether this frame belongs to what makes a cycle complete."""
+        return name in self._seen
+
+    def frame_time(self, name: str, lost: int) -> float:
+        """A good frame has come, so many of its name were lost before it: the time that it shows [s]."""
+        if name in self._seen:
+            self._seen[name] += 1 + lost
+            self._newest = max(self._newest, self._seen[name])
+        return self._newest * PERIOD_S
+
+    def restart(self) -> None:
+        """Counters begin anew: what was lost meanwhile is not known."""
+        self._seen = dict.fromkeys(self._seen, self._newest)
+
+    # ---------------------------------------------------------------------------------------------- pace of the sender
+
+    def clock(self) -> float:
+        """Time from which the next command acts [s]."""
+        return (self._newest + 1) * PERIOD_S
+
+    def sent(self, commanded: bool) -> None:
+        """A command frame went out: the next cycle answers it."""
+        self._asked = self._newest + 1
+        self._repeats = 0
+
+    def repeats(self) -> bool:
+        """See `Pace.repeats`: the ECU that has answered sends its answer again, it does not go on by another cycle."""
+        if self._asked < 0 or (self._newest >= self._asked and self.complete):
+            return False
+        self._repeats += 1
+        return self._repeats <= MOST_REPEATS
+
+    def until(self, last: float, waiting: float | None) -> float:
+        """See `Pace.until`."""
+        if self._newest < self._asked or not self.complete:
+            return last + ANSWER_PATIENCE_S
+        if waiting is not None:
+            return -math.inf
+        return last + PERIOD_S if self._idle() else time.monotonic() + IDLE_S

@@ -1,0 +1,1 @@
+"""Diagnosis: where a model and recordings differ, which physics was left out, and the proof on data not used."""

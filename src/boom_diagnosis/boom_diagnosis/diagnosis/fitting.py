@@ -1,0 +1,238 @@
+"""Maximum a posteriori fit of the tolerances and of the numbers of a hypothesis, on whitened innovations.
+
+Minimised is  1/2 sum rho(w) + 1/2 |z|^2 : rho is Huber's function, z the machine's own numbers in standard deviations of
+their tolerance. Numbers of effects have a flat prior between limits. The Jacobian of z costs a run per number, so it is
+kept and improved by Broyden's rank-one updates while only the few columns of the effect are computed anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.diagnosis.coordinates import Coordinate
+from boom_diagnosis.diagnosis.nuisances import Nuisance
+from boom_diagnosis.diagnosis.prediction import Predictor
+
+Array = NDArray[np.float64]
+
+HUBER = 4.0
+"""Standard deviations up to which an innovation counts squared."""
+LARGEST_Z = 3.0
+"""Standard deviations a number may move: 1.7 times its tolerance."""
+HALF_STEP = 0.5
+"""Standard deviations of a tolerance: step of the differences."""
+
+
+def rho(w: Array) -> float:
+    """Sum of Huber's function."""
+    a = np.abs(w)
+    return float(np.sum(np.where(a <= HUBER, 0.5 * a * a, HUBER * (a - 0.5 * HUBER))))
+
+
+@dataclass
+class Point:
+    """A hypothesis and what it predicts.
+
+    Attributes:
+        z: standard deviations of the tolerances. effects: values of its effects by dotted name.
+        w: (rows,) whitened innovations, used: (rows,) which of them are fitted; the others are held out.
+        loss: of the rows used, and of the tolerances' prior.
+        parts: (n, 4) whitened innovations, states: (n, NX), per recording.
+    """
+
+    z: Array
+    effects: dict[str, float]
+    w: Array
+    used: NDArray[np.bool_]
+    loss: float
+    parts: list[Array]
+    states: list[Array]
+
+
+def weights(at: Point) -> Array:
+    """Huber's weights; zero for what is held out."""
+    return np.where(at.used, np.minimum(1.0, HUBER / np.maximum(np.abs(at.w), 1e-9)), 0.0)
+
+
+class Problem:
+    """Tolerances and recordings; hypotheses are fitted in it.
+
+    select: for each recording (n, 4) flags of the samples that are fitted; judged: of those that are only predicted.
+    """
+
+    def __init__(
+        self,
+        predictor: Predictor,
+        nuisances: Sequence[Nuisance],
+        select: Sequence[NDArray[np.bool_]],
+        judged: Sequence[NDArray[np.bool_]] | None = None,
+    ) -> None:
+        self.predictor = predictor
+        self.nuisances = tuple(nuisances)
+        self.select = [np.asarray(s) for s in select]
+        self.rows = self.select if judged is None else [s | j for s, j in zip(self.select, judged, strict=True)]
+        self.used = np.concatenate([s[rows] for s, rows in zip(self.select, self.rows, strict=True)])
+        nominal = dict(zip(predictor.base[0].parameter_names, predictor.base[0].p, strict=True))
+        poses = [dict(zip(p.parameter_names, p.p, strict=True)) for p in predictor.base]
+        self._nominal = {n.name: nominal[n.name] for n in nuisances if not n.name.startswith("pose.")}
+        self._poses = [{n.name: pose[n.name] for n in nuisances if n.name.startswith("pose.")} for pose in poses]
+        self.runs = 0
+
+    def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
+        """Components of the parameter vector."""
+        result = {}
+        for nuisance, zi in zip(self.nuisances, z, strict=True):
+            if zi != 0.0:
+                reference = self._nominal.get(nuisance.name)
+                if reference is None:
+                    reference = self._poses[0][nuisance.name]
+                result[nuisance.name] = nuisance.value(reference, float(zi))
+        return result | dict(effects)
+
+    def points(self, wanted: Sequence[tuple[Array, Mapping[str, float]]]) -> list[Point]:
+        """Predictions and losses of several (z, effects)."""
+        self.runs += len(wanted)
+        predicted = self.predictor.predict([self.values(z, e) for z, e in wanted])
+        result = []
+        for (z, e), rows in zip(wanted, predicted, strict=True):
+            w = np.concatenate([r.whitened[s] for r, s in zip(rows, self.rows, strict=True)])
+            loss = rho(w[self.used]) + 0.5 * float(z @ z)
+            result.append(
+                Point(z.copy(), dict(e), w, self.used, loss, [r.whitened for r in rows], [r.states for r in rows])
+            )
+        return result
+
+    def likelihood(self, at: Point) -> float:
+        """Log-likelihood [nats] but for a constant: of observers with different gains, at the same point."""
+        size = sum(
+            float(np.linalg.slogdet(g.whitening[s.all(axis=1)])[1].sum())
+            for g, s in zip(self.predictor.gains, self.select, strict=True)
+        )
+        return size - at.loss
+
+    def nuisance_jacobian(self, at: Point) -> Array:
+        """dw/dz (rows, number of tolerances) by differences."""
+        moved = []
+        for i in range(len(self.nuisances)):
+            z = at.z.copy()
+            z[i] += HALF_STEP
+            moved.append((z, at.effects))
+        return np.stack([(p.w - at.w) / HALF_STEP for p in self.points(moved)], axis=-1)
+
+    def effect_jacobian(self, at: Point, names: Sequence[Coordinate]) -> Array:
+        """dw/d(inner coordinate) (rows, number of coordinates) by differences, towards the inside of the limits."""
+        moved, sizes = [], []
+        for c in names:
+            here = at.effects[c.name]
+            there = here * (1 + c.step) if c.positive else here + c.step
+            if there > c.high:
+                there = here / (1 + c.step) if c.positive else here - c.step
+            moved.append((at.z, {**at.effects, c.name: there}))
+            sizes.append(c.inner(there) - c.inner(here))
+        points = self.points(moved)
+        return np.stack([(p.w - at.w) / s for p, s in zip(points, sizes, strict=True)], axis=-1)
+
+    def fit(
+        self,
+        start: Point,
+        nuisance_jacobian: Array,
+        names: Sequence[Coordinate] = (),
+        *,
+        iterations: int = 6,
+        progress: Callable[[], None] | None = None,
+    ) -> tuple[Point, Array]:
+        """Gauss-Newton with a step control; returns the best point and the Jacobian (rows, z then coordinates) there."""
+        best, nz = start, nuisance_jacobian.copy()
+        for _ in range(iterations):
+            columns = self.effect_jacobian(best, names) if names else np.zeros((len(best.w), 0))
+            jacobian = np.concatenate([nz, columns], axis=1)
+            step = _gauss_newton(best, jacobian, names)
+            trials = self.points([self._moved(best, step, names, size) for size in (1.0, 0.35)])
+            trial = min(trials, key=lambda p: p.loss)
+            if trial.loss >= best.loss:
+                small = self.points([self._moved(best, step, names, size) for size in (0.1, 0.03)])
+                trial = min(small, key=lambda p: p.loss)
+            _broyden(nz, best, trials[0], columns, names)
+            gain = best.loss - trial.loss
+            if gain > 0.0:
+                best = trial
+            if progress:
+                progress()
+            if gain < 0.3:
+                break
+        columns = self.effect_jacobian(best, names) if names else np.zeros((len(best.w), 0))
+        return best, np.concatenate([nz, columns], axis=1)
+
+    def fit_nominal(self, effects: Mapping[str, float], names: Sequence[Coordinate], *, iterations: int = 4) -> Point:
+        """The effects alone, fitted with every tolerance at its nominal value."""
+        zero = np.zeros(len(self.nuisances))
+        best = self.points([(zero, effects)])[0]
+        if not names:
+            return best
+        for _ in range(iterations):
+            columns = self.effect_jacobian(best, names)
+            step = _gauss_newton(best, np.concatenate([np.zeros((len(best.w), len(zero))), columns], axis=1), names)
+            trial = min(
+                self.points([self._moved(best, step, names, size) for size in (1.0, 0.3)]), key=lambda p: p.loss
+            )
+            if trial.loss >= best.loss - 0.1:
+                break
+            best = trial
+        return best
+
+    @staticmethod
+    def _moved(at: Point, step: Array, names: Sequence[Coordinate], size: float) -> tuple[Array, dict[str, float]]:
+        m = len(at.z)
+        effects = dict(at.effects)
+        for c, d in zip(names, step[m:], strict=True):
+            here = effects[c.name]
+            there = here * float(np.exp(np.clip(size * d, -1.0, 1.0))) if c.positive else here + size * float(d)
+            effects[c.name] = float(np.clip(there, c.low, c.high))
+        return np.clip(at.z + size * step[:m], -LARGEST_Z, LARGEST_Z), effects
+
+
+def _gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate]) -> Array:
+    """Step of all unknowns; coordinates that would leave their limits stay there."""
+    m = len(at.z)
+    omega = weights(at)
+    weighted = jacobian * omega[:, None]
+    normal = weighted.T @ jacobian
+    gradient = weighted.T @ at.w
+    normal[np.arange(m), np.arange(m)] += 1.0
+    gradient[:m] += at.z
+    free = np.ones(len(gradient), dtype=bool)
+    for _ in range(len(names) + 1):
+        scale = np.sqrt(np.diag(normal)[free]) + 1e-12
+        a = normal[np.ix_(free, free)] / np.outer(scale, scale) + 1e-9 * np.eye(int(free.sum()))
+        step = np.zeros(len(gradient))
+        step[free] = -np.linalg.solve(a, gradient[free] / scale) / scale
+        held = False
+        for i, c in enumerate(names, start=m):
+            here = at.effects[c.name]
+            there = here * np.exp(np.clip(step[i], -1, 1)) if c.positive else here + step[i]
+            at_limit = (here <= c.low and there < here) or (here >= c.high and there > here)
+            if free[i] and at_limit:
+                free[i] = False
+                held = True
+        if not held:
+            break
+    return step
+
+
+def _broyden(nz: Array, old: Point, new: Point, columns: Array, names: Sequence[Coordinate]) -> None:
+    """Rank-one update of the kept Jacobian with what the last step showed."""
+    dz = new.z - old.z
+    size = float(dz @ dz)
+    if size < 1e-4:
+        return
+    rest = new.w - old.w - nz @ dz
+    if names:
+        moved = np.array([c.inner(max(new.effects[c.name], 1e-300 if c.positive else -np.inf))
+                          - c.inner(max(old.effects[c.name], 1e-300 if c.positive else -np.inf)) for c in names])  # fmt: skip
+        rest = rest - columns @ moved
+    if float(rest @ rest) < float((new.w - old.w) @ (new.w - old.w)):
+        nz += np.outer(rest, dz / size)

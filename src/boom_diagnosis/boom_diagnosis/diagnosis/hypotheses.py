@@ -1,0 +1,166 @@
+"""One round of the search: tolerances alone, every effect beside them, and what speaks for each.
+
+How large the disturbances are that the observer assumes is itself estimated (likelihood): a loose observer follows a
+machine that is far from the model; with a model that is right the tight one is the likeliest, and sees most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.diagnosis.bag_samples import Bag
+from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
+from boom_diagnosis.diagnosis.fitting import Point, Problem
+from boom_diagnosis.diagnosis.nuisances import Nuisance
+from boom_diagnosis.diagnosis.prediction import Predictor
+from boom_diagnosis.diagnosis.search import Candidate, Fitted, Scanner, possible_effects, refine
+from boom_model.machine import Machine
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+LOOSENESS = (1.0, 4.0, 15.0)
+"""Factors of the assumed disturbances that are tried; the likeliest is taken, and a machine that is like the model gets 1."""
+REFINED, PROMISING = 5, 2.0
+"""Effects that are fitted in a round at most, and the nats that the linear look must promise for it."""
+WEIGHED = 3
+"""Effects that are weighed again where the best of them makes another observer likelier."""
+
+NOTICED = 12.0
+"""Nats, and half a one for each tolerance, that tolerances must gain before they count as moved at all."""
+
+Effects = Mapping[str, Mapping[str, float]]
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Round:
+    """What one round found.
+
+    Attributes:
+        accepted: effects before this round.
+        base: the fit without a further effect. jacobian: its Jacobian (rows, z then accepted coordinates).
+        fitted: further effects, the best first. scanned: gain of the linear look, effect -> nats.
+        problem: in which they were weighed.
+    """
+
+    accepted: tuple[str, ...]
+    base: Point
+    jacobian: Array
+    fitted: tuple[Fitted, ...]
+    scanned: Mapping[str, float]
+    problem: Problem
+
+
+def effects_of(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Dotted values -> effect id -> parameter -> value."""
+    result: dict[str, dict[str, float]] = {}
+    for name, value in values.items():
+        if name.startswith("effects."):
+            _, effect, parameter = name.split(".")
+            result.setdefault(effect, {})[parameter] = value
+    return result
+
+
+def problem_at(
+    machine: Machine,
+    bags: Sequence[Bag],
+    select: Sequence[Flags],
+    nuisances: Sequence[Nuisance],
+    z: Array,
+    values: Mapping[str, float],
+    looseness: float,
+    judged: Sequence[Flags] | None = None,
+) -> Problem:
+    """A problem whose observers' gains are those of this point."""
+    plain = Problem(Predictor(machine, bags), nuisances, select)
+    return Problem(Predictor(machine, bags, plain.values(z, values), looseness), nuisances, select, judged)
+
+
+def run_round(
+    machine: Machine,
+    bags: Sequence[Bag],
+    select: Sequence[Flags],
+    nuisances: Sequence[Nuisance],
+    z: Array,
+    values: Mapping[str, float],
+    progress: Progress,
+    judged: Sequence[Flags] | None = None,
+) -> Round:
+    """Fits the tolerances (with the effects in ``values``), looks at all others, fits the best, weighs them."""
+    accepted = tuple(effects_of(values))
+    kept = tuple(all_coordinates(list(accepted)).values())
+
+    def problem(at_z: Array, at_values: Mapping[str, float], looseness: float) -> Problem:
+        return problem_at(machine, bags, select, nuisances, at_z, at_values, looseness, judged)
+
+    def fit(
+        p: Problem, at_z: Array, at_values: Mapping[str, float], names: Sequence[Coordinate]
+    ) -> tuple[Point, Array]:
+        start = p.points([(at_z, at_values)])[0]
+        return p.fit(start, p.nuisance_jacobian(start), names, iterations=6)
+
+    def likeliest(at_z: Array, at_values: Mapping[str, float]) -> Problem:
+        tried = [problem(at_z, at_values, looseness) for looseness in LOOSENESS]
+        return max(tried, key=lambda p: p.likelihood(p.points([(at_z, at_values)])[0]))
+
+    progress("tolerances", 0.0)
+    loose = problem(z, values, LOOSENESS[-1])
+    base, jacobian = fit(loose, z, values, kept)
+    searching = likeliest(base.z, base.effects)
+    if searching.predictor.looseness < LOOSENESS[-1]:
+        base, jacobian = fit(searching, base.z, base.effects, kept)
+    else:
+        searching = loose
+        jacobian = np.concatenate([loose.nuisance_jacobian(base), jacobian[:, len(base.z) :]], axis=1)
+    nominal = searching.fit_nominal(base.effects, kept)
+    if nominal.loss - base.loss < NOTICED + 0.5 * len(base.z):
+        base = nominal
+    progress("effects", 0.3)
+    scanner = Scanner(searching, base, jacobian)
+    found = scanner.scan(possible_effects(machine.structure.has, accepted))
+    scanned: dict[str, float] = {}
+    grouped: dict[str, list[Candidate]] = {}
+    for candidate in found:
+        scanned[candidate.effect] = max(scanned.get(candidate.effect, 0.0), candidate.gain)
+        grouped.setdefault(candidate.effect, []).append(candidate)
+    progress("fitting effects", 0.5)
+    promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING][:REFINED]
+    fitted = [refine(scanner, jacobian, _starts(grouped[e]), kept) for e in promising]
+    fitted.sort(key=lambda f: f.point.loss)
+    if not fitted:
+        return Round(accepted, base, jacobian, (), scanned, searching)
+    progress("weighing effects", 0.8)
+    best = fitted[0].point
+    weighing = likeliest(best.z, best.effects)
+    if weighing.predictor.looseness == searching.predictor.looseness:
+        fitted = [_polished(searching, f, base) for f in fitted[:1]] + fitted[1:]
+        return Round(accepted, base, jacobian, _sorted(fitted), scanned, searching)
+    base, jacobian = fit(weighing, base.z, base.effects, kept)
+    fitted = [_weighed(weighing, f, base) for f in fitted[:WEIGHED]]
+    return Round(accepted, base, jacobian, _sorted(fitted), scanned, weighing)
+
+
+def _starts(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The best start, and the second where it promises nearly as much from elsewhere."""
+    return list(candidates[:1]) + [c for c in candidates[1:2] if c.gain > 0.5 * candidates[0].gain]
+
+
+def _weighed(problem: Problem, f: Fitted, base: Point) -> Fitted:
+    """The same effect fitted again, with an observer of other gains."""
+    start = problem.points([(f.point.z, f.point.effects)])[0]
+    return _polished(problem, replace(f, point=start), base)
+
+
+def _polished(problem: Problem, f: Fitted, base: Point) -> Fitted:
+    """Fitted on with a fresh Jacobian of the tolerances."""
+    point, jacobian = problem.fit(f.point, problem.nuisance_jacobian(f.point), f.coordinates, iterations=6)
+    return replace(f, point=point, jacobian=jacobian, gain=base.loss - point.loss)
+
+
+def _sorted(fitted: Sequence[Fitted]) -> tuple[Fitted, ...]:
+    return tuple(sorted(fitted, key=lambda f: f.point.loss))

@@ -1,0 +1,135 @@
+"""Which equation is wrong, in two ways that do not share a step.
+
+Statistical: an unknown input is allowed in one equation after the other (white noise on its derivative, of the likeliest
+size); the equation where it raises the likelihood most is the one in doubt (after Kristensen, Madsen, Jorgensen 2004).
+Chain: the model is forced along the measured signals, and what each equation must be given so that it follows is compared
+with what a healthy machine of the same currents must be given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.diagnosis.bag_samples import Bag
+from boom_diagnosis.diagnosis.document import EquationEvidence
+from boom_diagnosis.diagnosis.fitting import Problem
+from boom_diagnosis.diagnosis.hypotheses import problem_at
+from boom_diagnosis.diagnosis.nuisances import Nuisance
+from boom_diagnosis.diagnosis.prediction import Predictor
+from boom_model.machine import Machine
+from boom_model.observer import observe
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Link:
+    """One equation: the state on whose derivative an unknown input acts, and the subsystems that are at home there."""
+
+    key: str
+    title: str
+    equation: str
+    state: str
+    subsystems: tuple[str, ...]
+
+
+LINKS = (
+    Link("torque", "force to motion", "5.39b", "rate", ("load", "structure", "friction")),
+    Link("head_flow", "flow through the hose burst valve into the cylinder", "5.39f", "head_pressure",
+         ("hose_burst_valve", "cylinder", "oil")),
+    Link("hose_flow", "flow into hose and accumulators", "5.39i", "hose_pressure",
+         ("accumulators", "main_valve", "supply", "return_line")),
+    Link("rod_flow", "flow into the rod side", "5.39d", "rod_pressure", ("main_valve", "cylinder", "supply", "return_line")),
+    Link("spool", "command to spool", "5.39n", "spool_position", ("main_valve", "pilot_valves")),
+)  # fmt: skip
+SIZES = (3.0, 10.0, 40.0)
+"""Unknown inputs that are tried, in units of the disturbance that a healthy machine shows."""
+
+
+def locate(
+    machine: Machine, bags: Sequence[Bag], select: Sequence[Flags], nuisances: Sequence[Nuisance], z: Array,
+    values: Mapping[str, float], healthy: Sequence[Bag],
+) -> tuple[tuple[EquationEvidence, ...], str, list[dict[str, Array]]]:  # fmt: skip
+    """Evidence per equation at a fitted point; whether both ways agree, in words; unknown inputs over time per recording."""
+    base = problem_at(machine, bags, select, nuisances, z, values, 1.0)
+    statistical = _statistical(base, z, values)
+    chain, inputs = _chain(base, z, values, healthy)
+    rows = tuple(
+        EquationEvidence(link.key, link.title, link.equation, link.subsystems, statistical[link.key], chain[link.key])
+        for link in LINKS
+    )
+    first = max(rows, key=lambda r: r.statistical)
+    second = max(rows, key=lambda r: r.chain)
+    if max(statistical.values()) <= 0.0:
+        return rows, "No equation needs an unknown input.", inputs
+    if first.key == second.key or set(first.subsystems) & set(second.subsystems):
+        return rows, f"Both ways of locating agree on: {first.title}.", inputs
+    return rows, (
+        f"The two ways of locating disagree: an unknown input helps most in '{first.title}', but forced along the measured "
+        f"signals the chain breaks at '{second.title}'."
+    ), inputs  # fmt: skip
+
+
+def _statistical(base: Problem, z: Array, values: Mapping[str, float]) -> dict[str, float]:
+    reference = base.likelihood(base.points([(z, values)])[0])
+    gains = {}
+    for link in LINKS:
+        best = 0.0
+        for size in SIZES:
+            p = base.predictor
+            boosted = Predictor(p.machine, p.bags, p.tuned, p.looseness, {link.state: size})
+            problem = Problem(boosted, base.nuisances, base.select)
+            best = max(best, problem.likelihood(problem.points([(z, values)])[0]) - reference)
+        gains[link.key] = best
+    return _shares(gains)
+
+
+def _chain(
+    base: Problem, z: Array, values: Mapping[str, float], healthy: Sequence[Bag]
+) -> tuple[dict[str, float], list[dict[str, Array]]]:
+    """What the observer must give to each equation, against a healthy machine; both observers are made very loose."""
+    numbers = base.values(z, values)
+    inputs = _given(base.predictor, numbers, base.predictor.bags)
+    reference = _given(Predictor(base.predictor.machine, healthy), {}, healthy)
+    excess, scaled = {link.key: 0.0 for link in LINKS}, []
+    for own, other in zip(inputs, reference, strict=True):
+        row = {}
+        for link in LINKS:
+            noise = max(float(np.sqrt(np.mean(other[link.key] ** 2))), 1e-30)
+            row[link.key] = own[link.key] / noise
+            excess[link.key] += max(0.0, float(np.mean(row[link.key] ** 2)) - 1.3)
+        scaled.append(row)
+    return _shares(excess), scaled
+
+
+def _given(predictor: Predictor, numbers: Mapping[str, float], bags: Sequence[Bag]) -> list[dict[str, Array]]:
+    """Corrections per interval, smoothed over 0.1 s: state -> (n,)."""
+    forced = Predictor(predictor.machine, bags, numbers, FORCING)
+    result = []
+    for i, bag in enumerate(bags):
+        plant, samples, x0, gain, p = forced.job(i, numbers)
+        seen = observe(plant, samples, x0, gain, parameters=p)
+        e = np.where(np.isfinite(seen.innovations) & bag.counted, seen.innovations, 0.0)
+        corrections = (gain @ e[:, :, None])[:, :, 0]
+        kernel = np.ones(10) / 10
+        result.append(
+            {
+                link.key: np.convolve(corrections[:, plant.state_names.index(link.state)], kernel, mode="same")
+                for link in LINKS
+            }
+        )
+    return result
+
+
+FORCING = 200.0
+"""Looseness of an observer that follows the measured signals whatever the equations say."""
+
+
+def _shares(values: Mapping[str, float]) -> dict[str, float]:
+    total = sum(values.values())
+    return {name: (v / total if total > 0.0 else 0.0) for name, v in values.items()}

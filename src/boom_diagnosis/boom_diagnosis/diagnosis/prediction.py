@@ -1,0 +1,229 @@
+"""One-step predictions of many hypotheses for several recordings, whitened: what all decisions rest on.
+
+The plant of a recording carries every effect without states, at its neutral value, so that one compiled model serves
+nearly all hypotheses; effects that bring states are added when a hypothesis asks for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.diagnosis.bag_samples import Bag
+from boom_diagnosis.validation import plant_for
+from boom_model.effects import CATALOGUE, EFFECTS, check_effects
+from boom_model.machine import Machine
+from boom_model.observer import Gains, Job, NoiseModel, Observed, Samples, kalman, observe, observe_all
+from boom_model.plant import Plant
+
+Array = NDArray[np.float64]
+
+LARGEST = 50.0
+"""Standard deviations. A whitened innovation counts as no more; a run that failed counts as that from there on."""
+FLOW_NOISE = 2e-8
+"""m^3/s sqrt(s). White disturbance of each flow. With it the innovations of a healthy machine are white (measured)."""
+TORQUE_NOISE = 6.0
+"""N m sqrt(s)."""
+TOLERANCE = 3e-4
+"""Of the integrator: the error is a few percent of an innovation, the same in all hypotheses."""
+CURRENT_NOISE = 0.85e-3
+"""A. Noise and quantisation of the measured currents, which drive the model."""
+SPOOL_NOISE = 2e-4
+"""1/s sqrt(s), of the full stroke: white disturbance of the spool where one is allowed."""
+TIMING_NOISE = 1e-3
+"""s. When between two samples a current changed is not known."""
+
+Values = Mapping[str, float]
+"""Component of the parameter vector -> value, where it differs from the machine's."""
+
+
+def carrying(machine: Machine, stateful: Iterable[str] = ()) -> Machine:
+    """The machine with all effects that need no state at their neutral values, and with ``stateful`` ones."""
+    effects: dict[str, dict[str, float]] = {}
+    for effect in CATALOGUE:
+        if machine.structure.has(effect.needs) and (not effect.states or effect.id in stateful):
+            effects[effect.id] = {row.name: row.neutral for row in effect.parameters}
+    return replace(machine, effects=check_effects(effects) | {k: dict(v) for k, v in machine.effects.items()})
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Whitened innovations (n, 4) of a hypothesis for one recording, and the states (n, NX) it assumed."""
+
+    whitened: Array
+    states: Array
+
+
+class Predictor:
+    """Observers for several recordings of one machine, whose gains stay fixed.
+
+    machine: as given, without what is found. tuned: numbers (effects included) at which the gains are computed.
+    looseness: factor of the assumed disturbances. boost: state -> further factor of the disturbance of its derivative.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        bags: Sequence[Bag],
+        tuned: Values | None = None,
+        looseness: float = 1.0,
+        boost: Mapping[str, float] | None = None,
+    ) -> None:
+        self.machine = machine
+        self.boost = dict(boost or {})
+        self.looseness = looseness
+        self.bags = tuple(bags)
+        self.tuned = dict(tuned or {})
+        self._plants: dict[tuple[int, frozenset[str]], Plant] = {}
+        self._samples = [lru_cache(maxsize=32)(bag.samples) for bag in self.bags]
+        self.base: list[Plant] = [self.plant(i, ()) for i in range(len(self.bags))]
+        self._given: list[Gains] | None = None
+
+    @property
+    def gains(self) -> list[Gains]:
+        """Of every recording, computed when first needed."""
+        if self._given is None:
+            self._given = [self._gains(i) for i in range(len(self.bags))]
+        return self._given
+
+    def plant(self, bag: int, stateful: Iterable[str]) -> Plant:
+        """The plant of a recording that carries these effects with states, too."""
+        key = (bag, frozenset(stateful) - frozenset(self.machine.effects))
+        if key not in self._plants:
+            self._plants[key] = plant_for(self.bags[bag].recording, carrying(self.machine, key[1]), "full")
+        return self._plants[key]
+
+    def parameters(self, plant: Plant, values: Values) -> Array:
+        """Parameter vector with these values."""
+        p = plant.p.copy()
+        for name, value in values.items():
+            p[plant.parameter_names.index(name)] = value
+        return p
+
+    def predict(self, hypotheses: Sequence[Values]) -> list[list[Prediction]]:
+        """For each hypothesis (values of parameters), the prediction of every recording."""
+        jobs = [self.job(i, values) for values in hypotheses for i in range(len(self.bags))]
+        observed = observe_all(jobs, tolerance=TOLERANCE)
+        result, k = [], 0
+        for _ in hypotheses:
+            row = []
+            for i, bag in enumerate(self.bags):
+                plant, _, _, _, p = jobs[k]
+                late = bag.pressure_shift(plant.delays(p)[1])
+                row.append(Prediction(_whiten(observed[k], self.gains[i], bag, late), observed[k].states))
+                k += 1
+            result.append(row)
+        return result
+
+    def job(self, i: int, values: Values) -> Job:
+        """The observer's pass over recording ``i`` with these values."""
+        plant = self.plant(i, with_states(values))
+        p = self.parameters(plant, values)
+        samples = self.samples(i, plant, p)
+        gain = _for(plant, self.plant(i, with_states(self.tuned)), self.gains[i].gain)
+        return plant, samples, self.bags[i].initial_state(plant, p), gain, p
+
+    def noise(self) -> tuple[float, float, float, float]:
+        """Standard deviations of the measured channels that the observer assumes [SI]."""
+        return noise_model(self.base[0], self.machine, self.base[0].p).outputs
+
+    def samples(self, i: int, plant: Plant, p: Array) -> Samples:
+        """The recording as this hypothesis' delays have it."""
+        return self._samples[i](*plant.delays(p))
+
+    def _gains(self, i: int) -> Gains:
+        plant, bag = self.plant(i, with_states(self.tuned)), self.bags[i]
+        p = self.parameters(plant, self.tuned)
+        samples = self.samples(i, plant, p)
+        x0 = bag.initial_state(plant, p)
+        noise = noise_model(plant, self.machine, p, self.looseness, self.boost)
+        states = observe(plant, samples, x0, _nudging(plant, len(bag.grid) - 1), parameters=p).states
+        return kalman(plant, samples, _filled(states), noise, p)
+
+
+def with_states(values: Values) -> frozenset[str]:
+    """Effects with states among the values."""
+    named = {name.split(".")[1] for name in values if name.startswith("effects.")}
+    return frozenset(effect for effect in named if EFFECTS[effect].states)
+
+
+def noise_model(
+    plant: Plant, machine: Machine, p: Array, looseness: float = 1.0, boost: Mapping[str, float] | None = None
+) -> NoiseModel:
+    """Sensors' noise, the currents' noise, and small white disturbances of torque and flows."""
+    torque, flow = looseness * TORQUE_NOISE, looseness * FLOW_NOISE
+    sensors = machine.sensor_noise()
+    number = dict(zip(plant.parameter_names, p, strict=True))
+    pressure = float(np.hypot(sensors.pressure_sigma, sensors.pressure_quantum / np.sqrt(12.0)))
+    inertia = number["pose.D0"] + number["pose.load"] * (number["pose.tip.0"] ** 2 + number["pose.tip.1"] ** 2)
+    beta, hose = number["fluid.beta"], number["cylinder.V_h"]
+    disturbance = {
+        "rate": torque / inertia,
+        "hose_pressure": flow * beta / hose,
+        "head_pressure": flow * beta / (0.5 * number["cylinder.A_a"] * number["cylinder.l_p"]),
+        "rod_pressure": flow * beta / (0.5 * number["cylinder.A_b"] * number["cylinder.l_p"]),
+    }
+    if boost:
+        spool = SPOOL_NOISE * number.get("main_valve_spool.s_max", 1.0)
+        disturbance = {
+            name: value * boost.get(name, 1.0)
+            for name, value in (disturbance | ({"spool_position": spool} if "spool_position" in boost else {})).items()
+        }
+    initial = {
+        "angle": 1e-3, "rate": 1e-2, "head_pressure": 5e5, "rod_pressure": 1e5, "hose_pressure": 1e5,
+        "accumulator_pressure_1": 5e5, "accumulator_pressure_2": 5e5,
+    }  # fmt: skip
+    angle = max(0.5 * sensors.angle_quantum, 1e-5)
+    return NoiseModel(
+        (angle, sensors.rate_sigma, pressure, pressure), CURRENT_NOISE, TIMING_NOISE, disturbance, initial
+    )
+
+
+def _nudging(plant: Plant, n: int) -> Array:
+    """Gains that follow any machine: each measured state is pulled to its measurement."""
+    names = plant.state_names
+    gain = np.zeros((len(names), 4))
+    for j, (name, share) in enumerate((("angle", 0.2), ("rate", 0.2), ("hose_pressure", 0.4), ("rod_pressure", 0.4))):
+        if name in names:
+            gain[names.index(name), j] = share
+    gain[names.index("head_pressure"), 2] = 0.3
+    return np.broadcast_to(gain, (n, *gain.shape)).copy()
+
+
+def _filled(states: Array) -> Array:
+    """States with the last known one behind a failure."""
+    bad = ~np.isfinite(states).all(axis=1)
+    if not bad.any():
+        return states
+    first = int(np.argmax(bad))
+    filled = states.copy()
+    filled[first:] = states[max(first - 1, 0)]
+    return np.nan_to_num(filled)
+
+
+def _for(plant: Plant, base: Plant, gain: Array) -> Array:
+    """Gains of a plant with other states than those of ``base``: what ``base`` does not have is not corrected."""
+    if plant.state_names == base.state_names:
+        return gain
+    result = np.zeros((len(gain), len(plant.state_names), 4))
+    for i, name in enumerate(plant.state_names):
+        if name in base.state_names:
+            result[:, i] = gain[:, base.state_names.index(name)]
+    return result
+
+
+def _whiten(observed: Observed, gains: Gains, bag: Bag, late: int) -> Array:
+    """Whitened innovations; those of pressures that arrive ``late`` intervals go back to the interval of their stamp."""
+    e = np.where(np.isfinite(observed.innovations), observed.innovations, 0.0)
+    if late:
+        e[late:, 2:] = e[:-late, 2:]
+    w = (gains.whitening @ e[:, :, None])[:, :, 0]
+    if not observed.complete:
+        failed = ~np.isfinite(observed.states).all(axis=1)
+        w[failed] = LARGEST
+    w[~bag.counted] = 0.0
+    return np.clip(w, -LARGEST, LARGEST)

@@ -1,0 +1,246 @@
+"""A whole diagnosis: recordings and a machine in, the answer out. No files, no ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.diagnosis import answer
+from boom_diagnosis.diagnosis.bag_samples import Bag, prepare
+from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
+from boom_diagnosis.diagnosis.document import DiagnosisResult
+from boom_diagnosis.diagnosis.fitting import Point, Problem
+from boom_diagnosis.diagnosis.healthy import simulated
+from boom_diagnosis.diagnosis.hypotheses import NOTICED, Round, problem_at, run_round
+from boom_diagnosis.diagnosis.nuisances import Nuisance, tolerances
+from boom_diagnosis.diagnosis.onset import TIME, onset
+from boom_diagnosis.diagnosis.weighing import (
+    COLDEST,
+    ENOUGH,
+    NEGLIGIBLE,
+    UNEXPLAINED_WEIGHT,
+    Weighed,
+    occam,
+    precision,
+    predictive_loss,
+)
+from boom_diagnosis.validation import plant_for
+from boom_model.machine import Machine
+from boom_recording.recording import Recording
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Progress = Callable[[str, float], None]
+
+MOST_EFFECTS = 3
+HELD_OUT_SHARE = 1.0 / 3.0
+"""Of each recording, its end, where no recording is held out."""
+MOVING, LEAST_MOVING, LEAST_TRAVEL = 0.02, 4.0, 0.1
+"""rad/s, s, rad: a recording that moves less says nothing about most of the machine."""
+
+
+@dataclass
+class Case:
+    """What is diagnosed, and how far it has got.
+
+    Attributes:
+        bags: fitted. proving: not fitted at all. select, judged: samples fitted and held out, per bag of ``bags``.
+        floor: loss per innovation of a healthy machine with the same currents.
+        onset: when a load came in the recordings held out [s].
+    """
+
+    machine: Machine
+    bags: list[Bag]
+    proving: list[Bag]
+    select: list[Flags]
+    judged: list[Flags]
+    nuisances: tuple[Nuisance, ...]
+    seed: int
+    floor: float = 0.0
+    healthy: list[Bag] = field(default_factory=list)
+    healthy_squares: Array = field(default_factory=lambda: np.ones(4))
+    rounds: list[Round] = field(default_factory=list)
+    weighed: list[list[Weighed]] = field(default_factory=list)
+    taken: list[Weighed] = field(default_factory=list)
+    temperature: float = COLDEST
+    onset: float | None = None
+
+    def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
+        """Components of the parameter vector."""
+        return self.rounds[0].problem.values(z, effects)
+
+    spared: dict[int, Point] = field(default_factory=dict)
+
+    def kept(self, k: int) -> Point:
+        """The fit with the first ``k`` effects: with nominal tolerances where moving them gains nothing."""
+        return self.spared.get(k) or (self.taken[k - 1].fitted.point if k else self.rounds[0].base)
+
+    @property
+    def last(self) -> Point:
+        """The fit with everything that was found."""
+        return self.kept(len(self.taken))
+
+
+def diagnose(
+    recordings: Sequence[Recording],
+    machine: Machine,
+    *,
+    held_out: Sequence[Recording] = (),
+    seed: int = 0,
+    progress: Progress = lambda text, share: None,
+    version: str = "",
+    inputs_sha256: Mapping[str, str] | None = None,
+    command: str = "",
+) -> DiagnosisResult:
+    """Finds what ``machine`` lacks to explain ``recordings`` and proves it on ``held_out``.
+
+    held_out: recordings that nothing is fitted to; without them the last third of each recording is held out.
+    progress: called with what is being done and the share of the work that is done.
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    about = answer.About(seed, version, dict(inputs_sha256 or {}), command)
+    prepared = [prepare(recording) for recording in recordings]
+    weak = [r.name for r, bag in zip(recordings, prepared, strict=True) if bag is None or not excited(bag)]
+    bags = [bag for bag in prepared if bag is not None and excited(bag)]
+    if not bags:
+        return answer.not_enough_excitation(recordings, machine, about)
+    proving = [bag for bag in (prepare(recording) for recording in held_out) if bag is not None and excited(bag)]
+    case = _case(machine, bags, proving, seed)
+    search(case, progress)
+    progress("locating", 0.8)
+    return answer.assemble(case, about, weak)
+
+
+def excited(bag: Bag) -> bool:
+    """Whether the boom moved long and far enough to tell anything."""
+    y = bag.samples().measured
+    rate, angle = y[:, 1], y[:, 0]
+    moving = float(np.sum(np.abs(rate[np.isfinite(rate)]) > MOVING)) * 0.01
+    known = angle[np.isfinite(angle)]
+    return moving >= LEAST_MOVING and len(known) > 0 and float(np.ptp(known)) >= LEAST_TRAVEL
+
+
+def search(case: Case, progress: Progress) -> None:
+    """Round after round: what explains most is taken, everything is computed anew, until nothing earns its place."""
+    z, values = np.zeros(len(case.nuisances)), dict[str, float]()
+    for k in range(MOST_EFFECTS):
+        done = 0.8 * k / MOST_EFFECTS
+
+        def inner(text: str, share: float, done: float = done) -> None:
+            progress(text, done + 0.8 / MOST_EFFECTS * share)
+
+        found = run_round(case.machine, case.bags, case.select, case.nuisances, z, values, inner, case.judged)
+        case.rounds.append(found)
+        if k == 0:
+            _calibrate(case, found.base)
+            _spare(case, 0, found.problem, found.base, ())
+        weighed = _weigh(case, found) if found.fitted else []
+        case.weighed.append(weighed)
+        best = weighed[0] if weighed else None
+        if best is None or not _earns(best):
+            return
+        case.taken.append(best)
+        z, values = best.fitted.point.z, best.fitted.point.effects
+        _spare(case, k + 1, found.problem, best.fitted.point, best.fitted.coordinates)
+        rest = best.fitted.point.loss / len(best.fitted.point.w) - case.floor
+        if rest < NEGLIGIBLE / 2:
+            return
+
+
+def _case(machine: Machine, bags: list[Bag], proving: list[Bag], seed: int) -> Case:
+    pose = plant_for(bags[0].recording, machine, "full").pose
+    select, judged = [], []
+    for bag in bags:
+        counted = bag.counted.copy()
+        later = np.zeros_like(counted)
+        if not proving:
+            from_ = bag.time >= (1.0 - HELD_OUT_SHARE) * bag.recording.duration
+            later = counted & from_[:, None]
+            counted &= ~from_[:, None]
+        select.append(counted)
+        judged.append(later)
+    return Case(machine, bags, proving, select, judged, tolerances(machine, pose), seed)
+
+
+def _calibrate(case: Case, base: Point) -> None:
+    """The loss of a healthy machine with the same currents."""
+    values = case.rounds[0].problem.values(base.z, {})
+    copies = [simulated(bag, case.machine, values, case.seed + 1 + i) for i, bag in enumerate(case.bags)]
+    if any(copy is None for copy in copies):
+        values = {}
+        copies = [simulated(bag, case.machine, values, case.seed + 1 + i) for i, bag in enumerate(case.bags)]
+    case.healthy = [copy if copy is not None else bag for copy, bag in zip(copies, case.bags, strict=True)]
+    select = [bag.counted for bag in case.healthy]
+    problem = problem_at(case.machine, case.healthy, select, case.nuisances, np.zeros(len(case.nuisances)), {}, 1.0)
+    exact = problem.predictor.predict([values])[0]
+    rows = np.concatenate([r.whitened[s.all(axis=1)] for r, s in zip(exact, select, strict=True)])
+    case.healthy_squares = np.mean(rows**2, axis=0)
+    case.floor = float(0.5 * np.mean(case.healthy_squares))
+
+
+def _spare(case: Case, k: int, problem: Problem, point: Point, names: Sequence[Coordinate]) -> None:
+    """Keeps the nominal numbers where the tolerances need not move: numbers moved for nothing harm a free run."""
+    nominal = problem.fit_nominal(point.effects, names)
+    if nominal.loss - point.loss < NOTICED + 0.5 * len(point.z):
+        case.spared[k] = nominal
+
+
+def _weigh(case: Case, found: Round) -> list[Weighed]:
+    """Gains on data used and not used; the best first."""
+    accepted = set(found.accepted)
+    hypotheses = [(found.base, found.jacobian), *((f.point, f.jacobian) for f in found.fitted)]
+    names = [_coordinates(found), *(f.coordinates for f in found.fitted)]
+    losses = _held_out(case, found, hypotheses, names)
+    rest = max(0.0, found.fitted[0].point.loss - case.floor * int(found.base.used.sum()))
+    case.temperature = COLDEST + UNEXPLAINED_WEIGHT * rest
+    weighed = []
+    for f, loss in zip(found.fitted, losses[1:], strict=True):
+        new = [c for c in f.coordinates if c.name.split(".")[1] not in accepted]
+        weighed.append(Weighed(f, f.gain, losses[0] - loss, occam(f, new)))
+    return sorted(weighed, key=lambda w: -w.net)
+
+
+def _coordinates(found: Round) -> tuple[Coordinate, ...]:
+    return tuple(all_coordinates(list(found.accepted)).values())
+
+
+def _held_out(
+    case: Case, found: Round, hypotheses: Sequence[tuple[Point, Array]], names: Sequence[Sequence[Coordinate]]
+) -> list[float]:
+    """Loss of each hypothesis on data not used, its numbers known as well as the data used tell them [nats]."""
+    count = len(case.nuisances)
+    known = [precision(point, jacobian, count) for point, jacobian in hypotheses]
+    if not case.proving:
+        held = ~found.base.used
+        return [predictive_loss(p.w[held], j[held], k) for (p, j), k in zip(hypotheses, known, strict=True)]
+    best = found.fitted[0].point
+    others = problem_at(
+        case.machine, case.proving, [bag.counted for bag in case.proving], case.nuisances, best.z, best.effects,
+        found.problem.predictor.looseness,
+    )  # fmt: skip
+    points = others.points([(p.z, _own_onset(case, others, p)) for p, _ in hypotheses])
+    tolerances = others.nuisance_jacobian(points[1])
+    losses = []
+    for point, own, k in zip(points, names, known, strict=True):
+        columns = others.effect_jacobian(point, own) if own else np.zeros((len(point.w), 0))
+        losses.append(predictive_loss(point.w, np.concatenate([tolerances, columns], axis=1), k))
+    return losses
+
+
+def _own_onset(case: Case, problem: Problem, point: Point) -> dict[str, float]:
+    """Effects of a point as they are in the recordings held out: when a load came is their own."""
+    effects = dict(point.effects)
+    if TIME in effects:
+        effects[TIME] = onset(problem, point.z, effects)
+        case.onset = effects[TIME]
+    return effects
+
+
+def _earns(best: Weighed) -> bool:
+    """Whether an effect is worth naming: more than chance, and better on data not used."""
+    return best.gain - best.cost > ENOUGH and best.held_out_gain > 0.0

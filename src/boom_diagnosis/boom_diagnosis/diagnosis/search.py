@@ -1,0 +1,219 @@
+"""Which effects could explain what the tolerances do not: a linear look at all, then a fit of the best few.
+
+Each effect is tried at one or more places (one run each). The difference that it makes, freed of what the tolerances can
+imitate, is compared with the innovations: how much of them would it take away, at the best size?
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.diagnosis.coordinates import Coordinate, coordinates, starts
+from boom_diagnosis.diagnosis.fitting import LARGEST_Z, Point, Problem, weights
+from boom_model.effects import CATALOGUE, EFFECTS
+
+Array = NDArray[np.float64]
+
+ONSET_STEP = 10
+"""Intervals between the times at which an effect that begins is looked for."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect with the values to start from and what it would gain [nats] by the linear look."""
+
+    effect: str
+    values: dict[str, float]
+    gain: float
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """An effect fitted together with the tolerances.
+
+    Attributes:
+        gain: decrease of the loss against the tolerances alone [nats].
+        jacobian: (rows, z then coordinates) at the point.
+        starts: losses reached from each start.
+    """
+
+    effect: str
+    point: Point
+    coordinates: tuple[Coordinate, ...]
+    jacobian: Array
+    gain: float
+    starts: tuple[float, ...]
+
+
+class Scanner:
+    """The linear look: innovations of a fitted point, with its tolerances (and accepted effects) projected out."""
+
+    def __init__(self, problem: Problem, at: Point, jacobian: Array) -> None:
+        self.problem, self.at = problem, at
+        self.omega = weights(at)
+        count = len(at.z)
+        size = np.maximum(np.sqrt(np.sum(jacobian * jacobian, axis=0)), 1e-9)
+        size[:count] = 1.0
+        scaled = jacobian / size
+        prior = np.zeros(jacobian.shape[1])
+        prior[:count] = 1.0
+        prior[count:] = 1e-9
+        self._weighted = scaled * self.omega[:, None]
+        self._factor = np.linalg.inv(self._weighted.T @ scaled + np.diag(prior))
+        self._score = self._weighted.T @ at.w
+        self._score[:count] += at.z
+
+    def gain(self, columns: Array) -> tuple[float, Array]:
+        """Decrease of the loss [nats] by moving along columns (rows, k) from the point, and the sizes (k,)."""
+        cross = self._weighted.T @ columns
+        projected = (columns * self.omega[:, None]).T @ columns - cross.T @ self._factor @ cross
+        score = columns.T @ (self.omega * self.at.w) - cross.T @ self._factor @ self._score
+        scale = np.sqrt(np.maximum(np.diag(projected), 1e-12))
+        size = -np.linalg.lstsq(projected / np.outer(scale, scale), score / scale, rcond=1e-9)[0] / scale
+        return float(-0.5 * score @ size), size
+
+    def scan(self, wanted: Sequence[str], progress: Callable[[], None] | None = None) -> list[Candidate]:
+        """Candidates of these effects, the best first."""
+        lasting = max(bag.recording.duration for bag in self.problem.predictor.bags)
+        tried = [(effect, start) for effect in wanted for start in starts(EFFECTS[effect], lasting)]
+        found: list[Candidate] = []
+        for k in range(0, len(tried), 8):
+            part = tried[k : k + 8]
+            points = self.problem.points([(self.at.z, {**self.at.effects, **start}) for _, start in part])
+            for (effect, start), point in zip(part, points, strict=True):
+                found += self._candidates(effect, start, point)
+            if progress:
+                progress()
+        found = self._joined(found)
+        return sorted(found, key=lambda c: -c.gain)
+
+    def _candidates(self, effect: str, start: dict[str, float], point: Point) -> list[Candidate]:
+        column = point.w - self.at.w
+        if effect == "payload_change":
+            return self._onset(effect, start)
+        gain, size = self.gain(column[:, None])
+        first = coordinates(EFFECTS[effect])
+        moved = [c for c in first if start[c.name] != _neutral(c.name)]
+        leading = moved[0] if effect in ("valve_dead_zone", "pressure_bias") else first[0]
+        neutral = _neutral(leading.name)
+        value = neutral + float(size[0]) * (start[leading.name] - neutral)
+        clipped = float(np.clip(value, leading.low, leading.high))
+        share = (clipped - neutral) / (start[leading.name] - neutral)
+        if share <= 0.02 and abs(size[0]) > 0.02:
+            gain = 0.0
+        elif clipped != value:  # the parabola at the limit
+            gain *= max(0.0, 1.0 - (1.0 - share / float(size[0])) ** 2)
+        return [Candidate(effect, {**start, leading.name: clipped if share > 0.02 else start[leading.name]}, gain)]
+
+    def _joined(self, found: list[Candidate]) -> list[Candidate]:
+        """Effects of independent numbers: what they gain together, from the sum of their single gains."""
+        result = [c for c in found if c.effect not in ("valve_dead_zone", "pressure_bias")]
+        for effect in ("valve_dead_zone", "pressure_bias"):
+            own = [c for c in found if c.effect == effect]
+            if own:
+                values = {
+                    name: next((c.values[name] for c in own if c.values[name] != _neutral(name)), _neutral(name))
+                    for name in own[0].values
+                }
+                result.append(Candidate(effect, values, sum(c.gain for c in own)))
+        return result
+
+    def _onset(self, effect: str, start: dict[str, float]) -> list[Candidate]:
+        """A mass that comes at t_g: the difference of a lasting mass, from t_g on (the observer forgets in a second)."""
+        mass = start["effects.payload_change.mass"]
+        point = self.problem.points([(self.at.z, {**self.at.effects, "effects.payload.mass": mass})])[0]
+        column = point.w - self.at.w
+        times = np.concatenate(
+            [np.broadcast_to(bag.time[:, None], s.shape)[s] for bag, s in zip(
+                self.problem.predictor.bags, self.problem.rows, strict=True)]
+        )  # fmt: skip
+        order = np.argsort(times, kind="stable")
+        t, s, w = times[order], column[order], (self.omega * self.at.w)[order]
+        omega, nw = self.omega[order], self._weighted[order]
+        # sums over all samples behind a time
+        score = np.cumsum((s * w)[::-1])[::-1]
+        power = np.cumsum((omega * s * s)[::-1])[::-1]
+        cross = np.cumsum((nw * s[:, None])[::-1], axis=0)[::-1]
+        pick = np.arange(0, len(t), 4 * ONSET_STEP)
+        c = cross[pick]
+        projected = power[pick] - np.einsum("ij,jk,ik->i", c, self._factor, c)
+        g = score[pick] - c @ self._factor @ self._score
+        gains = 0.5 * g * g / np.maximum(projected, 1e-9)
+        result = []
+        for k in np.argsort(-gains)[:1]:
+            size = -g[k] / max(projected[k], 1e-9)
+            result.append(
+                Candidate(
+                    effect,
+                    {
+                        "effects.payload_change.mass": float(mass * size),
+                        "effects.payload_change.t_g": float(t[pick[k]]),
+                    },
+                    float(gains[k]),
+                )
+            )
+        return result
+
+    def follow(self, columns: Array, size: Array) -> Array:
+        """z that the tolerances would take if the innovations changed by columns @ size."""
+        moved = self._score + self._weighted.T @ (columns @ size)
+        count = len(self.at.z)
+        return np.asarray(np.clip(self.at.z - (self._factor @ moved)[:count], -LARGEST_Z, LARGEST_Z))
+
+
+def refine(
+    scanner: Scanner,
+    jacobian: Array,
+    candidates: Sequence[Candidate],
+    kept: Sequence[Coordinate] = (),
+    *,
+    iterations: int = 5,
+) -> Fitted:
+    """Fits one effect (and the numbers ``kept`` of those accepted before) from its candidates and keeps the best."""
+    problem, at = scanner.problem, scanner.at
+    names = (*kept, *coordinates(EFFECTS[candidates[0].effect]))
+    count = len(at.z)
+    reached: list[tuple[Point, Array]] = []
+    for candidate in candidates:
+        start = _start(scanner, candidate)
+        reached.append(problem.fit(start, jacobian[:, :count], names, iterations=iterations))
+    point, final = min(reached, key=lambda r: r[0].loss)
+    return Fitted(candidates[0].effect, point, names, final, at.loss - point.loss, tuple(r[0].loss for r in reached))
+
+
+def _start(scanner: Scanner, candidate: Candidate) -> Point:
+    """The best of a few points on the way to the candidate, with the tolerances where they are and where they follow."""
+    at = scanner.at
+    leading = {name for name, value in candidate.values.items() if value != _neutral(name)}
+    companions = {c.name for c in coordinates(EFFECTS[candidate.effect])[1:]}
+    if candidate.effect not in ("valve_dead_zone", "pressure_bias"):
+        leading -= companions
+    wanted = []
+    for share in (1.0, 0.5, 0.2):
+        values = {
+            n: (_neutral(n) + share * (v - _neutral(n)) if n in leading else v) for n, v in candidate.values.items()
+        }
+        wanted.append((at.z, {**at.effects, **values}))
+    points = scanner.problem.points(wanted)
+    followed = scanner.problem.points(
+        [
+            (scanner.follow((p.w - at.w)[:, None], np.ones(1)), p.effects)
+            for p in sorted(points, key=lambda p: p.loss)[:2]
+        ]
+        + [(np.zeros_like(at.z), points[0].effects)]
+    )
+    return min(points + followed, key=lambda p: p.loss)
+
+
+def possible_effects(has: Callable[[str], bool], without: Sequence[str] = ()) -> list[str]:
+    """Effects that a machine can have and does not have yet."""
+    return [effect.id for effect in CATALOGUE if has(effect.needs) and effect.id not in without]
+
+
+def _neutral(name: str) -> float:
+    _, effect, parameter = name.split(".")
+    return next(row.neutral for row in EFFECTS[effect].parameters if row.name == parameter)

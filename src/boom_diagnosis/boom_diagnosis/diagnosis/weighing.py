@@ -1,0 +1,131 @@
+"""From fits to probabilities: what each hypothesis gains, what it costs, and how far the rest speaks for physics unknown.
+
+A hypothesis gains the decrease of the loss it brings, on data used and not used [nats], and pays for the room that its
+numbers had (Occam factor: width of the prior over width of the posterior). Losses are divided by a temperature, because
+no model is exactly right: nats that no hypothesis explains make all of them less sure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import exp, log, pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.diagnosis.coordinates import Coordinate
+from boom_diagnosis.diagnosis.document import Estimate
+from boom_diagnosis.diagnosis.fitting import HUBER, Point, rho, weights
+from boom_diagnosis.diagnosis.search import Fitted
+
+Array = NDArray[np.float64]
+
+ENOUGH = 12.0
+"""Nats, net of costs, from which on an effect is named at all: twice what chance gave on simulated healthy recordings."""
+COLDEST = 3.0
+"""Temperature where nothing remains unexplained."""
+UNEXPLAINED_WEIGHT = 0.1
+"""Share of the unexplained nats that adds to the temperature."""
+UNKNOWN_FROM, UNKNOWN_STEEPNESS = 0.45, 8.0
+"""Share of the misfit's amplitude that remains where unknown physics becomes as likely as not, and how sharply."""
+NEGLIGIBLE = 0.012
+"""Loss per innovation over that of a healthy machine which counts as nothing: the observer's own shortcomings."""
+Z90 = 1.645
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A hypothesis: gain on data used, on data not used, cost [nats]; log-odds against the tolerances alone."""
+
+    fitted: Fitted
+    gain: float
+    held_out_gain: float
+    cost: float
+
+    @property
+    def net(self) -> float:
+        """Of gains and cost [nats]."""
+        return self.gain + self.held_out_gain - self.cost
+
+
+def precision(point: Point, jacobian: Array, count: int) -> Array:
+    """Inverse covariance of (z, inner coordinates) from the rows used; the first ``count`` unknowns have unit priors."""
+    normal = (jacobian * weights(point)[:, None]).T @ jacobian
+    normal[np.arange(count), np.arange(count)] += 1.0
+    return np.asarray(normal)
+
+
+def predictive_loss(w: Array, jacobian: Array, known: Array) -> float:
+    """Loss [nats] of data not used, whose numbers are known from elsewhere only as well as ``known`` (their precision) says.
+
+    w: (rows,), jacobian: (rows, unknowns) at the fitted point; the unknowns may move within what is known of them.
+    """
+    omega = np.minimum(1.0, HUBER / np.maximum(np.abs(w), 1e-9))
+    weighted = jacobian * omega[:, None]
+    both = known + weighted.T @ jacobian
+    gradient = weighted.T @ w
+    scale = np.sqrt(np.maximum(np.diag(both), 1e-12))
+    ridge = 1e-9 * np.eye(len(scale))
+    scaled = both / np.outer(scale, scale) + ridge
+    moved = gradient / scale
+    spread = np.linalg.slogdet(scaled)[1] - np.linalg.slogdet(known / np.outer(scale, scale) + ridge)[1]
+    return rho(w) - 0.5 * float(moved @ np.linalg.solve(scaled, moved)) + 0.5 * float(spread)
+
+
+def posterior(point: Point, jacobian: Array, count: int) -> Array:
+    """Covariance of (z, inner coordinates) at a fitted point; the first ``count`` unknowns have unit priors."""
+    normal = precision(point, jacobian, count)
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
+    inverse = np.linalg.inv(normal / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)))
+    return np.asarray(inverse / np.outer(scale, scale))
+
+
+def occam(fitted: Fitted, new: Sequence[Coordinate]) -> float:
+    """Cost of the numbers of the new effect [nats]: log(prior width / posterior width), never negative."""
+    count = len(fitted.point.z)
+    covariance = posterior(fitted.point, fitted.jacobian, count)
+    cost = 0.0
+    for c in new:
+        k = count + fitted.coordinates.index(c)
+        width = sqrt(2 * pi * max(float(covariance[k, k]), 1e-300))
+        room = log(60.0) if c.name.endswith(".t_g") else log(max(c.width, 1e-300))
+        cost += max(0.0, room - log(width))
+    return cost
+
+
+def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
+    """Numbers of all its effects with 90 % intervals, dotted names."""
+    count = len(fitted.point.z)
+    covariance = posterior(fitted.point, fitted.jacobian, count) * temperature
+    result = {}
+    for k, c in enumerate(fitted.coordinates, start=count):
+        value = fitted.point.effects[c.name]
+        spread = Z90 * sqrt(max(float(covariance[k, k]), 0.0))
+        if c.positive:
+            low, high = value * exp(-min(spread, 5.0)), value * exp(min(spread, 5.0))
+        else:
+            low, high = value - spread, value + spread
+        result[c.name] = Estimate(value, c.unit, (max(low, min(c.low, value)), min(high, max(c.high, value))))
+    return result
+
+
+def probabilities(weighed: Sequence[Weighed], temperature: float) -> list[float]:
+    """Of each hypothesis, and last that none is needed; all equally likely before."""
+    scores = np.array([w.net / temperature for w in weighed] + [0.0])
+    scores -= scores.max()
+    p = np.exp(scores)
+    return [float(v) for v in p / p.sum()]
+
+
+def unknown_probability(before: float, after: float) -> float:
+    """That physics of no catalogue acts, from the loss per innovation over that of a healthy machine."""
+    if after <= NEGLIGIBLE:
+        return 0.02
+    share = sqrt(max(after, 0.0) / max(before, after, 1e-12))
+    return float(1.0 / (1.0 + (UNKNOWN_FROM / max(share, 1e-6)) ** UNKNOWN_STEEPNESS))
+
+
+def subsystem_probabilities(rows: Mapping[str, float]) -> dict[str, float]:
+    """Probability that something is wrong there, from the probabilities of its hypotheses."""
+    return {name: min(0.99, p) for name, p in rows.items()}

@@ -1,0 +1,55 @@
+"""What all reports share: one page that needs no network, and charts that are drawn when they come into view."""
+
+from __future__ import annotations
+
+import json
+from html import escape
+from importlib.resources import files
+from typing import Any
+
+# The page may load nothing at all: what is in the file is all there is.
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; form-action 'none'"
+)
+_CLOUD = "https://cloud.plotly.com/newchart"
+
+
+def page(heading: str, body: str, styles: tuple[str, ...] = ("report.css",)) -> str:
+    """A whole HTML page.
+
+    Args:
+        heading: its title, as plain text.
+        body: HTML inside ``main``.
+        styles: style sheets of this package that it takes, in order.
+    """
+    from plotly.offline import get_plotlyjs  # half a second, which only a report costs
+
+    # The library can send a chart to its maker's server; report.js switches that off, and there is no address either.
+    plotly = get_plotlyjs().replace(_CLOUD, "")
+    own = files("boom_diagnosis")
+    style = "".join(own.joinpath(name).read_text("utf-8") for name in styles)
+    script = own.joinpath("report.js").read_text("utf-8")
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><title>{escape(heading)}</title>'
+        f"<style>\n{style}</style></head><body><main>{body}"
+        "<noscript><p class=alert>The charts need JavaScript; the tables above are complete without "
+        "it.</p></noscript></main>\n"
+        f"<script>{plotly}</script>\n<script>\n{script}</script></body></html>\n"
+    )
+
+
+def chart(name: str, figure: dict[str, Any]) -> str:
+    """HTML of a chart.
+
+    Args:
+        name: unique on the page.
+        figure: ``data`` and ``layout`` as plotly.js takes them, with a height in the layout.
+    """
+    # "<" would end the script element wherever a name holds "</script>".
+    spec = json.dumps(figure, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    return (
+        f"<div class=figure data-spec='{name}' style='min-height:{figure['layout']['height']}px'></div>"
+        f"<script type='application/json' id='{name}'>{spec}</script>"
+    )

@@ -1,0 +1,251 @@
+"""Terms learnt from data: physics that no catalogue lists, as a sum of coefficients times products of states.
+
+    term = sum_j c_j prod_f f(v)
+
+A product is written as text, factors joined by ``*``. A factor is a variable of ``VARIABLES``, or a function of one:
+
+    v^2, v^3          power
+    sign(v)           tanh(v / 0.02): direction
+    abs(v)            sqrt(v^2 + 0.02^2) - 0.02
+    plus(v, a)        max(0, v - a): one-sided
+    minus(v, a)       max(0, a - v)
+    bump(v, a, b)     exp(-((v - a) / b)^2): one spot
+    lag(v, T)         memory: T x' = v - x, x a state, zero at rest
+
+Variables are scaled to about one, so that coefficients have the unit of the equation. They are held at the ends of
+``validity``, the range of the data that the term was learnt from: outside, it does not grow.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import casadi as ca
+
+from boom_model.errors import MachineError, nearest
+from boom_model.regularisation import Expression
+
+SHARPNESS = 0.02
+"""Of sign and abs, in scaled units: 0.006 rad/s, 2 bar."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """What a factor may use: the scaled variable is the quantity over ``scale``; ``zero_at_rest`` ones may lag."""
+
+    unit: str
+    scale: float
+    zero_at_rest: bool
+    meaning: str
+
+
+VARIABLES: dict[str, Variable] = {
+    "angle": Variable("rad", 1.0, False, "boom angle q_2"),
+    "rate": Variable("rad/s", 0.3, True, "angular velocity"),
+    "head_pressure": Variable("Pa", 1e7, False, "p_a"),
+    "rod_pressure": Variable("Pa", 1e7, False, "p_b"),
+    "hose_pressure": Variable("Pa", 1e7, False, "p_h"),
+    "spool": Variable("-", 1.0, True, "spool position over full stroke, positive: retract"),
+}
+
+
+@dataclass(frozen=True)
+class Place:
+    """An equation that takes a term: its number in the thesis, unit of the term, size that a coefficient of one has."""
+
+    equation: str
+    unit: str
+    scale: float
+    meaning: str
+
+
+PLACES: dict[str, Place] = {
+    "torque": Place("5.39b", "N m", 1e4, "torque that moves the boom up"),
+    "head_flow": Place("5.39f", "m^3/s", 1e-4, "flow into the head side"),
+    "hose_flow": Place("5.39i", "m^3/s", 1e-4, "flow into the hose of the head side"),
+    "rod_flow": Place("5.39d", "m^3/s", 1e-4, "flow into the rod side"),
+    "spool": Place("5.39n", "Pa", 1e5, "pilot pressure that pushes the spool to retract"),
+}
+
+
+@dataclass(frozen=True)
+class LearnedTerm:
+    """One entry of ``learned:`` in a machine file.
+
+    Attributes:
+        equation: key of PLACES. basis: products. coefficients: one for each, in units of the place's scale.
+        validity: variable -> (low, high) in its unit; outside, the variable counts as its end.
+    """
+
+    equation: str
+    basis: tuple[str, ...]
+    coefficients: tuple[float, ...]
+    validity: Mapping[str, tuple[float, float]]
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What decides the shape of the equations."""
+        return self.equation, self.basis, tuple(sorted(self.validity.items()))
+
+    def document(self) -> dict[str, Any]:
+        """As in a machine file."""
+        place = PLACES[self.equation]
+        return {
+            "equation": self.equation, "basis": list(self.basis), "coefficients": [float(c) for c in self.coefficients],
+            "unit": f"{place.scale:g} {place.unit}",
+            "validity": {name: [float(a), float(b)] for name, (a, b) in self.validity.items()},
+        }  # fmt: skip
+
+
+_FACTOR = re.compile(r"^(?:(\w+)\(\s*(\w+)\s*((?:,\s*-?[0-9.eE+-]+\s*)*)\)|(\w+)(?:\^([23]))?)$")
+_ARGUMENTS = {"sign": 0, "abs": 0, "plus": 1, "minus": 1, "bump": 2, "lag": 1}
+
+
+@dataclass(frozen=True)
+class Factor:
+    """One factor: function ("" for the variable itself, "^2", "^3"), variable, numbers."""
+
+    function: str
+    variable: str
+    numbers: tuple[float, ...]
+
+
+def parse(text: str) -> tuple[Factor, ...]:
+    """The factors of a product.
+
+    Raises:
+        MachineError: names what cannot be read.
+    """
+    factors = []
+    for part in (p.strip() for p in text.split("*")):
+        match = _FACTOR.match(part)
+        if match is None:
+            raise MachineError(
+                f"learned: {part!r} in {text!r} is no variable or function of one; see docs/diagnosis.md"
+            )
+        function, variable, given, plain, power = match.groups()
+        if function is None:
+            function, variable, given = (f"^{power}" if power else ""), plain, ""
+        elif function not in _ARGUMENTS:
+            raise MachineError(f"learned: no function {function} in {text!r}{nearest(function, _ARGUMENTS)}")
+        if variable not in VARIABLES:
+            raise MachineError(f"learned: no variable {variable} in {text!r}{nearest(variable, VARIABLES)}")
+        try:
+            numbers = tuple(float(v) for v in given.split(",") if v.strip())
+        except ValueError:
+            raise MachineError(f"learned: {part!r} in {text!r}: not all of its numbers can be read") from None
+        if len(numbers) != _ARGUMENTS.get(function, 0):
+            raise MachineError(f"learned: {part!r} in {text!r}: {function} takes {_ARGUMENTS.get(function, 0)} numbers")
+        if function in ("lag", "bump") and not numbers[-1] > 0.0:
+            raise MachineError(f"learned: {part!r} in {text!r}: its last number must be positive")
+        if function == "lag" and not VARIABLES[variable].zero_at_rest:
+            raise MachineError(f"learned: {part!r} in {text!r}: {variable} is not zero at rest and cannot lag")
+        factors.append(Factor(function, variable, numbers))
+    return tuple(factors)
+
+
+def check_learned(given: Any) -> tuple[LearnedTerm, ...]:
+    """Section ``learned:`` of a machine file.
+
+    Raises:
+        MachineError: names the first thing that is wrong.
+    """
+    if not isinstance(given, list):
+        raise MachineError("learned: expected a list of terms with equation, basis, coefficients, unit, validity")
+    return tuple(_term(entry, f"learned[{k}]") for k, entry in enumerate(given))
+
+
+def _term(entry: Any, where: str) -> LearnedTerm:
+    if not isinstance(entry, dict):
+        raise MachineError(f"{where}: expected equation, basis, coefficients, unit, validity")
+    wanted = {"equation", "basis", "coefficients", "unit", "validity"}
+    for key in entry:
+        if key not in wanted:
+            raise MachineError(f"{where}.{key}: no such key{nearest(str(key), wanted)}")
+    for key in sorted(wanted - set(entry)):
+        raise MachineError(f"{where}.{key}: missing")
+    if entry["equation"] not in PLACES:
+        raise MachineError(f"{where}.equation: {entry['equation']!r} is not one of {', '.join(PLACES)}")
+    basis, coefficients = entry["basis"], entry["coefficients"]
+    if not isinstance(basis, list) or not basis or not all(isinstance(b, str) for b in basis):
+        raise MachineError(f"{where}.basis: expected a list of products, e.g. ['sign(rate)']")
+    if not isinstance(coefficients, list) or len(coefficients) != len(basis):
+        raise MachineError(f"{where}.coefficients: expected {len(basis)} numbers, one for each product of the basis")
+    for c in coefficients:
+        if isinstance(c, bool) or not isinstance(c, int | float) or not isfinite(c):
+            raise MachineError(f"{where}.coefficients: {c!r} is not a finite number")
+    place = PLACES[entry["equation"]]
+    if str(entry["unit"]).strip() != f"{place.scale:g} {place.unit}":
+        raise MachineError(f"{where}.unit: {entry['unit']!s}; expected {place.scale:g} {place.unit}")
+    used = {f.variable for text in basis for f in parse(text)}
+    return LearnedTerm(
+        entry["equation"],
+        tuple(basis),
+        tuple(float(c) for c in coefficients),
+        _validity(entry["validity"], used, where),
+    )
+
+
+def _validity(given: Any, used: set[str], where: str) -> dict[str, tuple[float, float]]:
+    if not isinstance(given, dict):
+        raise MachineError(f"{where}.validity: expected variable: [low, high]")
+    result = {}
+    for name in sorted(used):
+        pair = given.get(name)
+        if (
+            not isinstance(pair, list)
+            or len(pair) != 2
+            or not all(isinstance(v, int | float) for v in pair)
+            or not pair[0] < pair[1]
+        ):
+            raise MachineError(f"{where}.validity.{name}: expected [low, high] in {VARIABLES[name].unit}")
+        result[name] = (float(pair[0]), float(pair[1]))
+    for name in given:
+        if name not in used:
+            raise MachineError(f"{where}.validity.{name}: not used by the basis")
+    return result
+
+
+def term(
+    learned: LearnedTerm,
+    coefficients: list[Expression],
+    quantities: Mapping[str, Expression],
+    memory: Callable[[str, float, Expression], Expression],
+) -> Expression:
+    """The term in the unit of its place.
+
+    Args:
+        learned: the term.
+        coefficients: in the order of its basis.
+        quantities: variable -> quantity in its unit.
+        memory: (variable, T, scaled variable) -> the lagging variable.
+    """
+    total: Expression = 0.0
+    for text, coefficient in zip(learned.basis, coefficients, strict=True):
+        product: Expression = 1.0
+        for factor in parse(text):
+            low, high = learned.validity[factor.variable]
+            held = ca.fmin(ca.fmax(quantities[factor.variable], low), high)
+            product = product * _value(factor, held / VARIABLES[factor.variable].scale, memory)
+        total = total + coefficient * product
+    return total * PLACES[learned.equation].scale
+
+
+def _value(f: Factor, v: Expression, memory: Callable[[str, float, Expression], Expression]) -> Expression:
+    if f.function == "sign":
+        return ca.tanh(v / SHARPNESS)
+    if f.function == "abs":
+        return ca.sqrt(v * v + SHARPNESS * SHARPNESS) - SHARPNESS
+    if f.function == "plus":
+        return ca.fmax(v - f.numbers[0], 0.0)
+    if f.function == "minus":
+        return ca.fmax(f.numbers[0] - v, 0.0)
+    if f.function == "bump":
+        return ca.exp(-(((v - f.numbers[0]) / f.numbers[1]) ** 2))
+    if f.function == "lag":
+        return memory(f.variable, f.numbers[0], v)
+    return v ** int(f.function[1]) if f.function else v

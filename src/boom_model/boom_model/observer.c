@@ -1,0 +1,113 @@
+/* Prediction from sample to sample with correction by the measurement: an observer with given gains. Follows integrator.c. */
+
+/* grid[n+1]: times between which the model predicts. theta, measured [n][NY]: in interval k channel j was sampled at
+   grid[k] + theta (grid[k+1] - grid[k]); NaN: not. gain[n][NX][NY]. x: start in, end out.
+   innovation[n][NY]: measured - predicted (NaN where nothing was), predicted linearly between both ends of the interval.
+   states[n][NX]: corrected state at the beginning of each interval. A correction that leaves a state's range ends at its limit.
+   report as in boom_run; report[7]: intervals done. */
+int boom_observe(const double *p, double *x, const double *grid, long n, const double *t_in, const double *u, long n_in,
+                 const double *theta, const double *measured, const double *gain, double *innovation, double *states,
+                 double tolerance, int order, const double *scale, const double *minimum, const double *maximum, double h,
+                 double *report) {
+  double c[NC > 0 ? NC : 1], before[NY], after[NY];
+  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1};
+  long k, next = 0, i_in = 0;
+  int status = OK;
+  model_prepare(p, c);
+  while (i_in + 1 < n_in && t_in[i_in + 1] <= grid[0]) i_in++;
+  for (k = 0; k < n; k++) {
+    double t = grid[k];
+    for (int i = 0; i < NX; i++) states[k * NX + i] = x[i];
+    model_y(x, u + i_in * NU, c, before);
+    for (;;) {
+      const int steps_in = i_in + 1 < n_in && t_in[i_in + 1] < grid[k + 1];
+      const double end = steps_in ? t_in[i_in + 1] : grid[k + 1];
+      status = interval(order, &r, x, u + i_in * NU, c, t, end, &h, 0, 0, &next, 0, 0);
+      if (status != OK || !steps_in) break;
+      t = end;
+      i_in++;
+    }
+    if (status != OK) break;
+    model_y(x, u + i_in * NU, c, after);
+    const double *th = theta + k * NY, *y = measured + k * NY, *g = gain + k * NX * NY;
+    double *e = innovation + k * NY;
+    for (int j = 0; j < NY; j++) {
+      e[j] = y[j] - (before[j] + th[j] * (after[j] - before[j]));
+      if (!isfinite(e[j])) continue;
+      for (int i = 0; i < NX; i++) x[i] += g[i * NY + j] * e[j];
+    }
+    for (int i = 0; i < NX; i++) x[i] = fmin(fmax(x[i], minimum[i]), maximum[i]);
+  }
+  report[0] = status; report[1] = r.time; report[2] = r.state; report[3] = (double)r.steps;
+  report[4] = (double)r.rejected; report[5] = (double)r.evaluations; report[6] = h; report[7] = (double)k;
+  return status;
+}
+
+/* f[n][NX] and J[n][NX][NX] along a trajectory. */
+void boom_derivatives(const double *p, const double *x, const double *u, long n, double *f, double *J) {
+  double c[NC > 0 ? NC : 1];
+  model_prepare(p, c);
+  for (long k = 0; k < n * NX * NX; k++) J[k] = 0.0;
+  for (long k = 0; k < n; k++) model_fj(x + k * NX, u + k * NU, c, f + k * NX, J + k * NX * NX);
+}
+
+/* Riccati recursion of the Kalman filter. transition, process [n][NX][NX] of each interval; output [NY][NX];
+   valid [n][NY]: 1 where measured; variance [NY]; covariance [NX][NX]: start in, end out.
+   gain [n][NX][NY] and innovation [n][NY][NY], the covariance of the innovations. Channels that were not measured get no gain. */
+void boom_riccati(long n, const double *transition, const double *process, const double *output, const unsigned char *valid,
+                  const double *variance, double *covariance, double *gain, double *innovation) {
+  double M[NX * NX], H[NY][NX], PH[NX][NY], S[NY][NY], V[NY][NY];
+  double *P = covariance;
+  for (long k = 0; k < n; k++) {
+    const double *A = transition + k * NX * NX, *Q = process + k * NX * NX;
+    for (int i = 0; i < NX; i++)
+      for (int j = 0; j < NX; j++) {
+        double sum = 0.0;
+        for (int l = 0; l < NX; l++) sum += A[i * NX + l] * P[l * NX + j];
+        M[i * NX + j] = sum;
+      }
+    for (int i = 0; i < NX; i++)
+      for (int j = 0; j <= i; j++) {
+        double sum = 0.5 * (Q[i * NX + j] + Q[j * NX + i]);
+        for (int l = 0; l < NX; l++) sum += M[i * NX + l] * A[j * NX + l];
+        P[i * NX + j] = P[j * NX + i] = sum;
+      }
+    for (int a = 0; a < NY; a++)
+      for (int i = 0; i < NX; i++) H[a][i] = valid[k * NY + a] ? output[a * NX + i] : 0.0;
+    for (int i = 0; i < NX; i++)
+      for (int a = 0; a < NY; a++) {
+        double sum = 0.0;
+        for (int l = 0; l < NX; l++) sum += P[i * NX + l] * H[a][l];
+        PH[i][a] = sum;
+      }
+    for (int a = 0; a < NY; a++)
+      for (int b = 0; b < NY; b++) {
+        double sum = a == b ? variance[a] : 0.0;
+        for (int l = 0; l < NX; l++) sum += H[a][l] * PH[l][b];
+        S[a][b] = innovation[(k * NY + a) * NY + b] = sum;
+        V[a][b] = a == b;
+      }
+    for (int a = 0; a < NY; a++) { /* Gauss-Jordan; S is positive definite */
+      const double pivot = 1.0 / S[a][a];
+      for (int b = 0; b < NY; b++) { S[a][b] *= pivot; V[a][b] *= pivot; }
+      for (int r = 0; r < NY; r++) {
+        if (r == a) continue;
+        const double factor = S[r][a];
+        for (int b = 0; b < NY; b++) { S[r][b] -= factor * S[a][b]; V[r][b] -= factor * V[a][b]; }
+      }
+    }
+    double *g = gain + k * NX * NY;
+    for (int i = 0; i < NX; i++)
+      for (int a = 0; a < NY; a++) {
+        double sum = 0.0;
+        for (int b = 0; b < NY; b++) sum += PH[i][b] * V[b][a];
+        g[i * NY + a] = sum;
+      }
+    for (int i = 0; i < NX; i++)
+      for (int j = 0; j <= i; j++) {
+        double sum = 0.0;
+        for (int a = 0; a < NY; a++) sum += 0.5 * (g[i * NY + a] * PH[j][a] + g[j * NY + a] * PH[i][a]);
+        P[i * NX + j] = P[j * NX + i] = P[i * NX + j] - sum;
+      }
+  }
+}

@@ -1,0 +1,197 @@
+"""An observer: the model predicts from sample to sample and is corrected by what was measured.
+
+x_k+1 = F(x_k, u, p) + K_k e_k, e_k = y_k - h(x, p): the innovation. With the gains K_k kept, e is a smooth function of
+the parameters p, and its derivatives tell what a change of p would explain (prediction-error method). Errors do not pile
+up as in a free run. The gains come from the extended Kalman filter along a trajectory (:func:`kalman`).
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from os import cpu_count
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_model.errors import SimulationError
+from boom_model.plant import Plant, _pointer
+from boom_model.sensors import OUTPUTS
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A recording cut into intervals.
+
+    Attributes:
+        grid: (n + 1,) [s], between which the model predicts.
+        share: (n, 4) when in the interval a channel was sampled, 0 = beginning .. 1 = end.
+        measured: (n, 4) [SI], NaN where it was not.
+        input_time: (m,) [s], from when each current acts. currents: (m, 2) [A].
+    """
+
+    grid: Array
+    share: Array
+    measured: Array
+    input_time: Array
+    currents: Array
+
+    @property
+    def held(self) -> Array:
+        """(n, 2) currents [A] that act at the beginning of each interval."""
+        return self.currents[np.maximum(np.searchsorted(self.input_time, self.grid[:-1], side="right") - 1, 0)]
+
+
+@dataclass(frozen=True)
+class Observed:
+    """Innovations (n, 4) [SI], NaN where nothing was measured or the run failed; states (n, NX) at interval starts."""
+
+    innovations: Array
+    states: Array
+    complete: bool
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Kalman gains (n, NX, 4) and W (n, 4, 4): W e has unit variance if the noise is as assumed."""
+
+    gain: Array
+    whitening: Array
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """What the filter assumes.
+
+    Attributes:
+        outputs: (4,) standard deviation of the measured channels [SI].
+        currents: of both currents [A], new with each sample. timing: of the moment at which a current changes [s].
+        disturbance: state name -> intensity of white noise on its derivative [unit/s * sqrt(s)].
+        initial: state name -> uncertainty of the initial state.
+    """
+
+    outputs: tuple[float, float, float, float]
+    currents: float
+    timing: float
+    disturbance: dict[str, float]
+    initial: dict[str, float]
+
+
+def observe(
+    plant: Plant,
+    samples: Samples,
+    initial_state: Array,
+    gain: Array,
+    *,
+    parameters: Array | None = None,
+    tolerance: float = 1e-5,
+) -> Observed:
+    """One pass of the observer over ``samples`` with given gains (n, NX, 4)."""
+    n, nx = len(samples.grid) - 1, len(plant.state_names)
+    x = np.array(initial_state, dtype=float)
+    if "elapsed_time" in plant.state_names:
+        x[plant.state_names.index("elapsed_time")] = samples.grid[0]
+    p = plant.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
+    innovations, states, report = np.full((n, len(OUTPUTS)), np.nan), np.full((n, nx), np.nan), np.zeros(8)
+    plant._library.boom_observe(
+        _pointer(p), _pointer(x), _pointer(samples.grid), ctypes.c_long(n), _pointer(samples.input_time),
+        _pointer(samples.currents), ctypes.c_long(len(samples.input_time)), _pointer(samples.share),
+        _pointer(samples.measured), _pointer(np.ascontiguousarray(gain)), _pointer(innovations), _pointer(states),
+        ctypes.c_double(tolerance), ctypes.c_int(3), _pointer(plant.scale), _pointer(plant.minimum),
+        _pointer(plant.maximum), ctypes.c_double(1e-4), _pointer(report),
+    )  # fmt: skip
+    return Observed(innovations, states, int(report[0]) == 0)
+
+
+Job = tuple[Plant, Samples, Array, Array, Array]
+"""Plant, samples, initial state, gain, parameters of one pass."""
+
+
+def observe_all(jobs: Sequence[Job], *, tolerance: float = 1e-5, workers: int | None = None) -> list[Observed]:
+    """Many passes on all cores, in the order of the jobs."""
+
+    def one(job: Job) -> Observed:
+        plant, samples, x0, gain, p = job
+        return observe(plant, samples, x0, gain, parameters=p, tolerance=tolerance)
+
+    with ThreadPoolExecutor(workers or cpu_count()) as pool:
+        return list(pool.map(one, jobs))
+
+
+def linearise(plant: Plant, states: Array, currents: Array, parameters: Array | None = None) -> tuple[Array, Array]:
+    """X' (n, NX) and J = dx'/dx (n, NX, NX) along states (n, NX) with currents (n, 2)."""
+    x, u = np.ascontiguousarray(states, dtype=float), np.ascontiguousarray(currents, dtype=float)
+    n, nx = x.shape
+    p = plant.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
+    f, jacobian = np.empty((n, nx)), np.empty((n, nx, nx))
+    plant._library.boom_derivatives(
+        _pointer(p), _pointer(x), _pointer(u), ctypes.c_long(n), _pointer(f), _pointer(jacobian)
+    )
+    return f, jacobian
+
+
+def transitions(jacobian: Array, step: Array) -> Array:
+    """Exp(J h) for stacks J (n, NX, NX), h (n,): squared Pade (1, 2), L-stable as the stiff pressures need."""
+    eye = np.eye(jacobian.shape[-1])
+    z = jacobian * (step[:, None, None] / 2.0)
+    half = np.linalg.solve(eye - z * (2.0 / 3.0) + z @ z / 6.0, eye + z / 3.0)
+    return np.asarray(half @ half)
+
+
+def kalman(plant: Plant, samples: Samples, states: Array, noise: NoiseModel, parameters: Array | None = None) -> Gains:
+    """Gains of the extended Kalman filter along ``states`` (n, NX)."""
+    names = plant.state_names
+    held, step = samples.held, np.diff(samples.grid)
+    f0, jacobian = linearise(plant, states, held, parameters)
+    middle = transitions(jacobian, step / 2)
+    transition = middle @ middle
+    # noise of the held currents acts over the whole interval, through the derivative's sensitivity to them
+    delta = 1e-3
+    columns = []
+    for j in range(2):
+        shifted = held.copy()
+        shifted[:, j] += delta
+        f1, _ = linearise(plant, states, shifted, parameters)
+        change = np.abs(np.gradient(held[:, j])) * noise.timing / step
+        columns.append((f1 - f0) / delta * (np.hypot(noise.currents, change) * step)[:, None])
+    drive = middle @ np.stack(columns, axis=-1)
+    density = np.array([noise.disturbance.get(name, 0.0) ** 2 for name in names])
+    process = drive @ drive.transpose(0, 2, 1) + middle @ (
+        density[None, :, None] * step[:, None, None] * middle.transpose(0, 2, 1)
+    )
+    output = output_jacobian(plant, states[0], parameters)
+    valid = np.ascontiguousarray(np.isfinite(samples.measured), dtype=np.uint8)
+    covariance = np.diag([noise.initial.get(name, 0.0) ** 2 for name in names])
+    n = len(step)
+    gain, innovation = np.empty((n, len(names), 4)), np.empty((n, 4, 4))
+    plant._library.boom_riccati(
+        ctypes.c_long(n), _pointer(np.ascontiguousarray(transition)), _pointer(np.ascontiguousarray(process)),
+        _pointer(np.ascontiguousarray(output)), valid.ctypes.data_as(ctypes.POINTER(ctypes.c_ubyte)),
+        _pointer(np.square(np.array(noise.outputs))), _pointer(covariance), _pointer(gain), _pointer(innovation),
+    )  # fmt: skip
+    if not np.isfinite(innovation).all():
+        raise SimulationError("the covariance of the observer grew without bounds", float(samples.grid[0]), None)
+    return Gains(gain, np.linalg.inv(np.linalg.cholesky(innovation)))
+
+
+def output_jacobian(plant: Plant, state: Array, parameters: Array | None = None) -> Array:
+    """dy/dx (4, NX): the outputs are linear in the states."""
+    base = _outputs(plant, state, parameters)
+    columns = []
+    for i, scale in enumerate(plant.scale):
+        moved = state.copy()
+        moved[i] += scale
+        columns.append((_outputs(plant, moved, parameters) - base) / scale)
+    return np.stack(columns, axis=-1)
+
+
+def _outputs(plant: Plant, state: Array, parameters: Array | None) -> Array:
+    y, u = np.empty(len(OUTPUTS)), np.zeros(2)
+    p = plant.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
+    x = np.ascontiguousarray(state, dtype=float)
+    plant._library.boom_outputs(_pointer(p), _pointer(x), _pointer(u), _pointer(y))
+    return y
