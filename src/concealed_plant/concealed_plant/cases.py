@@ -1,8 +1,8 @@
 """Which cases a trial of K has, in an order that tells nothing: a function of seed and K only.
 
-Kinds: ``effect`` (each of the 29 at 0.5, 1 and 3 times its detectability), ``healthy``, ``parameters`` (one to three numbers wrong by
-1-4 standard deviations), ``pair`` (two effects of different subsystems), ``outside`` (physics that is in no catalogue) and
-``idle`` (too little excitation, with or without an effect).
+Kinds: ``effect`` (each of the 29 at 0.5, 1 and 3 times its detectability), ``healthy``, ``parameters`` (one to three numbers
+wrong by 1-4 standard deviations), ``pair`` (two effects of different subsystems), ``outside`` (physics that is in no catalogue)
+and ``idle`` (too little excitation, with or without an effect).
 """
 
 from __future__ import annotations

@@ -154,6 +154,7 @@ class Detectability:
         """
         least, low_d = effect.smallest, 0.0
         z: Array | None = None
+        reached: Array | None = None
         at, factor = effect.smallest, COARSE
         for _ in range(_TRIES):
             try:

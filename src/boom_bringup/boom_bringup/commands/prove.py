@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--scheduler", metavar="ADDRESS",
-        help="use the workers of this dask scheduler, tcp://HOST:PORT, which must see the same folder and packages (default: local ones)",
+        help="use the workers of this dask scheduler, tcp://HOST:PORT; they must see the same folder and packages (default: local ones)",
     )  # fmt: skip
     parser.add_argument("--strict", action="store_true", help="exit with status 1 if a measure is not met")
 

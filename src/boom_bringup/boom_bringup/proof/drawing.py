@@ -66,15 +66,16 @@ def bars(groups: Sequence[tuple[str, Sequence[tuple[str, float]]]]) -> str:
     for share in (0.25, 0.5, 0.75, 1.0):
         y = base - share * 150
         parts.append(
-            f"<line x1='40' y1='{y}' x2='{width - 10}' y2='{y}' class='grid'/><text x='34' y='{y + 4}' text-anchor='end'>{share:.0%}</text>"
+            f"<line x1='40' y1='{y}' x2='{width - 10}' y2='{y}' class='grid'/>"
+            f"<text x='34' y='{y + 4}' text-anchor='end'>{share:.0%}</text>"
         )
     for k, (group, members) in enumerate(groups):
         for j, (label, share) in enumerate(members):
             x = 60 + 130 * k + 32 * j
             tall = share * 150
             parts.append(
-                f"<rect x='{x}' y='{base - tall:.1f}' width='28' height='{tall:.1f}' fill='{colours[j % 3]}'><title>{escape(label)}: "
-                f"{share:.0%}</title></rect>"
+                f"<rect x='{x}' y='{base - tall:.1f}' width='28' height='{tall:.1f}' fill='{colours[j % 3]}'>"
+                f"<title>{escape(label)}: {share:.0%}</title></rect>"
             )
         parts.append(f"<text x='{60 + 130 * k + 46}' y='{base + 16}' text-anchor='middle'>{escape(group)}</text>")
     for j, (label, _) in enumerate(groups[0][1] if groups else ()):

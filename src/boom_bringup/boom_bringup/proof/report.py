@@ -22,20 +22,22 @@ h1{font-size:1.6rem;margin:0 0 4px}h2{font-size:1.15rem;margin:0 0 8px}h3{font-s
 th,td{padding:4px 10px;border-bottom:1px solid #e7eaee;text-align:left;vertical-align:top}td.n{text-align:right}
 .yes{color:#14713d;font-weight:600}.no{color:#b3261e;font-weight:600}
 .matrix td,.matrix th{padding:2px 4px;font-size:.72rem;border:1px solid #eef0f3;text-align:center;min-width:15px}
-.matrix th.row{text-align:right;white-space:nowrap}.matrix th.column{writing-mode:vertical-rl;transform:rotate(180deg);white-space:nowrap}
+.matrix th.row{text-align:right;white-space:nowrap}
+.matrix th.column{writing-mode:vertical-rl;transform:rotate(180deg);white-space:nowrap}
 .right{background:#cfe8d8}.wrong{background:#f7d4d0}.soft{background:#eceff3}
 svg{max-width:100%;height:auto}svg text{font:10px system-ui,sans-serif;fill:#5b6673}
-.frame{fill:none;stroke:#d4d9df}.axis{stroke:#8a8f98}.grid{stroke:#e7eaee}.ideal{stroke:#8a8f98;stroke-dasharray:4 3}.dot{fill:#1f6feb;fill-opacity:.7}
+.frame{fill:none;stroke:#d4d9df}.axis{stroke:#8a8f98}.grid{stroke:#e7eaee}
+.ideal{stroke:#8a8f98;stroke-dasharray:4 3}.dot{fill:#1f6feb;fill-opacity:.7}
 .side{display:flex;flex-wrap:wrap;gap:24px}.panels{display:grid;grid-template-columns:repeat(auto-fit,minmax(300px,1fr));gap:4px}
 @media print{.card{break-inside:avoid;border:none}:root{background:#fff}}
 """
 _UNITS = {"angle": ("rad", 1.0), "rate": ("rad/s", 1.0), "hose_pressure": ("bar", 1e-5), "rod_pressure": ("bar", 1e-5)}
 _MEANING = (
-    "A second plant, written apart from the model and with other functional forms for every effect, was given cranes drawn around "
-    "the machine file within its tolerances, so that the nominal model is never exactly right. One detectability is the size at which "
-    "what an effect does, and no change of the machine's numbers within tolerance could do, has as much energy in the recording as all "
-    "noise. The diagnosis saw one recording of each crane and nothing else. Models are judged on a second recording that it never saw; "
-    "the oracle is the second plant itself, driven by the same measured currents."
+    "A second plant, written apart from the model and with other functional forms for every effect, was given cranes drawn "
+    "around the machine file within its tolerances, so that the nominal model is never exactly right. One detectability is the "
+    "size at which what an effect does, and no change of the machine's numbers within tolerance could do, has as much energy in "
+    "the recording as all noise. The diagnosis saw one recording of each crane and nothing else. Models are judged on a second "
+    "recording that it never saw; the oracle is the second plant itself, driven by the same measured currents."
 )
 
 
@@ -53,7 +55,8 @@ def write_report(trial: Trial, rows: Sequence[Row], path: Path, seconds: float) 
     path.write_text(
         "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'><meta name='viewport' content='width=device-width, "
         "initial-scale=1'><meta http-equiv='Content-Security-Policy' content=\"default-src 'none'; style-src 'unsafe-inline'\">"
-        f"<title>Blind trial, seed {trial.state.seed}</title><style>{_STYLE}</style></head><body><main>{''.join(body)}</main></body></html>\n",
+        f"<title>Blind trial, seed {trial.state.seed}</title><style>{_STYLE}</style></head>"
+        f"<body><main>{''.join(body)}</main></body></html>\n",
         encoding="utf-8",
     )
 
@@ -63,8 +66,8 @@ def _measures(rows: Sequence[Row]) -> str:
     for m in scoring.measures(rows):
         met = tables.met_text(m)
         lines.append(
-            f"<tr><td>{escape(m.title)}</td><td class=n>{m.count}</td><td>{tables.value_text(m)}</td><td>{tables.wanted_text(m)}</td>"
-            f"<td class={met if met in ('yes', 'no') else 'quiet'}>{met}</td></tr>"
+            f"<tr><td>{escape(m.title)}</td><td class=n>{m.count}</td><td>{tables.value_text(m)}</td>"
+            f"<td>{tables.wanted_text(m)}</td><td class={met if met in ('yes', 'no') else 'quiet'}>{met}</td></tr>"
         )
     return f"<table><tr><th>measure<th>cases<th>measured (95 % bounds)<th>asked<th>met</tr>{''.join(lines)}</table>"
 

@@ -84,7 +84,9 @@ def document(state: State, rows: Sequence[Row], seconds: float) -> dict[str, Any
         "cases": [
             {
                 "case": row.truth.name, "kind": row.truth.kind,
-                "concealed": [{"effect": e.effect, "strength": e.strength, "size": e.size, "unit": e.unit} for e in row.truth.effects],
+                "concealed": [
+                    {"effect": e.effect, "strength": e.strength, "size": e.size, "unit": e.unit} for e in row.truth.effects
+                ],
                 "verdict": row.said.verdict, "said": scoring.label(row), "right_first": row.right_first,
                 "confidence": row.said.first.confidence if row.said.first else None,
                 "gap_closed": row.gap_closed, "seconds": row.seconds,

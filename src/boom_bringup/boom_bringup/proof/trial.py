@@ -73,7 +73,8 @@ class Trial:
         if known is not None:
             if (known.seed, known.count) != (seed, count):
                 raise TrialError(
-                    f"{folder}: holds a trial with --seed {known.seed} --cases {known.count}: go on with these, or give another --output"
+                    f"{folder}: holds a trial with --seed {known.seed} --cases {known.count}: go on with these, "
+                    "or give another --output"
                 )
             self.state = known
         self.folder.mkdir(parents=True, exist_ok=True)
