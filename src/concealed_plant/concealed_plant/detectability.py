@@ -152,6 +152,7 @@ class Detectability:
         Raises:
             TooFaintError: even its largest size stays below.
         """
+        self._largest_shows(effect, draws)
         least, low_d = effect.smallest, 0.0
         z: Array | None = None
         reached: Array | None = None
@@ -177,6 +178,16 @@ class Detectability:
                 factor = 1.0 + (at / least - 1.0) * float(np.clip(share, 0.25, 0.6))
                 at = least * factor
         raise TooFaintError(f"{effect.id}: its detectable size was not found")
+
+    def _largest_shows(self, effect: Concealment, draws: Array) -> None:
+        """A look that spares all sensitivities: projecting tolerances out never makes d larger. Raises TooFaintError."""
+        try:
+            difference = self.seen(effect.build(effect.largest, draws, self.scene)) - self.plain
+        except RunError:
+            return
+        d = float(np.linalg.norm(self._white(difference)))
+        if d < self.detectable:
+            raise TooFaintError(f"{effect.id}: d is {d:.0f} at its largest, {self.detectable:.0f} is asked")
 
     @cached_property
     def _weights(self) -> Array:
