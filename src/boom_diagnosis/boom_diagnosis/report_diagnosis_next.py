@@ -26,8 +26,8 @@ def learned(result: DiagnosisResult) -> str:
         )
     return (
         f"<section class=card><h2>A term learnt from the data</h2>{''.join(parts)}<p class=note>Over its main variable, the "
-        "others at their median; the band is the 90 % interval. It holds in the drawn range only and was kept because it "
-        "improves data that it was not learnt from. It is part of the written machine file.</p></section>"
+        "others in the middle of their range; the band is the 90 % interval. It holds in the drawn range only. It was kept "
+        "because it improves data that it was not learnt from. It is part of the written machine file.</p></section>"
     )
 
 

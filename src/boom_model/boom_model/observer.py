@@ -11,6 +11,7 @@ import ctypes
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 from os import cpu_count
 
 import numpy as np
@@ -118,8 +119,13 @@ def observe_all(jobs: Sequence[Job], *, tolerance: float = 1e-5, workers: int | 
         plant, samples, x0, gain, p = job
         return observe(plant, samples, x0, gain, parameters=p, tolerance=tolerance)
 
-    with ThreadPoolExecutor(workers or cpu_count()) as pool:
-        return list(pool.map(one, jobs))
+    return list(_pool(workers or cpu_count() or 1).map(one, jobs))
+
+
+@lru_cache(maxsize=4)
+def _pool(workers: int) -> ThreadPoolExecutor:
+    """Threads that stay: starting them would cost as much as a short pass."""
+    return ThreadPoolExecutor(workers)
 
 
 def linearise(plant: Plant, states: Array, currents: Array, parameters: Array | None = None) -> tuple[Array, Array]:

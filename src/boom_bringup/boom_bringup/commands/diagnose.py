@@ -2,7 +2,8 @@
 
 The doubts are raised in this order: clock and delay, sensors, parameters within and outside their tolerance, physics of the
 catalogue, physics of no catalogue. Written are diagnosis.json, report.html and machine.yaml; the last is a machine file
-for every other command. Without --hold-out the last third of each recording is held out.
+for every other command. Where two explanations remain, next_experiment is a bag of the currents that would tell them apart.
+Without --hold-out the last third of each recording is held out.
 
   ./boom diagnose bags/explained/hose_burst_valve_lag_a --hold-out bags/explained/hose_burst_valve_lag_b
   ./boom validate bags/explained/hose_burst_valve_lag_b --machine output/diagnosis/machine.yaml
@@ -16,6 +17,7 @@ import argparse
 import hashlib
 import os
 import shlex
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +28,7 @@ from boom_bringup.replica import machine_of
 from boom_bringup.showing import progress
 
 if TYPE_CHECKING:
+    from boom_diagnosis.diagnosis.document import DiagnosisResult
     from boom_recording.recording import Recording
 
 HELP = "find what physics the model lacks to explain recordings, and prove it"
@@ -111,11 +114,32 @@ def run(args: argparse.Namespace) -> int:
         from boom_diagnosis.report_diagnosis import write_diagnosis_report
 
         write(report, lambda: write_diagnosis_report(result, report))
+    proposed = _next_experiment(result, recordings[0], folder / "next_experiment")
     console = console_for()
     print_diagnosis(result, console)
-    named = ["diagnosis.json", "machine.yaml"] + ([] if args.no_report else ["report.html"])
+    named = ["diagnosis.json", "machine.yaml", *([] if args.no_report else ["report.html"]), *proposed]
     console.print(f"written to {folder}: {', '.join(named)}", markup=False, soft_wrap=True)
     return 0
+
+
+def _next_experiment(result: DiagnosisResult, like: Recording, path: Path) -> list[str]:
+    """The proposed currents as a bag for `boom simulate --from` and `boom replay`; an old one goes. Its name, if there is one."""
+    from boom_recording import writing
+
+    temporary = path.with_name(path.name + ".new")
+    shutil.rmtree(temporary, ignore_errors=True)
+    try:
+        if result.experiment is not None:
+            given = result.experiment
+            columns = {"retract_current": given.currents[:, 0], "extend_current": given.currents[:, 1]}
+            recording = writing.from_columns(path.name, given.time, columns, like.configuration)
+            write(temporary, lambda: writing.write(temporary, recording))
+        shutil.rmtree(path, ignore_errors=True)
+        if result.experiment is not None:
+            temporary.rename(path)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    return [path.name] if result.experiment is not None else []
 
 
 def _folder(given: str) -> Path:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.currents import GAP, HeldCurrents, held_currents
 from boom_diagnosis.initial_state import resting_start, stationary_guess
+from boom_model.machine import Machine
 from boom_model.observer import Samples
 from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS
@@ -30,7 +31,8 @@ class Bag:
 
     Attributes:
         counted: (n, 4), True where an innovation tells about the machine: measured, not in or just behind a gap.
-        measured: first valid values of the channels, for the initial state.
+        start: first valid values of the channels, for the initial state.
+        plants: of a machine with some effects with states, built so far: building one costs as much as two passes.
     """
 
     recording: Recording
@@ -39,6 +41,7 @@ class Bag:
     counted: Flags
     resting: bool
     start: dict[str, float]
+    plants: list[tuple[Machine, frozenset[str], Plant]] = field(default_factory=list, compare=False, repr=False)
 
     @property
     def name(self) -> str:

@@ -20,8 +20,8 @@ from boom_diagnosis.diagnosis.fitting import Point, Problem
 from boom_diagnosis.diagnosis.hypotheses import problem_at
 from boom_diagnosis.diagnosis.nuisances import Nuisance
 from boom_diagnosis.diagnosis.search import Scanner
-from boom_diagnosis.diagnosis.weighing import precision, predictive_loss
-from boom_model.learned import PLACES, SHARPNESS, VARIABLES, LearnedTerm, parse
+from boom_diagnosis.diagnosis.weighing import Z90, posterior, precision, predictive_loss
+from boom_model.learned import PLACES, VARIABLES, LearnedTerm, parse
 from boom_model.machine import Machine
 
 Array = NDArray[np.float64]
@@ -134,7 +134,8 @@ def _learn_in(
         held = predictive_loss(reference.w[rows], tolerances[rows], without) - predictive_loss(
             point.w[rows], jacobian[rows], with_
         )
-    return Learned(term, point, reference.loss - point.loss, held, _curve(term, point, narrow, small))
+    covariance = posterior(point, jacobian, len(point.z))[len(point.z) :, len(point.z) :]
+    return Learned(term, point, reference.loss - point.loss, held, _curve(term, covariance))
 
 
 def _forward(scanner: Scanner, columns: Array) -> list[int]:
@@ -196,33 +197,35 @@ def _with(
     return replace(machine, learned=(entry,))
 
 
-def _curve(term: LearnedTerm, point: Point, problem: Problem, machine: Machine) -> LearnedCurve:
-    """The term over the variable that moves it most, others at their median in the data."""
+def _curve(term: LearnedTerm, covariance: Array) -> LearnedCurve:
+    """The term over the variable that moves it most, others in the middle of their range; covariance: of the coefficients."""
     place = PLACES[term.equation]
     formula = " ".join(f"{c:+.3g} {b}" for c, b in zip(term.coefficients, term.basis, strict=True))
     names = _used(term.basis)
     main = max(names, key=lambda v: sum(abs(c) for c, b in zip(term.coefficients, term.basis, strict=True) if v in b))
     low, high = term.validity[main]
     x = np.linspace(low, high, 121)
-    y = _evaluate(term, main, x)
+    columns = _evaluate(term, main, x)
+    y = columns @ np.array(term.coefficients)
+    band = Z90 * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", columns, covariance, columns), 0.0))
     return LearnedCurve(
         place.equation, f"{place.scale:g} {place.unit} x ({formula})", reading(term), main, VARIABLES[main].unit, place.unit,
-        x, y, y, y,
+        x, y, y - band, y + band,
     )  # fmt: skip
 
 
 def _evaluate(term: LearnedTerm, main: str, x: Array) -> Array:
-    """The term over one variable; the others in the middle of their range, memories settled."""
-    total = np.zeros(len(x))
-    for text, c in zip(term.basis, term.coefficients, strict=True):
+    """Its products (len(x), len(basis)) over one variable; the others in the middle of their range, memories settled."""
+    columns = []
+    for text in term.basis:
         product = np.ones(len(x))
         for f in parse(text):
             v = (x if f.variable == main else np.full(len(x), sum(term.validity[f.variable]) / 2)) / VARIABLES[
                 f.variable
             ].scale
             product = product * _factor(f.function, f.numbers, v)
-        total += c * product
-    return total * PLACES[term.equation].scale
+        columns.append(product * PLACES[term.equation].scale)
+    return np.stack(columns, axis=-1)
 
 
 def _factor(function: str, numbers: tuple[float, ...], v: Array) -> Array:
@@ -232,7 +235,7 @@ def _factor(function: str, numbers: tuple[float, ...], v: Array) -> Array:
 
     x = ca.SX.sym("x")
     f = ca.Function("f", [x], [_value(Factor(function, "rate", numbers), x, lambda _v, _t, value: value)])
-    return np.asarray(f(v.reshape(1, -1)), dtype=float).ravel() if SHARPNESS else v
+    return np.asarray(f(v.reshape(1, -1)), dtype=float).ravel()
 
 
 def reading(term: LearnedTerm) -> str:

@@ -78,7 +78,6 @@ class Predictor:
         self.looseness = looseness
         self.bags = tuple(bags)
         self.tuned = dict(tuned or {})
-        self._plants: dict[tuple[int, frozenset[str]], Plant] = {}
         self._samples = [lru_cache(maxsize=32)(bag.samples) for bag in self.bags]
         self.base: list[Plant] = [self.plant(i, ()) for i in range(len(self.bags))]
         self._given: list[Gains] | None = None
@@ -92,10 +91,14 @@ class Predictor:
 
     def plant(self, bag: int, stateful: Iterable[str]) -> Plant:
         """The plant of a recording that carries these effects with states, too."""
-        key = (bag, frozenset(stateful) - frozenset(self.machine.effects))
-        if key not in self._plants:
-            self._plants[key] = plant_for(self.bags[bag].recording, carrying(self.machine, key[1]), "full")
-        return self._plants[key]
+        wanted, built = frozenset(stateful) - frozenset(self.machine.effects), self.bags[bag].plants
+        for machine, effects, plant in built:
+            if machine is self.machine and effects == wanted:
+                return plant
+        built.append(
+            (self.machine, wanted, plant_for(self.bags[bag].recording, carrying(self.machine, wanted), "full"))
+        )
+        return built[-1][2]
 
     def parameters(self, plant: Plant, values: Values) -> Array:
         """Parameter vector with these values."""

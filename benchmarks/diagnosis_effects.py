@@ -1,0 +1,117 @@
+"""Is each effect of the catalogue named where it is at the middle of its range? A smoke test: the equations are shared.
+
+    python benchmarks/diagnosis_effects.py [--effects ID ...] [--bag BAG] [--seed N] [--json PATH]
+
+The currents of a recording drive a simulated machine that has the effect; the result, with the sensors' noise, is diagnosed.
+Its last third is held out. Right is an effect that is named first, or stands in the list of an ambiguous answer. ``--json`` is
+read first and continued, so that a run can be stopped and taken up. Exit status 1 if more than two of those run are wrong.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from boom_diagnosis.currents import held_currents
+from boom_diagnosis.diagnosis.coordinates import coordinates
+from boom_diagnosis.diagnosis.document import DiagnosisResult
+from boom_diagnosis.diagnosis.run import diagnose
+from boom_model.effects import CATALOGUE, EFFECTS
+from boom_model.errors import ModelError
+from boom_model.machine_file import load_machine
+from boom_recording.loading import load
+from boom_recording.recording import Recording
+from boom_sim.offline import simulate
+from boom_sim.simulated_crane import Start
+
+BAG = Path(__file__).resolve().parents[1] / "bags" / "healthy" / "extended"
+ALLOWED = 2
+ONSET = 0.45
+"""Share of the recording at which a load comes."""
+
+
+def middle(effect: str, duration: float) -> dict[str, float]:
+    """Its parameters at the middle of the plausible range.
+
+    Geometric where the number is positive by its meaning; the middle of the upper half where the range is about neutral.
+    """
+    result = {}
+    for row, coordinate in zip(EFFECTS[effect].parameters, coordinates(EFFECTS[effect]), strict=True):
+        if row.name == "t_g":
+            result[row.name] = ONSET * duration
+        elif coordinate.positive and not row.low < row.neutral < row.high:
+            result[row.name] = float(np.sqrt(row.low * row.high))
+        elif row.low < row.neutral < row.high:
+            result[row.name] = row.neutral + 0.5 * (row.high - row.neutral)
+        else:
+            result[row.name] = 0.5 * (row.low + row.high)
+    return result
+
+
+def recorded(effect: str, like: Recording, seed: int) -> Recording:
+    """What the machine with the effect would have recorded with the same currents."""
+    machine = load_machine("tz17").with_effects({effect: middle(effect, like.duration)})
+    driven = held_currents(like)
+    first = {name: like.signals[name].values[:50] for name in ("angle", "hose_pressure", "rod_pressure")}
+    start = Start(*(float(np.nanmean(values)) for values in first.values()))
+    return simulate(
+        machine, like.configuration, start, driven.time, driven.values, noise=machine.sensor_noise(), seed=seed,
+        duration=like.duration, name=f"{effect}, simulated",
+    )  # fmt: skip
+
+
+def judged(effect: str, result: DiagnosisResult) -> bool:
+    """Whether the effect is named first, or stands in the list of an ambiguous answer."""
+    findings = result.document.findings
+    if not findings:
+        return False
+    listed = [a.effect for a in findings[0].alternatives[:3]] if result.document.verdict == "ambiguous" else []
+    return effect in (findings[0].effect, *listed)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Runs the effects and prints one line each."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--effects", nargs="+", default=[e.id for e in CATALOGUE], metavar="ID", help="default: all")
+    parser.add_argument(
+        "--bag", default=str(BAG), help="recording whose currents are used (default: bags/healthy/extended)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the noise (default: 0)")
+    parser.add_argument("--json", type=Path, metavar="PATH", help="results so far; read first and continued")
+    args = parser.parse_args(argv)
+    like = load(args.bag)
+    done = json.loads(args.json.read_text()) if args.json and args.json.is_file() else {}
+    for effect in args.effects:
+        if effect in done:
+            continue
+        begin = perf_counter()
+        try:
+            result = diagnose([recorded(effect, like, args.seed)], load_machine("tz17"), seed=args.seed)
+        except ModelError as error:
+            print(f"{effect}: {error}", file=sys.stderr)
+            return 2
+        findings = result.document.findings
+        named = [[f.effect, round(f.confidence, 3)] for f in findings]
+        done[effect] = {
+            "right": judged(effect, result), "verdict": result.document.verdict, "named": named,
+            "seconds": round(perf_counter() - begin, 1), "given": middle(effect, like.duration),
+            "found": {k: round(e.value, 12) for k, e in findings[0].parameters.items()} if findings else {},
+        }  # fmt: skip
+        print(
+            f"{'right' if done[effect]['right'] else 'WRONG':6} {effect:28} {done[effect]['verdict']:20} {named}",
+            flush=True,
+        )
+        if args.json:
+            args.json.write_text(json.dumps(done, indent=1))
+    wrong = [effect for effect in args.effects if not done[effect]["right"]]
+    print(f"{len(args.effects) - len(wrong)} of {len(args.effects)} right; wrong: {', '.join(wrong) or 'none'}")
+    return int(len(wrong) > ALLOWED)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,160 @@
+"""The diagnosis on recordings whose truth is known, and its parts on small exact examples."""
+
+import functools
+
+import numpy as np
+import pytest
+from diagnosis_samples import BAGS, FOLDED, simulated, tz17
+
+from boom_diagnosis.diagnosis import regimes
+from boom_diagnosis.diagnosis.bag_samples import prepare
+from boom_diagnosis.diagnosis.document import DiagnosisResult
+from boom_diagnosis.diagnosis.fitting import Point
+from boom_diagnosis.diagnosis.healthy import simulated as copy_of
+from boom_diagnosis.diagnosis.learning import _curve, reading
+from boom_diagnosis.diagnosis.nuisances import tolerances
+from boom_diagnosis.diagnosis.run import diagnose
+from boom_diagnosis.diagnosis.weighing import posterior, predictive_loss, unknown_probability
+from boom_model.learned import PLACES, LearnedTerm
+from boom_model.machine import Machine
+from boom_model.plant import Plant
+from boom_recording.loading import load
+from boom_recording.recording import Recording
+from boom_recording.writing import from_columns
+
+OUTPUTS = ("angle", "rate", "hose_pressure", "rod_pressure")
+
+
+def operated(duration: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Time (n,) and currents (n, 2) [A] of lifts and lowerings at changing height, with rests."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(round(duration / 0.01)) * 0.01
+    result, at, up, height = np.zeros((len(time), 2)), 1.2, True, 0.5
+    while at < duration - 1.5:
+        inside = (time >= at) & (time < at + 1.2)
+        height = rng.uniform(0.4, 0.53) if up else height
+        result[inside, 1 if up else 0] = height
+        at, up = at + rng.uniform(1.8, 2.4), not up
+    ramp = np.ones(12) / 12
+    return time, np.column_stack([np.convolve(result[:, k], ramp)[: len(time)] for k in range(2)])
+
+
+def noisy(machine: Machine, duration: float, seed: int) -> Recording:
+    """What the sensors would show of a machine that an operator moves."""
+    time, currents = operated(duration, seed)
+    plant = Plant(machine, machine.pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0), "full")
+    run = plant.run(time, currents, time, plant.equilibrium(0.4, 1e6))
+    rng = np.random.default_rng(seed)
+    noise = machine.sensor_noise()
+    measured = noise.outputs(run.outputs, rng)
+    columns = {name: measured[:, i] for i, name in enumerate(OUTPUTS)}
+    shown = noise.currents(currents, rng)
+    return from_columns("made", time, columns | {"retract_current": shown[:, 0], "extend_current": shown[:, 1]}, FOLDED)
+
+
+@functools.cache
+def lagging() -> DiagnosisResult:
+    return diagnose([noisy(tz17().with_effects({"pilot_lag": {"r": 2.0}}), 24.0, 1)], tz17())
+
+
+def test_an_effect_is_named_with_its_number_and_improves_what_was_not_fitted() -> None:
+    document = lagging().document
+    first = document.findings[0]
+    assert (document.verdict, first.effect, first.subsystem) == ("identified", "pilot_lag", "pilot_valves")
+    low, high = first.parameters["r"].interval_90
+    assert low < 2.0 < high and high - low < 0.3
+    held = document.fit.held_out
+    assert np.all(np.array(held["explained"]) < 0.7 * np.array(held["parameters_only"]))
+
+
+def test_the_same_recording_and_seed_give_the_same_document() -> None:
+    again = diagnose([noisy(tz17().with_effects({"pilot_lag": {"r": 2.0}}), 24.0, 1)], tz17())
+    assert again.document.document() == lagging().document.document()
+
+
+def test_a_healthy_machine_has_no_mismatch() -> None:
+    document = diagnose([noisy(tz17(), 24.0, 2)], tz17()).document
+    assert document.verdict == "no_mismatch" and not document.findings
+    assert max(document.subsystems.values()) < 0.5
+
+
+@pytest.mark.parametrize("duration", [5.0, 20.0], ids=["5 s", "standstill"])
+def test_too_little_movement_is_said_and_nothing_is_named(duration: float) -> None:
+    currents = operated(5.0, 0)[1] if duration == 5.0 else np.zeros((2000, 2))
+    document = diagnose([simulated(duration, currents[: round(duration * 100)])], tz17()).document
+    assert document.verdict == "not_enough_excitation" and not document.findings
+    assert "Record" in document.next_experiment
+
+
+def test_a_gap_in_motion_tells_nothing_about_the_machine() -> None:
+    bag = prepare(load(BAGS / "damaged" / "gap_in_motion"))
+    assert bag is not None
+    silent = (bag.time > 24.3) & (bag.time < 25.3)
+    assert not bag.counted[silent].any() and bag.counted.mean() > 0.9
+
+
+def test_a_healthy_copy_has_the_noise_of_the_sensors_and_its_seed() -> None:
+    bag = prepare(noisy(tz17(), 12.0, 3))
+    assert bag is not None
+    first, same, other = (copy_of(bag, tz17(), {}, seed) for seed in (1, 1, 2))
+    assert first is not None and same is not None and other is not None
+    y = [c.samples().measured for c in (first, same, other)]
+    np.testing.assert_array_equal(y[0], y[1])
+    spread = np.nanstd(y[0] - y[2], axis=0)[1] / np.sqrt(2)
+    assert spread == pytest.approx(tz17().sensor_noise().rate_sigma, rel=0.1)
+
+
+def test_tolerances_are_relative_and_a_load_has_kilograms() -> None:
+    pose = tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 300.0)
+    found = {n.name: n for n in tolerances(tz17(), pose)}
+    beta = found["fluid.beta"]
+    assert beta.value(1e9, 1.0) / 1e9 == pytest.approx(np.exp(beta.sigma))
+    assert found["pose.load"].value(300.0, -1.0) == pytest.approx(300.0 - 20.0 / np.sqrt(3))
+
+
+def test_predictive_loss_is_the_likelihood_of_data_whose_numbers_are_uncertain() -> None:
+    rng = np.random.default_rng(0)
+    jacobian, known = rng.standard_normal((30, 3)), np.diag([2.0, 5.0, 1.0])
+    w = 0.5 * rng.standard_normal(30)
+    covariance = np.eye(30) + jacobian @ np.linalg.inv(known) @ jacobian.T
+    exact = 0.5 * w @ np.linalg.solve(covariance, w) + 0.5 * np.linalg.slogdet(covariance)[1]
+    assert predictive_loss(w, jacobian, known) == pytest.approx(exact, rel=1e-6)
+
+
+def test_unknown_physics_is_likely_where_much_of_the_mismatch_stays() -> None:
+    assert unknown_probability(1.0, 0.001) < 0.05
+    assert unknown_probability(1.0, 0.9) > 0.9
+    assert unknown_probability(1.0, 0.05) < 0.1
+
+
+def test_regimes_tell_direction_speed_and_starts() -> None:
+    bag = prepare(noisy(tz17(), 12.0, 4))
+    assert bag is not None
+    names = [regimes.CELLS[k][0] for k in regimes.classify(bag)]
+    u = bag.samples().held
+    lifting = np.flatnonzero(u[:, 1] > 0.35)
+    assert {"starting to extend", "extending slowly", "extending fast"} >= {names[k] for k in lifting[40:60]}
+    assert names[50] == "standstill"
+
+
+def test_windows_hold_most_of_a_gain() -> None:
+    gain = np.zeros(1000)
+    gain[300:350], gain[700:725] = 1.0, 3.0
+    assert regimes.windows(gain, share=0.9) == ((3.0, 3.5), (7.0, 7.25))
+
+
+def test_a_learnt_curve_has_the_term_and_its_band() -> None:
+    term = LearnedTerm("torque", ("rate", "sign(rate)"), (-2.0, -1.0), {"rate": (-0.4, 0.4)})
+    curve = _curve(term, np.diag([0.01, 0.0]))
+    assert curve.y[0] == pytest.approx(-curve.y[-1])
+    half = (curve.high - curve.low) / 2
+    assert half[60] == pytest.approx(0.0, abs=1e-9) and half[-1] > 0.0
+    assert curve.y[-1] < 0.0 and curve.value_unit == PLACES["torque"].unit
+    assert "dissipative" in reading(term)
+
+
+def test_what_is_measured_more_often_is_known_better() -> None:
+    point = Point(np.zeros(1), {}, np.zeros(4), np.ones(4, dtype=bool), 0.0, [], [])
+    once = posterior(point, np.ones((4, 1)), 1)
+    twice = posterior(point, np.sqrt(2) * np.ones((4, 1)), 1)
+    assert once[0, 0] == pytest.approx(1 / 5) and twice[0, 0] == pytest.approx(1 / 9)
