@@ -1,8 +1,8 @@
 """Runs a `boom` command that can open nothing of a trial but its own case: python -m boom_bringup.proof.blindfold COMMAND...
 
-The working directory is the case's folder, TRIAL/blind/NAME. Whatever the interpreter is asked to open, list, rename or start a
-process in below TRIAL and outside the case is refused, in this process and in all that are forked from it. The sealed answers lie
-below TRIAL too; nothing tells the command where.
+The working directory is the case's folder, TRIAL/blind/NAME. Whatever the interpreter is asked to open, list, rename, or to start
+a program with, below TRIAL and outside the case is refused, in this process and in all that are forked from it. The sealed answers
+lie below TRIAL too; nothing tells the command where.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ _EVENTS = {
     "os.remove",
     "shutil.copyfile",
 }
+_STARTED = "subprocess.Popen"
 
 
 def put_on(case: str) -> None:
@@ -30,9 +31,14 @@ def put_on(case: str) -> None:
     trial = os.path.dirname(os.path.dirname(own))
 
     def look(event: str, arguments: tuple[Any, ...]) -> None:
-        if event not in _EVENTS:
+        if event == _STARTED:
+            program, words, folder = arguments[:3]
+            given = [program, *([words] if isinstance(words, str | bytes) else words), folder]
+        elif event in _EVENTS:
+            given = list(arguments[:2])
+        else:
             return
-        for argument in arguments[:2]:
+        for argument in given:
             if isinstance(argument, str | bytes | os.PathLike):
                 path = os.path.realpath(os.fsdecode(argument))
                 inside = os.path.commonpath((path, trial)) == trial and os.path.commonpath((path, own)) != own
