@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from boom_diagnosis.validation import predict
 from boom_model.machine_file import load_machine
 from boom_model.rigid_body import locked_inertia
 from boom_model.sensors import OUTPUTS
-from boom_diagnosis.validation import predict
 from boom_recording.loading import load
 from concealed_plant.concealments import KNOWN
 from concealed_plant.kernel import NAMES
-from concealed_plant.machine import MachineFile, Pose, linkage, locked_body, quantities
+from concealed_plant.machine import MachineFile, Pose, linkage, quantities
 from concealed_plant.plant import Start, per_millisecond, run
 
 ROOT = Path(__file__).parent.parent

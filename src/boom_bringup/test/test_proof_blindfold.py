@@ -56,7 +56,8 @@ def test_a_forked_process_wears_the_blindfold_too(trial):
     action = (
         "child = os.fork()\n"
         "if child == 0:\n"
-        "    try:\n        open('../../sealed/one/answer.json')\n    except PermissionError:\n        os._exit(7)\n    os._exit(0)\n"
+        "    try:\n        open('../../sealed/one/answer.json')\n    except PermissionError:\n        os._exit(7)\n"
+        "    os._exit(0)\n"
         "assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7"
     )
     done, said = attempt(trial, action)

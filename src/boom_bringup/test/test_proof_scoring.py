@@ -6,6 +6,7 @@ import pytest
 
 from boom_bringup.proof import scoring, tables
 from boom_bringup.proof.outcomes import Finding, Row, Said, TrueEffect, Truth
+from boom_bringup.proof.page import page
 from boom_bringup.proof.trial import State
 
 ORACLE, NOMINAL, HALFWAY = (0.01,) * 4, (0.16,) * 4, (0.04,) * 4
@@ -68,7 +69,9 @@ def test_an_alternative_is_among_the_first_three_but_not_first():
 
 def test_the_fourth_is_too_late():
     others = [("a", 0.3), ("b", 0.2), ("payload", 0.1)]
-    assert measure([row("effect", [PAYLOAD], "ambiguous", named("c", 0.4, alternatives=others))], "right_three").value == 0
+    assert (
+        measure([row("effect", [PAYLOAD], "ambiguous", named("c", 0.4, alternatives=others))], "right_three").value == 0
+    )
 
 
 def test_a_verdict_that_blames_nothing_is_no_false_alarm_and_names_nothing():
@@ -160,7 +163,7 @@ def test_no_answer_is_a_wrong_answer():
 def test_every_measure_is_told_in_the_table_and_in_the_document():
     rows = [row("effect", [PAYLOAD], "identified", named("payload")), row("healthy", [], "no_mismatch")]
     state = State(5, 2, "tz17.yaml", "0.1", "2026-01-01 10:00", "ab" * 32)
-    text, document = tables.markdown(state, rows), tables.document(state, rows, 12.0)
+    text, document = page(state, rows, 12.0), tables.document(state, rows, 12.0)
     for m in scoring.measures(rows):
         assert m.title in text
         assert document["measures"][m.key]["cases"] == m.count

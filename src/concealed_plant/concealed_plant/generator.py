@@ -63,7 +63,10 @@ class GenerationError(RuntimeError):
 
 @dataclass(frozen=True)
 class TrueEffect:
-    """What was concealed. strength: asked for, in multiples of the detectability; detectable: the size at 1 x; size [unit]."""
+    """What was concealed. strength: asked for, in multiples of the detectability; detectable: the size at 1 x; size [unit].
+
+    onset_s, hold_out_onset_s: when it begins in the recording and in the second one [s], None where it is there throughout.
+    """
 
     effect: str
     known: bool
@@ -74,6 +77,7 @@ class TrueEffect:
     unit: str
     parameters: dict[str, float]
     onset_s: float | None
+    hold_out_onset_s: float | None
 
 
 @dataclass(frozen=True)
@@ -160,18 +164,18 @@ def _attempt(
             sized.append(detectability.size_for(row, draws, strength))
     hidden = together([each.hidden for each in sized])
     shown = detectability.seen(hidden)
-    effects = tuple(
-        TrueEffect(
-            row.id, row.known, row.subsystems, strength, each.detectable, each.size, row.unit, dict(each.hidden.parameters),
-            each.hidden.onset,
-        )
-        for (row, strength, _), each in zip(rows, sized, strict=True)
-    )  # fmt: skip
     bus = Bus(loss=float(rng.choice([0.0, 0.002, 0.01])))
     configuration = Configuration(file.name, crane.told.outer_boom_angle, crane.told.telescope_length, crane.told.load)
     first = record("recording", shown, per_millisecond(setting.currents), configuration, bus, rng)
     again = _at_work(crane, rng, manner, hidden.changes)
-    second, oracle = _second(again, rows, sized, hidden, configuration, bus, rng)
+    second, oracle, onset = _second(again, rows, sized, hidden, configuration, bus, rng)
+    effects = tuple(
+        TrueEffect(
+            row.id, row.known, row.subsystems, strength, each.detectable, each.size, row.unit, dict(each.hidden.parameters),
+            each.hidden.onset, None if each.hidden.onset is None else onset,
+        )
+        for (row, strength, _), each in zip(rows, sized, strict=True)
+    )  # fmt: skip
     pose = (crane.told.outer_boom_angle, crane.told.telescope_length, crane.told.load)
     answer = Answer(spec.name, spec.kind, effects, crane.wrong, oracle, pose, attempts=attempt + 1)
     return answer, first, second
@@ -246,8 +250,11 @@ def _at_work(crane: _Crane, rng: np.random.Generator, manner: str, changes: Mapp
 def _second(
     setting: Setting, rows: list[Any], sized: list[Sized], hidden: Hidden, configuration: Configuration, bus: Bus,
     rng: np.random.Generator,
-) -> tuple[Recording, tuple[float, ...]]:  # fmt: skip
-    """The same crane with the same physics at other work; what is bound to time is laid anew. With the oracle's error."""
+) -> tuple[Recording, tuple[float, ...], float | None]:  # fmt: skip
+    """The same crane with the same physics at other work; what is bound to time is laid anew.
+
+    With the oracle's error, and the time at which the physics begins there.
+    """
     table, m = linkage(setting.specimen), quantities(setting.specimen, setting.pose)
     there = scene(m, setting, run(m, table, setting.start, per_millisecond(setting.currents)))
     laid = together([row.build(each.size, draws, there) for (row, _, draws), each in zip(rows, sized, strict=True)])
@@ -255,7 +262,7 @@ def _second(
     shown = outputs(m, table, setting, same)
     recording = record(HOLD_OUT, shown, per_millisecond(setting.currents), configuration, bus, rng)
     measured = Setting(setting.specimen, setting.pose, setting.start, _as_measured(recording), setting.starts)
-    return recording, _errors(outputs(m, table, measured, same), recording)
+    return recording, _errors(outputs(m, table, measured, same), recording), laid.onset
 
 
 def _as_measured(recording: Recording) -> Array:

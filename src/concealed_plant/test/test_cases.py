@@ -1,6 +1,7 @@
 """Which cases a trial has."""
 
 from collections import Counter
+from itertools import pairwise
 
 import pytest
 
@@ -38,7 +39,7 @@ def test_pairs_lie_in_different_subsystems():
 def test_order_and_names_tell_nothing_of_the_kind():
     kinds = [c.kind for c in cases(11, 300)]
     assert kinds != sorted(kinds)
-    runs = sum(a != b for a, b in zip(kinds, kinds[1:], strict=False))
+    runs = sum(a != b for a, b in pairwise(kinds))
     assert runs > 100
 
 

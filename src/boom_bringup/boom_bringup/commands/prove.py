@@ -14,7 +14,6 @@ A measure that is not met is a result: the exit status is 0, or 1 with --strict.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import secrets
 import sys
@@ -25,6 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from boom_bringup.cli import UsageError
+from boom_bringup.outputs import checked, json_text, write
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -49,6 +49,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", metavar="F", help="write the score as a JSON document to F")
     parser.add_argument(
+        "--document", metavar="F", help="write the trial as a page of the documentation to F (default: proof.md in DIR)"
+    )
+    parser.add_argument(
         "--machine", metavar="FILE", help="machine file around which the cranes are drawn (default: tz17)"
     )
     parser.add_argument(
@@ -60,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--scheduler", metavar="ADDRESS",
-        help="use the workers of this dask scheduler, tcp://HOST:PORT; they must see the same folder and packages (default: local ones)",
+        help="use the workers of this dask scheduler, tcp://HOST:PORT, which see the same folder and packages (default: local)",
     )  # fmt: skip
     parser.add_argument("--strict", action="store_true", help="exit with status 1 if a measure is not met")
 
@@ -73,15 +76,15 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--workers {args.workers}: give at least 1")
     if args.seed is not None and not 0 <= args.seed <= _LARGEST_SEED:
         raise UsageError(f"--seed {args.seed}: give a number from 0 to {_LARGEST_SEED}")
-    if args.json and not Path(args.json).resolve().parent.is_dir():
-        raise UsageError(f"--json {args.json}: there is no folder {Path(args.json).parent}: create it first")
+    json_path, page_path = checked(args.json, "--json"), checked(args.document, "--document")
     machine = _machine_file(args.machine)
 
     from rich.console import Console
 
     from boom_bringup.proof import scoring, tables
     from boom_bringup.proof.engine import workers
-    from boom_bringup.proof.report import write_report
+    from boom_bringup.proof.page import page
+    from boom_bringup.proof.report import report
     from boom_bringup.proof.trial import Trial, stored
 
     console = Console(highlight=False)
@@ -101,14 +104,12 @@ def run(args: argparse.Namespace) -> int:
         rows = trial.score(engine, progress)
     seconds = time.monotonic() - begin
     _show(console, rows)
-    (folder / "proof.md").write_text(tables.markdown(trial.state, rows), encoding="utf-8")
-    if args.json:
-        text = json.dumps(tables.document(trial.state, rows, seconds), indent=1, allow_nan=False)
-        Path(args.json).write_text(text + "\n", encoding="utf-8")
-    write_report(trial, rows, folder / "report.html", seconds)
-    console.print(
-        f"{seconds / 60:.1f} minutes; report: {folder / 'report.html'}, table: {folder / 'proof.md'}", soft_wrap=True
-    )
+    page_path, report_path = page_path or folder / "proof.md", folder / "report.html"
+    _whole(page_path, page(trial.state, rows, seconds))
+    if json_path:
+        _whole(json_path, json_text(tables.document(trial.state, rows, seconds)))
+    _whole(report_path, report(trial, rows, seconds))
+    console.print(f"{seconds / 60:.1f} minutes; report: {report_path}, page: {page_path}", soft_wrap=True)
     missed = [m for m in scoring.measures(rows) if m.met is False]
     return 1 if args.strict and missed else 0
 
@@ -126,6 +127,16 @@ def _machine_file(wanted: str | None) -> Path:
     if not path.is_file():
         raise UsageError(f"--machine {name}: no machine of this name is shipped: give its file")
     return path
+
+
+def _whole(path: Path, text: str) -> None:
+    """Writes a file whole or not at all. Raises UsageError where it cannot be written."""
+    temporary = path.with_name(path.name + ".new")
+    try:
+        write(path, lambda: temporary.write_text(text, encoding="utf-8"))
+        write(path, lambda: temporary.replace(path))
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _show(console: Console, rows: Sequence[Row]) -> None:

@@ -13,15 +13,17 @@ from typing import Any
 import numpy as np
 
 from boom_bringup.proof.outcomes import Row, Said, Truth
+from boom_bringup.proof.scoring import OWN_STAGES
 from boom_diagnosis.validation import predict
 from boom_model.errors import MachineError
+from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.sensors import OUTPUTS
 from boom_recording.loading import load
+from concealed_plant.generator import HOLD_OUT
 
 OUTCOME, DIAGNOSIS = "outcome.json", "diagnosis"
 ROW = "row.json"
-STAGES = ("nominal", "parameters_only", "explained", "noise_floor")
 
 
 @dataclass(frozen=True)
@@ -47,15 +49,15 @@ def judge(case: str, blind: Path, sealed: Path, machine: str) -> dict[str, Any]:
             Said.from_document(document)
         except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
             document, failure = None, f"diagnosis.json is not like the contract: {error!r}"
-    explained = blind / case / DIAGNOSIS / "machine.yaml"
+    nominal = load_machine(machine)
     row = {
         "answer": answer,
         "said": document,
         "failure": failure,
         "seconds": outcome["seconds"],
-        "nominal": _errors(sealed / case / "hold_out", machine),
+        "nominal": _errors(sealed / case / HOLD_OUT, nominal),
         "explained": _errors(
-            sealed / case / "hold_out", str(explained) if document and explained.exists() else machine
+            sealed / case / HOLD_OUT, _explained(blind / case, answer, nominal) if document else nominal
         ),
     }
     temporary = kept.with_suffix(".new")
@@ -73,18 +75,20 @@ def row_of(document: Mapping[str, Any]) -> Row:
         tuple(math.inf if e is None else float(e) for e in document[key]) for key in ("nominal", "explained")
     )
     fit = (document["said"] or {}).get("fit", {}).get("held_out", {})
-    own = {stage: tuple(math.inf if e is None else float(e) for e in fit.get(stage) or ()) for stage in STAGES}
+    own = {stage: tuple(math.inf if e is None else float(e) for e in fit.get(stage) or ()) for stage in OWN_STAGES}
     return Row(Truth.from_document(document["answer"]), said, nominal, explained, float(document["seconds"]), own)
 
 
 def traces(case: str, blind: Path, sealed: Path, machine: str, points: int = 600) -> list[Trace]:
     """The sealed recording beside the nominal and the explained model, thinned for a picture."""
-    recording = load(sealed / case / "hold_out")
-    explained = blind / case / DIAGNOSIS / "machine.yaml"
-    runs = {"nominal": predict(recording, load_machine(machine), "full").values}
-    if explained.exists():
+    recording = load(sealed / case / HOLD_OUT)
+    answer = json.loads((sealed / case / "answer.json").read_text(encoding="utf-8"))
+    nominal = load_machine(machine)
+    runs = {"nominal": predict(recording, nominal, "full").values}
+    explained = _explained(blind / case, answer, nominal)
+    if explained is not None:
         with contextlib.suppress(MachineError):
-            runs["explained"] = predict(recording, load_machine(str(explained)), "full").values
+            runs["explained"] = predict(recording, explained, "full").values
     result = []
     for name in OUTPUTS:
         signal = recording.signals[name]
@@ -100,11 +104,33 @@ def _floats(values: Any) -> tuple[float, ...]:
     return tuple(float(v) for v in values)
 
 
-def _errors(bag: Path, machine: str) -> list[float | None]:
+def _explained(case: Path, answer: Mapping[str, Any], nominal: Machine) -> Machine | None:
+    """The machine that the diagnosis wrote, the nominal one if it wrote none, None if it is not one.
+
+    A load that is grasped is grasped at its own time in every recording: like the oracle, the machine is told when.
+    """
+    path = case / DIAGNOSIS / "machine.yaml"
+    if not path.exists():
+        return nominal
+    try:
+        machine = load_machine(str(path))
+        onsets = [e["hold_out_onset_s"] for e in answer["effects"] if e["hold_out_onset_s"] is not None]
+        if onsets and "payload_change" in machine.effects:
+            effects = {name: dict(values) for name, values in machine.effects.items()}
+            effects["payload_change"]["t_g"] = onsets[0]
+            machine = machine.with_effects(effects)
+    except MachineError:
+        return None
+    return machine
+
+
+def _errors(bag: Path, machine: Machine | None) -> list[float | None]:
     """Normalised rms error per channel of a machine's free run; None where it broke off or could not be run."""
     recording = load(bag)
+    if machine is None:
+        return [None] * len(OUTPUTS)
     try:
-        prediction = predict(recording, load_machine(machine), "full")
+        prediction = predict(recording, machine, "full")
     except MachineError:
         return [None] * len(OUTPUTS)
     result: list[float | None] = []

@@ -23,6 +23,7 @@ class TrueEffect:
     unit: str = ""
     parameters: Mapping[str, float] = field(default_factory=dict)
     onset_s: float | None = None
+    detectable: float | None = None
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Truth:
         effects = tuple(
             TrueEffect(
                 e["effect"], e["known"], tuple(e["subsystems"]), e["strength"], e["size"], e["unit"], e["parameters"],
-                e["onset_s"],
+                e["onset_s"], e["detectable"],
             )
             for e in document["effects"]
         )  # fmt: skip

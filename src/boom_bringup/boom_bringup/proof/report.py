@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from math import isfinite
-from pathlib import Path
 
 import numpy as np
 
@@ -41,8 +39,8 @@ _MEANING = (
 )
 
 
-def write_report(trial: Trial, rows: Sequence[Row], path: Path, seconds: float) -> None:
-    """Writes the report. Raises OSError where the file cannot be written."""
+def report(trial: Trial, rows: Sequence[Row], seconds: float) -> str:
+    """The whole HTML file; seconds: how long the run took. Raises OSError where a recording of the trial is gone."""
     body = [
         f"<header><h1>Blind trial</h1><p class=quiet>{escape(tables.heading(trial.state))}; {seconds / 60:.1f} minutes in this run"
         f"<br>SHA-256 of the sealed answers: <code>{trial.state.sha256}</code></p><p>{escape(_MEANING)}</p></header>",
@@ -52,12 +50,11 @@ def write_report(trial: Trial, rows: Sequence[Row], path: Path, seconds: float) 
         f"<section class=card><h2>What was concealed, and what was said</h2>{_confusion(rows)}</section>",
         f"<section class=card><h2>The worst cases</h2>{_worst(trial, rows)}</section>",
     ]
-    path.write_text(
+    return (
         "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'><meta name='viewport' content='width=device-width, "
         "initial-scale=1'><meta http-equiv='Content-Security-Policy' content=\"default-src 'none'; style-src 'unsafe-inline'\">"
         f"<title>Blind trial, seed {trial.state.seed}</title><style>{_STYLE}</style></head>"
-        f"<body><main>{''.join(body)}</main></body></html>\n",
-        encoding="utf-8",
+        f"<body><main>{''.join(body)}</main></body></html>\n"
     )
 
 
@@ -86,35 +83,19 @@ def _confidence(rows: Sequence[Row]) -> str:
 
 def _errors(rows: Sequence[Row]) -> str:
     """Median normalised errors over the single effects at 1 x and above: sealed recording and the diagnosis' own."""
-    chosen = [r for r in rows if r.truth.kind == "effect" and r.true_effect.strength >= 1.0]
-    if not chosen:
-        return "<p>No cases.</p>"
-    stages = [
-        ("sealed recording, nominal model", [r.nominal for r in chosen]),
-        ("sealed recording, explained model", [r.explained for r in chosen]),
-        ("sealed recording, oracle", [r.truth.oracle for r in chosen]),
-        *(
-            (f"its own held-out part, {stage.replace('_', ' ')}", [r.own_fit.get(stage, ()) for r in chosen])
-            for stage in judging.STAGES
-        ),
-    ]
     lines = []
-    for title, errors in stages:
-        known = [e for e in errors if len(e) == len(_UNITS)]
-        if known:
-            medians = "".join(
-                f"<td class=n>{_percent(float(np.median([e[k] for e in known])))}</td>" for k in range(len(_UNITS))
-            )
-            lines.append(f"<tr><td>{escape(title)}</td>{medians}<td class=n>{len(known)}</td></tr>")
+    for title, errors in scoring.held_out_stages(rows):
+        medians = "".join(
+            f"<td class=n>{tables.percent(float(np.median([e[k] for e in errors])))}</td>" for k in range(len(_UNITS))
+        )
+        lines.append(f"<tr><td>{escape(title)}</td>{medians}<td class=n>{len(errors)}</td></tr>")
+    if not lines:
+        return "<p>No cases.</p>"
     return (
         "<p class=quiet>Median of the rms error over the measured channel's standard deviation, free runs, single effects at 1 x "
         f"detectability and above.</p><table><tr><th>model<th>{'<th>'.join(n.replace('_', ' ') for n in _UNITS)}<th>cases</tr>"
         f"{''.join(lines)}</table>"
     )
-
-
-def _percent(value: float) -> str:
-    return f"{100 * value:.2f} %" if isfinite(value) else "broke off"
 
 
 def _confusion(rows: Sequence[Row]) -> str:
@@ -132,8 +113,8 @@ def _confusion(rows: Sequence[Row]) -> str:
             cells.append(f"<td class='{tone}'>{count or ''}</td>")
         lines.append(f"<tr><th class=row>{escape(name)}</th>{''.join(cells)}</tr>")
     return (
-        "<p class=quiet>Rows: what was concealed (at 1 x detectability and above) or the kind of case. Columns: the effect that was "
-        f"named first, or the verdict.</p><table class=matrix><tr><th></th>{head}</tr>{''.join(lines)}</table>"
+        "<p class=quiet>Rows: what was concealed (at 1 x detectability and above) or the kind of case. Columns: the effect "
+        f"that was named first, or the verdict.</p><table class=matrix><tr><th></th>{head}</tr>{''.join(lines)}</table>"
     )
 
 

@@ -20,6 +20,8 @@ T = TypeVar("T")
 CONFIDENT = 0.9
 ONSET_TOLERANCE = 0.3
 BINS = 10
+OWN_STAGES = ("nominal", "parameters_only", "explained", "noise_floor")
+"""What a diagnosis tells of the data that it held out itself."""
 
 
 @dataclass(frozen=True)
@@ -168,6 +170,24 @@ def by_strength(rows: Iterable[Row]) -> dict[float, tuple[int, int, int, int]]:
                 n + 1, first + row.right_first, three + _among_three(row), silent + (row.said.first is None),
             )  # fmt: skip
     return dict(sorted(result.items()))
+
+
+def held_out_stages(rows: Iterable[Row]) -> list[tuple[str, list[tuple[float, ...]]]]:
+    """(model, its errors per case and channel) of single effects at 1 x and above: sealed recording, then the diagnosis' own.
+
+    Cases without that number are left out, and models without any case.
+    """
+    chosen = [r for r in rows if r.truth.kind == "effect" and r.true_effect.strength >= 1.0]
+    stages = [
+        ("sealed recording, nominal model", [r.nominal for r in chosen]),
+        ("sealed recording, explained model", [r.explained for r in chosen]),
+        ("sealed recording, oracle", [r.truth.oracle for r in chosen]),
+    ]
+    for stage in OWN_STAGES:
+        title = f"its own held-out part, {stage.replace('_', ' ')}"
+        stages.append((title, [r.own_fit.get(stage, ()) for r in chosen]))
+    filled = [(title, [e for e in errors if e]) for title, errors in stages]
+    return [(title, errors) for title, errors in filled if errors]
 
 
 def label(row: Row) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from math import isfinite
 from typing import Any
 
 from boom_bringup.proof import scoring
@@ -44,21 +45,26 @@ def heading(state: State) -> str:
     )
 
 
-def markdown(state: State, rows: Sequence[Row]) -> str:
-    """The table of the trial as Markdown."""
-    lines = [
-        f"{heading(state)}.",
-        "",
-        "| measure | cases | measured (95 % bounds) | asked | met |",
-        "|---|---|---|---|---|",
-    ]
+def percent(error: float) -> str:
+    """A normalised error (1 = the channel's standard deviation)."""
+    return f"{100 * error:.2f} %" if isfinite(error) else "broke off"
+
+
+def measures_table(rows: Sequence[Row]) -> str:
+    """Every measure, as Markdown."""
+    lines = ["| measure | cases | measured (95 % bounds) | asked | met |", "|---|---|---|---|---|"]
     for m in scoring.measures(rows):
         lines.append(f"| {m.title} | {m.count} | {value_text(m)} | {wanted_text(m)} | {met_text(m)} |")
-    lines += ["", "| detectability | cases | right first | among three | named nothing |", "|---|---|---|---|---|"]
+    return "\n".join(lines)
+
+
+def strengths_table(rows: Sequence[Row]) -> str:
+    """Single effects by multiple of their detectability, as Markdown."""
+    lines = ["| detectability | cases | right first | among three | named nothing |", "|---|---|---|---|---|"]
     for strength, (count, first, three, silent) in scoring.by_strength(rows).items():
         shares = " | ".join(f"{100 * n / count:.0f} %" for n in (first, three, silent))
         lines.append(f"| {strength:g} x | {count} | {shares} |")
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines)
 
 
 def document(state: State, rows: Sequence[Row], seconds: float) -> dict[str, Any]:
