@@ -182,7 +182,10 @@ def identified() -> DiagnosisResult:
             LadderStep("+ hose burst valve lag", fit.training["explained"], fit.held_out["explained"]),
         ),
         (), "", {"friction.tau_C_pos": Estimate(4100.0, "N m", (4000.0, 4200.0))},
-        Experiment("Lower fast twice.", time, currents(time, 3), (("hose_burst_valve_lag", "hose_burst_valve_setting", 1.2, 8.4),)),
+        Experiment(
+            "Lower fast twice.", time, currents(time, 3), np.zeros((len(time), 4)),
+            (("hose_burst_valve_lag", "hose_burst_valve_setting", 1.2, 8.4),),
+        ),
         ("lag_a does not tell its load: it counts as 0 kg",), "boom diagnose lag_a --hold-out lag_b",
     )  # fmt: skip
 

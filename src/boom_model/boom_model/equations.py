@@ -327,7 +327,7 @@ def full_model(structure: Structure, effects: Iterable[str] = (), learned: Seque
     passage = cylinder.cushion(w.position, e)
     if structure.hose_burst_valve:
         if w.active("hose_burst_valve_lag"):
-            g = w.add("hose_burst_valve_conductance", "G", "m^3/s/Pa", 1e-8)
+            g = w.add("hose_burst_valve_conductance", "G", "m^3/s/Pa", 1e-8, 2e-11)
             stationary = hose_burst_valve.limited_conductance(p_h - p_a, p, e)
             w.rates["hose_burst_valve_conductance"] = (stationary - g) / e.hose_burst_valve_lag.tau
             q_a = hose_burst_valve.flow(p_h - p_a, p, e, g)

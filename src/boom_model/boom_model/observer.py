@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from os import cpu_count
 
@@ -22,6 +22,9 @@ from boom_model.plant import Plant, _pointer
 from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
+
+STANDSTILL = 0.01
+"""rad/s. Below it the boom counts as standing still."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,7 @@ class NoiseModel:
         outputs: (4,) standard deviation of the measured channels [SI].
         currents: of both currents [A], new with each sample. timing: of the moment at which a current changes [s].
         disturbance: state name -> intensity of white noise on its derivative [unit/s * sqrt(s)].
+        resting: the same, added while the boom stands still: what a part does that nothing flows through is not known.
         initial: state name -> uncertainty of the initial state.
     """
 
@@ -80,6 +84,7 @@ class NoiseModel:
     timing: float
     disturbance: dict[str, float]
     initial: dict[str, float]
+    resting: dict[str, float] = field(default_factory=dict)
 
 
 def observe(
@@ -165,9 +170,11 @@ def kalman(plant: Plant, samples: Samples, states: Array, noise: NoiseModel, par
         change = np.abs(np.gradient(held[:, j])) * noise.timing / step
         columns.append((f1 - f0) / delta * (np.hypot(noise.currents, change) * step)[:, None])
     drive = middle @ np.stack(columns, axis=-1)
-    density = np.array([noise.disturbance.get(name, 0.0) ** 2 for name in names])
+    density = np.array([noise.disturbance.get(name, 0.0) ** 2 for name in names])[None, :].repeat(len(step), axis=0)
+    still = np.abs(states[: len(step), names.index("rate")]) < STANDSTILL
+    density[still] += np.array([noise.resting.get(name, 0.0) ** 2 for name in names])
     process = drive @ drive.transpose(0, 2, 1) + middle @ (
-        density[None, :, None] * step[:, None, None] * middle.transpose(0, 2, 1)
+        density[:, :, None] * step[:, None, None] * middle.transpose(0, 2, 1)
     )
     output = output_jacobian(plant, states[0], parameters)
     valid = np.ascontiguousarray(np.isfinite(samples.measured), dtype=np.uint8)

@@ -123,7 +123,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _next_experiment(result: DiagnosisResult, like: Recording, path: Path) -> list[str]:
-    """The proposed currents as a bag for `boom simulate --from` and `boom replay`; an old one goes. Its name, if there is one."""
+    """The proposed currents, with what would be measured, as a bag for `boom simulate` and `boom replay`; an old one goes.
+
+    Returns its name, if there is one.
+    """
+    from boom_model.sensors import OUTPUTS
     from boom_recording import writing
 
     temporary = path.with_name(path.name + ".new")
@@ -131,7 +135,8 @@ def _next_experiment(result: DiagnosisResult, like: Recording, path: Path) -> li
     try:
         if result.experiment is not None:
             given = result.experiment
-            columns = {"retract_current": given.currents[:, 0], "extend_current": given.currents[:, 1]}
+            columns = {name: given.expected[:, i] for i, name in enumerate(OUTPUTS)}
+            columns |= {"retract_current": given.currents[:, 0], "extend_current": given.currents[:, 1]}
             recording = writing.from_columns(path.name, given.time, columns, like.configuration)
             write(temporary, lambda: writing.write(temporary, recording))
         shutil.rmtree(path, ignore_errors=True)

@@ -11,29 +11,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis import regimes
-from boom_diagnosis.diagnosis.bag_samples import Bag
 from boom_diagnosis.diagnosis.document import (
-    STAGES,
     SUBSYSTEMS,
     Alternative,
-    BagResult,
-    Channel,
     DiagnosisResult,
     Document,
     Estimate,
     Finding,
     Fit,
-    LadderStep,
     RankingRow,
     Verdict,
 )
 from boom_diagnosis.diagnosis.experiment import propose
 from boom_diagnosis.diagnosis.fitting import Point
-from boom_diagnosis.diagnosis.found_machine import found_machine
-from boom_diagnosis.diagnosis.freerun import Span, errors, free_run, median, noise_floor
+from boom_diagnosis.diagnosis.freerun import free_run
 from boom_diagnosis.diagnosis.hypotheses import NOTICED, problem_at
 from boom_diagnosis.diagnosis.learning import Learned, learn
 from boom_diagnosis.diagnosis.locating import LINKS, locate
+from boom_diagnosis.diagnosis.proof import (
+    bag_result,
+    fit_and_ladder,
+    label_of,
+    machines_of,
+    placed,
+    proving_result,
+    spans_of,
+)
 from boom_diagnosis.diagnosis.weighing import (
     NEGLIGIBLE,
     Z90,
@@ -43,11 +46,8 @@ from boom_diagnosis.diagnosis.weighing import (
     probabilities,
     unknown_probability,
 )
-from boom_diagnosis.validation import Prediction, plant_for
 from boom_model.effects import EFFECTS
-from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine
-from boom_model.sensors import OUTPUT_UNITS, OUTPUTS
 from boom_recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -139,10 +139,10 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     if verdict == "no_mismatch":
         agreement = "No equation needs an unknown input: what remains is noise."
     moved = _moved(case, case.last) if verdict == "parameters_only" or case.taken else {}
-    machines = _machines(case, verdict, learned)
-    spans = _spans(case)
-    runs = {label: [free_run(s.recording, _in(m, case, s)) for s in spans.all] for label, m in machines.items()}
-    fit, ladder = _fit(case, machines, runs, spans)
+    machines = machines_of(case, verdict, learned)
+    spans = spans_of(case)
+    runs = {label: [free_run(s.recording, placed(m, case, s)) for s in spans.all] for label, m in machines.items()}
+    fit, ladder = fit_and_ladder(case, machines, runs, spans)
     experiment = propose(case, ranked) if verdict in ("ambiguous", "unknown_physics", "identified") else None
     said = experiment.text if experiment else _nothing_more(verdict)
     document = Document(
@@ -150,8 +150,8 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         about.inputs_sha256, about.version,
     )  # fmt: skip
     bags = tuple(
-        _bag_result(case, i, cells, inputs, tight, machines, runs, spans) for i in range(len(case.bags))
-    ) + tuple(_proving_result(case, i, machines, runs, spans) for i in range(len(case.proving)))
+        bag_result(case, i, cells, inputs, tight.nominal[i], machines, runs, spans) for i in range(len(case.bags))
+    ) + tuple(proving_result(case, i, machines, runs, spans) for i in range(len(case.proving)))
     notes = [f"{name} is left out: the boom hardly moves in it, or a channel is missing" for name in weak]
     remaining = ""
     if tight.excess_after > NEGLIGIBLE and verdict not in ("no_mismatch", "parameters_only"):
@@ -196,7 +196,7 @@ def _ranking(case: Case, unknown: float) -> list[RankingRow]:
     rest = 1.0 - unknown if taken or unknown > 0.5 else 1.0
     rows = [
         RankingRow(
-            _label(w.fitted.effect), w.fitted.effect, "sensors" if EFFECTS[w.fitted.effect].subsystem == "sensors" else "effect",
+            label_of(w.fitted.effect), w.fitted.effect, "sensors" if EFFECTS[w.fitted.effect].subsystem == "sensors" else "effect",
             EFFECTS[w.fitted.effect].subsystem, pi * rest, w.gain, w.held_out_gain,
             _short(estimates(w.fitted, case.temperature), w.fitted.effect), _inside(w),
         )
@@ -205,10 +205,6 @@ def _ranking(case: Case, unknown: float) -> list[RankingRow]:
     rows.append(RankingRow("parameters within tolerance only", None, "parameters", "", p[-1] * rest, 0.0, 0.0, {}))
     rows.append(RankingRow("physics of no catalogue", None, "unknown", "", 1.0 - rest, 0.0, 0.0, {}))
     return sorted(rows, key=lambda r: -r.probability)
-
-
-def _label(effect: str) -> str:
-    return effect.replace("_", " ")
 
 
 def _short(numbers: Mapping[str, Estimate], effect: str) -> dict[str, Estimate]:
@@ -274,7 +270,7 @@ def _unknown_finding(
     return Finding(
         None, _home(case, link.subsystems), link.equation, round(min(0.99, unknown), 4), {}, place.text, place.intervals,
         tuple(Alternative(w.fitted.effect, round((1 - unknown) / 3, 4)) for w in (case.weighed[0][:2] if case.weighed else [])),
-        f"No effect of the catalogue explains the mismatch at '{link.title}'; the nearest is {_label(tried)}.",
+        f"No effect of the catalogue explains the mismatch at '{link.title}'; the nearest is {label_of(tried)}.",
     )  # fmt: skip
 
 
@@ -333,147 +329,3 @@ def _nothing_more(verdict: Verdict) -> str:
     if verdict == "no_mismatch":
         return "Nothing: the model explains these recordings."
     return "A longer recording with full currents in both directions narrows the parameters that moved."
-
-
-# ---------------------------------------------------------------------------------------------------- machines and runs
-
-
-def _machines(case: Case, verdict: Verdict, learned: Learned | None) -> dict[str, Machine]:
-    """Stage -> machine, and the steps of the ladder between them."""
-    pose = plant_for(case.bags[0].recording, case.machine, "full").pose
-    steps = {"nominal": case.machine}
-
-    def at(point: Point, jacobian: Array, terms: tuple[LearnedTerm, ...] = ()) -> Machine:
-        covariance = posterior(point, jacobian, len(point.z))
-        numbers = case.values(point.z, point.effects)
-        spreads = {
-            n.name: Z90 * sqrt(float(covariance[i, i])) * n.sigma * abs(numbers.get(n.name, 0.0))
-            for i, n in enumerate(case.nuisances)
-        }
-        return found_machine(case.machine, pose, numbers, spreads, terms)
-
-    steps["parameters_only"] = at(case.kept(0), case.rounds[0].jacobian)
-    for k, w in enumerate(case.taken[:-1]):
-        steps[f"+ {', '.join(x.fitted.effect for x in case.taken[: k + 1])}"] = at(case.kept(k + 1), w.fitted.jacobian)
-    if case.taken:
-        steps["explained"] = at(case.last, case.taken[-1].fitted.jacobian)
-        if learned:
-            steps[f"+ {', '.join(w.fitted.effect for w in case.taken)}"] = steps["explained"]
-    else:
-        steps["explained"] = case.machine if verdict == "no_mismatch" else steps["parameters_only"]
-    if learned:
-        jacobian = case.taken[-1].fitted.jacobian if case.taken else case.rounds[0].jacobian
-        steps["explained"] = at(learned.point, jacobian, (learned.term,))
-    return steps
-
-
-@dataclass(frozen=True)
-class _Spans:
-    """Parts of recordings that were fitted, that are judged, and all recordings in the order of the runs."""
-
-    training: list[Span]
-    judged: list[Span]
-    all: list[Span]
-
-
-def _in(machine: Machine, case: Case, span: Span) -> Machine:
-    """The machine in a recording: a load that changes does so at that recording's own time."""
-    held = any(bag.recording is span.recording for bag in case.proving)
-    if case.onset is None or not held or "payload_change" not in machine.effects:
-        return machine
-    effects = {k: dict(v) for k, v in machine.effects.items()}
-    effects["payload_change"]["t_g"] = case.onset
-    return machine.with_effects(effects)
-
-
-def _spans(case: Case) -> _Spans:
-    training, judged, everything = [], [], []
-    for bag, select in zip(case.bags, case.judged, strict=True):
-        r = bag.recording
-        everything.append(Span(r, 0.0, r.duration))
-        if case.proving:
-            training.append(Span(r, 0.0, r.duration))
-            continue
-        held = bag.time[select.any(axis=1)]
-        cut = float(held[0]) if len(held) else r.duration
-        before = float(held[0]) > 0.5 * r.duration if len(held) else True
-        training.append(Span(r, 0.0, cut) if before else Span(r, float(held[-1]), r.duration))
-        judged.append(Span(r, cut, r.duration) if before else Span(r, 0.0, float(held[-1])))
-    for bag in case.proving:
-        judged.append(Span(bag.recording, 0.0, bag.recording.duration))
-        everything.append(judged[-1])
-    return _Spans(training, judged, everything)
-
-
-def _fit(
-    case: Case, machines: Mapping[str, Machine], runs: Mapping[str, list[Prediction]], spans: _Spans
-) -> tuple[Fit, tuple[LadderStep, ...]]:
-    names = [s.recording.name for s in spans.all]
-
-    def table(label: str, part: list[Span]) -> tuple[float, ...]:
-        return median([errors(s, runs[label][names.index(s.recording.name)]) for s in part])
-
-    training = {label: table(label, spans.training) for label in machines}
-    held = {label: table(label, spans.judged) for label in machines}
-    floor = median(
-        [noise_floor(s, _in(machines["explained"], case, s), case.seed + 11 + i) for i, s in enumerate(spans.judged)]
-    )
-    labels = {"nominal": "nominal", "parameters_only": "parameters only"}
-    learnt = bool(machines["explained"].learned)
-    if case.taken or learnt:
-        names_ = [_label(w.fitted.effect) for w in case.taken] + (["term learnt from data"] if learnt else [])
-        labels["explained"] = "+ " + ", ".join(names_)
-    order = [k for k in machines if k != "explained"] + (["explained"] if case.taken or learnt else [])
-    ladder = tuple(LadderStep(labels.get(k, k.replace("_", " ")), training[k], held[k]) for k in order)
-    fit = Fit(
-        {k: training[k] for k in STAGES}, {k: held[k] for k in STAGES}, floor,
-        tuple(dict.fromkeys(s.recording.name for s in spans.judged)),
-    )  # fmt: skip
-    return fit, ladder
-
-
-# ----------------------------------------------------------------------------------------------------------- recordings
-
-
-def _channels(
-    recording: Recording, machine: Machine, i: int, runs: Mapping[str, list[Prediction]]
-) -> dict[str, Channel]:
-    sensors = machine.sensor_noise()
-    pressure = float(np.hypot(sensors.pressure_sigma, sensors.pressure_quantum / sqrt(12.0)))
-    noise = (sensors.angle_quantum / sqrt(12.0), sensors.rate_sigma, pressure, pressure)
-    result = {}
-    for name, unit, sigma in zip(OUTPUTS, OUTPUT_UNITS, noise, strict=True):
-        signal = recording.signals[name]
-        stages = {stage: runs[stage][i].values[name] for stage in STAGES}
-        result[name] = Channel(name, unit, signal.time, signal.values, signal.valid, sigma, stages)
-    return result
-
-
-def _bag_result(
-    case: Case, i: int, cells: list[NDArray[np.int64]], inputs: list[dict[str, Array]], tight: _Tight,
-    machines: Mapping[str, Machine], runs: Mapping[str, list[Prediction]], spans: _Spans,
-) -> BagResult:  # fmt: skip
-    bag = case.bags[i]
-    rest = 0.5 * np.sum(np.minimum(np.abs(tight.nominal[i]), 8.0) ** 2 - case.healthy_squares, axis=1)
-    width = 50
-    sums = np.convolve(rest, np.ones(width) / width, mode="same")
-    windows = regimes.windows(np.where(sums > 1.0, rest, 0.0), share=0.9, longest=12) if (sums > 1.0).any() else ()
-    cut = None
-    if not case.proving:
-        held = bag.time[case.judged[i].any(axis=1)]
-        cut = float(held[0]) if len(held) and held[0] > 0.5 * bag.recording.duration else None
-    return BagResult(
-        bag.name, False, cut, bag.recording.duration, tuple(bag.recording.events),
-        _channels(bag.recording, case.machine, i, runs), windows, bag.time, inputs[i], cells[i],
-    )  # fmt: skip
-
-
-def _proving_result(
-    case: Case, i: int, machines: Mapping[str, Machine], runs: Mapping[str, list[Prediction]], spans: _Spans
-) -> BagResult:
-    bag: Bag = case.proving[i]
-    k = len(case.bags) + i
-    return BagResult(
-        bag.name, True, None, bag.recording.duration, tuple(bag.recording.events),
-        _channels(bag.recording, case.machine, k, runs), (), bag.time, {}, regimes.classify(bag),
-    )  # fmt: skip

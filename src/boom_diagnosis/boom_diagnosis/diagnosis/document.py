@@ -295,12 +295,14 @@ class LearnedCurve:
 class Experiment:
     """A proposed recording: currents (n, 2) [A] at ``time`` (n,) [s], and the pairs of hypotheses it would separate.
 
+    expected: (n, 4) what the likeliest hypothesis would measure [SI].
     separation: (hypothesis, hypothesis, standard deviations apart now, standard deviations apart then).
     """
 
     text: str
     time: Array
     currents: Array
+    expected: Array
     separation: tuple[tuple[str, str, float, float], ...]
 
 

@@ -67,7 +67,7 @@ def propose(case: Case, ranked: Sequence[RankingRow]) -> Experiment | None:
     points = [(r.label, fitted[r.effect] if r.effect else case.rounds[0].base) for r in named]
     bag = case.bags[0]
     start = bag.start
-    tried: list[tuple[str, Array, list[float]]] = []
+    tried: list[tuple[str, Array, Array, list[float]]] = []
     for name, currents in profiles().items():
         time = np.arange(len(currents)) * PERIOD
         outputs = []
@@ -87,14 +87,15 @@ def propose(case: Case, ranked: Sequence[RankingRow]) -> Experiment | None:
         if len(outputs) == len(points):
             noise = np.array(case.rounds[0].problem.predictor.noise())
             apart = [float(np.sqrt(np.mean(((outputs[0] - o) / noise) ** 2))) for o in outputs[1:]]
-            tried.append((name, currents, apart))
+            tried.append((name, currents, outputs[0], apart))
     if not tried:
         return None
-    name, currents, apart = max(tried, key=lambda t: t[2][0])
+    name, currents, expected, apart = max(tried, key=lambda t: t[3][0])
     now = [float(np.sqrt(2.0 * abs(a.loss - points[0][1].loss) / len(a.w))) for _, a in points[1:]]
     separation = tuple((points[0][0], other[0], n, a) for other, n, a in zip(points[1:], now, apart, strict=True))
     text = (
         f"Record {LENGTH:.0f} s of {name}: {points[0][0]} and {points[1][0]} would then differ by {apart[0]:.1f} standard "
         f"deviations of the sensors' noise in the mean."
     )
-    return Experiment(text, np.asarray(np.arange(len(currents)) * PERIOD, dtype=np.float64), currents, separation)
+    lasting = np.asarray(np.arange(len(currents)) * PERIOD, dtype=np.float64)
+    return Experiment(text, lasting, currents, expected, separation)

@@ -16,7 +16,7 @@ from boom_diagnosis.diagnosis.bag_samples import Bag
 from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.diagnosis.fitting import Point, Problem
 from boom_diagnosis.diagnosis.nuisances import Nuisance
-from boom_diagnosis.diagnosis.prediction import Predictor
+from boom_diagnosis.diagnosis.prediction import Predictor, with_states
 from boom_diagnosis.diagnosis.search import Candidate, Fitted, Scanner, possible_effects, refine
 from boom_model.machine import Machine
 
@@ -137,11 +137,13 @@ def run_round(
     progress("weighing effects", 0.8)
     best = fitted[0].point
     weighing = likeliest(best.z, best.effects)
-    if weighing.predictor.looseness == searching.predictor.looseness:
+    # an effect with states of its own is weighed by gains that correct them, too
+    if weighing.predictor.looseness == searching.predictor.looseness and not with_states(best.effects):
         fitted = [_polished(searching, f, base) for f in fitted[:1]] + fitted[1:]
         return Round(accepted, base, jacobian, _sorted(fitted), scanned, searching)
     base, jacobian = fit(weighing, base.z, base.effects, kept)
-    fitted = [_weighed(weighing, f, base) for f in fitted[:WEIGHED]]
+    columns = jacobian[:, : len(base.z)]  # of the base; good enough for all but the best
+    fitted = [_weighed(weighing, f, base, columns if k else None) for k, f in enumerate(fitted[:WEIGHED])]
     return Round(accepted, base, jacobian, _sorted(fitted), scanned, weighing)
 
 
@@ -150,15 +152,17 @@ def _starts(candidates: Sequence[Candidate]) -> list[Candidate]:
     return list(candidates[:1]) + [c for c in candidates[1:2] if c.gain > 0.5 * candidates[0].gain]
 
 
-def _weighed(problem: Problem, f: Fitted, base: Point) -> Fitted:
+def _weighed(problem: Problem, f: Fitted, base: Point, columns: Array | None) -> Fitted:
     """The same effect fitted again, with an observer of other gains."""
     start = problem.points([(f.point.z, f.point.effects)])[0]
-    return _polished(problem, replace(f, point=start), base)
+    return _polished(problem, replace(f, point=start), base, columns)
 
 
-def _polished(problem: Problem, f: Fitted, base: Point) -> Fitted:
-    """Fitted on with a fresh Jacobian of the tolerances."""
-    point, jacobian = problem.fit(f.point, problem.nuisance_jacobian(f.point), f.coordinates, iterations=6)
+def _polished(problem: Problem, f: Fitted, base: Point, columns: Array | None = None) -> Fitted:
+    """Fitted on with a fresh Jacobian of the tolerances, or the one given."""
+    if columns is None:
+        columns = problem.nuisance_jacobian(f.point)
+    point, jacobian = problem.fit(f.point, columns, f.coordinates, iterations=6)
     return replace(f, point=point, jacobian=jacobian, gain=base.loss - point.loss)
 
 

@@ -34,6 +34,9 @@ CURRENT_NOISE = 0.85e-3
 """A. Noise and quantisation of the measured currents, which drive the model."""
 SPOOL_NOISE = 2e-4
 """1/s sqrt(s), of the full stroke: white disturbance of the spool where one is allowed."""
+POPPET_NOISE = 4e-9
+"""m^3/s/Pa/sqrt(s). White disturbance of a lagging poppet while the boom stands still: with nothing flowing through it, a
+valve stays where it likes, and how far open a lowering finds it is not known."""
 TIMING_NOISE = 1e-3
 """s. When between two samples a current changed is not known."""
 
@@ -182,8 +185,9 @@ def noise_model(
     }  # fmt: skip
     angle = max(0.5 * sensors.angle_quantum, 1e-5)
     return NoiseModel(
-        (angle, sensors.rate_sigma, pressure, pressure), CURRENT_NOISE, TIMING_NOISE, disturbance, initial
-    )
+        (angle, sensors.rate_sigma, pressure, pressure), CURRENT_NOISE, TIMING_NOISE, disturbance, initial,
+        {"hose_burst_valve_conductance": POPPET_NOISE},
+    )  # fmt: skip
 
 
 def _nudging(plant: Plant, n: int) -> Array:

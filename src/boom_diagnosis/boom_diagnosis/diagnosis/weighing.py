@@ -27,7 +27,7 @@ COLDEST = 3.0
 """Temperature where nothing remains unexplained."""
 UNEXPLAINED_WEIGHT = 0.1
 """Share of the unexplained nats that adds to the temperature."""
-UNKNOWN_FROM, UNKNOWN_STEEPNESS = 0.45, 8.0
+UNKNOWN_FROM, UNKNOWN_STEEPNESS = 0.6, 8.0
 """Share of the misfit's amplitude that remains where unknown physics becomes as likely as not, and how sharply."""
 NEGLIGIBLE = 0.012
 """Loss per innovation over that of a healthy machine which counts as nothing: the observer's own shortcomings."""
