@@ -84,7 +84,7 @@ def test_a_scheduler_that_runs_elsewhere_is_used():
 
     with (
         LocalCluster(
-            n_workers=1, threads_per_worker=1, processes=False, host="127.0.0.1", dashboard_address=None
+            n_workers=1, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
         ) as cluster,
         workers(cluster.scheduler_address, 1) as remote,
     ):

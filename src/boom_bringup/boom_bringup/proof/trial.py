@@ -16,6 +16,7 @@ import hashlib
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -28,11 +29,13 @@ from boom_bringup import __version__
 from boom_bringup.proof import judging
 from boom_bringup.proof.engine import Engine
 from boom_bringup.proof.outcomes import Row
+from boom_bringup.supervisor import die_with_parent
 from concealed_plant.cases import CaseSpec, cases
 from concealed_plant.generator import ANSWER, RECORDING, make_case
 
 PATIENCE = 600.0
 """s. A diagnosis that takes longer has no answer."""
+_STOPPED = (-signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM)
 STATE = "state.json"
 Progress = Callable[[str, int, int], None]
 """(what is being done, cases finished, cases in all)"""
@@ -165,6 +168,9 @@ def diagnose(case: Path) -> float:
     """Runs the diagnosis on case/recording, blindfolded, in that folder; writes case/outcome.json; returns its seconds.
 
     Whatever goes wrong in the diagnosis is an outcome, not an error: no answer is a wrong answer.
+
+    Raises:
+        InterruptedError: it was stopped from outside; that is no answer, and the case is to be repeated.
     """
     output = case / judging.DIAGNOSIS
     shutil.rmtree(output, ignore_errors=True)
@@ -188,7 +194,11 @@ def diagnose(case: Path) -> float:
                 stderr=subprocess.STDOUT,
                 timeout=PATIENCE,
                 check=False,
+                start_new_session=True,  # Ctrl-C is for the trial; what it stops there is not to look like an answer
+                preexec_fn=die_with_parent(os.getpid()),
             )
+            if done.returncode in _STOPPED:
+                raise InterruptedError(f"the diagnosis was stopped with status {done.returncode}")
             if done.returncode:
                 failure = f"exit status {done.returncode}: {_last_line(case / 'diagnose.log')}"
         except subprocess.TimeoutExpired:
