@@ -88,7 +88,7 @@ class Answer:
         name, kind: of the case.
         effects: what is concealed, none for healthy machines.
         wrong: keys of the machine file -> standard deviations by which they are off, beyond the scatter of every crane.
-        oracle: normalised rms error of the true plant on the second recording, per channel.
+        oracle: normalised rms error of the true plant on the second recording, per channel; None where it stood still.
         pose: q3 [rad], q4 [m], load told [kg].
     """
 
@@ -96,7 +96,7 @@ class Answer:
     kind: str
     effects: tuple[TrueEffect, ...]
     wrong: dict[str, float]
-    oracle: tuple[float, ...]
+    oracle: tuple[float | None, ...]
     pose: tuple[float, float, float]
     attempts: int = 1
 
@@ -250,7 +250,7 @@ def _at_work(crane: _Crane, rng: np.random.Generator, manner: str, changes: Mapp
 def _second(
     setting: Setting, rows: list[Any], sized: list[Sized], hidden: Hidden, configuration: Configuration, bus: Bus,
     rng: np.random.Generator,
-) -> tuple[Recording, tuple[float, ...], float | None]:  # fmt: skip
+) -> tuple[Recording, tuple[float | None, ...], float | None]:  # fmt: skip
     """The same crane with the same physics at other work; what is bound to time is laid anew.
 
     With the oracle's error, and the time at which the physics begins there.
@@ -276,11 +276,12 @@ def _as_measured(recording: Recording) -> Array:
     return np.stack(columns, axis=-1)
 
 
-def _errors(predicted: Array, recording: Recording) -> tuple[float, ...]:
-    """Normalised rms error per channel: rms(predicted - measured) / standard deviation of the measured."""
-    result = []
+def _errors(predicted: Array, recording: Recording) -> tuple[float | None, ...]:
+    """Normalised rms error per channel: rms(predicted - measured) / standard deviation of the measured; None: it stood still."""
+    result: list[float | None] = []
     for k, name in enumerate(CHANNELS):
         signal = recording.signals[name]
         at = np.interp(signal.time, np.arange(1, len(predicted) + 1) / 1000.0, predicted[:, k])
-        result.append(float(np.sqrt(np.mean((at - signal.values) ** 2)) / np.std(signal.values)))
+        spread = float(np.std(signal.values))
+        result.append(float(np.sqrt(np.mean((at - signal.values) ** 2))) / spread if spread > 0.0 else None)
     return tuple(result)

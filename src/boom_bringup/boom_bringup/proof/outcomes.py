@@ -46,7 +46,8 @@ class Truth:
             )
             for e in document["effects"]
         )  # fmt: skip
-        return Truth(document["name"], document["kind"], effects, document["wrong"], tuple(document["oracle"]))
+        oracle = tuple(inf if error is None else float(error) for error in document["oracle"])
+        return Truth(document["name"], document["kind"], effects, document["wrong"], oracle)
 
     @property
     def names(self) -> tuple[str, ...]:
