@@ -212,25 +212,29 @@ def test_an_impossible_parameter_is_one_line_and_status_2(
     assert re.search(message, lines[0])
 
 
-def test_the_demo_stops_all_and_says_which_process_died(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("transport", "module", "name"), [("topics", "simulation_node", "simulation"), ("can", "ecu_node", "ecu")]
+)
+def test_the_demo_stops_all_and_says_which_process_died(tmp_path: Path, transport: str, module: str, name: str) -> None:
     """One process of ./boom demo is killed from outside in the middle of the run."""
     command = [sys.executable, "-m", "boom_bringup.cli", "demo", str(BAG), "--output", str(tmp_path / "demo")]
+    command += ["--transport", transport]
     demo = subprocess.Popen(
         command, env=environment.for_processes(os.environ), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     end = time.monotonic() + PATIENCE
     victim = None
     while victim is None and time.monotonic() < end and demo.poll() is None:
-        bag = list((tmp_path / "demo" / "simulated").glob("*.mcap"))
+        bag = list((tmp_path / "demo").glob(".simulated-*/*.mcap"))
         if bag and bag[0].stat().st_size > 100_000:
-            victim = child_of(demo.pid, "boom_sim.simulation_node")
+            victim = child_of(demo.pid, f"boom_sim.{module}")
         else:
             threading.Event().wait(0.02)
     assert victim is not None
     os.kill(victim, signal.SIGKILL)
     _, err = demo.communicate(timeout=PATIENCE)
     assert demo.returncode == 2
-    assert "simulation" in err.strip().splitlines()[-1]
+    assert name in err.strip().splitlines()[-1]
     assert child_of(demo.pid, "boom_") is None
 
 

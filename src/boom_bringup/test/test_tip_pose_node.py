@@ -171,8 +171,11 @@ def test_malformed_description_ends_with_status_2_and_one_line(
     crane.description.publish(String(data="<robot><link"))
     status, lines = ended(start())
     assert status == 2
-    assert len(lines) == 1
-    assert lines[0].startswith("/robot_description: the robot description is no XML")
+    said = [
+        line for line in lines if not line.startswith("[WARN]")
+    ]  # on a busy computer it has to wait for the description
+    assert len(said) == 1
+    assert said[0].startswith("/robot_description: the robot description is no XML")
 
 
 def test_misspelt_parameter_ends_with_status_2_and_the_nearest_name(

@@ -38,6 +38,7 @@ class BridgeSettings:
     command_timeout: float = 0.05
     revoke_after: float = 1.0
     lockstep: bool = False
+    filter_foreign: bool = False
 
 
 @dataclass(frozen=True)
@@ -89,11 +90,11 @@ class Bridge:
         self._clock = pace.clock
         self._on_cycle = on_cycle
         self._begun: float | None = None
+        self._filters = settings.filter_foreign and not settings.log  # a log shows the whole bus
         self.log = FrameLog(Path(settings.log)) if settings.log else None
         raw = self.log.write if self.log else None
-        # A log shows the whole bus; without one, frames of others need not come here.
         known = tuple(dict.fromkeys((frame.arbitration_id, frame.is_extended) for frame in self.codec.frames.values()))
-        bus = settings.bus if self.log else replace(settings.bus, wanted=known)
+        bus = replace(settings.bus, wanted=known) if self._filters else settings.bus
         self.receiver = Receiver(bus, self.checker, self._on_reading, self._on_state, raw, bus_factory, self._clock)
         self.sender = CommandSender(
             self.codec,
@@ -228,7 +229,8 @@ class Bridge:
             values[f"{name} lost"] = counts.lost[name]
         values |= {f"bad frames, {reason}": number for reason, number in sorted(counts.bad.items())}
         values["bad frames, last"] = counts.last_bad or "none"
-        values["unknown ids"] = ", ".join(f"{i:#x}: {n}" for i, n in sorted(counts.unknown.items())[:8]) or "none"
+        unknown = ", ".join(f"{i:#x}: {n}" for i, n in sorted(counts.unknown.items())[:8])
+        values["unknown ids"] = unknown or ("kept back (filter_foreign)" if self._filters else "none")
         values |= _percentiles("frame to topic", list(self.receiver.latencies))
         values |= _percentiles("command to frame", list(self.sender.latencies))
         values["connections"] = counts.connects

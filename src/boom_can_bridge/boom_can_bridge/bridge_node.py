@@ -51,7 +51,7 @@ class BridgeNode(LifecycleNode):
         self._settings = BridgeSettings(
             BusSettings(values.interface, values.channel, values.bitrate),
             values.dbc, values.mapping, values.log, values.good_frames, values.watchdog, values.largest_current,
-            values.rise_rate, values.command_timeout, values.revoke_after, values.lockstep,
+            values.rise_rate, values.command_timeout, values.revoke_after, values.lockstep, values.filter_foreign,
         )  # fmt: skip
         self._make_messages()
 

@@ -10,6 +10,11 @@ PARAMETERS = (
     ParameterSpec("mapping", "", "mapping file; empty: the .yaml beside the DBC file", read_only=True),
     ParameterSpec("autostart", True, "configure and activate at the start, without a lifecycle manager", read_only=True),
     ParameterSpec("wait_for_bus", False, "start without the bus and wait for it, instead of ending with an error", read_only=True),
+    ParameterSpec(
+        "filter_foreign", True,
+        "let the bus keep back frames that the mapping does not name (not with a log); false: their ids are in /diagnostics",
+        read_only=True,
+    ),
     ParameterSpec("log", "", "write all frames to this file (.blf, .asc, .log, .csv, .trc); empty: none", read_only=True),
     ParameterSpec("good_frames", 5, "good frames of each sensor before anything is published", "", 1, 1000, read_only=True),
     ParameterSpec("watchdog", 0.05, "silence of a sensor from which it counts as missing", "s", 0.01, 1.0, read_only=True),

@@ -394,3 +394,29 @@ def test_a_log_that_cannot_be_written_is_refused_in_one_line(tmp_path, name):
 def test_the_readme_names_every_parameter():
     text = (Path(__file__).parents[1] / "README.md").read_text()
     assert [p.name for p in PARAMETERS if f"| `{p.name}` |" not in text or p.description not in text] == []
+
+
+@pytest.mark.parametrize(
+    ("options", "wanted", "told"),
+    [
+        ({"filter_foreign": True}, {0x101, 0x102, 0x103, 0x104, 0x200}, "kept back"),
+        ({"filter_foreign": False}, set(), "none"),
+        ({"filter_foreign": True, "log": "all.blf"}, set(), "none"),
+    ],
+)
+def test_the_bus_may_keep_back_foreign_frames_unless_somebody_looks_at_them(tmp_path, options, wanted, told):
+    if "log" in options:
+        options = {**options, "log": str(tmp_path / options["log"])}
+    opened = []
+
+    def make(settings):
+        opened.append(settings)
+        return FakeBus()
+
+    bridge = Bridge(BridgeSettings(BusSettings("virtual", "x"), **options), lambda reading: None, bus_factory=make)
+    bridge.open(wait=False)
+    try:
+        assert {identifier for identifier, _ in opened[0].wanted} == wanted
+        assert told in bridge.report().values["unknown ids"]
+    finally:
+        bridge.close()

@@ -48,6 +48,7 @@ from boom_diagnosis.diagnosis.weighing import (
 )
 from boom_model.effects import EFFECTS
 from boom_model.machine import Machine
+from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -60,6 +61,8 @@ NAMED_FROM = 0.55
 """Probability from which on a finding counts as identified, not as one of several."""
 LEARNT_FROM, LEARNT_IN = 0.3, 2
 """Probability of unknown physics from which on a term is learnt, and in how many equations it is tried."""
+FLOORS = 1.5
+"""Held-out error over that which noise alone leaves from which on the report says that something remains."""
 MOVED = 1.0
 """Standard deviations a tolerance has to move to be listed."""
 
@@ -153,15 +156,29 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         bag_result(case, i, cells, inputs, tight.nominal[i], machines, runs, spans) for i in range(len(case.bags))
     ) + tuple(proving_result(case, i, machines, runs, spans) for i in range(len(case.proving)))
     notes = [f"{name} is left out: the boom hardly moves in it, or a channel is missing" for name in weak]
-    remaining = ""
-    if tight.excess_after > NEGLIGIBLE and verdict not in ("no_mismatch", "parameters_only"):
-        share = sqrt(max(tight.excess_after, 0.0) / max(tight.excess_before, tight.excess_after))
-        remaining = f"{100 * share:.0f} % of the mismatch's size (one-step errors beyond a healthy machine's) stays unexplained."
+    remaining = _remaining(fit, tight) if verdict not in ("no_mismatch", "parameters_only") else ""
     return DiagnosisResult(
         document, case.machine, machines["explained"], bags,
         regimes.table(cells, tight.nominal, tight.explained, case.healthy_squares), equations, agreement, tuple(ranked),
         ladder, (learned.curve,) if learned else (), remaining, moved, experiment, tuple(notes), about.command,
     )  # fmt: skip
+
+
+def _remaining(fit: Fit, tight: _Tight) -> str:
+    """What the explanation leaves: of the one-step errors, and in free runs over data not used."""
+    sentences = []
+    if tight.excess_after > NEGLIGIBLE:
+        share = sqrt(max(tight.excess_after, 0.0) / max(tight.excess_before, tight.excess_after))
+        sentences.append(
+            f"{100 * share:.0f} % of the mismatch's size (one-step errors beyond a healthy machine's) stays unexplained."
+        )
+    ratios = np.array(fit.held_out["explained"], dtype=float) / np.array(fit.noise_floor, dtype=float)
+    over = [f"{name.replace('_', ' ')} {r:.1f}" for name, r in zip(OUTPUTS, ratios, strict=True) if r > FLOORS]
+    if over:
+        sentences.append(
+            f"Free runs over data not used err more than noise alone would: {', '.join(over)} times as much."
+        )
+    return " ".join(sentences)
 
 
 # ------------------------------------------------------------------------------------------------------------- weighing

@@ -109,14 +109,18 @@ def run_round(
         return max(tried, key=lambda p: p.likelihood(p.points([(at_z, at_values)])[0]))
 
     progress("tolerances", 0.0)
-    loose = problem(z, values, LOOSENESS[-1])
-    base, jacobian = fit(loose, z, values, kept)
-    searching = likeliest(base.z, base.effects)
-    if searching.predictor.looseness < LOOSENESS[-1]:
-        base, jacobian = fit(searching, base.z, base.effects, kept)
+    if accepted:  # near already
+        searching = likeliest(z, values)
+        base, jacobian = fit(searching, z, values, kept)
     else:
-        searching = loose
-        jacobian = np.concatenate([loose.nuisance_jacobian(base), jacobian[:, len(base.z) :]], axis=1)
+        searching = problem(z, values, LOOSENESS[-1])
+        base, jacobian = fit(searching, z, values, kept)
+        tighter = likeliest(base.z, base.effects)
+        if tighter.predictor.looseness < LOOSENESS[-1]:
+            searching = tighter
+            base, jacobian = fit(searching, base.z, base.effects, kept)
+        else:
+            jacobian = np.concatenate([searching.nuisance_jacobian(base), jacobian[:, len(base.z) :]], axis=1)
     nominal = searching.fit_nominal(base.effects, kept)
     if nominal.loss - base.loss < NOTICED + 0.5 * len(base.z):
         base = nominal

@@ -1,0 +1,92 @@
+"""`./boom diagnose`: one plain line for wrong input, a plain verdict where nothing can be told, and whole files only."""
+
+import json
+
+import numpy as np
+import pytest
+
+from boom_bringup import cli
+from boom_diagnosis import report_diagnosis
+from boom_diagnosis.diagnosis import run
+from boom_recording.recording import Configuration
+from boom_recording.writing import from_columns, write
+
+
+@pytest.fixture
+def diagnose(tmp_path, monkeypatch, capsys):
+    """The command inside this process, in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("BOOM_PROGRAM", "./boom")
+
+    def called(*arguments):
+        status = cli.main(["diagnose", *map(str, arguments)])
+        printed = capsys.readouterr()
+        return status, printed.out, printed.err
+
+    return called
+
+
+def still(path, machine="tz17", seconds=6.0):
+    """A recording at standstill."""
+    count = round(seconds * 100)
+    constant = {
+        "angle": 0.4,
+        "rate": 0.0,
+        "hose_pressure": 6e6,
+        "rod_pressure": 1e6,
+        "retract_current": 0.0,
+        "extend_current": 0.0,
+    }
+    columns = {name: np.full(count, value) for name, value in constant.items()}
+    write(path, from_columns(path.name, np.arange(count) * 0.01, columns, Configuration(machine, 4.59, 0.0, 0.0)))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["still", "--hold-out", "still"], "given both to diagnose and to hold out"),
+        (["still", "--seed", "-1"], "give a number of 0 or more"),
+        (["still", "--machine", "triangle_direct"], "was recorded on machine 'tz17'"),
+        (["still", "--machine", "nothing.yaml"], "nothing.yaml"),
+        (["nowhere"], "nowhere"),
+        (["other"], "for which no file is shipped"),
+    ],
+)
+def test_wrong_input_is_one_line_and_leaves_no_result(diagnose, tmp_path, arguments, said):
+    still(tmp_path / "still")
+    still(tmp_path / "other", machine="another")
+    status, _, err = diagnose(*arguments)
+    assert status == 2
+    assert said in err.strip().splitlines()[-1]
+    assert not list((tmp_path / "output").rglob("*.*"))
+
+
+def test_a_standstill_has_a_plain_verdict_and_all_files(diagnose, tmp_path):
+    status, out, _ = diagnose(still(tmp_path / "still"), "--json", "d.json")
+    assert status == 0 and out.startswith("not enough excitation")
+    document = json.loads((tmp_path / "d.json").read_text())
+    assert document["verdict"] == "not_enough_excitation" and document["findings"] == []
+    names = sorted(path.name for path in (tmp_path / "output" / "diagnosis").iterdir())
+    assert names == ["diagnosis.json", "machine.yaml", "report.html"]
+
+
+@pytest.mark.parametrize("where", ["diagnosing", "drawing"])
+def test_an_interruption_leaves_the_old_report_or_none(diagnose, tmp_path, monkeypatch, where):
+    folder = tmp_path / "output" / "diagnosis"
+    folder.mkdir(parents=True)
+    (folder / "report.html").write_text("the old one")
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    if where == "diagnosing":
+        monkeypatch.setattr(run, "diagnose", interrupted)
+    else:
+        monkeypatch.setattr(report_diagnosis, "page", interrupted)
+    try:
+        assert diagnose(still(tmp_path / "still"))[0] != 0
+    except KeyboardInterrupt:
+        pass
+    assert (folder / "report.html").read_text() == "the old one"
+    assert not list(folder.glob("*.new*"))
