@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import os
 import secrets
+import signal
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -97,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
     trial = Trial(folder, seed, args.cases, machine)
     again = f"prove --seed {seed} --cases {args.cases} --output {folder}"
     console.print(f"seed {seed}: repeat it or go on with ./boom {again}", soft_wrap=True)
-    with workers(args.scheduler, min(args.workers, args.cases)) as engine, _progress() as progress:
+    with _stopped_by_term(), workers(args.scheduler, min(args.workers, args.cases)) as engine, _progress() as progress:
         checksum = trial.prepare(engine, progress)
         console.print(f"{args.cases} answers are sealed, SHA-256 {checksum}", soft_wrap=True)
         trial.diagnose(engine, progress)
@@ -150,6 +151,16 @@ def _show(console: Console, rows: Sequence[Row]) -> None:
     for m in scoring.measures(rows):
         table.add_row(m.title, str(m.count), tables.value_text(m), tables.wanted_text(m), tables.met_text(m))
     console.print(table)
+
+
+@contextmanager
+def _stopped_by_term() -> Iterator[None]:
+    """A polite kill is like Ctrl-C: the workers are stopped, too."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager
