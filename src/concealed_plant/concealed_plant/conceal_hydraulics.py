@@ -180,8 +180,8 @@ def command_delay(size: float, r: Array, scene: Scene) -> Hidden:
 
 @conceals("pump_flow_limit", "supply", "-", (0.002, 0.75), "a hard limit that sinks with pressure")
 def pump_flow_limit(size: float, r: Array, scene: Scene) -> Hidden:
-    """The pump cannot deliver what the valve asks; the size is the share of the largest flow that is missing."""
-    return Hidden({"pump": 1.0 / (scene.peak * (1.06 - size))})
+    """The pump cannot deliver what the valve asks; the size is the share that is missing of its largest flow and a reserve."""
+    return Hidden({"pump": 1.0 / (scene.peak * (1.1 - size))})
 
 
 @conceals(

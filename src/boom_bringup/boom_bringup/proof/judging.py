@@ -24,6 +24,8 @@ from concealed_plant.generator import HOLD_OUT
 
 OUTCOME, DIAGNOSIS = "outcome.json", "diagnosis"
 ROW = "row.json"
+PREDICTED = 0.99
+"""Least share of the samples that a whole run predicts."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,8 @@ def _errors(bag: Path, machine: Machine | None) -> list[float | None]:
     for name in OUTPUTS:
         signal = recording.signals[name]
         error = (prediction.values[name] - signal.values)[signal.valid]
+        predicted = np.isfinite(error)  # a sample before the first current, or behind the last one, is not
         spread = float(np.std(signal.values[signal.valid]))
-        whole = bool(np.isfinite(error).all()) and not prediction.stopped
-        result.append(float(np.sqrt(np.mean(error**2))) / spread if whole and spread > 0 else None)
+        whole = predicted.mean() > PREDICTED and not prediction.stopped
+        result.append(float(np.sqrt(np.mean(error[predicted] ** 2))) / spread if whole and spread > 0 else None)
     return result
