@@ -57,8 +57,8 @@ class Engine:
 
 
 @contextmanager
-def workers(scheduler: str | None, count: int) -> Iterator[Engine]:
-    """``count`` local worker processes, or those of the scheduler at an address (tcp://HOST:PORT).
+def workers(scheduler: str | None, count: int, patience: float = 10.0) -> Iterator[Engine]:
+    """``count`` local worker processes, or those of the scheduler at an address (tcp://HOST:PORT), waited for ``patience`` [s].
 
     Raises:
         EngineError: nobody answers at that address.
@@ -69,14 +69,14 @@ def workers(scheduler: str | None, count: int) -> Iterator[Engine]:
     settings = {
         "distributed.worker.daemon": False,  # a diagnosis may start processes of its own
         "distributed.scheduler.allowed-failures": 2 * RETRIES,
-        "distributed.comm.timeouts.connect": "10s",
+        "distributed.comm.timeouts.connect": f"{patience}s",
         "distributed.admin.low-level-log-length": 0,
         "logging.distributed": "error",
     }
     with dask.config.set(settings):
         if scheduler is not None:
             try:
-                client = Client(scheduler, timeout="10s")
+                client = Client(scheduler, timeout=f"{patience}s")
             except (OSError, ValueError) as error:
                 raise EngineError(
                     f"--scheduler {scheduler}: nobody answers ({error}): start `dask scheduler` there, or leave the option out"
@@ -85,7 +85,7 @@ def workers(scheduler: str | None, count: int) -> Iterator[Engine]:
                 yield Engine(client)
             return
         cluster = LocalCluster(
-            n_workers=count, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
+            n_workers=count, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address="127.0.0.1:0",
             memory_limit=None, silence_logs=50,
         )  # fmt: skip
         with cluster, Client(cluster) as client:
