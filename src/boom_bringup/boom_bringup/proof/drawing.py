@@ -7,7 +7,7 @@ from html import escape
 from math import isfinite
 
 COLOURS = {"measured": "#8a8f98", "nominal": "#d9730d", "explained": "#1f6feb"}
-_WIDTH, _HEIGHT, _LEFT, _BOTTOM = 560, 130, 52, 18
+_WIDTH, _HEIGHT, _LEFT, _BOTTOM = 440, 130, 52, 18
 
 
 def lines(title: str, unit: str, factor: float, time: Sequence[float], series: Mapping[str, Sequence[float]]) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from boom_bringup.proof import drawing, judging, scoring, tables
 from boom_bringup.proof.outcomes import Row
 from boom_bringup.proof.trial import Trial
+from concealed_plant.concealments import KNOWN
 
 _STYLE = """
 :root{color-scheme:light;font:15px/1.5 system-ui,sans-serif;color:#1c2430;background:#f4f5f7}
@@ -26,7 +27,8 @@ th,td{padding:4px 10px;border-bottom:1px solid #e7eaee;text-align:left;vertical-
 svg{max-width:100%;height:auto}svg text{font:10px system-ui,sans-serif;fill:#5b6673}
 .frame{fill:none;stroke:#d4d9df}.axis{stroke:#8a8f98}.grid{stroke:#e7eaee}
 .ideal{stroke:#8a8f98;stroke-dasharray:4 3}.dot{fill:#1f6feb;fill-opacity:.7}
-.side{display:flex;flex-wrap:wrap;gap:24px}.panels{display:grid;grid-template-columns:repeat(auto-fit,minmax(300px,1fr));gap:4px}
+.side{display:flex;flex-wrap:wrap;gap:24px}.panels{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,420px),1fr));gap:8px}
+code{overflow-wrap:anywhere}
 @media print{.card{break-inside:avoid;border:none}:root{background:#fff}}
 """
 _UNITS = {"angle": ("rad", 1.0), "rate": ("rad/s", 1.0), "hose_pressure": ("bar", 1e-5), "rod_pressure": ("bar", 1e-5)}
@@ -102,14 +104,13 @@ def _confusion(rows: Sequence[Row]) -> str:
     table = scoring.confusion(rows)
     columns = sorted({name for counts in table.values() for name in counts})
     head = "".join(f"<th class=column>{escape(name)}</th>" for name in columns)
-    known = {effect.effect for row in rows for effect in row.truth.effects if effect.known}
     lines = []
     for name in sorted(table):
         cells = []
         for column in columns:
             count = table[name][column]
-            right = column == name or _counts_as_right(name, column, name in known)
-            tone = "" if not count else "right" if right else "wrong" if column in known else "soft"
+            right = column == name or _counts_as_right(name, column, name in KNOWN)
+            tone = "" if not count else "right" if right else "wrong" if column in (*KNOWN, "failed") else "soft"
             cells.append(f"<td class='{tone}'>{count or ''}</td>")
         lines.append(f"<tr><th class=row>{escape(name)}</th>{''.join(cells)}</tr>")
     return (
@@ -131,7 +132,7 @@ def _worst(trial: Trial, rows: Sequence[Row]) -> str:
         for trace in judging.traces(row.truth.name, trial.blind, trial.sealed, str(trial.machine)):
             unit, factor = _UNITS[trace.name]
             pictures += drawing.lines(trace.name.replace("_", " "), unit, factor, trace.time, trace.lines)
-        sizes = ", ".join(f"{e.effect}: {e.size:.3g} {e.unit}" for e in row.truth.effects)
+        sizes = ", ".join(f"{e.effect}: {e.size:.3g} {e.unit}".removesuffix(" -") for e in row.truth.effects)
         wrong = ", ".join(f"{key} by {off:.1f} standard deviations" for key, off in row.truth.wrong.items())
         parts.append(
             f"<h3>{escape(what)}</h3><p class=quiet>case {row.truth.name}, verdict {escape(row.said.verdict or 'none')}. "
