@@ -1,5 +1,6 @@
 """`./boom diagnose`: one plain line for wrong input, a plain verdict where nothing can be told, and whole files only."""
 
+import contextlib
 import json
 
 import numpy as np
@@ -84,9 +85,7 @@ def test_an_interruption_leaves_the_old_report_or_none(diagnose, tmp_path, monke
         monkeypatch.setattr(run, "diagnose", interrupted)
     else:
         monkeypatch.setattr(report_diagnosis, "page", interrupted)
-    try:
+    with contextlib.suppress(KeyboardInterrupt):
         assert diagnose(still(tmp_path / "still"))[0] != 0
-    except KeyboardInterrupt:
-        pass
     assert (folder / "report.html").read_text() == "the old one"
     assert not list(folder.glob("*.new*"))
