@@ -28,7 +28,7 @@ from boom_bringup import __version__
 
 # The order of the help: what a newcomer needs first comes first.
 _ORDER = (
-    "demo", "test", "validate", "identify", "diagnose", "robustness", "simulate", "sim", "replay", "record", "watch",
+    "demo", "test", "validate", "identify", "diagnose", "prove", "robustness", "simulate", "sim", "replay", "record", "watch",
     "import-can", "setup", "python",
 )  # fmt: skip
 _COMMANDS = Path(__file__).with_name("commands")

@@ -77,7 +77,9 @@ class Outcome:
         return 1 if self.failed else 0
 
 
-def _die_with_parent(parent: int) -> Callable[[], None]:
+def die_with_parent(parent: int) -> Callable[[], None]:
+    """For ``preexec_fn``: the new process is killed when the process ``parent``, which starts it, ends in whatever way."""
+
     def run() -> None:
         _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         # The parent may have gone between fork and prctl.
@@ -194,7 +196,7 @@ class Supervisor:
                 env={**self._environment, **program.environment},
                 # Its own session: a Ctrl-C of the terminal reaches it through us, in order.
                 start_new_session=True,
-                preexec_fn=_die_with_parent(os.getpid()),
+                preexec_fn=die_with_parent(os.getpid()),
             )
         except OSError as error:
             os.close(ours)

@@ -1,0 +1,200 @@
+"""The blind trial: physics is concealed in a second plant, the diagnosis has to find it, and is scored.
+
+The second plant (concealed_plant) shares no line with the model and no functional form with the effects that the diagnosis knows.
+All cases are made and sealed first; of the answers only a checksum is shown. The diagnosis then works on each recording in a
+process that can open nothing else of the trial. Then the seal is opened, and the table, the report and the worst cases are shown.
+
+  ./boom prove --cases 30                     a small trial with a fresh seed, some minutes
+  ./boom prove --cases 300                    the published one, about an hour on two cores
+  ./boom prove --seed 7 --cases 300 --output output/prove-7-300     the same again, or to go on with one that was stopped
+
+A measure that is not met is a result: the exit status is 0, or 1 with --strict.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import secrets
+import signal
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from boom_bringup.cli import UsageError
+from boom_bringup.outputs import checked, json_text, write
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from boom_bringup.proof.outcomes import Row
+    from boom_bringup.proof.trial import Progress
+
+HELP = "conceal physics in a second plant, let the diagnosis find it blindly, score it"
+
+_LARGEST_SEED = 2**31 - 1
+_EVERY = 20.0  # s between two lines where there is no terminal
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "--seed", type=int, metavar="N", help="repeat the trial with this seed (default: a fresh one, which is printed)"
+    )
+    parser.add_argument("--cases", type=int, metavar="K", default=300, help="number of cases (default: 300)")
+    parser.add_argument(
+        "--output", metavar="DIR", help="folder of the trial; one that was stopped goes on (default: output/prove-N-K)"
+    )
+    parser.add_argument("--json", metavar="F", help="write the score as a JSON document to F")
+    parser.add_argument(
+        "--document", metavar="F", help="write the trial as a page of the documentation to F (default: proof.md in DIR)"
+    )
+    parser.add_argument(
+        "--machine", metavar="FILE", help="machine file around which the cranes are drawn (default: tz17)"
+    )
+    parser.add_argument(
+        "--workers",
+        type=int,
+        metavar="W",
+        default=os.cpu_count() or 1,
+        help="local worker processes (default: one a core)",
+    )
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS",
+        help="use the workers of this dask scheduler, tcp://HOST:PORT, which see the same folder and packages (default: local)",
+    )  # fmt: skip
+    parser.add_argument("--strict", action="store_true", help="exit with status 1 if a measure is not met")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the trial; returns 0, or 1 with --strict and a measure that is not met."""
+    if args.cases < 1:
+        raise UsageError(f"--cases {args.cases}: give at least 1")
+    if args.workers < 1:
+        raise UsageError(f"--workers {args.workers}: give at least 1")
+    if args.seed is not None and not 0 <= args.seed <= _LARGEST_SEED:
+        raise UsageError(f"--seed {args.seed}: give a number from 0 to {_LARGEST_SEED}")
+    json_path, page_path = checked(args.json, "--json"), checked(args.document, "--document")
+    machine = _machine_file(args.machine)
+
+    from rich.console import Console
+
+    from boom_bringup.proof import scoring, tables
+    from boom_bringup.proof.engine import workers
+    from boom_bringup.proof.page import page
+    from boom_bringup.proof.report import report
+    from boom_bringup.proof.trial import Trial, stored
+
+    console = Console(highlight=False)
+    seed = args.seed
+    if seed is None:
+        known = stored(Path(args.output)) if args.output else None
+        seed = known.seed if known else secrets.randbelow(_LARGEST_SEED)
+    folder = Path(args.output) if args.output else Path("output") / f"prove-{seed}-{args.cases}"
+    begin = time.monotonic()
+    trial = Trial(folder, seed, args.cases, machine)
+    again = f"prove --seed {seed} --cases {args.cases} --output {folder}"
+    console.print(f"seed {seed}: repeat it or go on with ./boom {again}", soft_wrap=True)
+    with _stopped_by_term(), workers(args.scheduler, min(args.workers, args.cases)) as engine, _progress() as progress:
+        checksum = trial.prepare(engine, progress)
+        console.print(f"{args.cases} answers are sealed, SHA-256 {checksum}", soft_wrap=True)
+        trial.diagnose(engine, progress)
+        rows = trial.score(engine, progress)
+    seconds = time.monotonic() - begin
+    _show(console, rows)
+    page_path, report_path = page_path or folder / "proof.md", folder / "report.html"
+    _whole(page_path, page(trial.state, rows, seconds))
+    if json_path:
+        _whole(json_path, json_text(tables.document(trial.state, rows, seconds)))
+    _whole(report_path, report(trial, rows, seconds))
+    console.print(f"{seconds / 60:.1f} minutes; report: {report_path}, page: {page_path}", soft_wrap=True)
+    missed = [m for m in scoring.measures(rows) if m.met is False]
+    return 1 if args.strict and missed else 0
+
+
+def _machine_file(wanted: str | None) -> Path:
+    """Path of the machine file: one that was given, or a shipped one by name."""
+    from importlib.resources import files
+
+    name = wanted or "tz17"
+    if Path(name).suffix in (".yaml", ".yml") or "/" in name:
+        if not Path(name).is_file():
+            raise UsageError(f"--machine {name}: there is no such file")
+        return Path(name)
+    path = Path(str(files("boom_model").joinpath("machines", f"{name}.yaml")))
+    if not path.is_file():
+        raise UsageError(f"--machine {name}: no machine of this name is shipped: give its file")
+    return path
+
+
+def _whole(path: Path, text: str) -> None:
+    """Writes a file whole or not at all. Raises UsageError where it cannot be written."""
+    temporary = path.with_name(path.name + ".new")
+    try:
+        write(path, lambda: temporary.write_text(text, encoding="utf-8"))
+        write(path, lambda: temporary.replace(path))
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _show(console: Console, rows: Sequence[Row]) -> None:
+    from rich.table import Table
+
+    from boom_bringup.proof import scoring, tables
+
+    table = Table(title="blind trial")
+    for title in ("measure", "cases", "measured (95 % bounds)", "asked", "met"):
+        table.add_column(title, justify="right" if title == "cases" else "left")
+    for m in scoring.measures(rows):
+        table.add_row(m.title, str(m.count), tables.value_text(m), tables.wanted_text(m), tables.met_text(m))
+    console.print(table)
+
+
+@contextmanager
+def _stopped_by_term() -> Iterator[None]:
+    """A polite kill is like Ctrl-C: the workers are stopped, too."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _progress() -> Iterator[Progress]:
+    """A bar on a terminal; elsewhere a line now and then."""
+    if not sys.stderr.isatty():
+        said_at, said = 0.0, ""
+
+        def say(title: str, done: int, total: int) -> None:
+            nonlocal said_at, said
+            if title != said or done == total or time.monotonic() - said_at > _EVERY:
+                print(f"boom: {title}: {done} of {total}", file=sys.stderr, flush=True)
+                said_at, said = time.monotonic(), title
+
+        yield say
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description}", markup=False), BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting the workers", total=None)
+
+        def show(title: str, done: int, total: int) -> None:
+            bar.update(task, description=title, completed=done, total=total)
+
+        yield show

@@ -1,0 +1,1 @@
+"""A second crane for blind trials. It shares no line with boom_model and must never import it, nor be imported by it."""

@@ -1,0 +1,287 @@
+"""How large an effect must be before a recording can show it: sensitivity against noise, nothing set by hand.
+
+Let s be the effect's signature: the outputs y (four channels over time) with the effect minus those without it, both free runs
+of the same specimen on the same currents. It is seen through noise with two parts, that of the sensors and what the noise of
+the measured currents does to a run on them; their power spectra are added per channel (the second from an ensemble of runs) and
+divide the spectrum: W. Every number of the machine is known within its tolerance only, so what a change of these numbers
+imitates says nothing. With z their deviations in standard deviations and y(z) the undisturbed run with them,
+
+    d^2 = min over z of |W (y_effect - y(z))|^2 + z'z      d in standard deviations of the best possible test
+
+by damped Gauss-Newton steps with the sensitivities W dy/dz at the specimen. An effect that is itself one of the machine's numbers
+(spring, pre-charge, ...) keeps that number out of z, and counts as the effect only beyond the number's tolerance: its size is
+not below 1.5 tolerances at 1 x (``Concealment.floor``).
+
+d grows with the size of the effect. The detectable size is the one at which the part of the signature that nothing else imitates
+carries as much energy as all the noise of the recording, a signal-to-noise ratio of one: d^2 = number of whitened values (four
+channels at 50 Hz). A case at k times its detectability has k times that size. It is found by going up from a size that does
+nothing, each z the beginning of the next.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from concealed_plant import sensing
+from concealed_plant.hidden import Concealment, Hidden, Scene, Sensing
+from concealed_plant.machine import DEVIATIONS_IN_TOLERANCE, DRAWN, Linkage, MachineFile, Pose, linkage, quantities
+from concealed_plant.plant import Courses, Run, RunError, Start, per_millisecond, run
+from concealed_plant.quantities import Quantities
+
+Array = NDArray[np.float64]
+
+ENSEMBLE = 4
+PROBE = 0.1
+"""Standard deviations by which a number is moved for its sensitivity."""
+SPACING = 20
+"""Milliseconds between the samples that are compared."""
+PROJECTIONS, SETTLED = 6, 0.9
+"""Most runs that look for the numbers that imitate an effect best; a step that gains less than a tenth ends the search."""
+COARSE, FINE, NEAR = 3.0, 1.7, 1.25
+"""Factors between sizes that are tried, far from and near the detectable one; d that is near enough for a straight line."""
+CUT = 0.6
+"""Share of the size asked for that the largest one must have."""
+_TRIES = 16
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A specimen at work: everything of a recording but what is concealed. currents (k, 2) [A], every 10 ms."""
+
+    specimen: MachineFile
+    pose: Pose
+    start: Start
+    currents: Array
+    starts: Array
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return len(self.currents) / 100.0
+
+
+@dataclass(frozen=True)
+class Sized:
+    """An effect at its size; ``detectable`` is the size at one detectability, None if not looked for."""
+
+    size: float
+    detectable: float | None
+    hidden: Hidden
+    outputs: Array
+
+
+class TooFaintError(ValueError):
+    """No size that still is this effect shows in this recording as strongly as asked."""
+
+
+class Detectability:
+    """Signatures in one setting. Raises RunError where the undisturbed crane leaves its range."""
+
+    def __init__(self, setting: Setting, rng: np.random.Generator) -> None:
+        self._setting, self._rng = setting, rng
+        self.linkage = linkage(setting.specimen)
+        self.m = quantities(setting.specimen, setting.pose)
+        plain = run(self.m, self.linkage, setting.start, per_millisecond(setting.currents))
+        self.scene = scene(self.m, setting, plain)
+        self.plain = plain.outputs
+
+    @property
+    def detectable(self) -> float:
+        """d at which an effect counts as detectable in this recording: signature and noise have the same energy."""
+        return float(np.sqrt(4 * (len(self.plain) // SPACING)))
+
+    def seen(self, hidden: Hidden) -> Array:
+        """What ideal sensors show with the effect in place: (n, 4) by millisecond."""
+        return outputs(self.m, self.linkage, self._setting, hidden)
+
+    def separation(
+        self, changed: Array, twins: tuple[str, ...] = (), guess: Array | None = None
+    ) -> tuple[float, Array]:
+        """d of the outputs (n, 4) against the undisturbed ones, and the deviations z (numbers,) that imitate it best.
+
+        twins: numbers that are kept out of z. guess: z to begin with.
+        """
+        free = [k for k, key in enumerate(DRAWN) if key not in twins]
+        n = self._numbers[:, free]
+        solve = np.linalg.inv(n.T @ n + np.eye(len(free)))
+        z, rest = np.zeros(len(DRAWN)), self._white(changed - self.plain)
+        cost, share = float(rest @ rest), 1.0
+        for step in range(PROJECTIONS):
+            tried = z.copy()
+            if step == 0 and guess is not None:
+                tried = guess
+            else:
+                tried[free] += share * (solve @ (n.T @ rest - z[free]))
+            try:
+                left = self._white(changed - self._moved(dict(zip(DRAWN, tried, strict=True))))
+                reached = float(left @ left + tried @ tried)
+            except RunError:
+                reached = np.inf
+            if reached < cost:
+                settled = reached > SETTLED * cost
+                z, rest, cost, share = tried, left, reached, min(1.0, 2.0 * share)
+                if settled:
+                    break
+            elif step > 0 or guess is None:
+                share /= 4.0
+        return float(np.sqrt(cost)), z
+
+    def size_for(self, effect: Concealment, draws: Array, strength: float) -> Sized:
+        """The effect at ``strength`` times its detectable size, cut at its largest.
+
+        Raises:
+            TooFaintError: even its largest size stays well below that.
+            RunError: the crane with it leaves its range.
+        """
+        one = self.detectable_size(effect, draws)
+        size = min(strength * one, effect.largest)
+        if size < CUT * strength * one:
+            raise TooFaintError(
+                f"{effect.id}: detectable from {one:.3g} {effect.unit}, so that {strength:g} x is beyond {effect.largest:g}"
+            )
+        hidden = effect.build(size, draws, self.scene)
+        return Sized(size, one, hidden, self.seen(hidden))
+
+    def detectable_size(self, effect: Concealment, draws: Array) -> float:
+        """The size at which d is ``detectable``, not below the effect's floor.
+
+        Raises:
+            TooFaintError: even its largest size stays below.
+        """
+        self._largest_shows(effect, draws)
+        least, low_d = effect.smallest, 0.0
+        z: Array | None = None
+        reached: Array | None = None
+        at, factor = effect.smallest, COARSE
+        for _ in range(_TRIES):
+            try:
+                guess = None if z is None else z * min(at / least, COARSE)
+                changed = self.seen(effect.build(at, draws, self.scene))
+                d, reached = self.separation(changed, effect.twins, guess)
+            except RunError:
+                d, reached = np.inf, z
+            if d < self.detectable:
+                if at >= effect.largest:
+                    raise TooFaintError(f"{effect.id}: d is {d:.0f} at its largest, {self.detectable:.0f} is asked")
+                least, low_d, z = at, d, reached
+                if d > 0.2 * self.detectable:
+                    factor = min(factor, FINE)
+                at = min(at * factor, effect.largest)
+            elif d < NEAR * self.detectable or at / least < 1.02:
+                return max(effect.floor, at * self.detectable / d)
+            else:
+                share = (self.detectable - low_d) / (min(d, 1e3 * self.detectable) - low_d)
+                factor = 1.0 + (at / least - 1.0) * float(np.clip(share, 0.25, 0.6))
+                at = least * factor
+        raise TooFaintError(f"{effect.id}: its detectable size was not found")
+
+    def _largest_shows(self, effect: Concealment, draws: Array) -> None:
+        """A look that spares all sensitivities: projecting tolerances out never makes d larger. Raises TooFaintError."""
+        try:
+            difference = self.seen(effect.build(effect.largest, draws, self.scene)) - self.plain
+        except RunError:
+            return
+        d = float(np.linalg.norm(self._white(difference)))
+        if d < self.detectable:
+            raise TooFaintError(f"{effect.id}: d is {d:.0f} at its largest, {self.detectable:.0f} is asked")
+
+    @cached_property
+    def _weights(self) -> Array:
+        """(4, f) weights on the spectrum of a signature: 1 / sqrt of the noise's power per frequency."""
+        count = len(self.plain) // SPACING
+        power = np.zeros((4, count // 2 + 1))
+        for _ in range(ENSEMBLE):
+            noise = sensing.CURRENT_SIGMA * self._rng.standard_normal(self._setting.currents.shape)
+            measured = np.maximum(self._setting.currents + noise, 0.0)
+            driven = run(self.m, self.linkage, self._setting.start, per_millisecond(measured)).outputs
+            power += np.abs(_spectrum(driven - self.plain)) ** 2 / ENSEMBLE
+        smooth = np.array([_smoothed(row) for row in power])
+        # white noise keeps its density when the sensors' 100 Hz are averaged to 50 Hz
+        sigma = np.array([
+            sensing.ANGLE_QUANTUM / np.sqrt(12.0), sensing.RATE_SIGMA, sensing.PRESSURE_SIGMA, sensing.PRESSURE_SIGMA,
+        ])  # fmt: skip
+        white = count * sigma**2 / (SPACING / sensing.PERIOD)
+        return np.asarray(1.0 / np.sqrt(smooth + white[:, None]), dtype=np.float64)
+
+    @cached_property
+    def _numbers(self) -> Array:
+        """Whitened change of the outputs per standard deviation of each drawn number, (4 f 2, numbers); 0: it breaks."""
+        columns = []
+        for key in DRAWN:
+            column = np.zeros(2 * self._weights.size)
+            for direction in (PROBE, -PROBE):
+                try:
+                    column = self._white(self._moved({key: direction}) - self.plain) / direction
+                    break
+                except RunError:
+                    continue
+            columns.append(column)
+        return np.stack(columns, axis=-1)
+
+    def _moved(self, deviations: dict[str, float]) -> Array:
+        """Undisturbed outputs of the specimen with numbers moved by so many standard deviations. Raises RunError."""
+        setting = self._setting
+        deviations = {key: z for key, z in deviations.items() if z != 0.0}
+        factors = {
+            key: max(0.05, 1.0 + z * setting.specimen.tolerance(key, setting.pose) / DEVIATIONS_IN_TOLERANCE)
+            for key, z in deviations.items()
+        }
+        moved = setting.specimen.specimen(factors)
+        table = linkage(moved) if any(key.startswith("kinematics.") for key in deviations) else self.linkage
+        return run(quantities(moved, setting.pose), table, setting.start, per_millisecond(setting.currents)).outputs
+
+    def _white(self, difference: Array) -> Array:
+        spectrum = _spectrum(difference) * self._weights * np.sqrt(2.0)
+        return np.concatenate((spectrum.real.ravel(), spectrum.imag.ravel()))
+
+
+def scene(m: Quantities, setting: Setting, plain: Run) -> Scene:
+    """What an effect may need to know of the undisturbed recording."""
+    angle = plain["angle"]
+    return Scene(
+        m, setting.duration, float(angle.min()), float(angle.max()), setting.starts, float(plain["flow_head"].max())
+    )
+
+
+def outputs(m: Quantities, table: Linkage, setting: Setting, hidden: Hidden) -> Array:
+    """Outputs (n, 4) of a setting with an effect in place, as ideal sensors see them. Raises RunError."""
+    changed = m._replace(**dict(hidden.changes))
+    held = per_millisecond(setting.currents, hidden.late)
+    return sensing.seen(run(changed, table, setting.start, held, hidden.courses).outputs, hidden.sensing)
+
+
+def together(parts: list[Hidden]) -> Hidden:
+    """Several effects in one machine."""
+    changes: dict[str, float] = {}
+    parameters: dict[str, float] = {}
+    courses, seen, late, onset = Courses(), Sensing(), None, None
+    for part in parts:
+        changes |= part.changes
+        parameters |= part.parameters
+        given = {name: value for name, value in vars(part.courses).items() if value is not None}
+        courses = Courses(**(vars(courses) | given))
+        own = {name: value for name, value in vars(part.sensing).items() if value != getattr(Sensing(), name)}
+        seen = Sensing(**(vars(seen) | own))
+        late = part.late if part.late is not None else late
+        onset = part.onset if part.onset is not None else onset
+    return Hidden(changes, courses, seen, late, parameters, onset)
+
+
+def _spectrum(difference: Array) -> Array:
+    """(4, f) spectrum of (n, 4) outputs by millisecond, averaged over ``SPACING``."""
+    count = len(difference) // SPACING
+    coarse = difference[: count * SPACING].reshape(count, SPACING, 4).mean(axis=1)
+    return np.asarray(np.fft.rfft(coarse, axis=0).T)
+
+
+def _smoothed(power: Array) -> Array:
+    """Power averaged over neighbouring frequencies, wider where they are higher."""
+    index = np.arange(len(power))
+    reach = 2 + index // 4
+    total = np.concatenate(([0.0], np.cumsum(power)))
+    first, last = np.maximum(index - reach, 0), np.minimum(index + reach + 1, len(power))
+    return np.asarray((total[last] - total[first]) / (last - first), dtype=np.float64)

@@ -1,0 +1,287 @@
+"""Makes a case: a recording for the blind side, and for the sealed side the answer and a second recording of the same crane.
+
+The second recording is never shown to a diagnosis: models are judged on it. With it goes the oracle's error, that of the true
+plant run freely on the second recording's measured currents: what no model can beat.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_recording import writing
+from boom_recording.recording import Configuration, Recording
+from concealed_plant.cases import CaseSpec
+from concealed_plant.concealments import CONCEALMENTS
+from concealed_plant.detectability import Detectability, Setting, Sized, TooFaintError, outputs, scene, together
+from concealed_plant.hidden import Hidden
+from concealed_plant.machine import (
+    DEVIATIONS_IN_TOLERANCE,
+    DRAWN,
+    LOAD_FLOOR,
+    LOAD_SHARE,
+    MachineFile,
+    Pose,
+    linkage,
+    quantities,
+    scattered,
+)
+from concealed_plant.operator import Operator
+from concealed_plant.plant import RunError, Start, per_millisecond, run
+from concealed_plant.sensing import Bus, record
+
+Array = NDArray[np.float64]
+
+DURATION = 60.0
+SCATTER = 0.5
+"""Standard deviations by which every number of every crane differs from the machine file."""
+ATTEMPTS = 40
+RECORDING, HOLD_OUT, ANSWER = "recording", "hold_out", "answer.json"
+CHANNELS = ("angle", "rate", "hose_pressure", "rod_pressure")
+_POSES = ((4.59, 0.0), (0.28, 2.2), (0.28, 2.8))
+# Numbers that are an effect of the catalogue when they are far off: wrong by no more than their tolerance.
+_TWINS = (
+    "accumulators.p_g0_1", "accumulators.p_g0_2", "accumulators.d_1", "accumulators.d_2", "main_valve_spool.k", "pilot_valves.h.0",
+    "main_valve_orifices.x0", "pilot_valves.a1_s", "hose_burst_valve.a30", "hose_burst_valve.a31", "hose_burst_valve.a21",
+    "rigid_body.moment",
+)  # fmt: skip
+
+
+class GenerationError(RuntimeError):
+    """A case could not be made in many attempts."""
+
+    exit_status = 2
+
+
+@dataclass(frozen=True)
+class TrueEffect:
+    """What was concealed. strength: asked for, in multiples of the detectability; detectable: the size at 1 x; size [unit].
+
+    onset_s, hold_out_onset_s: when it begins in the recording and in the second one [s], None where it is there throughout.
+    """
+
+    effect: str
+    known: bool
+    subsystems: tuple[str, ...]
+    strength: float
+    detectable: float | None
+    size: float
+    unit: str
+    parameters: dict[str, float]
+    onset_s: float | None
+    hold_out_onset_s: float | None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The sealed side of a case.
+
+    Attributes:
+        name, kind: of the case.
+        effects: what is concealed, none for healthy machines.
+        wrong: keys of the machine file -> standard deviations by which they are off, beyond the scatter of every crane.
+        oracle: normalised rms error of the true plant on the second recording, per channel; None where it stood still.
+        pose: q3 [rad], q4 [m], load told [kg].
+    """
+
+    name: str
+    kind: str
+    effects: tuple[TrueEffect, ...]
+    wrong: dict[str, float]
+    oracle: tuple[float | None, ...]
+    pose: tuple[float, float, float]
+    attempts: int = 1
+
+    def document(self) -> dict[str, Any]:
+        """As JSON."""
+        return asdict(self)
+
+
+@dataclass
+class _Crane:
+    """A specimen in a pose, and how it came about."""
+
+    specimen: MachineFile
+    told: Pose
+    true: Pose
+    wrong: dict[str, float] = field(default_factory=dict)
+
+
+def make_case(spec: CaseSpec, machine: str | Path, blind: Path, sealed: Path) -> Path:
+    """Writes blind/NAME/recording, sealed/NAME/hold_out and sealed/NAME/answer.json; returns the answer's path.
+
+    A case that is there already is left as it is. The same ``spec`` gives the same files.
+
+    Raises:
+        GenerationError: no recording could be made in ``ATTEMPTS`` attempts.
+        MachineFileError: the machine file lacks a number.
+    """
+    answer = sealed / spec.name / ANSWER
+    if answer.exists():
+        return answer
+    for folder in (blind / spec.name, sealed / spec.name):
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+    file = MachineFile.read(machine)
+    reason = ""
+    for attempt in range(ATTEMPTS):
+        rng = np.random.default_rng([*spec.seed, attempt])
+        try:
+            truth, first, second = _attempt(spec, file, rng, attempt)
+        except (RunError, TooFaintError) as error:
+            reason = str(error)
+            continue
+        writing.write(blind / spec.name / RECORDING, first)
+        writing.write(sealed / spec.name / HOLD_OUT, second)
+        temporary = answer.with_suffix(".new")
+        temporary.write_text(json.dumps(truth.document(), indent=1, sort_keys=True) + "\n", encoding="utf-8")
+        os.replace(temporary, answer)
+        return answer
+    raise GenerationError(f"case {spec.name} ({spec.kind}) could not be made in {ATTEMPTS} attempts: {reason}")
+
+
+def _attempt(
+    spec: CaseSpec, file: MachineFile, rng: np.random.Generator, attempt: int
+) -> tuple[Answer, Recording, Recording]:
+    crane = _crane(spec, file, rng)
+    manner = _manner(spec)
+    setting = _at_work(crane, rng, manner, _halfway(spec))
+    detectability = Detectability(setting, rng)
+    rows = [(CONCEALMENTS[name], strength, rng.uniform(size=5)) for name, strength in spec.effects]
+    sized: list[Sized] = []
+    for row, strength, draws in rows:
+        if spec.kind == "idle":
+            sized.append(_unseen(detectability, row.build, (row.smallest * row.largest) ** 0.5, draws))
+        else:
+            sized.append(detectability.size_for(row, draws, strength))
+    hidden = together([each.hidden for each in sized])
+    shown = detectability.seen(hidden)
+    bus = Bus(loss=float(rng.choice([0.0, 0.002, 0.01])))
+    configuration = Configuration(file.name, crane.told.outer_boom_angle, crane.told.telescope_length, crane.told.load)
+    first = record("recording", shown, per_millisecond(setting.currents), configuration, bus, rng)
+    again = _at_work(crane, rng, manner, hidden.changes)
+    second, oracle, onset = _second(again, rows, sized, hidden, configuration, bus, rng)
+    effects = tuple(
+        TrueEffect(
+            row.id, row.known, row.subsystems, strength, each.detectable, each.size, row.unit, dict(each.hidden.parameters),
+            each.hidden.onset, None if each.hidden.onset is None else onset,
+        )
+        for (row, strength, _), each in zip(rows, sized, strict=True)
+    )  # fmt: skip
+    pose = (crane.told.outer_boom_angle, crane.told.telescope_length, crane.told.load)
+    answer = Answer(spec.name, spec.kind, effects, crane.wrong, oracle, pose, attempts=attempt + 1)
+    return answer, first, second
+
+
+def _unseen(detectability: Detectability, build: Any, size: float, draws: Array) -> Sized:
+    """An effect of middling size in a recording that is not meant to show it."""
+    hidden = build(size, draws, detectability.scene)
+    changed = detectability.seen(hidden)
+    return Sized(size, None, hidden, changed)
+
+
+def _manner(spec: CaseSpec) -> str:
+    if spec.kind == "idle":
+        return "idle"
+    return next((CONCEALMENTS[name].manner for name, _ in spec.effects if CONCEALMENTS[name].manner), "")
+
+
+def _crane(spec: CaseSpec, file: MachineFile, rng: np.random.Generator) -> _Crane:
+    """A specimen in a pose that suits the case."""
+    names = [name for name, _ in spec.effects]
+    if "swinging_load" in names or "end_cushioning" in names or rng.uniform() < 0.5:
+        q3, q4 = _POSES[int(rng.integers(1, 3))]
+    elif rng.uniform() < 0.5:
+        q3, q4 = _POSES[0]
+    else:
+        q3, q4 = float(rng.uniform(0.1, 1.5)), float(rng.uniform(0.5, 3.0))
+    load = float(np.round(rng.uniform(100.0, 350.0))) if rng.uniform() < 0.25 and q4 > 0 else 0.0
+    told = Pose(q3, q4, load)
+    off = (
+        max(LOAD_SHARE * load, LOAD_FLOOR) * SCATTER * rng.standard_normal() / DEVIATIONS_IN_TOLERANCE if load else 0.0
+    )
+    specimen = file.specimen(scattered(file, told, rng, SCATTER))
+    wrong = _wrong(rng) if spec.kind == "parameters" else {}
+    factors = {
+        key: 1.0 + deviations * file.tolerance(key, told) / DEVIATIONS_IN_TOLERANCE for key, deviations in wrong.items()
+    }
+    return _Crane(specimen.specimen(factors), told, Pose(q3, q4, load + off), wrong)
+
+
+def _wrong(rng: np.random.Generator) -> dict[str, float]:
+    """One to three keys and by how many standard deviations they are off."""
+    chosen = rng.choice(len(DRAWN), size=int(rng.integers(1, 4)), replace=False)
+    result = {}
+    for key in (DRAWN[int(k)] for k in chosen):
+        if key.startswith("kinematics."):
+            continue  # the linkage was measured; a crane whose bars are of other lengths is another crane
+        most = DEVIATIONS_IN_TOLERANCE if key in _TWINS else 4.0
+        result[key] = float(rng.uniform(1.0, most)) * (1.0 if rng.uniform() < 0.5 else -1.0)
+    return result or {"friction.tau_C_pos": float(rng.uniform(1.0, 4.0))}
+
+
+def _halfway(spec: CaseSpec) -> dict[str, float]:
+    """What the operator of the first recording meets: half of an effect that changes every motion, else a healthy machine.
+
+    The undisturbed and the affected crane are run on his currents; he keeps both in range by steering what lies between.
+    """
+    factors = [CONCEALMENTS[name].floor * strength / 2 for name, strength in spec.effects if name == "spring_rate"]
+    return {"spring_factor": 1.0 + factors[0]} if factors else {}
+
+
+def _at_work(crane: _Crane, rng: np.random.Generator, manner: str, changes: Mapping[str, float]) -> Setting:
+    """The crane driven by an operator who meets it with ``changes``. Raises RunError."""
+    m, table = quantities(crane.specimen, crane.true), linkage(crane.specimen)
+    start = Start(
+        float(rng.uniform(1.0, 1.3) if manner == "ends" else rng.uniform(0.25, 0.7)), float(rng.uniform(0.6e6, 1.6e6))
+    )
+    currents, starts = Operator(m._replace(**dict(changes)), table, rng).drive(DURATION, start.angle, manner)
+    return Setting(crane.specimen, crane.true, start, currents, starts)
+
+
+def _second(
+    setting: Setting, rows: list[Any], sized: list[Sized], hidden: Hidden, configuration: Configuration, bus: Bus,
+    rng: np.random.Generator,
+) -> tuple[Recording, tuple[float | None, ...], float | None]:  # fmt: skip
+    """The same crane with the same physics at other work; what is bound to time is laid anew.
+
+    With the oracle's error, and the time at which the physics begins there.
+    """
+    table, m = linkage(setting.specimen), quantities(setting.specimen, setting.pose)
+    there = scene(m, setting, run(m, table, setting.start, per_millisecond(setting.currents)))
+    laid = together([row.build(each.size, draws, there) for (row, _, draws), each in zip(rows, sized, strict=True)])
+    same = Hidden(hidden.changes, laid.courses, hidden.sensing, laid.late)
+    shown = outputs(m, table, setting, same)
+    recording = record(HOLD_OUT, shown, per_millisecond(setting.currents), configuration, bus, rng)
+    measured = Setting(setting.specimen, setting.pose, setting.start, _as_measured(recording), setting.starts)
+    return recording, _errors(outputs(m, table, measured, same), recording), laid.onset
+
+
+def _as_measured(recording: Recording) -> Array:
+    """Measured currents (k, 2) of every 10 ms; a lost sample is what was measured before it."""
+    count = round(DURATION * 100)
+    columns = []
+    for name in ("retract_current", "extend_current"):
+        signal = recording.signals[name]
+        last = np.searchsorted(signal.time, np.arange(count) / 100.0 + 0.005) - 1
+        columns.append(signal.values[np.maximum(last, 0)])
+    return np.stack(columns, axis=-1)
+
+
+def _errors(predicted: Array, recording: Recording) -> tuple[float | None, ...]:
+    """Normalised rms error per channel: rms(predicted - measured) / standard deviation of the measured; None: it stood still."""
+    result: list[float | None] = []
+    for k, name in enumerate(CHANNELS):
+        signal = recording.signals[name]
+        at = np.interp(signal.time, np.arange(1, len(predicted) + 1) / 1000.0, predicted[:, k])
+        spread = float(np.std(signal.values))
+        result.append(float(np.sqrt(np.mean((at - signal.values) ** 2))) / spread if spread > 0.0 else None)
+    return tuple(result)

@@ -1,0 +1,140 @@
+"""What one concealed effect changes, and the register of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from concealed_plant.plant import Courses
+from concealed_plant.quantities import Quantities
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The undisturbed recording into which an effect is put.
+
+    Attributes:
+        m: the specimen's numbers.
+        duration: [s].
+        low, high: boom angles that are visited [rad].
+        starts: times [s] at which a motion begins.
+        peak: largest flow from the pump to the head side [m^3/s].
+    """
+
+    m: Quantities
+    duration: float
+    low: float
+    high: float
+    starts: Array
+    peak: float
+
+    @property
+    def milliseconds(self) -> Array:
+        """Time [s] of each millisecond."""
+        return np.arange(round(self.duration * 1000)) / 1000.0
+
+    def between(self, share: float) -> float:
+        """An angle inside the visited range [rad]: 0 its lower, 1 its upper end."""
+        return self.low + share * (self.high - self.low)
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """What the sensors do beside noise: neutral by default. SI."""
+
+    angle_offset: float = 0.0
+    angle_skew: float = 0.0
+    rate_gain: float = 1.0
+    rate_lag: float = 0.0
+    hose_bias: float = 0.0
+    rod_bias: float = 0.0
+    bias_drift: float = 0.0
+    pressure_dead_time: float = 0.0
+    pressure_lag: float = 0.0
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """An effect at a size.
+
+    Attributes:
+        changes: names of ``Quantities`` -> new value.
+        courses, sensing: what changes in time, and in the sensors.
+        late: (k,) dead time of each current [ms].
+        parameters: what an engineer would want to read, where it means the same whatever the functional form: name -> value.
+        onset: when it begins [s], None: it is there throughout.
+    """
+
+    changes: Mapping[str, float] = field(default_factory=dict)
+    courses: Courses = field(default_factory=Courses)
+    sensing: Sensing = field(default_factory=Sensing)
+    late: Array | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    onset: float | None = None
+
+
+Builder = Callable[[float, Array, Scene], Hidden]
+"""(size, five draws from 0..1, scene) -> what is hidden. The draws are shape and sign, the size is how strong."""
+
+
+@dataclass(frozen=True)
+class Concealment:
+    """One row of the register.
+
+    Attributes:
+        id: of the catalogue, or a name of its own where ``known`` is false.
+        subsystems: where a report may rightly place it, the best one first.
+        unit: of the size.
+        smallest, largest: sizes that still are this effect and not a broken crane.
+        form: how it differs from what a catalogue would assume, for the documentation.
+        build: makes it.
+        known: whether a catalogue has it.
+        manner: kind of work that shows it ("" any, see ``operator``).
+        twins: numbers of the machine that it is, once they are out of tolerance.
+        floor: size at 1.5 tolerances of these, 0 without them.
+    """
+
+    id: str
+    subsystems: tuple[str, ...]
+    unit: str
+    smallest: float
+    largest: float
+    form: str
+    build: Builder
+    known: bool = True
+    manner: str = ""
+    twins: tuple[str, ...] = ()
+    floor: float = 0.0
+
+
+REGISTER: dict[str, Concealment] = {}
+
+
+def conceals(
+    name: str, subsystems: str, unit: str, sizes: tuple[float, float], form: str, *, known: bool = True, manner: str = "",
+    twins: tuple[str, ...] = (), floor: float = 0.0,
+) -> Callable[[Builder], Builder]:  # fmt: skip
+    """Registers a builder; ``subsystems`` separated by blanks."""
+
+    def register(build: Builder) -> Builder:
+        REGISTER[name] = Concealment(
+            name, tuple(subsystems.split()), unit, *sizes, form, build, known, manner, twins, floor
+        )
+        return build
+
+    return register
+
+
+def sign(draw: float) -> float:
+    """-1 or 1 with equal chance."""
+    return 1.0 if draw < 0.5 else -1.0
+
+
+def within(draw: float, low: float, high: float) -> float:
+    """A draw from 0..1 stretched to low..high."""
+    return low + draw * (high - low)
