@@ -1,9 +1,10 @@
 """From one control law to another without a jump of the currents.
 
-    u = (1 - w) u_old + w u_new,  w = 3 x^2 - 2 x^3,  x rising from 0 to 1
+    u = (1 - w) u_old + w u_new,  w = 3 x^2 - 2 x^3,  x = 0 in the first half of the time, then rising to 1
 
 The new law starts at rest from the present measurement, and its first currents are large while it opens a valve that it believes
-closed: w begins with slope zero. Both run until the new one has taken over. Source: bumpless transfer by fading.
+closed: so it runs in the shadow of the old one at first. Both run until the new one has taken over. Source: bumpless transfer by
+fading.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ class Handover:
             return output
         old = self._old.step(reference, measurement)
         self._done += 1
-        x = self._done / self._steps
+        x = max(0.0, 2.0 * self._done / self._steps - 1.0)
         w = x * x * (3.0 - 2.0 * x)
         output.retract = (1.0 - w) * old.retract + w * output.retract
         output.extend = (1.0 - w) * old.extend + w * output.extend
