@@ -64,7 +64,7 @@ class WatchNode(Node):
         self._input = InputWatch(
             "no /boom/machine_configuration for {age} s: start the crane or replay a bag", time.monotonic(), once=True
         )
-        sensor = qos.SENSOR_DATA
+        sensor = qos.EVERY_SENSOR_SAMPLE
         self.create_subscription(JointState, channels.JOINT_STATES, self._on_joints, sensor)
         for topic in (channels.HOSE_PRESSURE, channels.ROD_PRESSURE):
             self.create_subscription(FluidPressure, topic, partial(self._on_pressure, topic), sensor)
@@ -119,7 +119,7 @@ class WatchNode(Node):
         at = ns_to_seconds(nanoseconds - self._origin_ns)
         for name, wire in values.items():
             channel = channels.BY_NAME[name]
-            value = channel.from_wire(wire)
+            value = wire - channel.wire_offset
             if channel.low <= value <= channel.high:
                 self._watch.add(name, at, value)
             else:
