@@ -38,7 +38,8 @@ ONSET = 0.45
 def middle(effect: str, duration: float) -> dict[str, float]:
     """Its parameters at the middle of the plausible range.
 
-    Geometric where the number is positive by its meaning; the middle of the upper half where the range is about neutral.
+    Geometric where the number is positive by its meaning and neutral is no part of the range; the middle of the upper half
+    where the middle is neutral.
     """
     result = {}
     for row, coordinate in zip(EFFECTS[effect].parameters, coordinates(EFFECTS[effect]), strict=True):
@@ -46,7 +47,7 @@ def middle(effect: str, duration: float) -> dict[str, float]:
             result[row.name] = ONSET * duration
         elif coordinate.positive and not row.low < row.neutral < row.high:
             result[row.name] = float(np.sqrt(row.low * row.high))
-        elif row.low < row.neutral < row.high:
+        elif abs(0.5 * (row.low + row.high) - row.neutral) < 0.05 * (row.high - row.low):
             result[row.name] = row.neutral + 0.5 * (row.high - row.neutral)
         else:
             result[row.name] = 0.5 * (row.low + row.high)

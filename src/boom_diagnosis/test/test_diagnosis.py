@@ -64,6 +64,7 @@ def test_an_effect_is_named_with_its_number_and_improves_what_was_not_fitted() -
     assert first.parameters["r"].value == pytest.approx(2.0, rel=0.1)
     low, high = first.parameters["r"].interval_90
     assert low < first.parameters["r"].value < high < low + 0.5
+    assert lagging().explained.effects["pilot_lag"]["r"] == first.parameters["r"].value
     held = document.fit.held_out
     assert np.all(np.array(held["explained"]) < 0.7 * np.array(held["parameters_only"]))
 
