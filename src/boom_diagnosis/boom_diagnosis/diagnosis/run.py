@@ -143,6 +143,9 @@ def search(case: Case, progress: Progress) -> None:
         if k == 0:
             _calibrate(case, found.base)
             _spare(case, 0, found.problem, found.base, ())
+            nominal = found.problem.points([(np.zeros(len(case.nuisances)), {})])[0]
+            if worsening(case, nominal, case.kept(0)) > WORSE:
+                case.spared[0] = nominal
         weighed = _weigh(case, found) if found.fitted else []
         case.weighed.append(weighed)
         best = weighed[0] if weighed else None
