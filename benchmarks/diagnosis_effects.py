@@ -1,6 +1,6 @@
 """Is each effect of the catalogue named where it is at the middle of its range? A smoke test: the equations are shared.
 
-    python benchmarks/diagnosis_effects.py [--effects ID ...] [--bag BAG] [--seed N] [--json PATH]
+    python benchmarks/diagnosis_effects.py [--effects ID ...] [--bag BAG] [--duration S] [--seed N] [--json PATH]
 
 The currents of a recording drive a simulated machine that has the effect; the result, with the sensors' noise, is diagnosed.
 Its last third is held out. Right is an effect that is named first, or stands in the list of an ambiguous answer. ``--json`` is
@@ -38,7 +38,8 @@ ONSET = 0.45
 def middle(effect: str, duration: float) -> dict[str, float]:
     """Its parameters at the middle of the plausible range.
 
-    Geometric where the number is positive by its meaning; the middle of the upper half where the range is about neutral.
+    Geometric where the number is positive by its meaning and neutral is no part of the range; the middle of the upper half
+    where the middle is neutral.
     """
     result = {}
     for row, coordinate in zip(EFFECTS[effect].parameters, coordinates(EFFECTS[effect]), strict=True):
@@ -46,22 +47,22 @@ def middle(effect: str, duration: float) -> dict[str, float]:
             result[row.name] = ONSET * duration
         elif coordinate.positive and not row.low < row.neutral < row.high:
             result[row.name] = float(np.sqrt(row.low * row.high))
-        elif row.low < row.neutral < row.high:
+        elif abs(0.5 * (row.low + row.high) - row.neutral) < 0.05 * (row.high - row.low):
             result[row.name] = row.neutral + 0.5 * (row.high - row.neutral)
         else:
             result[row.name] = 0.5 * (row.low + row.high)
     return result
 
 
-def recorded(effect: str, like: Recording, seed: int) -> Recording:
-    """What the machine with the effect would have recorded with the same currents."""
-    machine = load_machine("tz17").with_effects({effect: middle(effect, like.duration)})
+def recorded(effect: str, like: Recording, duration: float, seed: int) -> Recording:
+    """What the machine with the effect would have recorded with the same currents for ``duration`` [s]."""
+    machine = load_machine("tz17").with_effects({effect: middle(effect, duration)})
     driven = held_currents(like)
     first = {name: like.signals[name].values[:50] for name in ("angle", "hose_pressure", "rod_pressure")}
     start = Start(*(float(np.nanmean(values)) for values in first.values()))
     return simulate(
         machine, like.configuration, start, driven.time, driven.values, noise=machine.sensor_noise(), seed=seed,
-        duration=like.duration, name=f"{effect}, simulated",
+        duration=duration, name=f"{effect}, simulated",
     )  # fmt: skip
 
 
@@ -81,17 +82,19 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--bag", default=str(BAG), help="recording whose currents are used (default: bags/healthy/extended)"
     )
+    parser.add_argument("--duration", type=float, metavar="S", help="how much of it [s] (default: all)")
     parser.add_argument("--seed", type=int, default=0, help="of the noise (default: 0)")
     parser.add_argument("--json", type=Path, metavar="PATH", help="results so far; read first and continued")
     args = parser.parse_args(argv)
     like = load(args.bag)
+    duration = min(args.duration or like.duration, like.duration)
     done = json.loads(args.json.read_text()) if args.json and args.json.is_file() else {}
     for effect in args.effects:
         if effect in done:
             continue
         begin = perf_counter()
         try:
-            result = diagnose([recorded(effect, like, args.seed)], load_machine("tz17"), seed=args.seed)
+            result = diagnose([recorded(effect, like, duration, args.seed)], load_machine("tz17"), seed=args.seed)
         except ModelError as error:
             print(f"{effect}: {error}", file=sys.stderr)
             return 2
@@ -99,11 +102,12 @@ def main(argv: list[str] | None = None) -> int:
         named = [[f.effect, round(f.confidence, 3)] for f in findings]
         done[effect] = {
             "right": judged(effect, result), "verdict": result.document.verdict, "named": named,
-            "seconds": round(perf_counter() - begin, 1), "given": middle(effect, like.duration),
+            "seconds": round(perf_counter() - begin, 1), "given": middle(effect, duration),
             "found": {k: round(e.value, 12) for k, e in findings[0].parameters.items()} if findings else {},
         }  # fmt: skip
         print(
-            f"{'right' if done[effect]['right'] else 'WRONG':6} {effect:28} {done[effect]['verdict']:20} {named}",
+            f"{'right' if done[effect]['right'] else 'WRONG':6} {effect:28} {done[effect]['verdict']:20} "
+            f"{done[effect]['seconds']:5.0f} s {named}",
             flush=True,
         )
         if args.json:

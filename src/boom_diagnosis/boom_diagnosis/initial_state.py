@@ -56,7 +56,7 @@ def initial_state(
     resting = rest_end(currents, start, end)
     means = means_at_rest(recording, start, resting)
     if means is not None:
-        state = plant.rest_state(means["angle"], means["hose_pressure"], means["rod_pressure"])
+        state = plant.rest_state_measured(means["angle"], means["hose_pressure"], means["rod_pressure"])
         return InitialState(start, state, f"at rest from {start:.2f} s to {resting:.2f} s")
     return _in_motion(recording, plant, currents, start, end)
 
@@ -113,7 +113,7 @@ def _in_motion(
 
 def stationary_guess(plant: Plant, measured: dict[str, float], current: tuple[float, float]) -> Array:
     """State with pilot stage, spool and accumulators at rest under the currents [A] that act, and p_a = p_h."""
-    state = plant.rest_state(measured["angle"], measured["hose_pressure"], measured["rod_pressure"])
+    state = plant.rest_state_measured(measured["angle"], measured["hose_pressure"], measured["rod_pressure"])
     index = {name: i for i, name in enumerate(plant.state_names)}
     state[index["rate"]] = measured["rate"]
     # the valve alone, followed for long enough under the held currents, is stationary; the rest of the state is put

@@ -14,7 +14,7 @@ from boom_diagnosis.diagnosis.healthy import simulated as copy_of
 from boom_diagnosis.diagnosis.learning import _curve, reading
 from boom_diagnosis.diagnosis.nuisances import tolerances
 from boom_diagnosis.diagnosis.run import diagnose
-from boom_diagnosis.diagnosis.weighing import posterior, predictive_loss, unknown_probability
+from boom_diagnosis.diagnosis.weighing import BLOCK, posterior, predictive_loss, scatter, unknown_probability
 from boom_model.learned import PLACES, LearnedTerm
 from boom_model.machine import Machine
 from boom_model.plant import Plant
@@ -64,6 +64,7 @@ def test_an_effect_is_named_with_its_number_and_improves_what_was_not_fitted() -
     assert first.parameters["r"].value == pytest.approx(2.0, rel=0.1)
     low, high = first.parameters["r"].interval_90
     assert low < first.parameters["r"].value < high < low + 0.5
+    assert lagging().explained.effects["pilot_lag"]["r"] == first.parameters["r"].value
     held = document.fit.held_out
     assert np.all(np.array(held["explained"]) < 0.7 * np.array(held["parameters_only"]))
 
@@ -167,3 +168,17 @@ def test_the_next_experiment_is_a_drive_with_what_it_would_show() -> None:
     assert proposed.expected.shape == (len(proposed.time), 4) and np.isfinite(proposed.expected).all()
     assert proposed.currents.max() > 0.3 and np.all(proposed.currents[[0, -1]] == 0.0)
     assert proposed.separation[0][3] > 1.0
+
+
+def test_a_number_that_stretches_of_a_recording_disagree_about_is_known_worse() -> None:
+    """w = a(block) + noise, for one unknown: the blocks' spread counts, not the number of samples."""
+    rng = np.random.default_rng(0)
+    column, block = np.ones((40 * BLOCK, 1)), np.repeat(rng.standard_normal(40), BLOCK)
+    noise = 0.3 * rng.standard_normal(40 * BLOCK)
+    everything = np.ones(40 * BLOCK, dtype=bool)
+    spread = []
+    for w in (noise, 0.5 * block + noise):
+        point = Point(np.zeros(0), {}, w - w.mean(), everything, 0.0, [], [])
+        spread.append(float(scatter(point, column, 0)[0, 0]))
+    assert spread[0] == pytest.approx(0.3**2 / (40 * BLOCK), rel=0.5)
+    assert spread[1] == pytest.approx(0.5**2 * np.var(block, ddof=1) / 40, rel=0.1)

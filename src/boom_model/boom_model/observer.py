@@ -23,8 +23,8 @@ from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
 
-STANDSTILL = 0.01
-"""rad/s. Below it the boom counts as standing still."""
+STANDSTILL = 0.05
+"""rad/s. Below it so little flows that a part which rested still stands where it likes."""
 
 
 @dataclass(frozen=True)

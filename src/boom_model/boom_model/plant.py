@@ -141,6 +141,14 @@ class Plant:
             values["hose_burst_valve_conductance"] = self._conductance_at_rest(number)
         return np.array([values[name] for name in self.state_names])
 
+    def rest_state_measured(
+        self, angle: float, hose_pressure: float, rod_pressure: float, parameters: Array | None = None
+    ) -> Array:
+        """:meth:`rest_state` from what the sensors show [rad, Pa gauge]: offsets that the machine has are taken off."""
+        number = self._numbers(parameters)
+        b, hose, rod = (number[f"effects.{n}"] for n in ("angle_offset.b", "pressure_bias.hose", "pressure_bias.rod"))
+        return self.rest_state(angle - b, hose_pressure - hose, rod_pressure - rod, parameters)
+
     def equilibrium(self, angle: float, rod_pressure: float = 1.0e6) -> Array:
         """Rest state in which the pressures carry the boom without friction: p_a A_a = g / J + p_b A_b."""
         auxiliary = self.auxiliary(self.rest_state(angle, 0.0, rod_pressure)[None], np.zeros((1, 2)))

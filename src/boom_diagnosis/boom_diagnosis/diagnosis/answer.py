@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 from typing import TYPE_CHECKING
 
@@ -239,7 +239,8 @@ def _inside(w: Weighed) -> bool:
 
 def _findings(case: Case, unknown: float, cells: list[NDArray[np.int64]], tight: _Tight) -> list[Finding]:
     result = []
-    last = case.taken[-1].fitted if case.taken else None
+    # at the point that the machine file gets
+    last = replace(case.taken[-1].fitted, point=case.last) if case.taken else None
     for k, w in enumerate(case.taken):
         assert last is not None
         weighed = case.weighed[k]

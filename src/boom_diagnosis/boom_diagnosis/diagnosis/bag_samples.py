@@ -81,7 +81,7 @@ class Bag:
         """Rest state of the measured values, or one with valve and accumulators at rest where the boom moves."""
         if self.resting:
             s = self.start
-            return plant.rest_state(s["angle"], s["hose_pressure"], s["rod_pressure"], parameters)
+            return plant.rest_state_measured(s["angle"], s["hose_pressure"], s["rod_pressure"], parameters)
         return stationary_guess(plant, self.start, self.currents.at(0.0))
 
 

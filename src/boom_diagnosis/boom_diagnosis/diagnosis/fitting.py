@@ -23,7 +23,7 @@ HUBER = 4.0
 """Standard deviations up to which an innovation counts squared."""
 LARGEST_Z = 3.0
 """Standard deviations a number may move: 1.7 times its tolerance."""
-HALF_STEP = 0.5
+Z_STEP = 0.1
 """Standard deviations of a tolerance: step of the differences."""
 
 
@@ -119,9 +119,9 @@ class Problem:
         moved = []
         for i in range(len(self.nuisances)):
             z = at.z.copy()
-            z[i] += HALF_STEP
+            z[i] += Z_STEP
             moved.append((z, at.effects))
-        return np.stack([(p.w - at.w) / HALF_STEP for p in self.points(moved)], axis=-1)
+        return np.stack([(p.w - at.w) / Z_STEP for p in self.points(moved)], axis=-1)
 
     def effect_jacobian(self, at: Point, names: Sequence[Coordinate]) -> Array:
         """dw/d(inner coordinate) (rows, number of coordinates) by differences, towards the inside of the limits."""

@@ -58,7 +58,7 @@ def noise_floor(span: Span, machine: Machine, seed: int) -> Floats4:
     rng = np.random.default_rng(seed)
     first = {n: recording.signals[n].values[recording.signals[n].valid] for n in OUTPUTS}
     angle, hose, rod = (float(np.mean(first[n][:50])) for n in ("angle", "hose_pressure", "rod_pressure"))
-    x0 = plant.rest_state(angle, hose, rod)
+    x0 = plant.rest_state_measured(angle, hose, rod)
     grid = np.arange(currents.time[0], min(span.end, currents.time[-1]), 0.01)
     noisy = currents.values + CURRENT_NOISE * rng.standard_normal(currents.values.shape) * (currents.values > 0.05)
     try:

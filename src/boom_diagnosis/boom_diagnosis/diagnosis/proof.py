@@ -15,7 +15,7 @@ from boom_diagnosis.diagnosis.bag_samples import Bag
 from boom_diagnosis.diagnosis.document import STAGES, BagResult, Channel, Fit, LadderStep, Verdict
 from boom_diagnosis.diagnosis.fitting import Point
 from boom_diagnosis.diagnosis.found_machine import found_machine
-from boom_diagnosis.diagnosis.freerun import Span, errors, median, noise_floor
+from boom_diagnosis.diagnosis.freerun import Span, errors, free_run, median, noise_floor
 from boom_diagnosis.diagnosis.learning import Learned
 from boom_diagnosis.diagnosis.weighing import Z90, posterior
 from boom_diagnosis.validation import Prediction, plant_for
@@ -101,6 +101,20 @@ def spans_of(case: Case) -> Spans:
         judged.append(Span(bag.recording, 0.0, bag.recording.duration))
         everything.append(judged[-1])
     return Spans(training, judged, everything)
+
+
+def worsening(case: Case, before: Point, after: Point) -> float:
+    """Factor by which free runs over data not used err more at ``after`` than at ``before``: geometric mean of the channels."""
+    pose = plant_for(case.bags[0].recording, case.machine, "full").pose
+    rows = []
+    for point in (before, after):
+        machine = found_machine(case.machine, pose, case.values(point.z, point.effects), {}, ())
+        rows.append([
+            errors(span, free_run(span.recording, placed(machine, case, span))) for span in spans_of(case).judged
+        ])  # fmt: skip
+    ratio = np.log(np.array(rows[1]) / np.array(rows[0]))
+    known = ratio[np.isfinite(ratio)]
+    return float(np.exp(np.mean(known))) if len(known) else 1.0
 
 
 def fit_and_ladder(

@@ -17,6 +17,7 @@ from boom_diagnosis.diagnosis.healthy import simulated
 from boom_diagnosis.diagnosis.hypotheses import NOTICED, Round, problem_at, run_round
 from boom_diagnosis.diagnosis.nuisances import Nuisance, tolerances
 from boom_diagnosis.diagnosis.onset import TIME, onset
+from boom_diagnosis.diagnosis.proof import worsening
 from boom_diagnosis.diagnosis.weighing import (
     COLDEST,
     ENOUGH,
@@ -38,6 +39,9 @@ Progress = Callable[[str, float], None]
 MOST_EFFECTS = 3
 HELD_OUT_SHARE = 1.0 / 3.0
 """Of each recording, its end, where no recording is held out."""
+WORSE = 1.1
+"""Factor by which the free runs over data not used may err more with an effect than without: one that pays for what the
+numbers cannot take up, but is not there, makes the free run worse."""
 MOVING, LEAST_MOVING, LEAST_TRAVEL = 0.02, 4.0, 0.1
 """rad/s, s, rad: a recording that moves less says nothing about most of the machine."""
 
@@ -139,14 +143,21 @@ def search(case: Case, progress: Progress) -> None:
         if k == 0:
             _calibrate(case, found.base)
             _spare(case, 0, found.problem, found.base, ())
+            nominal = found.problem.points([(np.zeros(len(case.nuisances)), {})])[0]
+            if worsening(case, nominal, case.kept(0)) > WORSE:
+                case.spared[0] = nominal
         weighed = _weigh(case, found) if found.fitted else []
         case.weighed.append(weighed)
         best = weighed[0] if weighed else None
         if best is None or not _earns(best):
             return
+        before = case.last
+        _spare(case, k + 1, found.problem, best.fitted.point, best.fitted.coordinates)
+        if worsening(case, before, case.spared.get(k + 1, best.fitted.point)) > WORSE:
+            case.spared.pop(k + 1, None)
+            return
         case.taken.append(best)
         z, values = best.fitted.point.z, best.fitted.point.effects
-        _spare(case, k + 1, found.problem, best.fitted.point, best.fitted.coordinates)
         rest = best.fitted.point.loss / len(best.fitted.point.w) - case.floor
         if rest < NEGLIGIBLE / 2:
             return

@@ -182,7 +182,7 @@ class Watch:
         if moving:
             state = stationary_guess(plant, means, (current[-1][1], current[-1][2]))
         else:
-            state = plant.rest_state(means["angle"], means["hose_pressure"], means["rod_pressure"])
+            state = plant.rest_state_measured(means["angle"], means["hose_pressure"], means["rod_pressure"])
         state = np.clip(state, plant.minimum, plant.maximum)
         self._filter = WatchFilter(self._model, self._noise, state, end, moving=moving, memory=self.settings.memory)
         self._from = end + _SETTLING
