@@ -34,7 +34,7 @@ from boom_interfaces.action import TrackTrajectory
 from boom_interfaces.msg import ControllerState, MachineConfiguration, SolenoidCurrents
 from boom_interfaces.srv import SetPayload
 from boom_node import qos
-from boom_node.stamps import seconds_to_ns, set_ns
+from boom_node.stamps import seconds_to_ns, set_ns, to_ns
 
 pytestmark = pytest.mark.process
 PATIENCE = 60.0
@@ -359,15 +359,18 @@ def test_a_stream_of_references_is_followed_smoothly(rig: Rig) -> None:
 def test_a_parameter_changed_in_motion_makes_no_jump_and_an_impossible_one_is_refused(rig: Rig) -> None:
     rig.lift()
     rig.until(lambda: len(rig.states) > 60)
-    before = [s.current_extend for s in rig.states]
-    assert all(r.successful for r in rig.set(force_pole=-8.0, neutral_pressure=5.5e5))
     count = len(rig.states)
-    rig.until(lambda: len(rig.states) > count + 100)
-    after = [s.current_extend for s in rig.states[len(before) :]]
-    usual = max(abs(b - a) for a, b in pairwise(before))
-    steady = abs(sum(after[-20:]) / 20 - sum(before[-20:]) / 20)
-    jump = max(abs(b - a) for a, b in zip([before[-1], *after], after, strict=False))
-    assert jump <= usual + steady + 0.01
+    assert all(r.successful for r in rig.set(force_pole=-8.0, neutral_pressure=5.5e5))
+    changed = len(rig.states)
+    rig.until(lambda: len(rig.states) > changed + 100)
+    states = list(rig.states)
+    current = [s.current_extend for s in states]
+    # on a busy computer a cycle comes late or a state is lost: what counts is the change within one cycle of 10 ms
+    cycles = [max(1.0, (to_ns(b.header.stamp) - to_ns(a.header.stamp)) / 1e7) for a, b in pairwise(states)]
+    jumps = [abs(b - a) / n for (a, b), n in zip(pairwise(current), cycles, strict=True)]
+    usual = max(jumps[: count - 1])
+    steady = abs(sum(current[-20:]) / 20 - sum(current[count - 20 : count]) / 20)
+    assert max(jumps[count - 1 :]) <= usual + steady + 0.01
     (refused,) = rig.set(force_pole=5.0)
     assert not refused.successful
     assert "force_pole" in refused.reason
