@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 HELP = "a recording into the simulated crane over CAN, open and closed loop: recorded, compared, reported"
 
 DEFAULT_BAG = Path("bags/healthy/extended")
-CLOSED_DURATION_S = 12.0  # both acts together stay below half a minute on two idle cores
+CLOSED_DURATION_S = 6.0  # both acts together stay below half a minute on two idle cores
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
