@@ -57,7 +57,7 @@ _INFORMATION: dict[str, frozenset[str]] = {
 _TOP = frozenset({*_INFORMATION, "effects", "learned"})
 _NUMBER = r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
 _METER_OUT = re.compile(rf"^\s*A_sb\s*/\s*\(\s*{_NUMBER}\s*([+-])\s*{_NUMBER}\s*\*\s*u\^2\s*\)\s*$")
-_STROKE_SLACK = 1e-3
+STROKE_SLACK = 1e-3
 
 
 def load_machine(source: str | Path) -> Machine:
@@ -327,7 +327,7 @@ def _check_consistency(machine: Machine) -> None:
     positions = [machine.piston_position(low + (high - low) * k / steps) for k in range(steps + 1)]
     if not all(isfinite(s) for s in positions):
         raise MachineError(f"kinematics: the linkage cannot be assembled everywhere in {low:g} .. {high:g} rad")
-    if positions[0] < -_STROKE_SLACK or positions[-1] > stroke + _STROKE_SLACK:
+    if positions[0] < -STROKE_SLACK or positions[-1] > stroke + STROKE_SLACK:
         raise MachineError(
             f"kinematics: {low:g} .. {high:g} rad needs s_p = {positions[0]:.4f} .. {positions[-1]:.4f} m, "
             f"but the stroke cylinder.l_p is 0 .. {stroke:g} m"

@@ -25,7 +25,7 @@ from boom_diagnosis.diagnosis.document import (
 from boom_diagnosis.diagnosis.experiment import propose
 from boom_diagnosis.diagnosis.fitting import Point
 from boom_diagnosis.diagnosis.freerun import free_run
-from boom_diagnosis.diagnosis.hypotheses import NOTICED, problem_at
+from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, NOTICED, problem_at
 from boom_diagnosis.diagnosis.learning import Learned, learn
 from boom_diagnosis.diagnosis.locating import LINKS, locate
 from boom_diagnosis.diagnosis.proof import (
@@ -61,6 +61,8 @@ NAMED_FROM = 0.55
 """Probability from which on a finding counts as identified, not as one of several."""
 LEARNT_FROM, LEARNT_IN = 0.3, 2
 """Probability of unknown physics from which on a term is learnt, and in how many equations it is tried."""
+DOUBTFUL = 0.1
+"""Share of the excess that stays from which on the tolerances alone are fitted once more, by the observer that sees most."""
 FLOORS = 1.5
 """Held-out error over that which noise alone leaves from which on the report says that something remains."""
 MOVED = 1.0
@@ -119,12 +121,15 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     unknown = unknown_probability(tight.excess_before, tight.excess_after)
     ranked = _ranking(case, unknown)
     cells = [regimes.classify(bag) for bag in case.bags]
+    findings = _findings(case, unknown, cells, tight)
+    verdict = _verdict(case, findings, unknown, _noticed(case), tight)
+    wrong = verdict not in ("no_mismatch", "parameters_only")
     equations, agreement, inputs = locate(
-        case.machine, case.bags, case.select, case.nuisances, first.base.z, {}, case.healthy
+        case.machine, case.bags, case.select, case.nuisances, first.base.z, {}, case.healthy, doubted=wrong
     )
     rest_equations = equations
     learned: Learned | None = None
-    if unknown > LEARNT_FROM:
+    if wrong and unknown > LEARNT_FROM:
         if case.taken:
             rest_equations, agreement, _ = locate(
                 case.machine, case.bags, case.select, case.nuisances, case.last.z, case.last.effects, case.healthy
@@ -134,9 +139,6 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
             case.machine, case.bags, case.select, case.judged, case.nuisances, case.last,
             [e.key for e in order[:LEARNT_IN]], first.problem.predictor.looseness, case.proving,
         )  # fmt: skip
-    findings = _findings(case, unknown, cells, tight)
-    noticed = _noticed(case)
-    verdict = _verdict(case, findings, unknown, noticed, tight)
     if verdict == "unknown_physics":
         findings = [_unknown_finding(case, unknown, cells, tight, rest_equations), *findings]
     if verdict == "no_mismatch":
@@ -191,9 +193,17 @@ def _tight(case: Case) -> _Tight:
     for z, values in ((zero, {}), (case.kept(0).z, {}), (case.last.z, case.last.effects)):
         problem = problem_at(case.machine, case.bags, case.select, case.nuisances, z, values, 1.0)
         stages.append(problem.points([(z, values)])[0])
-    n = int(stages[0].used.sum())
-    before = min(stages[1].loss - 0.5 * float(stages[1].z @ stages[1].z), stages[0].loss) / n - case.floor
-    after = (stages[2].loss - 0.5 * float(stages[2].z @ stages[2].z)) / n - case.floor
+    before, after = (point.excess(case.floor) for point in stages[1:])
+    before = min(before, stages[0].excess(case.floor))
+    last = case.rounds[-1]
+    if len(case.rounds) > len(case.taken) > 0 and last.problem.predictor.looseness == LOOSENESS[0]:
+        after = min(after, last.base.excess(case.floor))
+    if case.taken and after > DOUBTFUL * before:  # the numbers are those that a loose observer asked for
+        problem = problem_at(
+            case.machine, case.bags, case.select, case.nuisances, case.kept(0).z, {}, LOOSENESS[0]
+        )  # fmt: skip
+        start = problem.points([(case.kept(0).z, {})])[0]
+        before = min(before, problem.fit(start, problem.nuisance_jacobian(start))[0].excess(case.floor))
     return _Tight(stages[0].parts, stages[1].parts, stages[2].parts, before, after)
 
 
@@ -262,7 +272,7 @@ def _findings(case: Case, unknown: float, cells: list[NDArray[np.int64]], tight:
                 alternatives, _evidence(w, row.term, place.text),
             )
         )  # fmt: skip
-    return sorted(result, key=lambda f: -next(w.gain for w in case.taken if w.fitted.effect == f.effect))
+    return result
 
 
 def _gains(before: Point, after: Point) -> list[Array]:

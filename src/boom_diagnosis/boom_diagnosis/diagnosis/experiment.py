@@ -91,7 +91,7 @@ def propose(case: Case, ranked: Sequence[RankingRow]) -> Experiment | None:
     if not tried:
         return None
     name, currents, expected, apart = max(tried, key=lambda t: t[3][0])
-    now = [float(np.sqrt(2.0 * abs(a.loss - points[0][1].loss) / len(a.w))) for _, a in points[1:]]
+    now = [float(np.sqrt(2.0 * abs(a.loss - points[0][1].loss) / int(a.used.sum()))) for _, a in points[1:]]
     separation = tuple((points[0][0], other[0], n, a) for other, n, a in zip(points[1:], now, apart, strict=True))
     text = (
         f"Record {LENGTH:.0f} s of {name}: {points[0][0]} and {points[1][0]} would then differ by {apart[0]:.1f} standard "

@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis.coordinates import Coordinate
-from boom_diagnosis.diagnosis.nuisances import Nuisance
+from boom_diagnosis.diagnosis.nuisances import Nuisance, closed
 from boom_diagnosis.diagnosis.prediction import Predictor
 
 Array = NDArray[np.float64]
 
 HUBER = 4.0
 """Standard deviations up to which an innovation counts squared."""
-LARGEST_Z = 3.0
-"""Standard deviations a number may move: 1.7 times its tolerance."""
+LARGEST_Z = 4.0
+"""Standard deviations a number may move: 2.3 times its tolerance."""
 Z_STEP = 0.1
 """Standard deviations of a tolerance: step of the differences."""
 
@@ -52,6 +52,10 @@ class Point:
     parts: list[Array]
     states: list[Array]
 
+    def excess(self, floor: float) -> float:
+        """Loss per innovation [nats] over ``floor``, that of a healthy machine; without the tolerances' prior."""
+        return (self.loss - 0.5 * float(self.z @ self.z)) / int(self.used.sum()) - floor
+
 
 def weights(at: Point) -> Array:
     """Huber's weights; zero for what is held out."""
@@ -78,7 +82,7 @@ class Problem:
         self.used = np.concatenate([s[rows] for s, rows in zip(self.select, self.rows, strict=True)])
         nominal = dict(zip(predictor.base[0].parameter_names, predictor.base[0].p, strict=True))
         poses = [dict(zip(p.parameter_names, p.p, strict=True)) for p in predictor.base]
-        self._nominal = {n.name: nominal[n.name] for n in nuisances if not n.name.startswith("pose.")}
+        self._nominal = {name: nominal[name] for n in nuisances for name in n.components if not name.startswith("pose.")}
         self._poses = [{n.name: pose[n.name] for n in nuisances if n.name.startswith("pose.")} for pose in poses]
         self.runs = 0
 
@@ -86,12 +90,12 @@ class Problem:
         """Components of the parameter vector."""
         result = {}
         for nuisance, zi in zip(self.nuisances, z, strict=True):
-            if zi != 0.0:
-                reference = self._nominal.get(nuisance.name)
+            for name in nuisance.components if zi != 0.0 else ():
+                reference = self._nominal.get(name)
                 if reference is None:
-                    reference = self._poses[0][nuisance.name]
-                result[nuisance.name] = nuisance.value(reference, float(zi))
-        return result | dict(effects)
+                    reference = self._poses[0][name]
+                result[name] = nuisance.value(reference, float(zi))
+        return closed(self.predictor.machine, result) | dict(effects)
 
     def points(self, wanted: Sequence[tuple[Array, Mapping[str, float]]]) -> list[Point]:
         """Predictions and losses of several (z, effects)."""

@@ -12,6 +12,7 @@ import yaml
 
 from boom_diagnosis.identification.estimate import Estimate as Identified
 from boom_diagnosis.identification.machine_output import document_with, fits
+from boom_model.errors import MachineError
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine, Pose
 from boom_model.machine_file import machine_from
@@ -26,7 +27,8 @@ def found_machine(
 ) -> Machine:
     """The machine with other numbers (components of the parameter vector) and effects.
 
-    The moments of mass in ``pose`` go to the tabulated configuration; those of other poses, and a load, stay.
+    The moments of mass in ``pose`` go to its tabulated configuration, or to a new one; those of other poses, and a load, stay. Numbers that a
+    machine file cannot have together are brought back towards the machine's own, all by the same share, until it can.
 
     Args:
         machine: as given.
@@ -35,6 +37,32 @@ def found_machine(
         spreads: component -> half of its 90 % interval.
         learned: terms beside those that the machine has.
     """
+    for share in _SHARES:
+        nearer = {name: _between(machine, name, value, share) for name, value in numbers.items()}
+        try:
+            return _found(machine, pose, nearer, spreads, learned)
+        except MachineError:
+            continue
+    return _found(machine, pose, {n: v for n, v in numbers.items() if n.startswith("effects.")}, {}, learned)
+
+
+_SHARES = (1.0, 0.75, 0.5, 0.25)
+
+
+def _between(machine: Machine, name: str, value: float, share: float) -> float:
+    """A number of the machine part of the way to ``value``; those of effects and pose as they are."""
+    for parameter in machine.parameters.values() if share < 1.0 else ():
+        for component, own in zip(parameter.specification.components, parameter.value, strict=True):
+            if component == name:
+                return own + share * (value - own)
+    return value
+
+
+def _found(
+    machine: Machine, pose: Pose, numbers: Mapping[str, float], spreads: Mapping[str, float],
+    learned: Sequence[LearnedTerm],
+) -> Machine:  # fmt: skip
+    """Raises MachineError where the numbers do not go together."""
     identified = []
     components = {c: p for p in machine.parameters.values() for c in p.specification.components}
     for name, value in numbers.items():
@@ -51,13 +79,13 @@ def found_machine(
         if not fits(machine, entry):
             identified.append(entry)
     document: dict[str, Any] = document_with(machine, identified)
-    if pose.tabulated and any(f"pose.{k}" in numbers for k in ("D0", "Sx", "Sy")):
-        entry_ = copy.deepcopy(document["rigid_body"])
-        row = entry_["configs"][pose.tabulated]
+    if any(f"pose.{k}" in numbers for k in ("D0", "Sx", "Sy")):
+        body = copy.deepcopy(document["rigid_body"])
+        row = body["configs"].setdefault(pose.tabulated or _DIAGNOSED, _row(pose))
         for key in ("D0", "Sx", "Sy"):
             if f"pose.{key}" in numbers:
                 row[key] = float(numbers[f"pose.{key}"])
-        document["rigid_body"] = entry_
+        document["rigid_body"] = body
     effects = {k: dict(v) for k, v in machine.effects.items()}
     for name, value in numbers.items():
         if name.startswith("effects."):
@@ -68,6 +96,17 @@ def found_machine(
     if machine.learned or learned:
         document["learned"] = [entry.document() for entry in (*machine.learned, *learned)]
     return machine_from(document)
+
+
+_DIAGNOSED = "diagnosed_pose"
+
+
+def _row(pose: Pose) -> dict[str, Any]:
+    """A pose as a configuration of the machine file; the load is the recording's."""
+    return {
+        "q3": pose.outer_boom_angle, "q4": pose.telescope_length, "D0": pose.D0, "Sx": pose.Sx, "Sy": pose.Sy,
+        "tip": [float(x) for x in pose.tip], "m_L": 0.0, "prov": "derived, and diagnosed", "conf": "medium",
+    }  # fmt: skip
 
 
 def write_machine(path: Path, machine: Machine, *, command: str) -> None:

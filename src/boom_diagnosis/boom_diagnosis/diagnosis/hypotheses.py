@@ -25,7 +25,7 @@ Flags = NDArray[np.bool_]
 
 LOOSENESS = (1.0, 4.0, 15.0)
 """Factors of the assumed disturbances that are tried; the likeliest is taken, and a machine that is like the model gets 1."""
-REFINED, PROMISING = 5, 2.0
+REFINED, PROMISING = 5, 12.0
 """Effects that are fitted in a round at most, and the nats that the linear look must promise for it."""
 WEIGHED = 3
 """Effects that are weighed again where the best of them makes another observer likelier."""
@@ -90,8 +90,12 @@ def run_round(
     values: Mapping[str, float],
     progress: Progress,
     judged: Sequence[Flags] | None = None,
+    tight: bool = False,
 ) -> Round:
-    """Fits the tolerances (with the effects in ``values``), looks at all others, fits the best, weighs them."""
+    """Fits the tolerances (with the effects in ``values``), looks at all others, fits the best, weighs them.
+
+    tight: with the observer that is right for a healthy machine, whichever is likeliest.
+    """
     accepted = tuple(effects_of(values))
     kept = tuple(all_coordinates(list(accepted)).values())
 
@@ -105,11 +109,11 @@ def run_round(
         return p.fit(start, p.nuisance_jacobian(start), names, iterations=6)
 
     def likeliest(at_z: Array, at_values: Mapping[str, float]) -> Problem:
-        tried = [problem(at_z, at_values, looseness) for looseness in LOOSENESS]
+        tried = [problem(at_z, at_values, looseness) for looseness in (LOOSENESS[:1] if tight else LOOSENESS)]
         return max(tried, key=lambda p: p.likelihood(p.points([(at_z, at_values)])[0]))
 
     progress("tolerances", 0.0)
-    if accepted:  # near already
+    if accepted or tight:  # near already
         searching = likeliest(z, values)
         base, jacobian = fit(searching, z, values, kept)
     else:
@@ -143,7 +147,7 @@ def run_round(
     weighing = likeliest(best.z, best.effects)
     # an effect with states of its own is weighed by gains that correct them, too
     if weighing.predictor.looseness == searching.predictor.looseness and not with_states(best.effects):
-        fitted = [_polished(searching, f, base) for f in fitted[:1]] + fitted[1:]
+        fitted = [_polished(searching, f, base, f.jacobian[:, : len(base.z)]) for f in fitted[:1]] + fitted[1:]
         return Round(accepted, base, jacobian, _sorted(fitted), scanned, searching)
     base, jacobian = fit(weighing, base.z, base.effects, kept)
     columns = jacobian[:, : len(base.z)]  # of the base; good enough for all but the best

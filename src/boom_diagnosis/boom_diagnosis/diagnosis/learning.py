@@ -19,6 +19,7 @@ from boom_diagnosis.diagnosis.document import LearnedCurve
 from boom_diagnosis.diagnosis.fitting import Point, Problem
 from boom_diagnosis.diagnosis.hypotheses import problem_at
 from boom_diagnosis.diagnosis.nuisances import Nuisance
+from boom_diagnosis.diagnosis.prediction import Predictor, with_states
 from boom_diagnosis.diagnosis.search import Scanner
 from boom_diagnosis.diagnosis.weighing import Z90, posterior, precision, predictive_loss
 from boom_model.learned import PLACES, VARIABLES, LearnedTerm, parse
@@ -94,7 +95,7 @@ def _learn_in(
     machine: Machine, bags: Sequence[Bag], select: Sequence[Flags], judged: Sequence[Flags],
     nuisances: Sequence[Nuisance], at: Point, equation: str, looseness: float, proving: Sequence[Bag],
 ) -> Learned | None:  # fmt: skip
-    validity = _ranges(machine, at)
+    validity = _ranges(machine, bags, at)
     everything = library(equation, validity)
     wide = _with(machine, equation, everything, validity)
     problem = problem_at(wide, bags, select, nuisances, at.z, at.effects, looseness, judged)
@@ -166,23 +167,21 @@ def _descended(problem: Problem, at: Point, names: Sequence[Coordinate], sizes: 
     return min(problem.points(wanted), key=lambda p: p.loss)
 
 
-def _ranges(machine: Machine, at: Point) -> dict[str, tuple[float, float]]:
+def _ranges(machine: Machine, bags: Sequence[Bag], at: Point) -> dict[str, tuple[float, float]]:
     """Range of each variable in the states that the observer saw, as far as 99 % of the samples go."""
+    names = Predictor(machine, bags).plant(0, with_states(at.effects)).state_names
     states = np.concatenate(at.states)
     states = states[np.isfinite(states).all(axis=1)]
-    stroke = (
-        machine.parameters["main_valve_spool.s_max"].value[0] if "main_valve_spool.s_max" in machine.parameters else 1.0
-    )
-    # the first five states of every full model, and the spool where there is a pilot stage (boom_model.equations)
-    index = {"angle": 0, "rate": 1, "head_pressure": 2, "rod_pressure": 3, "hose_pressure": 4}
+    stroke = machine.parameters["main_valve_spool.s_max"].value[0] if "spool_position" in names else 1.0
     result = {}
-    for name, i in index.items():
-        low, high = np.percentile(states[:, i], [0.5, 99.5])
-        room = 0.02 * VARIABLES[name].scale
+    for name, variable in VARIABLES.items():
+        state = "spool_position" if name == "spool" else name
+        if state not in names:
+            continue
+        scale = stroke if name == "spool" else 1.0
+        low, high = np.percentile(states[:, names.index(state)] / scale, [0.5, 99.5])
+        room = 0.02 * variable.scale
         result[name] = (float(f"{low - room:.4g}"), float(f"{high + room:.4g}"))
-    position = int(np.argmax([abs(np.ptp(states[:, i]) / stroke - 1.0) < 1.5 for i in range(5, states.shape[1])])) + 5
-    low, high = np.percentile(states[:, position] / stroke, [0.5, 99.5])
-    result["spool"] = (float(f"{low - 0.02:.4g}"), float(f"{high + 0.02:.4g}"))
     return result
 
 

@@ -6,8 +6,9 @@ evenly between -T and +T has the standard deviation T / sqrt(3).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from math import exp, sqrt
+from math import exp, isfinite, sqrt
 
 from boom_model.machine import TOLERANCES, Machine, Pose
 
@@ -16,16 +17,31 @@ PRECHARGE = 0.05
 """Machine notes."""
 LOAD, LOAD_KG = 0.05, 20.0
 """Machine notes: share of the configuration's load, or kg."""
-_NOT_PHYSICS = ("constants.", "kinematics.", "hose_burst_valve.unit", "hose_burst_valve.dp_lin", "cylinder.l_")
+GEOMETRY, SEEN = "kinematics.", 5e-3
+"""m. A length of the linkage whose tolerance is less than this moves nothing that the sensors see."""
+STROKE_ZERO = "cylinder.l_min"
+"""Follows the geometry: at the lower end of the angle's range the cylinder is retracted, whatever the lengths are."""
+METER_OUT = ("main_valve_orifices.A_ta_law.c0", "main_valve_orifices.A_ta_law.c1")
+"""An area as a whole: both coefficients share one factor."""
+_NOT_PHYSICS = ("constants.", "hose_burst_valve.unit", "hose_burst_valve.dp_lin", "cylinder.l_")
 
 
 @dataclass(frozen=True)
 class Nuisance:
-    """One number: component of the parameter vector, standard deviation (relative, or absolute where ``shift``)."""
+    """One number: component of the parameter vector, standard deviation (relative, or absolute where ``shift``).
+
+    together: components that have the same factor.
+    """
 
     name: str
     sigma: float
     shift: bool = False
+    together: tuple[str, ...] = ()
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """All that it moves."""
+        return (self.name, *self.together)
 
     def value(self, nominal: float, z: float) -> float:
         """Its value ``z`` standard deviations from the nominal one."""
@@ -36,15 +52,36 @@ def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
     """All numbers that have a tolerance in this machine and pose."""
     result = []
     for key, parameter in machine.parameters.items():
-        if key.startswith(_NOT_PHYSICS):
+        if key.startswith(_NOT_PHYSICS) or key in METER_OUT[1:]:
             continue
         tolerance = PRECHARGE if key.startswith("accumulators.p_g0") else parameter.tolerance
         for name, value in zip(parameter.specification.components, parameter.value, strict=True):
-            if value != 0.0:
-                result.append(Nuisance(name, tolerance * SPREAD))
+            if value != 0.0 and not (key.startswith(GEOMETRY) and tolerance * abs(value) < SEEN):
+                together = METER_OUT[1:] if key == METER_OUT[0] else ()
+                result.append(Nuisance(name, tolerance * SPREAD, together=together))
     entry = machine.document["rigid_body"]["configs"].get(pose.tabulated, {})
     body = TOLERANCES.get(entry.get("conf", "medium"), 0.15)
     result += [Nuisance(f"pose.{name}", body * SPREAD) for name in ("D0", "Sx", "Sy")]
     if pose.load > 0.0:
         result.append(Nuisance("pose.load", max(LOAD * pose.load, LOAD_KG) * SPREAD, shift=True))
     return tuple(result)
+
+
+def closed(machine: Machine, values: Mapping[str, float]) -> dict[str, float]:
+    """``values`` (components of the parameter vector), with the pin-to-pin length at s_p = 0 that their geometry asks for.
+
+    l_min such that s_p(q_2 at the lower end of the angle's range) stays what it is in ``machine`` (3.13a). Where the linkage
+    cannot be assembled there, l_min stays.
+    """
+    moved = {name: value for name, value in values.items() if name.startswith(GEOMETRY)}
+    if not moved:
+        return dict(values)
+    changed: dict[str, float | tuple[float, ...]] = {}
+    for key, parameter in machine.parameters.items():
+        components = parameter.specification.components
+        if any(name in moved for name in components):
+            changed[key] = tuple(moved.get(n, v) for n, v in zip(components, parameter.value, strict=True))
+    low = machine.angle_limits[0]
+    shift = machine.with_values(changed).piston_position(low) - machine.piston_position(low)
+    length = machine.parameters[STROKE_ZERO].value[0]
+    return {**values, STROKE_ZERO: length + shift if isfinite(shift) else length}

@@ -14,7 +14,7 @@ from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.diagnosis.document import DiagnosisResult
 from boom_diagnosis.diagnosis.fitting import Point, Problem
 from boom_diagnosis.diagnosis.healthy import simulated
-from boom_diagnosis.diagnosis.hypotheses import NOTICED, Round, problem_at, run_round
+from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, NOTICED, Round, problem_at, run_round
 from boom_diagnosis.diagnosis.nuisances import Nuisance, tolerances
 from boom_diagnosis.diagnosis.onset import TIME, onset
 from boom_diagnosis.diagnosis.proof import worsening
@@ -22,6 +22,8 @@ from boom_diagnosis.diagnosis.weighing import (
     COLDEST,
     ENOUGH,
     NEGLIGIBLE,
+    OTHER_FORM,
+    TOO_SMALL,
     UNEXPLAINED_WEIGHT,
     Weighed,
     occam,
@@ -42,6 +44,11 @@ HELD_OUT_SHARE = 1.0 / 3.0
 WORSE = 1.1
 """Factor by which the free runs over data not used may err more with an effect than without: one that pays for what the
 numbers cannot take up, but is not there, makes the free run worse."""
+LATER = 1.0
+"""The same factor for an effect beside others: it must make these free runs better."""
+FAR = 1.0
+"""Loss per innovation over that of a healthy machine from which on the likeliest observer is looked for again; below, the one
+that is right for a healthy machine sees what is left best."""
 MOVING, LEAST_MOVING, LEAST_TRAVEL = 0.02, 4.0, 0.1
 """rad/s, s, rad: a recording that moves less says nothing about most of the machine."""
 
@@ -132,16 +139,25 @@ def excited(bag: Bag) -> bool:
 def search(case: Case, progress: Progress) -> None:
     """Round after round: what explains most is taken, everything is computed anew, until nothing earns its place."""
     z, values = np.zeros(len(case.nuisances)), dict[str, float]()
+    near = False
     for k in range(MOST_EFFECTS):
         done = 0.8 * k / MOST_EFFECTS
 
         def inner(text: str, share: float, done: float = done) -> None:
             progress(text, done + 0.8 / MOST_EFFECTS * share)
 
-        found = run_round(case.machine, case.bags, case.select, case.nuisances, z, values, inner, case.judged)
+        def look(z: Array, values: Mapping[str, float], tight: bool, inner: Progress = inner) -> Round:
+            return run_round(
+                case.machine, case.bags, case.select, case.nuisances, z, values, inner, case.judged, tight=tight
+            )
+
+        found = look(z, values, near)
+        if k == 0:
+            _calibrate(case, found)
+        if _follows(found) and rest(case, found.base.z, found.base.effects) > NEGLIGIBLE:
+            found = look(found.base.z, found.base.effects, True)
         case.rounds.append(found)
         if k == 0:
-            _calibrate(case, found.base)
             _spare(case, 0, found.problem, found.base, ())
             nominal = found.problem.points([(np.zeros(len(case.nuisances)), {})])[0]
             if worsening(case, nominal, case.kept(0)) > WORSE:
@@ -149,18 +165,31 @@ def search(case: Case, progress: Progress) -> None:
         weighed = _weigh(case, found) if found.fitted else []
         case.weighed.append(weighed)
         best = weighed[0] if weighed else None
-        if best is None or not _earns(best):
+        gained = sum(w.net for w in case.taken)
+        if best is None or not _earns(best, len(found.base.w), gained):
             return
         before = case.last
         _spare(case, k + 1, found.problem, best.fitted.point, best.fitted.coordinates)
-        if worsening(case, before, case.spared.get(k + 1, best.fitted.point)) > WORSE:
+        if worsening(case, before, case.spared.get(k + 1, best.fitted.point)) > (LATER if case.taken else WORSE):
             case.spared.pop(k + 1, None)
             return
         case.taken.append(best)
         z, values = best.fitted.point.z, best.fitted.point.effects
-        rest = best.fitted.point.loss / len(best.fitted.point.w) - case.floor
-        if rest < NEGLIGIBLE / 2:
+        left = rest(case, z, values)
+        if left < NEGLIGIBLE:
             return
+        near = left < FAR
+
+
+def rest(case: Case, z: Array, values: Mapping[str, float]) -> float:
+    """Loss per innovation [nats] over that of a healthy machine, seen by the observer that is right for one."""
+    problem = problem_at(case.machine, case.bags, case.select, case.nuisances, z, values, LOOSENESS[0])
+    return problem.points([(z, values)])[0].excess(case.floor)
+
+
+def _follows(found: Round) -> bool:
+    """Whether the likeliest observer is a loose one that follows whatever it sees, so that no effect is in sight."""
+    return found.problem.predictor.looseness > LOOSENESS[0] and all(f.gain < ENOUGH for f in found.fitted)
 
 
 def _case(machine: Machine, bags: list[Bag], proving: list[Bag], seed: int) -> Case:
@@ -178,9 +207,9 @@ def _case(machine: Machine, bags: list[Bag], proving: list[Bag], seed: int) -> C
     return Case(machine, bags, proving, select, judged, tolerances(machine, pose), seed)
 
 
-def _calibrate(case: Case, base: Point) -> None:
+def _calibrate(case: Case, first: Round) -> None:
     """The loss of a healthy machine with the same currents."""
-    values = case.rounds[0].problem.values(base.z, {})
+    values = first.problem.values(first.base.z, {})
     copies = [simulated(bag, case.machine, values, case.seed + 1 + i) for i, bag in enumerate(case.bags)]
     if any(copy is None for copy in copies):
         values = {}
@@ -252,6 +281,7 @@ def _own_onset(case: Case, problem: Problem, point: Point) -> dict[str, float]:
     return effects
 
 
-def _earns(best: Weighed) -> bool:
-    """Whether an effect is worth naming: more than chance, and better on data not used."""
-    return best.gain - best.cost > ENOUGH and best.held_out_gain > 0.0
+def _earns(best: Weighed, count: int, gained: float) -> bool:
+    """Whether an effect is worth naming: more than chance, than what models of the same machine differ by and than what the
+    form of the effects before leaves of them; and better on data not used. count: innovations, gained: by those before [nats]."""
+    return best.net > ENOUGH + TOO_SMALL * count + OTHER_FORM * gained and best.gain > best.cost and best.held_out_gain > 0.0

@@ -23,12 +23,20 @@ Array = NDArray[np.float64]
 
 ENOUGH = 12.0
 """Nats, net of costs, from which on an effect is named at all: twice what chance gave on simulated healthy recordings."""
+TOO_SMALL = 0.005
+"""Nats per innovation that an effect must gain beside: so much is taken up by an effect where two models of one machine differ
+in the fourth digit (other integrator, clocks that differ by 0.2 ms). It is an effect of a tenth of the noise."""
+OTHER_FORM = 0.02
+"""Share of what the effects before gained that a further one must gain: the catalogue's form of an effect is not the machine's,
+and what it misses of a large effect looks like a small other one."""
 COLDEST = 3.0
 """Temperature where nothing remains unexplained."""
 UNEXPLAINED_WEIGHT = 0.1
 """Share of the unexplained nats that adds to the temperature."""
 UNKNOWN_FROM, UNKNOWN_STEEPNESS = 0.6, 8.0
 """Share of the misfit's amplitude that remains where unknown physics becomes as likely as not, and how sharply."""
+SLIGHT = 0.07
+"""Loss per innovation over that of a healthy machine at which what nothing explains is as likely nothing unknown."""
 NEGLIGIBLE = 0.012
 """Loss per innovation over that of a healthy machine which counts as nothing: the observer's own shortcomings."""
 Z90 = 1.645
@@ -141,13 +149,13 @@ def probabilities(weighed: Sequence[Weighed], temperature: float) -> list[float]
 
 
 def unknown_probability(before: float, after: float) -> float:
-    """That physics of no catalogue acts, from the loss per innovation over that of a healthy machine."""
+    """That physics of no catalogue acts, from the loss per innovation over that of a healthy machine.
+
+    p = s^8 / (s^8 + 0.6^8) b / (b + SLIGHT), s = sqrt(after / before), b = before: what little is wrong may as well be a
+    catalogue's effect in a form that is not the catalogue's.
+    """
     if after <= NEGLIGIBLE:
         return 0.02
     share = sqrt(max(after, 0.0) / max(before, after, 1e-12))
-    return float(1.0 / (1.0 + (UNKNOWN_FROM / max(share, 1e-6)) ** UNKNOWN_STEEPNESS))
-
-
-def subsystem_probabilities(rows: Mapping[str, float]) -> dict[str, float]:
-    """Probability that something is wrong there, from the probabilities of its hypotheses."""
-    return {name: min(0.99, p) for name, p in rows.items()}
+    strong = before / (before + SLIGHT)
+    return float(strong / (1.0 + (UNKNOWN_FROM / max(share, 1e-6)) ** UNKNOWN_STEEPNESS))

@@ -8,14 +8,17 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from boom_diagnosis.identification.estimate import Estimate
 from boom_model import hose_burst_valve
 from boom_model.machine import TOLERANCES, Machine, check_range, number
-from boom_model.machine_file import machine_from
+from boom_model.machine_file import STROKE_SLACK, machine_from
 
 _LAW = "main_valve_orifices.A_ta_law"
+_GEOMETRY = ("kinematics.", "cylinder.l_")
+_ANGLES = 401
 
 
 def vector_values(machine: Machine, estimates: Iterable[Estimate]) -> dict[str, float | tuple[float, ...]]:
@@ -65,6 +68,8 @@ def document_with(machine: Machine, estimates: Iterable[Estimate]) -> dict[str, 
         _meter_out(document, machine, found)
     if any(key.startswith("hose_burst_valve.") for key in found):
         _smooth(document)
+    if any(key.startswith(_GEOMETRY) for key in found):
+        _angle_range(document, machine.with_values(vector_values(machine, found.values())))
     machine_from(document)  # raises where the numbers do not go together
     return document
 
@@ -116,6 +121,26 @@ def _meter_out(document: dict[str, Any], machine: Machine, found: Mapping[str, E
     own = [e for key, e in found.items() if key.startswith(_LAW)]
     text = f"A_sb/({c0:.6g}{'-' if c1 >= 0 else '+'}{abs(c1):.6g}*u^2)"
     section["A_ta_law"] = entry | {"value": text, **_provenance(own, old)}
+
+
+def _angle_range(document: dict[str, Any], machine: Machine) -> None:
+    """q2_stroke_min .. q2_max end where the stroke of this geometry ends: what the linkage allows of the old range."""
+    low, high = machine.angle_limits
+    angles = np.linspace(low, high, _ANGLES)
+    positions = np.array([machine.piston_position(float(angle)) for angle in angles])
+    inside = np.isfinite(positions) & (positions >= -STROKE_SLACK)
+    inside &= positions <= machine.parameters["cylinder.l_p"].value[0] + STROKE_SLACK
+    inside &= np.append(np.diff(positions) > 0.0, True)
+    if inside.all() or not inside[_ANGLES // 2]:
+        return
+    outside = np.flatnonzero(~inside)
+    first = int(max(outside[outside < _ANGLES // 2], default=-1)) + 1
+    last = int(min(outside[outside > _ANGLES // 2], default=_ANGLES)) - 1
+    for key, k in (("q2_stroke_min", first), ("q2_max", last)):
+        if k not in (0, _ANGLES - 1):
+            entry = document["kinematics"][key]
+            value = {"value": float(angles[k]), "prov": "derived", "note": "end of the stroke with the identified lengths"}
+            document["kinematics"][key] = {**entry, **value} if isinstance(entry, Mapping) else value["value"]
 
 
 def _smooth(document: dict[str, Any]) -> None:

@@ -23,7 +23,7 @@ from boom_diagnosis.estimation.unknown import Unknown, machine_unknown
 from boom_diagnosis.identification.estimate import Estimate, NotDetermined
 from boom_diagnosis.identification.held import AREAS, CHARGES, ORIFICES, held_numbers, pairing_told, tied
 from boom_diagnosis.identification.machine_output import vector_values
-from boom_diagnosis.identification.search import GOOD_LEVEL, search
+from boom_diagnosis.identification.search import PASSABLE_LEVEL, search
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
@@ -137,7 +137,7 @@ def refine(
     say("intervals")
     spread = uncertainty(problem, best)
     say("numbers that act only together")
-    together = tied(problem, best, machine) if best.level <= 2.0 * GOOD_LEVEL else []
+    together = tied(problem, best, machine) if best.level <= PASSABLE_LEVEL else []
     reasons = _reasons(best, spread, [members for _, _, members in together])
     kept = [j for j, u in enumerate(best.unknowns) if u.name not in reasons]
     if len(kept) < len(lively) and kept:
@@ -186,7 +186,7 @@ def _unexcited(experiments: Sequence[Experiment], asked: Sequence[Unknown]) -> s
 
 def _reasons(best: Fit, spread: Uncertainty, groups: Sequence[Collection[str]]) -> dict[str, tuple[str, bool]]:
     """Why unknowns are not determined: name -> (reason, whether another motion would help)."""
-    if best.level > 2.0 * GOOD_LEVEL:
+    if best.level > PASSABLE_LEVEL:
         why = "no values were found with which the model reproduces the recordings"
         return {u.name: (why, False) for u in best.unknowns}
     result: dict[str, tuple[str, bool]] = {}
