@@ -37,6 +37,7 @@ from boom_diagnosis.diagnosis.proof import (
     proving_result,
     spans_of,
 )
+from boom_diagnosis.diagnosis.search import Fitted
 from boom_diagnosis.diagnosis.weighing import (
     NEGLIGIBLE,
     Z90,
@@ -249,8 +250,7 @@ def _inside(w: Weighed) -> bool:
 
 def _findings(case: Case, unknown: float, cells: list[NDArray[np.int64]], tight: _Tight) -> list[Finding]:
     result = []
-    # at the point that the machine file gets
-    last = replace(case.taken[-1].fitted, point=case.last) if case.taken else None
+    last = _at_the_end(case) if case.taken else None
     for k, w in enumerate(case.taken):
         assert last is not None
         weighed = case.weighed[k]
@@ -273,6 +273,16 @@ def _findings(case: Case, unknown: float, cells: list[NDArray[np.int64]], tight:
             )
         )  # fmt: skip
     return result
+
+
+def _at_the_end(case: Case) -> Fitted:
+    """All effects at the point that the machine file gets, with all derivatives taken there: where a tolerance can do what an
+    effect does, derivatives from two places would tell them apart.
+    """
+    fitted = case.taken[-1].fitted
+    problem, at = case.rounds[len(case.taken) - 1].problem, case.last
+    columns = [problem.nuisance_jacobian(at), problem.effect_jacobian(at, fitted.coordinates)]
+    return replace(fitted, point=at, jacobian=np.concatenate(columns, axis=1))
 
 
 def _gains(before: Point, after: Point) -> list[Array]:

@@ -82,7 +82,9 @@ class Problem:
         self.used = np.concatenate([s[rows] for s, rows in zip(self.select, self.rows, strict=True)])
         nominal = dict(zip(predictor.base[0].parameter_names, predictor.base[0].p, strict=True))
         poses = [dict(zip(p.parameter_names, p.p, strict=True)) for p in predictor.base]
-        self._nominal = {name: nominal[name] for n in nuisances for name in n.components if not name.startswith("pose.")}
+        self._nominal = {
+            name: nominal[name] for n in nuisances for name in n.components if not name.startswith("pose.")
+        }
         self._poses = [{n.name: pose[n.name] for n in nuisances if n.name.startswith("pose.")} for pose in poses]
         self.runs = 0
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis.coordinates import Coordinate, coordinates, starts
 from boom_diagnosis.diagnosis.fitting import LARGEST_Z, Point, Problem, weights
+from boom_diagnosis.diagnosis.onset import TIME, near_onset
 from boom_model.effects import CATALOGUE, EFFECTS
 
 Array = NDArray[np.float64]
@@ -180,7 +181,10 @@ def refine(
     reached: list[tuple[Point, Array]] = []
     for candidate in candidates:
         start = _start(scanner, candidate)
-        reached.append(problem.fit(start, jacobian[:, :count], names, iterations=iterations))
+        point, own = problem.fit(start, jacobian[:, :count], names, iterations=iterations)
+        if TIME in candidate.values:  # the loss over a time has many valleys
+            point, own = problem.fit(near_onset(problem, point), own[:, :count], names, iterations=iterations)
+        reached.append((point, own))
     point, final = min(reached, key=lambda r: r[0].loss)
     return Fitted(candidates[0].effect, point, names, final, at.loss - point.loss, tuple(r[0].loss for r in reached))
 

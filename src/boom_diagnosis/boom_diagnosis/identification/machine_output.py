@@ -139,7 +139,11 @@ def _angle_range(document: dict[str, Any], machine: Machine) -> None:
     for key, k in (("q2_stroke_min", first), ("q2_max", last)):
         if k not in (0, _ANGLES - 1):
             entry = document["kinematics"][key]
-            value = {"value": float(angles[k]), "prov": "derived", "note": "end of the stroke with the identified lengths"}
+            value = {
+                "value": float(angles[k]),
+                "prov": "derived",
+                "note": "end of the stroke with the identified lengths",
+            }
             document["kinematics"][key] = {**entry, **value} if isinstance(entry, Mapping) else value["value"]
 
 
