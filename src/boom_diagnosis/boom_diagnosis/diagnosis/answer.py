@@ -276,8 +276,9 @@ def _findings(case: Case, unknown: float, cells: list[NDArray[np.int64]], tight:
 
 
 def _at_the_end(case: Case) -> Fitted:
-    """All effects at the point that the machine file gets, with all derivatives taken there: where a tolerance can do what an
-    effect does, derivatives from two places would tell them apart.
+    """All effects at the point that the machine file gets, with all derivatives taken there.
+
+    Where a tolerance can do what an effect does, derivatives from two places would tell them apart.
     """
     fitted = case.taken[-1].fitted
     problem, at = case.rounds[len(case.taken) - 1].problem, case.last

@@ -27,8 +27,9 @@ def found_machine(
 ) -> Machine:
     """The machine with other numbers (components of the parameter vector) and effects.
 
-    The moments of mass in ``pose`` go to its tabulated configuration, or to a new one; those of other poses, and a load, stay. Numbers that a
-    machine file cannot have together are brought back towards the machine's own, all by the same share, until it can.
+    The moments of mass in ``pose`` go to its tabulated configuration, or to a new one; those of other poses, and a load, stay.
+    Numbers that a machine file cannot have together are brought back towards the machine's own, all by the same share, until
+    it can.
 
     Args:
         machine: as given.

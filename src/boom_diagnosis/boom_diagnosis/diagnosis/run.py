@@ -282,8 +282,10 @@ def _own_onset(case: Case, problem: Problem, point: Point) -> dict[str, float]:
 
 
 def _earns(best: Weighed, count: int, gained: float) -> bool:
-    """Whether an effect is worth naming: more than chance, than what models of the same machine differ by and than what the
-    form of the effects before leaves of them; and better on data not used. count: innovations, gained: by those before [nats].
+    """Whether an effect is worth naming.
+
+    It must gain more than chance, than what two models of one machine differ by and than what the form of the effects before
+    leaves of them; and help data not used. count: innovations, gained: by the effects before [nats].
     """
     return (
         best.net > ENOUGH + TOO_SMALL * count + OTHER_FORM * gained
