@@ -9,8 +9,9 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from copy import copy
+from ctypes import CDLL
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
@@ -25,6 +26,7 @@ from boom_model.equations import INPUTS, Equations, Kind, full_model, namespace,
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine, Pose
 from boom_model.sensors import OUTPUTS
+from boom_model.structure import Structure
 
 Array = NDArray[np.float64]
 
@@ -75,9 +77,7 @@ class Plant:
     def __init__(self, machine: Machine, pose: Pose, kind: Kind = "full") -> None:
         self.machine = machine
         self.pose = pose
-        model = full_model if kind == "full" else reduced_model
-        self.equations: Equations = model(machine.structure, machine.effects, machine.learned)
-        self._library = build(self.equations)
+        self.equations, self._library = _compiled(machine, kind)
         self.state_names = self.equations.state_names
         self.parameter_names = self.equations.parameters
         values = machine.values(pose)
@@ -445,3 +445,19 @@ class Stepper:
 
 def _pointer(array: Array) -> Any:
     return array.ctypes.data_as(_DOUBLE)
+
+
+def _compiled(machine: Machine, kind: Kind) -> tuple[Equations, CDLL]:
+    """The model's equations and its integrator; the numbers are not in them."""
+    if not machine.learned:
+        return _catalogued(machine.structure, tuple(sorted(machine.effects)), kind)
+    model = full_model if kind == "full" else reduced_model
+    equations = model(machine.structure, machine.effects, machine.learned)
+    return equations, build(equations)
+
+
+@lru_cache(maxsize=64)
+def _catalogued(structure: Structure, effects: tuple[str, ...], kind: Kind) -> tuple[Equations, CDLL]:
+    """Kept: writing the source costs as much as a run of a minute."""
+    equations = (full_model if kind == "full" else reduced_model)(structure, effects)
+    return equations, build(equations)

@@ -68,18 +68,19 @@ def propose(case: Case, ranked: Sequence[RankingRow]) -> Experiment | None:
     bag = case.bags[0]
     start = bag.start
     tried: list[tuple[str, Array, Array, list[float]]] = []
+    driven = []
+    for _, point in points:
+        values = case.values(point.z, point.effects)
+        plant = plant_for(bag.recording, case.machine.with_effects(effects_of(values)), "full")
+        p = plant.p.copy()
+        for key, value in values.items():
+            if key in plant.parameter_names:
+                p[plant.parameter_names.index(key)] = value
+        driven.append((plant, p, plant.rest_state(0.35, start["hose_pressure"], start["rod_pressure"], p)))
     for name, currents in profiles().items():
         time = np.arange(len(currents)) * PERIOD
         outputs = []
-        for _, point in points:
-            values = case.values(point.z, point.effects)
-            machine = case.machine.with_effects(effects_of(values))
-            plant = plant_for(bag.recording, machine, "full")
-            p = plant.p.copy()
-            for key, value in values.items():
-                if key in plant.parameter_names:
-                    p[plant.parameter_names.index(key)] = value
-            x0 = plant.rest_state(0.35, start["hose_pressure"], start["rod_pressure"], p)
+        for plant, p, x0 in driven:
             try:
                 outputs.append(plant.run(time, currents, time, x0, parameters=p).outputs)
             except SimulationError:

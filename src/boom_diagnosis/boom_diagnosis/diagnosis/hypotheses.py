@@ -25,10 +25,10 @@ Flags = NDArray[np.bool_]
 
 LOOSENESS = (1.0, 4.0, 15.0)
 """Factors of the assumed disturbances that are tried; the likeliest is taken, and a machine that is like the model gets 1."""
-REFINED, PROMISING = 5, 12.0
-"""Effects that are fitted in a round at most, and the nats that the linear look must promise for it."""
-WEIGHED = 3
-"""Effects that are weighed again where the best of them makes another observer likelier."""
+REFINED, PROMISING = 4, 0.1
+"""Effects that are fitted in a round at most, and the share of the nats that they must gain which the linear look must promise."""
+WEIGHED, RIVAL = 3, 0.1
+"""Effects that are weighed again where the best makes another observer likelier, and the share of its gain they must have."""
 
 NOTICED = 12.0
 """Nats, and half a one for each tolerance, that tolerances must gain before they count as moved at all."""
@@ -91,10 +91,11 @@ def run_round(
     progress: Progress,
     judged: Sequence[Flags] | None = None,
     tight: bool = False,
+    least: float = 0.0,
 ) -> Round:
     """Fits the tolerances (with the effects in ``values``), looks at all others, fits the best, weighs them.
 
-    tight: with the observer that is right for a healthy machine, whichever is likeliest.
+    tight: with the observer that is right for a healthy machine, whichever is likeliest. least: nats that an effect must gain.
     """
     accepted = tuple(effects_of(values))
     kept = tuple(all_coordinates(list(accepted)).values())
@@ -137,7 +138,7 @@ def run_round(
         scanned[candidate.effect] = max(scanned.get(candidate.effect, 0.0), candidate.gain)
         grouped.setdefault(candidate.effect, []).append(candidate)
     progress("fitting effects", 0.5)
-    promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING][:REFINED]
+    promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING * least][:REFINED]
     fitted = [refine(scanner, jacobian, _starts(grouped[e]), kept) for e in promising]
     fitted.sort(key=lambda f: f.point.loss)
     if not fitted:
@@ -151,7 +152,8 @@ def run_round(
         return Round(accepted, base, jacobian, _sorted(fitted), scanned, searching)
     base, jacobian = fit(weighing, base.z, base.effects, kept)
     columns = jacobian[:, : len(base.z)]  # of the base; good enough for all but the best
-    fitted = [_weighed(weighing, f, base, columns if k else None) for k, f in enumerate(fitted[:WEIGHED])]
+    near = [f for f in fitted[:WEIGHED] if f.gain > RIVAL * fitted[0].gain]
+    fitted = [_weighed(weighing, f, base, columns if k else None) for k, f in enumerate(near)]
     return Round(accepted, base, jacobian, _sorted(fitted), scanned, weighing)
 
 

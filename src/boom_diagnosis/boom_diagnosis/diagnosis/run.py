@@ -148,8 +148,9 @@ def search(case: Case, progress: Progress) -> None:
 
         def look(z: Array, values: Mapping[str, float], tight: bool, inner: Progress = inner) -> Round:
             return run_round(
-                case.machine, case.bags, case.select, case.nuisances, z, values, inner, case.judged, tight=tight
-            )
+                case.machine, case.bags, case.select, case.nuisances, z, values, inner, case.judged, tight=tight,
+                least=_least(case),
+            )  # fmt: skip
 
         found = look(z, values, near)
         if k == 0:
@@ -165,8 +166,7 @@ def search(case: Case, progress: Progress) -> None:
         weighed = _weigh(case, found) if found.fitted else []
         case.weighed.append(weighed)
         best = weighed[0] if weighed else None
-        gained = sum(w.net for w in case.taken)
-        if best is None or not _earns(best, len(found.base.w), gained):
+        if best is None or not _earns(case, best):
             return
         before = case.last
         _spare(case, k + 1, found.problem, best.fitted.point, best.fitted.coordinates)
@@ -281,14 +281,15 @@ def _own_onset(case: Case, problem: Problem, point: Point) -> dict[str, float]:
     return effects
 
 
-def _earns(best: Weighed, count: int, gained: float) -> bool:
-    """Whether an effect is worth naming.
+def _earns(case: Case, best: Weighed) -> bool:
+    """Whether an effect is worth naming: it gains enough, more than it costs, and helps data not used."""
+    return best.net > _least(case) and best.gain > best.cost and best.held_out_gain > 0.0
 
-    It must gain more than chance, than what two models of one machine differ by and than what the form of the effects before
-    leaves of them; and help data not used. count: innovations, gained: by the effects before [nats].
+
+def _least(case: Case) -> float:
+    """Nats that an effect must gain, net.
+
+    More than chance, than what two models of one machine differ by and than what the form of the effects before leaves of them.
     """
-    return (
-        best.net > ENOUGH + TOO_SMALL * count + OTHER_FORM * gained
-        and best.gain > best.cost
-        and best.held_out_gain > 0.0
-    )
+    count = sum(int((s | j).sum()) for s, j in zip(case.select, case.judged, strict=True))
+    return ENOUGH + TOO_SMALL * count + OTHER_FORM * sum(w.net for w in case.taken)

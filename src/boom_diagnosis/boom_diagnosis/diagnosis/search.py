@@ -19,6 +19,8 @@ from boom_model.effects import CATALOGUE, EFFECTS
 
 Array = NDArray[np.float64]
 
+TIMED = 100.0
+"""Nats from which on the time of a load is looked for once more."""
 ONSET_STEP = 10
 """Intervals between the times at which an effect that begins is looked for."""
 
@@ -182,7 +184,7 @@ def refine(
     for candidate in candidates:
         start = _start(scanner, candidate)
         point, own = problem.fit(start, jacobian[:, :count], names, iterations=iterations)
-        if TIME in candidate.values:  # the loss over a time has many valleys
+        if TIME in candidate.values and at.loss - point.loss > TIMED:  # the loss over a time has many valleys
             point, own = problem.fit(near_onset(problem, point), own[:, :count], names, iterations=iterations)
         reached.append((point, own))
     point, final = min(reached, key=lambda r: r[0].loss)
