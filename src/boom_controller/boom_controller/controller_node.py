@@ -353,9 +353,15 @@ class ControllerNode(LifecycleNode):
         load = message.load_mass if message.load_mass == message.load_mass else 0.0
         try:
             machine = load_machine(self._values["machine"] or message.machine)
+            self.get_logger().info(
+                f"{machine.name}: preparing the control laws, the first time for a pose some seconds"
+            )
             loop.configure(machine, machine.pose(message.outer_boom_angle, message.telescope_length, load))
         except (ControlError, ModelError) as error:
             self.get_logger().error(f"/boom/machine_configuration cannot be used: {error}")
+            return
+        if self._active:
+            self._garbage.hold()
 
     def _on_reference(self, message: JointState) -> None:
         joint = self._values["joint_name"]

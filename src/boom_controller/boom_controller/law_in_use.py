@@ -1,8 +1,12 @@
-"""The control law that commands: its mode and settings, changed in motion without a jump of the currents. No ROS."""
+"""The control law that commands: its mode and settings, changed in motion without a jump of the currents. No ROS.
+
+To make a law takes a tenth of a second, and ten times that where it has to be compiled: too long for a boom that moves. So all are
+made while it stands, when the machine is told.
+"""
 
 from __future__ import annotations
 
-from boom_controller.controller import Controller, Measurement, Output, Reference, make_controller
+from boom_controller.controller import MODES, Controller, Measurement, Output, Reference, make_controller
 from boom_controller.errors import ControlError
 from boom_controller.gradual import GradualSettings
 from boom_controller.handover import Handover
@@ -19,7 +23,7 @@ class LawInUse:
 
     Attributes:
         mode, settings: as they count now; settings that glide are on their way.
-        machine, pose: None before :meth:`configure`.
+        configuration: machine and pose; None before :meth:`configure`.
         controller: the law; while two hand over, both of them.
     """
 
@@ -27,15 +31,18 @@ class LawInUse:
         self.mode, self.settings = mode, settings
         self.configuration: tuple[Machine, Pose] | None = None
         self.controller: Controller | None = None
+        self._laws: dict[str, Controller] = {}
         self._gradual: GradualSettings | None = None
 
     def configure(self, machine: Machine, pose: Pose) -> None:
         """The machine in its pose.
 
         Raises:
-            ControlError, ModelError: the law cannot be made for it; the old one stays.
+            ControlError, ModelError: a law cannot be made for it; the old ones stay.
         """
-        self.controller = make_controller(self.mode, machine, pose, self.settings)
+        wanted_first = sorted(MODES, key=lambda mode: mode != self.mode)
+        self._laws = {mode: make_controller(mode, machine, pose, self.settings) for mode in wanted_first}
+        self.controller = self._laws[self.mode]
         self.configuration = (machine, pose)
 
     def change_settings(self, settings: Settings, seconds: float) -> None:
@@ -68,11 +75,13 @@ class LawInUse:
         Raises:
             ControlError: no such mode.
         """
+        if mode not in MODES:
+            raise ControlError(f"mode {mode}: there is {', '.join(MODES)}")
         if mode == self.mode:
             return
-        if self.configuration is not None:
-            new = make_controller(mode, *self.configuration, self.settings)
-            old = self.controller
+        if self._laws:
+            new, old = self._laws[mode], self.controller
+            new.change(self.settings)
             if present is not None and old is not None:
                 new.reset(present)
                 law = old.new if isinstance(old, Handover) else old

@@ -375,6 +375,28 @@ def test_another_control_law_takes_over_without_a_jump(boom: Boom) -> None:
     assert boom.last.state is State.TRACK
 
 
+def test_no_law_has_to_be_made_while_the_boom_moves(boom: Boom, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[str] = []
+
+    def make(mode: str, *_: object) -> Law:
+        made.append(mode)
+        return Law(mode)
+
+    monkeypatch.setattr(law_in_use, "make_controller", make)
+    boom.loop.configure(boom.machine, boom.pose)
+    assert made == ["improved", "thesis", "baseline"]
+    lifting(boom)
+    for mode in ("baseline", "thesis", "improved"):
+        boom.loop.change(mode=mode)
+        boom.run(0.2)  # the hand-over takes 0.4 s
+    boom.run(1.0)
+    assert len(made) == 3
+    assert boom.loop.law.controller is not None and boom.loop.law.controller.mode == "improved"
+    assert boom.last.state is State.TRACK
+    with pytest.raises(ControlError, match="thesis, baseline, improved"):
+        boom.loop.change(mode="pid")
+
+
 def test_two_late_samples_make_one_cycle_and_a_missing_one_is_not_waited_for(boom: Boom) -> None:
     loop, now = boom.loop, boom.now
     stamp = now - 90.0
