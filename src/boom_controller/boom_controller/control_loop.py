@@ -207,10 +207,11 @@ class ControlLoop:
         self._last_reference = now
         low, high = self._angles if self.configuration else (-math.inf, math.inf)
         clamped = min(max(wanted, low), high)
+        came = now if self._watch_cycles else None
         state = self.supervision.state
         if state is State.TRACK:
             if self.references.kind == "stream":
-                self.references.stream(clamped)
+                self.references.stream(clamped, came)
                 self._note = (
                     "" if clamped == wanted else f"the reference of {wanted:.3f} rad is beyond {clamped:.3f} rad"
                 )
@@ -231,7 +232,7 @@ class ControlLoop:
             return
         self._begin()
         self._refused_stream = self._note = ""
-        self.references.stream(clamped)
+        self.references.stream(clamped, came)
         self.supervision.track()
 
     def start(
@@ -333,7 +334,7 @@ class ControlLoop:
             return Reference(measurement.angle), _NO_OUTPUT
         if self.law.glide():
             self.references.change(self.law.settings.generator_pole)
-        reference = self.references.advance(self._time)
+        reference = self.references.advance(self._time, now - measurement.age)
         output = self.law.step(reference, measurement)
         finding = watch.motion(measurement, reference, output, now)
         if finding is None:
