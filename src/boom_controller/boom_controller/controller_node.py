@@ -178,8 +178,7 @@ class ControllerNode(LifecycleNode):
     # ------------------------------------------------------------------------------------------------------ parameters
 
     def _check_parameters(self, changed: list[Any]) -> Any:
-        given = {p.name: p.value for p in changed}
-        values = {**self._values, **given}
+        values = self._values | {p.name: p.value for p in changed}
         try:
             settings, supervision = settings_of(values), supervision_of(values)
             del settings, supervision
@@ -353,9 +352,7 @@ class ControllerNode(LifecycleNode):
         load = message.load_mass if message.load_mass == message.load_mass else 0.0
         try:
             machine = load_machine(self._values["machine"] or message.machine)
-            self.get_logger().info(
-                f"{machine.name}: preparing the control laws, the first time for a pose some seconds"
-            )
+            self.get_logger().info(f"{machine.name}: preparing the control laws, at first some seconds")
             loop.configure(machine, machine.pose(message.outer_boom_angle, message.telescope_length, load))
         except (ControlError, ModelError) as error:
             self.get_logger().error(f"/boom/machine_configuration cannot be used: {error}")
