@@ -2,8 +2,9 @@
 
     python benchmarks/controller_timing.py --seconds 600
 
-Starts as processes: the simulated crane in real time and the controller. This process gives the reference: the recorded angle of a
-bag, then within 5 s back to its beginning, again and again. It hears commands and states.
+Starts as processes: the simulated crane in real time and the controller; with --transport can the crane's ECU, a bus inside this
+computer and the bridge. This process gives the reference: the recorded angle of a bag, then within 5 s back to its beginning, again
+and again. It hears commands and states.
 
 missed cycles   periods of 10 ms in which no command was published, by the stamps of the commands
 jitter          |time between two commands - 10 ms|, by their stamps
@@ -39,7 +40,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState
 
+from boom_bringup import demo_processes
 from boom_bringup.closed_loop import follow, wanted_angles
+from boom_bringup.commands._node_command import node_command
 from boom_controller.controller import make_controller
 from boom_controller.settings import Settings
 from boom_controller.trajectory_generator import TrajectoryGenerator
@@ -85,9 +88,30 @@ def wake_up(ended: Any, told: Any) -> None:
     told.put(late)
 
 
-def run_processes(recording: Recording, wanted: np.ndarray, mode: str, seconds: float, priority: int) -> Heard:
-    """Runs crane and controller for so many seconds; returns what was heard from the first reference on."""
+def crane_commands(recording: Recording, wanted: np.ndarray, transport: str) -> list[list[str]]:
+    """Command lines of what moves the crane; for the bus first, which the others wait for."""
     c = recording.configuration
+    pose: dict[str, Any] = {
+        "outer_boom_angle": c.outer_boom_angle, "telescope_length": c.telescope_length,
+        "load_mass": 0.0 if math.isnan(c.load_mass) else c.load_mass, "machine": c.machine,
+    }  # fmt: skip
+    crane = {**pose, "initial_angle": float(wanted[0])}
+    if transport == "topics":
+        return [node_command("boom_sim.simulation_node", crane)]
+    bus = demo_processes.free_bus()
+    bridge = {**pose, **bus, "wait_for_bus": True, "rise_rate": 1000.0}
+    return [
+        demo_processes.bus_command(bus),
+        node_command("boom_can_bridge.bridge_node", bridge),
+        node_command("boom_sim.ecu_node", {**crane, **bus}),
+        node_command("boom_can_bridge.enable_node", {}),
+    ]
+
+
+def run_processes(
+    recording: Recording, wanted: np.ndarray, transport: str, controller: dict[str, Any], seconds: float
+) -> Heard:
+    """Runs crane and controller, which gets these parameters, for so many seconds; what was heard from the first reference on."""
     os.environ["ROS_DOMAIN_ID"] = str(10 + os.getpid() % 90)
     rclpy.init()
     node = rclpy.create_node("controller_timing")
@@ -108,20 +132,9 @@ def run_processes(recording: Recording, wanted: np.ndarray, mode: str, seconds: 
     )
     node.create_subscription(ControllerState, "/boom/controller_state", on_state, best_effort)
     reference = node.create_publisher(JointState, "/boom/reference", qos.BY_TOPIC["/boom/reference"])
-    crane = {
-        "outer_boom_angle": c.outer_boom_angle, "telescope_length": c.telescope_length, "initial_angle": float(wanted[0]),
-        "load_mass": 0.0 if math.isnan(c.load_mass) else c.load_mass, "machine": c.machine,
-    }  # fmt: skip
-    programs = {
-        "boom_sim.simulation_node": crane,
-        "boom_controller.controller_node": {"mode": mode, "realtime_priority": priority, **WIDE},
-    }
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-m", module, "--ros-args"] + [w for k, v in given.items() for w in ("-p", f"{k}:={v}")]
-        )
-        for module, given in programs.items()
-    ]  # fmt: skip
+    commands = crane_commands(recording, wanted, transport)
+    commands.append(node_command("boom_controller.controller_node", {**controller, **WIDE}))
+    processes = [subprocess.Popen(command) for command in commands]
     ended = threading.Event()
     context = multiprocessing.get_context("spawn")
     woken_enough, woken = context.Event(), context.Queue()
@@ -209,6 +222,12 @@ def main() -> None:
     parser.add_argument(
         "--realtime-priority", type=int, default=0, help="SCHED_FIFO priority of the controller (default: none)"
     )
+    parser.add_argument(
+        "--transport", default="topics", choices=("topics", "can"), help="how the controller reaches the crane"
+    )
+    parser.add_argument(
+        "--command-delay", type=float, default=0.0, help="the controller's parameter of that name [s] (default: 0)"
+    )
     parser.add_argument("--json", help="write the numbers to this file")
     args = parser.parse_args()
     recording = load(args.bag)
@@ -218,7 +237,8 @@ def main() -> None:
     endless = np.concatenate((wanted, wanted[-1] + (wanted[0] - wanted[-1]) * back))
     part = wanted[: min(len(wanted), round(max(args.seconds - 1.0, 1.0) / PERIOD))]
     alone, count = in_process(recording, machine, part, args.mode)
-    heard = run_processes(recording, endless, args.mode, args.seconds, args.realtime_priority)
+    told = {"mode": args.mode, "realtime_priority": args.realtime_priority, "command_delay": args.command_delay}
+    heard = run_processes(recording, endless, args.transport, told, args.seconds)
     topics = over_topics(heard, machine, count)
     periods = np.diff(np.array(heard.commands)) * 1e-9
     jitter = np.abs(periods - PERIOD) * 1e3
@@ -229,7 +249,7 @@ def main() -> None:
         begin, end = heard.commands[k] * 1e-9, heard.commands[k + 1] * 1e-9
         while_late += int(lost[k]) * any(begin <= when and when - late <= end for when, late in heard.woken_late)
     numbers: dict[str, Any] = {
-        "mode": args.mode, "seconds": args.seconds, "cycles": len(heard.commands), "missed": missed,
+        "mode": args.mode, "transport": args.transport, "seconds": args.seconds, "cycles": len(heard.commands), "missed": missed,
         "missed_while_the_computer_was_late": while_late,
         "stopped": heard.reason if heard.mode in ("stopping", "stopped") else "",
         "computer": {"late": len(heard.woken_late), "latest_ms": 1e3 * max((late for _, late in heard.woken_late), default=0.0)},
@@ -239,7 +259,8 @@ def main() -> None:
         "ratio": {k: topics.document()[k] / v for k, v in alone.document().items()},
     }  # fmt: skip
     print(
-        f"{args.mode}, {recording.name}, {args.seconds:.0f} s: {len(heard.commands)} cycles, {missed} missed, "
+        f"{args.mode} over {args.transport}, {recording.name}, {args.seconds:.0f} s: {len(heard.commands)} cycles, "
+        f"{missed} missed, "
         f"{while_late} of them while the computer was late"
     )
     print(

@@ -1,6 +1,7 @@
 """The closed loop in one process: wanted angles -> generator -> control law -> simulated crane -> recording. No ROS.
 
-The same cores as the nodes use, without supervision: what the loop itself does, at 100 Hz, each command acting at once.
+The same cores as the nodes use, without supervision: what the loop itself does, at 100 Hz, each command acting at once or after
+a dead time.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ def follow(
     *,
     name: str = "closed loop",
     told: Callable[[float], None] | None = None,
+    dead_time: float = 0.0,
+    age: float = 0.0,
 ) -> Recording:
     """Lets a crane that rests follow wanted angles.
 
@@ -46,6 +49,8 @@ def follow(
         configuration: what the recording shall say.
         name: of the recording.
         told: called with the simulated time [s] once a second.
+        dead_time: from a sample until the command that answers it acts [s], less than a period.
+        age: of the samples, as the control law is told [s].
 
     Returns:
         A recording with all signals of the machine, the commands, the wanted and the smooth reference.
@@ -57,12 +62,14 @@ def follow(
     rows = np.empty((len(wanted), len(_COLUMNS)))
     sample = crane.sample
     for k, angle in enumerate(wanted.tolist()):
-        measurement = Measurement(sample.time, sample.angle, sample.rate, sample.hose_pressure, sample.rod_pressure)
+        measurement = Measurement(
+            sample.time, sample.angle, sample.rate, sample.hose_pressure, sample.rod_pressure, age
+        )
         if k == 0:
             controller.reset(measurement)
         reference = generator.step(angle)
         output = controller.step(reference, measurement)
-        crane.command(output.retract, output.extend)
+        crane.command(output.retract, output.extend, sample.time + dead_time)
         after = crane.advance()
         rows[k] = (
             sample.angle, sample.rate, sample.hose_pressure, sample.rod_pressure, after.retract_current,

@@ -9,16 +9,22 @@ Anti-windup: while the wanted spool position is beyond its limit, the integral s
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import nan
+from typing import Any, NamedTuple
+
+import casadi as ca
 
 from boom_controller.control_model import ControlModel, Point, Quantities
 from boom_controller.controller import Measurement, Output, Reference
 from boom_controller.errors import ControlError
+from boom_controller.flat import FlatLaw
 from boom_controller.pilot_stage import StaticPilot, require_pilot_stage
-from boom_controller.position_feedback import PositionFeedback
+from boom_controller.position_feedback import feedback_torque, integral_for, position_gains
 from boom_controller.settings import Settings
-from boom_controller.valve_inverse import ValveInverse
+from boom_controller.valve_inverse import InverseState, ValveInverse
 from boom_controller.valve_map import ValveMap
 from boom_model.machine import Machine, Pose
+from boom_model.regularisation import Expression
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,17 @@ VARIANTS = {
 }
 
 
+class CascadeState(NamedTuple):
+    """x_eI [rad s], integral of the force error [N s]; errors of the last cycle (e, e' [rad, rad/s], f [N]); the valve."""
+
+    position: Expression = 0.0
+    force: Expression = 0.0
+    angle_error: Expression = 0.0
+    rate_error: Expression = 0.0
+    force_error: Expression = 0.0
+    valve: InverseState = InverseState()
+
+
 class Cascade:
     """Modes ``thesis`` and ``baseline``."""
 
@@ -57,49 +74,21 @@ class Cascade:
         self._area_a, self._area_b = float(p.cylinder.A_a), float(p.cylinder.A_b)
         self._stroke = float(p.main_valve_spool.s_max)
         self._settings = settings
-        self._position = PositionFeedback(settings.position_pole, settings.sample_time)
-        self._pilot = StaticPilot(p, e, settings.neutral_pressure)
-        self._inverse = ValveInverse(p, e, self._pilot, settings, spool=self._variant.spool_inverse)
-        self._force_integral = 0.0
-        self._last: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self._gains = position_gains(settings.position_pole, settings.sample_time)
+        self._pilot = StaticPilot(p, e)
+        self._inverse = ValveInverse(p, e, self._pilot, settings.sample_time, spool=self._variant.spool_inverse)
+        self._law = FlatLaw(mode, CascadeState(), self._after, settings, _named(self._gains))
 
     def reset(self, measurement: Measurement) -> None:
         """Rest at the measured angle: what the pressures carry beyond gravity becomes the position's integral."""
-        q = self._at(Reference(measurement.angle), measurement, rest=True)
-        self._position.hold(q.jacobian * q.force - q.gravity, q.inertia)
-        self._force_integral = 0.0
-        self._last = (0.0, 0.0, 0.0)
-        self._inverse.reset()
+        m = measurement
+        q = self._model.at(Point(m.angle, 0.0, m.hose_pressure, m.rod_pressure, m.angle, 0.0, 0.0, 0.0, 0.0))
+        carried = q.jacobian * q.force - q.gravity
+        self._law.start(CascadeState(integral_for(carried, self._gains, 0.0, 0.0, q.inertia)))
 
     def step(self, reference: Reference, measurement: Measurement) -> Output:
         """(6.2), (6.13), (6.22), (6.23), (6.24)-(6.26), one sample time."""
-        q = self._at(reference, measurement)
-        e1, e2 = measurement.angle - reference.angle, measurement.rate - reference.rate
-        u = self._position.torque(e1, e2, q.inertia)
-        friction = q.friction_wanted if self._variant.friction_at_reference else q.friction
-        wanted = (q.reference_jacobian * q.feedforward_force - q.reference_gravity + q.gravity - q.reference_friction
-                  + friction + u) / q.jacobian  # fmt: skip
-        force_error = q.force - wanted
-        spool, limited = self._spool(q, force_error, measurement.rate)
-        # An integral stands where moving it on would push a saturated spool further (spool > 0 retracts).
-        step = self._settings.sample_time
-        if not (limited and force_error * limited > 0):
-            self._force_integral += step * force_error
-        if not (limited and e1 * limited > 0):
-            self._position.integrate(e1)
-        self._last = (e1, e2, force_error)
-        if self._variant.pilot_inverse:
-            retract, extend, plus, minus = self._inverse.step(spool)
-        else:
-            plus, minus = self._pilot.split(self._pilot.stiffness * spool)
-            largest = self._settings.largest_current
-            retract, extend = min(self._pilot.current(plus), largest), min(self._pilot.current(minus), largest)
-        return Output(
-            retract, extend,
-            angle_error=-e1, piston_position_error=q.reference_position - q.position, force_error=-force_error,
-            feedforward_force=q.feedforward_force, feedback_force=wanted - q.feedforward_force, force_set_point=wanted,
-            force=q.force, spool_position=spool, pilot_pressure_retract=plus, pilot_pressure_extend=minus,
-        )  # fmt: skip
+        return Output._make((*self._law.step(reference, measurement), nan, ""))
 
     def change(self, settings: Settings) -> None:
         """Gains, limits and neutral pressure; integral states go on such that forces and spool keep their values.
@@ -109,37 +98,73 @@ class Cascade:
         """
         if settings.sample_time != self._settings.sample_time:
             raise ControlError("sample_time cannot change while running: stop the controller and start it again")
-        e1, e2, force_error = self._last
-        self._position.change(settings.position_pole, e1, e2)
+        x: CascadeState = self._law.states
+        torque = feedback_torque(self._gains, x.angle_error, x.rate_error, x.position, 1.0)
+        self._gains = position_gains(settings.position_pole, settings.sample_time)
+        position = integral_for(torque, self._gains, x.angle_error, x.rate_error, 1.0)
         (kp0, ki0), (kp, ki) = _force_gains(self._settings.force_pole), _force_gains(settings.force_pole)
-        self._force_integral = ((kp0 - kp) * force_error + ki0 * self._force_integral) / ki
-        self._pilot.neutral = settings.neutral_pressure
-        self._inverse.change(settings)
+        force = ((kp0 - kp) * x.force_error + ki0 * x.force) / ki
+        self._law.start(x._replace(position=position, force=force))
+        self._law.change(settings, _named(self._gains))
         self._settings = settings
 
-    def _at(self, r: Reference, m: Measurement, rest: bool = False) -> Quantities:
-        return self._model.at(
+    def _after(self, x: CascadeState, r: Reference, m: Measurement, s: Any) -> tuple[CascadeState, list[Expression]]:
+        """The law as expressions: states one sample time later, and all of ``Output`` up to the pilot pressures."""
+        q = self._model.expressions(
             Point(
-                m.angle, 0.0 if rest else m.rate, m.hose_pressure, m.rod_pressure,
+                m.angle, m.rate, m.hose_pressure, m.rod_pressure,
                 r.angle, r.rate, r.acceleration, r.jerk, 0.0,
             )
         )  # fmt: skip
+        e1, e2 = m.angle - r.angle, m.rate - r.rate
+        u = feedback_torque([getattr(s, name) for name in _GAINS], e1, e2, x.position, q.inertia)
+        friction = q.friction_wanted if self._variant.friction_at_reference else q.friction
+        wanted = (q.reference_jacobian * q.feedforward_force - q.reference_gravity + q.gravity - q.reference_friction
+                  + friction + u) / q.jacobian  # fmt: skip
+        force_error = q.force - wanted
+        spool, limited = self._spool(q, force_error, x.force, m.rate, s)
+        t = s.sample_time
+        # An integral stands where moving it on would push a saturated spool further (spool > 0 retracts).
+        force = ca.if_else(force_error * limited > 0, x.force, x.force + t * force_error)
+        position = ca.if_else(e1 * limited > 0, x.position, x.position + t * e1)
+        valve = x.valve
+        if self._variant.pilot_inverse:
+            valve, plus, minus = self._inverse.step(x.valve, spool, s)
+            retract, extend = valve.retract.current, valve.extend.current
+        else:
+            plus, minus = self._pilot.split(self._pilot.stiffness * spool, s.neutral_pressure)
+            retract, extend = (ca.fmin(self._pilot.current(side), s.largest_current) for side in (plus, minus))
+        return CascadeState(position, force, e1, e2, force_error, valve), [
+            retract, extend, -e1, q.reference_position - q.position, -force_error, q.feedforward_force,
+            wanted - q.feedforward_force, wanted, q.force, spool, plus, minus,
+        ]  # fmt: skip
 
-    def _spool(self, q: Quantities, force_error: float, rate: float) -> tuple[float, int]:
+    def _spool(
+        self, q: Quantities, force_error: Expression, integral: Expression, rate: Expression, s: Any
+    ) -> tuple[Expression, Expression]:
         """Wanted s_s [m] from (6.22), (6.23), and the direction in which it is limited: 1 retract, -1 extend, 0 not."""
         a, b = self._area_a * q.stiffness_head, self._area_b * q.stiffness_rod
-        kp, ki = _force_gains(self._settings.force_pole)
+        kp, ki = _force_gains(s.force_pole)
         velocity = q.jacobian * rate
-        sigma = (q.feedforward_force_rate - kp * force_error - ki * self._force_integral
+        sigma = (q.feedforward_force_rate - kp * force_error - ki * integral
                  + (a * self._area_a + b * self._area_b) * velocity)  # fmt: skip
-        largest = self._settings.largest_spool_position * self._stroke
-        if sigma > 0:
-            size = self._map.extending(sigma, a * q.extend_supply, -b * q.extend_tank)
-            return (-largest, -1) if size > largest else (-size, 0)
-        size = self._map.retracting(sigma, a * q.retract_tank, -b * q.retract_supply)
-        return (largest, 1) if size > largest else (size, 0)
+        largest = s.largest_spool_position * self._stroke
+        side = ca.if_else(sigma > 0, -1.0, 1.0)
+        size = ca.if_else(
+            sigma > 0,
+            self._map.extending(sigma, a * q.extend_supply, -b * q.extend_tank),
+            self._map.retracting(sigma, a * q.retract_tank, -b * q.retract_supply),
+        )
+        return side * ca.fmin(size, largest), ca.if_else(size > largest, side, 0.0)
 
 
-def _force_gains(pole: float) -> tuple[float, float]:
+_GAINS = ("position_gain", "rate_gain", "integral_gain")
+
+
+def _named(gains: tuple[float, float, float]) -> dict[str, float]:
+    return dict(zip(_GAINS, gains, strict=True))
+
+
+def _force_gains(pole: Expression) -> tuple[Expression, Expression]:
     """(k_p [1/s], k_i [1/s^2]) of (6.15) with both poles at ``pole`` [1/s]."""
     return -2.0 * pole, pole * pole

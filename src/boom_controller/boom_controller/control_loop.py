@@ -8,35 +8,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from time import perf_counter
 
-from boom_controller.controller import Controller, Measurement, Output, Reference, make_controller
+from boom_controller.controller import Measurement, Output, Reference
 from boom_controller.errors import ControlError
-from boom_controller.gradual import GradualSettings
-from boom_controller.handover import Handover
 from boom_controller.joint_trajectory import Bounds, Code, Point, TrajectoryError, plan
+from boom_controller.law_in_use import LawInUse
 from boom_controller.reasons import Finding
 from boom_controller.references import References
-from boom_controller.sensors import Agreement, Range, Sensor
+from boom_controller.sensor_set import SensorSet
 from boom_controller.settings import Settings
 from boom_controller.supervision import State, Supervision
 from boom_controller.supervision_settings import SupervisionSettings
-from boom_controller.tracking_goal import Ending, Tolerances, TrackingGoal
+from boom_controller.tracking_goal import Ending, Goals, Tolerances, TrackingGoal
 from boom_controller.trajectory_generator import TrajectoryGenerator
 from boom_controller.watch import Watch
 from boom_model.machine import Machine, Pose
 
-_BEYOND = (
-    0.3  # rad. An IMU may be mounted askew by that much; what is further outside the stroke is no angle of this boom
-)
-_RATE = Range("rate", "rad/s", -3.0, 3.0)
-_PRESSURE = (-1.02e5, 6.0e7)
-_CURRENT = Range("current", "A", -0.05, 10.0)
 _NO_OUTPUT = Output(0.0, 0.0)
 
 
-@dataclass
+@dataclass(slots=True)
 class Cycle:
     """What one cycle knew, wanted and did.
 
@@ -61,8 +54,8 @@ class Cycle:
     status: str
     reason: str
     load: float
-    endings: list[tuple[int, Ending]] = field(default_factory=list)
-    duration: float = 0.0
+    endings: list[tuple[int, Ending]]
+    duration: float
 
 
 class ControlLoop:
@@ -76,27 +69,23 @@ class ControlLoop:
 
     Attributes:
         supervision: the state machine.
+        sensors: their newest samples.
         references: the reference.
-        mode: of the control law.
+        law: the control law.
     """
 
     def __init__(
         self, mode: str, settings: Settings, supervision: SupervisionSettings, *, watch_cycles: bool = True
     ) -> None:
-        self.mode = mode
-        self.settings = settings
+        self.law = LawInUse(mode, settings)
         self.supervision = Supervision(supervision)
+        self.sensors = SensorSet()
         self._watch_cycles = watch_cycles
         self._watch: Watch | None = None
-        self._controller: Controller | None = None
-        self._gradual: GradualSettings | None = None
-        self._configuration: tuple[Machine, Pose] | None = None
-        self.references = self._new_references()
-        self._hose = Sensor("hose pressure", (Range("hose pressure", "Pa", *_PRESSURE),))
-        self._rod = Sensor("rod pressure", (Range("rod pressure", "Pa", *_PRESSURE),))
-        self._currents = Sensor("currents", (_CURRENT, _CURRENT))
-        self._set_joint(-math.pi, math.pi)
-        self._agreement = Agreement()
+        self.references = References(
+            TrajectoryGenerator(settings.generator_pole, settings.sample_time), settings.sample_time,
+            supervision.stop_deceleration, supervision.largest_rate, supervision.blend,
+        )  # fmt: skip
         self._emergency = False
         self._note = ""
         self._last_cycle: float | None = None
@@ -104,9 +93,7 @@ class ControlLoop:
         self._refused_stream = ""
         self._time = 0.0
         self._last_output = (0.0, 0.0)
-        self._goal: tuple[int, TrackingGoal] | None = None
-        self._goals = 0
-        self._endings: list[tuple[int, Ending]] = []
+        self._goals = Goals()
 
     # ---------------------------------------------------------------------------------------------------- configuration
 
@@ -118,11 +105,9 @@ class ControlLoop:
         """
         if self.supervision.moving:
             raise ControlError("the boom moves: stop it before the configuration changes")
-        self._controller = make_controller(self.mode, machine, pose, self.settings)
-        self._configuration = (machine, pose)
-        low, high = machine.angle_limits
-        self._set_joint(low - _BEYOND, high + _BEYOND)
-        self._watch = Watch(self.supervision.settings, (low, high))
+        self.law.configure(machine, pose)
+        self.sensors.set_stroke(*machine.angle_limits)
+        self._watch = Watch(self.supervision.settings, machine.angle_limits)
         self._use_supervision(self.supervision.settings)
 
     def configuration_changes(self, now: float) -> None:
@@ -135,7 +120,7 @@ class ControlLoop:
     @property
     def configuration(self) -> tuple[Machine, Pose] | None:
         """Machine and pose in use."""
-        return self._configuration
+        return self.law.configuration
 
     def change(
         self,
@@ -149,93 +134,54 @@ class ControlLoop:
         Raises:
             ControlError: no such mode, or the change needs a new start.
         """
-        if settings is not None and settings != (self._gradual.new if self._gradual else self.settings):
-            if settings.sample_time != self.settings.sample_time:
-                raise ControlError("sample_time cannot change while running: stop the controller and start it again")
-            steps = self.supervision.settings.blend / self.settings.sample_time if self.supervision.closed_loop else 1
-            self._gradual = GradualSettings(self.settings, settings, round(steps))
-            self._go_on_changing()
+        controlled = self.supervision.closed_loop
+        blend = self.supervision.settings.blend if controlled else 0.0
+        if settings is not None:
+            self.law.change_settings(settings, blend)
+            self.references.change(self.law.settings.generator_pole)
         if supervision is not None:
             self._use_supervision(supervision)
-        if mode is not None and mode != self.mode:
-            if self._configuration is not None and self._controller is not None:
-                self._hand_over(make_controller(mode, *self._configuration, self.settings))
-            self.mode = mode
-
-    def _go_on_changing(self) -> None:
-        if self._gradual is None:
-            return
-        settings = self._gradual.next()
-        if self._gradual.finished:
-            self._gradual = None
-        if self._controller is not None:
-            self._controller.change(settings)
-        if settings.generator_pole != self.settings.generator_pole:
-            self.references.change(settings.generator_pole)
-        self.settings = settings
+        if mode is not None:
+            self.law.change_mode(mode, self.sensors.newest() if controlled else None, self.supervision.settings.blend)
 
     def _use_supervision(self, new: SupervisionSettings) -> None:
         self.supervision.settings = new
         r = self.references
         r.deceleration, r.fastest, r.blend = new.stop_deceleration, new.largest_rate, new.blend
-        if self._watch is not None and self._configuration is not None:
-            low, high = new.angles(self._configuration[0].angle_limits)
+        if self._watch is not None and self.configuration is not None:
+            low, high = new.angles(self.configuration[0].angle_limits)
             self._watch.settings, self._watch.angles = new, (low, high)
             self._angles = (low + new.angle_margin, high - new.angle_margin)
-
-    def _hand_over(self, new: Controller) -> None:
-        old = self._controller
-        assert old is not None  # the caller has looked
-        if not self.supervision.closed_loop:
-            self._controller = new
-            return
-        new.reset(self._measurement())
-        law = old.new if isinstance(old, Handover) else old
-        self._controller = Handover(law, new, round(self.supervision.settings.blend / self.settings.sample_time))
-
-    def _new_references(self) -> References:
-        s, limits = self.settings, self.supervision.settings
-        generator = TrajectoryGenerator(s.generator_pole, s.sample_time)
-        return References(generator, s.sample_time, limits.stop_deceleration, limits.largest_rate, limits.blend)
-
-    def _set_joint(self, low: float, high: float) -> None:
-        self._joint = Sensor("angle", (Range("angle", "rad", low, high), _RATE))
 
     # ------------------------------------------------------------------------------------------------------------ samples
 
     def joint(self, angle: float, rate: float, stamp: float, measured: float) -> None:
         """Angle [rad] and rate [rad/s], stamped [s], measured at the supervising clock's time [s]."""
-        if self._joint.take((angle, rate), stamp, measured):
-            self._agreement.update(stamp, angle, rate)
+        self.sensors.take_joint(angle, rate, stamp, measured)
 
     def hose_pressure(self, pressure: float, stamp: float, measured: float) -> None:
         """p_h [Pa gauge], like ``joint``."""
-        self._hose.take((pressure,), stamp, measured)
+        self.sensors.hose.take((pressure,), stamp, measured)
 
     def rod_pressure(self, pressure: float, stamp: float, measured: float) -> None:
         """p_b [Pa gauge], like ``joint``."""
-        self._rod.take((pressure,), stamp, measured)
+        self.sensors.rod.take((pressure,), stamp, measured)
 
     def currents(self, retract: float, extend: float, stamp: float, measured: float) -> None:
         """Measured currents [A], like ``joint``. They need not be there."""
-        self._currents.take((retract, extend), stamp, measured)
-
-    def complete(self) -> bool:
-        """True once every sensor has brought a new sample since the last cycle."""
-        return self._joint.fresh and self._hose.fresh and self._rod.fresh
+        self.sensors.currents.take((retract, extend), stamp, measured)
 
     def due(self, now: float) -> bool:
         """True where a cycle is to run now because the sensors are complete; two never follow within a quarter period."""
-        return self.complete() and (
-            self._last_cycle is None or now - self._last_cycle >= 0.25 * self.settings.sample_time
+        return self.sensors.complete and (
+            self._last_cycle is None or now - self._last_cycle >= 0.25 * self.law.settings.sample_time
         )
 
     def overdue(self, now: float) -> bool:
         """True where a cycle is to run although samples are missing: one of a set is late, or all are."""
         if self._last_cycle is None:
             return True
-        some = self._joint.fresh or self._hose.fresh or self._rod.fresh
-        return now - self._last_cycle >= (1.3 if some else 1.7) * self.settings.sample_time
+        return now - self._last_cycle >= (1.3 if self.sensors.begun else 1.7) * self.law.settings.sample_time
 
     # ----------------------------------------------------------------------------------------------------------- requests
 
@@ -259,12 +205,13 @@ class ControlLoop:
             self._refuse_stream(f"the reference is {wanted}: it is not used")
             return
         self._last_reference = now
-        low, high = self._angles if self._configuration else (-math.inf, math.inf)
+        low, high = self._angles if self.configuration else (-math.inf, math.inf)
         clamped = min(max(wanted, low), high)
+        came = now if self._watch_cycles else None
         state = self.supervision.state
         if state is State.TRACK:
             if self.references.kind == "stream":
-                self.references.stream(clamped)
+                self.references.stream(clamped, came)
                 self._note = (
                     "" if clamped == wanted else f"the reference of {wanted:.3f} rad is beyond {clamped:.3f} rad"
                 )
@@ -275,7 +222,7 @@ class ControlLoop:
         if missing:
             self._refuse_stream(missing)
             return
-        present = self.references.present.angle if state is State.HOLD else self._joint.values[0]
+        present = self.references.present.angle if state is State.HOLD else self.sensors.joint.values[0]
         tolerance = self.supervision.settings.start_tolerance
         if abs(wanted - present) > tolerance:
             self._refuse_stream(
@@ -285,7 +232,7 @@ class ControlLoop:
             return
         self._begin()
         self._refused_stream = self._note = ""
-        self.references.stream(clamped)
+        self.references.stream(clamped, came)
         self.supervision.track()
 
     def start(
@@ -303,52 +250,48 @@ class ControlLoop:
         missing = self._not_ready(now)
         if missing:
             raise TrajectoryError(missing)
-        measured = self._joint.values[0]
+        measured = self.sensors.joint.values[0]
         present = Reference(measured) if state is State.IDLE else self.references.present
         limits = self.supervision.settings
-        if begin is not None and points and begin + points[-1].time < self._joint.stamp:
+        if begin is not None and points and begin + points[-1].time < self.sensors.joint.stamp:
             raise TrajectoryError(
-                f"the trajectory ended {self._joint.stamp - begin - points[-1].time:.1f} s ago by its stamp: "
+                f"the trajectory ended {self.sensors.joint.stamp - begin - points[-1].time:.1f} s ago by its stamp: "
                 "stamp it with the present, or with zero for at once",
                 Code.OLD_HEADER_TIMESTAMP,
             )
         trajectory = plan(points, present, measured, Bounds(*self._angles, limits.largest_rate, limits.start_tolerance))
-        from_now = begin if begin is not None else max(self._joint.stamp, self._time)
-        first = trajectory.at(self._joint.stamp - from_now).angle
+        from_now = begin if begin is not None else max(self.sensors.joint.stamp, self._time)
+        first = trajectory.at(self.sensors.joint.stamp - from_now).angle
         if abs(first - present.angle) > limits.start_tolerance:
             raise TrajectoryError(
                 f"the trajectory is at {first:.3f} rad now and the boom at {present.angle:.3f} rad: "
                 f"begin within {limits.start_tolerance:g} rad"
             )
-        self._end_goal(Code.INVALID_GOAL, "replaced by a new trajectory")
+        self._goals.end(Code.INVALID_GOAL, "replaced by a new trajectory")
         if state is State.IDLE:
             self._begin()
         self.references.start(trajectory, from_now)
         self.supervision.track()
         self._note = ""
-        self._goals += 1
         asked = tolerances or Tolerances.asked(0.0, 0.0, 0.0, limits)
-        self._goal = (self._goals, TrackingGoal(asked, trajectory.duration, trajectory.goal))
-        return self._goals
+        return self._goals.start(TrackingGoal(asked, trajectory.duration, trajectory.goal))
 
     def cancel(self, number: int | None = None) -> bool:
         """End a trajectory (that of this number, or whatever moves): the boom comes to rest and is held."""
-        if number is not None and (self._goal is None or self._goal[0] != number):
+        if number is not None and not self._goals.runs(number):
             return False
-        self._end_goal(Code.SUCCESSFUL, "cancelled: the boom holds its position")
+        self._goals.end(Code.SUCCESSFUL, "cancelled: the boom holds its position")
         if self.supervision.state is State.TRACK:
             self._to_hold("")
         return True
 
     def drop(self) -> tuple[float, float]:
         """End control (deactivation). Returns the currents [A] that the caller has to bring to zero."""
-        self._end_goal(Code.INVALID_GOAL, "the controller was deactivated")
+        self._goals.end(Code.INVALID_GOAL, "the controller was deactivated")
         self.supervision.drop()
         last, self._last_output = self._last_output, (0.0, 0.0)
         self._last_cycle = None
-        for sensor in (self._joint, self._hose, self._rod, self._currents):
-            sensor.forget()
-        self._agreement.reset()
+        self.sensors.forget()
         return last
 
     # -------------------------------------------------------------------------------------------------------------- cycle
@@ -356,16 +299,15 @@ class ControlLoop:
     def cycle(self, now: float) -> Cycle:
         """One period."""
         begin = perf_counter()
+        sensors, supervision = self.sensors, self.supervision
         gap = 0.0 if self._last_cycle is None else now - self._last_cycle
         self._last_cycle = now
-        self._time = self._joint.stamp if self._joint.fresh else self._time + gap
-        measurement = self._measurement()
-        self._joint.fresh = self._hose.fresh = self._rod.fresh = False
-        supervision = self.supervision
+        self._time = sensors.joint.stamp if sensors.joint.fresh else self._time + gap
+        measurement = sensors.use(now)
         if supervision.moving:
             finding = self._standing(now)
             if finding is None and self._watch is not None and self._watch_cycles:
-                finding = self._watch.cycle(gap, self.settings.sample_time, now)
+                finding = self._watch.cycle(gap, self.law.settings.sample_time, now)
             if finding is not None:
                 self._stop(finding, now)
         if supervision.state is State.TRACK and self.references.kind == "stream":
@@ -375,29 +317,29 @@ class ControlLoop:
         retract, extend = self._last_output[0] * left, self._last_output[1] * left
         if supervision.state is State.STOPPED:
             self._last_output = (0.0, 0.0)
-        self._look_at_goal(reference, measurement)
+        elif supervision.state is State.TRACK:
+            self._look_at_goal(reference, measurement)
         status, reason = self._status(now)
-        endings = self.pop_endings()
-        load = output.estimated_load + self._configuration[1].load if self._configuration else math.nan
+        load = output.estimated_load + self.configuration[1].load if self.configuration else math.nan
         return Cycle(
             self._time, supervision.state, retract, extend, reference, measurement, output, status, reason, load,
-            endings, perf_counter() - begin,
+            self._goals.pop_endings(), perf_counter() - begin,
         )  # fmt: skip
 
     def _act(self, measurement: Measurement, now: float) -> tuple[Reference, Output]:
-        if not self.supervision.closed_loop or self._controller is None or self._watch is None:
+        watch = self._watch
+        if not self.supervision.closed_loop or watch is None:
             if self.supervision.state is State.STOPPING:
                 return self.references.present, _NO_OUTPUT
             return Reference(measurement.angle), _NO_OUTPUT
-        self._go_on_changing()
-        reference = self.references.advance(self._time)
-        output = self._controller.step(reference, measurement)
-        if isinstance(self._controller, Handover) and self._controller.finished:
-            self._controller = self._controller.new
-        finding = self._watch.motion(measurement, reference, output, now)
+        if self.law.glide():
+            self.references.change(self.law.settings.generator_pole)
+        reference = self.references.advance(self._time, now - measurement.age)
+        output = self.law.step(reference, measurement)
+        finding = watch.motion(measurement, reference, output, now)
         if finding is None:
-            seen = self._currents.values if self._currents.age(now) < self.supervision.settings.sensor_timeout else None
-            finding = self._watch.currents(self._last_output, seen, now)
+            seen = self.sensors.measured_currents(now, self.supervision.settings.sensor_timeout)
+            finding = watch.currents(self._last_output, seen, now)
         if math.isfinite(output.retract) and math.isfinite(output.extend):
             self._last_output = (output.retract, output.extend)
         if finding is not None:
@@ -408,17 +350,13 @@ class ControlLoop:
         """From idle into the closed loop."""
         if self.supervision.state is not State.IDLE:
             return
-        assert self._controller is not None and self._watch is not None  # readiness was checked
-        measurement = self._measurement()
-        self._controller.reset(measurement)
-        self._time = self._joint.stamp
+        assert self.law.controller is not None and self._watch is not None  # readiness was checked
+        measurement = self.sensors.newest()
+        self.law.controller.reset(measurement)
+        self._time = measurement.time
         self.references.reset(measurement.angle, self._time)
         self._watch.reset()
         self._last_output = (0.0, 0.0)
-
-    def _measurement(self) -> Measurement:
-        angle, rate = self._joint.values
-        return Measurement(self._joint.stamp, angle, rate, self._hose.values[0], self._rod.values[0])
 
     def _listen(self, now: float) -> None:
         silence = now - self._last_reference
@@ -431,29 +369,17 @@ class ControlLoop:
         self._note = note
 
     def _look_at_goal(self, reference: Reference, measurement: Measurement) -> None:
-        if self._goal is None or self.supervision.state is not State.TRACK:
-            return
-        number, goal = self._goal
-        ending = goal.look(self.references.elapsed, reference.angle, measurement.angle)
-        if ending is None:
-            return
-        self._goal = None
-        self._endings.append((number, ending))
-        failed = ending.code is not Code.SUCCESSFUL
-        self._to_hold(f"trajectory aborted: {ending.text}; the boom holds its position" if failed else "")
-
-    def _end_goal(self, code: Code, text: str) -> None:
-        if self._goal is not None:
-            number, goal = self._goal
-            self._goal = None
-            self._endings.append((number, goal.ended(code, text)))
+        ending = self._goals.look(self.references.elapsed, reference.angle, measurement.angle)
+        if ending is not None:
+            failed = ending.code is not Code.SUCCESSFUL
+            self._to_hold(f"trajectory aborted: {ending.text}; the boom holds its position" if failed else "")
 
     # ------------------------------------------------------------------------------------------------------- supervision
 
     def _stop(self, finding: Finding, now: float) -> None:
         if self.supervision.stop(finding, now):
             self._note = ""
-            self._end_goal(Code.INVALID_GOAL, f"stopped: {finding.text}")
+            self._goals.end(Code.INVALID_GOAL, f"stopped: {finding.text}")
             if self.supervision.closed_loop:
                 self.references.rest()
 
@@ -461,18 +387,10 @@ class ControlLoop:
         """A reason that holds now, whatever the state."""
         if self._emergency:
             return Finding("emergency_stop", "emergency stop")
-        s = self.supervision.settings
-        for sensor in (self._joint, self._hose, self._rod):
-            finding = sensor.finding(now, s.sensor_timeout, s.bad_samples)
-            if finding is not None:
-                return finding
-        apart = self._agreement.apart
-        if abs(apart) > s.largest_disagreement:
-            return Finding("sensors_disagree", f"angle and integrated rate have drifted apart by {apart:.3f} rad")
-        return None
+        return self.sensors.finding(now, self.supervision.settings)
 
     def _not_ready(self, now: float) -> str:
-        if self._controller is None:
+        if self.law.controller is None:
             return "not ready: no /boom/machine_configuration yet"
         finding = self._standing(now)
         return f"not ready: {finding.text}" if finding is not None else ""
@@ -494,11 +412,10 @@ class ControlLoop:
 
     def pop_endings(self) -> list[tuple[int, Ending]]:
         """Trajectories that ended since this was asked last, by their number; ``cycle`` asks."""
-        endings, self._endings = self._endings, []
-        return endings
+        return self._goals.pop_endings()
 
     def goal_progress(self, number: int) -> tuple[float, float, float] | None:
         """Of the running trajectory of that number: wanted and measured angle [rad], time since its start [s]."""
-        if self._goal is None or self._goal[0] != number:
+        if not self._goals.runs(number):
             return None
-        return self.references.present.angle, self._joint.values[0], self.references.elapsed
+        return self.references.present.angle, self.sensors.joint.values[0], self.references.elapsed

@@ -1,6 +1,6 @@
 """What the control laws know of the machine, at one measured and one reference point: the components of ``boom_model``, wired once.
 
-Evaluated by CasADi's virtual machine on plain buffers, a few microseconds a call. The reduced model (5.47) is the base:
+Expressions, of which the control laws are made; ``at`` gives numbers. The reduced model (5.47) is the base:
 tau~_f = tau_f + A_a J dp_ha(J q_2' A_a) of (5.41), chamber stiffness with the accumulators as in (6.18).
 """
 
@@ -26,6 +26,7 @@ from boom_model import (
 )
 from boom_model.machine import Machine, Pose
 from boom_model.numbers import component_numbers
+from boom_model.regularisation import Expression
 
 
 class Point(NamedTuple):
@@ -97,23 +98,25 @@ class ControlModel:
         self.p, self.e = component_numbers(machine, pose)
         self._in = array("d", [0.0] * len(Point._fields))
         self._out = array("d", [0.0] * len(Quantities._fields))
-        self._coming_in = array("d", [0.0] * _COMING_INPUTS)
-        self._coming_out = array("d", [0.0] * len(Coming._fields))
-        whole, coming = _functions(machine, self.p, self.e)
-        self._evaluate = on_buffers(whole, self._in, self._out)
-        self._evaluate_coming = on_buffers(coming, self._coming_in, self._coming_out)
+        self._whole, self._coming = _functions(machine, self.p, self.e)
+        self._evaluate = on_buffers(self._whole, [self._in], [self._out])
 
     def at(self, point: Point) -> Quantities:
-        """All quantities at a point."""
+        """All quantities at a point, numbers."""
         self._in[:] = array("d", point)
         self._evaluate()
         return Quantities(*self._out)
 
-    def coming(self, reference: Reference, load: float) -> Coming:
-        """What a point of the reference needs, with a load [kg] beyond the pose's: the part of :meth:`at` that needs no sensor."""
-        self._coming_in[:] = array("d", (reference.angle, reference.rate, reference.acceleration, reference.jerk, load))
-        self._evaluate_coming()
-        return Coming(*self._coming_out)
+    def expressions(self, point: Point) -> Quantities:
+        """:meth:`at` for a point of expressions."""
+        return Quantities(*ca.vertsplit(self._whole(ca.vertcat(*point))))
+
+    def coming(self, reference: Reference, load: Expression) -> Coming:
+        """What a point of the reference needs, with a load [kg] beyond the pose's: the part of :meth:`at` that needs no sensor.
+
+        Expressions in, expressions out.
+        """
+        return Coming(*ca.vertsplit(self._coming(ca.vertcat(*reference, load))))
 
 
 _COMING_INPUTS = 5

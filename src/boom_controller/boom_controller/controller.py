@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import nan
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from boom_controller.errors import ControlError
 from boom_controller.settings import Settings
@@ -14,8 +13,7 @@ MODES = ("thesis", "baseline", "improved")
 """``thesis``: chapter 6 as printed. ``baseline``: the least change of it that is stable. ``improved``: ours."""
 
 
-@dataclass(frozen=True, slots=True)
-class Reference:
+class Reference(NamedTuple):
     """Wanted motion of the boom: q_2* [rad] and its first three derivatives [rad/s, rad/s^2, rad/s^3]."""
 
     angle: float
@@ -24,19 +22,18 @@ class Reference:
     jerk: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Measurement:
-    """What the sensors show: time [s], q_2 [rad], its rate [rad/s], p_h and p_b [Pa gauge]."""
+class Measurement(NamedTuple):
+    """What the sensors show: time [s], q_2 [rad], its rate [rad/s], p_h and p_b [Pa gauge]; age [s] when the currents go out."""
 
     time: float
     angle: float
     rate: float
     hose_pressure: float
     rod_pressure: float
+    age: float = 0.0
 
 
-@dataclass(slots=True)
-class Output:
+class Output(NamedTuple):
     """Currents [A] and what led to them, SI; NaN where a mode has no such quantity.
 
     Attributes:

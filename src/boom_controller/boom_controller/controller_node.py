@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from boom_node import early  # noqa: F401  (first: signals and environment)
 
-import gc
-import os
 import re
 import time
 from typing import Any
@@ -37,7 +35,9 @@ from boom_controller import messages
 from boom_controller.control_loop import ControlLoop, Cycle
 from boom_controller.errors import ControlError
 from boom_controller.joint_trajectory import TrajectoryError
+from boom_controller.lockstep import Lockstep
 from boom_controller.node_parameters import PARAMETERS, settings_of, supervision_of
+from boom_controller.realtime import Garbage, use_priority
 from boom_controller.tracking_goal import Tolerances
 from boom_controller.trajectory_action import TrajectoryAction
 
@@ -52,7 +52,11 @@ class ControllerNode(LifecycleNode):
     def __init__(self) -> None:
         super().__init__("boom_controller")
         self._values = vars(parameters.declare(self, PARAMETERS))
-        self._lockstep = self._values["time"] == "lockstep"
+        self._lockstep = (
+            Lockstep(self._values["lockstep_reference"], seconds_to_ns(self._values["lockstep_delay"]))
+            if self._values["time"] == "lockstep"
+            else None
+        )
         self._loop: ControlLoop | None = None
         self._active = False
         self._configuration: MachineConfiguration | None = None
@@ -64,9 +68,7 @@ class ControllerNode(LifecycleNode):
         self._last: Cycle | None = None
         self._said = ("", "")
         self._cycles, self._late, self._feedback_at = 0, 0, 0
-        self._tick_ns, self._answered_ns = -1, -1
-        self._delay_ns = seconds_to_ns(self._values["lockstep_delay"])
-        self._stamps = {"joint": -1, "hose": -1, "rod": -1, "reference": -1}
+        self._garbage = Garbage()
         self._failure = ""
         self._make_topics()
         self.add_on_set_parameters_callback(self._check_parameters)
@@ -99,6 +101,7 @@ class ControllerNode(LifecycleNode):
         self._loads = publisher(Float64, "/boom/estimated_load", qos.SENSOR_DATA)
         self._command_message = SolenoidCurrents()
         self._state_message, self._reference_message = ControllerState(), ReferenceState()
+        self._load_message = Float64()
         subscribe(JointState, "/joint_states", self._on_joint, sensor=True)
         subscribe(FluidPressure, "/boom/hose_pressure", self._on_hose, sensor=True)
         subscribe(FluidPressure, "/boom/rod_pressure", self._on_rod, sensor=True)
@@ -121,7 +124,7 @@ class ControllerNode(LifecycleNode):
         try:
             self._loop = ControlLoop(
                 self._values["mode"], settings_of(self._values), supervision_of(self._values),
-                watch_cycles=not self._lockstep,
+                watch_cycles=self._lockstep is None,
             )  # fmt: skip
             self._configure()
         except (ControlError, ModelError) as error:
@@ -132,9 +135,10 @@ class ControllerNode(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Command, zero current at first."""
-        self._use_realtime()
-        gc.collect()
-        gc.freeze()  # what lives now lives to the end: the collector need not walk through it within a cycle
+        problem = use_priority(self._values["realtime_priority"])
+        if problem:
+            self.get_logger().warning(problem)
+        self._garbage.hold()
         self._active = True
         return super().on_activate(state)
 
@@ -162,6 +166,7 @@ class ControllerNode(LifecycleNode):
         if not self._active or self._loop is None:
             return
         self._active = False
+        self._garbage.release()
         retract, extend = self._loop.drop()
         steps = round(self._loop.supervision.settings.current_ramp / 0.01)
         for k in range(1, steps if (retract or extend) and not self._lockstep else 1):
@@ -170,22 +175,10 @@ class ControllerNode(LifecycleNode):
         self._command(0.0, 0.0)
         self._finish_goals()
 
-    def _use_realtime(self) -> None:
-        priority = self._values["realtime_priority"]
-        if not priority:
-            return
-        try:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-        except OSError as error:
-            self.get_logger().warning(
-                f"realtime_priority {priority} is not used: {error.strerror}; allow it (ulimit -r), or set 0"
-            )
-
     # ------------------------------------------------------------------------------------------------------ parameters
 
     def _check_parameters(self, changed: list[Any]) -> Any:
-        given = {p.name: p.value for p in changed}
-        values = {**self._values, **given}
+        values = self._values | {p.name: p.value for p in changed}
         try:
             settings, supervision = settings_of(values), supervision_of(values)
             del settings, supervision
@@ -212,7 +205,7 @@ class ControllerNode(LifecycleNode):
     # --------------------------------------------------------------------------------------------------------- samples
 
     def _now(self) -> float:
-        return ns_to_seconds(self._tick_ns) if self._lockstep else time.monotonic()
+        return ns_to_seconds(self._lockstep.tick_ns) if self._lockstep else time.monotonic()
 
     def _times(self, message: Any) -> tuple[float, float]:
         """Stamp counted from the first one, and when it was measured by the supervising clock [s]."""
@@ -256,8 +249,8 @@ class ControllerNode(LifecycleNode):
             self._loop.currents(message.retract, message.extend, *self._times(message))
 
     def _arrived(self, name: str, stamp_ns: int) -> None:
-        self._stamps[name] = stamp_ns
         if self._lockstep:
+            self._lockstep.arrived(name, stamp_ns)
             self._answer_tick()
         elif self._active and self._loop is not None and self._loop.due(time.monotonic()):
             self._cycle()
@@ -267,28 +260,20 @@ class ControllerNode(LifecycleNode):
             self._late += self._loop.configuration is not None
             self._cycle()
 
-    # -------------------------------------------------------------------------------------------------------- lockstep
-
     def _begin_lockstep(self) -> None:
         """The first command, without which the simulation stands, once everybody listens."""
-        if self._answered_ns >= 0 or self._tick_ns >= 0 or not self._active:
+        if not self._active or not self._lockstep.may_begin():
             return
-        ready = self._commands.get_subscription_count() >= self._values["wait_for"] and self._configuration is not None
-        if ready and (self._stamps["reference"] >= 0 or not self._values["lockstep_reference"]):
-            self._answered_ns = 0
+        if self._commands.get_subscription_count() >= self._values["wait_for"] and self._configuration is not None:
+            self._lockstep.begun = True
             self._command(0.0, 0.0)
 
     def _on_clock(self, message: ClockMessage) -> None:
-        self._tick_ns = to_ns(message.clock)
+        self._lockstep.tick_ns = to_ns(message.clock)
         self._answer_tick()
 
     def _answer_tick(self) -> None:
-        tick = self._tick_ns
-        if tick <= self._answered_ns or not self._active:
-            return
-        names = ("joint", "hose", "rod", *(("reference",) if self._values["lockstep_reference"] else ()))
-        if all(self._stamps[name] >= tick - (name != "reference") * self._delay_ns for name in names):
-            self._answered_ns = tick
+        if self._active and self._lockstep.due():
             self._cycle()
 
     # ----------------------------------------------------------------------------------------------------------- cycle
@@ -306,7 +291,8 @@ class ControllerNode(LifecycleNode):
         self._states.publish(messages.fill_state(self._state_message, cycle, stamp_ns))
         self._references.publish(messages.fill_reference(self._reference_message, cycle, stamp_ns))
         if cycle.load == cycle.load:
-            self._loads.publish(Float64(data=cycle.load))
+            self._load_message.data = cycle.load
+            self._loads.publish(self._load_message)
         for number, ending in cycle.endings:
             self._action.end(number, ending)
             if number not in self._action.running and ending.text:
@@ -314,10 +300,11 @@ class ControllerNode(LifecycleNode):
         self._feed_back(loop, stamp_ns)
         if (cycle.state.value, cycle.reason) != self._said:
             self._tell(cycle)
+        self._garbage.cycle_is_over()
 
     def _command(self, retract: float, extend: float) -> None:
         message = self._command_message
-        stamp_ns = max(self._tick_ns, 0) if self._lockstep else self.get_clock().now().nanoseconds
+        stamp_ns = max(self._lockstep.tick_ns, 0) if self._lockstep else self.get_clock().now().nanoseconds
         set_ns(message.header.stamp, stamp_ns)
         message.retract, message.extend = retract, extend
         self._commands.publish(message)
@@ -365,9 +352,13 @@ class ControllerNode(LifecycleNode):
         load = message.load_mass if message.load_mass == message.load_mass else 0.0
         try:
             machine = load_machine(self._values["machine"] or message.machine)
+            self.get_logger().info(f"{machine.name}: preparing the control laws, at first some seconds")
             loop.configure(machine, machine.pose(message.outer_boom_angle, message.telescope_length, load))
         except (ControlError, ModelError) as error:
             self.get_logger().error(f"/boom/machine_configuration cannot be used: {error}")
+            return
+        if self._active:
+            self._garbage.hold()
 
     def _on_reference(self, message: JointState) -> None:
         joint = self._values["joint_name"]
@@ -376,7 +367,8 @@ class ControllerNode(LifecycleNode):
         k = list(message.name).index(joint)
         if k < len(message.position):
             self._loop.stream(message.position[k], self._now())
-            self._arrived("reference", to_ns(message.header.stamp)) if self._lockstep else None
+            if self._lockstep:
+                self._arrived("reference", to_ns(message.header.stamp))
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         if self._loop is None or not self._active:
@@ -435,7 +427,7 @@ class ControllerNode(LifecycleNode):
     def _health(self) -> Health:
         if self._loop is None or not self._active:
             return Health(Level.ERROR if self._failure else Level.OK, self._failure or "not active", {})
-        values = {"control law": self._loop.mode, "cycles": self._cycles, "cycles without all samples": self._late}
+        values = {"control law": self._loop.law.mode, "cycles": self._cycles, "cycles without all samples": self._late}
         if self._last is None:
             return Health(Level.WARN, "no cycle yet", values)
         last = self._last

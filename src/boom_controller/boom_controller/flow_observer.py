@@ -10,8 +10,12 @@ Flow that the model misses, as a piston speed:  d^' = w (v + f_p' / K - Q - d^),
 from __future__ import annotations
 
 from math import exp
+from typing import Any, NamedTuple
 
-from boom_controller.settings import Settings
+import casadi as ca
+
+from boom_controller.limits import limited
+from boom_model.regularisation import Expression
 
 SOFTEST, STIFFEST = 8.0, 0.7
 """Limits of kappa: air in the oil (beta x 0.2, Table 6.1) with a margin."""
@@ -21,43 +25,40 @@ LARGEST_MISSED = 0.05
 """m/s."""
 
 
-class ChamberCompliance:
-    """kappa [-] of one chamber."""
+class ChamberState(NamedTuple):
+    """kappa [-]; both sides of the regression behind the high-pass filter [Pa], and p [Pa] of the sample before."""
 
-    def __init__(self) -> None:
-        self.ratio = 1.0
-        self._volume = self._moved = self._pressure = 0.0
-
-    def reset(self, pressure: float) -> None:
-        """Nominal oil; the chamber rests at ``pressure`` [Pa]."""
-        self.ratio, self._volume, self._moved, self._pressure = 1.0, 0.0, 0.0, pressure
-
-    def step(self, pressure: float, expected_rate: float, settings: Settings, trusted: bool = True) -> None:
-        """One sample time: p [Pa], k (q - A v) [Pa/s] of the nominal chamber; ``trusted``: False only filters."""
-        t = settings.sample_time
-        keep = exp(-FORGETTING * t)
-        self._volume = keep * self._volume + t * expected_rate
-        self._moved = keep * self._moved + pressure - self._pressure
-        self._pressure = pressure
-        if trusted:
-            y, size = self._moved, settings.compliance_pressure
-            change = settings.compliance_gain * t * y * (self._volume - self.ratio * y) / (size * size + y * y)
-            self.ratio = min(max(self.ratio + change, STIFFEST), SOFTEST)
+    ratio: Expression = 1.0
+    volume: Expression = 0.0
+    moved: Expression = 0.0
+    pressure: Expression = 0.0
 
 
-class MissedFlow:
-    """``speed`` [m/s]: v + f_p' / K - Q, low-pass filtered."""
+class MissedState(NamedTuple):
+    """d^ [m/s], and f_p [N] of the sample before."""
 
-    def __init__(self) -> None:
-        self.speed = self._force = 0.0
+    speed: Expression = 0.0
+    force: Expression = 0.0
 
-    def reset(self, force: float) -> None:
-        """Nothing is missed; f_p [N] stands."""
-        self.speed, self._force = 0.0, force
 
-    def step(self, velocity: float, modelled: float, force: float, stiffness: float, settings: Settings) -> None:
-        """One sample time: v and Q [m/s], f_p [N], K [N/m]."""
-        share = -settings.flow_pole
-        gained = settings.sample_time * (velocity - modelled - self.speed) + (force - self._force) / stiffness
-        self._force = force
-        self.speed = min(max(self.speed + share * gained, -LARGEST_MISSED), LARGEST_MISSED)
+def observe_chamber(
+    x: ChamberState, pressure: Expression, expected_rate: Expression, s: Any, trusted: Expression = 1.0
+) -> ChamberState:
+    """One sample time: p [Pa], k (q - A v) [Pa/s] of the nominal chamber; ``trusted``: 0 only filters. ``s``: settings."""
+    t = s.sample_time
+    keep = exp(-FORGETTING * t)
+    volume = keep * x.volume + t * expected_rate
+    moved = keep * x.moved + pressure - x.pressure
+    y, size = moved, s.compliance_pressure
+    change = s.compliance_gain * t * y * (volume - x.ratio * y) / (size * size + y * y)
+    learnt = limited(x.ratio + change, STIFFEST, SOFTEST)
+    return ChamberState(ca.if_else(trusted, learnt, x.ratio), volume, moved, pressure)
+
+
+def observe_missed_flow(
+    x: MissedState, velocity: Expression, modelled: Expression, force: Expression, stiffness: Expression, s: Any
+) -> MissedState:
+    """One sample time: v and Q [m/s], f_p [N], K [N/m], settings ``s``."""
+    gained = s.sample_time * (velocity - modelled - x.speed) + (force - x.force) / stiffness
+    speed = x.speed - s.flow_pole * gained
+    return MissedState(limited(speed, -LARGEST_MISSED, LARGEST_MISSED), force)

@@ -45,9 +45,9 @@ class Handover:
         self._done += 1
         x = max(0.0, 2.0 * self._done / self._steps - 1.0)
         w = x * x * (3.0 - 2.0 * x)
-        output.retract = (1.0 - w) * old.retract + w * output.retract
-        output.extend = (1.0 - w) * old.extend + w * output.extend
-        return output
+        return output._replace(
+            retract=(1.0 - w) * old.retract + w * output.retract, extend=(1.0 - w) * old.extend + w * output.extend
+        )
 
     def change(self, settings: Settings) -> None:
         """Other settings for both. Raises ControlError where this needs a new controller."""

@@ -3,9 +3,10 @@
 Every sample time (docs/control.md derives it):
 
 1. observers: load at the tip (``load_observer``), compliance of both chambers, flow that the valve's model misses
-   (``flow_observer``);
+   (``flow_observer``); they see the valve where it was when the sample was taken;
 2. speed wanted of the oil, v = J(q*) q*' ahead by ``preview`` - k_p e - k_v e' - k_d f~ - d^, with gains by pole placement for the
-   estimated stiffness and mass and f~ predicted over the valve's remaining lag (``state_feedback``);
+   estimated stiffness and mass and f~ predicted over the valve's remaining lag (``state_feedback``); further ahead by the dead
+   time, which is the sample's age and ``command_delay``;
 3. flow map: Sigma = K v + d/dt f_ff, solved for the spool position by (6.23) (``valve_map``);
 4. dead zone: below ``dead_zone_speed`` the spool moves through it in proportion, ahead of a reference that starts or turns;
 5. currents through the inverse of spool and pilot stage (``valve_follower``).
@@ -13,21 +14,39 @@ Every sample time (docs/control.md derives it):
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
+import casadi as ca
+
 from boom_controller.control_model import ControlModel, Point, Quantities
 from boom_controller.controller import Measurement, Output, Reference
 from boom_controller.errors import ControlError
-from boom_controller.flow_observer import ChamberCompliance, MissedFlow
-from boom_controller.load_observer import LoadObserver
+from boom_controller.flat import FlatLaw
+from boom_controller.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
+from boom_controller.load_observer import LoadState, observe_load
 from boom_controller.pilot_stage import StaticPilot, require_pilot_stage
 from boom_controller.settings import Settings
-from boom_controller.stall_watch import StallWatch
+from boom_controller.stall_watch import StallState, reason, stalled, watch_supply
 from boom_controller.state_feedback import gains, predicted_force
-from boom_controller.valve_follower import ValveFollower
+from boom_controller.valve_follower import ValveFollower, ValveState
 from boom_controller.valve_map import ValveMap
+from boom_model import cylinder
 from boom_model.machine import Machine, Pose
+from boom_model.regularisation import Expression
 
 CAVITATION = 3.0e5
 """Pa. Below it the rod side may draw oil through its anti-cavitation valve, and tells nothing about its compliance."""
+
+
+class ImprovedState(NamedTuple):
+    """What the law remembers. As it begins: valve centred, nominal oil, no load beyond the configuration's."""
+
+    valve: ValveState = ValveState()
+    load: LoadState = LoadState()
+    head: ChamberState = ChamberState()
+    rod: ChamberState = ChamberState()
+    missed: MissedState = MissedState()
+    stall: StallState = StallState()
 
 
 class Improved:
@@ -42,67 +61,31 @@ class Improved:
         self._area_a, self._area_b = float(p.cylinder.A_a), float(p.cylinder.A_b)
         self._stroke = float(p.main_valve_spool.s_max)
         self._map = ValveMap(p, e)
-        self._pilot = StaticPilot(p, e, settings.neutral_pressure)
         dead_zone = max(self._map.dead_extend, self._map.dead_retract)
-        self._valve = ValveFollower(p, e, self._pilot, dead_zone, settings)
-        self._load = LoadObserver(settings)
-        self._head, self._rod = ChamberCompliance(), ChamberCompliance()
-        self._missed, self._stall = MissedFlow(), StallWatch()
+        self._valve = ValveFollower(p, e, StaticPilot(p, e), dead_zone, settings.sample_time)
         self._settings = settings
+        self._law = FlatLaw(self.mode, ImprovedState(), self._after, settings)
+        self._reason = ""
 
     def reset(self, measurement: Measurement) -> None:
         """Rest: valve centred, nominal oil, no load beyond the configuration's."""
-        self._valve.reset()
-        self._load.reset()
-        self._head.reset(measurement.hose_pressure)
-        self._rod.reset(measurement.rod_pressure)
-        force = self._at(Reference(measurement.angle), measurement).force
-        self._missed.reset(force)
-        self._stall.reset(measurement.hose_pressure * self._area_a)
+        hose, rod = measurement.hose_pressure, measurement.rod_pressure
+        self._law.start(
+            ImprovedState(
+                head=ChamberState(pressure=hose),
+                rod=ChamberState(pressure=rod),
+                missed=MissedState(force=float(cylinder.force(hose, rod, self._model.p))),
+                stall=StallState(force=hose * self._area_a),
+            )
+        )
+        self._reason = ""
 
     def step(self, reference: Reference, measurement: Measurement) -> Output:
         """One sample time."""
-        s = self._settings
-        q = self._at(reference, measurement)
-        self._load.step(q, measurement.rate)
-        velocity = q.jacobian * measurement.rate
-        head_flow, rod_flow = self._flows(q)
-        self._head.step(measurement.hose_pressure, q.stiffness_line * (head_flow - self._area_a * velocity), s)
-        self._rod.step(
-            measurement.rod_pressure, q.stiffness_rod * (rod_flow + self._area_b * velocity), s,
-            trusted=measurement.rod_pressure > CAVITATION,
-        )  # fmt: skip
-        a = self._area_a * q.stiffness_line / self._head.ratio
-        b = self._area_b * q.stiffness_rod / self._rod.ratio
-        stiffness = a * self._area_a + b * self._area_b
-        modelled = (a * head_flow - b * rod_flow) / stiffness
-        self._missed.step(velocity, modelled, q.force, stiffness, s)
-        pressure = measurement.hose_pressure
-        self._stall.step(
-            velocity, head_flow / self._area_a, pressure * self._area_a, a * self._area_a, self._load.load, pressure, s
-        )
-
-        ahead = _ahead(reference, s.preview)
-        future = self._model.coming(ahead, self._load.load)
-        k = gains(stiffness, q.inertia / q.jacobian**2, s)
-        e1 = q.position - q.reference_position
-        e2 = velocity - q.reference_jacobian * reference.rate
-        driving = modelled - future.force_rate / stiffness - velocity
-        force = predicted_force(q.force - q.feedforward_force, driving, stiffness, k.frequency, s.remaining_lag)
-        wanted = (future.jacobian * ahead.rate - k.position * e1 - k.velocity * e2 - k.force * force
-                  - self._missed.speed)  # fmt: skip
-        sigma = stiffness * wanted + future.force_rate
-        spool = self._spool(q, sigma, a, b)
-        coming = future.jacobian * _ahead(reference, s.dead_zone_preview).rate
-        spool = self._through_dead_zone(spool, sigma / stiffness + coming)
-        retract, extend, plus, minus = self._valve.step(spool)
-        return Output(
-            retract, extend,
-            angle_error=reference.angle - measurement.angle, piston_position_error=-e1, force_error=q.feedforward_force - q.force,
-            feedforward_force=q.feedforward_force, feedback_force=0.0, force_set_point=q.feedforward_force, force=q.force,
-            spool_position=spool, pilot_pressure_retract=plus, pilot_pressure_extend=minus, estimated_load=self._load.load,
-            reason=self._stall.reason,
-        )  # fmt: skip
+        *quantities, is_stalled = self._law.step(reference, measurement)
+        if is_stalled and not self._reason:
+            self._reason = reason(quantities[-1], measurement.hose_pressure)
+        return Output._make((*quantities, self._reason))
 
     def change(self, settings: Settings) -> None:
         """Everything but the sample time; the observers' states stay.
@@ -112,43 +95,79 @@ class Improved:
         """
         if settings.sample_time != self._settings.sample_time:
             raise ControlError("sample_time cannot change while running: stop the controller and start it again")
-        self._pilot.neutral = settings.neutral_pressure
-        self._valve.change(settings)
-        self._load.change(settings)
+        self._law.change(settings)
         self._settings = settings
 
-    def _at(self, r: Reference, m: Measurement) -> Quantities:
-        return self._model.at(
+    def _after(self, x: ImprovedState, r: Reference, m: Measurement, s: Any) -> tuple[ImprovedState, list[Expression]]:
+        """The law as expressions: states one sample time later; ``Output`` up to the load, and whether the supply stalls."""
+        q = self._model.expressions(
             Point(
                 m.angle, m.rate, m.hose_pressure, m.rod_pressure,
-                r.angle, r.rate, r.acceleration, r.jerk, self._load.load,
+                r.angle, r.rate, r.acceleration, r.jerk, x.load.load,
             )
         )  # fmt: skip
+        load = observe_load(x.load, q, m.rate, s)
+        velocity = q.jacobian * m.rate
+        delay = m.age + s.command_delay
+        head_flow, rod_flow = self._flows(q, self._valve.position_before(x.valve, delay))
+        head = observe_chamber(x.head, m.hose_pressure, q.stiffness_line * (head_flow - self._area_a * velocity), s)
+        rod = observe_chamber(
+            x.rod, m.rod_pressure, q.stiffness_rod * (rod_flow + self._area_b * velocity), s,
+            trusted=m.rod_pressure > CAVITATION,
+        )  # fmt: skip
+        a = self._area_a * q.stiffness_line / head.ratio
+        b = self._area_b * q.stiffness_rod / rod.ratio
+        stiffness = a * self._area_a + b * self._area_b
+        modelled = (a * head_flow - b * rod_flow) / stiffness
+        missed = observe_missed_flow(x.missed, velocity, modelled, q.force, stiffness, s)
+        stall = watch_supply(
+            x.stall, velocity, head_flow / self._area_a, m.hose_pressure * self._area_a, a * self._area_a, s
+        )
 
-    def _flows(self, q: Quantities) -> tuple[float, float]:
-        """(q_h, q_b) [m^3/s] into the ports, at the spool position that is followed."""
-        position = self._valve.position
+        ahead = _ahead(r, s.preview + delay)
+        future = self._model.coming(ahead, load.load)
+        k = gains(stiffness, q.inertia / q.jacobian**2, s)
+        e1 = q.position - q.reference_position
+        e2 = velocity - q.reference_jacobian * r.rate
+        driving = modelled - future.force_rate / stiffness - velocity
+        force = predicted_force(q.force - q.feedforward_force, driving, stiffness, k.frequency, s.remaining_lag)
+        wanted = (future.jacobian * ahead.rate - k.position * e1 - k.velocity * e2 - k.force * force
+                  - missed.speed)  # fmt: skip
+        sigma = stiffness * wanted + future.force_rate
+        coming = future.jacobian * _ahead(r, s.dead_zone_preview + delay).rate
+        spool = self._through_dead_zone(self._spool(q, sigma, a, b, s), sigma / stiffness + coming, s)
+        valve, plus, minus = self._valve.step(x.valve, spool, s)
+        return ImprovedState(valve, load, head, rod, missed, stall), [
+            valve.retract.current, valve.extend.current, r.angle - m.angle, -e1, q.feedforward_force - q.force,
+            q.feedforward_force, 0.0, q.feedforward_force, q.force, spool, plus, minus, load.load, stalled(stall, s),
+        ]  # fmt: skip
+
+    def _flows(self, q: Quantities, position: Expression) -> tuple[Expression, Expression]:
+        """(q_h, q_b) [m^3/s] into the ports, at the spool position s_s [m] that is followed."""
         supply, tank = self._map.areas(position)
-        if position < 0:
-            return q.extend_supply * supply, q.extend_tank * tank
-        return q.retract_tank * tank, q.retract_supply * supply
+        return (
+            ca.if_else(position < 0, q.extend_supply * supply, q.retract_tank * tank),
+            ca.if_else(position < 0, q.extend_tank * tank, q.retract_supply * supply),
+        )
 
-    def _spool(self, q: Quantities, sigma: float, a: float, b: float) -> float:
+    def _spool(self, q: Quantities, sigma: Expression, a: Expression, b: Expression, s: Any) -> Expression:
         """s_s* [m] of (6.23) for Sigma [N/s]; a, b [N/m^3] are force per volume of both chambers."""
-        largest = self._settings.largest_spool_position * self._stroke
-        if sigma > 0:
-            return -min(self._map.extending(sigma, a * q.extend_supply, -b * q.extend_tank), largest)
-        return min(self._map.retracting(sigma, a * q.retract_tank, -b * q.retract_supply), largest)
+        largest = s.largest_spool_position * self._stroke
+        return ca.if_else(
+            sigma > 0,
+            -ca.fmin(self._map.extending(sigma, a * q.extend_supply, -b * q.extend_tank), largest),
+            ca.fmin(self._map.retracting(sigma, a * q.retract_tank, -b * q.retract_supply), largest),
+        )
 
-    def _through_dead_zone(self, spool: float, speed: float) -> float:
+    def _through_dead_zone(self, spool: Expression, speed: Expression, s: Any) -> Expression:
         """s_s* [m] with its jump across the dead zone made a ramp over ``speed`` [m/s], positive lifts."""
-        share = min(abs(speed) / self._settings.dead_zone_speed, 1.0)
-        if (speed > 0) == (spool < 0):
-            return spool * share
-        return -self._map.dead_extend * share if speed > 0 else self._map.dead_retract * share
+        share = ca.fmin(ca.fabs(speed) / s.dead_zone_speed, 1.0)
+        edge = ca.if_else(speed > 0, -self._map.dead_extend, self._map.dead_retract)
+        agree = ca.if_else(speed > 0, spool < 0, spool >= 0)
+        return ca.if_else(agree, spool, edge) * share
 
 
-def _ahead(r: Reference, t: float) -> Reference:
+def _ahead(r: Reference, t: Expression) -> Reference:
     """The reference t [s] later, as its derivatives tell."""
     return Reference(
         r.angle + t * (r.rate + t / 2 * (r.acceleration + t / 3 * r.jerk)),

@@ -8,8 +8,13 @@ moves slowly. A surprise far above the gyro's noise is answered with faster pole
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
+import casadi as ca
+
 from boom_controller.control_model import Quantities
-from boom_controller.settings import Settings
+from boom_controller.limits import limited
+from boom_model.regularisation import Expression
 
 LEAST_EFFECT = 1e-4
 """rad/s^2 per kg: where c is about as small, the load is hardly observable."""
@@ -17,30 +22,23 @@ LIGHTEST = -500.0
 """kg. Below the configuration's load, as a friction that is wrong may pretend."""
 
 
-class LoadObserver:
-    """``load`` [kg] beyond what the configuration tells."""
+class LoadState(NamedTuple):
+    """m^ [kg] beyond what the configuration tells, w^ [rad/s]."""
 
-    def __init__(self, settings: Settings) -> None:
-        self._settings = settings
-        self.load = self._rate = 0.0
+    load: Expression = 0.0
+    rate: Expression = 0.0
 
-    def reset(self, rate: float = 0.0) -> None:
-        """No load, the boom turns at ``rate`` [rad/s]."""
-        self.load, self._rate = 0.0, rate
 
-    def change(self, settings: Settings) -> None:
-        """Other poles; the estimates stay."""
-        self._settings = settings
-
-    def step(self, q: Quantities, rate: float) -> None:
-        """One sample time with the model at the present load and the measured rate [rad/s]."""
-        s = self._settings
-        acceleration = (q.jacobian * q.force - q.friction - q.gravity) / q.inertia
-        effect = -(q.tip_gravity + q.tip_inertia * acceleration) / q.inertia
-        surprise = rate - self._rate
-        noise = s.rate_surprise
-        fast = min(max((abs(surprise) - noise) / noise, 0.0), 1.0)
-        pole = -(s.load_pole + fast * (s.load_pole_fast - s.load_pole))
-        self._rate += s.sample_time * (acceleration + 2.0 * pole * surprise)
-        self.load += s.sample_time * pole * pole * surprise * effect / (effect * effect + LEAST_EFFECT * LEAST_EFFECT)
-        self.load = min(max(self.load, LIGHTEST), s.largest_load)
+def observe_load(x: LoadState, q: Quantities, rate: Expression, s: Any) -> LoadState:
+    """One sample time with the model at the present load, the measured rate [rad/s] and the settings ``s``."""
+    acceleration = (q.jacobian * q.force - q.friction - q.gravity) / q.inertia
+    effect = -(q.tip_gravity + q.tip_inertia * acceleration) / q.inertia
+    surprise = rate - x.rate
+    noise = s.rate_surprise
+    fast = ca.fmin(ca.fmax((ca.fabs(surprise) - noise) / noise, 0.0), 1.0)
+    pole = -(s.load_pole + fast * (s.load_pole_fast - s.load_pole))
+    load = x.load + s.sample_time * pole * pole * surprise * effect / (effect * effect + LEAST_EFFECT * LEAST_EFFECT)
+    return LoadState(
+        limited(load, LIGHTEST, s.largest_load),
+        x.rate + s.sample_time * (acceleration + 2.0 * pole * surprise),
+    )

@@ -5,9 +5,12 @@ x_e = (q_2 - q_2*, q_2' - q_2*'),  x_eI,k+1 = x_eI,k + T_s (q_2 - q_2*),  u = k~
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import exp
 
 import numpy as np
+
+from boom_model.regularisation import Expression
 
 
 def ackermann(phi: np.ndarray, gamma: np.ndarray, poles: list[float]) -> np.ndarray:
@@ -28,36 +31,26 @@ def ackermann(phi: np.ndarray, gamma: np.ndarray, poles: list[float]) -> np.ndar
     return -np.linalg.solve(reachable.T, last) @ polynomial
 
 
-class PositionFeedback:
-    """(6.10) for the inertia D; the gains are proportional to D, so that it may be given at every step."""
+def position_gains(pole: float, sample_time: float) -> tuple[float, float, float]:
+    """k~ of (6.10) for D = 1 kg m^2: N m per rad, rad/s and rad s. The gains are proportional to D [kg m^2]."""
+    t = sample_time
+    phi = np.array([[1.0, t, 0.0], [0.0, 1.0, 0.0], [t, 0.0, 1.0]])
+    gamma = np.array([t * t / 2, t, 0.0])
+    k = ackermann(phi, gamma, [exp(pole * t)] * 3)
+    return float(k[0]), float(k[1]), float(k[2])
 
-    def __init__(self, pole: float, sample_time: float) -> None:
-        self._sample_time = sample_time
-        self.integral = 0.0
-        self._set(pole)
 
-    def torque(self, angle_error: float, rate_error: float, inertia: float) -> float:
-        """U [N m] for q_2 - q_2* [rad], q_2' - q_2*' [rad/s] and D [kg m^2]."""
-        k = self._gains
-        return inertia * (k[0] * angle_error + k[1] * rate_error + k[2] * self.integral)
+def feedback_torque(
+    gains: Sequence[Expression],
+    angle_error: Expression,
+    rate_error: Expression,
+    integral: Expression,
+    inertia: Expression,
+) -> Expression:
+    """U [N m] for q_2 - q_2* [rad], q_2' - q_2*' [rad/s], x_eI [rad s] and D [kg m^2]."""
+    return inertia * (gains[0] * angle_error + gains[1] * rate_error + gains[2] * integral)
 
-    def integrate(self, angle_error: float) -> None:
-        """(6.8a), one sample time."""
-        self.integral += self._sample_time * angle_error
 
-    def hold(self, torque: float, inertia: float) -> None:
-        """Sets the integral such that u is ``torque`` [N m] without an error."""
-        self.integral = torque / (inertia * self._gains[2])
-
-    def change(self, pole: float, angle_error: float, rate_error: float) -> None:
-        """Another pole; u stays what it is at these errors."""
-        before = self.torque(angle_error, rate_error, 1.0)
-        self._set(pole)
-        k = self._gains
-        self.integral = (before - k[0] * angle_error - k[1] * rate_error) / k[2]
-
-    def _set(self, pole: float) -> None:
-        t = self._sample_time
-        phi = np.array([[1.0, t, 0.0], [0.0, 1.0, 0.0], [t, 0.0, 1.0]])
-        gamma = np.array([t * t / 2, t, 0.0])  # for D = 1
-        self._gains = [float(v) for v in ackermann(phi, gamma, [exp(pole * t)] * 3)]
+def integral_for(torque: float, gains: Sequence[float], angle_error: float, rate_error: float, inertia: float) -> float:
+    """x_eI [rad s] with which u is ``torque`` [N m] at these errors: bumpless, whatever the gains were before."""
+    return (torque / inertia - gains[0] * angle_error - gains[1] * rate_error) / gains[2]

@@ -3,10 +3,16 @@
 Sources: a stream of wanted angles through the trajectory generator (6.27), a planned trajectory, and rest. When the source
 changes, what the old one was ahead of the new one (angle, rate, acceleration) fades as a quintic within ``blend`` seconds, so that
 angle, rate and acceleration go on. To rest it comes by a bounded ramp, see :func:`boom_controller.polynomial.to_rest`.
+
+In real time a stream and the cycles each have a clock of their own: between two cycles there may come none or two wanted angles,
+which would double or skip a step. So what counts is the angle wanted one and a half sample times before the sensors' sample, on
+the straight line between the two that came around then.
 """
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from typing import Literal
 
 from boom_controller.controller import Reference
@@ -17,6 +23,8 @@ from boom_controller.trajectory_generator import TrajectoryGenerator
 Kind = Literal["rest", "stream", "trajectory"]
 _SHORTEST_RAMP = 0.2
 _MOST_STEPS = 10
+_REMEMBERED = 4
+_BEHIND = 1.5  # sample times: the newest wanted angle is up to one old, and comes early or late
 
 
 class References:
@@ -53,6 +61,7 @@ class References:
         self._faded_from = now
         self._trajectory: JointTrajectory | None = None
         self._wanted = angle
+        self._heard: deque[tuple[float, float]] = deque(maxlen=_REMEMBERED)
         self._limited = angle
 
     @property
@@ -74,13 +83,19 @@ class References:
         self._length = max(1.5 * abs(before.rate) / self.deceleration, _SHORTEST_RAMP)
         self._piece = to_rest(before, self._length)
 
-    def stream(self, wanted: float) -> None:
-        """From now on follow wanted angles [rad] through the generator; call again with every new one."""
+    def stream(self, wanted: float, came: float | None = None) -> None:
+        """From now on follow wanted angles [rad] through the generator; call again with every new one.
+
+        ``came``: when, by the clock of ``sampled`` in :meth:`advance` [s]; None where each cycle has its own.
+        """
         self._wanted = wanted
         if self.kind != "stream":
             self.kind = "stream"
+            self._heard.clear()
             self._limited = self.present.angle
             self._fade(self._generator.reset(self.present.angle))
+        if came is not None:
+            self._heard.append((came, wanted))
 
     def start(self, trajectory: JointTrajectory, begin: float) -> None:
         """Follow a trajectory whose start is at the time `begin` [s]; one that lies in the past is joined on its way."""
@@ -95,15 +110,17 @@ class References:
         """Time since the start of the trajectory [s]; negative before it."""
         return self._now - self._begin
 
-    def advance(self, now: float) -> Reference:
-        """The reference at the time `now` [s]."""
+    def advance(self, now: float, sampled: float = math.inf) -> Reference:
+        """The reference at the time `now` [s]; ``sampled``: when the sensors' sample was taken, by the clock of :meth:`stream`."""
         before, self._now = self._now, max(now, self._now)
         if self.kind == "rest":
             passed = self._now - self._begin
             reached = self._piece.at(min(passed, self._length))
             source = reached if passed < self._length else Reference(reached.angle)
         elif self.kind == "stream":
-            source = self._stepped(self._wanted, self._now - before, self.fastest)
+            source = self._stepped(
+                self._wanted_at(sampled - _BEHIND * self._sample_time), self._now - before, self.fastest
+            )
         else:
             assert self._trajectory is not None  # set together with the kind
             source = self._trajectory.at(self.elapsed)
@@ -116,6 +133,16 @@ class References:
     def change(self, pole: float) -> None:
         """Another pole of the generator [1/s], without a jump."""
         self._generator.change(pole)
+
+    def _wanted_at(self, time: float) -> float:
+        later: tuple[float, float] | None = None
+        for came, wanted in reversed(self._heard):
+            if came <= time:
+                if later is None:
+                    return wanted
+                return wanted + (time - came) / (later[0] - came) * (later[1] - wanted)
+            later = came, wanted
+        return self._wanted if later is None else later[1]
 
     def _stepped(self, wanted: float, passed: float, fastest: float | None) -> Reference:
         # one step a sample time, also where cycles were missed

@@ -32,6 +32,8 @@ class Sensor:
     Attributes:
         values: newest good sample; NaN before the first.
         stamp: its time [s] by the sender's clock.
+        measured: when the newest good sample was measured, by our clock [s]; minus infinity before the first.
+        bad: samples in a row that were not used.
         fresh: a good sample came since ``fresh`` was cleared.
     """
 
@@ -41,8 +43,8 @@ class Sensor:
         self.values: tuple[float, ...] = (math.nan,) * len(ranges)
         self.stamp = -math.inf
         self.fresh = False
-        self._measured = -math.inf
-        self._bad = 0
+        self.measured = -math.inf
+        self.bad = 0
         self._last_bad: Finding | None = None
 
     def take(self, values: tuple[float, ...], stamp: float, measured: float) -> bool:
@@ -51,10 +53,10 @@ class Sensor:
         if finding is None:
             if stamp <= self.stamp:
                 return False  # the same again, or overtaken: it makes nothing younger
-            self.values, self.stamp, self._measured = values, stamp, measured
-            self.fresh, self._bad = True, 0
+            self.values, self.stamp, self.measured = values, stamp, measured
+            self.fresh, self.bad = True, 0
             return True
-        self._bad += 1
+        self.bad += 1
         self._last_bad = finding
         return False
 
@@ -62,15 +64,11 @@ class Sensor:
         """Begin again: the next sample is taken whatever its stamp."""
         self.__init__(self.label, self._ranges)  # type: ignore[misc]
 
-    def age(self, now: float) -> float:
-        """Age of the newest good sample [s]; infinite before the first."""
-        return now - self._measured
-
     def finding(self, now: float, timeout: float, most_bad: int) -> Finding | None:
         """What is wrong with it at the time `now` [s], or None."""
-        if self._bad >= most_bad:
+        if self.bad >= most_bad:
             return self._last_bad
-        age = self.age(now)
+        age = now - self.measured
         if age > timeout:
             text = f"no {self.label} yet" if age == math.inf else f"the {self.label} is {1e3 * age:.0f} ms old"
             return Finding("sensor_old", f"{text}, more than {1e3 * timeout:.0f} ms: is the sensor or the bus gone?")

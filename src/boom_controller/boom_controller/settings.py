@@ -42,6 +42,9 @@ class Settings:
     )
     preview: float = _tunable(0.035, "s", 0.0, 0.2, "lead of the reference over the valve's remaining lag, improved")
     remaining_lag: float = _tunable(0.015, "s", 0.0, 0.2, "lag over which the force is predicted, improved")
+    command_delay: float = _tunable(
+        0.0, "s", 0.0, 0.05, "dead time from a command to the solenoids, made up for as the samples' age is, improved"
+    )
     dead_zone_speed: float = _tunable(
         1.0e-3, "m/s", 1e-4, 0.02, "piston speed below which the spool stays inside its dead zone, improved"
     )

@@ -7,7 +7,11 @@ happen, however heavy the load is: what does not move the piston compresses the 
 
 from __future__ import annotations
 
-from boom_controller.settings import Settings
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from boom_model.regularisation import Expression
 
 LEAST_SPEED = 0.02
 """m/s. Below it the valve is as good as closed."""
@@ -16,36 +20,32 @@ SMOOTHING = 10.0
 """1/s, of the delivered speed."""
 
 
-class StallWatch:
-    """``reason`` is empty while the supply delivers."""
+class StallState(NamedTuple):
+    """Delivered speed [m/s] smoothed, for how long it has been too low [s], f_h [N] of the sample before."""
 
-    def __init__(self) -> None:
-        self.reason = ""
-        self._delivered = self._elapsed = self._force = 0.0
+    delivered: Expression = 0.0
+    elapsed: Expression = 0.0
+    force: Expression = 0.0
 
-    def reset(self, force: float) -> None:
-        """All is well; f_h [N] stands."""
-        self.reason, self._delivered, self._elapsed, self._force = "", 0.0, 0.0, force
 
-    def step(
-        self,
-        velocity: float,
-        modelled: float,
-        force: float,
-        stiffness: float,
-        load: float,
-        pressure: float,
-        settings: Settings,
-    ) -> None:
-        """One sample time: v and Q [m/s], f_h [N], K_h [N/m], estimated load [kg], p_h [Pa]."""
-        t = settings.sample_time
-        gained = t * (velocity - self._delivered) + (force - self._force) / stiffness
-        self._force = force
-        self._delivered += SMOOTHING * gained
-        stalled = modelled > LEAST_SPEED and self._delivered < DELIVERED_SHARE * modelled
-        self._elapsed = self._elapsed + t if stalled else 0.0
-        if self._elapsed > settings.stall_time and not self.reason:
-            self.reason = (
-                f"the load of about {load:.0f} kg cannot be held: the valve is open to lift and the supply delivers too little "
-                f"at p_h = {pressure / 1e5:.0f} bar"
-            )
+def watch_supply(
+    x: StallState, velocity: Expression, modelled: Expression, force: Expression, stiffness: Expression, s: Any
+) -> StallState:
+    """One sample time: v and Q [m/s], f_h [N], K_h [N/m], settings ``s``. The load cannot be held once ``stalled``."""
+    t = s.sample_time
+    delivered = x.delivered + SMOOTHING * (t * (velocity - x.delivered) + (force - x.force) / stiffness)
+    short = ca.logic_and(modelled > LEAST_SPEED, delivered < DELIVERED_SHARE * modelled)
+    return StallState(delivered, ca.if_else(short, x.elapsed + t, 0.0), force)
+
+
+def stalled(x: StallState, s: Any) -> Expression:
+    """Whether the supply has delivered too little for too long."""
+    return x.elapsed > s.stall_time
+
+
+def reason(load: float, pressure: float) -> str:
+    """For the operator: estimated load [kg], p_h [Pa]."""
+    return (
+        f"the load of about {load:.0f} kg cannot be held: the valve is open to lift and the supply delivers too little "
+        f"at p_h = {pressure / 1e5:.0f} bar"
+    )

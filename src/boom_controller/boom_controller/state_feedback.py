@@ -9,34 +9,37 @@ forbids more; zeta then is what the limit leaves.
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from boom_controller.settings import Settings
+import casadi as ca
+
+from boom_model.regularisation import Expression
 
 
 class Gains(NamedTuple):
     """k_p [1/s], k_v [-], k_d [m/s/N], natural frequency sqrt(K/m) [rad/s]."""
 
-    position: float
-    velocity: float
-    force: float
-    frequency: float
+    position: Expression
+    velocity: Expression
+    force: Expression
+    frequency: Expression
 
 
-def gains(stiffness: float, mass: float, s: Settings) -> Gains:
-    """For K [N/m] and m = D / J^2 [kg]."""
-    natural = sqrt(stiffness / mass)
-    frequency = max(natural, s.slowest_frequency)
+def gains(stiffness: Expression, mass: Expression, s: Any) -> Gains:
+    """For K [N/m] and m = D / J^2 [kg] and the settings ``s``."""
+    natural = ca.sqrt(stiffness / mass)
+    frequency = ca.fmax(natural, s.slowest_frequency)
     a = -s.feedback_pole
-    damping = min(a + 2.0 * s.feedback_damping * frequency, max(s.largest_damping, a))
+    damping = ca.fmin(a + 2.0 * s.feedback_damping * frequency, ca.fmax(s.largest_damping, a))
     zeta = (damping - a) / (2.0 * frequency)
     ratio = (frequency / natural) ** 2
     velocity = ratio * (1.0 + 2.0 * zeta * a / frequency) - 1.0
     return Gains(a * ratio, velocity, damping / stiffness, natural)
 
 
-def predicted_force(force: float, missing_speed: float, stiffness: float, frequency: float, lag: float) -> float:
+def predicted_force(
+    force: Expression, missing_speed: Expression, stiffness: Expression, frequency: Expression, lag: Expression
+) -> Expression:
     """F~ [N] after ``lag`` [s]: f~ cos(w t) + (K / w) (v~ - e') sin(w t), for f~ [N] and v~ - e' [m/s] now."""
     angle = frequency * lag
-    return force * cos(angle) + stiffness / frequency * missing_speed * sin(angle)
+    return force * ca.cos(angle) + stiffness / frequency * missing_speed * ca.sin(angle)

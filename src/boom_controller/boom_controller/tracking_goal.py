@@ -1,4 +1,4 @@
-"""Tolerances of a trajectory that is tracked for somebody: on the way, at the end, in time. No ROS."""
+"""A trajectory that is tracked for somebody: its tolerances on the way, at the end, in time, and how it ended. No ROS."""
 
 from __future__ import annotations
 
@@ -81,3 +81,45 @@ class TrackingGoal:
 
     def _end(self, code: Code, text: str) -> Ending:
         return Ending(code, text, self.largest_error)
+
+
+class Goals:
+    """At most one trajectory at a time, by its number, and the endings that have not been told yet."""
+
+    def __init__(self) -> None:
+        self._running: tuple[int, TrackingGoal] | None = None
+        self._count = 0
+        self._endings: list[tuple[int, Ending]] = []
+
+    def start(self, goal: TrackingGoal) -> int:
+        """A new one; end the one before first. Returns its number."""
+        self._count += 1
+        self._running = (self._count, goal)
+        return self._count
+
+    def runs(self, number: int) -> bool:
+        """True while the trajectory of that number is tracked."""
+        return self._running is not None and self._running[0] == number
+
+    def look(self, elapsed: float, wanted: float, angle: float) -> Ending | None:
+        """As :meth:`TrackingGoal.look`, for the one that is tracked."""
+        if self._running is None:
+            return None
+        number, goal = self._running
+        ending = goal.look(elapsed, wanted, angle)
+        if ending is not None:
+            self._running = None
+            self._endings.append((number, ending))
+        return ending
+
+    def end(self, code: Code, text: str) -> None:
+        """Whatever is tracked ends by something else."""
+        if self._running is not None:
+            number, goal = self._running
+            self._running = None
+            self._endings.append((number, goal.ended(code, text)))
+
+    def pop_endings(self) -> list[tuple[int, Ending]]:
+        """Trajectories that ended since this was asked last, by their number."""
+        endings, self._endings = self._endings, []
+        return endings

@@ -63,10 +63,13 @@ class TrajectoryGenerator:
 
     def change(self, pole: float) -> None:
         """Another pole [1/s] from the next step on; angle and derivatives go on without a jump."""
+        if pole == self._pole:
+            return
         reached = [self._f0 * x for x in self._x]
         self._set(pole)
         self._x = [y / self._f0 for y in reached]
 
     def _set(self, pole: float) -> None:
+        self._pole = pole
         phi, gamma = discretised(pole, self._sample_time)
         self._phi, self._gamma, self._f0 = phi.tolist(), gamma.tolist(), coefficients(pole)[0]

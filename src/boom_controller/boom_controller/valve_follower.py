@@ -11,16 +11,13 @@ the dead zone, where nothing flows and noise would only make the solenoids hum, 
 
 from __future__ import annotations
 
-from array import array
-from math import exp, tanh
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 
-from boom_controller.buffers import on_buffers
-from boom_controller.pilot_stage import PilotValve, StaticPilot
-from boom_controller.settings import Settings
-from boom_model import main_valve_spool, pilot_valve
+from boom_controller.pilot_stage import PilotState, PilotValve, StaticPilot
+from boom_model import main_valve_spool
+from boom_model.regularisation import Expression
 
 SUBSTEPS = 4
 _NEWTON = 3
@@ -28,87 +25,68 @@ _LEAST_SLOPE = 0.02
 """Of tanh in the Newton iteration: keeps its step finite where the friction is saturated."""
 
 
-class ValveFollower:
-    """Two pilot valves and the spool; ``position`` is s_s [m] as followed."""
+class ValveState(NamedTuple):
+    """s_s now and a sample time ago [m] and s_s' [m/s] as followed, filtered set point [m]; both pilot valves.
 
-    def __init__(self, p: Any, e: Any, pilot: StaticPilot, dead_zone: float, settings: Settings) -> None:
-        self._p, self._e, self._pilot, self._dead_zone = p, e, pilot, dead_zone
-        s = p.main_valve_spool
-        self._area = float(s.A_s)
-        self._spring = self._area * pilot.stiffness
-        self._retract = PilotValve(p, e, settings.sample_time)
-        self._extend = PilotValve(p, e, settings.sample_time)
-        self.position = self._velocity = self._target = 0.0
-        self._moved = array("d", [0.0, 0.0])
-        self._motion = array("d", [0.0, 0.0, 0.0, 0.0])
-        self._move = on_buffers(_spool_motion(p, self._spring, settings.sample_time), self._motion, self._moved)
-        self._set(settings)
-
-    def reset(self) -> None:
-        """No current for long: the spool is centred."""
-        self.position = self._velocity = self._target = 0.0
-        self._retract.settle(0.0)
-        self._extend.settle(0.0)
-
-    def change(self, settings: Settings) -> None:
-        """Other responses and limits; the followed states stay."""
-        self._set(settings)
-
-    def step(self, wanted: float) -> tuple[float, float, float, float]:
-        """(i_+, i_-) [A] for the wanted s_s [m], and the pilot pressures (p_+*, p_-*) [Pa]; follows the valve one sample time."""
-        resting = abs(wanted) <= self._dead_zone and abs(self.position) <= self._dead_zone
-        velocity = (wanted - self._target) * (self._rest_rate if resting else self._rate)
-        self._target += velocity * self._step
-        needed = self._spring * self._target + main_valve_spool.friction(velocity, self._p, tanh)
-        plus, minus = self._pilot.split(needed / self._area)
-        before = self._difference()
-        retract, extend = self._drive(self._retract, plus), self._drive(self._extend, minus)
-        self._follow(before, self._difference())
-        return retract, extend, plus, minus
-
-    def _difference(self) -> float:
-        """p_+ - p_- [Pa] now."""
-        return float(
-            pilot_valve.pressure(self._retract.state, self._retract.current, self._p, self._e)
-            - pilot_valve.pressure(self._extend.state, self._extend.current, self._p, self._e)
-        )
-
-    def _drive(self, valve: PilotValve, pressure: float) -> float:
-        wanted, now = self._pilot.current(pressure), valve.output_held()
-        current = valve.current_for(now + self._pilot_share * (wanted - now))
-        current = min(max(current, 0.0), self._largest)
-        valve.advance(current)
-        return current
-
-    def _follow(self, before: float, after: float) -> None:
-        """One sample time of the spool while the pressure difference goes from ``before`` to ``after`` [Pa]."""
-        self._motion[:] = array("d", (self.position, self._velocity, before, after))
-        self._move()
-        self.position, self._velocity = self._moved
-
-    def _set(self, settings: Settings) -> None:
-        t = self._step = settings.sample_time
-        self._rate = (1.0 - exp(-t / settings.spool_response)) / t
-        self._rest_rate = (1.0 - exp(-t / settings.rest_response)) / t
-        self._pilot_share = 1.0 - exp(-t / settings.pilot_response)
-        self._largest = settings.largest_current
-
-
-def _spool_motion(p: Any, spring: float, sample_time: float) -> Any:
-    """Function of (s_s, s_s', p_+ - p_- before, after) to (s_s, s_s') one sample time later; ``spring``: k [N/m], its effect in it.
-
-    Implicit Euler steps, Newton's iteration written out.
+    As it begins: no current for long.
     """
-    s = p.main_valve_spool
-    x = ca.SX.sym("x", 4)
-    position, v, before, after = ca.vertsplit(x)
-    h = sample_time / SUBSTEPS
-    stiff, steepness = s.d_v + spring * h, s.f_c / s.sigma_s
-    for k in range(SUBSTEPS):
-        driving = (before + (after - before) * (k + 0.5) / SUBSTEPS) * s.A_s - spring * position
-        for _ in range(_NEWTON):
-            residual = spring * h * v + main_valve_spool.friction(v, p) - driving
-            slope = ca.fmax(1.0 - ca.tanh(v / s.sigma_s) ** 2, _LEAST_SLOPE)
-            v = v - residual / (stiff + steepness * slope)
-        position = position + h * v
-    return ca.Function("spool_motion", [x], [ca.cse(ca.vertcat(position, v))])
+
+    position: Expression = 0.0
+    before: Expression = 0.0
+    velocity: Expression = 0.0
+    target: Expression = 0.0
+    retract: PilotState = PilotState()
+    extend: PilotState = PilotState()
+
+
+class ValveFollower:
+    """Two pilot valves and the spool."""
+
+    def __init__(self, p: Any, e: Any, pilot: StaticPilot, dead_zone: float, sample_time: float) -> None:
+        self._p, self._pilot, self._dead_zone = p, pilot, dead_zone
+        self._area = float(p.main_valve_spool.A_s)
+        self._spring = self._area * pilot.stiffness
+        self._valve = PilotValve(p, e, sample_time)
+        self._step = sample_time
+
+    def step(self, x: ValveState, wanted: Expression, s: Any) -> tuple[ValveState, Expression, Expression]:
+        """For the wanted s_s [m], one sample time: the state, whose currents are (i_+, i_-), and (p_+*, p_-*) [Pa] for it."""
+        t = self._step
+        resting = ca.logic_and(ca.fabs(wanted) <= self._dead_zone, ca.fabs(x.position) <= self._dead_zone)
+        response = ca.if_else(resting, s.rest_response, s.spool_response)
+        velocity = (wanted - x.target) * ((1.0 - ca.exp(-t / response)) / t)
+        target = x.target + velocity * t
+        needed = self._spring * target + main_valve_spool.friction(velocity, self._p)
+        plus, minus = self._pilot.split(needed / self._area, s.neutral_pressure)
+        retract = self._valve.drive(x.retract, self._pilot.current(plus), s)
+        extend = self._valve.drive(x.extend, self._pilot.current(minus), s)
+        position, moving = self._moved(
+            x.position,
+            x.velocity,
+            self._valve.pressure(x.retract) - self._valve.pressure(x.extend),
+            self._valve.pressure(retract) - self._valve.pressure(extend),
+        )
+        return ValveState(position, x.position, moving, target, retract, extend), plus, minus
+
+    def position_before(self, x: ValveState, dead_time: Expression) -> Expression:
+        """s_s [m] when the sample was taken; what is followed is ahead by the ``dead_time`` [s] of commands."""
+        return x.position - ca.fmin(dead_time / self._step, 1.0) * (x.position - x.before)
+
+    def _moved(
+        self, position: Expression, v: Expression, before: Expression, after: Expression
+    ) -> tuple[Expression, Expression]:
+        """(s_s [m], s_s' [m/s]) one sample time later, while p_+ - p_- goes from ``before`` to ``after`` [Pa].
+
+        Implicit Euler steps, Newton's iteration written out.
+        """
+        s = self._p.main_valve_spool
+        h = self._step / SUBSTEPS
+        stiff, steepness = s.d_v + self._spring * h, s.f_c / s.sigma_s
+        for k in range(SUBSTEPS):
+            driving = (before + (after - before) * (k + 0.5) / SUBSTEPS) * s.A_s - self._spring * position
+            for _ in range(_NEWTON):
+                residual = self._spring * h * v + main_valve_spool.friction(v, self._p) - driving
+                slope = ca.fmax(1.0 - ca.tanh(v / s.sigma_s) ** 2, _LEAST_SLOPE)
+                v = v - residual / (stiff + steepness * slope)
+            position = position + h * v
+        return position, v

@@ -8,57 +8,40 @@ The valve's own state is followed from the commanded currents; nothing of it is 
 
 from __future__ import annotations
 
-from math import exp, tanh
-from typing import Any
+from typing import Any, NamedTuple
 
-from boom_controller.pilot_stage import PilotValve, StaticPilot
-from boom_controller.settings import Settings
+import casadi as ca
+
+from boom_controller.pilot_stage import PilotState, PilotValve, StaticPilot
 from boom_model import main_valve_spool
+from boom_model.regularisation import Expression
+
+
+class InverseState(NamedTuple):
+    """Filtered set point of the spool [m]; both pilot valves. As it begins: no current for long, the spool is centred."""
+
+    filtered: Expression = 0.0
+    retract: PilotState = PilotState()
+    extend: PilotState = PilotState()
 
 
 class ValveInverse:
     """Two pilot valves and the spool of a machine; ``spool``: False inverts the pilot stage only."""
 
-    def __init__(self, p: Any, e: Any, pilot: StaticPilot, settings: Settings, *, spool: bool = True) -> None:
+    def __init__(self, p: Any, e: Any, pilot: StaticPilot, sample_time: float, *, spool: bool = True) -> None:
         self._with_spool = spool
         self._p, self._area = p, float(p.main_valve_spool.A_s)
         self._pilot = pilot
-        self._retract = PilotValve(p, e, settings.sample_time)
-        self._extend = PilotValve(p, e, settings.sample_time)
-        self._filtered = 0.0
-        self._set(settings)
+        self._valve = PilotValve(p, e, sample_time)
 
-    def reset(self) -> None:
-        """No current for long: the spool is centred."""
-        self._filtered = 0.0
-        self._retract.settle(0.0)
-        self._extend.settle(0.0)
-
-    def change(self, settings: Settings) -> None:
-        """Other limits and responses; the followed states stay."""
-        self._set(settings)
-
-    def step(self, position: float) -> tuple[float, float, float, float]:
-        """(i_+, i_-) [A] for the wanted s_s [m], and the pilot pressures (p_+, p_-) [Pa] that are wanted for it."""
-        if not self._with_spool:
-            plus, minus = self._pilot.split(self._pilot.stiffness * position)
-            return self._drive(self._retract, plus), self._drive(self._extend, minus), plus, minus
-        velocity = (position - self._filtered) * self._rate
-        self._filtered += (position - self._filtered) * self._share
-        friction = main_valve_spool.friction(velocity, self._p, tanh)
-        plus, minus = self._pilot.split(self._pilot.stiffness * self._filtered + friction / self._area)
-        return self._drive(self._retract, plus), self._drive(self._extend, minus), plus, minus
-
-    def _drive(self, valve: PilotValve, pressure: float) -> float:
-        wanted = self._pilot.current(pressure)
-        now = valve.output_held()
-        current = valve.current_for(now + self._pilot_share * (wanted - now))
-        current = min(max(current, 0.0), self._largest)
-        valve.advance(current)
-        return current
-
-    def _set(self, settings: Settings) -> None:
-        self._share = 1.0 - exp(-settings.sample_time / settings.spool_response)
-        self._rate = 1.0 / settings.spool_response
-        self._pilot_share = 1.0 - exp(-settings.sample_time / settings.pilot_response)
-        self._largest = settings.largest_current
+    def step(self, x: InverseState, position: Expression, s: Any) -> tuple[InverseState, Expression, Expression]:
+        """For the wanted s_s [m], one sample time: the state, whose currents are (i_+, i_-), and (p_+, p_-) [Pa] wanted for it."""
+        filtered, difference = x.filtered, self._pilot.stiffness * position
+        if self._with_spool:
+            velocity = (position - x.filtered) * (1.0 / s.spool_response)
+            filtered = x.filtered + (position - x.filtered) * (1.0 - ca.exp(-s.sample_time / s.spool_response))
+            difference = self._pilot.stiffness * filtered + main_valve_spool.friction(velocity, self._p) / self._area
+        plus, minus = self._pilot.split(difference, s.neutral_pressure)
+        retract = self._valve.drive(x.retract, self._pilot.current(plus), s)
+        extend = self._valve.drive(x.extend, self._pilot.current(minus), s)
+        return InverseState(filtered, retract, extend), plus, minus

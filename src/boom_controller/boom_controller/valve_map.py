@@ -13,7 +13,10 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any
 
+import casadi as ca
+
 from boom_model import main_valve_orifices
+from boom_model.regularisation import Expression
 
 NODES = (0.0, 0.02, 0.05, 0.1, 0.16, 0.24, 0.34, 0.43, 0.52, 0.6, 0.68, 0.76, 0.84, 0.92, 1.0, 1.25)
 """Of (x - x_0) / (1 - x_0), x = |s_s| / s_max; the last ones lie beyond the full stroke, up to the largest opening."""
@@ -27,25 +30,19 @@ class ValveMap:
         self.retract = _nodes(1.0, p, e)
         self.dead_extend, self.dead_retract = self.extend[0][0], self.retract[0][0]
 
-    def extending(self, wanted: float, psi: float, omega: float) -> float:
+    def extending(self, wanted: Expression, psi: Expression, omega: Expression) -> Expression:
         """|s_s| [m] with psi A_sa + omega A_tb = wanted >= 0; the edge of the dead zone for 0, the last node if out of reach."""
         return _root(self.extend, wanted, psi, omega)
 
-    def retracting(self, wanted: float, psi: float, omega: float) -> float:
+    def retracting(self, wanted: Expression, psi: Expression, omega: Expression) -> Expression:
         """|s_s| [m] with psi A_ta + omega A_sb = wanted <= 0, psi and omega <= 0."""
         return _root(self.retract, -wanted, -omega, -psi)
 
-    def areas(self, position: float) -> tuple[float, float]:
+    def areas(self, position: Expression) -> tuple[Expression, Expression]:
         """(supply, tank) area [m^2] at s_s [m], as interpolated: what the root is a root of."""
-        nodes = self.extend if position < 0 else self.retract
-        size = min(abs(position), nodes[-1][0])
-        if size <= nodes[0][0]:
-            return 0.0, 0.0
-        for (s0, a0, b0), (s1, a1, b1) in pairwise(nodes):
-            if size <= s1:
-                share = (size - s0) / (s1 - s0)
-                return a0 + share * (a1 - a0), b0 + share * (b1 - b0)
-        return nodes[-1][1], nodes[-1][2]
+        sides = [_areas(nodes, ca.fabs(position)) for nodes in (self.extend, self.retract)]
+        supply, tank = (ca.if_else(position < 0, *both) for both in zip(*sides, strict=True))
+        return supply, tank
 
 
 def _nodes(side: float, p: Any, e: Any) -> tuple[tuple[float, float, float], ...]:
@@ -60,12 +57,28 @@ def _nodes(side: float, p: Any, e: Any) -> tuple[tuple[float, float, float], ...
     return tuple(result)
 
 
-def _root(nodes: tuple[tuple[float, float, float], ...], wanted: float, supply: float, tank: float) -> float:
+def _areas(nodes: tuple[tuple[float, float, float], ...], opening: Expression) -> tuple[Expression, Expression]:
+    size = ca.fmin(opening, nodes[-1][0])
+    supply: Expression = nodes[-1][1]
+    tank: Expression = nodes[-1][2]
+    for (s0, a0, b0), (s1, a1, b1) in reversed(list(pairwise(nodes))):
+        if s1 > s0:
+            share = (size - s0) / (s1 - s0)
+            inside = size <= s1
+            supply = ca.if_else(inside, a0 + share * (a1 - a0), supply)
+            tank = ca.if_else(inside, b0 + share * (b1 - b0), tank)
+    closed = size <= nodes[0][0]
+    return ca.if_else(closed, 0.0, supply), ca.if_else(closed, 0.0, tank)
+
+
+def _root(
+    nodes: tuple[tuple[float, float, float], ...], wanted: Expression, supply: Expression, tank: Expression
+) -> Expression:
     """|s_s| at which supply A_s + tank A_t reaches ``wanted``, which must not be negative."""
-    before, reached = nodes[0][0], 0.0
-    for position, supply_area, tank_area in nodes[1:]:
-        value = supply * supply_area + tank * tank_area
-        if value >= wanted and value > reached:
-            return before + (position - before) * (wanted - reached) / (value - reached)
-        before, reached = position, value
-    return before
+    ends = [(position, supply * supply_area + tank * tank_area) for position, supply_area, tank_area in nodes[1:]]
+    result = nodes[-1][0]
+    # backwards, so that the first segment in which it is reached counts
+    for (before, reached), (position, value) in reversed(list(pairwise([(nodes[0][0], 0.0), *ends]))):
+        inside = before + (position - before) * (wanted - reached) / (value - reached)
+        result = ca.if_else(ca.logic_and(value >= wanted, value > reached), inside, result)
+    return result

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -76,7 +77,7 @@ def test_integral_states_stand_while_the_spool_is_saturated(machine: Machine, re
 
 def test_only_the_baseline_compensates_friction_at_the_wanted_rate(machine: Machine, rest: Measurement) -> None:
     pose = machine.pose(0.28, 2.2)
-    moving = replace(rest, rate=0.05)
+    moving = rest._replace(rate=0.05)
     model = ControlModel(machine, pose)
     q = model.at(Point(rest.angle, 0.05, rest.hose_pressure, rest.rod_pressure, ANGLE, 0.0, 0.0, 0.0, 0.0))
     assert q.friction > 100.0 > abs(q.friction_wanted)
@@ -94,7 +95,7 @@ def test_the_feedforward_force_is_what_the_equation_of_motion_needs(machine: Mac
     needed = q.inertia * 0.3 + q.reference_gravity + q.reference_friction
     assert q.feedforward_force * q.reference_jacobian == pytest.approx(needed, rel=1e-9)
     coming = model.coming(Reference(ANGLE, 0.1, 0.3, 0.0), 0.0)
-    assert (coming.jacobian, coming.force, coming.force_rate) == pytest.approx(
+    assert tuple(float(value) for value in coming) == pytest.approx(
         (q.reference_jacobian, q.feedforward_force, q.feedforward_force_rate)
     )
 
@@ -105,3 +106,15 @@ def test_another_sample_time_and_a_mode_that_is_not_there_are_refused(machine: M
     for mode in MODES:
         with pytest.raises(ControlError, match="sample_time"):
             make_controller(mode, machine, machine.pose(0.28, 2.2)).change(replace(Settings(), sample_time=0.02))
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("broken", ["rate", "hose_pressure"])
+def test_what_is_no_number_is_not_hidden_by_a_limit(
+    machine: Machine, rest: Measurement, mode: str, broken: str
+) -> None:
+    controller = make_controller(mode, machine, machine.pose(0.28, 2.2))
+    controller.reset(rest)
+    controller.step(Reference(ANGLE), rest._replace(**{broken: math.nan}))
+    out = controller.step(Reference(ANGLE), rest)  # it has gone into the states
+    assert math.isnan(out.retract) and math.isnan(out.extend)

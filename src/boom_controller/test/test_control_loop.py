@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from boom_controller import control_loop
+from boom_controller import law_in_use
 from boom_controller.control_loop import ControlLoop, Cycle
 from boom_controller.controller import Measurement, Output, Reference
 from boom_controller.errors import ControlError
@@ -103,7 +103,7 @@ def machine() -> Machine:
 
 @pytest.fixture
 def boom(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> Boom:
-    monkeypatch.setattr(control_loop, "make_controller", lambda mode, *_: Law(mode))
+    monkeypatch.setattr(law_in_use, "make_controller", lambda mode, *_: Law(mode))
     made = Boom(ControlLoop("improved", Settings(), SupervisionSettings()), machine, machine.pose(0.28, 2.2, 50.0))
     made.period()
     return made
@@ -178,7 +178,7 @@ SENSOR_FAULTS = {
     "missed_deadlines": lambda b: setattr(b, "now", b.now + 0.045 + TS),
     "pressure_limit": lambda b: setattr(b, "hose", 4e7),
     "divergence": lambda b: setattr(b, "push", -0.7),
-    "load_not_held": lambda b: setattr(b.loop._controller, "reason", "2000 kg cannot be held"),
+    "load_not_held": lambda b: setattr(b.loop.law.controller, "reason", "2000 kg cannot be held"),
     "currents_not_followed": lambda b: setattr(b, "dead_solenoids", True),
     "configuration_changed": lambda b: b.loop.configuration_changes(b.now),
 }
@@ -351,7 +351,7 @@ def test_stamped_trajectories_begin_at_their_time(boom: Boom) -> None:
 def test_before_sensors_and_configuration_are_there_references_are_refused(
     machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(control_loop, "make_controller", lambda mode, *_: Law(mode))
+    monkeypatch.setattr(law_in_use, "make_controller", lambda mode, *_: Law(mode))
     loop = ControlLoop("improved", Settings(), SupervisionSettings())
     with pytest.raises(TrajectoryError, match="machine_configuration"):
         loop.start([Point(1.0, 0.3)], 0.0)
@@ -371,8 +371,30 @@ def test_another_control_law_takes_over_without_a_jump(boom: Boom) -> None:
     boom.period()
     assert abs(boom.last.extend - before) < 0.02
     boom.run(1.0)
-    assert boom.loop.mode == "baseline"
+    assert boom.loop.law.mode == "baseline"
     assert boom.last.state is State.TRACK
+
+
+def test_no_law_has_to_be_made_while_the_boom_moves(boom: Boom, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[str] = []
+
+    def make(mode: str, *_: object) -> Law:
+        made.append(mode)
+        return Law(mode)
+
+    monkeypatch.setattr(law_in_use, "make_controller", make)
+    boom.loop.configure(boom.machine, boom.pose)
+    assert made == ["improved", "thesis", "baseline"]
+    lifting(boom)
+    for mode in ("baseline", "thesis", "improved"):
+        boom.loop.change(mode=mode)
+        boom.run(0.2)  # the hand-over takes 0.4 s
+    boom.run(1.0)
+    assert len(made) == 3
+    assert boom.loop.law.controller is not None and boom.loop.law.controller.mode == "improved"
+    assert boom.last.state is State.TRACK
+    with pytest.raises(ControlError, match="thesis, baseline, improved"):
+        boom.loop.change(mode="pid")
 
 
 def test_two_late_samples_make_one_cycle_and_a_missing_one_is_not_waited_for(boom: Boom) -> None:

@@ -8,7 +8,7 @@ from math import exp
 import numpy as np
 import pytest
 
-from boom_controller.position_feedback import PositionFeedback, ackermann
+from boom_controller.position_feedback import ackermann, feedback_torque, integral_for, position_gains
 from boom_controller.settings import Settings
 from boom_controller.state_feedback import gains, predicted_force
 
@@ -29,19 +29,20 @@ def test_an_uncontrollable_pair_is_refused() -> None:
 
 
 def test_the_integral_holds_a_torque_and_keeps_it_when_the_pole_changes() -> None:
-    feedback = PositionFeedback(-3.0, T)
-    feedback.hold(1234.0, 5000.0)
-    assert feedback.torque(0.0, 0.0, 5000.0) == pytest.approx(1234.0)
-    before = feedback.torque(0.01, -0.02, 5000.0)
-    feedback.change(-5.0, 0.01, -0.02)
-    assert feedback.torque(0.01, -0.02, 5000.0) == pytest.approx(before)
+    k = position_gains(-3.0, T)
+    integral = integral_for(1234.0, k, 0.0, 0.0, 5000.0)
+    assert feedback_torque(k, 0.0, 0.0, integral, 5000.0) == pytest.approx(1234.0)
+    before = feedback_torque(k, 0.01, -0.02, integral, 5000.0)
+    other = position_gains(-5.0, T)
+    assert feedback_torque(other, 0.01, -0.02, integral, 5000.0) != pytest.approx(before)
+    integral = integral_for(before, other, 0.01, -0.02, 5000.0)
+    assert feedback_torque(other, 0.01, -0.02, integral, 5000.0) == pytest.approx(before)
 
 
-def test_an_error_of_the_position_is_integrated_against_it() -> None:
-    feedback = PositionFeedback(-3.0, T)
-    feedback.integrate(0.1)
-    assert feedback.integral == pytest.approx(0.1 * T)
-    assert feedback.torque(0.0, 0.0, 1.0) < 0
+def test_an_error_of_the_position_and_its_integral_are_worked_against() -> None:
+    k = position_gains(-3.0, T)
+    assert feedback_torque(k, 0.1, 0.0, 0.0, 1.0) < 0
+    assert feedback_torque(k, 0.0, 0.0, 0.1, 1.0) < 0
 
 
 @pytest.mark.parametrize(("stiffness", "mass"), [(5e6, 4e4), (2e6, 1e5), (1e6, 3e5)])

@@ -8,12 +8,12 @@ from math import sin
 import pytest
 
 from boom_controller.control_model import ControlModel, Point
-from boom_controller.flow_observer import ChamberCompliance, MissedFlow
-from boom_controller.load_observer import LoadObserver
+from boom_controller.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
+from boom_controller.load_observer import LoadState, observe_load
 from boom_controller.pilot_stage import StaticPilot
 from boom_controller.settings import Settings
-from boom_controller.stall_watch import StallWatch
-from boom_controller.valve_follower import ValveFollower
+from boom_controller.stall_watch import StallState, reason, stalled, watch_supply
+from boom_controller.valve_follower import ValveFollower, ValveState
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
@@ -30,74 +30,70 @@ def machine() -> Machine:
 @pytest.mark.parametrize("load", [0.0, 260.0, 1500.0])
 def test_a_load_that_is_carried_at_rest_is_known_within_a_second(machine: Machine, load: float) -> None:
     pose = machine.pose(0.28, 2.2)
-    model, observer = ControlModel(machine, pose), LoadObserver(S)
+    model, x = ControlModel(machine, pose), LoadState()
     truth = ControlModel(machine, replace(pose, load=load))
     at_rest = Point(0.4, 0.0, 0.0, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0)
     q = truth.at(at_rest)
     pressure = q.gravity / q.jacobian / truth.p.cylinder.A_a
     for _ in range(round(1.0 / T)):
-        observer.step(model.at(at_rest._replace(hose_pressure=float(pressure), load=observer.load)), 0.0)
-    assert observer.load == pytest.approx(load, abs=5.0)
+        x = observe_load(x, model.at(at_rest._replace(hose_pressure=float(pressure), load=float(x.load))), 0.0, S)
+    assert x.load == pytest.approx(load, abs=5.0)
 
 
 @pytest.mark.parametrize("softer", [1.0, 2.5, 5.0])
 def test_the_compliance_of_softer_oil_is_learnt_while_the_pressure_moves(softer: float) -> None:
-    chamber = ChamberCompliance()
-    chamber.reset(1e7)
+    x = ChamberState(pressure=1e7)
     pressure = 1e7
     for k in range(1000):
         rate = 4e7 * sin(0.1 * k)  # of the nominal chamber, Pa/s
         pressure += T * rate / softer
-        chamber.step(pressure, rate, S)
-    assert chamber.ratio == pytest.approx(softer, rel=0.05)
+        x = observe_chamber(x, pressure, rate, S)
+    assert x.ratio == pytest.approx(softer, rel=0.05)
 
 
 def test_nothing_is_learnt_at_rest_nor_where_the_pressure_is_not_trusted() -> None:
-    chamber = ChamberCompliance()
-    chamber.reset(1e7)
+    x = ChamberState(pressure=1e7)
     for _ in range(100):
-        chamber.step(1e7, 0.0, S)
-    assert chamber.ratio == 1.0
-    chamber.step(2e7, 3e7, S, trusted=False)
-    assert chamber.ratio == 1.0
+        x = observe_chamber(x, 1e7, 0.0, S)
+    assert x.ratio == 1.0
+    assert observe_chamber(x, 2e7, 3e7, S).ratio != 1.0
+    assert observe_chamber(x, 2e7, 3e7, S, trusted=0.0).ratio == 1.0
 
 
 def test_flow_that_the_model_misses_is_learnt_as_a_speed() -> None:
-    missed = MissedFlow()
-    missed.reset(5e4)
+    x = MissedState(force=5e4)
     for _ in range(300):
-        missed.step(0.05, 0.04, 5e4, 4e6, S)
-    assert missed.speed == pytest.approx(0.01, rel=0.01)
+        x = observe_missed_flow(x, 0.05, 0.04, 5e4, 4e6, S)
+    assert x.speed == pytest.approx(0.01, rel=0.01)
 
 
 def test_a_supply_that_does_not_deliver_is_told_after_the_stall_time_and_one_that_does_is_not() -> None:
-    def watch(velocity: float, seconds: float) -> str:
-        watching = StallWatch()
-        watching.reset(1e5)
+    def told(velocity: float, seconds: float) -> bool:
+        x = StallState(force=1e5)
         for _ in range(round(seconds / T)):
-            watching.step(velocity, 0.1, 1e5, 4e6, 2000.0, 2.5e7, S)
-        return watching.reason
+            x = watch_supply(x, velocity, 0.1, 1e5, 4e6, S)
+        return bool(stalled(x, S))
 
-    assert watch(0.0, 0.9 * S.stall_time) == ""
-    assert "2000 kg cannot be held" in watch(0.0, 2 * S.stall_time)
-    assert "250 bar" in watch(0.0, 2 * S.stall_time)
-    assert watch(0.08, 3.0) == ""
+    assert not told(0.0, 0.9 * S.stall_time)
+    assert told(0.0, 2 * S.stall_time)
+    assert not told(0.08, 3.0)
+    assert "2000 kg cannot be held" in reason(2000.0, 2.5e7)
+    assert "250 bar" in reason(2000.0, 2.5e7)
 
 
 def test_the_spool_goes_where_it_is_wanted_and_is_known_without_being_measured(machine: Machine) -> None:
     pose = machine.pose(0.28, 2.2)
     model = ControlModel(machine, pose)
-    pilot = StaticPilot(model.p, model.e, S.neutral_pressure)
-    valve = ValveFollower(model.p, model.e, pilot, 0.0, S)
+    valve, x = ValveFollower(model.p, model.e, StaticPilot(model.p, model.e), 0.0, T), ValveState()
     plant = Plant(machine, pose)
     stepper = plant.stepper(plant.equilibrium(0.4))
     spool = plant.state_names.index("spool_position")
     stroke = float(model.p.main_valve_spool.s_max)
     for k in range(150):
         wanted = 0.0 if k < 20 else -0.45 * stroke if k < 85 else 0.4 * stroke
-        retract, extend, _, _ = valve.step(wanted)
-        stepper.step(retract, extend, T)
+        x, _, _ = valve.step(x, wanted, S)
+        stepper.step(float(x.retract.current), float(x.extend.current), T)
         if k > 20:
-            assert valve.position == pytest.approx(stepper.state[spool], abs=0.05 * stroke)  # on its way: 2 ms at most
+            assert x.position == pytest.approx(stepper.state[spool], abs=0.05 * stroke)  # on its way: 2 ms at most
         if k in (84, 149):
             assert stepper.state[spool] == pytest.approx(wanted, abs=0.01 * stroke)

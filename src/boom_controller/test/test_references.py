@@ -45,6 +45,33 @@ def test_a_stream_goes_through_the_generator_exactly() -> None:
         assert reference.angle == pytest.approx(alone.step(wanted).angle, abs=1e-9)
 
 
+def test_wanted_angles_that_come_twice_or_not_at_all_between_two_cycles_make_no_steps() -> None:
+    def jerks(interpolated: bool) -> float:
+        """Largest jerk [rad/s^3] behind the start, on a ramp of 0.2 rad/s whose samples come 4 ms early or late."""
+        made, coming = references(), 1
+        found = []
+        for k in range(1, 300):
+            while TS * coming + 0.004 * (-1) ** coming <= TS * k:
+                came = TS * coming + 0.004 * (-1) ** coming
+                made.stream(0.3 + 0.2 * came, came if interpolated else None)
+                coming += 1
+            found.append(abs(made.advance(TS * k, TS * k - 0.001).jerk))
+        return max(found[200:])
+
+    # a ramp in steps of a sample time leaves the generator a jerk of 0.017 rad/s^3 of its own
+    assert jerks(interpolated=True) < 0.02
+    assert jerks(interpolated=False) > 0.05
+
+
+def test_a_stream_that_falls_silent_is_followed_to_its_last_angle() -> None:
+    made = references()
+    for k in range(1, 20):
+        made.stream(0.3 + 0.001 * k, TS * k)
+        made.advance(TS * k, TS * k)
+    samples = [made.advance(TS * k, TS * k) for k in range(20, 400)]
+    assert samples[-1].angle == pytest.approx(0.319, abs=1e-4)
+
+
 def test_a_jump_of_the_stream_is_followed_no_faster_than_allowed() -> None:
     made = references()
     made.stream(1.3)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -112,11 +111,11 @@ def seen(measurement: Measurement, reference: Reference, output: Output = CALM, 
     ("measurement", "output", "reason"),
     [
         (STILL, CALM, ""),
-        (replace(STILL, rate=0.7), CALM, "speed_limit"),
-        (replace(STILL, rate=-0.7), CALM, "speed_limit"),
-        (replace(STILL, hose_pressure=3.6e7), CALM, "pressure_limit"),
-        (replace(STILL, rod_pressure=3.6e7), CALM, "pressure_limit"),
-        (replace(STILL, angle=0.65), CALM, "divergence"),
+        (STILL._replace(rate=0.7), CALM, "speed_limit"),
+        (STILL._replace(rate=-0.7), CALM, "speed_limit"),
+        (STILL._replace(hose_pressure=3.6e7), CALM, "pressure_limit"),
+        (STILL._replace(rod_pressure=3.6e7), CALM, "pressure_limit"),
+        (STILL._replace(angle=0.65), CALM, "divergence"),
         (STILL, Output(math.nan, 0.0), "divergence"),
         (STILL, Output(0.0, 0.5, reason="the load cannot be held"), "load_not_held"),
     ],
@@ -129,14 +128,14 @@ def test_a_single_sample_beyond_a_limit_of_speed_is_no_reason() -> None:
     watch = Watch(SETTINGS, (0.0, 1.5))
     for k in range(50):
         rate = 0.8 if k % 4 == 0 else 0.1
-        assert watch.motion(replace(STILL, rate=rate), Reference(0.4), CALM, 0.01 * k) is None
+        assert watch.motion(STILL._replace(rate=rate), Reference(0.4), CALM, 0.01 * k) is None
 
 
 def test_beyond_an_angle_limit_only_the_way_out_stops() -> None:
-    out, back = replace(STILL, angle=1.51, rate=0.1), replace(STILL, angle=1.51, rate=-0.1)
+    out, back = STILL._replace(angle=1.51, rate=0.1), STILL._replace(angle=1.51, rate=-0.1)
     assert seen(out, Reference(1.5)) == "angle_limit"
     assert seen(back, Reference(1.5)) == ""
-    assert seen(replace(STILL, angle=-0.01, rate=-0.1), Reference(0.0)) == "angle_limit"
+    assert seen(STILL._replace(angle=-0.01, rate=-0.1), Reference(0.0)) == "angle_limit"
 
 
 def test_late_cycles_are_counted_and_a_long_gap_stops_at_once() -> None:

@@ -56,7 +56,12 @@ def _flags() -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=256)
-def _load(source: str) -> ctypes.CDLL:
+def load_c(source: str) -> ctypes.CDLL:
+    """The library that C source makes, from the cache where it is already there.
+
+    Raises:
+        BuildError: no compiler, source that it refuses, or the cache folder is not writable.
+    """
     compiler, flags = _compiler(), _flags()
     key = hashlib.sha256("\n".join((compiler, *flags, source)).encode()).hexdigest()[:24]
     folder = cache_folder()
@@ -92,4 +97,4 @@ def build(equations: Equations) -> ctypes.CDLL:
         BuildError: no compiler, or the cache folder is not writable.
     """
     sources = [files("boom_model").joinpath(name).read_text() for name in ("integrator.c", "observer.c")]
-    return _load(HEAD + generate(equations) + "".join(sources))
+    return load_c(HEAD + generate(equations) + "".join(sources))

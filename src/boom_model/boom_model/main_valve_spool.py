@@ -8,7 +8,6 @@ is the axial force F_q with which the flow closes the spool (neutral 0); see ``m
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -36,7 +35,7 @@ def acceleration(
     return (pilot_difference * s.A_s - held) / s.m_s
 
 
-def friction(velocity: Expression, p: Any, tanh: Callable[[Any], Any] = ca.tanh) -> Expression:
-    """(3.22) [N] at s_s' [m/s]; ``tanh``: ``math.tanh`` for plain floats, which is faster."""
+def friction(velocity: Expression, p: Any) -> Expression:
+    """(3.22) [N] at s_s' [m/s]."""
     s = p.main_valve_spool
-    return s.d_v * velocity + s.f_c * tanh(velocity / s.sigma_s)
+    return s.d_v * velocity + s.f_c * ca.tanh(velocity / s.sigma_s)
