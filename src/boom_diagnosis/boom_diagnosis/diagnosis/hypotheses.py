@@ -30,6 +30,9 @@ REFINED, PROMISING = 4, 0.1
 WEIGHED, RIVAL = 3, 0.1
 """Effects that are weighed again where the best makes another observer likelier, and the share of its gain they must have."""
 
+RELINEARISED, SETTLED = 3, 300.0
+"""Fits of the tolerances with fresh derivatives at most, and the nats that the last one gained where they are good enough: a search
+that gives up too early leaves a rest to whatever effect comes first."""
 NOTICED = 12.0
 """Nats, and half a one for each tolerance, that tolerances must gain before they count as moved at all."""
 
@@ -106,8 +109,13 @@ def run_round(
     def fit(
         p: Problem, at_z: Array, at_values: Mapping[str, float], names: Sequence[Coordinate]
     ) -> tuple[Point, Array]:
-        start = p.points([(at_z, at_values)])[0]
-        return p.fit(start, p.nuisance_jacobian(start), names, iterations=6)
+        point = p.points([(at_z, at_values)])[0]
+        for _ in range(RELINEARISED):
+            before = point.loss
+            point, jacobian = p.fit(point, p.nuisance_jacobian(point), names, iterations=6)
+            if before - point.loss < SETTLED or p.predictor.looseness == LOOSENESS[-1]:
+                break
+        return point, jacobian
 
     def likeliest(at_z: Array, at_values: Mapping[str, float]) -> Problem:
         tried = [problem(at_z, at_values, looseness) for looseness in (LOOSENESS[:1] if tight else LOOSENESS)]
