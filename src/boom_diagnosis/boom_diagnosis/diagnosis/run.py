@@ -160,9 +160,6 @@ def search(case: Case, progress: Progress) -> None:
         case.rounds.append(found)
         if k == 0:
             _spare(case, 0, found.problem, found.base, ())
-            nominal = found.problem.points([(np.zeros(len(case.nuisances)), {})])[0]
-            if worsening(case, nominal, case.kept(0)) > WORSE:
-                case.spared[0] = nominal
         weighed = _weigh(case, found) if found.fitted else []
         case.weighed.append(weighed)
         best = weighed[0] if weighed else None
@@ -174,7 +171,7 @@ def search(case: Case, progress: Progress) -> None:
             case.spared.pop(k + 1, None)
             return
         case.taken.append(best)
-        z, values = best.fitted.point.z, best.fitted.point.effects
+        z, values = case.last.z, case.last.effects
         left = rest(case, z, values)
         if left < NEGLIGIBLE:
             return
@@ -224,9 +221,9 @@ def _calibrate(case: Case, first: Round) -> None:
 
 
 def _spare(case: Case, k: int, problem: Problem, point: Point, names: Sequence[Coordinate]) -> None:
-    """Keeps the nominal numbers where the tolerances need not move: numbers moved for nothing harm a free run."""
+    """Keeps the nominal numbers where moving the tolerances gains nothing, or makes free runs over data not used worse."""
     nominal = problem.fit_nominal(point.effects, names)
-    if nominal.loss - point.loss < NOTICED + 0.5 * len(point.z):
+    if nominal.loss - point.loss < NOTICED + 0.5 * len(point.z) or worsening(case, nominal, point) > WORSE:
         case.spared[k] = nominal
 
 
