@@ -3,6 +3,7 @@
     python benchmarks/diagnosis_effects.py [--effects ID ...] [--bag BAG] [--duration S] [--seed N] [--json PATH]
 
 The currents of a recording drive a simulated machine that has the effect; the result, with the sensors' noise, is diagnosed.
+For end cushioning the boom begins as high as the currents allow, so that it comes near the end of the stroke.
 Its last third is held out. Right is an effect that is named first, or stands in the list of an ambiguous answer. ``--json`` is
 read first and continued, so that a run can be stopped and taken up. Exit status 1 if more than two of those run are wrong.
 """
@@ -22,7 +23,7 @@ from boom_diagnosis.diagnosis.coordinates import coordinates
 from boom_diagnosis.diagnosis.document import DiagnosisResult
 from boom_diagnosis.diagnosis.run import diagnose
 from boom_model.effects import CATALOGUE, EFFECTS
-from boom_model.errors import ModelError
+from boom_model.errors import ModelError, SimulationError
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
 from boom_recording.recording import Recording
@@ -59,11 +60,21 @@ def recorded(effect: str, like: Recording, duration: float, seed: int) -> Record
     machine = load_machine("tz17").with_effects({effect: middle(effect, duration)})
     driven = held_currents(like)
     first = {name: like.signals[name].values[:50] for name in ("angle", "hose_pressure", "rod_pressure")}
-    start = Start(*(float(np.nanmean(values)) for values in first.values()))
-    return simulate(
-        machine, like.configuration, start, driven.time, driven.values, noise=machine.sensor_noise(), seed=seed,
-        duration=duration, name=f"{effect}, simulated",
-    )  # fmt: skip
+    angle, hose, rod = (float(np.nanmean(values)) for values in first.values())
+    higher = [0.0]
+    if effect == "end_cushioning":  # nothing is told of the end of the stroke by a boom that does not come near it
+        room = machine.angle_limits[1] - float(np.nanmax(like.signals["angle"].values))
+        higher = [share * room for share in np.arange(0.98, 0.0, -0.02)]
+    for rise in higher:
+        try:
+            return simulate(
+                machine, like.configuration, Start(angle + rise, hose, rod), driven.time, driven.values,
+                noise=machine.sensor_noise(), seed=seed, duration=duration, name=f"{effect}, simulated",
+            )  # fmt: skip
+        except SimulationError:  # it ran over the end: the same currents move it further where gravity has another arm
+            if rise == higher[-1]:
+                raise
+    raise AssertionError("there is always one start")
 
 
 def judged(effect: str, result: DiagnosisResult) -> bool:

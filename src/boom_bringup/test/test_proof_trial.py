@@ -67,6 +67,14 @@ def answered(sealed):
     (folder / "diagnosis.json").write_text(json.dumps({"verdict": "identified", "findings": [finding]}))
 
 
+def test_the_time_of_all_runs_is_kept_and_drawing_the_pages_anew_is_none(sealed, machine):
+    assert not sealed.finished
+    before = sealed.state.seconds
+    sealed.spent(60.0)
+    again(sealed, machine).spent(30.0)
+    assert again(sealed, machine).state.seconds == pytest.approx(before + 90.0)
+
+
 def test_the_blind_side_holds_the_recording_and_nothing_else(sealed):
     for spec in SPECS:
         assert [p.name for p in (sealed.blind / spec.name).iterdir()] == ["recording"]

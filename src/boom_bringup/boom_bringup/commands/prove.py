@@ -94,16 +94,24 @@ def run(args: argparse.Namespace) -> int:
         known = stored(Path(args.output)) if args.output else None
         seed = known.seed if known else secrets.randbelow(_LARGEST_SEED)
     folder = Path(args.output) if args.output else Path("output") / f"prove-{seed}-{args.cases}"
-    begin = time.monotonic()
     trial = Trial(folder, seed, args.cases, machine)
+    begin, drawn_anew = time.monotonic(), trial.finished
     again = f"prove --seed {seed} --cases {args.cases} --output {folder}"
     console.print(f"seed {seed}: repeat it or go on with ./boom {again}", soft_wrap=True)
-    with _stopped_by_term(), workers(args.scheduler, min(args.workers, args.cases)) as engine, _progress() as progress:
-        checksum = trial.prepare(engine, progress)
-        console.print(f"{args.cases} answers are sealed, SHA-256 {checksum}", soft_wrap=True)
-        trial.diagnose(engine, progress)
-        rows = trial.score(engine, progress)
-    seconds = time.monotonic() - begin
+    try:
+        with (
+            _stopped_by_term(),
+            workers(args.scheduler, min(args.workers, args.cases)) as engine,
+            _progress() as progress,
+        ):
+            checksum = trial.prepare(engine, progress)
+            console.print(f"{args.cases} answers are sealed, SHA-256 {checksum}", soft_wrap=True)
+            trial.diagnose(engine, progress)
+            rows = trial.score(engine, progress)
+    finally:
+        if not drawn_anew:
+            trial.spent(time.monotonic() - begin)
+    seconds = trial.state.seconds
     _show(console, rows)
     page_path, report_path = page_path or folder / "proof.md", folder / "report.html"
     _whole(page_path, page(trial.state, rows, seconds))

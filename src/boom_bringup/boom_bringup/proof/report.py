@@ -44,7 +44,7 @@ _MEANING = (
 def report(trial: Trial, rows: Sequence[Row], seconds: float) -> str:
     """The whole HTML file; seconds: how long the run took. Raises OSError where a recording of the trial is gone."""
     body = [
-        f"<header><h1>Blind trial</h1><p class=quiet>{escape(tables.heading(trial.state))}; {seconds / 60:.1f} minutes in this run"
+        f"<header><h1>Blind trial</h1><p class=quiet>{escape(tables.heading(trial.state))}; {seconds / 60:.1f} minutes"
         f"<br>SHA-256 of the sealed answers: <code>{trial.state.sha256}</code></p><p>{escape(_MEANING)}</p></header>",
         f"<section class=card><h2>What was asked, what was reached</h2>{_measures(rows)}</section>",
         f"<section class=card><h2>Accuracy and confidence</h2><div class=side>{_accuracy(rows)}{_confidence(rows)}</div></section>",

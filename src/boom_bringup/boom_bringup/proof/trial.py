@@ -21,7 +21,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +49,7 @@ class TrialError(RuntimeError):
 
 @dataclass(frozen=True)
 class State:
-    """What a trial is; sha256 of the answers is empty until all cases are made."""
+    """What a trial is; sha256 of the answers is empty until all cases are made, seconds is the time spent on it in all runs."""
 
     seed: int
     count: int
@@ -57,6 +57,7 @@ class State:
     version: str
     begun: str
     sha256: str = ""
+    seconds: float = 0.0
 
 
 class Trial:
@@ -95,7 +96,7 @@ class Trial:
         checksum = self._checksum()
         if self.state.sha256 and self.state.sha256 != checksum:
             raise TrialError(f"{self.folder}: the answers are not those that were sealed: their checksum is {checksum}")
-        self.state = State(**(asdict(self.state) | {"sha256": checksum}))
+        self.state = replace(self.state, sha256=checksum)
         self._keep(self.state)
         return checksum
 
@@ -140,6 +141,16 @@ class Trial:
         for name in self.specs:
             total.update((self.sealed / name / ANSWER).read_bytes())
         return total.hexdigest()
+
+    def spent(self, seconds: float) -> None:
+        """Adds the time of a run, finished or not, unless all that it did was to draw the pages anew."""
+        self.state = replace(self.state, seconds=self.state.seconds + seconds)
+        self._keep(self.state)
+
+    @property
+    def finished(self) -> bool:
+        """Whether every case has its diagnosis."""
+        return all((self.blind / name / judging.OUTCOME).is_file() for name in self.specs)
 
     def _keep(self, state: State) -> None:
         temporary = self.folder / f"{STATE}.new"

@@ -30,6 +30,7 @@ from boom_diagnosis.diagnosis.learning import Learned, learn
 from boom_diagnosis.diagnosis.locating import LINKS, locate
 from boom_diagnosis.diagnosis.proof import (
     bag_result,
+    final_machine,
     fit_and_ladder,
     label_of,
     machines_of,
@@ -137,7 +138,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
             )
         order = sorted(rest_equations, key=lambda e: -e.statistical)
         learned = learn(
-            case.machine, case.bags, case.select, case.judged, case.nuisances, case.last,
+            case.machine, case.bags, case.training, case.judged, case.nuisances, case.trained[-1],
             [e.key for e in order[:LEARNT_IN]], first.problem.predictor.looseness, case.proving,
         )  # fmt: skip
     if verdict == "unknown_physics":
@@ -161,7 +162,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     notes = [f"{name} is left out: the boom hardly moves in it, or a channel is missing" for name in weak]
     remaining = _remaining(fit, tight) if verdict not in ("no_mismatch", "parameters_only") else ""
     return DiagnosisResult(
-        document, case.machine, machines["explained"], bags,
+        document, case.machine, final_machine(case, verdict, learned), bags,
         regimes.table(cells, tight.nominal, tight.explained, case.healthy_squares), equations, agreement, tuple(ranked),
         ladder, (learned.curve,) if learned else (), remaining, moved, experiment, tuple(notes), about.command,
     )  # fmt: skip
@@ -199,7 +200,8 @@ def _tight(case: Case) -> _Tight:
     last = case.rounds[-1]
     if len(case.rounds) > len(case.taken) > 0 and last.problem.predictor.looseness == LOOSENESS[0]:
         after = min(after, last.base.excess(case.floor))
-    if case.taken and after > DOUBTFUL * before:  # the numbers are those that a loose observer asked for
+    sharp = case.rounds[0].problem.predictor.looseness == LOOSENESS[0]
+    if case.taken and not sharp and after > DOUBTFUL * before:  # the numbers are those that a loose observer asked for
         problem = problem_at(
             case.machine, case.bags, case.select, case.nuisances, case.kept(0).z, {}, LOOSENESS[0]
         )  # fmt: skip

@@ -8,8 +8,10 @@ from math import log
 
 from boom_model.effects import EFFECTS, Effect, EffectParameter
 
-MARGIN = 0.5
+MARGIN = 1.5
 """The prior reaches so far beyond the catalogue's plausible range, in widths of it."""
+FAR = {"pressure_bias": 8.0, "angle_offset": 3.0}
+"""The same for what a careless hand can do at will."""
 
 
 @dataclass(frozen=True)
@@ -84,11 +86,12 @@ def coordinates(effect: Effect) -> tuple[Coordinate, ...]:
 def _coordinate(effect: str, row: EffectParameter) -> Coordinate:
     positive = (effect, row.name) in _POSITIVE
     width = row.high - row.low
-    low, high = max(row.minimum, row.low - MARGIN * width), min(row.maximum, row.high + MARGIN * width)
+    margin = FAR.get(effect, MARGIN)
+    low, high = max(row.minimum, row.low - margin * width), min(row.maximum, row.high + margin * width)
     if row.neutral == 0.0 and row.low > 0.0 and not positive:
         low = max(row.minimum, -row.high) if row.minimum < 0.0 else 0.0
     if positive:
-        low, high = max(row.minimum, row.low / 2.0, 1e-12), min(row.maximum, row.high * 2.0)
+        low, high = max(row.minimum, row.low / 3.0, 1e-12), min(row.maximum, row.high * 3.0)
     step = 0.05 if positive else 0.05 * max(abs(row.low), abs(row.high))
     if row.name == "t_g":
         low, high, step = 0.0, 1e4, 0.1

@@ -21,8 +21,9 @@ Array = NDArray[np.float64]
 
 HUBER = 4.0
 """Standard deviations up to which an innovation counts squared."""
-LARGEST_Z = 4.0
-"""Standard deviations a number may move: 2.3 times its tolerance."""
+FIRM = 15.0
+"""Norm of the change of all innovations, in standard deviations, by one of a tolerance, from which on its derivatives are kept up
+with the point: three of five directions, and all that a step is decided by."""
 Z_STEP = 0.1
 """Standard deviations of a tolerance: step of the differences."""
 
@@ -86,6 +87,8 @@ class Problem:
             name: nominal[name] for n in nuisances for name in n.components if not name.startswith("pose.")
         }
         self._poses = [{n.name: pose[n.name] for n in nuisances if n.name.startswith("pose.")} for pose in poses]
+        self.limits = np.array([n.limits for n in nuisances]).reshape(-1, 2).T
+        """(2, number of tolerances) least and largest z."""
         self.runs = 0
 
     def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
@@ -120,14 +123,15 @@ class Problem:
         )
         return size - at.loss
 
-    def nuisance_jacobian(self, at: Point) -> Array:
-        """dw/dz (rows, number of tolerances) by differences."""
-        moved = []
-        for i in range(len(self.nuisances)):
-            z = at.z.copy()
-            z[i] += Z_STEP
-            moved.append((z, at.effects))
-        return np.stack([(p.w - at.w) / Z_STEP for p in self.points(moved)], axis=-1)
+    def nuisance_jacobian(self, at: Point, near: Array | None = None) -> Array:
+        """dw/dz (rows, number of tolerances) by differences.
+
+        near: one that was taken nearby; then only along the directions of z that move the innovations much are they taken anew.
+        """
+        directions = np.eye(len(self.nuisances)) if near is None else _strong(near)
+        moved = [(at.z + Z_STEP * v, at.effects) for v in directions.T]
+        slopes = np.stack([(p.w - at.w) / Z_STEP for p in self.points(moved)], axis=-1)
+        return slopes if near is None else near + (slopes - near @ directions) @ directions.T
 
     def effect_jacobian(self, at: Point, names: Sequence[Coordinate]) -> Array:
         """dw/d(inner coordinate) (rows, number of coordinates) by differences, towards the inside of the limits."""
@@ -156,7 +160,7 @@ class Problem:
         for _ in range(iterations):
             columns = self.effect_jacobian(best, names) if names else np.zeros((len(best.w), 0))
             jacobian = np.concatenate([nz, columns], axis=1)
-            step = _gauss_newton(best, jacobian, names)
+            step = _gauss_newton(best, jacobian, names, self.limits)
             trials = self.points([self._moved(best, step, names, size) for size in (1.0, 0.35)])
             trial = min(trials, key=lambda p: p.loss)
             if trial.loss >= best.loss:
@@ -181,7 +185,8 @@ class Problem:
             return best
         for _ in range(iterations):
             columns = self.effect_jacobian(best, names)
-            step = _gauss_newton(best, np.concatenate([np.zeros((len(best.w), len(zero))), columns], axis=1), names)
+            still = np.concatenate([np.zeros((len(best.w), len(zero))), columns], axis=1)
+            step = _gauss_newton(best, still, names, self.limits)
             trial = min(
                 self.points([self._moved(best, step, names, size) for size in (1.0, 0.3)]), key=lambda p: p.loss
             )
@@ -190,19 +195,26 @@ class Problem:
             best = trial
         return best
 
-    @staticmethod
-    def _moved(at: Point, step: Array, names: Sequence[Coordinate], size: float) -> tuple[Array, dict[str, float]]:
+    def _moved(
+        self, at: Point, step: Array, names: Sequence[Coordinate], size: float
+    ) -> tuple[Array, dict[str, float]]:
         m = len(at.z)
         effects = dict(at.effects)
         for c, d in zip(names, step[m:], strict=True):
             here = effects[c.name]
             there = here * float(np.exp(np.clip(size * d, -1.0, 1.0))) if c.positive else here + size * float(d)
             effects[c.name] = float(np.clip(there, c.low, c.high))
-        return np.clip(at.z + size * step[:m], -LARGEST_Z, LARGEST_Z), effects
+        return np.clip(at.z + size * step[:m], *self.limits), effects
 
 
-def _gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate]) -> Array:
-    """Step of all unknowns; coordinates that would leave their limits stay there."""
+def _strong(jacobian: Array) -> Array:
+    """(unknowns, k) orthonormal directions along which a unit step changes the innovations by more than ``FIRM``."""
+    size, directions = np.linalg.eigh(jacobian.T @ jacobian)
+    return np.asarray(directions[:, size > FIRM**2])
+
+
+def _gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate], limits: Array) -> Array:
+    """Step of all unknowns; those that would leave their limits stay there."""
     m = len(at.z)
     omega = weights(at)
     weighted = jacobian * omega[:, None]
@@ -210,22 +222,22 @@ def _gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate]) -> Ar
     gradient = weighted.T @ at.w
     normal[np.arange(m), np.arange(m)] += 1.0
     gradient[:m] += at.z
+    own = [at.effects[c.name] for c in names]
+    low = np.array([*limits[0], *(c.low for c in names)])
+    high = np.array([*limits[1], *(c.high for c in names)])
+    lowest = np.array([*at.z, *own]) <= low
+    highest = np.array([*at.z, *own]) >= high
     free = np.ones(len(gradient), dtype=bool)
-    for _ in range(len(names) + 1):
+    step = np.zeros(len(gradient))
+    for _ in range(len(gradient)):
         scale = np.sqrt(np.diag(normal)[free]) + 1e-12
         a = normal[np.ix_(free, free)] / np.outer(scale, scale) + 1e-9 * np.eye(int(free.sum()))
-        step = np.zeros(len(gradient))
+        step[:] = 0.0
         step[free] = -np.linalg.solve(a, gradient[free] / scale) / scale
-        held = False
-        for i, c in enumerate(names, start=m):
-            here = at.effects[c.name]
-            there = here * np.exp(np.clip(step[i], -1, 1)) if c.positive else here + step[i]
-            at_limit = (here <= c.low and there < here) or (here >= c.high and there > here)
-            if free[i] and at_limit:
-                free[i] = False
-                held = True
-        if not held:
+        leaving = free & ((lowest & (step < 0.0)) | (highest & (step > 0.0)))
+        if not leaving.any():
             break
+        free &= ~leaving
     return step
 
 

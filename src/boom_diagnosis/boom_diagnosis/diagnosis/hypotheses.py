@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +26,16 @@ Flags = NDArray[np.bool_]
 
 LOOSENESS = (1.0, 4.0, 15.0)
 """Factors of the assumed disturbances that are tried; the likeliest is taken, and a machine that is like the model gets 1."""
-REFINED, PROMISING = 4, 0.1
+REFINED, PROMISING = 4, 0.25
 """Effects that are fitted in a round at most, and the share of the nats that they must gain which the linear look must promise."""
+AFRESH = 2
+"""Effects that are fitted anew from the nominal machine where a mismatch remains."""
+FAR_OFF = 0.1
+"""Loss per innovation over that of white noise from which on effects are first looked for from the nominal machine."""
+OUTSTANDING = 0.3
+"""Share of what the tolerances leave over white noise that such an effect may leave."""
+RETUNED = 0.3
+"""Share of the base's loss over that of a healthy machine that an effect must gain for all to be weighed by gains that suit it."""
 WEIGHED, RIVAL = 3, 0.1
 """Effects that are weighed again where the best makes another observer likelier, and the share of its gain they must have."""
 
@@ -92,29 +101,31 @@ def run_round(
     z: Array,
     values: Mapping[str, float],
     progress: Progress,
-    judged: Sequence[Flags] | None = None,
     tight: bool = False,
     least: float = 0.0,
+    refined: int = REFINED,
 ) -> Round:
     """Fits the tolerances (with the effects in ``values``), looks at all others, fits the best, weighs them.
 
     tight: with the observer that is right for a healthy machine, whichever is likeliest. least: nats that an effect must gain.
+    refined: effects that are fitted at most.
     """
     accepted = tuple(effects_of(values))
     kept = tuple(all_coordinates(list(accepted)).values())
 
     def problem(at_z: Array, at_values: Mapping[str, float], looseness: float) -> Problem:
-        return problem_at(machine, bags, select, nuisances, at_z, at_values, looseness, judged)
+        return problem_at(machine, bags, select, nuisances, at_z, at_values, looseness)
 
     def fit(
-        p: Problem, at_z: Array, at_values: Mapping[str, float], names: Sequence[Coordinate]
+        p: Problem, at_z: Array, at_values: Mapping[str, float], names: Sequence[Coordinate], near: Array | None = None
     ) -> tuple[Point, Array]:
         point = p.points([(at_z, at_values)])[0]
         for _ in range(RELINEARISED):
             before = point.loss
-            point, jacobian = p.fit(point, p.nuisance_jacobian(point), names, iterations=6)
+            point, jacobian = p.fit(point, p.nuisance_jacobian(point, near), names, iterations=6)
             if before - point.loss < SETTLED or p.predictor.looseness == LOOSENESS[-1]:
                 break
+            near = jacobian[:, : len(point.z)]
         return point, jacobian
 
     def likeliest(at_z: Array, at_values: Mapping[str, float]) -> Problem:
@@ -126,14 +137,16 @@ def run_round(
         searching = likeliest(z, values)
         base, jacobian = fit(searching, z, values, kept)
     else:
-        searching = problem(z, values, LOOSENESS[-1])
-        base, jacobian = fit(searching, z, values, kept)
-        tighter = likeliest(base.z, base.effects)
-        if tighter.predictor.looseness < LOOSENESS[-1]:
-            searching = tighter
-            base, jacobian = fit(searching, base.z, base.effects, kept)
-        else:
-            jacobian = np.concatenate([searching.nuisance_jacobian(base), jacobian[:, len(base.z) :]], axis=1)
+        first = Nominal(problem(z, values, LOOSENESS[1]))
+        base = first.tolerances
+        searching = likeliest(base.z, base.effects)
+        if searching.points([(base.z, base.effects)])[0].excess(0.5) > FAR_OFF:
+            progress("effects", 0.2)
+            outstanding = _at_once(first, possible_effects(machine.structure.has), likeliest, fit)
+            if outstanding:
+                return outstanding
+        alike = searching.predictor.looseness == LOOSENESS[1]
+        base, jacobian = fit(searching, base.z, base.effects, kept, first.jacobian if alike else None)
     nominal = searching.fit_nominal(base.effects, kept)
     if nominal.loss - base.loss < NOTICED + 0.5 * len(base.z):
         base = nominal
@@ -146,9 +159,12 @@ def run_round(
         scanned[candidate.effect] = max(scanned.get(candidate.effect, 0.0), candidate.gain)
         grouped.setdefault(candidate.effect, []).append(candidate)
     progress("fitting effects", 0.5)
-    promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING * least][:REFINED]
-    fitted = [refine(scanner, jacobian, _starts(grouped[e]), kept) for e in promising]
-    fitted.sort(key=lambda f: f.point.loss)
+    promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING * least][:refined]
+    fitted = list[Fitted]()
+    for effect in promising:
+        most = max((f.gain for f in fitted), default=0.0)
+        fitted.append(refine(scanner, jacobian, _starts(grouped[effect]), kept, at_least=RIVAL * most))
+    fitted = list(_sorted(fitted))
     if not fitted:
         return Round(accepted, base, jacobian, (), scanned, searching)
     progress("weighing effects", 0.8)
@@ -156,13 +172,98 @@ def run_round(
     weighing = likeliest(best.z, best.effects)
     # an effect with states of its own is weighed by gains that correct them, too
     if weighing.predictor.looseness == searching.predictor.looseness and not with_states(best.effects):
-        fitted = [_polished(searching, f, base, f.jacobian[:, : len(base.z)]) for f in fitted[:1]] + fitted[1:]
+        fitted = [_polished(searching, f, base, f.jacobian[:, : len(base.z)], anew=False) for f in fitted[:1]] + fitted[
+            1:
+        ]
         return Round(accepted, base, jacobian, _sorted(fitted), scanned, searching)
-    base, jacobian = fit(weighing, base.z, base.effects, kept)
+    alike = weighing.predictor.looseness == searching.predictor.looseness
+    base, jacobian = fit(weighing, base.z, base.effects, kept, jacobian[:, : len(base.z)] if alike else None)
     columns = jacobian[:, : len(base.z)]  # of the base; good enough for all but the best
     near = [f for f in fitted[:WEIGHED] if f.gain > RIVAL * fitted[0].gain]
-    fitted = [_weighed(weighing, f, base, columns if k else None) for k, f in enumerate(near)]
+    fitted = [_weighed(weighing, f, base, columns, anew=not k) for k, f in enumerate(near)]
     return Round(accepted, base, jacobian, _sorted(fitted), scanned, weighing)
+
+
+class Nominal:
+    """What is seen from the nominal machine: derivatives, the tolerances fitted from there, the linear look at effects.
+
+    problem: observers of the nominal machine that bear with one that is far from right.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.at = problem.points([(np.zeros(len(problem.nuisances)), {})])[0]
+        self.jacobian = problem.nuisance_jacobian(self.at)
+        self._scanner = Scanner(problem, self.at, self.jacobian)
+
+    @cached_property
+    def tolerances(self) -> Point:
+        """The fit without any effect."""
+        return self.problem.fit(self.at, self.jacobian)[0]
+
+    def look(self, wanted: Sequence[str]) -> dict[str, Candidate]:
+        """Of each effect the most promising start, the best first."""
+        seen: dict[str, Candidate] = {}
+        for candidate in self._scanner.scan(wanted):
+            seen.setdefault(candidate.effect, candidate)
+        return seen
+
+    def fitted(self, candidate: Candidate) -> Fitted:
+        """An effect fitted from the nominal machine."""
+        return refine(self._scanner, self.jacobian, [candidate])
+
+
+Likeliest = Callable[[Array, Mapping[str, float]], Problem]
+Fit = Callable[..., tuple[Point, Array]]
+
+
+def _at_once(first: Nominal, wanted: Sequence[str], likeliest: Likeliest, fit: Fit) -> Round | None:
+    """The round where an effect is so large that it stands out from the nominal machine, else None.
+
+    The tolerances alone, fitted to such a machine, end far from anything, and the search with them.
+    """
+    seen = first.look(wanted)
+    tried = sorted((first.fitted(c) for c in list(seen.values())[:AFRESH]), key=lambda f: f.point.loss)
+    best, base = tried[0].point, first.tolerances
+    if best.excess(0.5) > OUTSTANDING * base.excess(0.5):
+        return None
+    weighing = likeliest(best.z, best.effects)
+    base, jacobian = fit(weighing, base.z, {}, ())
+    columns = jacobian[:, : len(base.z)]
+    fitted = [_weighed(weighing, f, base, columns, anew=not k) for k, f in enumerate(tried)]
+    return Round((), base, jacobian, _sorted(fitted), {e: c.gain for e, c in seen.items()}, weighing)
+
+
+def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) -> Round:
+    """The round with some effects fitted anew from the nominal machine.
+
+    Tolerances that have bent far enough to stand in for an effect leave it nothing to gain where they are.
+
+    wanted: effects to fit, beside those that the linear look at the nominal machine finds most promising. floor: loss per
+    innovation of a healthy machine.
+    """
+    seen = first.look(list(found.scanned))
+    effects = dict.fromkeys([*list(seen)[:AFRESH], *(e for e in wanted if e in seen)])
+    fitted = {f.effect: f for f in found.fitted}
+    columns = found.jacobian[:, : len(found.base.z)]
+    for effect in effects:
+        near = first.fitted(seen[effect])
+        there = found.problem.points([(near.point.z, near.point.effects)])[0]
+        anew = _polished(found.problem, replace(near, point=there), found.base, columns)
+        if effect not in fitted or anew.point.loss < fitted[effect].point.loss:
+            fitted[effect] = anew
+    best = _sorted(list(fitted.values()))
+    if not best or best[0].gain < RETUNED * (found.base.loss - floor * int(found.base.used.sum())):
+        return replace(found, fitted=best)
+    p, point = found.problem.predictor, best[0].point
+    retuned = problem_at(
+        p.machine, p.bags, found.problem.select, first.problem.nuisances, point.z, point.effects, p.looseness
+    )
+    start = retuned.points([(found.base.z, {})])[0]
+    base, jacobian = retuned.fit(start, retuned.nuisance_jacobian(start, columns))
+    rivals = [f for f in best[:WEIGHED] if f.gain > RIVAL * best[0].gain]
+    again = [_weighed(retuned, f, base, jacobian, anew=not k) for k, f in enumerate(rivals)]
+    return replace(found, base=base, jacobian=jacobian, fitted=_sorted(again), problem=retuned)
 
 
 def _starts(candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -170,19 +271,20 @@ def _starts(candidates: Sequence[Candidate]) -> list[Candidate]:
     return list(candidates[:1]) + [c for c in candidates[1:2] if c.gain > 0.5 * candidates[0].gain]
 
 
-def _weighed(problem: Problem, f: Fitted, base: Point, columns: Array | None) -> Fitted:
+def _weighed(problem: Problem, f: Fitted, base: Point, columns: Array, *, anew: bool) -> Fitted:
     """The same effect fitted again, with an observer of other gains."""
     start = problem.points([(f.point.z, f.point.effects)])[0]
-    return _polished(problem, replace(f, point=start), base, columns)
+    return _polished(problem, replace(f, point=start), base, columns, anew=anew)
 
 
-def _polished(problem: Problem, f: Fitted, base: Point, columns: Array | None = None) -> Fitted:
-    """Fitted on with a fresh Jacobian of the tolerances, or the one given."""
-    if columns is None:
-        columns = problem.nuisance_jacobian(f.point)
+def _polished(problem: Problem, f: Fitted, base: Point, columns: Array, *, anew: bool = True) -> Fitted:
+    """Fitted on with the derivatives ``columns`` of the tolerances, taken ``anew`` from those near by or as they are."""
+    if anew:
+        columns = problem.nuisance_jacobian(f.point, columns)
     point, jacobian = problem.fit(f.point, columns, f.coordinates, iterations=6)
     return replace(f, point=point, jacobian=jacobian, gain=base.loss - point.loss)
 
 
 def _sorted(fitted: Sequence[Fitted]) -> tuple[Fitted, ...]:
-    return tuple(sorted(fitted, key=lambda f: f.point.loss))
+    """Those that gain anything, the best first."""
+    return tuple(sorted((f for f in fitted if f.gain > 0.0), key=lambda f: f.point.loss))

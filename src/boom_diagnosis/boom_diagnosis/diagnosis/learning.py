@@ -84,9 +84,13 @@ def learn(
     proving: Sequence[Bag] = (),
 ) -> Learned | None:  # fmt: skip
     """The best term in one of the equations (keys of ``PLACES``), or None where none improves data not used."""
-    found = [
-        _learn_in(machine, bags, select, judged, nuisances, at, equation, looseness, proving) for equation in equations
-    ]
+    found: list[Learned | None] = []
+    tolerances = None  # the same in all: what is learnt begins at zero
+    for equation in equations:
+        learned, tolerances = _learn_in(
+            machine, bags, select, judged, nuisances, at, equation, looseness, proving, tolerances
+        )
+        found.append(learned)
     kept = [f for f in found if f is not None and f.held_out_gain > 0.0]
     return max(kept, key=lambda f: f.gain + f.held_out_gain) if kept else None
 
@@ -94,19 +98,20 @@ def learn(
 def _learn_in(
     machine: Machine, bags: Sequence[Bag], select: Sequence[Flags], judged: Sequence[Flags],
     nuisances: Sequence[Nuisance], at: Point, equation: str, looseness: float, proving: Sequence[Bag],
-) -> Learned | None:  # fmt: skip
+    known: Array | None,
+) -> tuple[Learned | None, Array]:  # fmt: skip
     validity = _ranges(machine, bags, at)
     everything = library(equation, validity)
     wide = _with(machine, equation, everything, validity)
     problem = problem_at(wide, bags, select, nuisances, at.z, at.effects, looseness, judged)
     base = problem.points([(at.z, at.effects)])[0]
-    tolerances = problem.nuisance_jacobian(base)
+    tolerances = problem.nuisance_jacobian(base) if known is None else known
     scanner = Scanner(problem, base, tolerances)
     probes = problem.points([(at.z, {**at.effects, f"learned.0.{j}": PROBE}) for j in range(len(everything))])
     columns = np.stack([(p.w - base.w) / PROBE for p in probes], axis=-1)
     chosen = _forward(scanner, columns)
     if not chosen:
-        return None
+        return None, tolerances
     basis = [everything[j] for j in chosen]
     _, sizes = scanner.gain(columns[:, chosen])
     small = _with(machine, equation, basis, validity)
@@ -136,7 +141,7 @@ def _learn_in(
             point.w[rows], jacobian[rows], with_
         )
     covariance = posterior(point, jacobian, len(point.z))[len(point.z) :, len(point.z) :]
-    return Learned(term, point, reference.loss - point.loss, held, _curve(term, covariance))
+    return Learned(term, point, reference.loss - point.loss, held, _curve(term, covariance)), tolerances
 
 
 def _forward(scanner: Scanner, columns: Array) -> list[int]:

@@ -8,11 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import exp, isfinite, sqrt
+from math import exp, isfinite, log, sqrt
 
 from boom_model.machine import TOLERANCES, Machine, Pose
 
+LARGEST_Z = 4.0
+"""Standard deviations a number may move: 2.3 times its tolerance."""
+LEAST_SHARE = 0.05
+"""Of its nominal value is left of a number at least."""
 SPREAD = 1.0 / sqrt(3.0)
+TWINS = frozenset(
+    {
+        "accumulators.p_g0_1", "accumulators.p_g0_2", "accumulators.d_1", "accumulators.d_2", "main_valve_spool.k",
+        "main_valve_orifices.x0", "pilot_valves.a1_s", "hose_burst_valve.a21", "hose_burst_valve.a30", "hose_burst_valve.a31",
+        "pose.Sx", "pose.Sy",
+    }
+)  # fmt: skip
+"""Numbers that an effect of the catalogue multiplies, shifts or adds to."""
+TWIN_Z = 1.05 / SPREAD
+"""Standard deviations that such a number may move: its tolerance, and a little."""
 PRECHARGE = 0.05
 """Machine notes."""
 LOAD, LOAD_KG = 0.05, 20.0
@@ -42,6 +56,15 @@ class Nuisance:
     def components(self) -> tuple[str, ...]:
         """All that it moves."""
         return (self.name, *self.together)
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Least and largest z: as far as ``LARGEST_Z`` standard deviations go, counted straight.
+
+        Where an effect of the catalogue is the number's being further off than its tolerance: as far as that.
+        """
+        most = TWIN_Z if self.name in TWINS else LARGEST_Z
+        return (-most if self.shift else log(max(LEAST_SHARE, 1.0 - most * self.sigma)) / self.sigma), most
 
     def value(self, nominal: float, z: float) -> float:
         """Its value ``z`` standard deviations from the nominal one."""

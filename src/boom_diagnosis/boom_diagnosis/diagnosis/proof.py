@@ -36,32 +36,37 @@ def label_of(effect: str) -> str:
 
 
 def machines_of(case: Case, verdict: Verdict, learned: Learned | None) -> dict[str, Machine]:
-    """Stage -> machine, and the steps of the ladder between them."""
+    """Stage -> machine fitted to the data for training alone, and the steps of the ladder between them."""
     pose = plant_for(case.bags[0].recording, case.machine, "full").pose
-    steps = {"nominal": case.machine}
 
-    def at(point: Point, jacobian: Array, terms: tuple[LearnedTerm, ...] = ()) -> Machine:
-        covariance = posterior(point, jacobian, len(point.z))
-        numbers = case.values(point.z, point.effects)
-        spreads = {
-            n.name: Z90 * sqrt(float(covariance[i, i])) * n.sigma * abs(numbers.get(n.name, 0.0))
-            for i, n in enumerate(case.nuisances)
-        }
-        return found_machine(case.machine, pose, numbers, spreads, terms)
+    def at(point: Point, terms: tuple[LearnedTerm, ...] = ()) -> Machine:
+        return found_machine(case.machine, pose, case.values(point.z, point.effects), {}, terms)
 
-    steps["parameters_only"] = at(case.kept(0), case.rounds[0].jacobian)
-    for k, w in enumerate(case.taken[:-1]):
-        steps[f"+ {', '.join(x.fitted.effect for x in case.taken[: k + 1])}"] = at(case.kept(k + 1), w.fitted.jacobian)
-    if case.taken:
-        steps["explained"] = at(case.last, case.taken[-1].fitted.jacobian)
-        if learned:
-            steps[f"+ {', '.join(w.fitted.effect for w in case.taken)}"] = steps["explained"]
-    else:
-        steps["explained"] = case.machine if verdict == "no_mismatch" else steps["parameters_only"]
+    steps = {"nominal": case.machine, "parameters_only": at(case.trained[0])}
+    for k, point in enumerate(case.trained[1:], start=1):
+        last = k == len(case.taken) and not learned
+        steps["explained" if last else f"+ {', '.join(x.fitted.effect for x in case.taken[:k])}"] = at(point)
     if learned:
-        jacobian = case.taken[-1].fitted.jacobian if case.taken else case.rounds[0].jacobian
-        steps["explained"] = at(learned.point, jacobian, (learned.term,))
+        steps["explained"] = at(learned.point, (learned.term,))
+    elif not case.taken:
+        steps["explained"] = case.machine if verdict == "no_mismatch" else steps["parameters_only"]
     return steps
+
+
+def final_machine(case: Case, verdict: Verdict, learned: Learned | None) -> Machine:
+    """The machine with everything that was found, fitted to all of the recordings."""
+    if verdict == "no_mismatch":
+        return case.machine
+    point = learned.point if learned else case.last
+    jacobian = case.taken[-1].fitted.jacobian if case.taken else case.rounds[0].jacobian
+    numbers = case.values(point.z, point.effects)
+    covariance = posterior(case.last, jacobian, len(point.z))
+    spreads = {
+        n.name: Z90 * sqrt(float(covariance[i, i])) * n.sigma * abs(numbers.get(n.name, 0.0))
+        for i, n in enumerate(case.nuisances)
+    }
+    pose = plant_for(case.bags[0].recording, case.machine, "full").pose
+    return found_machine(case.machine, pose, numbers, spreads, (learned.term,) if learned else ())
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.diagnosis.document import DiagnosisResult
 from boom_diagnosis.diagnosis.fitting import Point, Problem
 from boom_diagnosis.diagnosis.healthy import simulated
-from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, NOTICED, Round, problem_at, run_round
+from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, NOTICED, Nominal, Round, afresh, problem_at, run_round
 from boom_diagnosis.diagnosis.nuisances import Nuisance, tolerances
 from boom_diagnosis.diagnosis.onset import TIME, onset
 from boom_diagnosis.diagnosis.proof import worsening
@@ -29,6 +29,7 @@ from boom_diagnosis.diagnosis.weighing import (
     occam,
     precision,
     predictive_loss,
+    split_loss,
 )
 from boom_diagnosis.validation import plant_for
 from boom_model.machine import Machine
@@ -44,11 +45,17 @@ HELD_OUT_SHARE = 1.0 / 3.0
 WORSE = 1.1
 """Factor by which the free runs over data not used may err more with an effect than without: one that pays for what the
 numbers cannot take up, but is not there, makes the free run worse."""
+CLEARLY_BETTER = 0.8
+"""The same factor below which an effect has proved itself even where its one-step predictions of that data have not."""
+LITTLE = 0.1
+"""Share of what the tolerances cannot take up that a first effect may leave without a second look at all others."""
 LATER = 1.0
 """The same factor for an effect beside others: it must make these free runs better."""
 FAR = 1.0
 """Loss per innovation over that of a healthy machine from which on the likeliest observer is looked for again; below, the one
 that is right for a healthy machine sees what is left best."""
+TRAINING = 3
+"""Iterations of the fit to the data for training alone, from the fit to all."""
 MOVING, LEAST_MOVING, LEAST_TRAVEL = 0.02, 4.0, 0.1
 """rad/s, s, rad: a recording that moves less says nothing about most of the machine."""
 
@@ -58,7 +65,9 @@ class Case:
     """What is diagnosed, and how far it has got.
 
     Attributes:
-        bags: fitted. proving: not fitted at all. select, judged: samples fitted and held out, per bag of ``bags``.
+        bags: fitted. proving: not fitted at all. select: samples that the search goes by, per bag of ``bags``.
+        training, judged: two parts of them; what is proved is fitted to the first and judged on the second. Without recordings
+            that are held out the second is the end of each recording, else it is empty.
         floor: loss per innovation of a healthy machine with the same currents.
         onset: when a load came in the recordings held out [s].
     """
@@ -67,6 +76,7 @@ class Case:
     bags: list[Bag]
     proving: list[Bag]
     select: list[Flags]
+    training: list[Flags]
     judged: list[Flags]
     nuisances: tuple[Nuisance, ...]
     seed: int
@@ -84,6 +94,8 @@ class Case:
         return self.rounds[0].problem.values(z, effects)
 
     spared: dict[int, Point] = field(default_factory=dict)
+    trained: list[Point] = field(default_factory=list)
+    """With the first k effects, fitted to ``training`` alone."""
 
     def kept(self, k: int) -> Point:
         """The fit with the first ``k`` effects: with nominal tolerances where moving them gains nothing."""
@@ -138,7 +150,6 @@ def excited(bag: Bag) -> bool:
 
 def search(case: Case, progress: Progress) -> None:
     """Round after round: what explains most is taken, everything is computed anew, until nothing earns its place."""
-    z, values = np.zeros(len(case.nuisances)), dict[str, float]()
     near = False
     for k in range(MOST_EFFECTS):
         done = 0.8 * k / MOST_EFFECTS
@@ -146,36 +157,102 @@ def search(case: Case, progress: Progress) -> None:
         def inner(text: str, share: float, done: float = done) -> None:
             progress(text, done + 0.8 / MOST_EFFECTS * share)
 
-        def look(z: Array, values: Mapping[str, float], tight: bool, inner: Progress = inner) -> Round:
-            return run_round(
-                case.machine, case.bags, case.select, case.nuisances, z, values, inner, case.judged, tight=tight,
-                least=_least(case),
-            )  # fmt: skip
-
-        found = look(z, values, near)
-        if k == 0:
-            _calibrate(case, found)
-        if _follows(found) and rest(case, found.base.z, found.base.effects) > NEGLIGIBLE:
-            found = look(found.base.z, found.base.effects, True)
-        case.rounds.append(found)
-        if k == 0:
-            _spare(case, 0, found.problem, found.base, ())
-        weighed = _weigh(case, found) if found.fitted else []
-        case.weighed.append(weighed)
-        best = weighed[0] if weighed else None
-        if best is None or not _earns(case, best):
+        taken = _look(case, k, inner, near)
+        if k == 0 and not _satisfied(case):
+            taken = _look_again(case, inner)
+        if not taken:
             return
-        before = case.last
-        _spare(case, k + 1, found.problem, best.fitted.point, best.fitted.coordinates)
-        if worsening(case, before, case.spared.get(k + 1, best.fitted.point)) > (LATER if case.taken else WORSE):
-            case.spared.pop(k + 1, None)
-            return
-        case.taken.append(best)
-        z, values = case.last.z, case.last.effects
-        left = rest(case, z, values)
+        left = rest(case, case.last.z, case.last.effects)
         if left < NEGLIGIBLE:
             return
         near = left < FAR
+
+
+def _look(case: Case, k: int, progress: Progress, tight: bool) -> bool:
+    """One round: whether an effect was found that earns its place."""
+    z, values = (case.last.z, case.last.effects) if k else (np.zeros(len(case.nuisances)), {})
+    found = run_round(
+        case.machine, case.bags, case.select, case.nuisances, z, values, progress, tight=tight, least=_least(case)
+    )
+    if k == 0:
+        _calibrate(case, found)
+    case.rounds.append(found)
+    if k == 0:
+        case.trained.append(_settle(case, 0, found.problem, found.base, found.jacobian, ()))
+    case.weighed.append(_weigh(case, found) if found.fitted else [])
+    return _take(case)
+
+
+def _satisfied(case: Case) -> bool:
+    """Whether the first round leaves little of what the tolerances cannot take up."""
+    before = rest(case, case.kept(0).z, {})
+    left = rest(case, case.last.z, case.last.effects) if case.taken else before
+    return left < NEGLIGIBLE or left < LITTLE * before
+
+
+def _look_again(case: Case, progress: Progress) -> bool:
+    """The first round once more, with the observer that sees most, and with what the nominal machine shows."""
+    wanted = [case.taken[0].fitted.effect] if case.taken else []
+    found = case.rounds[0]
+    if found.problem.predictor.looseness > LOOSENESS[0]:
+        found = run_round(
+            case.machine, case.bags, case.select, case.nuisances, found.base.z, {}, progress, tight=True,
+            least=_least(case), refined=1,
+        )  # fmt: skip
+    zero = np.zeros(len(case.nuisances))
+    nominal = Nominal(problem_at(case.machine, case.bags, case.select, case.nuisances, zero, {}, LOOSENESS[1]))
+    found = afresh(found, nominal, [*wanted, *(f.effect for f in found.fitted[:1])], case.floor)
+    case.rounds[:], case.taken[:], case.trained[:] = [found], [], []
+    case.spared.clear()
+    case.trained.append(_settle(case, 0, found.problem, found.base, found.jacobian, ()))
+    case.weighed[:] = [_weigh(case, found) if found.fitted else []]
+    return _take(case)
+
+
+def _take(case: Case) -> bool:
+    """Takes the best effect of the last round if it earns its place; whether it does."""
+    k = len(case.taken)
+    best = case.weighed[k][0] if case.weighed[k] else None
+    if best is None or best.net <= _least(case):
+        return False
+    fitted, problem = best.fitted, case.rounds[k].problem
+    trained = _settle(case, k + 1, problem, fitted.point, fitted.jacobian, fitted.coordinates)
+    factor = worsening(case, case.trained[k], trained)
+    if factor > (LATER if case.taken else WORSE) or (best.held_out_gain <= 0.0 and factor > CLEARLY_BETTER):
+        case.spared.pop(k + 1, None)
+        return False
+    case.taken.append(best)
+    case.trained.append(trained)
+    return True
+
+
+def _settle(case: Case, k: int, problem: Problem, point: Point, jacobian: Array, names: Sequence[Coordinate]) -> Point:
+    """The fit to ``training`` alone, from ``point``, the one to all samples.
+
+    The nominal numbers are kept, here and there, where moving the tolerances gains nothing, or makes free runs over data not used
+    worse.
+    """
+    case.spared.pop(k, None)
+    part, trained = problem, point
+    if not case.proving:
+        part = Problem(problem.predictor, case.nuisances, case.training)
+        start = part.points([(point.z, point.effects)])[0]
+        columns = jacobian[_training(case)][:, : len(point.z)]
+        trained = part.fit(start, columns, names, iterations=TRAINING)[0]
+    nominal = problem.fit_nominal(point.effects, names)
+    if nominal.loss - point.loss >= NOTICED + 0.5 * len(point.z):
+        own = nominal if part is problem or not names else part.fit_nominal(point.effects, names)
+        if worsening(case, own, trained) <= WORSE:
+            return trained
+    else:
+        own = nominal if part is problem or not names else part.fit_nominal(point.effects, names)
+    case.spared[k] = nominal
+    return own
+
+
+def _training(case: Case) -> Flags:
+    """Of all samples that the search goes by, in a row: whether they are for training."""
+    return np.concatenate([t[s] for t, s in zip(case.training, case.select, strict=True)])
 
 
 def rest(case: Case, z: Array, values: Mapping[str, float]) -> float:
@@ -184,24 +261,16 @@ def rest(case: Case, z: Array, values: Mapping[str, float]) -> float:
     return problem.points([(z, values)])[0].excess(case.floor)
 
 
-def _follows(found: Round) -> bool:
-    """Whether the likeliest observer is a loose one that follows whatever it sees, so that no effect is in sight."""
-    return found.problem.predictor.looseness > LOOSENESS[0] and all(f.gain < ENOUGH for f in found.fitted)
-
-
 def _case(machine: Machine, bags: list[Bag], proving: list[Bag], seed: int) -> Case:
     pose = plant_for(bags[0].recording, machine, "full").pose
-    select, judged = [], []
-    for bag in bags:
-        counted = bag.counted.copy()
-        later = np.zeros_like(counted)
-        if not proving:
-            from_ = bag.time >= (1.0 - HELD_OUT_SHARE) * bag.recording.duration
-            later = counted & from_[:, None]
-            counted &= ~from_[:, None]
-        select.append(counted)
-        judged.append(later)
-    return Case(machine, bags, proving, select, judged, tolerances(machine, pose), seed)
+    select = [bag.counted.copy() for bag in bags]
+    later = [
+        np.zeros_like(bag.time, dtype=bool) if proving else bag.time >= (1.0 - HELD_OUT_SHARE) * bag.recording.duration
+        for bag in bags
+    ]
+    training = [s & ~end[:, None] for s, end in zip(select, later, strict=True)]
+    judged = [s & end[:, None] for s, end in zip(select, later, strict=True)]
+    return Case(machine, bags, proving, select, training, judged, tolerances(machine, pose), seed)
 
 
 def _calibrate(case: Case, first: Round) -> None:
@@ -220,25 +289,18 @@ def _calibrate(case: Case, first: Round) -> None:
     case.floor = float(0.5 * np.mean(case.healthy_squares))
 
 
-def _spare(case: Case, k: int, problem: Problem, point: Point, names: Sequence[Coordinate]) -> None:
-    """Keeps the nominal numbers where moving the tolerances gains nothing, or makes free runs over data not used worse."""
-    nominal = problem.fit_nominal(point.effects, names)
-    if nominal.loss - point.loss < NOTICED + 0.5 * len(point.z) or worsening(case, nominal, point) > WORSE:
-        case.spared[k] = nominal
-
-
 def _weigh(case: Case, found: Round) -> list[Weighed]:
     """Gains on data used and not used; the best first."""
     accepted = set(found.accepted)
     hypotheses = [(found.base, found.jacobian), *((f.point, f.jacobian) for f in found.fitted)]
     names = [_coordinates(found), *(f.coordinates for f in found.fitted)]
-    losses = _held_out(case, found, hypotheses, names)
+    losses = _held_out(case, found, hypotheses, names) if case.proving else _split(case, hypotheses, names)
     rest = max(0.0, found.fitted[0].point.loss - case.floor * int(found.base.used.sum()))
     case.temperature = COLDEST + UNEXPLAINED_WEIGHT * rest
     weighed = []
     for f, loss in zip(found.fitted, losses[1:], strict=True):
         new = [c for c in f.coordinates if c.name.split(".")[1] not in accepted]
-        weighed.append(Weighed(f, f.gain, losses[0] - loss, occam(f, new)))
+        weighed.append(Weighed(f, losses[0][0] - loss[0], losses[0][1] - loss[1], occam(f, new)))
     return sorted(weighed, key=lambda w: -w.net)
 
 
@@ -246,15 +308,26 @@ def _coordinates(found: Round) -> tuple[Coordinate, ...]:
     return tuple(all_coordinates(list(found.accepted)).values())
 
 
+def _split(
+    case: Case, hypotheses: Sequence[tuple[Point, Array]], names: Sequence[Sequence[Coordinate]]
+) -> list[tuple[float, float]]:
+    """Loss of each hypothesis on the data for training, and on the data held out [nats]."""
+    used = _training(case)
+    result = []
+    for (point, jacobian), own in zip(hypotheses, names, strict=True):
+        prior = np.array(
+            [1.0] * len(point.z) + [12.0 / c.width**2 for c in own]
+        )  # a flat one has a variance of width^2 / 12
+        result.append(split_loss(point.w, jacobian, prior, point.z, used))
+    return result
+
+
 def _held_out(
     case: Case, found: Round, hypotheses: Sequence[tuple[Point, Array]], names: Sequence[Sequence[Coordinate]]
-) -> list[float]:
-    """Loss of each hypothesis on data not used, its numbers known as well as the data used tell them [nats]."""
+) -> list[tuple[float, float]]:
+    """Loss of each hypothesis on the data used and on recordings not used [nats]; its numbers are known as the data used tell."""
     count = len(case.nuisances)
     known = [precision(point, jacobian, count) for point, jacobian in hypotheses]
-    if not case.proving:
-        held = ~found.base.used
-        return [predictive_loss(p.w[held], j[held], k) for (p, j), k in zip(hypotheses, known, strict=True)]
     best = found.fitted[0].point
     others = problem_at(
         case.machine, case.proving, [bag.counted for bag in case.proving], case.nuisances, best.z, best.effects,
@@ -263,9 +336,10 @@ def _held_out(
     points = others.points([(p.z, _own_onset(case, others, p)) for p, _ in hypotheses])
     tolerances = others.nuisance_jacobian(points[1])
     losses = []
-    for point, own, k in zip(points, names, known, strict=True):
+    for (fitted, _), point, own, k in zip(hypotheses, points, names, known, strict=True):
         columns = others.effect_jacobian(point, own) if own else np.zeros((len(point.w), 0))
-        losses.append(predictive_loss(point.w, np.concatenate([tolerances, columns], axis=1), k))
+        held = predictive_loss(point.w, np.concatenate([tolerances, columns], axis=1), k)
+        losses.append((fitted.loss, held))
     return losses
 
 
@@ -278,15 +352,10 @@ def _own_onset(case: Case, problem: Problem, point: Point) -> dict[str, float]:
     return effects
 
 
-def _earns(case: Case, best: Weighed) -> bool:
-    """Whether an effect is worth naming: it gains enough, more than it costs, and helps data not used."""
-    return best.net > _least(case) and best.gain > best.cost and best.held_out_gain > 0.0
-
-
 def _least(case: Case) -> float:
     """Nats that an effect must gain, net.
 
     More than chance, than what two models of one machine differ by and than what the form of the effects before leaves of them.
     """
-    count = sum(int((s | j).sum()) for s, j in zip(case.select, case.judged, strict=True))
+    count = sum(int(s.sum()) for s in case.select)
     return ENOUGH + TOO_SMALL * count + OTHER_FORM * sum(w.net for w in case.taken)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis.coordinates import Coordinate, coordinates, starts
-from boom_diagnosis.diagnosis.fitting import LARGEST_Z, Point, Problem, weights
+from boom_diagnosis.diagnosis.fitting import Point, Problem, weights
 from boom_diagnosis.diagnosis.onset import TIME, near_onset
 from boom_model.effects import CATALOGUE, EFFECTS
 
@@ -21,17 +21,25 @@ Array = NDArray[np.float64]
 
 TIMED = 100.0
 """Nats from which on the time of a load is looked for once more."""
+STEPS, GLANCE = 5, 2
+"""Of Gauss-Newton for an effect, and those after which one that is far behind another is left."""
+STARTS = (1.0, 0.5, 0.2, 0.05)
+"""Shares of the linear look's size from which an effect is fitted."""
 ONSET_STEP = 10
 """Intervals between the times at which an effect that begins is looked for."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect with the values to start from and what it would gain [nats] by the linear look."""
+    """An effect with the values to start from and what it would gain [nats] by the linear look.
+
+    probe: values at which the look was taken: of an effect that sets in at some size they may be the better start.
+    """
 
     effect: str
     values: dict[str, float]
     gain: float
+    probe: dict[str, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -53,7 +61,10 @@ class Fitted:
 
 
 class Scanner:
-    """The linear look: innovations of a fitted point, with its tolerances (and accepted effects) projected out."""
+    """The linear look: innovations of a fitted point, with its tolerances (and accepted effects) projected out.
+
+    A tolerance that would have to leave its limits stands at the limit, and imitates nothing.
+    """
 
     def __init__(self, problem: Problem, at: Point, jacobian: Array) -> None:
         self.problem, self.at = problem, at
@@ -62,19 +73,36 @@ class Scanner:
         size = np.maximum(np.sqrt(np.sum(jacobian * jacobian, axis=0)), 1e-9)
         size[:count] = 1.0
         scaled = jacobian / size
-        prior = np.zeros(jacobian.shape[1])
+        prior = np.full(jacobian.shape[1], 1e-9)
         prior[:count] = 1.0
-        prior[count:] = 1e-9
-        self._weighted = scaled * self.omega[:, None]
-        self._factor = np.linalg.inv(self._weighted.T @ scaled + np.diag(prior))
-        self._score = self._weighted.T @ at.w
-        self._score[:count] += at.z
+        weighted = scaled * self.omega[:, None]
+        normal = weighted.T @ scaled + np.diag(prior)
+        score = weighted.T @ at.w
+        score[:count] += at.z
+        low, high = problem.limits
+        self._free, moved = np.ones(len(prior), dtype=bool), np.zeros(len(prior))
+        for _ in range(count):
+            free = self._free
+            moved[free] = -np.linalg.solve(
+                normal[np.ix_(free, free)], score[free] + normal[np.ix_(free, ~free)] @ moved[~free]
+            )
+            z = at.z + moved[:count]
+            crossing = free[:count] & ((z < low) | (z > high))
+            if not crossing.any():
+                break
+            self._free[:count] &= ~crossing
+            moved[:count][crossing] = (np.clip(z, low, high) - at.z)[crossing]
+        self._moved = np.where(self._free, 0.0, moved)
+        free = self._free
+        self._weighted, self._factor = weighted[:, free], np.linalg.inv(normal[np.ix_(free, free)])
+        self._w = at.w + scaled @ self._moved
+        self._score = (score + normal @ self._moved)[free]
 
     def gain(self, columns: Array) -> tuple[float, Array]:
         """Decrease of the loss [nats] by moving along columns (rows, k) from the point, and the sizes (k,)."""
         cross = self._weighted.T @ columns
         projected = (columns * self.omega[:, None]).T @ columns - cross.T @ self._factor @ cross
-        score = columns.T @ (self.omega * self.at.w) - cross.T @ self._factor @ self._score
+        score = columns.T @ (self.omega * self._w) - cross.T @ self._factor @ self._score
         scale = np.sqrt(np.maximum(np.diag(projected), 1e-12))
         size = -np.linalg.lstsq(projected / np.outer(scale, scale), score / scale, rcond=1e-9)[0] / scale
         return float(-0.5 * score @ size), size
@@ -106,11 +134,15 @@ class Scanner:
         value = neutral + float(size[0]) * (start[leading.name] - neutral)
         clipped = float(np.clip(value, leading.low, leading.high))
         share = (clipped - neutral) / (start[leading.name] - neutral)
-        if share <= 0.02 and abs(size[0]) > 0.02:
+        if abs(share) <= 0.02 < abs(size[0]):  # it would have to leave its limits
             gain = 0.0
         elif clipped != value:  # the parabola at the limit
             gain *= max(0.0, 1.0 - (1.0 - share / float(size[0])) ** 2)
-        return [Candidate(effect, {**start, leading.name: clipped if share > 0.02 else start[leading.name]}, gain)]
+        return [
+            Candidate(
+                effect, {**start, leading.name: clipped if abs(share) > 0.02 else start[leading.name]}, gain, start
+            )
+        ]
 
     def _joined(self, found: list[Candidate]) -> list[Candidate]:
         """Effects of independent numbers: what they gain together, from the sum of their single gains."""
@@ -135,7 +167,7 @@ class Scanner:
                 self.problem.predictor.bags, self.problem.rows, strict=True)]
         )  # fmt: skip
         order = np.argsort(times, kind="stable")
-        t, s, w = times[order], column[order], (self.omega * self.at.w)[order]
+        t, s, w = times[order], column[order], (self.omega * self._w)[order]
         omega, nw = self.omega[order], self._weighted[order]
         # sums over all samples behind a time
         score = np.cumsum((s * w)[::-1])[::-1]
@@ -163,9 +195,9 @@ class Scanner:
 
     def follow(self, columns: Array, size: Array) -> Array:
         """z that the tolerances would take if the innovations changed by columns @ size."""
-        moved = self._score + self._weighted.T @ (columns @ size)
-        count = len(self.at.z)
-        return np.asarray(np.clip(self.at.z - (self._factor @ moved)[:count], -LARGEST_Z, LARGEST_Z))
+        moved = self._moved.copy()
+        moved[self._free] -= self._factor @ (self._score + self._weighted.T @ (columns @ size))
+        return np.asarray(np.clip(self.at.z + moved[: len(self.at.z)], *self.problem.limits))
 
 
 def refine(
@@ -174,18 +206,23 @@ def refine(
     candidates: Sequence[Candidate],
     kept: Sequence[Coordinate] = (),
     *,
-    iterations: int = 5,
+    at_least: float = 0.0,
 ) -> Fitted:
-    """Fits one effect (and the numbers ``kept`` of those accepted before) from its candidates and keeps the best."""
+    """Fits one effect (and the numbers ``kept`` of those accepted before) from its candidates and keeps the best.
+
+    at_least: nats that a start must have gained after ``GLANCE`` steps to be followed further.
+    """
     problem, at = scanner.problem, scanner.at
     names = (*kept, *coordinates(EFFECTS[candidates[0].effect]))
     count = len(at.z)
     reached: list[tuple[Point, Array]] = []
     for candidate in candidates:
         start = _start(scanner, candidate)
-        point, own = problem.fit(start, jacobian[:, :count], names, iterations=iterations)
+        point, own = problem.fit(start, jacobian[:, :count], names, iterations=GLANCE)
+        if at.loss - point.loss > at_least:
+            point, own = problem.fit(point, own[:, :count], names, iterations=STEPS - GLANCE)
         if TIME in candidate.values and at.loss - point.loss > TIMED:  # the loss over a time has many valleys
-            point, own = problem.fit(near_onset(problem, point), own[:, :count], names, iterations=iterations)
+            point, own = problem.fit(near_onset(problem, point), own[:, :count], names, iterations=STEPS)
         reached.append((point, own))
     point, final = min(reached, key=lambda r: r[0].loss)
     return Fitted(candidates[0].effect, point, names, final, at.loss - point.loss, tuple(r[0].loss for r in reached))
@@ -199,11 +236,13 @@ def _start(scanner: Scanner, candidate: Candidate) -> Point:
     if candidate.effect not in ("valve_dead_zone", "pressure_bias"):
         leading -= companions
     wanted = []
-    for share in (1.0, 0.5, 0.2):
+    for share in STARTS:
         values = {
             n: (_neutral(n) + share * (v - _neutral(n)) if n in leading else v) for n, v in candidate.values.items()
         }
         wanted.append((at.z, {**at.effects, **values}))
+    if candidate.probe:
+        wanted.append((at.z, {**at.effects, **candidate.probe}))
     points = scanner.problem.points(wanted)
     followed = scanner.problem.points(
         [

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 ENOUGH = 12.0
 """Nats, net of costs, from which on an effect is named at all: twice what chance gave on simulated healthy recordings."""
-TOO_SMALL = 0.005
+TOO_SMALL = 0.0015
 """Nats per innovation that an effect must gain beside: so much is taken up by an effect where two models of one machine differ
 in the fourth digit (other integrator, clocks that differ by 0.2 ms). It is an effect of a tenth of the noise."""
 OTHER_FORM = 0.02
@@ -33,9 +33,9 @@ COLDEST = 3.0
 """Temperature where nothing remains unexplained."""
 UNEXPLAINED_WEIGHT = 0.1
 """Share of the unexplained nats that adds to the temperature."""
-UNKNOWN_FROM, UNKNOWN_STEEPNESS = 0.6, 8.0
+UNKNOWN_FROM, UNKNOWN_STEEPNESS = 0.7, 8.0
 """Share of the misfit's amplitude that remains where unknown physics becomes as likely as not, and how sharply."""
-SLIGHT = 0.07
+SLIGHT = 0.04
 """Loss per innovation over that of a healthy machine at which what nothing explains is as likely nothing unknown."""
 NEGLIGIBLE = 0.012
 """Loss per innovation over that of a healthy machine which counts as nothing: the observer's own shortcomings."""
@@ -86,6 +86,28 @@ def predictive_loss(w: Array, jacobian: Array, known: Array) -> float:
     moved = gradient / scale
     spread = np.linalg.slogdet(scaled)[1] - np.linalg.slogdet(known / np.outer(scale, scale) + ridge)[1]
     return rho(w) - 0.5 * float(moved @ np.linalg.solve(scaled, moved)) + 0.5 * float(spread)
+
+
+def split_loss(w: Array, jacobian: Array, prior: Array, z: Array, used: NDArray[np.bool_]) -> tuple[float, float]:
+    """Loss [nats] of the rows ``used`` where they alone are fitted, and what the others then cost, by Laplace's rule.
+
+    -log p(others | used) = F(all) - F(used), F(S) = min loss of S + 1/2 log det of its Hessian; the minimum over the rows used is a
+    Gauss-Newton step away from the point, which all rows were fitted to.
+
+    w: (rows,), jacobian: (rows, unknowns) at the point, prior: (unknowns,) precision, z: (count,) the first unknowns.
+    """
+    weighted = jacobian * np.minimum(1.0, HUBER / np.maximum(np.abs(w), 1e-9))[:, None]
+    part, rows = weighted[used], jacobian[used]
+    some, every = part.T @ rows + np.diag(prior), weighted.T @ jacobian + np.diag(prior)
+    scale = np.sqrt(np.maximum(np.diag(every), 1e-12))
+    some, every = (m / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)) for m in (some, every))
+    gradient = part.T @ w[used]
+    gradient[: len(z)] += z
+    gradient = gradient / scale
+    own = 0.5 * float(z @ z)
+    fitted = rho(w[used]) + own - 0.5 * float(gradient @ np.linalg.solve(some, gradient))
+    room = 0.5 * float(np.linalg.slogdet(every)[1] - np.linalg.slogdet(some)[1])
+    return fitted, rho(w) + own - fitted + room
 
 
 def posterior(point: Point, jacobian: Array, count: int) -> Array:
@@ -175,7 +197,7 @@ def probabilities(weighed: Sequence[Weighed], temperature: float) -> list[float]
 def unknown_probability(before: float, after: float) -> float:
     """That physics of no catalogue acts, from the loss per innovation over that of a healthy machine.
 
-    p = s^8 / (s^8 + 0.6^8) b / (b + SLIGHT), s = sqrt(after / before), b = before: what little is wrong may as well be a
+    p = s^8 / (s^8 + 0.7^8) b / (b + SLIGHT), s = sqrt(after / before), b = before: what little is wrong may as well be a
     catalogue's effect in a form that is not the catalogue's.
     """
     if after <= NEGLIGIBLE:
