@@ -47,7 +47,7 @@ WORSE = 1.1
 numbers cannot take up, but is not there, makes the free run worse."""
 CLEARLY_BETTER = 0.8
 """The same factor below which an effect has proved itself even where its one-step predictions of that data have not."""
-LITTLE = 0.1
+LITTLE = 0.25
 """Share of what the tolerances cannot take up that a first effect may leave without a second look at all others."""
 LATER = 1.0
 """The same factor for an effect beside others: it must make these free runs better."""
