@@ -30,6 +30,8 @@ REFINED, PROMISING = 4, 0.25
 """Effects that are fitted in a round at most, and the share of the nats that they must gain which the linear look must promise."""
 AFRESH = 2
 """Effects that are fitted anew from the nominal machine where a mismatch remains."""
+AT_ONCE = 3
+"""The same where it is far off: a load may be there, come, or swing."""
 FAR_OFF = 0.1
 """Loss per innovation over that of white noise from which on effects are first looked for from the nominal machine."""
 OUTSTANDING = 0.3
@@ -223,7 +225,7 @@ def _at_once(first: Nominal, wanted: Sequence[str], likeliest: Likeliest, fit: F
     The tolerances alone, fitted to such a machine, end far from anything, and the search with them.
     """
     seen = first.look(wanted)
-    tried = sorted((first.fitted(c) for c in list(seen.values())[:AFRESH]), key=lambda f: f.point.loss)
+    tried = sorted((first.fitted(c) for c in list(seen.values())[:AT_ONCE]), key=lambda f: f.point.loss)
     best, base = tried[0].point, first.tolerances
     if best.excess(0.5) > OUTSTANDING * base.excess(0.5):
         return None
