@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import sqrt
 from typing import TYPE_CHECKING
 
@@ -38,7 +38,6 @@ from boom_diagnosis.diagnosis.proof import (
     proving_result,
     spans_of,
 )
-from boom_diagnosis.diagnosis.search import Fitted
 from boom_diagnosis.diagnosis.weighing import (
     NEGLIGIBLE,
     Z90,
@@ -252,9 +251,8 @@ def _inside(w: Weighed) -> bool:
 
 def _findings(case: Case, unknown: float, cells: list[NDArray[np.int64]], tight: _Tight) -> list[Finding]:
     result = []
-    last = _at_the_end(case) if case.taken else None
     for k, w in enumerate(case.taken):
-        assert last is not None
+        assert case.final is not None  # after a search that took something
         weighed = case.weighed[k]
         p = probabilities(weighed, case.temperature)
         effect = w.fitted.effect
@@ -267,7 +265,7 @@ def _findings(case: Case, unknown: float, cells: list[NDArray[np.int64]], tight:
         before = case.rounds[k].base
         place = regimes.where(case.bags, cells, _gains(before, w.fitted.point))
         row = EFFECTS[effect]
-        numbers = _short(estimates(last, max(1.0, case.temperature / 3.0)), effect)
+        numbers = _short(estimates(case.final, max(1.0, case.temperature / 3.0)), effect)
         result.append(
             Finding(
                 effect, row.subsystem, row.equation, round(confidence, 4), numbers, place.text, place.intervals,
@@ -275,17 +273,6 @@ def _findings(case: Case, unknown: float, cells: list[NDArray[np.int64]], tight:
             )
         )  # fmt: skip
     return result
-
-
-def _at_the_end(case: Case) -> Fitted:
-    """All effects at the point that the machine file gets, with all derivatives taken there.
-
-    Where a tolerance can do what an effect does, derivatives from two places would tell them apart.
-    """
-    fitted = case.taken[-1].fitted
-    problem, at = case.rounds[len(case.taken) - 1].problem, case.last
-    columns = [problem.nuisance_jacobian(at), problem.effect_jacobian(at, fitted.coordinates)]
-    return replace(fitted, point=at, jacobian=np.concatenate(columns, axis=1))
 
 
 def _gains(before: Point, after: Point) -> list[Array]:

@@ -58,7 +58,7 @@ def final_machine(case: Case, verdict: Verdict, learned: Learned | None) -> Mach
     if verdict == "no_mismatch":
         return case.machine
     point = learned.point if learned else case.last
-    jacobian = case.taken[-1].fitted.jacobian if case.taken else case.rounds[0].jacobian
+    jacobian = case.final.jacobian if case.final else case.rounds[0].jacobian
     numbers = case.values(point.z, point.effects)
     covariance = posterior(case.last, jacobian, len(point.z))
     spreads = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, NOTICED, Nominal, Rou
 from boom_diagnosis.diagnosis.nuisances import Nuisance, tolerances
 from boom_diagnosis.diagnosis.onset import TIME, onset
 from boom_diagnosis.diagnosis.proof import worsening
+from boom_diagnosis.diagnosis.search import Fitted
 from boom_diagnosis.diagnosis.weighing import (
     COLDEST,
     ENOUGH,
@@ -101,10 +102,13 @@ class Case:
         """The fit with the first ``k`` effects: with nominal tolerances where moving them gains nothing."""
         return self.spared.get(k) or (self.taken[k - 1].fitted.point if k else self.rounds[0].base)
 
+    final: Fitted | None = None
+    """All effects at the point that the machine file gets, with all derivatives taken there."""
+
     @property
     def last(self) -> Point:
         """The fit with everything that was found."""
-        return self.kept(len(self.taken))
+        return self.final.point if self.final else self.kept(len(self.taken))
 
 
 def diagnose(
@@ -150,6 +154,33 @@ def excited(bag: Bag) -> bool:
 
 def search(case: Case, progress: Progress) -> None:
     """Round after round: what explains most is taken, everything is computed anew, until nothing earns its place."""
+    _rounds(case, progress)
+    _finish(case)
+
+
+def _finish(case: Case) -> None:
+    """The last fit, with gains and all derivatives of the point that was reached.
+
+    Where a tolerance can do what an effect does, derivatives from two places would tell them apart.
+    """
+    if not case.taken:
+        return
+    k, fitted = len(case.taken), case.taken[-1].fitted
+    at, names = case.last, fitted.coordinates
+    problem = problem_at(
+        case.machine, case.bags, case.select, case.nuisances, at.z, at.effects,
+        case.rounds[k - 1].problem.predictor.looseness,
+    )  # fmt: skip
+    start = problem.points([(at.z, at.effects)])[0]
+    columns = problem.nuisance_jacobian(start)
+    if k in case.spared:
+        point, jacobian = start, np.concatenate([columns, problem.effect_jacobian(start, names)], axis=1)
+    else:
+        point, jacobian = problem.fit(start, columns, names)
+    case.final = replace(fitted, point=point, jacobian=jacobian)
+
+
+def _rounds(case: Case, progress: Progress) -> None:
     near = False
     for k in range(MOST_EFFECTS):
         done = 0.8 * k / MOST_EFFECTS
