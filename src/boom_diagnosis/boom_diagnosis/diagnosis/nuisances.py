@@ -25,8 +25,8 @@ TWINS = frozenset(
     }
 )  # fmt: skip
 """Numbers that an effect of the catalogue multiplies, shifts or adds to."""
-TWIN_Z = 1.05 / SPREAD
-"""Standard deviations that such a number may move: its tolerance, and a little."""
+TWIN_Z = 1.0 / SPREAD
+"""Standard deviations that such a number may move: its tolerance."""
 PRECHARGE = 0.05
 """Machine notes."""
 LOAD, LOAD_KG = 0.05, 20.0
@@ -64,7 +64,9 @@ class Nuisance:
         Where an effect of the catalogue is the number's being further off than its tolerance: as far as that.
         """
         most = TWIN_Z if self.name in TWINS else LARGEST_Z
-        return (-most if self.shift else log(max(LEAST_SHARE, 1.0 - most * self.sigma)) / self.sigma), most
+        if self.shift:
+            return -most, most
+        return log(max(LEAST_SHARE, 1.0 - most * self.sigma)) / self.sigma, log(1.0 + most * self.sigma) / self.sigma
 
     def value(self, nominal: float, z: float) -> float:
         """Its value ``z`` standard deviations from the nominal one."""
