@@ -215,6 +215,21 @@ class Nominal:
         return refine(self._scanner, self.jacobian, [candidate])
 
 
+def rebased(found: Round) -> Round:
+    """The round with a better base, where the tolerances of an effect's fit serve better without the effect, too.
+
+    What an effect gains would else be what the search for the base missed.
+    """
+    kept = tuple(all_coordinates(list(found.accepted)).values())
+    wanted = [(f.point.z, {c.name: f.point.effects[c.name] for c in kept}) for f in found.fitted]
+    without = min(found.problem.points(wanted), key=lambda p: p.loss, default=found.base)
+    if without.loss >= found.base.loss:
+        return found
+    base, jacobian = found.problem.fit(without, found.jacobian[:, : len(without.z)], kept)
+    fitted = _sorted([replace(f, gain=base.loss - f.point.loss) for f in found.fitted])
+    return replace(found, base=base, jacobian=jacobian, fitted=fitted)
+
+
 Likeliest = Callable[[Array, Mapping[str, float]], Problem]
 Fit = Callable[..., tuple[Point, Array]]
 

@@ -14,7 +14,16 @@ from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.diagnosis.document import DiagnosisResult
 from boom_diagnosis.diagnosis.fitting import Point, Problem
 from boom_diagnosis.diagnosis.healthy import simulated
-from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, NOTICED, Nominal, Round, afresh, problem_at, run_round
+from boom_diagnosis.diagnosis.hypotheses import (
+    LOOSENESS,
+    NOTICED,
+    Nominal,
+    Round,
+    afresh,
+    problem_at,
+    rebased,
+    run_round,
+)
 from boom_diagnosis.diagnosis.nuisances import Nuisance, tolerances
 from boom_diagnosis.diagnosis.onset import TIME, onset
 from boom_diagnosis.diagnosis.proof import worsening
@@ -205,6 +214,7 @@ def _look(case: Case, k: int, progress: Progress, tight: bool) -> bool:
     found = run_round(
         case.machine, case.bags, case.select, case.nuisances, z, values, progress, tight=tight, least=_least(case)
     )
+    found = rebased(found)
     if k == 0:
         _calibrate(case, found)
     case.rounds.append(found)
@@ -233,6 +243,7 @@ def _look_again(case: Case, progress: Progress) -> bool:
     zero = np.zeros(len(case.nuisances))
     nominal = Nominal(problem_at(case.machine, case.bags, case.select, case.nuisances, zero, {}, LOOSENESS[1]))
     found = afresh(found, nominal, [*wanted, *(f.effect for f in found.fitted[:1])], case.floor)
+    found = rebased(found)
     case.rounds[:], case.taken[:], case.trained[:] = [found], [], []
     case.spared.clear()
     case.trained.append(_settle(case, 0, found.problem, found.base, found.jacobian, ()))
