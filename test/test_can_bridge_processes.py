@@ -140,6 +140,11 @@ class Rig:
     def enable(self) -> None:
         self.until(lambda: self.call(SetBool, "enable", SetBool.Request(data=True)).success)
 
+    def told(self, *reasons: str) -> bool:
+        """Whether ``/diagnostics`` has given one of these reasons."""
+        said = [s.message for a in self.heard["/diagnostics"] for s in a.status]
+        return any(reason in message for message in said for reason in reasons)
+
     def forget(self) -> None:
         for messages in self.heard.values():
             messages.clear()
@@ -197,8 +202,9 @@ def test_silent_sensors_stop_the_motion_until_it_is_enabled_again(rig: Rig) -> N
     rig.wanted = 0.3
     rig.enable()
     rig.until(lambda: ecu.last.get("retract_current") == pytest.approx(0.3))
+    rig.forget()
     ecu.sending = False
-    rig.until(lambda: ecu.last["retract_current"] == 0)
+    rig.until(lambda: rig.told("no good") and ecu.last["retract_current"] == 0)
     ecu.sending = True
     rig.forget()
     rig.until(lambda: rig.heard["/joint_states"])
@@ -215,11 +221,7 @@ def test_a_killed_bus_server_that_comes_back_is_joined_again_without_motion(rig:
     rig.enable()
     rig.processes[0].send_signal(signal.SIGKILL)
     rig.processes[0].wait(PATIENCE)
-    rig.until(
-        lambda: any(
-            "lost" in s.message or "cannot be opened" in s.message for a in rig.heard["/diagnostics"] for s in a.status
-        )
-    )
+    rig.until(lambda: rig.told("lost", "cannot be opened"))
     rig.serve()
     ecu = rig.join()
     rig.forget()
