@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from boom_model.equations import Equations
+from boom_model.errors import BuildError
 
 _BINARY = {
     ca.OP_ADD: "({0} + {1})", ca.OP_SUB: "({0} - {1})", ca.OP_MUL: "({0} * {1})", ca.OP_DIV: "({0} / {1})",
@@ -69,7 +70,7 @@ class _Emitter:
                 fixed = constant[i[0]]
                 text = _UNARY[op].format((pre if fixed else variable)[i[0]])
             else:
-                raise NotImplementedError(f"CasADi operation {op} has no C form here")
+                raise BuildError(f"an equation uses CasADi's operation {op}, of which there is no C form here")
             constant[o[0]] = fixed
             if fixed:
                 # prepared values are shared: the same text is the same number, whichever function asks for it

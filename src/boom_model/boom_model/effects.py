@@ -45,6 +45,7 @@ class Effect:
         states: (name, unit) of the states that it brings while active.
         needs: structure that the machine must have, e.g. "hose_burst_valve"; empty if none.
         independent: each parameter is a term of its own; otherwise the first one leads, and without it there is no term.
+        changes: components of the parameter vector that it is a change of: off by more than their tolerance they are this effect.
     """
 
     id: str
@@ -56,6 +57,7 @@ class Effect:
     states: tuple[tuple[str, str], ...] = ()
     needs: str = ""
     independent: bool = False
+    changes: tuple[str, ...] = ()
 
     @property
     def leading(self) -> tuple[EffectParameter, ...]:
@@ -80,6 +82,7 @@ CATALOGUE: tuple[Effect, ...] = (
         "D += m |tip|^2, g += m g_0 (t_x cos q_2 - t_y sin q_2)",
         (_p("mass", "kg", 0.0, (50.0, 2000.0), (-500.0, 5000.0), "mass at the tip beyond the configuration's"),),
         "static head pressure, with the lever arm",
+        changes=("pose.Sx", "pose.Sy"),
     ),
     Effect(
         "payload_change",
@@ -207,6 +210,7 @@ CATALOGUE: tuple[Effect, ...] = (
         (_p("r", "-", 1.0, (0.2, 1.1), (0.02, 2.0), "factor of both pre-charge pressures"),),
         "the corner in p_h' moves",
         needs="accumulators",
+        changes=("accumulators.p_g0_1", "accumulators.p_g0_2"),
     ),
     Effect(
         "accumulator_heat_loss",
@@ -231,6 +235,7 @@ CATALOGUE: tuple[Effect, ...] = (
         (_p("r", "-", 1.0, (0.3, 1.2), (0.0, 5.0), "factor of both orifice diameters"),),
         "time constant of p_h",
         needs="accumulators",
+        changes=("accumulators.d_1", "accumulators.d_2"),
     ),
     Effect(
         "hose_burst_valve_lag",
@@ -250,6 +255,7 @@ CATALOGUE: tuple[Effect, ...] = (
         (_p("r", "-", 1.0, (0.6, 1.2), (0.1, 5.0), "factor of the limited flow"),),
         "plateau speed when lowering fast",
         needs="hose_burst_valve",
+        changes=("hose_burst_valve.a21", "hose_burst_valve.a30", "hose_burst_valve.a31"),
     ),
     Effect(
         "valve_dead_zone",
@@ -262,6 +268,7 @@ CATALOGUE: tuple[Effect, ...] = (
         ),
         "start delay, creep speed",
         independent=True,
+        changes=("main_valve_orifices.x0",),
     ),
     Effect(
         "valve_hysteresis",
@@ -289,6 +296,7 @@ CATALOGUE: tuple[Effect, ...] = (
         (_p("r", "-", 1.0, (0.7, 1.3), (0.1, 10.0), "factor of the return spring (or inverse of the pilot gain)"),),
         "speed at all currents, opens earlier or later",
         needs="pilot_valves",
+        changes=("main_valve_spool.k",),
     ),
     Effect(
         "compensator_droop",
@@ -307,6 +315,7 @@ CATALOGUE: tuple[Effect, ...] = (
         (_p("r", "-", 1.0, (0.6, 3.0), (0.05, 50.0), "factor of the pilot valves' time constant"),),
         "slower at every edge",
         needs="pilot_valves",
+        changes=("pilot_valves.a1_s",),
     ),
     Effect(
         "command_delay",

@@ -6,7 +6,9 @@ With dp = p_h - p_a in bar and q_a in l/min, positive towards the cylinder:
     q_a = a_21 dp + a_22 dp^2                     for node <= dp < 0
     q_a = a_30 + a_31 dp                          below the node
 
-dp_lin regularises the square root at zero. (5.29) demands that the second and third branch meet with equal slope, so
+dp_lin regularises the square root at zero. Both first branches hold as they stand but for 0 < dp < ``OPENING``, where the first takes
+over from the second without a corner: a boom at rest stands there, and a corner in equations so stiff costs an observer, which
+jumps across it with every sample, ten times the steps (measured, docs/performance.md). (5.29) demands that the second and third branch meet with equal slope, so
 two coefficients follow from the others: a_22 = (a_21 - a_31)^2 / (-4 a_30), node = 2 a_30 / (a_21 - a_31); the rounded
 numbers that the thesis prints differ from these by under 1.5 %.
 
@@ -24,6 +26,9 @@ import casadi as ca
 
 from boom_model.regularisation import Expression
 from boom_model.specification import Specification
+
+OPENING = 1.0e3
+"""Pa. Drop over which the check valve opens; a tenth of a step of the pressure sensors."""
 
 SPECIFICATIONS = (
     Specification("hose_burst_valve.unit_flow", "l/min", "m^3/s per l/min", "unit of its flow", 1e-5, 2e-5, "5.36"),
@@ -58,7 +63,9 @@ def flow(drop: Expression, p: Any, e: Any, conductance: Expression | None = None
     d = ca.fmax(drop / v.unit_pressure, 0.0)
     free = (v.a11 * d + v.a12 * d / ca.sqrt(d + v.dp_lin)) * v.unit_flow
     g = limited_conductance(drop, p, e) if conductance is None else conductance
-    return ca.if_else(drop >= 0, free, g * drop)
+    limited = g * drop
+    open_ = ca.fmin(ca.fmax(drop / OPENING, 0.0), 1.0)
+    return limited + open_**2 * (3 - 2 * open_) * (free - limited)
 
 
 def pressure_drop(flow: Expression, p: Any, e: Any) -> Expression:

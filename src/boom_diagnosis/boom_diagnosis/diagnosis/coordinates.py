@@ -10,7 +10,7 @@ from boom_model.effects import EFFECTS, Effect, EffectParameter
 
 MARGIN = 1.5
 """The prior reaches so far beyond the catalogue's plausible range, in widths of it."""
-FAR = {"pressure_bias": 8.0, "angle_offset": 3.0}
+MARGINS = {"pressure_bias": 8.0, "angle_offset": 3.0}
 """The same for what a careless hand can do at will."""
 
 
@@ -42,6 +42,11 @@ class Coordinate:
     def width(self) -> float:
         """Of the prior, in the inner coordinate."""
         return self.inner(self.high) - self.inner(self.low)
+
+    @property
+    def precision(self) -> float:
+        """Of the prior, in the inner coordinate: 12 / width^2, as a flat density has it."""
+        return 12.0 / self.width**2
 
 
 # Effects whose first numbers are tried at several places, because the answer is far from linear in them.
@@ -86,7 +91,7 @@ def coordinates(effect: Effect) -> tuple[Coordinate, ...]:
 def _coordinate(effect: str, row: EffectParameter) -> Coordinate:
     positive = (effect, row.name) in _POSITIVE
     width = row.high - row.low
-    margin = FAR.get(effect, MARGIN)
+    margin = MARGINS.get(effect, MARGIN)
     low, high = max(row.minimum, row.low - margin * width), min(row.maximum, row.high + margin * width)
     if row.neutral == 0.0 and row.low > 0.0 and not positive:
         low = max(row.minimum, -row.high) if row.minimum < 0.0 else 0.0
@@ -103,7 +108,7 @@ def starts(effect: Effect, lasting: float) -> list[dict[str, float]]:
     """Values from which an effect is tried: one dictionary a run. ``lasting``: duration of the recording [s]."""
     given = _STARTS.get(effect.id, {})
     first = effect.parameters[0]
-    if effect.id in ("valve_dead_zone", "pressure_bias"):  # independent numbers, one after the other
+    if effect.independent:  # one number after the other
         return [
             {f"effects.{effect.id}.{r.name}": _SHARE * r.high if r is row else r.neutral for r in effect.parameters}
             for row in effect.parameters

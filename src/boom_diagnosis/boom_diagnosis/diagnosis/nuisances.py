@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import exp, isfinite, log, sqrt
 
+from boom_model.effects import CATALOGUE
 from boom_model.machine import TOLERANCES, Machine, Pose
 
 LARGEST_Z = 4.0
@@ -17,13 +18,7 @@ LARGEST_Z = 4.0
 LEAST_SHARE = 0.05
 """Of its nominal value is left of a number at least."""
 SPREAD = 1.0 / sqrt(3.0)
-TWINS = frozenset(
-    {
-        "accumulators.p_g0_1", "accumulators.p_g0_2", "accumulators.d_1", "accumulators.d_2", "main_valve_spool.k",
-        "main_valve_orifices.x0", "pilot_valves.a1_s", "hose_burst_valve.a21", "hose_burst_valve.a30", "hose_burst_valve.a31",
-        "pose.Sx", "pose.Sy",
-    }
-)  # fmt: skip
+TWINS = frozenset(name for effect in CATALOGUE for name in effect.changes)
 """Numbers that an effect of the catalogue multiplies, shifts or adds to."""
 TWIN_Z = 1.0 / SPREAD
 """Standard deviations that such a number may move: its tolerance."""

@@ -129,7 +129,7 @@ class Scanner:
         gain, size = self.gain(column[:, None])
         first = coordinates(EFFECTS[effect])
         moved = [c for c in first if start[c.name] != _neutral(c.name)]
-        leading = moved[0] if effect in ("valve_dead_zone", "pressure_bias") else first[0]
+        leading = moved[0] if EFFECTS[effect].independent else first[0]
         neutral = _neutral(leading.name)
         value = neutral + float(size[0]) * (start[leading.name] - neutral)
         clipped = float(np.clip(value, leading.low, leading.high))
@@ -146,15 +146,17 @@ class Scanner:
 
     def _joined(self, found: list[Candidate]) -> list[Candidate]:
         """Effects of independent numbers: what they gain together, from the sum of their single gains."""
-        result = [c for c in found if c.effect not in ("valve_dead_zone", "pressure_bias")]
-        for effect in ("valve_dead_zone", "pressure_bias"):
-            own = [c for c in found if c.effect == effect]
-            if own:
-                values = {
-                    name: next((c.values[name] for c in own if c.values[name] != _neutral(name)), _neutral(name))
-                    for name in own[0].values
-                }
-                result.append(Candidate(effect, values, sum(c.gain for c in own)))
+        result = [c for c in found if not EFFECTS[c.effect].independent]
+        grouped: dict[str, list[Candidate]] = {}
+        for c in found:
+            if EFFECTS[c.effect].independent:
+                grouped.setdefault(c.effect, []).append(c)
+        for effect, own in grouped.items():
+            values = {
+                name: next((c.values[name] for c in own if c.values[name] != _neutral(name)), _neutral(name))
+                for name in own[0].values
+            }
+            result.append(Candidate(effect, values, sum(c.gain for c in own)))
         return result
 
     def _onset(self, effect: str, start: dict[str, float]) -> list[Candidate]:
@@ -233,7 +235,7 @@ def _start(scanner: Scanner, candidate: Candidate) -> Point:
     at = scanner.at
     leading = {name for name, value in candidate.values.items() if value != _neutral(name)}
     companions = {c.name for c in coordinates(EFFECTS[candidate.effect])[1:]}
-    if candidate.effect not in ("valve_dead_zone", "pressure_bias"):
+    if not EFFECTS[candidate.effect].independent:
         leading -= companions
     wanted = []
     for share in STARTS:

@@ -185,13 +185,12 @@ def _switched_on(machine: Machine) -> dict[str, dict[str, float]]:
 
 
 def _suspects(machine: Machine, index: Mapping[str, int]) -> list[Suspect]:
-    """The leading parameter of each effect (of independent ones: each) that the machine does not carry itself."""
+    """The leading parameters of each effect that the machine does not carry itself."""
     result = []
     for effect in EFFECTS.values():
         if effect.id in machine.effects or f"effects.{effect.id}.{effect.parameters[0].name}" not in index:
             continue
-        independent = effect.id in ("valve_dead_zone", "pressure_bias")
-        for row in effect.parameters if independent else effect.parameters[:1]:
+        for row in effect.leading:
             scale = (row.high - row.low) / 2
             low, high = ((limit - row.neutral) / scale for limit in (row.low, row.high))
             result.append(
