@@ -18,8 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_model.codegen import generate
-from boom_model.compiled import HEAD
+from boom_model.compiled import model_source
 from boom_model.plant import Plant
 
 Array = NDArray[np.float64]
@@ -73,7 +72,7 @@ class Case:
     def _compile(self) -> ctypes.CDLL:
         with tempfile.TemporaryDirectory() as folder:
             source, library = Path(folder) / "routes.c", Path(folder) / "routes.so"
-            source.write_text(HEAD + generate(self.plant.equations) + _WRAPPER)
+            source.write_text(model_source(self.plant.equations) + _WRAPPER)
             flags = ("-O2", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC", "-std=c11")
             subprocess.run(["cc", *flags, "-o", library, source, "-lm"], check=True)
             return ctypes.CDLL(str(library))

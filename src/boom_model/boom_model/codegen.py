@@ -19,18 +19,18 @@ from boom_model.errors import BuildError
 
 _BINARY = {
     ca.OP_ADD: "({0} + {1})", ca.OP_SUB: "({0} - {1})", ca.OP_MUL: "({0} * {1})", ca.OP_DIV: "({0} / {1})",
-    ca.OP_POW: "pow({0}, {1})", ca.OP_CONSTPOW: "pow({0}, {1})", ca.OP_FMIN: "boom_min({0}, {1})",
-    ca.OP_FMAX: "boom_max({0}, {1})", ca.OP_LT: "(double)({0} < {1})", ca.OP_LE: "(double)({0} <= {1})",
-    ca.OP_EQ: "(double)({0} == {1})", ca.OP_NE: "(double)({0} != {1})", ca.OP_AND: "(double)({0} && {1})",
-    ca.OP_OR: "(double)({0} || {1})", ca.OP_IF_ELSE_ZERO: "({0} != 0 ? {1} : 0.0)", ca.OP_ATAN2: "atan2({0}, {1})",
-    ca.OP_COPYSIGN: "copysign({0}, {1})",
+    ca.OP_POW: "boom_pow({0}, {1})", ca.OP_CONSTPOW: "boom_pow({0}, {1})", ca.OP_FMIN: "boom_min({0}, {1})",
+    ca.OP_FMAX: "boom_max({0}, {1})", ca.OP_LT: "boom_if({0} < {1})", ca.OP_LE: "boom_if({0} <= {1})",
+    ca.OP_EQ: "boom_if({0} == {1})", ca.OP_NE: "boom_if({0} != {1})", ca.OP_AND: "boom_and({0}, {1})",
+    ca.OP_OR: "boom_or({0}, {1})", ca.OP_IF_ELSE_ZERO: "boom_choose({0} != R(0.0), {1}, R(0.0))",
+    ca.OP_ATAN2: "boom_atan2({0}, {1})", ca.OP_COPYSIGN: "boom_copysign({0}, {1})",
 }  # fmt: skip
 _UNARY = {
-    ca.OP_NEG: "(-{0})", ca.OP_EXP: "exp({0})", ca.OP_LOG: "log({0})", ca.OP_SQRT: "sqrt({0})", ca.OP_SQ: "({0} * {0})",
-    ca.OP_TWICE: "({0} + {0})", ca.OP_INV: "(1.0 / {0})", ca.OP_SIN: "sin({0})", ca.OP_COS: "cos({0})",
-    ca.OP_TAN: "tan({0})", ca.OP_TANH: "boom_tanh({0})", ca.OP_FABS: "fabs({0})", ca.OP_NOT: "(double)(!({0} != 0))",
-    ca.OP_SIGN: "boom_sign({0})", ca.OP_ASIN: "asin({0})", ca.OP_ACOS: "acos({0})", ca.OP_ATAN: "atan({0})",
-    ca.OP_ASSIGN: "{0}",
+    ca.OP_NEG: "(-{0})", ca.OP_EXP: "boom_exp({0})", ca.OP_LOG: "boom_log({0})", ca.OP_SQRT: "boom_sqrt({0})",
+    ca.OP_SQ: "({0} * {0})", ca.OP_TWICE: "({0} + {0})", ca.OP_INV: "(R(1.0) / {0})", ca.OP_SIN: "boom_sin({0})",
+    ca.OP_COS: "boom_cos({0})", ca.OP_TAN: "boom_tan({0})", ca.OP_TANH: "boom_tanh({0})", ca.OP_FABS: "boom_fabs({0})",
+    ca.OP_NOT: "boom_if({0} == R(0.0))", ca.OP_SIGN: "boom_sign({0})", ca.OP_ASIN: "boom_asin({0})",
+    ca.OP_ACOS: "boom_acos({0})", ca.OP_ATAN: "boom_atan({0})", ca.OP_ASSIGN: "{0}",
 }  # fmt: skip
 
 Instruction = tuple[str, str, bool]
@@ -59,7 +59,7 @@ class _Emitter:
             if op == ca.OP_INPUT:
                 text, fixed = f"{arrays[i[0]]}[{i[1]}]", i[0] == 2
             elif op == ca.OP_CONST:
-                variable[o[0]], constant[o[0]] = repr(float(f.instruction_constant(k))), True
+                variable[o[0]], constant[o[0]] = f"R({float(f.instruction_constant(k))!r})", True
                 pre[o[0]] = variable[o[0]]
                 continue
             elif op in _BINARY:
@@ -78,7 +78,7 @@ class _Emitter:
                 pre[o[0]], variable[o[0]] = index, index
             else:
                 name_ = f"v{k}"
-                lines.append(f"  const double {name_} = {text};")
+                lines.append(f"  const real {name_} = {text};")
                 variable[o[0]] = name_
         return "\n".join(lines)
 
@@ -113,10 +113,10 @@ def _elimination(pattern: np.ndarray) -> tuple[list[int], str, str, int]:
         for j in range(n):
             if work[i, j]:
                 slot[i, j] = len(slot)
-    factor = [f"  double w{slot[i, j]} = -J[{i * n + j}];" for (i, j) in slot if i != j]
-    factor += [f"  double w{slot[i, i]} = shift - J[{i * n + i}];" for i in range(n)]
+    factor = [f"  real w{slot[i, j]} = -J[{i * n + j}];" for (i, j) in slot if i != j]
+    factor += [f"  real w{slot[i, i]} = R(shift) - J[{i * n + i}];" for i in range(n)]
     for m, k in enumerate(order):
-        factor.append(f"  const double r{k} = 1.0 / w{slot[k, k]}; w{slot[k, k]} = r{k};")
+        factor.append(f"  const real r{k} = R(1.0) / w{slot[k, k]}; w{slot[k, k]} = r{k};")
         for i in order[m + 1 :]:
             if (i, k) in slot:
                 factor.append(f"  w{slot[i, k]} *= r{k};")
@@ -150,9 +150,9 @@ def generate(m: Equations) -> str:
     pattern[entries[0], entries[1]] = True
     _, factor, solve, slots = _elimination(pattern)
     scatter = "\n".join(f"  J[{i * n + j}] = nz[{k}];" for k, (i, j) in enumerate(zip(*entries, strict=True)))
-    used = "\n".join(f"  const double {name} = c[{k}];" for k, name in enumerate(emitter.prepared.values()))
+    used = "\n".join(f"  const real {name} = c[{k}];" for k, name in enumerate(emitter.prepared.values()))
     prepare = "\n".join(
-        f"  const double {name} = {text}; c[{k}] = {name};" for k, (text, name) in enumerate(emitter.prepared.items())
+        f"  const real {name} = {text}; c[{k}] = {name};" for k, (text, name) in enumerate(emitter.prepared.items())
     )
 
     def body(text: str) -> str:
@@ -167,24 +167,24 @@ def generate(m: Equations) -> str:
 #define NY {m.outputs.numel()}
 #define NC {len(emitter.prepared)}
 #define NW {slots}
-static void model_prepare(const double *p, double *c) {{
+static void model_prepare(const real *p, real *c) {{
 {prepare}
 }}
-static void model_f(const double *x, const double *u, const double *c, double *f) {{
+static void model_f(const real *x, const real *u, const real *c, real *f) {{
 {body(f)}
 }}
-static void model_fj(const double *x, const double *u, const double *c, double *f, double *J) {{
-  double nz[{len(entries[0])}];
+static void model_fj(const real *x, const real *u, const real *c, real *f, real *J) {{
+  real nz[{len(entries[0])}];
 {body(fj)}
 {scatter}
 }}
-static void model_y(const double *x, const double *u, const double *c, double *y) {{
+static void model_y(const real *x, const real *u, const real *c, real *y) {{
 {body(y)}
 }}
-static void model_factor(const double *J, double shift, double *W) {{
+static void model_factor(const real *J, double shift, real *W) {{
 {factor}
 }}
-static void model_solve(const double *W, double *b) {{
+static void model_solve(const real *W, real *b) {{
 {solve}
 }}
 """

@@ -20,14 +20,8 @@ _FLAGS = ("-O3", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC", "-
 _WIDE = {"avx2": "-mavx2", "fma": "-mfma", "bmi2": "-mbmi2"}
 """Processor flags -> compiler flags; together they make a run a third faster. The cache's key holds them: a cache folder that
 several computers share has one library for each kind."""
-HEAD = """#include <math.h>
-static inline double boom_min(double a, double b) { return a < b ? a : b; }
-static inline double boom_max(double a, double b) { return a > b ? a : b; }
-static inline double boom_sign(double a) { return (a > 0) - (a < 0); }
-/* Exact to 1e-16 absolute, as its use in the equations wants, and half as slow as libm's, which is exact near zero too. */
-static inline double boom_tanh(double a) { return 1.0 - 2.0 / (exp(2.0 * a) + 1.0); }
-"""
-"""What generated C needs before it."""
+LANES = 4
+"""Runs that are integrated side by side where several are wanted: four doubles are a register of today's processors."""
 
 
 def cache_folder() -> Path:
@@ -90,11 +84,21 @@ def load_c(source: str) -> ctypes.CDLL:
         ) from error
 
 
-def build(equations: Equations) -> ctypes.CDLL:
+def model_source(equations: Equations, lanes: int = 1) -> str:
+    """C of a model's functions, for one parameter vector or ``lanes`` of them at once."""
+    return f"#define LANES {lanes}\n" + _text("lanes.c") + generate(equations)
+
+
+def build(equations: Equations, lanes: int = 1) -> ctypes.CDLL:
     """The compiled integrator of a model, from the cache where it is already there.
+
+    lanes: 1, or ``LANES`` for the observer that predicts with as many parameter vectors at once.
 
     Raises:
         BuildError: no compiler, or the cache folder is not writable.
     """
-    sources = [files("boom_model").joinpath(name).read_text() for name in ("integrator.c", "observer.c")]
-    return load_c(HEAD + generate(equations) + "".join(sources))
+    return load_c(model_source(equations, lanes) + _text("integrator.c") + _text("observer.c"))
+
+
+def _text(name: str) -> str:
+    return files("boom_model").joinpath(name).read_text()

@@ -6,11 +6,11 @@ With dp = p_h - p_a in bar and q_a in l/min, positive towards the cylinder:
     q_a = a_21 dp + a_22 dp^2                     for node <= dp < 0
     q_a = a_30 + a_31 dp                          below the node
 
-dp_lin regularises the square root at zero. Both first branches hold as they stand but for 0 < dp < ``OPENING``, where the first takes
-over from the second without a corner: a boom at rest stands there, and a corner in equations so stiff costs an observer, which
-jumps across it with every sample, ten times the steps (measured, docs/performance.md). (5.29) demands that the second and third branch meet with equal slope, so
-two coefficients follow from the others: a_22 = (a_21 - a_31)^2 / (-4 a_30), node = 2 a_30 / (a_21 - a_31); the rounded
-numbers that the thesis prints differ from these by under 1.5 %.
+dp_lin regularises the square root at zero. Both first branches hold as they stand but for 0 < dp < ``OPENING``, where the first
+takes over from the second without a corner: a boom at rest stands there, and a corner in equations so stiff costs an observer,
+which jumps across it with every sample, ten times the steps (docs/performance.md). (5.29) demands that the second and third
+branch meet with equal slope, so two coefficients follow from the others: a_22 = (a_21 - a_31)^2 / (-4 a_30),
+node = 2 a_30 / (a_21 - a_31); the rounded numbers that the thesis prints differ from these by under 1.5 %.
 
 Effects: ``hose_burst_valve_setting`` multiplies the limited branches by r (neutral 1: a_21 r, a_30 r, a_31 r, which keeps
 the node). ``hose_burst_valve_lag``: the poppet needs time to throttle. While oil leaves the cylinder, q_a = G dp with the

@@ -46,6 +46,7 @@ typedef struct {
   int state;       /* that left its range */
 } run_t;
 
+#if LANES == 1
 /* Cubic Hermite interpolation inside a step of length h from (x0, f0) to (x1, f1), theta in 0..1. */
 static void interpolate(double theta, double h, const double *x0, const double *f0, const double *x1, const double *f1,
                         double *x) {
@@ -53,22 +54,28 @@ static void interpolate(double theta, double h, const double *x0, const double *
   const double b0 = s * s * (1 + 2 * t), b1 = t * t * (3 - 2 * t), g0 = t * s * s * h, g1 = -t * t * s * h;
   for (int i = 0; i < NX; i++) x[i] = b0 * x0[i] + b1 * x1[i] + g0 * f0[i] + g1 * f1[i];
 }
+#endif
 
 /* Integrates x over [t0, t1] with the input u held. Outputs at times out_t[*next] <= t1 are written.
    h: step size, kept from interval to interval. Inlined once for each method, so that its table is unrolled into the code. */
 static inline __attribute__((always_inline)) int
-interval_with(const method_t *m, run_t *r, double *x, const double *u, const double *c, double t0, double t1, double *h,
+interval_with(const method_t *m, run_t *r, real *x, const real *u, const real *c, double t0, double t1, double *h,
                     const double *out_t, long n_out, long *next, double *out_x, double *out_y) {
-  double f0[NX], J[NX * NX], W[NW], K[6][NX], y[NX], fv[NX], x0[NX], f1[NX];
+  real f0[NX], J[NX * NX], W[NW], K[6][NX], y[NX], fv[NX];
   const double length = t1 - t0;
   double t = 0.0;
   int have = 0, rejected = 0;
-  for (int i = 0; i < NX * NX; i++) J[i] = 0.0;
+  for (int i = 0; i < NX * NX; i++) J[i] = R(0.0);
+#if LANES == 1
+  double x0[NX], f1[NX];
   while (*next < n_out && out_t[*next] <= t0) {
     for (int i = 0; i < NX; i++) out_x[*next * NX + i] = x[i];
     model_y(x, u, c, out_y + *next * NY);
     ++*next;
   }
+#else
+  (void)out_t, (void)n_out, (void)next, (void)out_x, (void)out_y;
+#endif
   if (length <= 0) return OK;
   for (;;) {
     double step = *h;
@@ -79,10 +86,10 @@ interval_with(const method_t *m, run_t *r, double *x, const double *u, const dou
     model_factor(J, 1.0 / (m->gamma * step), W);
     const double inverse = 1.0 / step;
     for (int s = 0; s < m->stages; s++) {
-      const double *f = f0;
+      const real *f = f0;
       if (s > 0 && m->fresh[s]) {
         for (int i = 0; i < NX; i++) {
-          double sum = x[i];
+          real sum = x[i];
           for (int j = 0; j < s; j++) sum += m->a[s][j] * K[j][i];
           y[i] = sum;
         }
@@ -91,22 +98,22 @@ interval_with(const method_t *m, run_t *r, double *x, const double *u, const dou
         f = fv;
       }
       for (int i = 0; i < NX; i++) {
-        double sum = 0.0;
+        real sum = R(0.0);
         for (int j = 0; j < s; j++) sum += m->c[s][j] * K[j][i];
         K[s][i] = f[i] + sum * inverse;
       }
       model_solve(W, K[s]);
     }
-    double error = 0.0;
+    real square = R(0.0);
     for (int i = 0; i < NX; i++) {
-      double sum = x[i], e = 0.0;
+      real sum = x[i], e = R(0.0);
       for (int j = 0; j < m->stages; j++) { sum += m->m[j] * K[j][i]; e += m->e[j] * K[j][i]; }
       y[i] = sum;
-      const double size = fmax(fabs(x[i]), fabs(sum));
-      e /= r->tolerance * fmax(r->scale[i], size);
-      error += e * e;
+      const real size = boom_max(boom_fabs(x[i]), boom_fabs(sum));
+      e /= r->tolerance * boom_max(R(r->scale[i]), size);
+      square += e * e;
     }
-    error = sqrt(error / NX);
+    double error = sqrt(boom_largest(square) / NX);
     if (!(error < 1e10)) error = 1e10; /* NaN and infinity too */
     double factor = 0.9 * pow(fmax(error, 1e-8), -1.0 / m->order);
     factor = fmin(5.0, fmax(0.15, factor));
@@ -118,13 +125,19 @@ interval_with(const method_t *m, run_t *r, double *x, const double *u, const dou
       if (*h < 1e-12) { r->time = t0 + t; r->state = -1; return STEP_VANISHED; }
       continue;
     }
+#if LANES == 1
+    for (int i = 0; i < NX; i++) x0[i] = x[i];
+#endif
     for (int i = 0; i < NX; i++) {
-      x0[i] = x[i];
       x[i] = y[i];
-      if (!(x[i] >= r->minimum[i] && x[i] <= r->maximum[i])) { r->time = t0 + t + step; r->state = i; return LEFT_RANGE; }
+      const double beyond = boom_largest(boom_max(R(r->minimum[i]) - x[i], x[i] - R(r->maximum[i])));
+      if (!(beyond <= 0.0)) { r->time = t0 + t + step; r->state = i; return LEFT_RANGE; }
     }
+#if LANES == 1
     const double start = t;
+#endif
     t = last ? length : t + step;
+#if LANES == 1
     if (*next < n_out && out_t[*next] < t0 + t) {
       model_f(x, u, c, f1);
       r->evaluations++;
@@ -136,6 +149,7 @@ interval_with(const method_t *m, run_t *r, double *x, const double *u, const dou
         ++*next;
       }
     }
+#endif
     if (rejected && factor > 1.0) factor = 1.0;
     rejected = 0;
     have = 0;
@@ -145,12 +159,13 @@ interval_with(const method_t *m, run_t *r, double *x, const double *u, const dou
   }
 }
 
-static int interval(int order, run_t *r, double *x, const double *u, const double *c, double t0, double t1, double *h,
+static int interval(int order, run_t *r, real *x, const real *u, const real *c, double t0, double t1, double *h,
                     const double *out_t, long n_out, long *next, double *out_x, double *out_y) {
   return order == 3 ? interval_with(&RODAS3, r, x, u, c, t0, t1, h, out_t, n_out, next, out_x, out_y)
                     : interval_with(&RODAS4, r, x, u, c, t0, t1, h, out_t, n_out, next, out_x, out_y);
 }
 
+#if LANES == 1
 /* One run. t_in[n_in], u[n_in][NU]: the input u[k] holds from t_in[k] to t_in[k+1]; before t_in[0] it is u[0]. From t_begin to
    t_end. out_t ascending. x: start in, end out. report: status, failing time, failing state, steps, rejected, evaluations. */
 int boom_run(const double *p, double *x, double t_begin, double t_end, const double *t_in, const double *u, long n_in,
@@ -230,3 +245,4 @@ void boom_outputs(const double *p, const double *x, const double *u, double *y) 
 }
 
 int boom_sizes(int which) { return which == 0 ? NX : which == 1 ? NU : which == 2 ? NP : which == 3 ? NY : NC; }
+#endif

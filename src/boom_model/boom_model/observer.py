@@ -13,16 +13,22 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import lru_cache
 from os import cpu_count
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_model.compiled import LANES
 from boom_model.errors import SimulationError
 from boom_model.plant import Plant, _pointer
 from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
 
+BEYOND_STOPS = 0.02
+"""rad. A machine that stops itself before the end of its stroke is predicted to go so far beyond."""
+WORTH_JOINING = 2
+"""Passes from which on they go side by side."""
 STANDSTILL = 0.05
 """rad/s. Below it so little flows that a part which rested still stands where it likes."""
 
@@ -103,13 +109,10 @@ def observe(
         x[plant.state_names.index("elapsed_time")] = samples.grid[0]
     p = plant.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
     innovations, states, report = np.full((n, len(OUTPUTS)), np.nan), np.full((n, nx), np.nan), np.zeros(8)
+    g = np.ascontiguousarray(gain)
     plant._library.boom_observe(
-        _pointer(p), _pointer(x), _pointer(samples.grid), ctypes.c_long(n), _pointer(samples.input_time),
-        _pointer(samples.currents), ctypes.c_long(len(samples.input_time)), _pointer(samples.share),
-        _pointer(samples.measured), _pointer(np.ascontiguousarray(gain)), _pointer(innovations), _pointer(states),
-        ctypes.c_double(tolerance), ctypes.c_int(3), _pointer(plant.scale), _pointer(plant.minimum),
-        _pointer(plant.maximum), ctypes.c_double(1e-4), _pointer(report),
-    )  # fmt: skip
+        *_arguments(plant, samples, p, x, samples.currents, g, innovations, states, tolerance, report)
+    )
     return Observed(innovations, states, int(report[0]) == 0)
 
 
@@ -118,13 +121,73 @@ Job = tuple[Plant, Samples, Array, Array, Array]
 
 
 def observe_all(jobs: Sequence[Job], *, tolerance: float = 1e-5, workers: int | None = None) -> list[Observed]:
-    """Many passes on all cores, in the order of the jobs."""
+    """Many passes on all cores, in the order of the jobs; those of the same plant, samples and gains side by side."""
+    alike: dict[tuple[int, int, int], list[int]] = {}
+    for k, (plant, samples, _, gain, _) in enumerate(jobs):
+        alike.setdefault((id(plant), id(samples), id(gain)), []).append(k)
+    groups = [found[i : i + LANES] for found in alike.values() for i in range(0, len(found), LANES)]
+    observed = observe_groups([[jobs[k] for k in group] for group in groups], tolerance=tolerance, workers=workers)
+    order = {k: o for group, row in zip(groups, observed, strict=True) for k, o in zip(group, row, strict=True)}
+    return [order[k] for k in range(len(jobs))]
 
-    def one(job: Job) -> Observed:
-        plant, samples, x0, gain, p = job
-        return observe(plant, samples, x0, gain, parameters=p, tolerance=tolerance)
 
-    return list(_pool(workers or cpu_count() or 1).map(one, jobs))
+def observe_groups(
+    groups: Sequence[Sequence[Job]], *, tolerance: float = 1e-5, workers: int | None = None
+) -> list[list[Observed]]:
+    """Groups of up to ``LANES`` passes on all cores. Passes of a group share the integrator's steps, if they can.
+
+    They then differ smoothly with their parameters, and their differences are good derivatives.
+    """
+    return list(_pool(workers or cpu_count() or 1).map(lambda group: _together(group, tolerance), groups))
+
+
+def _together(group: Sequence[Job], tolerance: float) -> list[Observed]:
+    """Side by side where all have the same plant, samples and gains and none fails, else one after the other."""
+    plant, samples, _, gain, _ = group[0]
+    joined = len(group) >= WORTH_JOINING and all(
+        job[0] is plant and job[1] is samples and job[3] is gain for job in group
+    )
+    found = _side_by_side(group, tolerance) if joined else None
+    return found or [observe(p, s, x, g, parameters=q, tolerance=tolerance) for p, s, x, g, q in group]
+
+
+def _side_by_side(group: Sequence[Job], tolerance: float) -> list[Observed] | None:
+    """The passes of a group in one, the last one filling what is left of ``LANES``; None where one fails."""
+    plant, samples, _, gain, _ = group[0]
+    n, nx = len(samples.grid) - 1, len(plant.state_names)
+    lanes = [group[min(i, len(group) - 1)] for i in range(LANES)]
+    x = np.stack([job[2] for job in lanes], axis=-1)
+    if "elapsed_time" in plant.state_names:
+        x[plant.state_names.index("elapsed_time")] = samples.grid[0]
+    p = np.stack([job[4] for job in lanes], axis=-1)
+    currents = np.repeat(samples.currents[:, :, None], LANES, axis=2)
+    innovations, states = np.full((n, len(OUTPUTS), LANES), np.nan), np.empty((n, nx, LANES))
+    report = np.zeros(8)
+    plant.abreast.boom_observe(
+        *_arguments(plant, samples, p, x, currents, gain, innovations, states, tolerance, report)
+    )
+    if int(report[0]) != 0:
+        return None
+    return [
+        Observed(np.ascontiguousarray(innovations[..., i]), np.ascontiguousarray(states[..., i]), True)
+        for i in range(len(group))
+    ]
+
+
+def _arguments(
+    plant: Plant, samples: Samples, p: Array, x: Array, currents: Array, gain: Array, innovations: Array, states: Array,
+    tolerance: float, report: Array,
+) -> tuple[Any, ...]:  # fmt: skip
+    """Of ``boom_observe``; the arrays must live as long as its call."""
+    minimum, maximum = plant.minimum.copy(), plant.maximum.copy()
+    minimum[0], maximum[0] = minimum[0] - BEYOND_STOPS, maximum[0] + BEYOND_STOPS
+    return (
+        _pointer(p), _pointer(x), _pointer(samples.grid), ctypes.c_long(len(samples.grid) - 1),
+        _pointer(samples.input_time), _pointer(currents), ctypes.c_long(len(samples.input_time)),
+        _pointer(samples.share), _pointer(samples.measured), _pointer(gain), _pointer(innovations), _pointer(states),
+        ctypes.c_double(tolerance), ctypes.c_int(3), _pointer(plant.scale), _pointer(minimum),
+        _pointer(maximum), ctypes.c_double(1e-4), _pointer(report),
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=4)

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from boom_model import hose_burst_valve
 from boom_model.batch import Job, run_jobs
-from boom_model.compiled import build
+from boom_model.compiled import LANES, build
 from boom_model.effects import EFFECTS
 from boom_model.equations import INPUTS, Equations, Kind, full_model, namespace, reduced_model
 from boom_model.errors import ModelError, SimulationError
@@ -77,6 +77,7 @@ class Plant:
     def __init__(self, machine: Machine, pose: Pose, kind: Kind = "full") -> None:
         self.machine = machine
         self.pose = pose
+        self._kind: Kind = kind
         self.equations, self._library = _compiled(machine, kind)
         self.state_names = self.equations.state_names
         self.parameter_names = self.equations.parameters
@@ -298,6 +299,13 @@ class Plant:
         return dict(zip(self.equations.auxiliary, np.asarray(values, dtype=float), strict=True))
 
     @cached_property
+    def abreast(self) -> CDLL:
+        """The observer for ``LANES`` parameter vectors at once, compiled when first asked for."""
+        if self.machine.learned:
+            return build(self.equations, LANES)
+        return _catalogued_abreast(self.machine.structure, tuple(sorted(self.machine.effects)), self._kind)
+
+    @cached_property
     def _auxiliary_function(self) -> Any:
         m = self.equations
         return ca.Function("auxiliary", [m.x, m.u, m.p], [ca.vertcat(*(e for _, e in m.auxiliary.values()))])
@@ -461,3 +469,8 @@ def _catalogued(structure: Structure, effects: tuple[str, ...], kind: Kind) -> t
     """Kept: writing the source costs as much as a run of a minute."""
     equations = (full_model if kind == "full" else reduced_model)(structure, effects)
     return equations, build(equations)
+
+
+@lru_cache(maxsize=64)
+def _catalogued_abreast(structure: Structure, effects: tuple[str, ...], kind: Kind) -> CDLL:
+    return build(_catalogued(structure, effects, kind)[0], LANES)

@@ -25,7 +25,7 @@ from boom_diagnosis.diagnosis.document import (
 from boom_diagnosis.diagnosis.experiment import propose
 from boom_diagnosis.diagnosis.fitting import Point
 from boom_diagnosis.diagnosis.freerun import free_run
-from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, NOTICED, problem_at
+from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, noticed, problem_at
 from boom_diagnosis.diagnosis.learning import Learned, learn
 from boom_diagnosis.diagnosis.locating import LINKS, locate
 from boom_diagnosis.diagnosis.proof import (
@@ -123,7 +123,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     ranked = _ranking(case, unknown)
     cells = [regimes.classify(bag) for bag in case.bags]
     findings = _findings(case, unknown, cells, tight)
-    verdict = _verdict(case, findings, unknown, _noticed(case), tight)
+    verdict = _verdict(case, findings, unknown, _moving(case), tight)
     wrong = verdict not in ("no_mismatch", "parameters_only")
     equations, agreement, inputs = locate(
         case.machine, case.bags, case.select, case.nuisances, first.base.z, {}, case.healthy, doubted=wrong
@@ -209,7 +209,7 @@ def _tight(case: Case) -> _Tight:
     return _Tight(stages[0].parts, stages[1].parts, stages[2].parts, before, after)
 
 
-def _noticed(case: Case) -> float:
+def _moving(case: Case) -> float:
     """What the tolerances gain over the nominal machine [nats], after paying for those that moved."""
     problem = case.rounds[0].problem
     nominal = problem.points([(np.zeros(len(case.nuisances)), {})])[0]
@@ -311,11 +311,11 @@ def _home(case: Case, subsystems: Sequence[str]) -> str:
     return subsystems[0]
 
 
-def _verdict(case: Case, findings: Sequence[Finding], unknown: float, noticed: float, tight: _Tight) -> Verdict:
+def _verdict(case: Case, findings: Sequence[Finding], unknown: float, moved: float, tight: _Tight) -> Verdict:
     if not findings:
         if unknown > 0.5 and tight.excess_before > 3 * NEGLIGIBLE:
             return "unknown_physics"
-        return "parameters_only" if noticed > NOTICED + 0.5 * len(case.nuisances) else "no_mismatch"
+        return "parameters_only" if noticed(moved, len(case.nuisances)) else "no_mismatch"
     if unknown > 0.5:
         return "unknown_physics"
     if all(f.subsystem == "sensors" for f in findings):

@@ -52,7 +52,7 @@ class Coordinate:
 # Effects whose first numbers are tried at several places, because the answer is far from linear in them.
 _STARTS: Mapping[str, Mapping[str, tuple[float, ...]]] = {
     "swinging_load": {"length": (0.8, 1.3, 2.0, 3.0)},
-    "boom_flexibility": {"f": (1.0, 1.5, 2.2, 3.3, 5.0)},
+    "boom_flexibility": {"f": (1.0, 1.25, 1.5, 1.8, 2.2, 2.7, 3.3, 4.0, 5.0)},
     "stribeck_friction": {"w_s": (0.008, 0.025)},
     "presliding_friction": {"compliance": (2e-7, 1.5e-6, 8e-6)},
     "position_dependent_friction": {"q_c": (0.1, 0.3, 0.5, 0.7, 0.9), "width": (0.06, 0.2)},
@@ -67,7 +67,7 @@ _STARTS: Mapping[str, Mapping[str, tuple[float, ...]]] = {
     "valve_hysteresis": {"h": (0.01, 0.04)},
     "pilot_lag": {"r": (0.75, 1.6)},
     "command_delay": {"T": (0.01, 0.04)},
-    "pump_flow_limit": {"inverse_q_max": (60_000 / 110, 60_000 / 85, 60_000 / 60)},
+    "pump_flow_limit": {"inverse_q_max": tuple(60_000 / q for q in (240, 190, 150, 120, 85, 60))},
     "pressure_delay": {"T": (0.01, 0.04)},
     "spring_rate": {"r": (0.88, 1.12)},
 }

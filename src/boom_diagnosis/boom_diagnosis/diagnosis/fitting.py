@@ -21,9 +21,10 @@ Array = NDArray[np.float64]
 
 HUBER = 4.0
 """Standard deviations up to which an innovation counts squared."""
-FIRM = 15.0
-"""Norm of the change of all innovations, in standard deviations, by one of a tolerance, from which on its derivatives are kept up
-with the point: three of five directions, and all that a step is decided by."""
+WHITE = 0.5
+"""Loss [nats] per innovation that is white noise and nothing else."""
+SIZES = (1.0, 0.35, 0.1, 0.03)
+"""Shares of a step that are tried, at once."""
 Z_STEP = 0.1
 """Standard deviations of a tolerance: step of the differences."""
 
@@ -89,7 +90,6 @@ class Problem:
         self._poses = [{n.name: pose[n.name] for n in nuisances if n.name.startswith("pose.")} for pose in poses]
         self.limits = np.array([n.limits for n in nuisances]).reshape(-1, 2).T
         """(2, number of tolerances) least and largest z."""
-        self.runs = 0
 
     def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
         """Components of the parameter vector."""
@@ -104,16 +104,23 @@ class Problem:
 
     def points(self, wanted: Sequence[tuple[Array, Mapping[str, float]]]) -> list[Point]:
         """Predictions and losses of several (z, effects)."""
-        self.runs += len(wanted)
         predicted = self.predictor.predict([self.values(z, e) for z, e in wanted])
         result = []
         for (z, e), rows in zip(wanted, predicted, strict=True):
-            w = np.concatenate([r.whitened[s] for r, s in zip(rows, self.rows, strict=True)])
+            w = self._row([r.whitened for r in rows])
             loss = rho(w[self.used]) + 0.5 * float(z @ z)
             result.append(
                 Point(z.copy(), dict(e), w, self.used, loss, [r.whitened for r in rows], [r.states for r in rows])
             )
         return result
+
+    def _changes(self, at: Point, moved: Sequence[tuple[Array, Mapping[str, float]]]) -> list[Array]:
+        """(rows,) what each move changes in the innovations."""
+        base, others = self.values(at.z, at.effects), [self.values(z, e) for z, e in moved]
+        return [self._row(changes) for changes in self.predictor.changes(base, others)]
+
+    def _row(self, parts: Sequence[Array]) -> Array:
+        return np.concatenate([part[s] for part, s in zip(parts, self.rows, strict=True)])
 
     def likelihood(self, at: Point) -> float:
         """Log-likelihood [nats] but for a constant: of observers with different gains, at the same point."""
@@ -123,15 +130,10 @@ class Problem:
         )
         return size - at.loss
 
-    def nuisance_jacobian(self, at: Point, near: Array | None = None) -> Array:
-        """dw/dz (rows, number of tolerances) by differences.
-
-        near: one that was taken nearby; then only along the directions of z that move the innovations much are they taken anew.
-        """
-        directions = np.eye(len(self.nuisances)) if near is None else _strong(near)
-        moved = [(at.z + Z_STEP * v, at.effects) for v in directions.T]
-        slopes = np.stack([(p.w - at.w) / Z_STEP for p in self.points(moved)], axis=-1)
-        return slopes if near is None else near + (slopes - near @ directions) @ directions.T
+    def nuisance_jacobian(self, at: Point) -> Array:
+        """dw/dz (rows, number of tolerances) by differences."""
+        moved = [(at.z + Z_STEP * unit, at.effects) for unit in np.eye(len(self.nuisances))]
+        return np.stack([change / Z_STEP for change in self._changes(at, moved)], axis=-1)
 
     def effect_jacobian(self, at: Point, names: Sequence[Coordinate]) -> Array:
         """dw/d(inner coordinate) (rows, number of coordinates) by differences, towards the inside of the limits."""
@@ -143,8 +145,8 @@ class Problem:
                 there = here / (1 + c.step) if c.positive else here - c.step
             moved.append((at.z, {**at.effects, c.name: there}))
             sizes.append(c.inner(there) - c.inner(here))
-        points = self.points(moved)
-        return np.stack([(p.w - at.w) / s for p, s in zip(points, sizes, strict=True)], axis=-1)
+        changes = self._changes(at, moved)
+        return np.stack([change / s for change, s in zip(changes, sizes, strict=True)], axis=-1)
 
     def fit(
         self,
@@ -161,11 +163,8 @@ class Problem:
             columns = self.effect_jacobian(best, names) if names else np.zeros((len(best.w), 0))
             jacobian = np.concatenate([nz, columns], axis=1)
             step = _gauss_newton(best, jacobian, names, self.limits)
-            trials = self.points([self._moved(best, step, names, size) for size in (1.0, 0.35)])
+            trials = self.points([self._moved(best, step, names, size) for size in SIZES])
             trial = min(trials, key=lambda p: p.loss)
-            if trial.loss >= best.loss:
-                small = self.points([self._moved(best, step, names, size) for size in (0.1, 0.03)])
-                trial = min(small, key=lambda p: p.loss)
             _broyden(nz, best, trials[0], columns, names)
             gain = best.loss - trial.loss
             if gain > 0.0:
@@ -187,9 +186,7 @@ class Problem:
             columns = self.effect_jacobian(best, names)
             still = np.concatenate([np.zeros((len(best.w), len(zero))), columns], axis=1)
             step = _gauss_newton(best, still, names, self.limits)
-            trial = min(
-                self.points([self._moved(best, step, names, size) for size in (1.0, 0.3)]), key=lambda p: p.loss
-            )
+            trial = min(self.points([self._moved(best, step, names, size) for size in SIZES]), key=lambda p: p.loss)
             if trial.loss >= best.loss - 0.1:
                 break
             best = trial
@@ -205,12 +202,6 @@ class Problem:
             there = here * float(np.exp(np.clip(size * d, -1.0, 1.0))) if c.positive else here + size * float(d)
             effects[c.name] = float(np.clip(there, c.low, c.high))
         return np.clip(at.z + size * step[:m], *self.limits), effects
-
-
-def _strong(jacobian: Array) -> Array:
-    """(unknowns, k) orthonormal directions along which a unit step changes the innovations by more than ``FIRM``."""
-    size, directions = np.linalg.eigh(jacobian.T @ jacobian)
-    return np.asarray(directions[:, size > FIRM**2])
 
 
 def _gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate], limits: Array) -> Array:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis.bag_samples import Bag
 from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
-from boom_diagnosis.diagnosis.fitting import Point, Problem
+from boom_diagnosis.diagnosis.fitting import WHITE, Point, Problem
 from boom_diagnosis.diagnosis.nuisances import Nuisance
 from boom_diagnosis.diagnosis.prediction import Predictor, with_states
 from boom_diagnosis.diagnosis.search import Candidate, Fitted, Scanner, possible_effects, refine
@@ -41,11 +41,11 @@ RETUNED = 0.3
 WEIGHED, RIVAL = 3, 0.1
 """Effects that are weighed again where the best makes another observer likelier, and the share of its gain they must have."""
 
-RELINEARISED, SETTLED = 3, 300.0
+RELINEARISED, SETTLED = 5, 50.0
 """Fits of the tolerances with fresh derivatives at most, and the nats that the last one gained where they are good enough: a search
 that gives up too early leaves a rest to whatever effect comes first."""
-NOTICED = 12.0
-"""Nats, and half a one for each tolerance, that tolerances must gain before they count as moved at all."""
+NOTICED, NOTICED_EACH = 12.0, 0.5
+"""Nats, and more for each tolerance, that tolerances must gain before they count as moved at all."""
 
 Effects = Mapping[str, Mapping[str, float]]
 Progress = Callable[[str, float], None]
@@ -95,6 +95,11 @@ def problem_at(
     return Problem(Predictor(machine, bags, plain.values(z, values), looseness), nuisances, select, judged)
 
 
+def noticed(gain: float, count: int) -> bool:
+    """Whether ``count`` tolerances that gain so much [nats] over their nominal values count as moved at all."""
+    return gain >= NOTICED + NOTICED_EACH * count
+
+
 def run_round(
     machine: Machine,
     bags: Sequence[Bag],
@@ -119,15 +124,14 @@ def run_round(
         return problem_at(machine, bags, select, nuisances, at_z, at_values, looseness)
 
     def fit(
-        p: Problem, at_z: Array, at_values: Mapping[str, float], names: Sequence[Coordinate], near: Array | None = None
+        p: Problem, at_z: Array, at_values: Mapping[str, float], names: Sequence[Coordinate]
     ) -> tuple[Point, Array]:
         point = p.points([(at_z, at_values)])[0]
         for _ in range(RELINEARISED):
             before = point.loss
-            point, jacobian = p.fit(point, p.nuisance_jacobian(point, near), names, iterations=6)
+            point, jacobian = p.fit(point, p.nuisance_jacobian(point), names, iterations=6)
             if before - point.loss < SETTLED or p.predictor.looseness == LOOSENESS[-1]:
                 break
-            near = jacobian[:, : len(point.z)]
         return point, jacobian
 
     def likeliest(at_z: Array, at_values: Mapping[str, float]) -> Problem:
@@ -142,15 +146,14 @@ def run_round(
         first = Nominal(problem(z, values, LOOSENESS[1]))
         base = first.tolerances
         searching = likeliest(base.z, base.effects)
-        if searching.points([(base.z, base.effects)])[0].excess(0.5) > FAR_OFF:
+        if searching.points([(base.z, base.effects)])[0].excess(WHITE) > FAR_OFF:
             progress("effects", 0.2)
             outstanding = _at_once(first, possible_effects(machine.structure.has), likeliest, fit)
             if outstanding:
                 return outstanding
-        alike = searching.predictor.looseness == LOOSENESS[1]
-        base, jacobian = fit(searching, base.z, base.effects, kept, first.jacobian if alike else None)
+        base, jacobian = fit(searching, base.z, base.effects, kept)
     nominal = searching.fit_nominal(base.effects, kept)
-    if nominal.loss - base.loss < NOTICED + 0.5 * len(base.z):
+    if not noticed(nominal.loss - base.loss, len(base.z)):
         base = nominal
     progress("effects", 0.3)
     scanner = Scanner(searching, base, jacobian)
@@ -178,8 +181,7 @@ def run_round(
             1:
         ]
         return Round(accepted, base, jacobian, _sorted(fitted), scanned, searching)
-    alike = weighing.predictor.looseness == searching.predictor.looseness
-    base, jacobian = fit(weighing, base.z, base.effects, kept, jacobian[:, : len(base.z)] if alike else None)
+    base, jacobian = fit(weighing, base.z, base.effects, kept)
     columns = jacobian[:, : len(base.z)]  # of the base; good enough for all but the best
     near = [f for f in fitted[:WEIGHED] if f.gain > RIVAL * fitted[0].gain]
     fitted = [_weighed(weighing, f, base, columns, anew=not k) for k, f in enumerate(near)]
@@ -242,7 +244,7 @@ def _at_once(first: Nominal, wanted: Sequence[str], likeliest: Likeliest, fit: F
     seen = first.look(wanted)
     tried = sorted((first.fitted(c) for c in list(seen.values())[:AT_ONCE]), key=lambda f: f.point.loss)
     best, base = tried[0].point, first.tolerances
-    if best.excess(0.5) > OUTSTANDING * base.excess(0.5):
+    if best.excess(WHITE) > OUTSTANDING * base.excess(WHITE):
         return None
     weighing = likeliest(best.z, best.effects)
     base, jacobian = fit(weighing, base.z, {}, ())
@@ -277,7 +279,7 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
         p.machine, p.bags, found.problem.select, first.problem.nuisances, point.z, point.effects, p.looseness
     )
     start = retuned.points([(found.base.z, {})])[0]
-    base, jacobian = retuned.fit(start, retuned.nuisance_jacobian(start, columns))
+    base, jacobian = retuned.fit(start, retuned.nuisance_jacobian(start))
     rivals = [f for f in best[:WEIGHED] if f.gain > RIVAL * best[0].gain]
     again = [_weighed(retuned, f, base, jacobian, anew=not k) for k, f in enumerate(rivals)]
     return replace(found, base=base, jacobian=jacobian, fitted=_sorted(again), problem=retuned)
@@ -295,9 +297,9 @@ def _weighed(problem: Problem, f: Fitted, base: Point, columns: Array, *, anew: 
 
 
 def _polished(problem: Problem, f: Fitted, base: Point, columns: Array, *, anew: bool = True) -> Fitted:
-    """Fitted on with the derivatives ``columns`` of the tolerances, taken ``anew`` from those near by or as they are."""
+    """Fitted on with the derivatives of the tolerances taken ``anew``, or those of a point near by, ``columns``."""
     if anew:
-        columns = problem.nuisance_jacobian(f.point, columns)
+        columns = problem.nuisance_jacobian(f.point)
     point, jacobian = problem.fit(f.point, columns, f.coordinates, iterations=6)
     return replace(f, point=point, jacobian=jacobian, gain=base.loss - point.loss)
 

@@ -15,9 +15,20 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis.bag_samples import Bag
 from boom_diagnosis.validation import plant_for
+from boom_model.compiled import LANES
 from boom_model.effects import CATALOGUE, EFFECTS, check_effects
 from boom_model.machine import Machine
-from boom_model.observer import Gains, Job, NoiseModel, Observed, Samples, kalman, observe, observe_all
+from boom_model.observer import (
+    Gains,
+    Job,
+    NoiseModel,
+    Observed,
+    Samples,
+    kalman,
+    observe,
+    observe_all,
+    observe_groups,
+)
 from boom_model.plant import Plant
 
 Array = NDArray[np.float64]
@@ -29,8 +40,10 @@ FLOW_NOISE = 2e-8
 TORQUE_NOISE = 6.0
 """N m sqrt(s)."""
 TOLERANCE = 1e-5
-"""Of the integrator. Derivatives by differences are then good to 1 % in the median and 7 % in nine of ten; at 3e-4, which is
-hardly faster, to 7 % and 40 %, and searches end in the wrong place."""
+"""Of the integrator. Derivatives by differences are then good to 1 % in the median and 3 % in nine of ten; at 1e-4, which is hardly
+faster, to 20 % and 250 %, and searches end in the wrong place."""
+NUDGED_TOLERANCE = 1e-3
+"""The same along the trajectory that gains are computed for."""
 CURRENT_NOISE = 0.85e-3
 """A. Noise and quantisation of the measured currents, which drive the model."""
 SPOOL_NOISE = 2e-4
@@ -85,6 +98,7 @@ class Predictor:
         self._samples = [lru_cache(maxsize=32)(bag.samples) for bag in self.bags]
         self.base: list[Plant] = [self.plant(i, ()) for i in range(len(self.bags))]
         self._given: list[Gains] | None = None
+        self._gain: dict[tuple[int, tuple[str, ...]], Array] = {}
 
     @property
     def gains(self) -> list[Gains]:
@@ -115,24 +129,43 @@ class Predictor:
         """For each hypothesis (values of parameters), the prediction of every recording."""
         jobs = [self.job(i, values) for values in hypotheses for i in range(len(self.bags))]
         observed = observe_all(jobs, tolerance=TOLERANCE)
-        result, k = [], 0
-        for _ in hypotheses:
-            row = []
-            for i, bag in enumerate(self.bags):
-                plant, _, _, _, p = jobs[k]
-                late = bag.pressure_shift(plant.delays(p)[1])
-                row.append(Prediction(_whiten(observed[k], self.gains[i], bag, late), observed[k].states))
-                k += 1
-            result.append(row)
+        rows = [
+            self._prediction(k % len(self.bags), job, o) for k, (job, o) in enumerate(zip(jobs, observed, strict=True))
+        ]
+        return [rows[k : k + len(self.bags)] for k in range(0, len(rows), len(self.bags))]
+
+    def changes(self, base: Values, moved: Sequence[Values]) -> list[list[Array]]:
+        """For each of ``moved`` the change (n, 4) of the whitened innovations against ``base``, of every recording.
+
+        Each is predicted together with ``base``, with the same steps of the integrator, so that small changes are not lost in
+        its errors.
+        """
+        width = LANES - 1
+        parts = [moved[k : k + width] for k in range(0, len(moved), width)]
+        groups = [[self.job(i, v) for v in (base, *part)] for part in parts for i in range(len(self.bags))]
+        observed = observe_groups(groups, tolerance=TOLERANCE)
+        result: list[list[Array]] = [[] for _ in moved]
+        for k, (group, seen) in enumerate(zip(groups, observed, strict=True)):
+            part, i = divmod(k, len(self.bags))
+            first, *others = (self._prediction(i, job, o).whitened for job, o in zip(group, seen, strict=True))
+            for j, w in enumerate(others):
+                result[part * width + j].append(w - first)
         return result
+
+    def _prediction(self, i: int, job: Job, observed: Observed) -> Prediction:
+        plant, _, _, _, p = job
+        late = self.bags[i].pressure_shift(plant.delays(p)[1])
+        return Prediction(_whiten(observed, self.gains[i], self.bags[i], late), observed.states)
 
     def job(self, i: int, values: Values) -> Job:
         """The observer's pass over recording ``i`` with these values."""
         plant = self.plant(i, with_states(values))
         p = self.parameters(plant, values)
         samples = self.samples(i, plant, p)
-        gain = _for(plant, self.plant(i, with_states(self.tuned)), self.gains[i].gain)
-        return plant, samples, self.bags[i].initial_state(plant, p), gain, p
+        if (i, plant.state_names) not in self._gain:
+            base = self.plant(i, with_states(self.tuned))
+            self._gain[i, plant.state_names] = _for(plant, base, self.gains[i].gain)
+        return plant, samples, self.bags[i].initial_state(plant, p), self._gain[i, plant.state_names], p
 
     def noise(self) -> tuple[float, float, float, float]:
         """Standard deviations of the measured channels that the observer assumes [SI]."""
@@ -148,7 +181,8 @@ class Predictor:
         samples = self.samples(i, plant, p)
         x0 = bag.initial_state(plant, p)
         noise = noise_model(plant, self.machine, p, self.looseness, self.boost)
-        states = observe(plant, samples, x0, _nudging(plant, len(bag.grid) - 1), parameters=p).states
+        nudging = _nudging(plant, len(bag.grid) - 1)
+        states = observe(plant, samples, x0, nudging, parameters=p, tolerance=NUDGED_TOLERANCE).states
         return kalman(plant, samples, _filled(states), noise, p)
 
 

@@ -18,7 +18,7 @@ from boom_diagnosis.diagnosis.found_machine import found_machine
 from boom_diagnosis.diagnosis.freerun import Span, errors, free_run, median, noise_floor
 from boom_diagnosis.diagnosis.learning import Learned
 from boom_diagnosis.diagnosis.weighing import Z90, posterior
-from boom_diagnosis.validation import Prediction, plant_for
+from boom_diagnosis.validation import Prediction
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUT_UNITS, OUTPUTS
@@ -37,10 +37,9 @@ def label_of(effect: str) -> str:
 
 def machines_of(case: Case, verdict: Verdict, learned: Learned | None) -> dict[str, Machine]:
     """Stage -> machine fitted to the data for training alone, and the steps of the ladder between them."""
-    pose = plant_for(case.bags[0].recording, case.machine, "full").pose
 
     def at(point: Point, terms: tuple[LearnedTerm, ...] = ()) -> Machine:
-        return found_machine(case.machine, pose, case.values(point.z, point.effects), {}, terms)
+        return found_machine(case.machine, case.pose, case.values(point.z, point.effects), {}, terms)
 
     steps = {"nominal": case.machine, "parameters_only": at(case.trained[0])}
     for k, point in enumerate(case.trained[1:], start=1):
@@ -65,8 +64,7 @@ def final_machine(case: Case, verdict: Verdict, learned: Learned | None) -> Mach
         n.name: Z90 * sqrt(float(covariance[i, i])) * n.sigma * abs(numbers.get(n.name, 0.0))
         for i, n in enumerate(case.nuisances)
     }
-    pose = plant_for(case.bags[0].recording, case.machine, "full").pose
-    return found_machine(case.machine, pose, numbers, spreads, (learned.term,) if learned else ())
+    return found_machine(case.machine, case.pose, numbers, spreads, (learned.term,) if learned else ())
 
 
 @dataclass(frozen=True)
@@ -110,10 +108,9 @@ def spans_of(case: Case) -> Spans:
 
 def worsening(case: Case, before: Point, after: Point) -> float:
     """Factor by which free runs over data not used err more at ``after`` than at ``before``: geometric mean of the channels."""
-    pose = plant_for(case.bags[0].recording, case.machine, "full").pose
     rows = []
     for point in (before, after):
-        machine = found_machine(case.machine, pose, case.values(point.z, point.effects), {}, ())
+        machine = found_machine(case.machine, case.pose, case.values(point.z, point.effects), {}, ())
         rows.append([
             errors(span, free_run(span.recording, placed(machine, case, span))) for span in spans_of(case).judged
         ])  # fmt: skip

@@ -12,14 +12,14 @@ from boom_diagnosis.diagnosis import answer
 from boom_diagnosis.diagnosis.bag_samples import Bag, prepare
 from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.diagnosis.document import DiagnosisResult
-from boom_diagnosis.diagnosis.fitting import Point, Problem
+from boom_diagnosis.diagnosis.fitting import WHITE, Point, Problem
 from boom_diagnosis.diagnosis.healthy import simulated
 from boom_diagnosis.diagnosis.hypotheses import (
     LOOSENESS,
-    NOTICED,
     Nominal,
     Round,
     afresh,
+    noticed,
     problem_at,
     rebased,
     run_round,
@@ -42,7 +42,7 @@ from boom_diagnosis.diagnosis.weighing import (
     split_loss,
 )
 from boom_diagnosis.validation import plant_for
-from boom_model.machine import Machine
+from boom_model.machine import Machine, Pose
 from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -52,15 +52,18 @@ Progress = Callable[[str, float], None]
 MOST_EFFECTS = 3
 HELD_OUT_SHARE = 1.0 / 3.0
 """Of each recording, its end, where no recording is held out."""
-WORSE = 1.1
-"""Factor by which the free runs over data not used may err more with an effect than without: one that pays for what the
-numbers cannot take up, but is not there, makes the free run worse."""
+WORSE, LATER = 1.1, 1.0
+"""Factor by which the free runs over data not used may err more with an effect than without, for the first one and for one beside
+others: one that pays for what the numbers cannot take up, but is not there, makes the free run worse."""
+LARGE, CONVINCING = 0.3, 1.5
+"""Share of all that the tolerances cannot take up from which on a first effect may leave free runs worse by a larger factor:
+another one, as large, that is not in the model yet may dominate them."""
 CLEARLY_BETTER = 0.8
 """The same factor below which an effect has proved itself even where its one-step predictions of that data have not."""
 LITTLE = 0.25
 """Share of what the tolerances cannot take up that a first effect may leave without a second look at all others."""
-LATER = 1.0
-"""The same factor for an effect beside others: it must make these free runs better."""
+FIRST_LOOK = 0.6
+"""Share of a round's time that is over before a second look, as the progress counts it."""
 FAR = 1.0
 """Loss per innovation over that of a healthy machine from which on the likeliest observer is looked for again; below, the one
 that is right for a healthy machine sees what is left best."""
@@ -75,14 +78,20 @@ class Case:
     """What is diagnosed, and how far it has got.
 
     Attributes:
+        pose: of the first recording.
         bags: fitted. proving: not fitted at all. select: samples that the search goes by, per bag of ``bags``.
         training, judged: two parts of them; what is proved is fitted to the first and judged on the second. Without recordings
             that are held out the second is the end of each recording, else it is empty.
-        floor: loss per innovation of a healthy machine with the same currents.
+        floor: loss per innovation of a healthy machine with the same currents. healthy: its recordings.
+        rounds, weighed: what each round found, and its effects with what speaks for them. taken: those that earned their place.
+        trained: points with the first k effects, fitted to ``training`` alone.
+        spared: number of effects -> fit with nominal tolerances, where moving them gains nothing.
+        final: all effects at the point that the machine file gets, with all derivatives taken there.
         onset: when a load came in the recordings held out [s].
     """
 
     machine: Machine
+    pose: Pose
     bags: list[Bag]
     proving: list[Bag]
     select: list[Flags]
@@ -96,6 +105,9 @@ class Case:
     rounds: list[Round] = field(default_factory=list)
     weighed: list[list[Weighed]] = field(default_factory=list)
     taken: list[Weighed] = field(default_factory=list)
+    trained: list[Point] = field(default_factory=list)
+    spared: dict[int, Point] = field(default_factory=dict)
+    final: Fitted | None = None
     temperature: float = COLDEST
     onset: float | None = None
 
@@ -103,16 +115,9 @@ class Case:
         """Components of the parameter vector."""
         return self.rounds[0].problem.values(z, effects)
 
-    spared: dict[int, Point] = field(default_factory=dict)
-    trained: list[Point] = field(default_factory=list)
-    """With the first k effects, fitted to ``training`` alone."""
-
     def kept(self, k: int) -> Point:
         """The fit with the first ``k`` effects: with nominal tolerances where moving them gains nothing."""
         return self.spared.get(k) or (self.taken[k - 1].fitted.point if k else self.rounds[0].base)
-
-    final: Fitted | None = None
-    """All effects at the point that the machine file gets, with all derivatives taken there."""
 
     @property
     def last(self) -> Point:
@@ -192,14 +197,10 @@ def _finish(case: Case) -> None:
 def _rounds(case: Case, progress: Progress) -> None:
     near = False
     for k in range(MOST_EFFECTS):
-        done = 0.8 * k / MOST_EFFECTS
-
-        def inner(text: str, share: float, done: float = done) -> None:
-            progress(text, done + 0.8 / MOST_EFFECTS * share)
-
-        taken = _look(case, k, inner, near)
+        look = _share(progress, 0.8 * k / MOST_EFFECTS, 0.8 / MOST_EFFECTS)
+        taken = _look(case, _share(look, 0.0, FIRST_LOOK), near)
         if k == 0 and not _satisfied(case):
-            taken = _look_again(case, inner)
+            taken = _look_again(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK))
         if not taken:
             return
         left = rest(case, case.last.z, case.last.effects)
@@ -208,19 +209,30 @@ def _rounds(case: Case, progress: Progress) -> None:
         near = left < FAR
 
 
-def _look(case: Case, k: int, progress: Progress, tight: bool) -> bool:
+def _share(progress: Progress, begin: float, size: float) -> Progress:
+    """Progress of a part that begins at a share of the whole and has a size of it."""
+    return lambda text, share: progress(text, begin + size * share)
+
+
+def _look(case: Case, progress: Progress, tight: bool) -> bool:
     """One round: whether an effect was found that earns its place."""
-    z, values = (case.last.z, case.last.effects) if k else (np.zeros(len(case.nuisances)), {})
+    z, values = (case.last.z, case.last.effects) if case.taken else (np.zeros(len(case.nuisances)), {})
     found = run_round(
         case.machine, case.bags, case.select, case.nuisances, z, values, progress, tight=tight, least=_least(case)
     )
+    return _judge(case, found)
+
+
+def _judge(case: Case, found: Round) -> bool:
+    """Weighs what a round found, in the place of a round before that nothing was taken from; whether the best is taken."""
+    k = len(case.taken)
     found = rebased(found)
+    case.rounds[k:] = [found]
     if k == 0:
-        _calibrate(case, found)
-    case.rounds.append(found)
-    if k == 0:
-        case.trained.append(_settle(case, 0, found.problem, found.base, found.jacobian, ()))
-    case.weighed.append(_weigh(case, found) if found.fitted else [])
+        if not case.healthy:
+            _calibrate(case, found)
+        case.trained[:] = [_settle(case, 0, found.problem, found.base, found.jacobian, ())]
+    case.weighed[k:] = [_weigh(case, found) if found.fitted else []]
     return _take(case)
 
 
@@ -232,7 +244,14 @@ def _satisfied(case: Case) -> bool:
 
 
 def _look_again(case: Case, progress: Progress) -> bool:
-    """The first round once more, with the observer that sees most, and with what the nominal machine shows."""
+    """The first round once more, with the observer that sees most, and with what the nominal machine shows.
+
+    What the first look took stays where the second leaves more unexplained.
+    """
+    first = replace(
+        case, rounds=[*case.rounds], weighed=[*case.weighed], taken=[*case.taken], trained=[*case.trained],
+        spared={**case.spared},
+    )  # fmt: skip
     wanted = [case.taken[0].fitted.effect] if case.taken else []
     found = case.rounds[0]
     if found.problem.predictor.looseness > LOOSENESS[0]:
@@ -243,29 +262,46 @@ def _look_again(case: Case, progress: Progress) -> bool:
     zero = np.zeros(len(case.nuisances))
     nominal = Nominal(problem_at(case.machine, case.bags, case.select, case.nuisances, zero, {}, LOOSENESS[1]))
     found = afresh(found, nominal, [*wanted, *(f.effect for f in found.fitted[:1])], case.floor)
-    found = rebased(found)
-    case.rounds[:], case.taken[:], case.trained[:] = [found], [], []
+    case.taken.clear()
     case.spared.clear()
-    case.trained.append(_settle(case, 0, found.problem, found.base, found.jacobian, ()))
-    case.weighed[:] = [_weigh(case, found) if found.fitted else []]
-    return _take(case)
+    taken = _judge(case, found)
+    if not first.taken:
+        return taken
+    left, before = (rest(case, c.last.z, c.last.effects) for c in (case, first))
+    if left <= before + NEGLIGIBLE:
+        return taken
+    case.rounds, case.weighed, case.taken, case.trained = first.rounds, first.weighed, first.taken, first.trained
+    case.spared, case.temperature = first.spared, first.temperature
+    return True
 
 
 def _take(case: Case) -> bool:
-    """Takes the best effect of the last round if it earns its place; whether it does."""
+    """Takes the first effect of the last round that earns its place; whether there is one.
+
+    What free runs over data not used disprove is no alternative any more.
+    """
     k = len(case.taken)
-    best = case.weighed[k][0] if case.weighed[k] else None
-    if best is None or best.net <= _least(case):
-        return False
-    fitted, problem = best.fitted, case.rounds[k].problem
-    trained = _settle(case, k + 1, problem, fitted.point, fitted.jacobian, fitted.coordinates)
-    factor = worsening(case, case.trained[k], trained)
-    if factor > (LATER if case.taken else WORSE) or (best.held_out_gain <= 0.0 and factor > CLEARLY_BETTER):
+    weighed, problem = case.weighed[k], case.rounds[k].problem
+    while weighed and weighed[0].net > _least(case):
+        best = weighed[0]
+        fitted = best.fitted
+        trained = _settle(case, k + 1, problem, fitted.point, fitted.jacobian, fitted.coordinates)
+        factor = worsening(case, case.trained[k], trained)
+        if factor <= _bearable(case, best) and (best.held_out_gain > 0.0 or factor <= CLEARLY_BETTER):
+            case.taken.append(best)
+            case.trained.append(trained)
+            return True
         case.spared.pop(k + 1, None)
-        return False
-    case.taken.append(best)
-    case.trained.append(trained)
-    return True
+        weighed.pop(0)
+    return False
+
+
+def _bearable(case: Case, best: Weighed) -> float:
+    """Factor by which free runs over data not used may err more with an effect than without."""
+    if case.taken:
+        return LATER
+    base = case.rounds[0].base
+    return CONVINCING if best.net > LARGE * (base.loss - case.floor * int(base.used.sum())) else WORSE
 
 
 def _settle(case: Case, k: int, problem: Problem, point: Point, jacobian: Array, names: Sequence[Coordinate]) -> Point:
@@ -282,12 +318,9 @@ def _settle(case: Case, k: int, problem: Problem, point: Point, jacobian: Array,
         columns = jacobian[_training(case)][:, : len(point.z)]
         trained = part.fit(start, columns, names, iterations=TRAINING)[0]
     nominal = problem.fit_nominal(point.effects, names)
-    if nominal.loss - point.loss >= NOTICED + 0.5 * len(point.z):
-        own = nominal if part is problem or not names else part.fit_nominal(point.effects, names)
-        if worsening(case, own, trained) <= WORSE:
-            return trained
-    else:
-        own = nominal if part is problem or not names else part.fit_nominal(point.effects, names)
+    own = nominal if part is problem or not names else part.fit_nominal(point.effects, names)
+    if noticed(nominal.loss - point.loss, len(point.z)) and worsening(case, own, trained) <= WORSE:
+        return trained
     case.spared[k] = nominal
     return own
 
@@ -312,19 +345,22 @@ def _case(machine: Machine, bags: list[Bag], proving: list[Bag], seed: int) -> C
     ]
     training = [s & ~end[:, None] for s, end in zip(select, later, strict=True)]
     judged = [s & end[:, None] for s, end in zip(select, later, strict=True)]
-    return Case(machine, bags, proving, select, training, judged, tolerances(machine, pose), seed)
+    return Case(machine, pose, bags, proving, select, training, judged, tolerances(machine, pose), seed)
 
 
 def _calibrate(case: Case, first: Round) -> None:
-    """The loss of a healthy machine with the same currents."""
-    values = first.problem.values(first.base.z, {})
-    copies = [simulated(bag, case.machine, values, case.seed + 1 + i) for i, bag in enumerate(case.bags)]
-    if any(copy is None for copy in copies):
-        values = {}
+    """The loss of a healthy machine with the same currents; that of white noise where none gets far with them."""
+    for values in (first.problem.values(first.base.z, {}), dict[str, float]()):
         copies = [simulated(bag, case.machine, values, case.seed + 1 + i) for i, bag in enumerate(case.bags)]
-    case.healthy = [copy if copy is not None else bag for copy, bag in zip(copies, case.bags, strict=True)]
-    select = [bag.counted for bag in case.healthy]
-    problem = problem_at(case.machine, case.healthy, select, case.nuisances, np.zeros(len(case.nuisances)), {}, 1.0)
+        if all(copy is not None for copy in copies):
+            break
+    case.healthy = [copy or bag for copy, bag in zip(copies, case.bags, strict=True)]
+    known = [copy for copy in copies if copy is not None]
+    if not known:
+        case.floor = WHITE
+        return
+    select = [bag.counted for bag in known]
+    problem = problem_at(case.machine, known, select, case.nuisances, np.zeros(len(case.nuisances)), {}, 1.0)
     exact = problem.predictor.predict([values])[0]
     rows = np.concatenate([r.whitened[s.all(axis=1)] for r, s in zip(exact, select, strict=True)])
     case.healthy_squares = np.mean(rows**2, axis=0)
@@ -337,8 +373,8 @@ def _weigh(case: Case, found: Round) -> list[Weighed]:
     hypotheses = [(found.base, found.jacobian), *((f.point, f.jacobian) for f in found.fitted)]
     names = [_coordinates(found), *(f.coordinates for f in found.fitted)]
     losses = _held_out(case, found, hypotheses, names) if case.proving else _split(case, hypotheses, names)
-    rest = max(0.0, found.fitted[0].point.loss - case.floor * int(found.base.used.sum()))
-    case.temperature = COLDEST + UNEXPLAINED_WEIGHT * rest
+    unexplained = max(0.0, found.fitted[0].point.loss - case.floor * int(found.base.used.sum()))
+    case.temperature = COLDEST + UNEXPLAINED_WEIGHT * unexplained
     weighed = []
     for f, loss in zip(found.fitted, losses[1:], strict=True):
         new = [c for c in f.coordinates if c.name.split(".")[1] not in accepted]
@@ -357,9 +393,7 @@ def _split(
     used = _training(case)
     result = []
     for (point, jacobian), own in zip(hypotheses, names, strict=True):
-        prior = np.array(
-            [1.0] * len(point.z) + [12.0 / c.width**2 for c in own]
-        )  # a flat one has a variance of width^2 / 12
+        prior = np.array([1.0] * len(point.z) + [c.precision for c in own])
         result.append(split_loss(point.w, jacobian, prior, point.z, used))
     return result
 

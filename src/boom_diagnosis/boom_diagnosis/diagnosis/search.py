@@ -6,14 +6,15 @@ imitate, is compared with the innovations: how much of them would it take away, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis.coordinates import Coordinate, coordinates, starts
-from boom_diagnosis.diagnosis.fitting import Point, Problem, weights
+from boom_diagnosis.diagnosis.fitting import WHITE, Point, Problem, weights
 from boom_diagnosis.diagnosis.onset import TIME, near_onset
 from boom_model.effects import CATALOGUE, EFFECTS
 
@@ -25,6 +26,14 @@ STEPS, GLANCE = 5, 2
 """Of Gauss-Newton for an effect, and those after which one that is far behind another is left."""
 STARTS = (1.0, 0.5, 0.2, 0.05)
 """Shares of the linear look's size from which an effect is fitted."""
+PROBES = 16
+"""Predicted at once."""
+NEARER = 0.5
+"""Share of a probe below which it is taken once more."""
+AS_THEY_ARE = ("payload_change", "command_delay", "pressure_delay")
+"""Effects whose probes are taken once only: a load's time is searched for apart, and a delay moves samples between intervals."""
+LEAST_MISFIT = 50.0
+"""Nats that there may always be to explain."""
 ONSET_STEP = 10
 """Intervals between the times at which an effect that begins is looked for."""
 
@@ -108,28 +117,45 @@ class Scanner:
         return float(-0.5 * score @ size), size
 
     def scan(self, wanted: Sequence[str], progress: Callable[[], None] | None = None) -> list[Candidate]:
-        """Candidates of these effects, the best first."""
+        """Candidates of these effects, the best first.
+
+        A probe that changes the innovations by far more than what is to be explained says little about small ones; it is taken once
+        more, in proportion.
+        """
         lasting = max(bag.recording.duration for bag in self.problem.predictor.bags)
         tried = [(effect, start) for effect in wanted for start in starts(EFFECTS[effect], lasting)]
-        found: list[Candidate] = []
-        for k in range(0, len(tried), 8):
-            part = tried[k : k + 8]
+        tried.sort(key=lambda t: EFFECTS[t[0]].states)  # those of one plant go side by side
+        seen = self._probed(tried, progress)
+        misfit = max(self.at.loss - WHITE * int(self.at.used.sum()), LEAST_MISFIT)
+        shares = [sqrt(2.0 * misfit) / max(size, 1e-9) for _, size in seen]
+        large = [k for k, share in enumerate(shares) if share < NEARER and tried[k][0] not in AS_THEY_ARE]
+        nearer = self._probed([(tried[k][0], _scaled(*tried[k], shares[k])) for k in large], progress)
+        best = [candidate for candidate, _ in seen]
+        for k, (candidate, _) in zip(large, nearer, strict=True):
+            best[k] = max(best[k], candidate, key=lambda c: c.gain)
+        return sorted(self._joined(best), key=lambda c: -c.gain)
+
+    def _probed(
+        self, tried: Sequence[tuple[str, dict[str, float]]], progress: Callable[[], None] | None
+    ) -> list[tuple[Candidate, float]]:
+        """The candidate that each probe gives, and the norm of what it changes in the innovations."""
+        found = []
+        for k in range(0, len(tried), PROBES):
+            part = tried[k : k + PROBES]
             points = self.problem.points([(self.at.z, {**self.at.effects, **start}) for _, start in part])
             for (effect, start), point in zip(part, points, strict=True):
-                found += self._candidates(effect, start, point)
+                column = point.w - self.at.w
+                candidate = (
+                    self._onset(effect, start) if effect == "payload_change" else self._candidate(effect, start, column)
+                )
+                found.append((candidate, float(np.linalg.norm(column))))
             if progress:
                 progress()
-        found = self._joined(found)
-        return sorted(found, key=lambda c: -c.gain)
+        return found
 
-    def _candidates(self, effect: str, start: dict[str, float], point: Point) -> list[Candidate]:
-        column = point.w - self.at.w
-        if effect == "payload_change":
-            return self._onset(effect, start)
+    def _candidate(self, effect: str, start: dict[str, float], column: Array) -> Candidate:
         gain, size = self.gain(column[:, None])
-        first = coordinates(EFFECTS[effect])
-        moved = [c for c in first if start[c.name] != _neutral(c.name)]
-        leading = moved[0] if EFFECTS[effect].independent else first[0]
+        leading = _leading(effect, start)
         neutral = _neutral(leading.name)
         value = neutral + float(size[0]) * (start[leading.name] - neutral)
         clipped = float(np.clip(value, leading.low, leading.high))
@@ -138,11 +164,9 @@ class Scanner:
             gain = 0.0
         elif clipped != value:  # the parabola at the limit
             gain *= max(0.0, 1.0 - (1.0 - share / float(size[0])) ** 2)
-        return [
-            Candidate(
-                effect, {**start, leading.name: clipped if abs(share) > 0.02 else start[leading.name]}, gain, start
-            )
-        ]
+        return Candidate(
+            effect, {**start, leading.name: clipped if abs(share) > 0.02 else start[leading.name]}, gain, start
+        )
 
     def _joined(self, found: list[Candidate]) -> list[Candidate]:
         """Effects of independent numbers: what they gain together, from the sum of their single gains."""
@@ -159,7 +183,7 @@ class Scanner:
             result.append(Candidate(effect, values, sum(c.gain for c in own)))
         return result
 
-    def _onset(self, effect: str, start: dict[str, float]) -> list[Candidate]:
+    def _onset(self, effect: str, start: dict[str, float]) -> Candidate:
         """A mass that comes at t_g: the difference of a lasting mass, from t_g on (the observer forgets in a second)."""
         mass = start["effects.payload_change.mass"]
         point = self.problem.points([(self.at.z, {**self.at.effects, "effects.payload.mass": mass})])[0]
@@ -180,20 +204,10 @@ class Scanner:
         projected = power[pick] - np.einsum("ij,jk,ik->i", c, self._factor, c)
         g = score[pick] - c @ self._factor @ self._score
         gains = 0.5 * g * g / np.maximum(projected, 1e-9)
-        result = []
-        for k in np.argsort(-gains)[:1]:
-            size = -g[k] / max(projected[k], 1e-9)
-            result.append(
-                Candidate(
-                    effect,
-                    {
-                        "effects.payload_change.mass": float(mass * size),
-                        "effects.payload_change.t_g": float(t[pick[k]]),
-                    },
-                    float(gains[k]),
-                )
-            )
-        return result
+        k = int(np.argmax(gains))
+        size = -g[k] / max(projected[k], 1e-9)
+        values = {"effects.payload_change.mass": float(mass * size), "effects.payload_change.t_g": float(t[pick[k]])}
+        return Candidate(effect, values, float(gains[k]))
 
     def follow(self, columns: Array, size: Array) -> Array:
         """z that the tolerances would take if the innovations changed by columns @ size."""
@@ -259,6 +273,18 @@ def _start(scanner: Scanner, candidate: Candidate) -> Point:
 def possible_effects(has: Callable[[str], bool], without: Sequence[str] = ()) -> list[str]:
     """Effects that a machine can have and does not have yet."""
     return [effect.id for effect in CATALOGUE if has(effect.needs) and effect.id not in without]
+
+
+def _leading(effect: str, start: Mapping[str, float]) -> Coordinate:
+    """The number of an effect that a probe moves in proportion."""
+    first = coordinates(EFFECTS[effect])
+    moved = [c for c in first if start[c.name] != _neutral(c.name)]
+    return moved[0] if EFFECTS[effect].independent else first[0]
+
+
+def _scaled(effect: str, start: dict[str, float], share: float) -> dict[str, float]:
+    name = _leading(effect, start).name
+    return {**start, name: _neutral(name) + share * (start[name] - _neutral(name))}
 
 
 def _neutral(name: str) -> float:

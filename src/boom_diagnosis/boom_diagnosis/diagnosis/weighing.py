@@ -25,7 +25,7 @@ ENOUGH = 12.0
 """Nats, net of costs, from which on an effect is named at all: twice what chance gave on simulated healthy recordings."""
 TOO_SMALL = 0.0015
 """Nats per innovation that an effect must gain beside: so much is taken up by an effect where two models of one machine differ
-in the fourth digit (other integrator, clocks that differ by 0.2 ms). It is an effect of a tenth of the noise."""
+in the fourth digit (other integrator, clocks that differ by 0.2 ms). It is an effect of a twentieth of the noise."""
 OTHER_FORM = 0.02
 """Share of what the effects before gained that a further one must gain: the catalogue's form of an effect is not the machine's,
 and what it misses of a large effect looks like a small other one."""
@@ -80,12 +80,20 @@ def predictive_loss(w: Array, jacobian: Array, known: Array) -> float:
     weighted = jacobian * omega[:, None]
     both = known + weighted.T @ jacobian
     gradient = weighted.T @ w
-    scale = np.sqrt(np.maximum(np.diag(both), 1e-12))
-    ridge = 1e-9 * np.eye(len(scale))
-    scaled = both / np.outer(scale, scale) + ridge
-    moved = gradient / scale
-    spread = np.linalg.slogdet(scaled)[1] - np.linalg.slogdet(known / np.outer(scale, scale) + ridge)[1]
+    scale = _scale(both)
+    scaled, moved = _unit(both, scale), gradient / scale
+    spread = np.linalg.slogdet(scaled)[1] - np.linalg.slogdet(_unit(known, scale))[1]
     return rho(w) - 0.5 * float(moved @ np.linalg.solve(scaled, moved)) + 0.5 * float(spread)
+
+
+def _scale(normal: Array) -> Array:
+    """Roots of the diagonal of a precision."""
+    return np.asarray(np.sqrt(np.maximum(np.diag(normal), 1e-12)))
+
+
+def _unit(normal: Array, scale: Array) -> Array:
+    """A precision in units of ``scale``, kept from being singular."""
+    return np.asarray(normal / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)))
 
 
 def split_loss(w: Array, jacobian: Array, prior: Array, z: Array, used: NDArray[np.bool_]) -> tuple[float, float]:
@@ -99,8 +107,8 @@ def split_loss(w: Array, jacobian: Array, prior: Array, z: Array, used: NDArray[
     weighted = jacobian * np.minimum(1.0, HUBER / np.maximum(np.abs(w), 1e-9))[:, None]
     part, rows = weighted[used], jacobian[used]
     some, every = part.T @ rows + np.diag(prior), weighted.T @ jacobian + np.diag(prior)
-    scale = np.sqrt(np.maximum(np.diag(every), 1e-12))
-    some, every = (m / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)) for m in (some, every))
+    scale = _scale(every)
+    some, every = _unit(some, scale), _unit(every, scale)
     gradient = part.T @ w[used]
     gradient[: len(z)] += z
     gradient = gradient / scale
@@ -113,9 +121,8 @@ def split_loss(w: Array, jacobian: Array, prior: Array, z: Array, used: NDArray[
 def posterior(point: Point, jacobian: Array, count: int) -> Array:
     """Covariance of (z, inner coordinates) at a fitted point; the first ``count`` unknowns have unit priors."""
     normal = precision(point, jacobian, count)
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
-    inverse = np.linalg.inv(normal / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)))
-    return np.asarray(inverse / np.outer(scale, scale))
+    scale = _scale(normal)
+    return np.asarray(np.linalg.inv(_unit(normal, scale)) / np.outer(scale, scale))
 
 
 def scatter(point: Point, jacobian: Array, count: int) -> Array:
@@ -129,11 +136,8 @@ def scatter(point: Point, jacobian: Array, count: int) -> Array:
     blocks = np.add.reduceat(scores, np.arange(0, len(scores), BLOCK), axis=0)
     blocks = blocks - blocks.mean(axis=0)
     normal = precision(point, jacobian, count)
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
-    moved = (
-        np.linalg.solve(normal / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)), (blocks / scale).T)
-        / scale[:, None]
-    )
+    scale = _scale(normal)
+    moved = np.linalg.solve(_unit(normal, scale), (blocks / scale).T) / scale[:, None]
     return np.asarray(moved @ moved.T) * len(blocks) / max(len(blocks) - 1, 1)
 
 
@@ -158,7 +162,7 @@ def trusted(point: Point, jacobian: Array, count: int, widths: Sequence[float]) 
     ``widths`` for coordinates) all.
     """
     normal = (jacobian * weights(point)[:, None]).T @ jacobian
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
+    scale = _scale(normal)
     values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
     told = (vectors * np.maximum(values - DERIVATIVES, 0.0)) @ vectors.T * np.outer(scale, scale)
     told += np.diag([1.0] * count + [12.0 / max(w, 1e-300) ** 2 for w in widths])

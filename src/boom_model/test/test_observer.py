@@ -1,0 +1,100 @@
+"""Passes of the observer side by side: the same as one after the other, whatever the others in the register do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from boom_model.compiled import LANES
+from boom_model.effects import CATALOGUE
+from boom_model.machine import Machine
+from boom_model.observer import Job, Observed, Samples, observe, observe_all, observe_groups
+from boom_model.plant import Plant
+
+SENSORS = np.array([3.8e-4, 1.5e-3, 2e4, 2e4])  # angle, rate, pressures: what the machine's sensors resolve
+Make = Callable[..., Job]
+
+
+@pytest.fixture(scope="module")
+def job(joystick: Any) -> Make:
+    """A pass over 6 s of joystick work with some numbers of the machine off by a factor."""
+    time, currents = joystick(6.0, 2)
+    made: dict[int, tuple[Samples, Any]] = {}
+
+    def make(plant: Plant, **factors: float) -> Job:
+        if id(plant) not in made:
+            start = plant.equilibrium(0.45)
+            run = plant.run(time, currents, time[1:], start, start=0.0)
+            noise = SENSORS * np.random.default_rng(1).standard_normal(run.outputs.shape)
+            n = len(time) - 1
+            gain = np.zeros((n, len(plant.state_names), 4))
+            for j, name in enumerate(("angle", "rate", "hose_pressure", "rod_pressure")):
+                gain[:, plant.state_names.index(name), j] = 0.2
+            made[id(plant)] = Samples(time, np.ones((n, 4)), run.outputs + noise, time[:-1], currents[:-1]), gain
+        samples, gain = made[id(plant)]
+        p = plant.p.copy()
+        for name, factor in factors.items():
+            p[plant.parameter_names.index(name.replace("__", "."))] *= factor
+        return plant, samples, plant.equilibrium(0.45), gain, p
+
+    return make
+
+
+def alone(job: Job, tolerance: float = 1e-5) -> Observed:
+    plant, samples, x, gain, p = job
+    return observe(plant, samples, x, gain, parameters=p, tolerance=tolerance)
+
+
+def different(job: Make, plant: Plant) -> list[Job]:
+    return [
+        job(plant), job(plant, fluid__beta=0.8), job(plant, main_valve_spool__k=1.1), job(plant, cylinder__A_b=0.95)
+    ]  # fmt: skip
+
+
+def test_passes_side_by_side_are_those_one_after_the_other(folded: Plant, job: Make) -> None:
+    jobs = different(job, folded)
+    assert len(jobs) == LANES
+    for together, one in zip(observe_all(jobs, tolerance=1e-8), jobs, strict=True):
+        exact = alone(one, 1e-8)
+        assert together.complete
+        assert np.abs(together.innovations - exact.innovations).max(axis=0) / SENSORS == pytest.approx(0.0, abs=1e-4)
+        assert together.states.shape == exact.states.shape
+
+
+def test_the_place_in_the_register_does_not_matter(folded: Plant, job: Make) -> None:
+    jobs = different(job, folded)
+    forward, backward = observe_groups([jobs, jobs[::-1]])
+    for a, b in zip(forward, backward[::-1], strict=True):
+        assert np.array_equal(a.innovations, b.innovations)
+
+
+@pytest.mark.parametrize("place", range(LANES))
+def test_a_pass_that_fails_leaves_the_others_as_they_are(folded: Plant, job: Make, place: int) -> None:
+    jobs = different(job, folded)
+    jobs[place] = job(folded, fluid__beta=float("nan"))
+    seen = observe_groups([jobs])[0]
+    assert [o.complete for o in seen] == [k != place for k in range(LANES)]
+    for k, (o, one) in enumerate(zip(seen, jobs, strict=True)):
+        if k != place:
+            assert np.array_equal(o.innovations, alone(one).innovations)
+
+
+def test_passes_of_several_plants_come_back_in_their_order(folded: Plant, job: Make, tz17: Machine) -> None:
+    log = Plant(tz17, tz17.pose(0.28, 2.8))
+    jobs = [job(folded), job(log), job(folded, fluid__beta=0.8), job(log, fluid__beta=0.8), job(folded)]
+    for o, one in zip(observe_all(jobs), jobs, strict=True):
+        assert np.abs(o.innovations - alone(one).innovations).max(axis=0) / SENSORS == pytest.approx(0.0, abs=0.5)
+
+
+def test_every_effect_of_the_catalogue_is_the_same_side_by_side(tz17: Machine, job: Make) -> None:
+    mild = {e.id: {r.name: 0.9 * r.neutral + 0.1 * r.low for r in e.parameters} for e in CATALOGUE}
+    plant = Plant(replace(tz17, effects=mild), tz17.pose(4.59, 0.0))
+    one = job(plant)
+    exact = alone(one)
+    for o in observe_groups([[one] * LANES])[0]:
+        assert o.complete
+        assert np.abs(o.innovations - exact.innovations).max(axis=0) / SENSORS == pytest.approx(0.0, abs=0.02)
