@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
 
@@ -61,20 +62,21 @@ def recorded(effect: str, like: Recording, duration: float, seed: int) -> Record
     driven = held_currents(like)
     first = {name: like.signals[name].values[:50] for name in ("angle", "hose_pressure", "rod_pressure")}
     angle, hose, rod = (float(np.nanmean(values)) for values in first.values())
-    higher = [0.0]
+
+    def run(rise: float) -> Recording:
+        return simulate(
+            machine, like.configuration, Start(angle + rise, hose, rod), driven.time, driven.values,
+            noise=machine.sensor_noise(), seed=seed, duration=duration, name=f"{effect}, simulated",
+        )  # fmt: skip
+
     if effect == "end_cushioning":  # nothing is told of the end of the stroke by a boom that does not come near it
         room = machine.angle_limits[1] - float(np.nanmax(like.signals["angle"].values))
-        higher = [share * room for share in np.arange(0.98, 0.0, -0.02)]
-    for rise in higher:
-        try:
-            return simulate(
-                machine, like.configuration, Start(angle + rise, hose, rod), driven.time, driven.values,
-                noise=machine.sensor_noise(), seed=seed, duration=duration, name=f"{effect}, simulated",
-            )  # fmt: skip
-        except SimulationError:  # it ran over the end: the same currents move it further where gravity has another arm
-            if rise == higher[-1]:
-                raise
-    raise AssertionError("there is always one start")
+        for share in np.arange(0.98, 0.0, -0.02):
+            with suppress(
+                SimulationError
+            ):  # over the end: the same currents move it further where gravity's arm differs
+                return run(share * room)
+    return run(0.0)
 
 
 def judged(effect: str, result: DiagnosisResult) -> bool:

@@ -58,6 +58,9 @@ others: one that pays for what the numbers cannot take up, but is not there, mak
 LARGE, CONVINCING = 0.3, 1.5
 """Share of all that the tolerances cannot take up from which on a first effect may leave free runs worse by a larger factor:
 another one, as large, that is not in the model yet may dominate them."""
+MOST, CLEAR = 0.6, 0.05
+"""Share of a rest that a further effect must explain not to be taken for what another's form leaves, and the least such rest [nats
+per innovation]."""
 CLEARLY_BETTER = 0.8
 """The same factor below which an effect has proved itself even where its one-step predictions of that data have not."""
 LITTLE = 0.25
@@ -282,7 +285,7 @@ def _take(case: Case) -> bool:
     """
     k = len(case.taken)
     weighed, problem = case.weighed[k], case.rounds[k].problem
-    while weighed and weighed[0].net > _least(case):
+    while weighed and weighed[0].net > _needed(case, weighed[0]):
         best = weighed[0]
         fitted = best.fitted
         trained = _settle(case, k + 1, problem, fitted.point, fitted.jacobian, fitted.coordinates)
@@ -296,12 +299,23 @@ def _take(case: Case) -> bool:
     return False
 
 
+def _excess(case: Case) -> float:
+    """Nats over a healthy machine that the last round begins with."""
+    base = case.rounds[-1].base
+    return base.loss - case.floor * int(base.used.sum())
+
+
+def _needed(case: Case, best: Weighed) -> float:
+    """Nats that an effect must gain; of one that explains most of a clear rest the effects before ask nothing."""
+    clear = _excess(case) > CLEAR * int(case.rounds[-1].base.used.sum())
+    return _basis(case) if clear and best.net > MOST * _excess(case) else _least(case)
+
+
 def _bearable(case: Case, best: Weighed) -> float:
     """Factor by which free runs over data not used may err more with an effect than without."""
     if case.taken:
         return LATER
-    base = case.rounds[0].base
-    return CONVINCING if best.net > LARGE * (base.loss - case.floor * int(base.used.sum())) else WORSE
+    return CONVINCING if best.net > LARGE * _excess(case) else WORSE
 
 
 def _settle(case: Case, k: int, problem: Problem, point: Point, jacobian: Array, names: Sequence[Coordinate]) -> Point:
@@ -429,9 +443,10 @@ def _own_onset(case: Case, problem: Problem, point: Point) -> dict[str, float]:
 
 
 def _least(case: Case) -> float:
-    """Nats that an effect must gain, net.
+    """Nats that an effect must gain, net: more than what the form of the effects before leaves of them, too."""
+    return _basis(case) + OTHER_FORM * sum(w.net for w in case.taken)
 
-    More than chance, than what two models of one machine differ by and than what the form of the effects before leaves of them.
-    """
-    count = sum(int(s.sum()) for s in case.select)
-    return ENOUGH + TOO_SMALL * count + OTHER_FORM * sum(w.net for w in case.taken)
+
+def _basis(case: Case) -> float:
+    """Nats that an effect must gain, net: more than chance and than what two models of one machine differ by."""
+    return ENOUGH + TOO_SMALL * sum(int(s.sum()) for s in case.select)

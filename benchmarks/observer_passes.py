@@ -1,0 +1,112 @@
+"""How fast the diagnosis' observer passes over a recording: alone, side by side, and with a corner in the hose burst valve.
+
+    python benchmarks/observer_passes.py [--bag BAG]
+
+Processor time of one pass of the full model, least of several, all in one run. Passes differ by 1 % in one number each. With the
+corner: the check valve opens at once (``hose_burst_valve.OPENING`` at a millipascal), as (5.28) is printed. Also how exact
+derivatives by differences of the tolerances are, against those at a tolerance of 1e-8.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+from numpy.typing import NDArray
+
+import boom_diagnosis.diagnosis.prediction as prediction
+from boom_diagnosis.diagnosis.bag_samples import Bag, prepare
+from boom_diagnosis.diagnosis.fitting import Problem
+from boom_diagnosis.diagnosis.nuisances import tolerances
+from boom_diagnosis.diagnosis.prediction import Predictor
+from boom_model import hose_burst_valve
+from boom_model.compiled import LANES
+from boom_model.machine_file import load_machine
+from boom_model.observer import Job, observe, observe_groups
+from boom_model.plant import _catalogued, _catalogued_abreast
+from boom_recording.loading import load
+
+Array = NDArray[np.float64]
+BAG = Path(__file__).resolve().parents[1] / "bags" / "healthy" / "folded_fast"
+OFF = ({}, {"cylinder.A_a": 1.01}, {"cylinder.A_b": 1.01}, {"fluid.beta": 0.99})
+REPEATS = 5
+
+
+def jobs(bag: Bag) -> list[Job]:
+    """One pass for each of ``OFF``."""
+    predictor = Predictor(load_machine("tz17"), [bag])
+    p = dict(zip(predictor.base[0].parameter_names, predictor.base[0].p, strict=True))
+    return [predictor.job(0, {name: p[name] * factor for name, factor in off.items()}) for off in OFF]
+
+
+def least(call: object, *given: object) -> float:
+    """Processor time [ms] of the quickest call."""
+    times = []
+    for _ in range(REPEATS):
+        begin = process_time()
+        call(*given)  # type: ignore[operator]
+        times.append(1e3 * (process_time() - begin))
+    return min(times)
+
+
+def one_by_one(passes: list[Job]) -> None:
+    """Each alone."""
+    for plant, samples, x, gain, p in passes:
+        observe(plant, samples, x, gain, parameters=p, tolerance=prediction.TOLERANCE)
+
+
+def together(passes: list[Job]) -> None:
+    """All in one register."""
+    observe_groups([passes], tolerance=prediction.TOLERANCE, workers=1)
+
+
+def derivatives(bag: Bag, tolerance: float) -> tuple[Array, float]:
+    """Of the innovations by the tolerances (rows, numbers), and the processor time [s] they took."""
+    machine = load_machine("tz17")
+    predictor = Predictor(machine, [bag])
+    problem = Problem(predictor, tolerances(machine, predictor.base[0].pose), [bag.counted])
+    at = problem.points([(np.zeros(len(problem.nuisances)), {})])[0]
+    kept, prediction.TOLERANCE = prediction.TOLERANCE, tolerance
+    begin = process_time()
+    found = problem.nuisance_jacobian(at)
+    prediction.TOLERANCE = kept
+    return found, process_time() - begin
+
+
+def main() -> None:
+    """Measures and prints."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--bag", default=str(BAG), help="recording (default: bags/healthy/folded_fast)")
+    bag = prepare(load(parser.parse_args().bag))
+    if bag is None:
+        parser.error("a channel of this recording is missing")
+    smooth, opening = jobs(bag), hose_burst_valve.OPENING
+    together(smooth)
+    single, joined = least(one_by_one, smooth) / LANES, least(together, smooth) / LANES
+    hose_burst_valve.OPENING = 1e-3
+    _catalogued.cache_clear()
+    _catalogued_abreast.cache_clear()
+    corner = prepare(load(bag.recording.path))
+    assert corner is not None
+    cornered = least(one_by_one, jobs(corner)) / LANES
+    hose_burst_valve.OPENING = opening
+    _catalogued.cache_clear()
+    _catalogued_abreast.cache_clear()
+    print(f"{bag.name}, {bag.recording.duration:.0f} s; processor time of one pass [ms] and ratio to the best")
+    for label, time in ((f"{LANES} side by side", joined), ("alone", single), ("alone, valve with a corner", cornered)):
+        print(f"  {label:28} {time:7.1f} {time / joined:6.1f}")
+    exact, _ = derivatives(bag, 1e-8)
+    size = np.linalg.norm(exact, axis=0)
+    print("derivatives of the tolerances: relative error, median and nine of ten [%], processor time [s]")
+    for tolerance in (1e-5, 1e-4):
+        found, seconds = derivatives(bag, tolerance)
+        error = (np.linalg.norm(found - exact, axis=0) / np.maximum(size, 1e-9))[size > 1.0]
+        print(
+            f"  at {tolerance:.0e}: {100 * np.median(error):6.1f} {100 * np.quantile(error, 0.9):6.1f} {seconds:6.2f}"
+        )
+
+
+if __name__ == "__main__":
+    main()
