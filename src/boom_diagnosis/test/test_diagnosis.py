@@ -1,6 +1,7 @@
 """The diagnosis on recordings whose truth is known, and its parts on small exact examples."""
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from boom_diagnosis.diagnosis.healthy import simulated as copy_of
 from boom_diagnosis.diagnosis.hypotheses import problem_at
 from boom_diagnosis.diagnosis.learning import _curve, reading
 from boom_diagnosis.diagnosis.nuisances import tolerances
+from boom_diagnosis.diagnosis.prediction import Predictor
 from boom_diagnosis.diagnosis.run import diagnose
 from boom_diagnosis.diagnosis.search import Scanner
 from boom_diagnosis.diagnosis.weighing import (
@@ -115,6 +117,19 @@ def test_a_healthy_copy_has_the_noise_of_the_sensors_and_its_seed() -> None:
     assert spread == pytest.approx(tz17().sensor_noise().rate_sigma, rel=0.1)
 
 
+def test_a_healthy_copy_that_runs_over_its_stops_goes_as_far_as_it_runs() -> None:
+    bag = prepare(noisy(tz17(), 24.0, 3))
+    assert bag is not None
+    room = tz17().angle_limits[1] - bag.start["angle"]
+    reached = []
+    for share in (0.0, 0.64, 0.9):
+        higher = replace(bag, start={**bag.start, "angle": bag.start["angle"] + share * room})
+        copy = copy_of(higher, tz17(), {}, 1)
+        reached.append(float(copy.grid[-1]) if copy else 0.0)
+    assert 10.0 < reached[1] < reached[0] - 0.1
+    assert reached[2] == 0.0
+
+
 def test_tolerances_are_relative_and_a_load_has_kilograms() -> None:
     pose = tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 300.0)
     found = {n.name: n for n in tolerances(tz17(), pose)}
@@ -161,6 +176,33 @@ def test_an_effect_to_either_side_is_in_sight_of_the_linear_look(gain: float) ->
     best = Scanner(problem, at, problem.nuisance_jacobian(at)).scan(wanted)[0]
     assert best.effect == "rate_scale" and best.gain > 100.0
     assert best.values["effects.rate_scale.a"] - 1.0 == pytest.approx(gain - 1.0, rel=0.2)
+
+
+def test_a_small_effect_is_in_sight_although_its_probe_is_large() -> None:
+    """A mode that is probed at 35 % excitation, seen at 1 %: the look goes nearer."""
+    mode = {"boom_flexibility": {"gain": 0.01, "f": 1.8, "zeta": 0.02}}
+    bag = prepare(noisy(tz17().with_effects(mode), 12.0, 5))
+    assert bag is not None
+    known = tolerances(tz17(), tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0))
+    problem = problem_at(tz17(), [bag], [bag.counted], known, np.zeros(len(known)), {}, 1.0)
+    at = problem.points([(np.zeros(len(known)), {})])[0]
+    best = Scanner(problem, at, problem.nuisance_jacobian(at)).scan(
+        ["rate_scale", "boom_flexibility", "entrained_air"]
+    )[0]
+    assert (best.effect, best.values["effects.boom_flexibility.f"]) == ("boom_flexibility", 1.8)
+    assert best.values["effects.boom_flexibility.gain"] == pytest.approx(0.01, rel=0.1)
+    assert best.probe is not None and best.probe["effects.boom_flexibility.gain"] < 0.1
+
+
+def test_changes_of_several_recordings_are_each_recordings_own() -> None:
+    bags = [prepare(noisy(tz17(), seconds, seed)) for seconds, seed in ((6.0, 1), (8.0, 2))]
+    assert all(bags)
+    moved = [{"cylinder.A_b": 0.0091}, {"fluid.beta": 1.5e9}, {"pose.Sx": 900.0}, {"effects.rate_scale.a": 1.01}]
+    together = Predictor(tz17(), bags).changes({}, moved)
+    for i, bag in enumerate(bags):
+        alone = Predictor(tz17(), [bag]).changes({}, moved)
+        for change, single in zip(together, alone, strict=True):
+            np.testing.assert_array_equal(change[i], single[0])
 
 
 def test_a_number_further_off_than_its_tolerance_is_named_where_an_effect_is_that() -> None:

@@ -136,7 +136,7 @@ def _elimination(pattern: np.ndarray) -> tuple[list[int], str, str, int]:
 
 
 def generate(m: Equations) -> str:
-    """C source of model_prepare, model_f, model_fj, model_y, model_factor and model_solve for ``integrator.c``."""
+    """C of model_prepare, model_f, model_fj, model_y, model_factor and model_solve, to stand between lanes.c and integrator.c."""
     emitter = _Emitter()
     n = len(m.states)
     jacobian = ca.jacobian(m.derivative, m.x)

@@ -15,7 +15,7 @@ node = 2 a_30 / (a_21 - a_31); the rounded numbers that the thesis prints differ
 Effects: ``hose_burst_valve_setting`` multiplies the limited branches by r (neutral 1: a_21 r, a_30 r, a_31 r, which keeps
 the node). ``hose_burst_valve_lag``: the poppet needs time to throttle. While oil leaves the cylinder, q_a = G dp with the
 conductance G as a state, tau G' = G_limited(min(dp, 0)) - G, where G_limited is the stationary q_a / dp of the limited
-branches; towards the cylinder the check valve opens at once (neutral tau = 0: no state, G is stationary).
+branches; towards the cylinder the check valve opens without delay (neutral tau = 0: no state, G is stationary).
 """
 
 from __future__ import annotations
@@ -65,7 +65,8 @@ def flow(drop: Expression, p: Any, e: Any, conductance: Expression | None = None
     g = limited_conductance(drop, p, e) if conductance is None else conductance
     limited = g * drop
     open_ = ca.fmin(ca.fmax(drop / OPENING, 0.0), 1.0)
-    return limited + open_**2 * (3 - 2 * open_) * (free - limited)
+    share = open_**2 * (3 - 2 * open_)
+    return ca.if_else(drop > 0, (1 - share) * limited + share * free, limited)
 
 
 def pressure_drop(flow: Expression, p: Any, e: Any) -> Expression:

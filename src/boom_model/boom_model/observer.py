@@ -26,7 +26,8 @@ from boom_model.sensors import OUTPUTS
 Array = NDArray[np.float64]
 
 BEYOND_STOPS = 0.02
-"""rad. A machine that stops itself before the end of its stroke is predicted to go so far beyond."""
+"""rad. How far beyond the machine's stops the observer's angle may go before it is held or a pass counts as failed: a boom that
+runs against them, with a model that lacks its cushions, is predicted to go on."""
 WORTH_JOINING = 2
 """Passes from which on they go side by side."""
 STANDSTILL = 0.05
@@ -136,19 +137,31 @@ def observe_groups(
 ) -> list[list[Observed]]:
     """Groups of up to ``LANES`` passes on all cores. Passes of a group share the integrator's steps, if they can.
 
-    They then differ smoothly with their parameters, and their differences are good derivatives.
+    They then differ smoothly with their parameters, and their differences are good derivatives. Those that have another plant,
+    other samples or other gains than the first of their group go alone; all of it do where one fails.
     """
+    for group in groups:
+        if len(_alike(group)) >= WORTH_JOINING:
+            group[0][0].abreast  # noqa: B018 - compiled here, once, and not in every thread
     return list(_pool(workers or cpu_count() or 1).map(lambda group: _together(group, tolerance), groups))
 
 
-def _together(group: Sequence[Job], tolerance: float) -> list[Observed]:
-    """Side by side where all have the same plant, samples and gains and none fails, else one after the other."""
+def _alike(group: Sequence[Job]) -> list[int]:
+    """Which of a group can go side by side with its first."""
     plant, samples, _, gain, _ = group[0]
-    joined = len(group) >= WORTH_JOINING and all(
-        job[0] is plant and job[1] is samples and job[3] is gain for job in group
-    )
-    found = _side_by_side(group, tolerance) if joined else None
-    return found or [observe(p, s, x, g, parameters=q, tolerance=tolerance) for p, s, x, g, q in group]
+    if plant.machine.learned:  # compiled for this recording alone, once or twice: not worth another compilation
+        return []
+    return [k for k, job in enumerate(group) if job[0] is plant and job[1] is samples and job[3] is gain]
+
+
+def _together(group: Sequence[Job], tolerance: float) -> list[Observed]:
+    joined = _alike(group)[:LANES]
+    seen = _side_by_side([group[k] for k in joined], tolerance) if len(joined) >= WORTH_JOINING else None
+    found = dict(zip(joined, seen, strict=True)) if seen else {}
+    return [
+        found[k] if k in found else observe(p, s, x, g, parameters=q, tolerance=tolerance)
+        for k, (p, s, x, g, q) in enumerate(group)
+    ]
 
 
 def _side_by_side(group: Sequence[Job], tolerance: float) -> list[Observed] | None:

@@ -301,8 +301,6 @@ class Plant:
     @cached_property
     def abreast(self) -> CDLL:
         """The observer for ``LANES`` parameter vectors at once, compiled when first asked for."""
-        if self.machine.learned:
-            return build(self.equations, LANES)
         return _catalogued_abreast(self.machine.structure, tuple(sorted(self.machine.effects)), self._kind)
 
     @cached_property

@@ -294,6 +294,20 @@ def test_pressure_drop_inverts_the_flow(bar: float) -> None:
     assert back == pytest.approx(bar, abs=0.02 if bar > 0 else 1e-6)  # dp_lin is left out of the inverse
 
 
+def test_the_check_valve_opens_without_a_corner_and_is_as_printed_on_both_sides(p: Any, effects: Any) -> None:
+    e, opening = effects(), hose_burst_valve.OPENING
+    drop = np.linspace(-opening, 2 * opening, 3001)
+    flow = np.array([float(hose_burst_valve.flow(d, p, e)) for d in drop])
+    slope = np.diff(flow) / np.diff(drop)
+    assert float(hose_burst_valve.flow(0.0, p, e)) == 0.0
+    assert (slope > 0).all()
+    assert np.abs(np.diff(slope)).max() < 0.01 * slope.max()
+    v = p.hose_burst_valve
+    bar = 1.5 * opening / v.unit_pressure
+    free = (v.a11 * bar + v.a12 * bar / np.sqrt(bar + v.dp_lin)) * v.unit_flow
+    assert float(hose_burst_valve.flow(1.5 * opening, p, e)) == pytest.approx(free, rel=1e-12)
+
+
 def test_setting_scales_the_limited_flow_and_keeps_the_free_one(p: Any, effects: Any) -> None:
     e = effects(hose_burst_valve_setting={"r": 0.8})
     for bar in (-5.0, -30.0):

@@ -166,6 +166,12 @@ def test_without_anti_cavitation_the_equations_are_those_of_the_thesis(tz17: Mac
     assert np.count_nonzero(difference) == 1
 
 
+def test_numbers_that_an_effect_changes_are_numbers_of_the_machine(tz17: Machine) -> None:
+    names = tz17.values(tz17.pose(4.59, 0.0))
+    for effect in CATALOGUE:
+        assert set(effect.changes) <= set(names), effect.id
+
+
 def test_every_effect_of_the_catalogue_stands_once_and_has_plausible_rows() -> None:
     assert len(EFFECTS) == len(CATALOGUE)
     for effect in CATALOGUE:

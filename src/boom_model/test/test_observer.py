@@ -23,7 +23,7 @@ Make = Callable[..., Job]
 def job(joystick: Any) -> Make:
     """A pass over 6 s of joystick work with some numbers of the machine off by a factor."""
     time, currents = joystick(6.0, 2)
-    made: dict[int, tuple[Samples, Any]] = {}
+    made: dict[int, tuple[Plant, Samples, Any]] = {}
 
     def make(plant: Plant, **factors: float) -> Job:
         if id(plant) not in made:
@@ -34,8 +34,9 @@ def job(joystick: Any) -> Make:
             gain = np.zeros((n, len(plant.state_names), 4))
             for j, name in enumerate(("angle", "rate", "hose_pressure", "rod_pressure")):
                 gain[:, plant.state_names.index(name), j] = 0.2
-            made[id(plant)] = Samples(time, np.ones((n, 4)), run.outputs + noise, time[:-1], currents[:-1]), gain
-        samples, gain = made[id(plant)]
+            samples = Samples(time, np.ones((n, 4)), run.outputs + noise, time[:-1], currents[:-1])
+            made[id(plant)] = plant, samples, gain  # the plant as well, so that no other one gets its id
+        _, samples, gain = made[id(plant)]
         p = plant.p.copy()
         for name, factor in factors.items():
             p[plant.parameter_names.index(name.replace("__", "."))] *= factor

@@ -82,10 +82,9 @@ class About:
 
 @dataclass(frozen=True)
 class _Tight:
-    """The three stages seen by the observer that is right for a healthy machine, over all recordings."""
+    """What the observer that is right for a healthy machine sees at first and in the end, over all recordings."""
 
     nominal: list[Array]
-    tolerances: list[Array]
     explained: list[Array]
     excess_before: float
     excess_after: float
@@ -206,7 +205,7 @@ def _tight(case: Case) -> _Tight:
         )  # fmt: skip
         start = problem.points([(case.kept(0).z, {})])[0]
         before = min(before, problem.fit(start, problem.nuisance_jacobian(start))[0].excess(case.floor))
-    return _Tight(stages[0].parts, stages[1].parts, stages[2].parts, before, after)
+    return _Tight(stages[0].parts, stages[2].parts, before, after)
 
 
 def _moving(case: Case) -> float:
@@ -218,7 +217,7 @@ def _moving(case: Case) -> float:
 
 
 def _ranking(case: Case, unknown: float) -> list[RankingRow]:
-    """All hypotheses of the first round, and unknown physics."""
+    """All hypotheses of the first round, those that free runs disproved with probability zero, and unknown physics."""
     weighed = case.weighed[0] if case.weighed else []
     p = probabilities(weighed, case.temperature)
     taken = bool(case.taken)
@@ -230,6 +229,14 @@ def _ranking(case: Case, unknown: float) -> list[RankingRow]:
             _short(estimates(w.fitted, case.temperature), w.fitted.effect), _inside(w),
         )
         for w, pi in zip(weighed, p, strict=False)
+    ]  # fmt: skip
+    rows += [
+        RankingRow(
+            label_of(w.fitted.effect), w.fitted.effect, "sensors" if EFFECTS[w.fitted.effect].subsystem == "sensors" else "effect",
+            EFFECTS[w.fitted.effect].subsystem, 0.0, w.gain, w.held_out_gain,
+            _short(estimates(w.fitted, case.temperature), w.fitted.effect), _inside(w),
+        )
+        for w in case.disproved
     ]  # fmt: skip
     rows.append(RankingRow("parameters within tolerance only", None, "parameters", "", p[-1] * rest, 0.0, 0.0, {}))
     rows.append(RankingRow("physics of no catalogue", None, "unknown", "", 1.0 - rest, 0.0, 0.0, {}))
@@ -294,17 +301,18 @@ def _unknown_finding(
     link = next(link for link in LINKS if link.key == key)
     rest = [0.5 * np.sum(np.minimum(np.abs(w), 8.0) ** 2 - case.healthy_squares, axis=1) for w in tight.explained]
     place = regimes.where(case.bags, cells, rest)
-    tried = case.weighed[0][0].fitted.effect if case.weighed and case.weighed[0] else "none"
+    first = [*(case.weighed[0] if case.weighed else []), *case.disproved]
+    tried = first[0].fitted.effect if first else "none"
     return Finding(
         None, _home(case, link.subsystems), link.equation, round(min(0.99, unknown), 4), {}, place.text, place.intervals,
-        tuple(Alternative(w.fitted.effect, round((1 - unknown) / 3, 4)) for w in (case.weighed[0][:2] if case.weighed else [])),
+        tuple(Alternative(w.fitted.effect, round((1 - unknown) / 3, 4)) for w in first[:2]),
         f"No effect of the catalogue explains the mismatch at '{link.title}'; the nearest is {label_of(tried)}.",
     )  # fmt: skip
 
 
 def _home(case: Case, subsystems: Sequence[str]) -> str:
     """Of the subsystems at home in an equation, the one whose effects come nearest."""
-    for weighed in case.weighed:
+    for weighed in (*case.weighed, case.disproved):
         for w in weighed:
             if EFFECTS[w.fitted.effect].subsystem in subsystems:
                 return EFFECTS[w.fitted.effect].subsystem

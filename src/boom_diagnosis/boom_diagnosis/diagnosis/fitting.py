@@ -7,7 +7,7 @@ kept and improved by Broyden's rank-one updates while only the few columns of th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -155,7 +155,6 @@ class Problem:
         names: Sequence[Coordinate] = (),
         *,
         iterations: int = 6,
-        progress: Callable[[], None] | None = None,
     ) -> tuple[Point, Array]:
         """Gauss-Newton with a step control; returns the best point and the Jacobian (rows, z then coordinates) there."""
         best, nz = start, nuisance_jacobian.copy()
@@ -169,8 +168,6 @@ class Problem:
             gain = best.loss - trial.loss
             if gain > 0.0:
                 best = trial
-            if progress:
-                progress()
             if gain < 0.3:
                 break
         columns = self.effect_jacobian(best, names) if names else np.zeros((len(best.w), 0))

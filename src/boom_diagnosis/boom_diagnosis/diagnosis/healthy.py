@@ -16,7 +16,7 @@ from boom_recording.writing import from_columns
 Array = NDArray[np.float64]
 
 LEAST = 10.0
-"""s."""
+"""s of a copy that is worth having."""
 
 
 def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | None:

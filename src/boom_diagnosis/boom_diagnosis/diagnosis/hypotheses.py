@@ -47,7 +47,6 @@ that gives up too early leaves a rest to whatever effect comes first."""
 NOTICED, NOTICED_EACH = 12.0, 0.5
 """Nats, and more for each tolerance, that tolerances must gain before they count as moved at all."""
 
-Effects = Mapping[str, Mapping[str, float]]
 Progress = Callable[[str, float], None]
 
 
@@ -177,14 +176,12 @@ def run_round(
     weighing = likeliest(best.z, best.effects)
     # an effect with states of its own is weighed by gains that correct them, too
     if weighing.predictor.looseness == searching.predictor.looseness and not with_states(best.effects):
-        fitted = [_polished(searching, f, base, f.jacobian[:, : len(base.z)], anew=False) for f in fitted[:1]] + fitted[
-            1:
-        ]
+        fitted = [_polished(searching, f, base, f.jacobian[:, : len(base.z)]) for f in fitted[:1]] + fitted[1:]
         return Round(accepted, base, jacobian, _sorted(fitted), scanned, searching)
     base, jacobian = fit(weighing, base.z, base.effects, kept)
     columns = jacobian[:, : len(base.z)]  # of the base; good enough for all but the best
     near = [f for f in fitted[:WEIGHED] if f.gain > RIVAL * fitted[0].gain]
-    fitted = [_weighed(weighing, f, base, columns, anew=not k) for k, f in enumerate(near)]
+    fitted = [_weighed(weighing, f, base, columns if k else None) for k, f in enumerate(near)]
     return Round(accepted, base, jacobian, _sorted(fitted), scanned, weighing)
 
 
@@ -249,7 +246,7 @@ def _at_once(first: Nominal, wanted: Sequence[str], likeliest: Likeliest, fit: F
     weighing = likeliest(best.z, best.effects)
     base, jacobian = fit(weighing, base.z, {}, ())
     columns = jacobian[:, : len(base.z)]
-    fitted = [_weighed(weighing, f, base, columns, anew=not k) for k, f in enumerate(tried)]
+    fitted = [_weighed(weighing, f, base, columns if k else None) for k, f in enumerate(tried)]
     return Round((), base, jacobian, _sorted(fitted), {e: c.gain for e, c in seen.items()}, weighing)
 
 
@@ -264,13 +261,10 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
     seen = first.look(list(found.scanned))
     effects = dict.fromkeys([*list(seen)[:AFRESH], *(e for e in wanted if e in seen)])
     fitted = {f.effect: f for f in found.fitted}
-    columns = found.jacobian[:, : len(found.base.z)]
     for effect in effects:
-        near = first.fitted(seen[effect])
-        there = found.problem.points([(near.point.z, near.point.effects)])[0]
-        anew = _polished(found.problem, replace(near, point=there), found.base, columns)
-        if effect not in fitted or anew.point.loss < fitted[effect].point.loss:
-            fitted[effect] = anew
+        near = _weighed(found.problem, first.fitted(seen[effect]), found.base)
+        if effect not in fitted or near.point.loss < fitted[effect].point.loss:
+            fitted[effect] = near
     best = _sorted(list(fitted.values()))
     if not best or best[0].gain < RETUNED * (found.base.loss - floor * int(found.base.used.sum())):
         return replace(found, fitted=best)
@@ -281,7 +275,7 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
     start = retuned.points([(found.base.z, {})])[0]
     base, jacobian = retuned.fit(start, retuned.nuisance_jacobian(start))
     rivals = [f for f in best[:WEIGHED] if f.gain > RIVAL * best[0].gain]
-    again = [_weighed(retuned, f, base, jacobian, anew=not k) for k, f in enumerate(rivals)]
+    again = [_weighed(retuned, f, base, jacobian if k else None) for k, f in enumerate(rivals)]
     return replace(found, base=base, jacobian=jacobian, fitted=_sorted(again), problem=retuned)
 
 
@@ -290,15 +284,15 @@ def _starts(candidates: Sequence[Candidate]) -> list[Candidate]:
     return list(candidates[:1]) + [c for c in candidates[1:2] if c.gain > 0.5 * candidates[0].gain]
 
 
-def _weighed(problem: Problem, f: Fitted, base: Point, columns: Array, *, anew: bool) -> Fitted:
-    """The same effect fitted again, with an observer of other gains."""
+def _weighed(problem: Problem, f: Fitted, base: Point, columns: Array | None = None) -> Fitted:
+    """The same effect fitted again, with an observer of other gains; ``columns`` as in :func:`_polished`."""
     start = problem.points([(f.point.z, f.point.effects)])[0]
-    return _polished(problem, replace(f, point=start), base, columns, anew=anew)
+    return _polished(problem, replace(f, point=start), base, columns)
 
 
-def _polished(problem: Problem, f: Fitted, base: Point, columns: Array, *, anew: bool = True) -> Fitted:
-    """Fitted on with the derivatives of the tolerances taken ``anew``, or those of a point near by, ``columns``."""
-    if anew:
+def _polished(problem: Problem, f: Fitted, base: Point, columns: Array | None) -> Fitted:
+    """Fitted on; ``columns``: derivatives of the tolerances at a point near by, None where they are to be taken here."""
+    if columns is None:
         columns = problem.nuisance_jacobian(f.point)
     point, jacobian = problem.fit(f.point, columns, f.coordinates, iterations=6)
     return replace(f, point=point, jacobian=jacobian, gain=base.loss - point.loss)

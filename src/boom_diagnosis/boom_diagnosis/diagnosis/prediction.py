@@ -138,7 +138,7 @@ class Predictor:
         """For each of ``moved`` the change (n, 4) of the whitened innovations against ``base``, of every recording.
 
         Each is predicted together with ``base``, with the same steps of the integrator, so that small changes are not lost in
-        its errors.
+        its errors; one that moves a delay, and with it the samples, alone.
         """
         width = LANES - 1
         parts = [moved[k : k + width] for k in range(0, len(moved), width)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import sqrt
+from math import log, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from boom_diagnosis.diagnosis.run import Case
 
 Array = NDArray[np.float64]
+
+ENDED = 10.0
+"""Factor of the error that a free run which leaves the model's range counts as."""
 
 
 def label_of(effect: str) -> str:
@@ -107,14 +110,20 @@ def spans_of(case: Case) -> Spans:
 
 
 def worsening(case: Case, before: Point, after: Point) -> float:
-    """Factor by which free runs over data not used err more at ``after`` than at ``before``: geometric mean of the channels."""
+    """Factor by which free runs over data not used err more at ``after`` than at ``before``: geometric mean of the channels.
+
+    A run that ends early counts as ``ENDED`` times one that does not.
+    """
     rows = []
     for point in (before, after):
         machine = found_machine(case.machine, case.pose, case.values(point.z, point.effects), {}, ())
         rows.append([
             errors(span, free_run(span.recording, placed(machine, case, span))) for span in spans_of(case).judged
         ])  # fmt: skip
-    ratio = np.log(np.array(rows[1]) / np.array(rows[0]))
+    first, second = np.array(rows[0]), np.array(rows[1])
+    ratio = np.log(second / first)
+    ratio[np.isfinite(first) & ~np.isfinite(second)] = log(ENDED)
+    ratio[~np.isfinite(first) & np.isfinite(second)] = -log(ENDED)
     known = ratio[np.isfinite(ratio)]
     return float(np.exp(np.mean(known))) if len(known) else 1.0
 

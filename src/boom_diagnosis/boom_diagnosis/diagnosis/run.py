@@ -58,7 +58,7 @@ others: one that pays for what the numbers cannot take up, but is not there, mak
 LARGE, CONVINCING = 0.3, 1.5
 """Share of all that the tolerances cannot take up from which on a first effect may leave free runs worse by a larger factor:
 another one, as large, that is not in the model yet may dominate them."""
-MOST, CLEAR = 0.6, 0.05
+MOST_OF_REST, CLEAR_REST = 0.6, 0.05
 """Share of a rest that a further effect must explain not to be taken for what another's form leaves, and the least such rest [nats
 per innovation]."""
 CLEARLY_BETTER = 0.8
@@ -70,6 +70,8 @@ FIRST_LOOK = 0.6
 FAR = 1.0
 """Loss per innovation over that of a healthy machine from which on the likeliest observer is looked for again; below, the one
 that is right for a healthy machine sees what is left best."""
+RAN = 0.95
+"""Share of a recording from which on a healthy copy counts as whole."""
 TRAINING = 3
 """Iterations of the fit to the data for training alone, from the fit to all."""
 MOVING, LEAST_MOVING, LEAST_TRAVEL = 0.02, 4.0, 0.1
@@ -87,6 +89,7 @@ class Case:
             that are held out the second is the end of each recording, else it is empty.
         floor: loss per innovation of a healthy machine with the same currents. healthy: its recordings.
         rounds, weighed: what each round found, and its effects with what speaks for them. taken: those that earned their place.
+        disproved: effects of the first round that gained enough, but made free runs over data not used worse.
         trained: points with the first k effects, fitted to ``training`` alone.
         spared: number of effects -> fit with nominal tolerances, where moving them gains nothing.
         final: all effects at the point that the machine file gets, with all derivatives taken there.
@@ -109,6 +112,7 @@ class Case:
     weighed: list[list[Weighed]] = field(default_factory=list)
     taken: list[Weighed] = field(default_factory=list)
     trained: list[Point] = field(default_factory=list)
+    disproved: list[Weighed] = field(default_factory=list)
     spared: dict[int, Point] = field(default_factory=dict)
     final: Fitted | None = None
     temperature: float = COLDEST
@@ -236,7 +240,10 @@ def _judge(case: Case, found: Round) -> bool:
             _calibrate(case, found)
         case.trained[:] = [_settle(case, 0, found.problem, found.base, found.jacobian, ())]
     case.weighed[k:] = [_weigh(case, found) if found.fitted else []]
-    return _take(case)
+    taken = _take(case)
+    best = case.weighed[k][0].fitted.point if case.weighed[k] else found.base
+    case.temperature = COLDEST + UNEXPLAINED_WEIGHT * max(0.0, _over(case, best))
+    return taken
 
 
 def _satisfied(case: Case) -> bool:
@@ -253,9 +260,12 @@ def _look_again(case: Case, progress: Progress) -> bool:
     """
     first = replace(
         case, rounds=[*case.rounds], weighed=[*case.weighed], taken=[*case.taken], trained=[*case.trained],
-        spared={**case.spared},
+        spared={**case.spared}, disproved=[*case.disproved],
     )  # fmt: skip
     wanted = [case.taken[0].fitted.effect] if case.taken else []
+    case.taken.clear()
+    case.spared.clear()
+    case.disproved.clear()
     found = case.rounds[0]
     if found.problem.predictor.looseness > LOOSENESS[0]:
         found = run_round(
@@ -265,8 +275,6 @@ def _look_again(case: Case, progress: Progress) -> bool:
     zero = np.zeros(len(case.nuisances))
     nominal = Nominal(problem_at(case.machine, case.bags, case.select, case.nuisances, zero, {}, LOOSENESS[1]))
     found = afresh(found, nominal, [*wanted, *(f.effect for f in found.fitted[:1])], case.floor)
-    case.taken.clear()
-    case.spared.clear()
     taken = _judge(case, found)
     if not first.taken:
         return taken
@@ -274,7 +282,8 @@ def _look_again(case: Case, progress: Progress) -> bool:
     if left <= before + NEGLIGIBLE:
         return taken
     case.rounds, case.weighed, case.taken, case.trained = first.rounds, first.weighed, first.taken, first.trained
-    case.spared, case.temperature = first.spared, first.temperature
+    case.spared, case.disproved = first.spared, first.disproved
+    case.temperature, case.onset = first.temperature, first.onset
     return True
 
 
@@ -296,26 +305,33 @@ def _take(case: Case) -> bool:
             return True
         case.spared.pop(k + 1, None)
         weighed.pop(0)
+        if k == 0:
+            case.disproved.append(best)
     return False
 
 
-def _excess(case: Case) -> float:
-    """Nats over a healthy machine that the last round begins with."""
-    base = case.rounds[-1].base
-    return base.loss - case.floor * int(base.used.sum())
+def _over(case: Case, point: Point) -> float:
+    """Loss [nats] over that of a healthy machine, with the tolerances' prior."""
+    return point.loss - case.floor * int(point.used.sum())
+
+
+def _share_explained(case: Case, best: Weighed) -> float:
+    """Share of what the last round begins with that an effect explains, of the recordings that are fitted."""
+    return (best.gain if case.proving else best.net) / max(_over(case, case.rounds[-1].base), 1e-9)
 
 
 def _needed(case: Case, best: Weighed) -> float:
     """Nats that an effect must gain; of one that explains most of a clear rest the effects before ask nothing."""
-    clear = _excess(case) > CLEAR * int(case.rounds[-1].base.used.sum())
-    return _basis(case) if clear and best.net > MOST * _excess(case) else _least(case)
+    base = case.rounds[-1].base
+    clear = _over(case, base) > CLEAR_REST * int(base.used.sum())
+    return _chance(case) if clear and _share_explained(case, best) > MOST_OF_REST else _least(case)
 
 
 def _bearable(case: Case, best: Weighed) -> float:
     """Factor by which free runs over data not used may err more with an effect than without."""
     if case.taken:
         return LATER
-    return CONVINCING if best.net > LARGE * _excess(case) else WORSE
+    return CONVINCING if _share_explained(case, best) > LARGE else WORSE
 
 
 def _settle(case: Case, k: int, problem: Problem, point: Point, jacobian: Array, names: Sequence[Coordinate]) -> Point:
@@ -363,11 +379,18 @@ def _case(machine: Machine, bags: list[Bag], proving: list[Bag], seed: int) -> C
 
 
 def _calibrate(case: Case, first: Round) -> None:
-    """The loss of a healthy machine with the same currents; that of white noise where none gets far with them."""
+    """The loss of a healthy machine with the same currents; that of white noise where none gets far with them.
+
+    With the tolerances as fitted, or nominal where that machine gets further.
+    """
+    tried = []
     for values in (first.problem.values(first.base.z, {}), dict[str, float]()):
-        copies = [simulated(bag, case.machine, values, case.seed + 1 + i) for i, bag in enumerate(case.bags)]
-        if all(copy is not None for copy in copies):
+        made = [simulated(bag, case.machine, values, case.seed + 1 + i) for i, bag in enumerate(case.bags)]
+        reached = [len(copy.grid) / len(bag.grid) if copy else 0.0 for copy, bag in zip(made, case.bags, strict=True)]
+        tried.append((min(reached), values, made))
+        if tried[0][0] > RAN:
             break
+    _, values, copies = max(tried, key=lambda t: t[0])
     case.healthy = [copy or bag for copy, bag in zip(copies, case.bags, strict=True)]
     known = [copy for copy in copies if copy is not None]
     if not known:
@@ -387,8 +410,6 @@ def _weigh(case: Case, found: Round) -> list[Weighed]:
     hypotheses = [(found.base, found.jacobian), *((f.point, f.jacobian) for f in found.fitted)]
     names = [_coordinates(found), *(f.coordinates for f in found.fitted)]
     losses = _held_out(case, found, hypotheses, names) if case.proving else _split(case, hypotheses, names)
-    unexplained = max(0.0, found.fitted[0].point.loss - case.floor * int(found.base.used.sum()))
-    case.temperature = COLDEST + UNEXPLAINED_WEIGHT * unexplained
     weighed = []
     for f, loss in zip(found.fitted, losses[1:], strict=True):
         new = [c for c in f.coordinates if c.name.split(".")[1] not in accepted]
@@ -423,7 +444,9 @@ def _held_out(
         case.machine, case.proving, [bag.counted for bag in case.proving], case.nuisances, best.z, best.effects,
         found.problem.predictor.looseness,
     )  # fmt: skip
-    points = others.points([(p.z, _own_onset(case, others, p)) for p, _ in hypotheses])
+    effects = [_own_onset(others, p) for p, _ in hypotheses]
+    case.onset = effects[1].get(TIME, case.onset)
+    points = others.points([(p.z, e) for (p, _), e in zip(hypotheses, effects, strict=True)])
     tolerances = others.nuisance_jacobian(points[1])
     losses = []
     for (fitted, _), point, own, k in zip(hypotheses, points, names, known, strict=True):
@@ -433,20 +456,19 @@ def _held_out(
     return losses
 
 
-def _own_onset(case: Case, problem: Problem, point: Point) -> dict[str, float]:
+def _own_onset(problem: Problem, point: Point) -> dict[str, float]:
     """Effects of a point as they are in the recordings held out: when a load came is their own."""
     effects = dict(point.effects)
     if TIME in effects:
         effects[TIME] = onset(problem, point.z, effects)
-        case.onset = effects[TIME]
     return effects
 
 
 def _least(case: Case) -> float:
     """Nats that an effect must gain, net: more than what the form of the effects before leaves of them, too."""
-    return _basis(case) + OTHER_FORM * sum(w.net for w in case.taken)
+    return _chance(case) + OTHER_FORM * sum(w.net for w in case.taken)
 
 
-def _basis(case: Case) -> float:
+def _chance(case: Case) -> float:
     """Nats that an effect must gain, net: more than chance and than what two models of one machine differ by."""
     return ENOUGH + TOO_SMALL * sum(int(s.sum()) for s in case.select)

@@ -1,6 +1,6 @@
 """Which effects could explain what the tolerances do not: a linear look at all, then a fit of the best few.
 
-Each effect is tried at one or more places (one run each). The difference that it makes, freed of what the tolerances can
+Each effect is tried at one or more places (a run or two each). The difference that it makes, freed of what the tolerances can
 imitate, is compared with the innovations: how much of them would it take away, at the best size?
 """
 
@@ -20,6 +20,7 @@ from boom_model.effects import CATALOGUE, EFFECTS
 
 Array = NDArray[np.float64]
 
+MASS = "effects.payload_change.mass"
 TIMED = 100.0
 """Nats from which on the time of a load is looked for once more."""
 STEPS, GLANCE = 5, 2
@@ -116,7 +117,7 @@ class Scanner:
         size = -np.linalg.lstsq(projected / np.outer(scale, scale), score / scale, rcond=1e-9)[0] / scale
         return float(-0.5 * score @ size), size
 
-    def scan(self, wanted: Sequence[str], progress: Callable[[], None] | None = None) -> list[Candidate]:
+    def scan(self, wanted: Sequence[str]) -> list[Candidate]:
         """Candidates of these effects, the best first.
 
         A probe that changes the innovations by far more than what is to be explained says little about small ones; it is taken once
@@ -125,33 +126,32 @@ class Scanner:
         lasting = max(bag.recording.duration for bag in self.problem.predictor.bags)
         tried = [(effect, start) for effect in wanted for start in starts(EFFECTS[effect], lasting)]
         tried.sort(key=lambda t: EFFECTS[t[0]].states)  # those of one plant go side by side
-        seen = self._probed(tried, progress)
+        seen = self._probed(tried)
         misfit = max(self.at.loss - WHITE * int(self.at.used.sum()), LEAST_MISFIT)
         shares = [sqrt(2.0 * misfit) / max(size, 1e-9) for _, size in seen]
         large = [k for k, share in enumerate(shares) if share < NEARER and tried[k][0] not in AS_THEY_ARE]
-        nearer = self._probed([(tried[k][0], _scaled(*tried[k], shares[k])) for k in large], progress)
+        nearer = self._probed([(tried[k][0], _scaled(*tried[k], shares[k])) for k in large])
         best = [candidate for candidate, _ in seen]
         for k, (candidate, _) in zip(large, nearer, strict=True):
             best[k] = max(best[k], candidate, key=lambda c: c.gain)
         return sorted(self._joined(best), key=lambda c: -c.gain)
 
-    def _probed(
-        self, tried: Sequence[tuple[str, dict[str, float]]], progress: Callable[[], None] | None
-    ) -> list[tuple[Candidate, float]]:
+    def _probed(self, tried: Sequence[tuple[str, dict[str, float]]]) -> list[tuple[Candidate, float]]:
         """The candidate that each probe gives, and the norm of what it changes in the innovations."""
         found = []
         for k in range(0, len(tried), PROBES):
             part = tried[k : k + PROBES]
-            points = self.problem.points([(self.at.z, {**self.at.effects, **start}) for _, start in part])
+            points = self.problem.points([(self.at.z, {**self.at.effects, **self._probe(*t)}) for t in part])
             for (effect, start), point in zip(part, points, strict=True):
                 column = point.w - self.at.w
-                candidate = (
-                    self._onset(effect, start) if effect == "payload_change" else self._candidate(effect, start, column)
-                )
+                timed = effect == "payload_change"
+                candidate = self._onset(start, column) if timed else self._candidate(effect, start, column)
                 found.append((candidate, float(np.linalg.norm(column))))
-            if progress:
-                progress()
         return found
+
+    def _probe(self, effect: str, start: dict[str, float]) -> dict[str, float]:
+        """What is predicted: of a load that comes, one that has always been there."""
+        return {"effects.payload.mass": start[MASS]} if effect == "payload_change" else start
 
     def _candidate(self, effect: str, start: dict[str, float], column: Array) -> Candidate:
         gain, size = self.gain(column[:, None])
@@ -183,11 +183,8 @@ class Scanner:
             result.append(Candidate(effect, values, sum(c.gain for c in own)))
         return result
 
-    def _onset(self, effect: str, start: dict[str, float]) -> Candidate:
-        """A mass that comes at t_g: the difference of a lasting mass, from t_g on (the observer forgets in a second)."""
-        mass = start["effects.payload_change.mass"]
-        point = self.problem.points([(self.at.z, {**self.at.effects, "effects.payload.mass": mass})])[0]
-        column = point.w - self.at.w
+    def _onset(self, start: dict[str, float], column: Array) -> Candidate:
+        """A mass that comes at t_g: ``column``, what a lasting one changes, from t_g on (the observer forgets in a second)."""
         times = np.concatenate(
             [np.broadcast_to(bag.time[:, None], s.shape)[s] for bag, s in zip(
                 self.problem.predictor.bags, self.problem.rows, strict=True)]
@@ -206,8 +203,7 @@ class Scanner:
         gains = 0.5 * g * g / np.maximum(projected, 1e-9)
         k = int(np.argmax(gains))
         size = -g[k] / max(projected[k], 1e-9)
-        values = {"effects.payload_change.mass": float(mass * size), "effects.payload_change.t_g": float(t[pick[k]])}
-        return Candidate(effect, values, float(gains[k]))
+        return Candidate("payload_change", {MASS: float(start[MASS] * size), TIME: float(t[pick[k]])}, float(gains[k]))
 
     def follow(self, columns: Array, size: Array) -> Array:
         """z that the tolerances would take if the innovations changed by columns @ size."""
@@ -277,9 +273,9 @@ def possible_effects(has: Callable[[str], bool], without: Sequence[str] = ()) ->
 
 def _leading(effect: str, start: Mapping[str, float]) -> Coordinate:
     """The number of an effect that a probe moves in proportion."""
-    first = coordinates(EFFECTS[effect])
-    moved = [c for c in first if start[c.name] != _neutral(c.name)]
-    return moved[0] if EFFECTS[effect].independent else first[0]
+    own = coordinates(EFFECTS[effect])
+    moved = [c for c in own if start[c.name] != _neutral(c.name)]
+    return moved[0] if EFFECTS[effect].independent else own[0]
 
 
 def _scaled(effect: str, start: dict[str, float], share: float) -> dict[str, float]:
