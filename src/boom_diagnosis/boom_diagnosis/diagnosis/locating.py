@@ -9,7 +9,9 @@ with what a healthy machine of the same currents must be given.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from os import cpu_count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,16 +82,18 @@ def locate(
 
 def _statistical(base: Problem, z: Array, values: Mapping[str, float]) -> dict[str, float]:
     reference = base.likelihood(base.points([(z, values)])[0])
-    gains = {}
-    for link in LINKS:
-        best = 0.0
-        for size in SIZES:
-            p = base.predictor
-            boosted = Predictor(p.machine, p.bags, p.tuned, p.looseness, {link.state: size})
-            problem = Problem(boosted, base.nuisances, base.select)
-            best = max(best, problem.likelihood(problem.points([(z, values)])[0]) - reference)
-        gains[link.key] = best
-    return _shares(gains)
+    p = base.predictor
+
+    def raised(tried: tuple[Link, float]) -> float:
+        link, size = tried
+        boosted = Predictor(p.machine, p.bags, p.tuned, p.looseness, {link.state: size})
+        problem = Problem(boosted, base.nuisances, base.select)
+        return problem.likelihood(problem.points([(z, values)])[0]) - reference
+
+    with ThreadPoolExecutor(cpu_count() or 1) as pool:
+        found = list(pool.map(raised, [(link, size) for link in LINKS for size in SIZES]))
+    best = [max(0.0, *found[k : k + len(SIZES)]) for k in range(0, len(found), len(SIZES))]
+    return _shares(dict(zip((link.key for link in LINKS), best, strict=True)))
 
 
 def _chain(
