@@ -42,8 +42,9 @@ TORQUE_NOISE = 6.0
 TOLERANCE = 1e-5
 """Of the integrator. Derivatives by differences are then good to 1 % in the median and 3 % in nine of ten; at 1e-4, which is hardly
 faster, to 20 % and 250 %, and searches end in the wrong place."""
-NUDGED_TOLERANCE = 1e-2
-"""The same along the trajectory that gains are computed for; its jumps at every sample cost ten times the time at 1e-4."""
+NUDGED_TOLERANCE = 1e-3
+"""The same along the trajectory that gains are computed for. At 1e-2, a sixth of the time, the gains are others: a poppet that lags
+90 ms (docs/diagnosis.md, lag_a) is found at 68 instead of 73."""
 CURRENT_NOISE = 0.85e-3
 """A. Noise and quantisation of the measured currents, which drive the model."""
 SPOOL_NOISE = 2e-4
