@@ -141,15 +141,26 @@ def observe_groups(
     other samples or other gains than the first of their group go alone; all of it do where one fails.
     """
     for group in groups:
-        if len(_alike(group)) >= WORTH_JOINING:
-            group[0][0].abreast  # noqa: B018 - compiled here, once, and not in every thread
+        if len(group) >= WORTH_JOINING:
+            compile_abreast(group[0][0])  # here, once, and not in every thread
     return list(_pool(workers or cpu_count() or 1).map(lambda group: _together(group, tolerance), groups))
+
+
+def compile_abreast(plant: Plant) -> None:
+    """Compiles what passes side by side need, if that is not done yet."""
+    if _joins(plant):
+        _ = plant.abreast
+
+
+def _joins(plant: Plant) -> bool:
+    """A term learnt from data is compiled for one recording: not worth another compilation."""
+    return not plant.machine.learned
 
 
 def _alike(group: Sequence[Job]) -> list[int]:
     """Which of a group can go side by side with its first."""
     plant, samples, _, gain, _ = group[0]
-    if plant.machine.learned:  # compiled for this recording alone, once or twice: not worth another compilation
+    if not _joins(plant):
         return []
     return [k for k, job in enumerate(group) if job[0] is plant and job[1] is samples and job[3] is gain]
 

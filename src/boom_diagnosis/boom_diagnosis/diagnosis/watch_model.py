@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from boom_diagnosis.estimation.unknown import PRECHARGE_TOLERANCE
 from boom_model.effects import EFFECTS
 from boom_model.machine import TOLERANCES, Machine, Pose
+from boom_model.observer import compile_abreast
 from boom_model.plant import Plant
 
 Array = NDArray[np.float64]
@@ -101,6 +102,7 @@ class WatchModel:
     def __init__(self, machine: Machine, pose: Pose) -> None:
         given = {name: dict(values) for name, values in machine.effects.items()}
         self.plant = Plant(machine.with_effects({**_switched_on(machine), **given}), pose)
+        compile_abreast(self.plant)  # now, not when the first alarm is to be named
         index = {name: i for i, name in enumerate(self.plant.parameter_names)}
         columns: list[Array] = []
         names: list[str] = []
