@@ -209,7 +209,7 @@ def _tight(case: Case) -> _Tight:
 
 
 def _moving(case: Case) -> float:
-    """What the tolerances gain over the nominal machine [nats], after paying for those that moved."""
+    """What the tolerances gain over the nominal machine [nats], their prior included."""
     problem = case.rounds[0].problem
     nominal = problem.points([(np.zeros(len(case.nuisances)), {})])[0]
     base = case.rounds[0].base
@@ -223,24 +223,21 @@ def _ranking(case: Case, unknown: float) -> list[RankingRow]:
     taken = bool(case.taken)
     rest = 1.0 - unknown if taken or unknown > 0.5 else 1.0
     rows = [
-        RankingRow(
-            label_of(w.fitted.effect), w.fitted.effect, "sensors" if EFFECTS[w.fitted.effect].subsystem == "sensors" else "effect",
-            EFFECTS[w.fitted.effect].subsystem, pi * rest, w.gain, w.held_out_gain,
-            _short(estimates(w.fitted, case.temperature), w.fitted.effect), _inside(w),
-        )
-        for w, pi in zip(weighed, p, strict=False)
-    ]  # fmt: skip
-    rows += [
-        RankingRow(
-            label_of(w.fitted.effect), w.fitted.effect, "sensors" if EFFECTS[w.fitted.effect].subsystem == "sensors" else "effect",
-            EFFECTS[w.fitted.effect].subsystem, 0.0, w.gain, w.held_out_gain,
-            _short(estimates(w.fitted, case.temperature), w.fitted.effect), _inside(w),
-        )
-        for w in case.disproved
-    ]  # fmt: skip
+        *(_ranked(case, w, pi * rest) for w, pi in zip(weighed, p, strict=False)),
+        *(_ranked(case, w, 0.0) for w in case.disproved),
+    ]
     rows.append(RankingRow("parameters within tolerance only", None, "parameters", "", p[-1] * rest, 0.0, 0.0, {}))
     rows.append(RankingRow("physics of no catalogue", None, "unknown", "", 1.0 - rest, 0.0, 0.0, {}))
     return sorted(rows, key=lambda r: -r.probability)
+
+
+def _ranked(case: Case, w: Weighed, probability: float) -> RankingRow:
+    effect = w.fitted.effect
+    subsystem = EFFECTS[effect].subsystem
+    return RankingRow(
+        label_of(effect), effect, "sensors" if subsystem == "sensors" else "effect", subsystem, probability, w.gain,
+        w.held_out_gain, _short(estimates(w.fitted, case.temperature), effect), _inside(w),
+    )  # fmt: skip
 
 
 def _short(numbers: Mapping[str, Estimate], effect: str) -> dict[str, Estimate]:

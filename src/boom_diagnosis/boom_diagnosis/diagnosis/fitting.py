@@ -54,14 +54,23 @@ class Point:
     parts: list[Array]
     states: list[Array]
 
+    def over(self, floor: float) -> float:
+        """Loss [nats] over that of a machine with ``floor`` nats per innovation; with the tolerances' prior."""
+        return self.loss - floor * int(self.used.sum())
+
     def excess(self, floor: float) -> float:
         """Loss per innovation [nats] over ``floor``, that of a healthy machine; without the tolerances' prior."""
         return (self.loss - 0.5 * float(self.z @ self.z)) / int(self.used.sum()) - floor
 
 
+def huber_weights(w: Array) -> Array:
+    """rho'(w) / w: 1 up to ``HUBER``, HUBER / |w| beyond."""
+    return np.asarray(np.minimum(1.0, HUBER / np.maximum(np.abs(w), 1e-9)))
+
+
 def weights(at: Point) -> Array:
     """Huber's weights; zero for what is held out."""
-    return np.where(at.used, np.minimum(1.0, HUBER / np.maximum(np.abs(at.w), 1e-9)), 0.0)
+    return np.where(at.used, huber_weights(at.w), 0.0)
 
 
 class Problem:

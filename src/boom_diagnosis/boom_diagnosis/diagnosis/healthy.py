@@ -44,8 +44,8 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     columns = {name: measured[:, i] for i, name in enumerate(OUTPUTS)}
     copy: Recording = from_columns(recording.name, grid, columns, recording.configuration)
     known = currents.time <= grid[-1]
-    time, values_ = currents.time[known], currents.values[known]
-    shown = np.maximum(values_ + CURRENT_NOISE * rng.standard_normal(values_.shape), 0.0)
+    time, true = currents.time[known], currents.values[known]
+    shown = np.maximum(true + CURRENT_NOISE * rng.standard_normal(true.shape), 0.0)
     driven = {"retract_current": shown[:, 0], "extend_current": shown[:, 1]}
     copy.signals |= from_columns(recording.name, time, driven, recording.configuration).signals
     result = prepare(copy)

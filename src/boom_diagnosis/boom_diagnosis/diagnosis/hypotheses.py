@@ -266,7 +266,7 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
         if effect not in fitted or near.point.loss < fitted[effect].point.loss:
             fitted[effect] = near
     best = _sorted(list(fitted.values()))
-    if not best or best[0].gain < RETUNED * (found.base.loss - floor * int(found.base.used.sum())):
+    if not best or best[0].gain < RETUNED * found.base.over(floor):
         return replace(found, fitted=best)
     p, point = found.problem.predictor, best[0].point
     retuned = problem_at(

@@ -242,7 +242,7 @@ def _judge(case: Case, found: Round) -> bool:
     case.weighed[k:] = [_weigh(case, found) if found.fitted else []]
     taken = _take(case)
     best = case.weighed[k][0].fitted.point if case.weighed[k] else found.base
-    case.temperature = COLDEST + UNEXPLAINED_WEIGHT * max(0.0, _over(case, best))
+    case.temperature = COLDEST + UNEXPLAINED_WEIGHT * max(0.0, best.over(case.floor))
     return taken
 
 
@@ -310,20 +310,15 @@ def _take(case: Case) -> bool:
     return False
 
 
-def _over(case: Case, point: Point) -> float:
-    """Loss [nats] over that of a healthy machine, with the tolerances' prior."""
-    return point.loss - case.floor * int(point.used.sum())
-
-
 def _share_explained(case: Case, best: Weighed) -> float:
     """Share of what the last round begins with that an effect explains, of the recordings that are fitted."""
-    return (best.gain if case.proving else best.net) / max(_over(case, case.rounds[-1].base), 1e-9)
+    return (best.gain if case.proving else best.net) / max(case.rounds[-1].base.over(case.floor), 1e-9)
 
 
 def _needed(case: Case, best: Weighed) -> float:
     """Nats that an effect must gain; of one that explains most of a clear rest the effects before ask nothing."""
     base = case.rounds[-1].base
-    clear = _over(case, base) > CLEAR_REST * int(base.used.sum())
+    clear = base.over(case.floor) > CLEAR_REST * int(base.used.sum())
     return _chance(case) if clear and _share_explained(case, best) > MOST_OF_REST else _least(case)
 
 

@@ -127,7 +127,7 @@ class Scanner:
         tried = [(effect, start) for effect in wanted for start in starts(EFFECTS[effect], lasting)]
         tried.sort(key=lambda t: EFFECTS[t[0]].states)  # those of one plant go side by side
         seen = self._probed(tried)
-        misfit = max(self.at.loss - WHITE * int(self.at.used.sum()), LEAST_MISFIT)
+        misfit = max(self.at.over(WHITE), LEAST_MISFIT)
         shares = [sqrt(2.0 * misfit) / max(size, 1e-9) for _, size in seen]
         large = [k for k, share in enumerate(shares) if share < NEARER and tried[k][0] not in AS_THEY_ARE]
         nearer = self._probed([(tried[k][0], _scaled(*tried[k], shares[k])) for k in large])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis.coordinates import Coordinate
 from boom_diagnosis.diagnosis.document import Estimate
-from boom_diagnosis.diagnosis.fitting import HUBER, Point, rho, weights
+from boom_diagnosis.diagnosis.fitting import Point, huber_weights, rho, weights
 from boom_diagnosis.diagnosis.search import Fitted
 
 Array = NDArray[np.float64]
@@ -76,8 +76,7 @@ def predictive_loss(w: Array, jacobian: Array, known: Array) -> float:
 
     w: (rows,), jacobian: (rows, unknowns) at the fitted point; the unknowns may move within what is known of them.
     """
-    omega = np.minimum(1.0, HUBER / np.maximum(np.abs(w), 1e-9))
-    weighted = jacobian * omega[:, None]
+    weighted = jacobian * huber_weights(w)[:, None]
     both = known + weighted.T @ jacobian
     gradient = weighted.T @ w
     scale = _scale(both)
@@ -104,7 +103,7 @@ def split_loss(w: Array, jacobian: Array, prior: Array, z: Array, used: NDArray[
 
     w: (rows,), jacobian: (rows, unknowns) at the point, prior: (unknowns,) precision, z: (count,) the first unknowns.
     """
-    weighted = jacobian * np.minimum(1.0, HUBER / np.maximum(np.abs(w), 1e-9))[:, None]
+    weighted = jacobian * huber_weights(w)[:, None]
     part, rows = weighted[used], jacobian[used]
     some, every = part.T @ rows + np.diag(prior), weighted.T @ jacobian + np.diag(prior)
     scale = _scale(every)
@@ -154,18 +153,18 @@ def occam(fitted: Fitted, new: Sequence[Coordinate]) -> float:
     return cost
 
 
-def trusted(point: Point, jacobian: Array, count: int, widths: Sequence[float]) -> Array:
+def trusted(point: Point, jacobian: Array, count: int, prior: Sequence[float]) -> Array:
     """Covariance of (z, inner coordinates) from no more than derivatives by differences can tell.
 
     The precision scaled to a unit diagonal loses ``DERIVATIVES`` in every principal direction: in one where the effect of moving
-    all unknowns together is less than 3 % of what each does alone, the recordings say nothing, the priors (1 for z, flat over
-    ``widths`` for coordinates) all.
+    all unknowns together is less than 3 % of what each does alone, the recordings say nothing, the priors (precision 1 for z,
+    ``prior`` for coordinates) all.
     """
     normal = (jacobian * weights(point)[:, None]).T @ jacobian
     scale = _scale(normal)
     values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
     told = (vectors * np.maximum(values - DERIVATIVES, 0.0)) @ vectors.T * np.outer(scale, scale)
-    told += np.diag([1.0] * count + [12.0 / max(w, 1e-300) ** 2 for w in widths])
+    told += np.diag([1.0] * count + list(prior))
     scale = np.sqrt(np.diag(told))
     return np.asarray(np.linalg.inv(told / np.outer(scale, scale)) / np.outer(scale, scale))
 
@@ -173,8 +172,8 @@ def trusted(point: Point, jacobian: Array, count: int, widths: Sequence[float]) 
 def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
     """Numbers of all its effects with 90 % intervals, dotted names: the wider of two, posterior and scatter, times ``FORM``."""
     count = len(fitted.point.z)
-    widths = [c.width for c in fitted.coordinates]
-    covariance = np.diag(trusted(fitted.point, fitted.jacobian, count, widths)) * temperature
+    prior = [c.precision for c in fitted.coordinates]
+    covariance = np.diag(trusted(fitted.point, fitted.jacobian, count, prior)) * temperature
     covariance = np.maximum(covariance, np.diag(scatter(fitted.point, fitted.jacobian, count)))
     result = {}
     for k, c in enumerate(fitted.coordinates, start=count):

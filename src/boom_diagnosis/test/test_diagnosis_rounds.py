@@ -1,0 +1,110 @@
+"""What a round of the diagnosis takes, on a case whose fits and free runs are given."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from boom_diagnosis.diagnosis import proof, run
+from boom_diagnosis.diagnosis.fitting import WHITE, Point
+from boom_diagnosis.diagnosis.run import Case
+from boom_diagnosis.diagnosis.search import Fitted
+from boom_diagnosis.diagnosis.weighing import Weighed
+
+SAMPLES = 10_000
+
+
+def point(excess: float) -> Point:
+    """A fit that loses so many nats more than white noise."""
+    w, used = np.zeros(SAMPLES), np.ones(SAMPLES, dtype=bool)
+    return Point(np.zeros(1), {}, w, used, WHITE * SAMPLES + excess, [], [])
+
+
+def weighed(effect: str, gain: float, held_out_gain: float, base: float) -> Weighed:
+    left = point(base - gain - held_out_gain)
+    return Weighed(Fitted(effect, left, (), np.zeros((SAMPLES, 1)), gain, ()), gain, held_out_gain, 0.0)
+
+
+@pytest.fixture
+def case() -> Any:
+    """A case whose first round begins with 1000 nats too many."""
+    made: Any = Case.__new__(Case)
+    made.__dict__ |= {
+        "select": [np.ones((SAMPLES // 4, 4), dtype=bool)], "floor": WHITE, "proving": [], "taken": [], "disproved": [],
+        "spared": {}, "weighed": [[]], "trained": [point(1000.0)],
+        "rounds": [SimpleNamespace(base=point(1000.0), problem=None)],
+    }  # fmt: skip
+    return made
+
+
+@pytest.fixture
+def free_runs(monkeypatch: pytest.MonkeyPatch) -> dict[float, float]:
+    """Loss of a fit -> factor by which its free runs err more."""
+    factors: dict[float, float] = {}
+    monkeypatch.setattr(run, "_settle", lambda case, k, problem, at, *rest: at)
+    monkeypatch.setattr(run, "worsening", lambda case, before, after: factors[after.loss])
+    return factors
+
+
+def test_an_effect_that_free_runs_disprove_gives_way_to_the_next(case: Any, free_runs: dict[float, float]) -> None:
+    first, second = weighed("flow_force", 100.0, 90.0, 1000.0), weighed("spring_rate", 95.0, 90.0, 1000.0)
+    case.weighed[0] = [first, second]
+    free_runs |= {first.fitted.point.loss: 2.3, second.fitted.point.loss: 0.6}
+    assert run._take(case)
+    assert (case.taken, case.disproved, case.weighed[0]) == ([second], [first], [second])
+
+
+def test_a_large_first_effect_may_leave_free_runs_a_little_worse_and_a_small_one_not(
+    case: Any, free_runs: dict[float, float]
+) -> None:
+    small, large = weighed("payload", 100.0, 90.0, 1000.0), weighed("payload", 300.0, 200.0, 1000.0)
+    free_runs |= {small.fitted.point.loss: 1.2, large.fitted.point.loss: 1.2}
+    case.weighed[0] = [small]
+    assert not run._take(case)
+    case.weighed[0] = [large]
+    assert run._take(case)
+
+
+@pytest.mark.parametrize(("rest", "taken"), [(800.0, True), (3000.0, False), (400.0, False)])
+def test_a_second_effect_must_gain_a_share_of_the_first_or_explain_most_of_a_clear_rest(
+    case: Any, free_runs: dict[float, float], rest: float, taken: bool
+) -> None:
+    """2 % of 50000 nats are 1000; 600 nats are most of 800, not of 3000, and 400 on 10000 samples are no clear rest."""
+    case.taken = [weighed("return_line_pressure", 30000.0, 20000.0, 51000.0)]
+    second = weighed("position_dependent_friction", 300.0, 300.0 if rest > 500.0 else 50.0, rest)
+    case.weighed = [case.taken, [second]]
+    case.rounds.append(SimpleNamespace(base=point(rest), problem=None))
+    case.trained.append(point(rest))
+    free_runs[second.fitted.point.loss] = 0.5
+    assert run._take(case) is taken
+
+
+def test_of_recordings_held_out_the_gain_on_those_fitted_is_compared_with_what_they_begin_with(case: Any) -> None:
+    best = weighed("payload", 200.0, 700.0, 1000.0)
+    assert run._bearable(case, best) == run.CONVINCING
+    case.proving = [object()]
+    assert run._bearable(case, best) == run.WORSE
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "factor"),
+    [
+        ((0.1, 0.1, 0.1, 0.1), (0.2, 0.2, 0.05, 0.1), 2.0 ** (1 / 4)),
+        ((0.1, 0.1, 0.1, 0.1), (np.nan,) * 4, proof.ENDED),
+        ((np.nan,) * 4, (0.3,) * 4, 1 / proof.ENDED),
+        ((np.nan,) * 4, (np.nan,) * 4, 1.0),
+    ],
+)
+def test_a_free_run_that_ends_early_counts_as_worse(
+    monkeypatch: pytest.MonkeyPatch, case: Any, before: Any, after: Any, factor: float
+) -> None:
+    errors = iter([before, after])
+    case.machine = case.pose = None
+    monkeypatch.setattr(Case, "values", lambda self, z, effects: {})
+    monkeypatch.setattr(proof, "found_machine", lambda *given: None)
+    monkeypatch.setattr(proof, "placed", lambda *given: None)
+    monkeypatch.setattr(proof, "free_run", lambda *given: None)
+    monkeypatch.setattr(proof, "errors", lambda *given: next(errors))
+    monkeypatch.setattr(proof, "spans_of", lambda case: SimpleNamespace(judged=[SimpleNamespace(recording=None)]))
+    assert proof.worsening(case, point(0.0), point(0.0)) == pytest.approx(factor)
