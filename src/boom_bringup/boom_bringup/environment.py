@@ -146,6 +146,9 @@ def for_processes(environment: Mapping[str, str]) -> dict[str, str]:
     result["RMW_IMPLEMENTATION"] = "rmw_fastrtps_cpp"
     # Without it two values in a float64[3] would be sent with stray memory behind them.
     result.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
+    # The parallel work here is many small pieces: threads inside each would wait for one another, and the rounding would depend on
+    # how many there are.
+    result.setdefault("OPENBLAS_NUM_THREADS", "1")
     result.setdefault("PYTHONUNBUFFERED", "1")
     result.setdefault("RCUTILS_COLORIZED_OUTPUT", "0")
     _set_network(result)

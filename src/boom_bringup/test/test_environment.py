@@ -77,6 +77,11 @@ def test_messages_are_checked_before_they_are_sent():
     assert environment.for_processes({})["ROS_PYTHON_CHECK_FIELDS"] == "1"
 
 
+def test_linear_algebra_stays_in_one_thread_unless_the_user_says_otherwise():
+    assert environment.for_processes({})["OPENBLAS_NUM_THREADS"] == "1"
+    assert environment.for_processes({"OPENBLAS_NUM_THREADS": "4"})["OPENBLAS_NUM_THREADS"] == "4"
+
+
 def test_a_private_domain_is_given_to_one_only_and_free_again_afterwards():
     with environment.private_domain() as first, environment.private_domain() as second:
         assert first != second

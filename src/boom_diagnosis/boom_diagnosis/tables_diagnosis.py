@@ -45,6 +45,9 @@ def _print(result: DiagnosisResult, console: Console) -> None:
     console.print()
     if document.findings:
         console.print(findings_table(result))
+    for curve in result.learned:
+        console.print(Text(f"learnt for equation ({curve.equation}): {curve.formula}; {curve.reading}"))
+        console.print()
     if "nominal" in document.fit.held_out:
         console.print(proof_table(result))
     if result.ranking:

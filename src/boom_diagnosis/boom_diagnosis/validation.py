@@ -177,13 +177,17 @@ def noise_limits(machine: Machine, *, both: bool = False) -> Metrics:
     return Metrics(ANGLE_LIMIT, None, rate, pressure, pressure)
 
 
-def predict(recording: Recording, machine: Machine, kind: Kind) -> Prediction:
+def predict(recording: Recording, machine: Machine, kind: Kind, *, through_evaporation: bool = False) -> Prediction:
     """Free runs of one model over a recording, at the stamps of its channels.
+
+    through_evaporation: they go on where the oil of the head side would evaporate.
 
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
     plant = plant_for(recording, machine, kind)
+    if through_evaporation:
+        plant = plant.through_evaporation()
     currents = held_currents(recording)
     times = {name: recording.signals[name].time for name in OUTPUTS}
     values = {name: np.full(len(time), np.nan) for name, time in times.items()}

@@ -9,6 +9,8 @@ A product is written as text, factors joined by ``*``. A factor is a variable of
     abs(v)            sqrt(v^2 + 0.02^2) - 0.02
     plus(v, a)        max(0, v - a): one-sided
     minus(v, a)       max(0, a - v)
+    above(v, a)       (1 + tanh((v - a) / 0.005)) / 2: beyond a corner only
+    below(v, a)       1 - above(v, a)
     bump(v, a, b)     exp(-((v - a) / b)^2): one spot
     lag(v, T)         memory: T x' = v - x, x a state, zero at rest
 
@@ -25,12 +27,18 @@ from math import isfinite
 from typing import Any
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from boom_model.errors import MachineError, nearest
 from boom_model.regularisation import Expression
 
+Array = NDArray[np.float64]
+
 SHARPNESS = 0.02
 """Of sign and abs, in scaled units: 0.006 rad/s, 2 bar."""
+EDGE = 0.005
+"""Of above and below, in scaled units: 5 mrad."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +110,7 @@ class LearnedTerm:
 
 
 _FACTOR = re.compile(r"^(?:(\w+)\(\s*(\w+)\s*((?:,\s*-?[0-9.eE+-]+\s*)*)\)|(\w+)(?:\^([23]))?)$")
-_ARGUMENTS = {"sign": 0, "abs": 0, "plus": 1, "minus": 1, "bump": 2, "lag": 1}
+_ARGUMENTS = {"sign": 0, "abs": 0, "plus": 1, "minus": 1, "above": 1, "below": 1, "bump": 2, "lag": 1}
 
 
 @dataclass(frozen=True)
@@ -235,17 +243,33 @@ def term(
     return total * PLACES[learned.equation].scale
 
 
-def _value(f: Factor, v: Expression, memory: Callable[[str, float, Expression], Expression]) -> Expression:
+def evaluate(text: str, variables: Mapping[str, Array], memory: Callable[[str, float, Array], Array]) -> Array:
+    """A product (n,) over scaled variables (n,); ``memory`` as in :func:`term`, for numbers.
+
+    Raises:
+        MachineError: names what cannot be read.
+    """
+    product = np.ones(len(next(iter(variables.values()))))
+    for factor in parse(text):
+        product = product * _value(factor, variables[factor.variable], memory, np)
+    return product
+
+
+def _value(f: Factor, v: Any, memory: Callable[[str, float, Any], Any], m: Any = ca) -> Any:
+    """``m``: CasADi for an expression, numpy for numbers."""
     if f.function == "sign":
-        return ca.tanh(v / SHARPNESS)
+        return m.tanh(v / SHARPNESS)
     if f.function == "abs":
-        return ca.sqrt(v * v + SHARPNESS * SHARPNESS) - SHARPNESS
+        return m.sqrt(v * v + SHARPNESS * SHARPNESS) - SHARPNESS
     if f.function == "plus":
-        return ca.fmax(v - f.numbers[0], 0.0)
+        return m.fmax(v - f.numbers[0], 0.0)
     if f.function == "minus":
-        return ca.fmax(f.numbers[0] - v, 0.0)
+        return m.fmax(f.numbers[0] - v, 0.0)
+    if f.function in ("above", "below"):
+        side = 1.0 if f.function == "above" else -1.0
+        return 0.5 * (1.0 + m.tanh(side * (v - f.numbers[0]) / EDGE))
     if f.function == "bump":
-        return ca.exp(-(((v - f.numbers[0]) / f.numbers[1]) ** 2))
+        return m.exp(-(((v - f.numbers[0]) / f.numbers[1]) ** 2))
     if f.function == "lag":
         return memory(f.variable, f.numbers[0], v)
     return v ** int(f.function[1]) if f.function else v

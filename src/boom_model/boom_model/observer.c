@@ -3,7 +3,8 @@
 /* grid[n+1]: times between which the model predicts. theta, measured [n][NY]: in interval k channel j was sampled at
    grid[k] + theta (grid[k+1] - grid[k]); NaN: not. gain[n][NX][NY]. x: start in, end out.
    innovation[n][NY]: measured - predicted (NaN where nothing was), predicted linearly between both ends of the interval.
-   states[n][NX]: corrected state at the beginning of each interval. A correction that leaves a state's range ends at its limit.
+   states[n][NX]: corrected state at the beginning of each interval. What would leave a state's range, in the prediction or by the
+   correction, is held at its limit: a model that lacks what moves the machine goes on, and is seen to be wrong.
    report as in boom_run; report[7]: intervals done.
    With lanes p, x, u, innovation and states have one more dimension of LANES numbers, the last; where one lane fails, all end. */
 int boom_observe(const double *p, double *x, const double *grid, long n, const double *t_in, const double *u, long n_in,
@@ -11,7 +12,7 @@ int boom_observe(const double *p, double *x, const double *grid, long n, const d
                  double tolerance, int order, const double *scale, const double *minimum, const double *maximum, double h,
                  double *report) {
   real c[NC > 0 ? NC : 1], before[NY], after[NY], number[NP], state[NX], held[NU];
-  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1};
+  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 1};
   long k, next = 0, i_in = 0;
   int status = OK;
   for (int i = 0; i < NP; i++) number[i] = boom_load(p + i * LANES);

@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 
 from boom_model.compiled import LANES
 from boom_model.errors import SimulationError
-from boom_model.plant import Plant, _pointer
+from boom_model.plant import PULLED, Plant, _pointer
 from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
 
 BEYOND_STOPS = 0.02
-"""rad. How far beyond the machine's stops the observer's angle may go before it is held or a pass counts as failed: a boom that
+"""rad. How far beyond the machine's stops the observer's angle may go before it is held: a boom that
 runs against them, with a model that lacks its cushions, is predicted to go on."""
 WORTH_JOINING = 2
 """Passes from which on they go side by side."""
@@ -205,6 +205,7 @@ def _arguments(
     """Of ``boom_observe``; the arrays must live as long as its call."""
     minimum, maximum = plant.minimum.copy(), plant.maximum.copy()
     minimum[0], maximum[0] = minimum[0] - BEYOND_STOPS, maximum[0] + BEYOND_STOPS
+    minimum[plant.state_names.index("head_pressure")] = PULLED
     return (
         _pointer(p), _pointer(x), _pointer(samples.grid), ctypes.c_long(len(samples.grid) - 1),
         _pointer(samples.input_time), _pointer(currents), ctypes.c_long(len(samples.input_time)),

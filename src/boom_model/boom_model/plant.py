@@ -34,6 +34,9 @@ _ORDER_3_ABOVE = 5e-7  # at coarser tolerances the method of order 3 is faster, 
 _FIRST_STEP = 1e-4
 FAST, FINE = 1e-4, 1e-6
 """Tolerances of the error control. Measured over a 60 s recording they give errors of about the same size."""
+PULLED = -1.0e7
+"""Pa gauge: p_a down to which a run goes on that is asked to, though oil evaporates at -1 bar. No sensor sees p_a, and what lies
+behind such a moment can still be compared."""
 LARGEST_SPOOL = 4.0
 """Times s_max: beyond, a run ends with an error. The spool has no end stop in the equations; 0.7 A push it to 1.6 s_max."""
 _DOUBLE = ctypes.POINTER(ctypes.c_double)
@@ -114,6 +117,13 @@ class Plant:
         other.minimum, other.maximum = self.minimum.copy(), self.maximum.copy()
         other.minimum[0], other.maximum[0] = machine.angle_limits
         other.command_delay, other.pressure_delay = other.delays(other.p)
+        return other
+
+    def through_evaporation(self) -> Plant:
+        """The same, with runs that go on where the oil of the head side would evaporate, as if it could be pulled at."""
+        other = copy(self)
+        other.minimum = self.minimum.copy()
+        other.minimum[self.state_names.index("head_pressure")] = PULLED
         return other
 
     # ------------------------------------------------------------------------------------------------ initial states

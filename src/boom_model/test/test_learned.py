@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from boom_model.errors import MachineError
-from boom_model.learned import PLACES, check_learned
+from boom_model.learned import PLACES, VARIABLES, check_learned, evaluate
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine, machine_from
 from boom_model.plant import Plant
@@ -55,6 +55,8 @@ def change(state: dict[str, float], **changed: Any) -> dict[str, float]:
         ("plus(rate, 0.2)", 0.15, 0.3),
         ("minus(rate, 0.2)", -0.15, 0.7),
         ("bump(rate, 0.5, 0.1)", 0.15, 1.0),
+        ("above(rate, 0.495)", 0.15, 0.8808),
+        ("rate*below(rate, 0.6)", 0.15, 0.5),
         ("rate*sign(rate)", -0.15, 0.5),
         ("rate", 0.9, 1.0),  # held at the end of the range that it was learnt in
     ],
@@ -65,6 +67,8 @@ def test_a_torque_is_its_coefficient_times_its_product_over_the_inertia(
     changed = change({"rate": rate}, basis=[product])
     inertia = load_machine("tz17").tabulated[0].values()["pose.D0"]
     assert changed["rate"] * inertia == pytest.approx(-2.0 * 1e4 * value, rel=2e-2)
+    scaled = {"rate": np.array([min(rate, 0.3) / VARIABLES["rate"].scale])}
+    assert evaluate(product, scaled, lambda _v, _t, v: v) == pytest.approx(np.array([value]), rel=2e-2)
     assert {name for name, size in changed.items() if size != 0.0} == {"rate"}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -82,6 +83,21 @@ def test_a_pass_that_fails_leaves_the_others_as_they_are(folded: Plant, job: Mak
     for k, (o, one) in enumerate(zip(seen, jobs, strict=True)):
         if k != place:
             assert np.array_equal(o.innovations, alone(one).innovations)
+
+
+@pytest.mark.parametrize("together", [1, LANES])
+def test_a_state_that_would_leave_its_range_is_held_and_the_pass_goes_on(
+    folded: Plant, job: Make, together: int
+) -> None:
+    narrow = copy(folded)
+    narrow.maximum = folded.maximum.copy()
+    rod, highest = folded.state_names.index("rod_pressure"), 2e6
+    narrow.maximum[rod] = highest
+    _, samples, x, gain, p = job(folded)
+    assert alone(job(folded)).states[:, rod].max() > highest
+    for seen in observe_groups([[(narrow, samples, x, gain, p)] * together])[0]:
+        assert seen.complete and np.isfinite(seen.innovations).all()
+        assert seen.states[:, rod].max() == highest
 
 
 def test_passes_of_several_plants_come_back_in_their_order(folded: Plant, job: Make, tz17: Machine) -> None:

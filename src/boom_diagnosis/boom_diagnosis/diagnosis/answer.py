@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis import regimes
+from boom_diagnosis.diagnosis.bag_samples import CAVITATES, PERIOD
 from boom_diagnosis.diagnosis.document import (
     SUBSYSTEMS,
     Alternative,
     DiagnosisResult,
     Document,
+    EquationEvidence,
     Estimate,
     Finding,
     Fit,
@@ -48,6 +50,7 @@ from boom_diagnosis.diagnosis.weighing import (
     unknown_probability,
 )
 from boom_model.effects import EFFECTS
+from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
@@ -128,19 +131,16 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         case.machine, case.bags, case.select, case.nuisances, first.base.z, {}, case.healthy, doubted=wrong
     )
     rest_equations = equations
-    learned: Learned | None = None
-    if wrong and unknown > LEARNT_FROM:
+    learned = case.learned
+    if wrong and unknown > LEARNT_FROM and not learned:
         if case.taken:
             rest_equations, agreement, _ = locate(
                 case.machine, case.bags, case.select, case.nuisances, case.last.z, case.last.effects, case.healthy
             )
         order = sorted(rest_equations, key=lambda e: -e.statistical)
-        learned = learn(
-            case.machine, case.bags, case.training, case.judged, case.nuisances, case.trained[-1],
-            [e.key for e in order[:LEARNT_IN]], first.problem.predictor.looseness, case.proving,
-        )  # fmt: skip
+        learned = learn(case.setting, case.trained[-1], [e.key for e in order[:LEARNT_IN]])
     if verdict == "unknown_physics":
-        findings = [_unknown_finding(case, unknown, cells, tight, rest_equations), *findings]
+        findings = [_unknown_finding(case, unknown, cells, tight, rest_equations, case.learned), *findings]
     if verdict == "no_mismatch":
         agreement = "No equation needs an unknown input: what remains is noise."
     moved = _moved(case, case.last) if verdict == "parameters_only" or case.taken else {}
@@ -158,19 +158,27 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         bag_result(case, i, cells, inputs, tight.nominal[i], machines, runs, spans) for i in range(len(case.bags))
     ) + tuple(proving_result(case, i, machines, runs, spans) for i in range(len(case.proving)))
     notes = [f"{name} is left out: the boom hardly moves in it, or a channel is missing" for name in weak]
-    remaining = _remaining(fit, tight) if verdict not in ("no_mismatch", "parameters_only") else ""
+    for bag in case.bags:
+        if bag.cavitating.any():
+            notes.append(
+                f"{bag.name}: {PERIOD * float(bag.cavitating.sum()):.1f} s are left out: the oil of the head side evaporates "
+                f"(hose pressure below {CAVITATES / 1e5:g} bar), and the model ends there"
+            )
+    explained = case.learned.point.parts if case.learned else tight.explained
+    left = case.learned.point.excess(case.floor) if case.learned else tight.excess_after
+    remaining = _remaining(fit, tight.excess_before, left) if verdict not in ("no_mismatch", "parameters_only") else ""
     return DiagnosisResult(
         document, case.machine, final_machine(case, verdict, learned), bags,
-        regimes.table(cells, tight.nominal, tight.explained, case.healthy_squares), equations, agreement, tuple(ranked),
+        regimes.table(cells, tight.nominal, explained, case.healthy_squares), equations, agreement, tuple(ranked),
         ladder, (learned.curve,) if learned else (), remaining, moved, experiment, tuple(notes), about.command,
     )  # fmt: skip
 
 
-def _remaining(fit: Fit, tight: _Tight) -> str:
+def _remaining(fit: Fit, before: float, after: float) -> str:
     """What the explanation leaves: of the one-step errors, and in free runs over data not used."""
     sentences = []
-    if tight.excess_after > NEGLIGIBLE:
-        share = sqrt(max(tight.excess_after, 0.0) / max(tight.excess_before, tight.excess_after))
+    if after > NEGLIGIBLE:
+        share = sqrt(after / max(before, after))
         sentences.append(
             f"{100 * share:.0f} % of the mismatch's size (one-step errors beyond a healthy machine's) stays unexplained."
         )
@@ -290,21 +298,31 @@ def _evidence(w: Weighed, term: str, where: str) -> str:
 
 
 def _unknown_finding(
-    case: Case, unknown: float, cells: list[NDArray[np.int64]], tight: _Tight, equations: Sequence[object]
-) -> Finding:
-    """What remains: located, not named."""
-    rows = {e.key: e.statistical + e.chain for e in equations}  # type: ignore[attr-defined]
-    key = max(rows, key=lambda k: rows[k])
+    case: Case, unknown: float, cells: list[NDArray[np.int64]], tight: _Tight, equations: Sequence[EquationEvidence],
+    learned: Learned | None,
+) -> Finding:  # fmt: skip
+    """What remains: located, not named; in the equation whose term explains it, else in the one that both ways doubt most."""
+    rows = {e.key: e.statistical + e.chain for e in equations}
+    key = learned.term.equation if learned else max(rows, key=lambda k: rows[k])
     link = next(link for link in LINKS if link.key == key)
     rest = [0.5 * np.sum(np.minimum(np.abs(w), 8.0) ** 2 - case.healthy_squares, axis=1) for w in tight.explained]
     place = regimes.where(case.bags, cells, rest)
     first = [*(case.weighed[0] if case.weighed else []), *case.disproved]
     tried = first[0].fitted.effect if first else "none"
+    home = _touched(learned.term) if learned else _home(case, link.subsystems)
     return Finding(
-        None, _home(case, link.subsystems), link.equation, round(min(0.99, unknown), 4), {}, place.text, place.intervals,
+        None, home, link.equation, round(min(0.99, unknown), 4), {}, place.text, place.intervals,
         tuple(Alternative(w.fitted.effect, round((1 - unknown) / 3, 4)) for w in first[:2]),
         f"No effect of the catalogue explains the mismatch at '{link.title}'; the nearest is {label_of(tried)}.",
     )  # fmt: skip
+
+
+def _touched(term: LearnedTerm) -> str:
+    """The subsystem of a term that explains all: of a torque the load, which something touches, or friction."""
+    main = max(zip(term.basis, term.coefficients, strict=True), key=lambda t: abs(t[1]))[0]
+    if term.equation == "torque":
+        return "friction" if "rate" in main else "load"
+    return next(link.subsystems[0] for link in LINKS if link.key == term.equation)
 
 
 def _home(case: Case, subsystems: Sequence[str]) -> str:

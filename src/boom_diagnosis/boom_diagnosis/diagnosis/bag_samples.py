@@ -21,6 +21,9 @@ Flags = NDArray[np.bool_]
 PERIOD = 0.01
 SETTLING = 1.5
 """s. Behind a gap in the currents the observer needs so long to find the state again."""
+CAVITATES, RARELY = 0.5e5, 0.1
+"""Pa gauge: hose pressure below which the head side's oil evaporates, and the model ends (p_a >= -1 bar). Share of the samples
+above which so low a pressure is no cavitation."""
 BEGINNING = 0.3
 """s. At the beginning, where the boom rests."""
 
@@ -30,7 +33,8 @@ class Bag:
     """One recording, prepared.
 
     Attributes:
-        counted: (n, 4), True where an innovation tells about the machine: measured, not in or just behind a gap.
+        counted: (n, 4), True where an innovation tells about the machine: measured, not in or just behind a gap, oil all liquid.
+        cavitating: (n,), where the oil of the head side evaporates, and until the observer has found the state again.
         start: first valid values of the channels, for the initial state.
         plants: of a machine with some effects with states, built so far: building one costs as much as two passes.
     """
@@ -39,6 +43,7 @@ class Bag:
     currents: HeldCurrents
     grid: Array
     counted: Flags
+    cavitating: Flags
     resting: bool
     start: dict[str, float]
     plants: list[tuple[Machine, frozenset[str], Plant]] = field(default_factory=list, compare=False, repr=False)
@@ -116,9 +121,22 @@ def prepare(recording: Recording) -> Bag | None:
     start = rest or {name: float(np.mean(s.values[s.valid][:3])) for name, s in zip(OUTPUTS, signals, strict=True)}
     if rest is None:
         counted[time < SETTLING] = False
-    bag = Bag(recording, currents, grid, counted, rest is not None, start)
+    cavitating = _cavitating(recording, time)
+    counted[cavitating] = False
+    bag = Bag(recording, currents, grid, counted, cavitating, rest is not None, start)
     counted &= np.isfinite(bag.samples().measured)
     return bag
+
+
+def _cavitating(recording: Recording, time: Array) -> Flags:
+    """(n,) Whether the head side's oil evaporates in an interval, or did up to ``SETTLING`` before."""
+    signal = recording.signals["hose_pressure"]
+    low = signal.time[signal.valid][signal.values[signal.valid] < CAVITATES]
+    result = np.zeros(len(time), dtype=bool)
+    if len(low) <= RARELY * np.sum(signal.valid):
+        for t in low:
+            result[(time > t - PERIOD) & (time < t + SETTLING)] = True
+    return result
 
 
 def _intervals(time: Array) -> NDArray[np.int64]:

@@ -30,8 +30,8 @@ class Span:
 
 
 def free_run(recording: Recording, machine: Machine) -> Prediction:
-    """The full model's free run over a recording."""
-    return predict(recording, machine, "full")
+    """The full model's free run over a recording, moments at which the oil evaporates included: what lies behind is judged, too."""
+    return predict(recording, machine, "full", through_evaporation=True)
 
 
 def errors(span: Span, run: Prediction) -> Floats4:
@@ -54,7 +54,7 @@ def noise_floor(span: Span, machine: Machine, seed: int) -> Floats4:
     """The errors that the sensors' noise and that of the currents would leave if the model were exactly right."""
     recording = span.recording
     currents = held_currents(recording)
-    plant = plant_for(recording, machine, "full")
+    plant = plant_for(recording, machine, "full").through_evaporation()
     rng = np.random.default_rng(seed)
     first = {n: recording.signals[n].values[recording.signals[n].valid] for n in OUTPUTS}
     angle, hose, rod = (float(np.mean(first[n][:50])) for n in ("angle", "hose_pressure", "rod_pressure"))

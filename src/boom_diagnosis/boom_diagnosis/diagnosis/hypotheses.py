@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from boom_diagnosis.diagnosis.bag_samples import Bag
 from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.diagnosis.fitting import WHITE, Point, Problem
 from boom_diagnosis.diagnosis.nuisances import Nuisance
+from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.prediction import Predictor, with_states
 from boom_diagnosis.diagnosis.search import Candidate, Fitted, Scanner, possible_effects, refine
 from boom_model.machine import Machine
@@ -164,10 +165,14 @@ def run_round(
         grouped.setdefault(candidate.effect, []).append(candidate)
     progress("fitting effects", 0.5)
     promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING * least][:refined]
+
+    def tried(effect: str, at_least: float) -> Fitted:
+        return refine(scanner, jacobian, _starts(grouped[effect]), kept, at_least=at_least)
+
     fitted = list[Fitted]()
-    for effect in promising:
-        most = max((f.gain for f in fitted), default=0.0)
-        fitted.append(refine(scanner, jacobian, _starts(grouped[effect]), kept, at_least=RIVAL * most))
+    for pair in (promising[:2], promising[2:]):
+        enough = RIVAL * max((f.gain for f in fitted), default=0.0)
+        fitted += in_parallel(partial(tried, at_least=enough), pair)
     fitted = list(_sorted(fitted))
     if not fitted:
         return Round(accepted, base, jacobian, (), scanned, searching)
@@ -176,13 +181,11 @@ def run_round(
     weighing = likeliest(best.z, best.effects)
     # an effect with states of its own is weighed by gains that correct them, too
     if weighing.predictor.looseness == searching.predictor.looseness and not with_states(best.effects):
-        fitted = [_polished(searching, f, base, f.jacobian[:, : len(base.z)]) for f in fitted[:1]] + fitted[1:]
+        fitted[0] = _polished(searching, fitted[0], base, fitted[0].jacobian[:, : len(base.z)])
         return Round(accepted, base, jacobian, _sorted(fitted), scanned, searching)
     base, jacobian = fit(weighing, base.z, base.effects, kept)
-    columns = jacobian[:, : len(base.z)]  # of the base; good enough for all but the best
     near = [f for f in fitted[:WEIGHED] if f.gain > RIVAL * fitted[0].gain]
-    fitted = [_weighed(weighing, f, base, columns if k else None) for k, f in enumerate(near)]
-    return Round(accepted, base, jacobian, _sorted(fitted), scanned, weighing)
+    return Round(accepted, base, jacobian, _all_weighed(weighing, near, base, jacobian), scanned, weighing)
 
 
 class Nominal:
@@ -239,15 +242,14 @@ def _at_once(first: Nominal, wanted: Sequence[str], likeliest: Likeliest, fit: F
     The tolerances alone, fitted to such a machine, end far from anything, and the search with them.
     """
     seen = first.look(wanted)
-    tried = sorted((first.fitted(c) for c in list(seen.values())[:AT_ONCE]), key=lambda f: f.point.loss)
+    tried = sorted(in_parallel(first.fitted, list(seen.values())[:AT_ONCE]), key=lambda f: f.point.loss)
     best, base = tried[0].point, first.tolerances
     if best.excess(WHITE) > OUTSTANDING * base.excess(WHITE):
         return None
     weighing = likeliest(best.z, best.effects)
     base, jacobian = fit(weighing, base.z, {}, ())
-    columns = jacobian[:, : len(base.z)]
-    fitted = [_weighed(weighing, f, base, columns if k else None) for k, f in enumerate(tried)]
-    return Round((), base, jacobian, _sorted(fitted), {e: c.gain for e, c in seen.items()}, weighing)
+    fitted = _all_weighed(weighing, tried, base, jacobian)
+    return Round((), base, jacobian, fitted, {e: c.gain for e, c in seen.items()}, weighing)
 
 
 def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) -> Round:
@@ -259,12 +261,11 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
     innovation of a healthy machine.
     """
     seen = first.look(list(found.scanned))
-    effects = dict.fromkeys([*list(seen)[:AFRESH], *(e for e in wanted if e in seen)])
+    effects = list(dict.fromkeys([*list(seen)[:AFRESH], *(e for e in wanted if e in seen)]))
     fitted = {f.effect: f for f in found.fitted}
-    for effect in effects:
-        near = _weighed(found.problem, first.fitted(seen[effect]), found.base)
-        if effect not in fitted or near.point.loss < fitted[effect].point.loss:
-            fitted[effect] = near
+    for near in in_parallel(lambda e: _weighed(found.problem, first.fitted(seen[e]), found.base), effects):
+        if near.effect not in fitted or near.point.loss < fitted[near.effect].point.loss:
+            fitted[near.effect] = near
     best = _sorted(list(fitted.values()))
     if not best or best[0].gain < RETUNED * found.base.over(floor):
         return replace(found, fitted=best)
@@ -275,8 +276,8 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
     start = retuned.points([(found.base.z, {})])[0]
     base, jacobian = retuned.fit(start, retuned.nuisance_jacobian(start))
     rivals = [f for f in best[:WEIGHED] if f.gain > RIVAL * best[0].gain]
-    again = [_weighed(retuned, f, base, jacobian if k else None) for k, f in enumerate(rivals)]
-    return replace(found, base=base, jacobian=jacobian, fitted=_sorted(again), problem=retuned)
+    again = _all_weighed(retuned, rivals, base, jacobian)
+    return replace(found, base=base, jacobian=jacobian, fitted=again, problem=retuned)
 
 
 def _starts(candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -288,6 +289,13 @@ def _weighed(problem: Problem, f: Fitted, base: Point, columns: Array | None = N
     """The same effect fitted again, with an observer of other gains; ``columns`` as in :func:`_polished`."""
     start = problem.points([(f.point.z, f.point.effects)])[0]
     return _polished(problem, replace(f, point=start), base, columns)
+
+
+def _all_weighed(problem: Problem, best_first: Sequence[Fitted], base: Point, jacobian: Array) -> tuple[Fitted, ...]:
+    """Several effects fitted again; derivatives of the tolerances at the base are good enough for all but the best."""
+    columns = jacobian[:, : len(base.z)]
+    tried = list(enumerate(best_first))
+    return _sorted(in_parallel(lambda t: _weighed(problem, t[1], base, columns if t[0] else None), tried))
 
 
 def _polished(problem: Problem, f: Fitted, base: Point, columns: Array | None) -> Fitted:

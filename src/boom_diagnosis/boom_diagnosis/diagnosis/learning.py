@@ -17,12 +17,15 @@ from boom_diagnosis.diagnosis.bag_samples import Bag
 from boom_diagnosis.diagnosis.coordinates import Coordinate
 from boom_diagnosis.diagnosis.document import LearnedCurve
 from boom_diagnosis.diagnosis.fitting import Point, Problem
-from boom_diagnosis.diagnosis.hypotheses import problem_at
+from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, noticed, problem_at
+from boom_diagnosis.diagnosis.locating import LINKS, Link
 from boom_diagnosis.diagnosis.nuisances import Nuisance
+from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.prediction import Predictor, with_states
 from boom_diagnosis.diagnosis.search import Scanner
+from boom_diagnosis.diagnosis.unknown_input import Forced, Regression, forced, regress
 from boom_diagnosis.diagnosis.weighing import Z90, posterior, precision, predictive_loss
-from boom_model.learned import PLACES, VARIABLES, LearnedTerm, parse
+from boom_model.learned import PLACES, VARIABLES, LearnedTerm, evaluate, parse
 from boom_model.machine import Machine
 
 Array = NDArray[np.float64]
@@ -33,8 +36,12 @@ WORTH = 8.0
 """Nats that a further product must gain."""
 PROBE = 0.05
 """Of the place's scale: size at which a product is tried."""
-LARGEST = 30.0
+LARGEST = 200.0
 """Of the place's scale: limit of a coefficient."""
+REPEATED = 2
+"""Times that a regression is repeated with an observer that has its term already."""
+CLEAR = 0.9
+"""Share of an equation's unknown input that products must explain for no others to be sought."""
 
 
 @dataclass(frozen=True)
@@ -78,70 +85,175 @@ def library(equation: str, validity: Mapping[str, tuple[float, float]]) -> list[
     ]  # fmt: skip
 
 
-def learn(
-    machine: Machine, bags: Sequence[Bag], select: Sequence[Flags], judged: Sequence[Flags],
-    nuisances: Sequence[Nuisance], at: Point, equations: Sequence[str], looseness: float,
-    proving: Sequence[Bag] = (),
-) -> Learned | None:  # fmt: skip
-    """The best term in one of the equations (keys of ``PLACES``), or None where none improves data not used."""
-    found: list[Learned | None] = []
-    tolerances = None  # the same in all: what is learnt begins at zero
-    for equation in equations:
-        learned, tolerances = _learn_in(
-            machine, bags, select, judged, nuisances, at, equation, looseness, proving, tolerances
-        )
-        found.append(learned)
-    kept = [f for f in found if f is not None and f.held_out_gain > 0.0]
+@dataclass(frozen=True)
+class Setting:
+    """What a term is learnt from: recordings with the samples that are fitted and judged, and others that prove it.
+
+    looseness: of the observer that the search settled for.
+    """
+
+    machine: Machine
+    bags: Sequence[Bag]
+    select: Sequence[Flags]
+    judged: Sequence[Flags]
+    nuisances: tuple[Nuisance, ...]
+    proving: Sequence[Bag]
+    looseness: float
+
+    def problem(self, machine: Machine, z: Array, effects: Mapping[str, float], looseness: float) -> Problem:
+        """Of the machine with a term or without."""
+        return problem_at(machine, self.bags, self.select, self.nuisances, z, effects, looseness, self.judged)
+
+
+@dataclass(frozen=True)
+class Start:
+    """A term to be fitted: products, the sizes to start from, and the point that it is added to.
+
+    tolerances: derivatives that are good enough there; None where they are to be taken with the term.
+    """
+
+    equation: str
+    basis: Sequence[str]
+    sizes: Array
+    at: Point
+    looseness: float
+    tolerances: Array | None
+
+
+def learn(setting: Setting, at: Point, equations: Sequence[str]) -> Learned | None:
+    """The best term in one of the equations (keys of ``PLACES``), or None where none improves data not used.
+
+    Where an equation's unknown input is plain to see, its regression is the term; else products are sought in the one-step errors.
+    """
+    plain = learn_plainly(setting, at, equations)
+    if plain:
+        return plain
+    problem = setting.problem(setting.machine, at.z, at.effects, setting.looseness)
+    # of the machine without a term: what is learnt begins at zero
+    tolerances = problem.nuisance_jacobian(problem.points([(at.z, at.effects)])[0])
+
+    def sought(equation: str) -> Learned | None:
+        start = _sought(setting, at, equation, tolerances)
+        return _fitted(setting, start) if start else None
+
+    kept = [f for f in in_parallel(sought, equations) if f is not None and f.held_out_gain > 0.0]
     return max(kept, key=lambda f: f.gain + f.held_out_gain) if kept else None
 
 
-def _learn_in(
-    machine: Machine, bags: Sequence[Bag], select: Sequence[Flags], judged: Sequence[Flags],
-    nuisances: Sequence[Nuisance], at: Point, equation: str, looseness: float, proving: Sequence[Bag],
-    known: Array | None,
-) -> tuple[Learned | None, Array]:  # fmt: skip
-    validity = _ranges(machine, bags, at)
+def learn_plainly(setting: Setting, at: Point, equations: Sequence[str]) -> Learned | None:
+    """The regression of an equation's unknown input, if that is plain to see."""
+    start = _regressed(setting, at, equations)
+    learned = _fitted(setting, start) if start else None
+    # data not used has confirmed it already, and may lie where it does nothing
+    return learned if learned and learned.held_out_gain > -WORTH else None
+
+
+def _regressed(setting: Setting, at: Point, equations: Sequence[str]) -> Start | None:
+    """The term that explains an equation's unknown input nearly whole, beside the tolerances as fitted or as they are nominally."""
+    tried = list[tuple[Regression, Array, Link]]()
+    for z in (np.zeros_like(at.z), at.z) if at.z.any() else (at.z,):
+        base = setting.problem(setting.machine, z, at.effects, setting.looseness)
+        numbers = base.values(z, at.effects)
+        inputs = forced(base.predictor, numbers)
+        for link in LINKS:
+            if link.key in equations and link.key != "spool":  # its input is a pressure, which no state's derivative is
+                r = _regression(setting, base, numbers, inputs, link, None)
+                tried += [(r, z, link)] if r and r.share > CLEAR else []
+    if not tried:
+        return None
+    r, z, link = max(tried, key=lambda t: t[0].share)
+    validity = _ranges(setting.machine, at.states, _state_names(setting, at))
+    for _ in range(REPEATED):  # an observer that lacks the term shares it out to other equations, too
+        machine = _with(setting.machine, link.key, r.basis, validity)
+        base = setting.problem(machine, z, at.effects, setting.looseness)
+        numbers = base.values(z, at.effects) | {f"learned.0.{j}": c for j, c in enumerate(r.coefficients)}
+        r = _regression(setting, base, numbers, forced(base.predictor, numbers), link, r) or r
+    return Start(link.key, r.basis, np.array(r.coefficients), replace(at, z=z), LOOSENESS[0], None)
+
+
+def _regression(
+    setting: Setting, base: Problem, numbers: Mapping[str, float], inputs: Sequence[Forced], link: Link,
+    term: Regression | None,
+) -> Regression | None:  # fmt: skip
+    plant, _, _, _, p = base.predictor.job(0, numbers)
+    runs = [np.stack([f.states[n] for n in plant.state_names], axis=-1) for f in inputs]
+    products = library(link.key, _ranges(setting.machine, runs, plant.state_names))
+    number = dict(zip(plant.parameter_names, p, strict=True))
+    return regress(inputs, link.key, link.state, number, products, setting.select, setting.judged, term)
+
+
+def _sought(setting: Setting, at: Point, equation: str, tolerances: Array) -> Start | None:
+    """The products that take most away from the one-step errors, by a linear look at all; None where none takes enough."""
+    validity = _ranges(setting.machine, at.states, _state_names(setting, at))
     everything = library(equation, validity)
-    wide = _with(machine, equation, everything, validity)
-    problem = problem_at(wide, bags, select, nuisances, at.z, at.effects, looseness, judged)
+    wide = _with(setting.machine, equation, everything, validity)
+    problem = setting.problem(wide, at.z, at.effects, setting.looseness)
     base = problem.points([(at.z, at.effects)])[0]
-    tolerances = problem.nuisance_jacobian(base) if known is None else known
     scanner = Scanner(problem, base, tolerances)
     probes = problem.points([(at.z, {**at.effects, f"learned.0.{j}": PROBE}) for j in range(len(everything))])
     columns = np.stack([(p.w - base.w) / PROBE for p in probes], axis=-1)
     chosen = _forward(scanner, columns)
     if not chosen:
-        return None, tolerances
-    basis = [everything[j] for j in chosen]
+        return None
     _, sizes = scanner.gain(columns[:, chosen])
-    small = _with(machine, equation, basis, validity)
-    narrow = problem_at(small, bags, select, nuisances, at.z, at.effects, looseness, judged)
+    return Start(equation, [everything[j] for j in chosen], sizes, at, setting.looseness, tolerances)
+
+
+def _fitted(setting: Setting, start: Start) -> Learned:
+    """The term with its coefficients fitted together with the tolerances, and what it is worth."""
+    at, basis, equation = start.at, start.basis, start.equation
+    validity = _ranges(setting.machine, at.states, _state_names(setting, at))
+    machine = _with(setting.machine, equation, basis, validity)
     names = tuple(
         Coordinate(f"learned.0.{j}", PLACES[equation].unit, -LARGEST, LARGEST, PROBE, False, (-LARGEST, LARGEST))
         for j in range(len(basis))
     )
-    start = _descended(narrow, at, names, np.clip(sizes, -LARGEST, LARGEST))
-    point, jacobian = narrow.fit(start, tolerances, names, iterations=6)
-    reference = narrow.points([(at.z, {**at.effects, **{c.name: 0.0 for c in names}})])[0]
+    problem = setting.problem(machine, at.z, at.effects, start.looseness)
+    first = _descended(problem, at, names, np.clip(start.sizes, -LARGEST, LARGEST))
+    if start.tolerances is None:  # far from the machine without the term: its own gains, its own derivatives
+        problem = setting.problem(machine, at.z, first.effects, start.looseness)
+        first = problem.points([(at.z, first.effects)])[0]
+    tolerances = problem.nuisance_jacobian(first) if start.tolerances is None else start.tolerances
+    zero = {c.name: 0.0 for c in names}
+    reference = problem.points([(at.z, {**at.effects, **zero})])[0]
+    tried = [problem.fit(first, tolerances, names, iterations=6)]
+    if start.tolerances is None:
+        nominal = problem.fit_nominal(first.effects, names)
+        columns = [tolerances, problem.effect_jacobian(nominal, names)]
+        tried.append((nominal, np.concatenate(columns, axis=1)))
+    held = _held_out_gains(setting, machine, (reference, tolerances), tried, names, start.looseness)
+    best = len(tried) - 1  # tolerances that gain nothing stay where they are
+    if noticed(tried[best][0].loss - tried[0][0].loss, len(at.z)) and held[0] > held[best]:
+        best = 0
+    point, jacobian = tried[best]
     term = LearnedTerm(
         equation, tuple(basis), tuple(point.effects[c.name] for c in names), {v: validity[v] for v in _used(basis)}
     )
-    without, with_ = precision(reference, tolerances, len(at.z)), precision(point, jacobian, len(at.z))
-    if proving:
-        others = problem_at(
-            small, proving, [bag.counted for bag in proving], nuisances, point.z, point.effects, looseness
-        )
-        before, after = others.points([(reference.z, reference.effects), (point.z, point.effects)])
-        own = others.nuisance_jacobian(after)
-        both = np.concatenate([own, others.effect_jacobian(after, names)], axis=1)
-        held = predictive_loss(before.w, own, without) - predictive_loss(after.w, both, with_)
-    else:
-        rows = ~point.used
-        held = predictive_loss(reference.w[rows], tolerances[rows], without) - predictive_loss(
-            point.w[rows], jacobian[rows], with_
-        )
     covariance = posterior(point, jacobian, len(point.z))[len(point.z) :, len(point.z) :]
-    return Learned(term, point, reference.loss - point.loss, held, _curve(term, covariance)), tolerances
+    return Learned(term, point, reference.loss - point.loss, held[best], _curve(term, covariance))
+
+
+def _held_out_gains(
+    setting: Setting, machine: Machine, reference: tuple[Point, Array], tried: Sequence[tuple[Point, Array]],
+    names: Sequence[Coordinate], looseness: float,
+) -> list[float]:  # fmt: skip
+    """What each point, with its Jacobian, gains over the reference on data not used [nats]."""
+    count = len(setting.nuisances)
+    known = [precision(point, jacobian, count) for point, jacobian in (reference, *tried)]
+    if setting.proving:
+        select = [bag.counted for bag in setting.proving]
+        point = tried[0][0]
+        others = problem_at(machine, setting.proving, select, setting.nuisances, point.z, point.effects, looseness)
+        at = others.points([(p.z, p.effects) for p, _ in (reference, *tried)])
+        own = others.nuisance_jacobian(at[1])
+        columns = [own, *(np.concatenate([own, others.effect_jacobian(p, names)], axis=1) for p in at[1:])]
+        before, *after = (predictive_loss(p.w, c, k) for p, c, k in zip(at, columns, known, strict=True))
+    else:
+        rows = ~reference[0].used
+        before, *after = (
+            predictive_loss(p.w[rows], c[rows], k) for (p, c), k in zip((reference, *tried), known, strict=True)
+        )
+    return [before - loss for loss in after]
 
 
 def _forward(scanner: Scanner, columns: Array) -> list[int]:
@@ -172,10 +284,13 @@ def _descended(problem: Problem, at: Point, names: Sequence[Coordinate], sizes: 
     return min(problem.points(wanted), key=lambda p: p.loss)
 
 
-def _ranges(machine: Machine, bags: Sequence[Bag], at: Point) -> dict[str, tuple[float, float]]:
-    """Range of each variable in the states that the observer saw, as far as 99 % of the samples go."""
-    names = Predictor(machine, bags).plant(0, with_states(at.effects)).state_names
-    states = np.concatenate(at.states)
+def _state_names(setting: Setting, at: Point) -> tuple[str, ...]:
+    return Predictor(setting.machine, setting.bags).plant(0, with_states(at.effects)).state_names
+
+
+def _ranges(machine: Machine, runs: Sequence[Array], names: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Range of each variable in the states that the observer saw, (n, NX) per recording, as far as 99 % of the samples go."""
+    states = np.concatenate(runs)
     states = states[np.isfinite(states).all(axis=1)]
     stroke = machine.parameters["main_valve_spool.s_max"].value[0] if "spool_position" in names else 1.0
     result = {}
@@ -220,26 +335,12 @@ def _curve(term: LearnedTerm, covariance: Array) -> LearnedCurve:
 
 def _evaluate(term: LearnedTerm, main: str, x: Array) -> Array:
     """Its products (len(x), len(basis)) over one variable; the others in the middle of their range, memories settled."""
-    columns = []
-    for text in term.basis:
-        product = np.ones(len(x))
-        for f in parse(text):
-            v = (x if f.variable == main else np.full(len(x), sum(term.validity[f.variable]) / 2)) / VARIABLES[
-                f.variable
-            ].scale
-            product = product * _factor(f.function, f.numbers, v)
-        columns.append(product * PLACES[term.equation].scale)
-    return np.stack(columns, axis=-1)
-
-
-def _factor(function: str, numbers: tuple[float, ...], v: Array) -> Array:
-    import casadi as ca
-
-    from boom_model.learned import Factor, _value
-
-    x = ca.SX.sym("x")
-    f = ca.Function("f", [x], [_value(Factor(function, "rate", numbers), x, lambda _v, _t, value: value)])
-    return np.asarray(f(v.reshape(1, -1)), dtype=float).ravel()
+    scaled = {
+        v: (x if v == main else np.full(len(x), sum(term.validity[v]) / 2)) / VARIABLES[v].scale
+        for v in _used(term.basis)
+    }
+    columns = [evaluate(text, scaled, lambda _v, _t, value: value) for text in term.basis]
+    return np.stack(columns, axis=-1) * PLACES[term.equation].scale
 
 
 def reading(term: LearnedTerm) -> str:

@@ -9,9 +9,7 @@ with what a healthy machine of the same currents must be given.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from os import cpu_count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +19,10 @@ from boom_diagnosis.diagnosis.document import EquationEvidence
 from boom_diagnosis.diagnosis.fitting import Problem
 from boom_diagnosis.diagnosis.hypotheses import problem_at
 from boom_diagnosis.diagnosis.nuisances import Nuisance
+from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.prediction import Predictor
+from boom_diagnosis.diagnosis.unknown_input import forced
 from boom_model.machine import Machine
-from boom_model.observer import observe
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -90,8 +89,7 @@ def _statistical(base: Problem, z: Array, values: Mapping[str, float]) -> dict[s
         problem = Problem(boosted, base.nuisances, base.select)
         return problem.likelihood(problem.points([(z, values)])[0]) - reference
 
-    with ThreadPoolExecutor(cpu_count() or 1) as pool:
-        found = list(pool.map(raised, [(link, size) for link in LINKS for size in SIZES]))
+    found = in_parallel(raised, [(link, size) for link in LINKS for size in SIZES])
     best = [max(0.0, *found[k : k + len(SIZES)]) for k in range(0, len(found), len(SIZES))]
     return _shares(dict(zip((link.key for link in LINKS), best, strict=True)))
 
@@ -101,40 +99,17 @@ def _chain(
 ) -> tuple[dict[str, float], list[dict[str, Array]]]:
     """What the observer must give to each equation, against a healthy machine; both observers are made very loose."""
     numbers = base.values(z, values)
-    inputs = _given(base.predictor, numbers, base.predictor.bags)
-    reference = _given(Predictor(base.predictor.machine, healthy), {}, healthy)
+    inputs = forced(base.predictor, numbers)
+    reference = forced(Predictor(base.predictor.machine, healthy), {})
     excess, scaled = {link.key: 0.0 for link in LINKS}, []
     for own, other in zip(inputs, reference, strict=True):
         row = {}
         for link in LINKS:
-            noise = max(float(np.sqrt(np.mean(other[link.key] ** 2))), 1e-30)
-            row[link.key] = own[link.key] / noise
+            noise = max(float(np.sqrt(np.mean(other.corrections[link.state] ** 2))), 1e-30)
+            row[link.key] = own.corrections[link.state] / noise
             excess[link.key] += max(0.0, float(np.mean(row[link.key] ** 2)) - 1.3)
         scaled.append(row)
     return _shares(excess), scaled
-
-
-def _given(predictor: Predictor, numbers: Mapping[str, float], bags: Sequence[Bag]) -> list[dict[str, Array]]:
-    """Corrections per interval, smoothed over 0.1 s: state -> (n,)."""
-    forced = Predictor(predictor.machine, bags, numbers, FORCING)
-    result = []
-    for i, bag in enumerate(bags):
-        plant, samples, x0, gain, p = forced.job(i, numbers)
-        seen = observe(plant, samples, x0, gain, parameters=p)
-        e = np.where(np.isfinite(seen.innovations) & bag.counted, seen.innovations, 0.0)
-        corrections = (gain @ e[:, :, None])[:, :, 0]
-        kernel = np.ones(10) / 10
-        result.append(
-            {
-                link.key: np.convolve(corrections[:, plant.state_names.index(link.state)], kernel, mode="same")
-                for link in LINKS
-            }
-        )
-    return result
-
-
-FORCING = 200.0
-"""Looseness of an observer that follows the measured signals whatever the equations say."""
 
 
 def _shares(values: Mapping[str, float]) -> dict[str, float]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from threading import RLock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,9 @@ valve stays where it likes, and how far open a lowering finds it is not known.""
 TIMING_NOISE = 1e-3
 """s. When between two samples a current changed is not known."""
 
+_BUILDING = RLock()
+"""Threads that want the same plant get the same one: passes are joined by what it is, not by what it is like."""
+
 Values = Mapping[str, float]
 """Component of the parameter vector -> value, where it differs from the machine's."""
 
@@ -100,24 +104,26 @@ class Predictor:
         self.base: list[Plant] = [self.plant(i, ()) for i in range(len(self.bags))]
         self._given: list[Gains] | None = None
         self._gain: dict[tuple[int, tuple[str, ...]], Array] = {}
+        self._filling = RLock()
 
     @property
     def gains(self) -> list[Gains]:
         """Of every recording, computed when first needed."""
-        if self._given is None:
-            self._given = [self._gains(i) for i in range(len(self.bags))]
-        return self._given
+        with self._filling:
+            if self._given is None:
+                self._given = [self._gains(i) for i in range(len(self.bags))]
+            return self._given
 
     def plant(self, bag: int, stateful: Iterable[str]) -> Plant:
         """The plant of a recording that carries these effects with states, too."""
         wanted, built = frozenset(stateful) - frozenset(self.machine.effects), self.bags[bag].plants
-        for machine, effects, plant in built:
-            if machine is self.machine and effects == wanted:
-                return plant
-        built.append(
-            (self.machine, wanted, plant_for(self.bags[bag].recording, carrying(self.machine, wanted), "full"))
-        )
-        return built[-1][2]
+        with _BUILDING:
+            for machine, effects, plant in built:
+                if machine is self.machine and effects == wanted:
+                    return plant
+            plant = plant_for(self.bags[bag].recording, carrying(self.machine, wanted), "full")
+            built.append((self.machine, wanted, plant))
+            return plant
 
     def parameters(self, plant: Plant, values: Values) -> Array:
         """Parameter vector with these values."""
@@ -163,10 +169,12 @@ class Predictor:
         plant = self.plant(i, with_states(values))
         p = self.parameters(plant, values)
         samples = self.samples(i, plant, p)
-        if (i, plant.state_names) not in self._gain:
-            base = self.plant(i, with_states(self.tuned))
-            self._gain[i, plant.state_names] = _for(plant, base, self.gains[i].gain)
-        return plant, samples, self.bags[i].initial_state(plant, p), self._gain[i, plant.state_names], p
+        with self._filling:
+            if (i, plant.state_names) not in self._gain:
+                base = self.plant(i, with_states(self.tuned))
+                self._gain[i, plant.state_names] = _for(plant, base, self.gains[i].gain)
+            gain = self._gain[i, plant.state_names]
+        return plant, samples, self.bags[i].initial_state(plant, p), gain, p
 
     def noise(self) -> tuple[float, float, float, float]:
         """Standard deviations of the measured channels that the observer assumes [SI]."""
@@ -174,7 +182,8 @@ class Predictor:
 
     def samples(self, i: int, plant: Plant, p: Array) -> Samples:
         """The recording as this hypothesis' delays have it."""
-        return self._samples[i](*plant.delays(p))
+        with self._filling:
+            return self._samples[i](*plant.delays(p))
 
     def _gains(self, i: int) -> Gains:
         plant, bag = self.plant(i, with_states(self.tuned)), self.bags[i]
@@ -201,13 +210,8 @@ def noise_model(
     sensors = machine.sensor_noise()
     number = dict(zip(plant.parameter_names, p, strict=True))
     pressure = float(np.hypot(sensors.pressure_sigma, sensors.pressure_quantum / np.sqrt(12.0)))
-    inertia = number["pose.D0"] + number["pose.load"] * (number["pose.tip.0"] ** 2 + number["pose.tip.1"] ** 2)
-    beta, hose = number["fluid.beta"], number["cylinder.V_h"]
     disturbance = {
-        "rate": torque / inertia,
-        "hose_pressure": flow * beta / hose,
-        "head_pressure": flow * beta / (0.5 * number["cylinder.A_a"] * number["cylinder.l_p"]),
-        "rod_pressure": flow * beta / (0.5 * number["cylinder.A_b"] * number["cylinder.l_p"]),
+        name: (torque if name == "rate" else flow) / capacity for name, capacity in capacities(number).items()
     }
     if boost:
         spool = SPOOL_NOISE * number.get("main_valve_spool.s_max", 1.0)
@@ -224,6 +228,17 @@ def noise_model(
         (angle, sensors.rate_sigma, pressure, pressure), CURRENT_NOISE, TIMING_NOISE, disturbance, initial,
         {"hose_burst_valve_conductance": POPPET_NOISE},
     )  # fmt: skip
+
+
+def capacities(number: Values) -> dict[str, float]:
+    """State -> what its derivative times this is: a torque [N m], a flow [m^3/s]; volumes with the piston in the middle."""
+    beta = number["fluid.beta"]
+    return {
+        "rate": number["pose.D0"] + number["pose.load"] * (number["pose.tip.0"] ** 2 + number["pose.tip.1"] ** 2),
+        "hose_pressure": number["cylinder.V_h"] / beta,
+        "head_pressure": 0.5 * number["cylinder.A_a"] * number["cylinder.l_p"] / beta,
+        "rod_pressure": 0.5 * number["cylinder.A_b"] * number["cylinder.l_p"] / beta,
+    }
 
 
 def _nudging(plant: Plant, n: int) -> Array:

@@ -17,6 +17,7 @@ from boom_diagnosis.diagnosis.fitting import Point
 from boom_diagnosis.diagnosis.found_machine import found_machine
 from boom_diagnosis.diagnosis.freerun import Span, errors, free_run, median, noise_floor
 from boom_diagnosis.diagnosis.learning import Learned
+from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.weighing import Z90, posterior
 from boom_diagnosis.validation import Prediction
 from boom_model.learned import LearnedTerm
@@ -114,13 +115,14 @@ def worsening(case: Case, before: Point, after: Point) -> float:
 
     A run that ends early counts as ``ENDED`` times one that does not.
     """
-    rows = []
-    for point in (before, after):
+
+    def erring(point: Point) -> Array:
         machine = found_machine(case.machine, case.pose, case.values(point.z, point.effects), {}, ())
-        rows.append([
+        return np.array([
             errors(span, free_run(span.recording, placed(machine, case, span))) for span in spans_of(case).judged
         ])  # fmt: skip
-    first, second = np.array(rows[0]), np.array(rows[1])
+
+    first, second = in_parallel(erring, (before, after))
     ratio = np.log(second / first)
     ratio[np.isfinite(first) & ~np.isfinite(second)] = log(ENDED)
     ratio[~np.isfinite(first) & np.isfinite(second)] = -log(ENDED)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,10 @@ from boom_diagnosis.diagnosis.hypotheses import (
     rebased,
     run_round,
 )
+from boom_diagnosis.diagnosis.learning import Learned, Setting, learn_plainly
 from boom_diagnosis.diagnosis.nuisances import Nuisance, tolerances
 from boom_diagnosis.diagnosis.onset import TIME, onset
+from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.proof import worsening
 from boom_diagnosis.diagnosis.search import Fitted
 from boom_diagnosis.diagnosis.weighing import (
@@ -42,6 +45,7 @@ from boom_diagnosis.diagnosis.weighing import (
     split_loss,
 )
 from boom_diagnosis.validation import plant_for
+from boom_model.learned import PLACES
 from boom_model.machine import Machine, Pose
 from boom_recording.recording import Recording
 
@@ -65,6 +69,8 @@ CLEARLY_BETTER = 0.8
 """The same factor below which an effect has proved itself even where its one-step predictions of that data have not."""
 LITTLE = 0.25
 """Share of what the tolerances cannot take up that a first effect may leave without a second look at all others."""
+OUTDONE = 0.1
+"""Share of what the best effect leaves that a term which is plain to see may leave, for no further effect to be looked for."""
 FIRST_LOOK = 0.6
 """Share of a round's time that is over before a second look, as the progress counts it."""
 FAR = 1.0
@@ -93,6 +99,7 @@ class Case:
         trained: points with the first k effects, fitted to ``training`` alone.
         spared: number of effects -> fit with nominal tolerances, where moving them gains nothing.
         final: all effects at the point that the machine file gets, with all derivatives taken there.
+        learned: a term that is plain to see and explains far more than any effect.
         onset: when a load came in the recordings held out [s].
     """
 
@@ -115,6 +122,7 @@ class Case:
     disproved: list[Weighed] = field(default_factory=list)
     spared: dict[int, Point] = field(default_factory=dict)
     final: Fitted | None = None
+    learned: Learned | None = None
     temperature: float = COLDEST
     onset: float | None = None
 
@@ -125,6 +133,12 @@ class Case:
     def kept(self, k: int) -> Point:
         """The fit with the first ``k`` effects: with nominal tolerances where moving them gains nothing."""
         return self.spared.get(k) or (self.taken[k - 1].fitted.point if k else self.rounds[0].base)
+
+    @property
+    def setting(self) -> Setting:
+        """What a term is learnt from."""
+        looseness = self.rounds[0].problem.predictor.looseness
+        return Setting(self.machine, self.bags, self.training, self.judged, self.nuisances, self.proving, looseness)
 
     @property
     def last(self) -> Point:
@@ -208,6 +222,8 @@ def _rounds(case: Case, progress: Progress) -> None:
         taken = _look(case, _share(look, 0.0, FIRST_LOOK), near)
         if k == 0 and not _satisfied(case):
             taken = _look_again(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK))
+            if not _satisfied(case) and _plain(case):
+                return
         if not taken:
             return
         left = rest(case, case.last.z, case.last.effects)
@@ -287,6 +303,18 @@ def _look_again(case: Case, progress: Progress) -> bool:
     return True
 
 
+def _plain(case: Case) -> bool:
+    """Whether a term that is plain to see explains what no effect does; it is kept then, and no effect is."""
+    learned = learn_plainly(case.setting, case.trained[0], list(PLACES))
+    if not learned or learned.point.excess(case.floor) > OUTDONE * rest(case, case.last.z, case.last.effects):
+        return False
+    case.learned = learned
+    case.taken.clear()
+    case.spared = {k: v for k, v in case.spared.items() if k == 0}
+    del case.trained[1:]
+    return True
+
+
 def _take(case: Case) -> bool:
     """Takes the first effect of the last round that earns its place; whether there is one.
 
@@ -336,14 +364,19 @@ def _settle(case: Case, k: int, problem: Problem, point: Point, jacobian: Array,
     worse.
     """
     case.spared.pop(k, None)
-    part, trained = problem, point
-    if not case.proving:
-        part = Problem(problem.predictor, case.nuisances, case.training)
+    part = problem if case.proving else Problem(problem.predictor, case.nuisances, case.training)
+
+    def moved() -> Point:
+        if part is problem:
+            return point
         start = part.points([(point.z, point.effects)])[0]
         columns = jacobian[_training(case)][:, : len(point.z)]
-        trained = part.fit(start, columns, names, iterations=TRAINING)[0]
-    nominal = problem.fit_nominal(point.effects, names)
-    own = nominal if part is problem or not names else part.fit_nominal(point.effects, names)
+        return part.fit(start, columns, names, iterations=TRAINING)[0]
+
+    wanted: list[Callable[[], Point]] = [moved]
+    wanted += [partial(p.fit_nominal, point.effects, names) for p in dict.fromkeys((problem, part))]
+    fitted = in_parallel(lambda fit: fit(), wanted)
+    trained, nominal, own = fitted[0], fitted[1], fitted[-1]
     if noticed(nominal.loss - point.loss, len(point.z)) and worsening(case, own, trained) <= WORSE:
         return trained
     case.spared[k] = nominal
