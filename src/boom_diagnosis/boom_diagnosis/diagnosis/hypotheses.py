@@ -6,7 +6,7 @@ machine that is far from the model; with a model that is right the tight one is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -80,6 +80,11 @@ def effects_of(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
     return result
 
 
+def _numbers(effects: Iterable[str]) -> tuple[Coordinate, ...]:
+    """Of several effects, in their order."""
+    return tuple(all_coordinates(list(effects)).values())
+
+
 def problem_at(
     machine: Machine,
     bags: Sequence[Bag],
@@ -118,7 +123,7 @@ def run_round(
     refined: effects that are fitted at most.
     """
     accepted = tuple(effects_of(values))
-    kept = tuple(all_coordinates(list(accepted)).values())
+    kept = _numbers(accepted)
 
     def problem(at_z: Array, at_values: Mapping[str, float], looseness: float) -> Problem:
         return problem_at(machine, bags, select, nuisances, at_z, at_values, looseness)
@@ -191,13 +196,16 @@ def run_round(
 class Nominal:
     """What is seen from the nominal machine: derivatives, the tolerances fitted from there, the linear look at effects.
 
-    problem: observers of the nominal machine that bear with one that is far from right.
+    problem: observers of the nominal machine that bear with one that is far from right. values: effects that it has already.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, values: Mapping[str, float] | None = None) -> None:
         self.problem = problem
-        self.at = problem.points([(np.zeros(len(problem.nuisances)), {})])[0]
+        self.kept = _numbers(effects_of(values or {}))
+        self.at = problem.points([(np.zeros(len(problem.nuisances)), values or {})])[0]
         self.jacobian = problem.nuisance_jacobian(self.at)
+        if self.kept:
+            self.jacobian = np.concatenate([self.jacobian, problem.effect_jacobian(self.at, self.kept)], axis=1)
         self._scanner = Scanner(problem, self.at, self.jacobian)
 
     @cached_property
@@ -214,7 +222,7 @@ class Nominal:
 
     def fitted(self, candidate: Candidate) -> Fitted:
         """An effect fitted from the nominal machine."""
-        return refine(self._scanner, self.jacobian, [candidate])
+        return refine(self._scanner, self.jacobian, [candidate], self.kept)
 
 
 def rebased(found: Round) -> Round:
@@ -222,7 +230,7 @@ def rebased(found: Round) -> Round:
 
     What an effect gains would else be what the search for the base missed.
     """
-    kept = tuple(all_coordinates(list(found.accepted)).values())
+    kept = _numbers(found.accepted)
     wanted = [(f.point.z, {c.name: f.point.effects[c.name] for c in kept}) for f in found.fitted]
     without = min(found.problem.points(wanted), key=lambda p: p.loss, default=found.base)
     if without.loss >= found.base.loss:
@@ -273,8 +281,8 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
     retuned = problem_at(
         p.machine, p.bags, found.problem.select, first.problem.nuisances, point.z, point.effects, p.looseness
     )
-    start = retuned.points([(found.base.z, {})])[0]
-    base, jacobian = retuned.fit(start, retuned.nuisance_jacobian(start))
+    start = retuned.points([(found.base.z, found.base.effects)])[0]
+    base, jacobian = retuned.fit(start, retuned.nuisance_jacobian(start), _numbers(found.accepted))
     rivals = [f for f in best[:WEIGHED] if f.gain > RIVAL * best[0].gain]
     again = _all_weighed(retuned, rivals, base, jacobian)
     return replace(found, base=base, jacobian=jacobian, fitted=again, problem=retuned)

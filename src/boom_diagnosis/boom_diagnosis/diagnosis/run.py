@@ -59,9 +59,9 @@ HELD_OUT_SHARE = 1.0 / 3.0
 WORSE, LATER = 1.1, 1.0
 """Factor by which the free runs over data not used may err more with an effect than without, for the first one and for one beside
 others: one that pays for what the numbers cannot take up, but is not there, makes the free run worse."""
-LARGE, CONVINCING = 0.3, 1.5
-"""Share of all that the tolerances cannot take up from which on a first effect may leave free runs worse by a larger factor:
-another one, as large, that is not in the model yet may dominate them."""
+BEARABLE = ((0.6, 3.0), (0.3, 1.5), (0.0, WORSE))
+"""Shares of all that the tolerances cannot take up, and factors by which a first effect that explains more may leave free runs
+worse: another one that is not in the model yet may dominate them, and tolerances that bend for both may hide it there."""
 MOST_OF_REST, CLEAR_REST = 0.6, 0.05
 """Share of a rest that a further effect must explain not to be taken for what another's form leaves, and the least such rest [nats
 per innovation]."""
@@ -243,7 +243,25 @@ def _look(case: Case, progress: Progress, tight: bool) -> bool:
     found = run_round(
         case.machine, case.bags, case.select, case.nuisances, z, values, progress, tight=tight, least=_least(case)
     )
+    if case.taken and _dissatisfied(case, found):
+        found = _beside_nominal(case, found)
     return _judge(case, found)
+
+
+def _dissatisfied(case: Case, found: Round) -> bool:
+    """Whether a round beside other effects begins with a clear rest, and its best effect leaves much of it."""
+    rest = found.base.over(case.floor)
+    best = found.fitted[0].gain if found.fitted else 0.0
+    return rest > CLEAR_REST * int(found.base.used.sum()) and best < (1.0 - LITTLE) * rest
+
+
+def _beside_nominal(case: Case, found: Round) -> Round:
+    """The round with effects that are seen where the tolerances are nominal: those fitted may have bent to do what they do."""
+    zero, names = np.zeros(len(case.nuisances)), tuple(all_coordinates(list(found.accepted)).values())
+    loose = problem_at(case.machine, case.bags, case.select, case.nuisances, zero, found.base.effects, LOOSENESS[1])
+    values = loose.fit_nominal(found.base.effects, names).effects
+    problem = problem_at(case.machine, case.bags, case.select, case.nuisances, zero, values, LOOSENESS[1])
+    return afresh(found, Nominal(problem, values), [f.effect for f in found.fitted[:1]], case.floor)
 
 
 def _judge(case: Case, found: Round) -> bool:
@@ -354,7 +372,8 @@ def _bearable(case: Case, best: Weighed) -> float:
     """Factor by which free runs over data not used may err more with an effect than without."""
     if case.taken:
         return LATER
-    return CONVINCING if _share_explained(case, best) > LARGE else WORSE
+    share = _share_explained(case, best)
+    return next((factor for least, factor in BEARABLE if share > least), WORSE)
 
 
 def _settle(case: Case, k: int, problem: Problem, point: Point, jacobian: Array, names: Sequence[Coordinate]) -> Point:
