@@ -1,5 +1,6 @@
 """What a round of the diagnosis takes, on a case whose fits and free runs are given."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 
 from boom_diagnosis.diagnosis import proof, run
 from boom_diagnosis.diagnosis.fitting import WHITE, Point
+from boom_diagnosis.diagnosis.hypotheses import Round
 from boom_diagnosis.diagnosis.run import Case
 from boom_diagnosis.diagnosis.search import Fitted
 from boom_diagnosis.diagnosis.weighing import Weighed
@@ -118,3 +120,58 @@ def test_a_free_run_that_ends_early_counts_as_worse(
     monkeypatch.setattr(proof, "errors", lambda *given: next(errors))
     monkeypatch.setattr(proof, "spans_of", lambda case: SimpleNamespace(judged=[SimpleNamespace(recording=None)]))
     assert proof.worsening(case, point(0.0), point(0.0)) == pytest.approx(factor)
+
+
+@pytest.mark.parametrize(("onset", "kept"), [(0.5, ["payload"]), (20.0, ["payload_change", "payload"])])
+def test_a_load_that_comes_before_the_boom_has_moved_was_there_all_along(
+    monkeypatch: pytest.MonkeyPatch, case: Any, onset: float, kept: list[str]
+) -> None:
+    rate = np.where(np.arange(3000) > 150, 0.1, 0.0)
+    case.bags = [SimpleNamespace(time=np.arange(3000) * 0.01, moving=lambda: rate > 0.02)]
+    change, load = (
+        weighed("payload_change", 300.0, 300.0, 1000.0).fitted,
+        weighed("payload", 290.0, 300.0, 1000.0).fitted,
+    )
+    change.point.effects[run.TIME] = onset
+    found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (change, load), {}, Any)
+    monkeypatch.setattr(
+        run, "_split", lambda case, hypotheses, names: [(500.0, 500.0)] + [(100.0, 100.0)] * (len(names) - 1)
+    )
+    assert [w.fitted.effect for w in run._weigh(case, found)] == kept
+    only: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (change,), {}, Any)
+    assert [w.fitted.effect for w in run._weigh(case, only)] == ["payload_change"]
+
+
+@pytest.mark.parametrize(("alone", "left"), [(10.0, ["pressure_bias"]), (900.0, ["payload_change", "pressure_bias"])])
+def test_a_first_effect_that_gains_nothing_beside_the_second_gives_its_place_to_it(
+    monkeypatch: pytest.MonkeyPatch, case: Any, alone: float, left: list[str]
+) -> None:
+    """``alone``: nats that the second effect leaves without the first; with both, none are left."""
+    first, second = weighed("payload_change", 100.0, 100.0, 1000.0), weighed("pressure_bias", 400.0, 400.0, 800.0)
+    second.fitted.point.effects.update({"effects.pressure_bias.hose": 1e6, "effects.pressure_bias.rod": 0.0})
+    second.fitted.point.effects["effects.payload_change.mass"] = 5.0
+
+    class Fits:
+        def points(self, wanted: Any) -> list[Point]:
+            return [replace(point(0.0 if len(e) == 3 else 1200.0), z=z, effects=dict(e)) for z, e in wanted]
+
+        def nuisance_jacobian(self, at: Point) -> np.ndarray:
+            return np.zeros((SAMPLES, 1))
+
+        def fit(self, at: Point, columns: np.ndarray, names: Any = ()) -> tuple[Point, np.ndarray]:
+            return replace(point(alone if names else 1000.0), effects=at.effects), columns
+
+    def judged(of: Any, found: Round) -> bool:
+        of.taken.append(Weighed(found.fitted[0], 500.0, 400.0, 0.0))
+        return True
+
+    nothing: Any = None
+    problem: Any = SimpleNamespace(predictor=SimpleNamespace(looseness=1.0))
+    rounds = [Round((), point(1000.0), np.zeros((SAMPLES, 1)), (), {}, problem)] * 2
+    made = Case(
+        nothing, nothing, [], [], case.select, [], [], (nothing,), 0, floor=WHITE, rounds=rounds, taken=[first, second]
+    )
+    monkeypatch.setattr(run, "problem_at", lambda *given: Fits())
+    monkeypatch.setattr(run, "_judge", judged)
+    run._without_first(made)
+    assert [w.fitted.effect for w in made.taken] == left

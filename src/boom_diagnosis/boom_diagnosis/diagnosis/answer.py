@@ -127,8 +127,9 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     findings = _findings(case, unknown, cells, tight)
     verdict = _verdict(case, findings, unknown, _moving(case), tight)
     wrong = verdict not in ("no_mismatch", "parameters_only")
+    z = case.kept(0).z if case.learned else first.base.z
     equations, agreement, inputs = locate(
-        case.machine, case.bags, case.select, case.nuisances, first.base.z, {}, case.healthy, doubted=wrong
+        case.machine, case.bags, case.select, case.nuisances, z, {}, case.healthy, doubted=wrong
     )
     rest_equations = equations
     learned = case.learned
@@ -308,12 +309,13 @@ def _unknown_finding(
     rest = [0.5 * np.sum(np.minimum(np.abs(w), 8.0) ** 2 - case.healthy_squares, axis=1) for w in tight.explained]
     place = regimes.where(case.bags, cells, rest)
     first = [*(case.weighed[0] if case.weighed else []), *case.disproved]
-    tried = first[0].fitted.effect if first else "none"
+    nearest = f"; the nearest is {label_of(first[0].fitted.effect)}" if first else " or comes near"
+    said = f" What explains it is {learned.curve.reading}." if learned else ""
     home = _touched(learned.term) if learned else _home(case, link.subsystems)
     return Finding(
         None, home, link.equation, round(min(0.99, unknown), 4), {}, place.text, place.intervals,
         tuple(Alternative(w.fitted.effect, round((1 - unknown) / 3, 4)) for w in first[:2]),
-        f"No effect of the catalogue explains the mismatch at '{link.title}'; the nearest is {label_of(tried)}.",
+        f"No effect of the catalogue explains the mismatch at '{link.title}'{nearest}.{said}",
     )  # fmt: skip
 
 

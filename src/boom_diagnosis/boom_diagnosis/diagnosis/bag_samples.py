@@ -24,6 +24,8 @@ SETTLING = 1.5
 CAVITATES, RARELY = 0.5e5, 0.1
 """Pa gauge: hose pressure below which the head side's oil evaporates, and the model ends (p_a >= -1 bar). Share of the samples
 above which so low a pressure is no cavitation."""
+MOVING = 0.02
+"""rad/s."""
 BEGINNING = 0.3
 """s. At the beginning, where the boom rests."""
 
@@ -85,6 +87,11 @@ class Bag:
         integral = np.concatenate([np.zeros((1, 2)), np.cumsum(np.diff(knots)[:, None] * values, axis=0)])
         at = np.stack([np.interp(self.grid, knots, column) for column in integral.T], axis=-1)
         return np.ascontiguousarray(np.diff(at, axis=0) / np.diff(self.grid)[:, None])
+
+    def moving(self) -> Flags:
+        """(n,) Whether the boom moves."""
+        rate = self.samples().measured[:, 1]
+        return np.asarray(np.abs(np.nan_to_num(rate)) > MOVING)
 
     def pressure_shift(self, delay: float) -> int:
         """By how many intervals the samples of the pressures move if they arrive late by ``delay`` [s]."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis import answer
-from boom_diagnosis.diagnosis.bag_samples import Bag, prepare
+from boom_diagnosis.diagnosis.bag_samples import PERIOD, Bag, prepare
 from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.diagnosis.document import DiagnosisResult
 from boom_diagnosis.diagnosis.fitting import WHITE, Point, Problem
@@ -80,8 +80,8 @@ RAN = 0.95
 """Share of a recording from which on a healthy copy counts as whole."""
 TRAINING = 3
 """Iterations of the fit to the data for training alone, from the fit to all."""
-MOVING, LEAST_MOVING, LEAST_TRAVEL = 0.02, 4.0, 0.1
-"""rad/s, s, rad: a recording that moves less says nothing about most of the machine."""
+LEAST_MOVING, LEAST_TRAVEL = 4.0, 0.1
+"""s, rad: a recording that moves less says nothing about most of the machine."""
 
 
 @dataclass
@@ -180,9 +180,8 @@ def diagnose(
 
 def excited(bag: Bag) -> bool:
     """Whether the boom moved long and far enough to tell anything."""
-    y = bag.samples().measured
-    rate, angle = y[:, 1], y[:, 0]
-    moving = float(np.sum(np.abs(rate[np.isfinite(rate)]) > MOVING)) * 0.01
+    angle = bag.samples().measured[:, 0]
+    moving = float(bag.moving().sum()) * PERIOD
     known = angle[np.isfinite(angle)]
     return moving >= LEAST_MOVING and len(known) > 0 and float(np.ptp(known)) >= LEAST_TRAVEL
 
@@ -216,8 +215,8 @@ def _finish(case: Case) -> None:
 
 
 def _rounds(case: Case, progress: Progress) -> None:
-    near = False
-    for k in range(MOST_EFFECTS):
+    near, alone, k = False, False, 0
+    while k < MOST_EFFECTS:
         look = _share(progress, 0.8 * k / MOST_EFFECTS, 0.8 / MOST_EFFECTS)
         taken = _look(case, _share(look, 0.0, FIRST_LOOK), near)
         if k == 0 and not _satisfied(case):
@@ -226,6 +225,10 @@ def _rounds(case: Case, progress: Progress) -> None:
                 return
         if not taken:
             return
+        if len(case.taken) == 2 and not alone:
+            alone = True  # once: what takes its place may bring the other back
+            _without_first(case)
+        k = len(case.taken)
         left = rest(case, case.last.z, case.last.effects)
         if left < NEGLIGIBLE:
             return
@@ -292,10 +295,7 @@ def _look_again(case: Case, progress: Progress) -> bool:
 
     What the first look took stays where the second leaves more unexplained.
     """
-    first = replace(
-        case, rounds=[*case.rounds], weighed=[*case.weighed], taken=[*case.taken], trained=[*case.trained],
-        spared={**case.spared}, disproved=[*case.disproved],
-    )  # fmt: skip
+    first = _kept_back(case)
     wanted = [case.taken[0].fitted.effect] if case.taken else []
     case.taken.clear()
     case.spared.clear()
@@ -315,10 +315,45 @@ def _look_again(case: Case, progress: Progress) -> bool:
     left, before = (rest(case, c.last.z, c.last.effects) for c in (case, first))
     if left <= before + NEGLIGIBLE:
         return taken
-    case.rounds, case.weighed, case.taken, case.trained = first.rounds, first.weighed, first.taken, first.trained
-    case.spared, case.disproved = first.spared, first.disproved
-    case.temperature, case.onset = first.temperature, first.onset
+    _go_back(case, first)
     return True
+
+
+def _kept_back(case: Case) -> Case:
+    """A copy to go back to."""
+    return replace(
+        case, rounds=[*case.rounds], weighed=[*case.weighed], taken=[*case.taken], trained=[*case.trained],
+        spared={**case.spared}, disproved=[*case.disproved],
+    )  # fmt: skip
+
+
+def _go_back(case: Case, before: Case) -> None:
+    case.rounds, case.weighed, case.taken, case.trained = before.rounds, before.weighed, before.taken, before.trained
+    case.spared, case.disproved = before.spared, before.disproved
+    case.temperature, case.onset = before.temperature, before.onset
+
+
+def _without_first(case: Case) -> None:
+    """The second effect takes the first one's place where the first gains nothing beside it: it stood in for it."""
+    second, found = case.taken[1].fitted, case.rounds[1].problem
+    names = tuple(all_coordinates([second.effect]).values())
+    values = {c.name: second.point.effects[c.name] for c in names}
+    problem = problem_at(
+        case.machine, case.bags, case.select, case.nuisances, second.point.z, values, found.predictor.looseness
+    )
+    zero = np.zeros(len(case.nuisances))
+    start = min(problem.points([(second.point.z, values), (zero, values)]), key=lambda p: p.loss)
+    point, jacobian = problem.fit(start, problem.nuisance_jacobian(start), names)
+    both = problem.points([(second.point.z, second.point.effects)])[0]
+    if point.loss - both.loss > _chance(case) + OTHER_FORM * case.taken[1].net:
+        return
+    before, first = _kept_back(case), case.rounds[0]
+    base, columns = problem.fit(problem.points([(first.base.z, {})])[0], jacobian[:, : len(zero)])
+    fitted = Fitted(second.effect, point, names, jacobian, base.loss - point.loss, (point.loss,))
+    for part in (case.taken, case.spared, case.disproved):
+        part.clear()
+    if not _judge(case, replace(first, base=base, jacobian=columns, fitted=(fitted,), problem=problem)):
+        _go_back(case, before)
 
 
 def _plain(case: Case) -> bool:
@@ -454,6 +489,7 @@ def _calibrate(case: Case, first: Round) -> None:
 def _weigh(case: Case, found: Round) -> list[Weighed]:
     """Gains on data used and not used; the best first."""
     accepted = set(found.accepted)
+    found = replace(found, fitted=tuple(f for f in found.fitted if not _always_there(case, f, found.fitted)))
     hypotheses = [(found.base, found.jacobian), *((f.point, f.jacobian) for f in found.fitted)]
     names = [_coordinates(found), *(f.coordinates for f in found.fitted)]
     losses = _held_out(case, found, hypotheses, names) if case.proving else _split(case, hypotheses, names)
@@ -462,6 +498,13 @@ def _weigh(case: Case, found: Round) -> list[Weighed]:
         new = [c for c in f.coordinates if c.name.split(".")[1] not in accepted]
         weighed.append(Weighed(f, losses[0][0] - loss[0], losses[0][1] - loss[1], occam(f, new)))
     return sorted(weighed, key=lambda w: -w.net)
+
+
+def _always_there(case: Case, f: Fitted, others: Sequence[Fitted]) -> bool:
+    """Whether an effect is a load that comes before the boom has moved, and one that was there all along is fitted, too."""
+    if TIME not in f.point.effects or all(other.effect != "payload" for other in others):
+        return False
+    return f.point.effects[TIME] < min(float(bag.time[bag.moving()][0]) for bag in case.bags)
 
 
 def _coordinates(found: Round) -> tuple[Coordinate, ...]:

@@ -33,7 +33,7 @@ COLDEST = 3.0
 """Temperature where nothing remains unexplained."""
 UNEXPLAINED_WEIGHT = 0.1
 """Share of the unexplained nats that adds to the temperature."""
-UNKNOWN_FROM, UNKNOWN_STEEPNESS = 0.7, 8.0
+UNKNOWN_FROM, UNKNOWN_STEEPNESS = 0.78, 8.0
 """Share of the misfit's amplitude that remains where unknown physics becomes as likely as not, and how sharply."""
 SLIGHT = 0.04
 """Loss per innovation over that of a healthy machine at which what nothing explains is as likely nothing unknown."""
@@ -200,7 +200,7 @@ def probabilities(weighed: Sequence[Weighed], temperature: float) -> list[float]
 def unknown_probability(before: float, after: float) -> float:
     """That physics of no catalogue acts, from the loss per innovation over that of a healthy machine.
 
-    p = s^8 / (s^8 + 0.7^8) b / (b + SLIGHT), s = sqrt(after / before), b = before: what little is wrong may as well be a
+    p = s^8 / (s^8 + 0.78^8) b / (b + SLIGHT), s = sqrt(after / before), b = before: what little is wrong may as well be a
     catalogue's effect in a form that is not the catalogue's.
     """
     if after <= NEGLIGIBLE:
