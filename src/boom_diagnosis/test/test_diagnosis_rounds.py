@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from boom_diagnosis.diagnosis import proof, run
+from boom_diagnosis.diagnosis import answer, proof, run
 from boom_diagnosis.diagnosis.fitting import WHITE, Point
 from boom_diagnosis.diagnosis.hypotheses import Round
 from boom_diagnosis.diagnosis.run import Case
@@ -175,3 +175,18 @@ def test_a_first_effect_that_gains_nothing_beside_the_second_gives_its_place_to_
     monkeypatch.setattr(run, "_judge", judged)
     run._without_first(made)
     assert [w.fitted.effect for w in made.taken] == left
+
+
+def test_what_is_damaged_or_left_out_of_a_recording_is_said(case: Any) -> None:
+    def bag(name: str, warnings: list[str], cavitating: int) -> Any:
+        lost = np.arange(1000) < cavitating
+        return SimpleNamespace(name=name, cavitating=lost, recording=SimpleNamespace(warnings=warnings))
+
+    case.bags, case.proving = (
+        [bag("a", [], 150), bag("b", ["cut.mcap: the file is cut"], 0)],
+        [bag("c", ["no index"], 0)],
+    )
+    left_out, evaporating, *damaged = answer._notes(case, ["still"])
+    assert left_out.startswith("still is left out")
+    assert evaporating.startswith("a: 1.5 s are left out") and "evaporates" in evaporating
+    assert damaged == ["b: cut.mcap: the file is cut", "c: no index"]

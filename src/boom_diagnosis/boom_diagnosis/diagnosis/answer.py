@@ -111,6 +111,7 @@ def not_enough_excitation(recordings: Sequence[Recording], machine: Machine, abo
         about.version,
     )
     notes = tuple(f"{r.name}: the boom hardly moves, or a channel is missing" for r in recordings)
+    notes += tuple(f"{r.name}: {said}" for r in recordings for said in r.warnings)
     return DiagnosisResult(
         document, machine, machine, (), (), (), "", (), (), (), "Nothing can be told from these recordings.",
         notes=notes, command=about.command,
@@ -158,6 +159,18 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     bags = tuple(
         bag_result(case, i, cells, inputs, tight.nominal[i], machines, runs, spans) for i in range(len(case.bags))
     ) + tuple(proving_result(case, i, machines, runs, spans) for i in range(len(case.proving)))
+    explained = case.learned.point.parts if case.learned else tight.explained
+    left = case.learned.point.excess(case.floor) if case.learned else tight.excess_after
+    remaining = _remaining(fit, tight.excess_before, left) if verdict not in ("no_mismatch", "parameters_only") else ""
+    return DiagnosisResult(
+        document, case.machine, final_machine(case, verdict, learned), bags,
+        regimes.table(cells, tight.nominal, explained, case.healthy_squares), equations, agreement, tuple(ranked),
+        ladder, (learned.curve,) if learned else (), remaining, moved, experiment, _notes(case, weak), about.command,
+    )  # fmt: skip
+
+
+def _notes(case: Case, weak: Sequence[str]) -> tuple[str, ...]:
+    """What was left out and what is damaged."""
     notes = [f"{name} is left out: the boom hardly moves in it, or a channel is missing" for name in weak]
     for bag in case.bags:
         if bag.cavitating.any():
@@ -165,14 +178,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
                 f"{bag.name}: {PERIOD * float(bag.cavitating.sum()):.1f} s are left out: the oil of the head side evaporates "
                 f"(hose pressure below {CAVITATES / 1e5:g} bar), and the model ends there"
             )
-    explained = case.learned.point.parts if case.learned else tight.explained
-    left = case.learned.point.excess(case.floor) if case.learned else tight.excess_after
-    remaining = _remaining(fit, tight.excess_before, left) if verdict not in ("no_mismatch", "parameters_only") else ""
-    return DiagnosisResult(
-        document, case.machine, final_machine(case, verdict, learned), bags,
-        regimes.table(cells, tight.nominal, explained, case.healthy_squares), equations, agreement, tuple(ranked),
-        ladder, (learned.curve,) if learned else (), remaining, moved, experiment, tuple(notes), about.command,
-    )  # fmt: skip
+    return (*notes, *(f"{bag.name}: {said}" for bag in (*case.bags, *case.proving) for said in bag.recording.warnings))
 
 
 def _remaining(fit: Fit, before: float, after: float) -> str:
