@@ -12,7 +12,7 @@ from test_diagnosis import noisy
 from boom_diagnosis.diagnosis import run
 from boom_diagnosis.diagnosis.bag_samples import SETTLING, prepare
 from boom_diagnosis.diagnosis.fitting import WHITE
-from boom_diagnosis.diagnosis.learning import Learned, Setting, learn_plainly
+from boom_diagnosis.diagnosis.learning import Learned, Setting, learn_plainly, reading
 from boom_diagnosis.diagnosis.nuisances import tolerances
 from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.prediction import capacities
@@ -181,3 +181,21 @@ def test_results_of_parallel_work_come_in_the_order_of_the_work() -> None:
     assert in_parallel(lambda k: k * k, range(9)) == [k * k for k in range(9)]
     with pytest.raises(ZeroDivisionError):
         in_parallel(lambda k: 1 / k, [2, 1, 0])
+
+
+@pytest.mark.parametrize(
+    ("basis", "coefficient", "said"),
+    [
+        ("rate*below(angle,0.2)", -0.6, "dissipative: acts against the movement beyond a certain angle"),
+        ("rate*below(angle,0.2)", 0.6, "driving, not dissipative: doubt it"),
+        ("minus(rate,0)", 0.6, "dissipative: acts against the movement, in one direction only"),
+        ("rate*minus(angle,0.2)", -0.6, "dissipative: acts against the movement"),
+        ("sign(rate)*bump(angle,0.3,0.1)", -1.0, "dissipative: acts against the movement at one spot"),
+        ("minus(angle,0.2)", 40.0, "elastic and one-sided: something is touched beyond a certain angle"),
+        ("angle", -3.0, "elastic: depends on the angle alone"),
+        ("lag(rate,2)", -3.0, "has a memory: it depends on what happened before"),
+        ("hose_pressure", -3.0, "depends on the pressure: friction under load, or a wrong area"),
+    ],
+)
+def test_the_shape_of_a_torque_is_put_into_words(basis: str, coefficient: float, said: str) -> None:
+    assert reading(LearnedTerm("torque", (basis,), (coefficient,), {})) == said

@@ -348,16 +348,19 @@ def reading(term: LearnedTerm) -> str:
     weight = {b: abs(c) for b, c in zip(term.basis, term.coefficients, strict=True)}
     main = max(weight, key=lambda b: weight[b])
     c = dict(zip(term.basis, term.coefficients, strict=True))[main]
-    functions = {f.function for f in parse(main)}
-    variables = {f.variable for f in parse(main)}
+    factors = parse(main)
+    functions, variables = {f.function for f in factors}, {f.variable for f in factors}
     if "lag" in functions:
         return "has a memory: it depends on what happened before"
     if term.equation == "torque":
-        if "sign" in functions or variables == {"rate"}:
+        if "rate" in variables:
+            sided = {f.function for f in factors if f.variable == "rate"} & {"plus", "minus"}
+            if (c < 0) == ("minus" in sided):
+                return "driving, not dissipative: doubt it"
             spot = " at one spot" if "bump" in functions else ""
-            one = ", in one direction only" if functions & {"plus", "minus"} else ""
-            kind = "dissipative" if (c < 0) != ("minus" in functions) else "driving, not dissipative: doubt it"
-            return f"{kind}: acts against the movement{spot}{one}" if kind == "dissipative" else kind
+            beyond = " beyond a certain angle" if functions & {"above", "below"} else ""
+            one = ", in one direction only" if sided else ""
+            return f"dissipative: acts against the movement{spot}{beyond}{one}"
         if functions & {"plus", "minus"}:
             return "elastic and one-sided: something is touched beyond a certain angle"
         if variables == {"angle"}:
