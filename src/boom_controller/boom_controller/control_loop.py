@@ -27,6 +27,8 @@ from boom_controller.watch import Watch
 from boom_model.machine import Machine, Pose
 
 _NO_OUTPUT = Output(0.0, 0.0)
+MOST_APART = 0.75
+"""Sample times between the stamps of one set. Three sensors that each keep their own time are at most two thirds apart."""
 
 
 @dataclass(slots=True)
@@ -173,8 +175,9 @@ class ControlLoop:
 
     def due(self, now: float) -> bool:
         """True where a cycle is to run now because the sensors are complete; two never follow within a quarter period."""
-        return self.sensors.complete and (
-            self._last_cycle is None or now - self._last_cycle >= 0.25 * self.law.settings.sample_time
+        period = self.law.settings.sample_time
+        return self.sensors.complete(MOST_APART * period) and (
+            self._last_cycle is None or now - self._last_cycle >= 0.25 * period
         )
 
     def overdue(self, now: float) -> bool:
@@ -305,9 +308,10 @@ class ControlLoop:
         self._time = sensors.joint.stamp if sensors.joint.fresh else self._time + gap
         measurement = sensors.use(now)
         if supervision.moving:
-            finding = self._standing(now)
-            if finding is None and self._watch is not None and self._watch_cycles:
-                finding = self._watch.cycle(gap, self.law.settings.sample_time, now)
+            finding = self._cycles_missed(gap, now)
+            # what stood still itself finds old samples; that a cycle was late is the cause then
+            if finding is None or gap <= supervision.settings.longest_cycle:
+                finding = self._standing(now) or finding
             if finding is not None:
                 self._stop(finding, now)
         if supervision.state is State.TRACK and self.references.kind == "stream":
@@ -388,6 +392,11 @@ class ControlLoop:
         if self._emergency:
             return Finding("emergency_stop", "emergency stop")
         return self.sensors.finding(now, self.supervision.settings)
+
+    def _cycles_missed(self, gap: float, now: float) -> Finding | None:
+        if self._watch is None or not self._watch_cycles:
+            return None
+        return self._watch.cycle(gap, self.law.settings.sample_time, now)
 
     def _not_ready(self, now: float) -> str:
         if self.law.controller is None:

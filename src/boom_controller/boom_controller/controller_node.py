@@ -37,7 +37,8 @@ from boom_controller.errors import ControlError
 from boom_controller.joint_trajectory import TrajectoryError
 from boom_controller.lockstep import Lockstep
 from boom_controller.node_parameters import PARAMETERS, settings_of, supervision_of
-from boom_controller.realtime import Garbage, use_priority
+from boom_controller.realtime import Garbage, WakeUpLatency, use_core, use_priority
+from boom_controller.rehearsal import Rehearsal
 from boom_controller.tracking_goal import Tolerances
 from boom_controller.trajectory_action import TrajectoryAction
 
@@ -58,6 +59,7 @@ class ControllerNode(LifecycleNode):
             else None
         )
         self._loop: ControlLoop | None = None
+        self._rehearsal: Rehearsal | None = None
         self._active = False
         self._configuration: MachineConfiguration | None = None
         self._told: tuple[str, float, float, float] | None = None
@@ -68,7 +70,7 @@ class ControllerNode(LifecycleNode):
         self._last: Cycle | None = None
         self._said = ("", "")
         self._cycles, self._late, self._feedback_at = 0, 0, 0
-        self._garbage = Garbage()
+        self._garbage, self._wake_up_latency = Garbage(), WakeUpLatency()
         self._failure = ""
         self._make_topics()
         self.add_on_set_parameters_callback(self._check_parameters)
@@ -122,10 +124,9 @@ class ControllerNode(LifecycleNode):
         """Make the loop; it waits for the machine's configuration."""
         self._failure = ""
         try:
-            self._loop = ControlLoop(
-                self._values["mode"], settings_of(self._values), supervision_of(self._values),
-                watch_cycles=self._lockstep is None,
-            )  # fmt: skip
+            told = (self._values["mode"], settings_of(self._values), supervision_of(self._values))
+            self._loop = ControlLoop(*told, watch_cycles=self._lockstep is None)
+            self._rehearsal = None if self._lockstep else Rehearsal(*told)
             self._configure()
         except (ControlError, ModelError) as error:
             self._failure, self._loop = str(error), None
@@ -135,8 +136,12 @@ class ControllerNode(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Command, zero current at first."""
-        problem = use_priority(self._values["realtime_priority"])
-        if problem:
+        problems = []
+        if self._values["realtime_priority"]:
+            problems += [use_priority(self._values["realtime_priority"]), self._wake_up_latency.hold()]
+        if self._values["realtime_core"] >= 0:
+            problems.append(use_core(self._values["realtime_core"]))
+        for problem in filter(None, problems):
             self.get_logger().warning(problem)
         self._garbage.hold()
         self._active = True
@@ -167,6 +172,7 @@ class ControllerNode(LifecycleNode):
             return
         self._active = False
         self._garbage.release()
+        self._wake_up_latency.release()
         retract, extend = self._loop.drop()
         steps = round(self._loop.supervision.settings.current_ramp / 0.01)
         for k in range(1, steps if (retract or extend) and not self._lockstep else 1):
@@ -194,9 +200,9 @@ class ControllerNode(LifecycleNode):
         if self._loop is None:
             return
         try:
-            self._loop.change(
-                mode=self._values["mode"], settings=settings_of(self._values), supervision=supervision_of(self._values)
-            )
+            settings, supervision = settings_of(self._values), supervision_of(self._values)
+            for loop in filter(None, (self._loop, self._rehearsal)):
+                loop.change(mode=self._values["mode"], settings=settings, supervision=supervision)
         except (ControlError, ModelError) as error:
             self.get_logger().error(f"{', '.join(given)} not used: {error}")
             return
@@ -252,8 +258,11 @@ class ControllerNode(LifecycleNode):
         if self._lockstep:
             self._lockstep.arrived(name, stamp_ns)
             self._answer_tick()
-        elif self._active and self._loop is not None and self._loop.due(time.monotonic()):
-            self._cycle()
+        elif self._active and self._loop is not None:
+            if self._loop.due(time.monotonic()):
+                self._cycle()
+            elif self._rehearsal:
+                self._rehearsal.run(self._loop.sensors, time.monotonic())
 
     def _look(self) -> None:
         if self._active and self._loop is not None and self._loop.overdue(time.monotonic()):
@@ -353,7 +362,9 @@ class ControllerNode(LifecycleNode):
         try:
             machine = load_machine(self._values["machine"] or message.machine)
             self.get_logger().info(f"{machine.name}: preparing the control laws, at first some seconds")
-            loop.configure(machine, machine.pose(message.outer_boom_angle, message.telescope_length, load))
+            pose = machine.pose(message.outer_boom_angle, message.telescope_length, load)
+            for each in filter(None, (loop, self._rehearsal)):
+                each.configure(machine, pose)
         except (ControlError, ModelError) as error:
             self.get_logger().error(f"/boom/machine_configuration cannot be used: {error}")
             return

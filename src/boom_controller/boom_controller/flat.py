@@ -91,8 +91,7 @@ class FlatLaw:
 
     def step(self, reference: Reference, measurement: Measurement) -> array[float]:
         """One sample time; gives ``outputs``, which the next step overwrites."""
-        _, *measured = measurement
-        _INPUTS.pack_into(self._u, 0, *reference, *measured)
+        _INPUTS.pack_into(self._u, 0, *reference, *measurement[1:])
         self._evaluate()
         self._x[:] = self._next
         return self.outputs

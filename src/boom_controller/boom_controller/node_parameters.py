@@ -23,7 +23,8 @@ OWN = (
     ParameterSpec("wait_for", 1, "lockstep: subscribers of the commands to wait for", "", 1, 100, read_only=True),
     ParameterSpec("autostart", True, "configure and activate at the start, without a lifecycle manager", read_only=True),
     ParameterSpec("feedback_rate", 20.0, "how often the action sends feedback", "Hz", 1.0, 100.0),
-    ParameterSpec("realtime_priority", 0, "SCHED_FIFO priority of the process; 0: none", "", 0, 90, read_only=True),
+    ParameterSpec("realtime_priority", 0, "SCHED_FIFO priority, and cores that stay awake; 0: neither", "", 0, 90, read_only=True),
+    ParameterSpec("realtime_core", -1, "core that the process keeps to; -1: any", "", -1, 1023, read_only=True),
 )  # fmt: skip
 
 # Everything else is computed for one sample time.

@@ -146,7 +146,8 @@ class References:
 
     def _stepped(self, wanted: float, passed: float, fastest: float | None) -> Reference:
         # one step a sample time, also where cycles were missed
-        for _ in range(min(max(round(passed / self._sample_time), 1), _MOST_STEPS)):
+        late = passed > 1.5 * self._sample_time
+        for _ in range(min(round(passed / self._sample_time), _MOST_STEPS) if late else 1):
             if fastest is None:
                 self._limited = wanted
             else:

@@ -49,10 +49,13 @@ class SensorSet:
             sensor.forget()
         self._agreement.reset()
 
-    @property
-    def complete(self) -> bool:
-        """True once each has brought a new sample since :meth:`use`."""
-        return self.joint.fresh and self.hose.fresh and self.rod.fresh
+    def complete(self, most_apart: float) -> bool:
+        """True once each has brought a new sample since :meth:`use`, and all are of one time: at most ``most_apart`` [s].
+
+        A sample that came just after the cycle of its set waits for the others of the next one, and is old by then.
+        """
+        stamps = (self.joint.stamp, self.hose.stamp, self.rod.stamp)
+        return self.joint.fresh and self.hose.fresh and self.rod.fresh and max(stamps) - min(stamps) <= most_apart
 
     @property
     def begun(self) -> bool:

@@ -47,8 +47,8 @@ class Watch:
 
     def cycle(self, gap: float, period: float, now: float) -> Finding | None:
         """A cycle comes `gap` [s] after the last one; they are due every `period` [s]."""
-        for _ in range(min(max(round(gap / period) - 1, 0), self.settings.most_missed)):
-            self._missed.append(now)
+        if gap > 1.5 * period:
+            self._missed.extend([now] * min(round(gap / period) - 1, self.settings.most_missed))
         while self._missed and now - self._missed[0] > 1.0:
             self._missed.popleft()
         if gap > self.settings.longest_cycle:
@@ -90,7 +90,7 @@ class Watch:
         """Do the solenoids get what is commanded [A]? ``measured`` None: nobody measures."""
         if measured is None:
             return None
-        worst = max(abs(c - m) for c, m in zip(commanded, measured, strict=True))
+        worst = max(abs(commanded[0] - measured[0]), abs(commanded[1] - measured[1]))
         if self._unlike(worst > self.settings.current_error, now, self.settings.current_timeout):
             return Finding(
                 "currents_not_followed",

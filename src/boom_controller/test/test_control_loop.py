@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
@@ -411,6 +412,48 @@ def test_two_late_samples_make_one_cycle_and_a_missing_one_is_not_waited_for(boo
     loop.joint(0.3, 0.0, stamp + TS, now + TS)
     assert loop.overdue(now + 0.0135)
     assert loop.overdue(now + 0.018)
+
+
+def test_a_sample_that_comes_after_the_cycle_of_its_set_does_not_complete_the_next_one(boom: Boom) -> None:
+    loop, now = boom.loop, boom.now
+    stamp = now - 90.0
+    loop.joint(0.3, 0.0, stamp, now)
+    loop.hose_pressure(8e6, stamp, now)
+    loop.cycle(now)
+    loop.rod_pressure(1e6, stamp, now + 0.001)
+    loop.joint(0.3, 0.0, stamp + TS, now + TS)
+    loop.hose_pressure(8e6, stamp + TS, now + TS)
+    assert not loop.due(now + TS)
+    loop.rod_pressure(1e6, stamp + TS, now + TS)
+    assert loop.due(now + TS)
+
+
+@pytest.mark.parametrize("phases", [(0.0, 0.0066, 0.0033), (0.0, 0.005, 0.005), (0.0, 0.0, 0.009)])
+def test_sensors_that_each_keep_their_own_time_complete_a_set_in_every_period(
+    boom: Boom, phases: tuple[float, float, float]
+) -> None:
+    loop, begin = boom.loop, boom.now
+    arrivals = sorted((k * TS + phase, which) for k in range(1, 20) for which, phase in enumerate(phases))
+    cycles = []
+    for offset, which in arrivals:
+        now, stamp = begin + offset, begin + offset - 90.0
+        if which == 0:
+            loop.joint(0.3, 0.0, stamp, now)
+        else:
+            (loop.hose_pressure if which == 1 else loop.rod_pressure)(4e6, stamp, now)
+        if loop.due(now):
+            loop.cycle(now)
+            cycles.append(offset)
+    assert [b - a for a, b in pairwise(cycles)] == pytest.approx([TS] * (len(cycles) - 1))
+    assert len(cycles) >= 18
+
+
+def test_a_controller_that_stood_still_says_so_although_its_samples_are_old_by_then(boom: Boom) -> None:
+    lifting(boom)
+    boom.silent |= {"joint", "hose", "rod"}
+    boom.now += 0.3
+    assert boom.period().state is State.STOPPING
+    assert boom.loop.supervision.finding is not None and boom.loop.supervision.finding.reason == "missed_deadlines"
 
 
 def test_deactivation_gives_the_last_currents_to_be_ramped(boom: Boom) -> None:

@@ -1,14 +1,17 @@
-"""Garbage is collected between cycles and nowhere else."""
+"""Garbage is collected between cycles and nowhere else; cores stay awake as long as they are asked to."""
 
 from __future__ import annotations
 
 import gc
+import os
+import threading
 import weakref
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
-from boom_controller.realtime import Garbage
+from boom_controller.realtime import Garbage, WakeUpLatency, use_core
 
 
 class Loop:
@@ -43,3 +46,47 @@ def test_afterwards_python_collects_as_it_likes() -> None:
     made.release()
     assert gc.isenabled()
     assert gc.get_freeze_count() == 0
+
+
+def test_a_wake_up_latency_of_zero_is_asked_for_until_it_is_released(tmp_path: Path) -> None:
+    device = tmp_path / "cpu_dma_latency"
+    device.touch()
+    latency = WakeUpLatency(device)
+    assert latency.hold() == latency.hold() == ""
+    assert device.read_bytes() == b"\0\0\0\0"
+    (open_file,) = [link for link in Path("/proc/self/fd").iterdir() if link.exists() and link.resolve() == device]
+    latency.release()
+    assert not open_file.exists()
+
+
+def test_a_computer_that_does_not_let_us_says_so(tmp_path: Path) -> None:
+    latency = WakeUpLatency(tmp_path / "missing")
+    assert "cores may sleep" in latency.hold() and "missing" in latency.hold()
+    latency.release()
+
+
+def test_every_thread_is_kept_to_the_core() -> None:
+    before = os.sched_getaffinity(0)
+    core, asked, answered = max(before), threading.Event(), []
+
+    def other() -> None:
+        asked.wait(10.0)
+        answered.append(os.sched_getaffinity(0))
+
+    thread = threading.Thread(target=other)
+    thread.start()
+    try:
+        assert use_core(core) == ""
+        asked.set()
+        thread.join(10.0)
+        assert answered == [{core}] and os.sched_getaffinity(0) == {core}
+    finally:
+        asked.set()
+        for task in Path("/proc/self/task").iterdir():
+            os.sched_setaffinity(int(task.name), before)
+
+
+def test_a_core_that_this_computer_does_not_have_is_told_with_those_it_has() -> None:
+    known = ", ".join(str(k) for k in sorted(os.sched_getaffinity(0)))
+    told = use_core(1023)
+    assert "realtime_core 1023 is not used" in told and known in told

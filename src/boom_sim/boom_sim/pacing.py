@@ -26,11 +26,11 @@ class Pacer:
         return self._done_until is not None
 
     def due(self, now: float) -> int:
-        """How many whole periods have passed since the last call; at most ``LARGEST_BACKLOG``."""
+        """How many whole periods have passed since the last call; at most ``LARGEST_BACKLOG``. ``now``: when a tick was due."""
         if self._done_until is None:
             self._done_until = now
             return 0
-        # half a period of slack: a tick that comes a little early counts as the one that it was meant to be
+        # the times at which ticks were due lie on a grid of periods, but for rounding
         periods = int((now - self._done_until) / self._period + 0.5)
         self._done_until += periods * self._period
         if periods > LARGEST_BACKLOG:

@@ -92,7 +92,7 @@ class SimulationNode(Node):
             urdf.publish(String(data=description))
             self._latched.append(urdf)
         if not self._lockstep:
-            self.create_timer(PERIOD, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            self._timer = self.create_timer(PERIOD, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(
             f"{self._crane.machine.name}, q3 = {pose.outer_boom_angle:g} rad, q4 = {pose.telescope_length:g} m, load "
             f"{pose.load:g} kg, boom at {self._values.initial_angle:.3f} rad, {self._values.mode.replace('_', ' ')}"
@@ -127,22 +127,25 @@ class SimulationNode(Node):
             self._crane.command(0.0, 0.0)
             self.get_logger().warning("no current command for 100 ms: the valve is closed until the next one")
             self._diagnostics.update()
+        # when this tick was due, however late it comes: stamps stay on one grid, and a late first tick makes no later one early
+        late = PERIOD - ns_to_seconds(self._timer.time_until_next_call())
+        due = time.monotonic() - late
         if self._paused or self._failure:
-            self._pacer.hold(time.monotonic())
-            self._anchor()
+            self._pacer.hold(due)
+            self._anchor(late)
             return
         if not self._pacer.started:  # the first tick is time zero: building the node took a while
-            self._anchor()
+            self._anchor(late)
             self._publish(self._crane.sample)
         skipped = self._pacer.skipped
-        for _ in range(self._pacer.due(time.monotonic())):
+        for _ in range(self._pacer.due(due)):
             self._advance()
         if self._pacer.skipped != skipped:
-            self._anchor()
+            self._anchor(late)
 
-    def _anchor(self) -> None:
-        """Simulated time stands for the present from here on: stamps of what comes next are those of now."""
-        self._origin_ns = self.get_clock().now().nanoseconds - seconds_to_ns(self._crane.time)
+    def _anchor(self, late: float) -> None:
+        """Simulated time stands for ``late`` [s] ago from here on: it is what stamps tell."""
+        self._origin_ns = self.get_clock().now().nanoseconds - seconds_to_ns(self._crane.time + late)
 
     def _refuse(self, reason: str) -> None:
         if reason != self._refused:

@@ -19,6 +19,12 @@ def test_late_tick_is_made_up_for() -> None:
     assert pacer.due(0.1) == 10
 
 
+def test_a_tick_that_is_called_twice_is_one_period() -> None:
+    pacer = Pacer(0.01)
+    pacer.due(0.0)
+    assert [pacer.due(t) for t in (0.01, 0.02, 0.02, 0.04, 0.05)] == [1, 1, 0, 2, 1]
+
+
 def test_long_standstill_is_skipped_and_counted() -> None:
     pacer = Pacer(0.01)
     pacer.due(0.0)
