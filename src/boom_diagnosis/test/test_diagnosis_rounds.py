@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from boom_diagnosis.diagnosis import answer, proof, run
+from boom_diagnosis.diagnosis import answer, earning, proof, run
+from boom_diagnosis.diagnosis.case import Case
 from boom_diagnosis.diagnosis.fitting import WHITE, Point
 from boom_diagnosis.diagnosis.hypotheses import Round
-from boom_diagnosis.diagnosis.run import Case
 from boom_diagnosis.diagnosis.search import Fitted
 from boom_diagnosis.diagnosis.weighing import Weighed
 
@@ -44,8 +44,8 @@ def case() -> Any:
 def free_runs(monkeypatch: pytest.MonkeyPatch) -> dict[float, float]:
     """Loss of a fit -> factor by which its free runs err more."""
     factors: dict[float, float] = {}
-    monkeypatch.setattr(run, "_settle", lambda case, k, problem, at, *rest: at)
-    monkeypatch.setattr(run, "worsening", lambda case, before, after: factors[after.loss])
+    monkeypatch.setattr(earning, "settle", lambda case, k, problem, at, *rest: at)
+    monkeypatch.setattr(earning, "worsening", lambda case, before, after: factors[after.loss])
     return factors
 
 
@@ -53,7 +53,7 @@ def test_an_effect_that_free_runs_disprove_gives_way_to_the_next(case: Any, free
     first, second = weighed("flow_force", 100.0, 90.0, 1000.0), weighed("spring_rate", 95.0, 90.0, 1000.0)
     case.weighed[0] = [first, second]
     free_runs |= {first.fitted.point.loss: 2.3, second.fitted.point.loss: 0.6}
-    assert run._take(case)
+    assert earning.take(case)
     assert (case.taken, case.disproved, case.weighed[0]) == ([second], [first], [second])
 
 
@@ -63,9 +63,9 @@ def test_a_large_first_effect_may_leave_free_runs_a_little_worse_and_a_small_one
     small, large = weighed("payload", 100.0, 90.0, 1000.0), weighed("payload", 300.0, 200.0, 1000.0)
     free_runs |= {small.fitted.point.loss: 1.2, large.fitted.point.loss: 1.2}
     case.weighed[0] = [small]
-    assert not run._take(case)
+    assert not earning.take(case)
     case.weighed[0] = [large]
-    assert run._take(case)
+    assert earning.take(case)
 
 
 @pytest.mark.parametrize(("rest", "taken"), [(800.0, True), (3000.0, False), (400.0, False)])
@@ -79,23 +79,23 @@ def test_a_second_effect_must_gain_a_share_of_the_first_or_explain_most_of_a_cle
     case.rounds.append(SimpleNamespace(base=point(rest), problem=None))
     case.trained.append(point(rest))
     free_runs[second.fitted.point.loss] = 0.5
-    assert run._take(case) is taken
+    assert earning.take(case) is taken
 
 
-@pytest.mark.parametrize(("gain", "factor"), [(100.0, run.WORSE), (400.0, 1.5), (700.0, 3.0)])
+@pytest.mark.parametrize(("gain", "factor"), [(100.0, earning.WORSE), (400.0, 1.5), (700.0, 3.0)])
 def test_the_more_a_first_effect_explains_the_worse_it_may_leave_free_runs(
     case: Any, gain: float, factor: float
 ) -> None:
-    assert run._bearable(case, weighed("payload", gain / 2, gain / 2, 1000.0)) == factor
+    assert earning._bearable(case, weighed("payload", gain / 2, gain / 2, 1000.0)) == factor
     case.taken = [weighed("pilot_lag", 300.0, 300.0, 1000.0)]
-    assert run._bearable(case, weighed("payload", gain / 2, gain / 2, 1000.0)) == run.LATER
+    assert earning._bearable(case, weighed("payload", gain / 2, gain / 2, 1000.0)) == earning.LATER
 
 
 def test_of_recordings_held_out_the_gain_on_those_fitted_is_compared_with_what_they_begin_with(case: Any) -> None:
     best = weighed("payload", 200.0, 700.0, 1000.0)
-    assert run._bearable(case, best) > run.WORSE
+    assert earning._bearable(case, best) > earning.WORSE
     case.proving = [object()]
-    assert run._bearable(case, best) == run.WORSE
+    assert earning._bearable(case, best) == earning.WORSE
 
 
 @pytest.mark.parametrize(
@@ -132,14 +132,14 @@ def test_a_load_that_comes_before_the_boom_has_moved_was_there_all_along(
         weighed("payload_change", 300.0, 300.0, 1000.0).fitted,
         weighed("payload", 290.0, 300.0, 1000.0).fitted,
     )
-    change.point.effects[run.TIME] = onset
+    change.point.effects[earning.TIME] = onset
     found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (change, load), {}, Any)
     monkeypatch.setattr(
-        run, "_split", lambda case, hypotheses, names: [(500.0, 500.0)] + [(100.0, 100.0)] * (len(names) - 1)
+        earning, "_split", lambda case, hypotheses, names: [(500.0, 500.0)] + [(100.0, 100.0)] * (len(names) - 1)
     )
-    assert [w.fitted.effect for w in run._weigh(case, found)] == kept
+    assert [w.fitted.effect for w in earning.weigh(case, found)] == kept
     only: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (change,), {}, Any)
-    assert [w.fitted.effect for w in run._weigh(case, only)] == ["payload_change"]
+    assert [w.fitted.effect for w in earning.weigh(case, only)] == ["payload_change"]
 
 
 @pytest.mark.parametrize(("alone", "left"), [(10.0, ["pressure_bias"]), (900.0, ["payload_change", "pressure_bias"])])
@@ -171,7 +171,7 @@ def test_a_first_effect_that_gains_nothing_beside_the_second_gives_its_place_to_
     made = Case(
         nothing, nothing, [], [], case.select, [], [], (nothing,), 0, floor=WHITE, rounds=rounds, taken=[first, second]
     )
-    monkeypatch.setattr(run, "problem_at", lambda *given: Fits())
+    monkeypatch.setattr(Case, "problem", lambda *given: Fits())
     monkeypatch.setattr(run, "_judge", judged)
     run._without_first(made)
     assert [w.fitted.effect for w in made.taken] == left

@@ -136,10 +136,9 @@ def test_a_term_takes_the_place_of_effects_only_if_it_leaves_far_less(
     learned = SimpleNamespace(point=SimpleNamespace(excess=lambda floor: left))
     case: Any = SimpleNamespace(
         setting=None, trained=["alone", "with"], taken=["effect"], spared={0: "a", 1: "b"}, floor=WHITE, learned=None,
-        last=SimpleNamespace(z=None, effects=None),
+        last=SimpleNamespace(z=None, effects=None), rest=lambda at: 1.0,
     )  # fmt: skip
     monkeypatch.setattr(run, "learn_plainly", lambda *_: learned)
-    monkeypatch.setattr(run, "rest", lambda *_: 1.0)
     assert run._plain(case) is kept
     assert (case.learned is learned, case.taken, case.trained, case.spared) == (
         (True, [], ["alone"], {0: "a"}) if kept else (False, ["effect"], ["alone", "with"], {0: "a", 1: "b"})

@@ -27,7 +27,7 @@ from boom_diagnosis.diagnosis.document import (
 from boom_diagnosis.diagnosis.experiment import propose
 from boom_diagnosis.diagnosis.fitting import Point
 from boom_diagnosis.diagnosis.freerun import free_run
-from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, noticed, problem_at
+from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.diagnosis.learning import Learned, learn
 from boom_diagnosis.diagnosis.locating import LINKS, locate
 from boom_diagnosis.diagnosis.proof import (
@@ -56,7 +56,7 @@ from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
 
 if TYPE_CHECKING:
-    from boom_diagnosis.diagnosis.run import Case
+    from boom_diagnosis.diagnosis.case import Case
 
 Array = NDArray[np.float64]
 NAN4 = (float("nan"),) * 4
@@ -206,7 +206,7 @@ def _tight(case: Case) -> _Tight:
     zero = np.zeros(len(case.nuisances))
     stages = []
     for z, values in ((zero, {}), (case.kept(0).z, {}), (case.last.z, case.last.effects)):
-        problem = problem_at(case.machine, case.bags, case.select, case.nuisances, z, values, 1.0)
+        problem = case.problem(z, values, LOOSENESS[0])
         stages.append(problem.points([(z, values)])[0])
     before, after = (point.excess(case.floor) for point in stages[1:])
     before = min(before, stages[0].excess(case.floor))
@@ -215,9 +215,7 @@ def _tight(case: Case) -> _Tight:
         after = min(after, last.base.excess(case.floor))
     sharp = case.rounds[0].problem.predictor.looseness == LOOSENESS[0]
     if case.taken and not sharp and after > DOUBTFUL * before:  # the numbers are those that a loose observer asked for
-        problem = problem_at(
-            case.machine, case.bags, case.select, case.nuisances, case.kept(0).z, {}, LOOSENESS[0]
-        )  # fmt: skip
+        problem = case.problem(case.kept(0).z, {}, LOOSENESS[0])
         start = problem.points([(case.kept(0).z, {})])[0]
         before = min(before, problem.fit(start, problem.nuisance_jacobian(start))[0].excess(case.floor))
     return _Tight(stages[0].parts, stages[2].parts, before, after)

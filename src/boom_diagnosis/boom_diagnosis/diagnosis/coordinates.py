@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import log
 
@@ -123,6 +123,6 @@ def starts(effect: Effect, lasting: float) -> list[dict[str, float]]:
     return result
 
 
-def all_coordinates(effects: list[str]) -> dict[str, Coordinate]:
-    """Coordinates of several effects by name."""
-    return {c.name: c for effect in effects for c in coordinates(EFFECTS[effect])}
+def all_coordinates(effects: Iterable[str]) -> tuple[Coordinate, ...]:
+    """Coordinates of several effects, in their order."""
+    return tuple(c for effect in effects for c in coordinates(EFFECTS[effect]))

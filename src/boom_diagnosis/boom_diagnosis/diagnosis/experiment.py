@@ -14,7 +14,7 @@ from boom_diagnosis.validation import plant_for
 from boom_model.errors import SimulationError
 
 if TYPE_CHECKING:
-    from boom_diagnosis.diagnosis.run import Case
+    from boom_diagnosis.diagnosis.case import Case
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ machine that is far from the model; with a model that is right the tight one is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -80,11 +80,6 @@ def effects_of(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
     return result
 
 
-def _numbers(effects: Iterable[str]) -> tuple[Coordinate, ...]:
-    """Of several effects, in their order."""
-    return tuple(all_coordinates(list(effects)).values())
-
-
 def problem_at(
     machine: Machine,
     bags: Sequence[Bag],
@@ -123,7 +118,7 @@ def run_round(
     refined: effects that are fitted at most.
     """
     accepted = tuple(effects_of(values))
-    kept = _numbers(accepted)
+    kept = all_coordinates(accepted)
 
     def problem(at_z: Array, at_values: Mapping[str, float], looseness: float) -> Problem:
         return problem_at(machine, bags, select, nuisances, at_z, at_values, looseness)
@@ -201,7 +196,7 @@ class Nominal:
 
     def __init__(self, problem: Problem, values: Mapping[str, float] | None = None) -> None:
         self.problem = problem
-        self.kept = _numbers(effects_of(values or {}))
+        self.kept = all_coordinates(effects_of(values or {}))
         self.at = problem.points([(np.zeros(len(problem.nuisances)), values or {})])[0]
         self.jacobian = problem.nuisance_jacobian(self.at)
         if self.kept:
@@ -230,7 +225,7 @@ def rebased(found: Round) -> Round:
 
     What an effect gains would else be what the search for the base missed.
     """
-    kept = _numbers(found.accepted)
+    kept = all_coordinates(found.accepted)
     wanted = [(f.point.z, {c.name: f.point.effects[c.name] for c in kept}) for f in found.fitted]
     without = min(found.problem.points(wanted), key=lambda p: p.loss, default=found.base)
     if without.loss >= found.base.loss:
@@ -282,7 +277,7 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
         p.machine, p.bags, found.problem.select, first.problem.nuisances, point.z, point.effects, p.looseness
     )
     start = retuned.points([(found.base.z, found.base.effects)])[0]
-    base, jacobian = retuned.fit(start, retuned.nuisance_jacobian(start), _numbers(found.accepted))
+    base, jacobian = retuned.fit(start, retuned.nuisance_jacobian(start), all_coordinates(found.accepted))
     rivals = [f for f in best[:WEIGHED] if f.gain > RIVAL * best[0].gain]
     again = _all_weighed(retuned, rivals, base, jacobian)
     return replace(found, base=base, jacobian=jacobian, fitted=again, problem=retuned)

@@ -33,6 +33,9 @@ STROKE_ZERO = "cylinder.l_min"
 METER_OUT = ("main_valve_orifices.A_ta_law.c0", "main_valve_orifices.A_ta_law.c1")
 """An area as a whole: both coefficients share one factor."""
 _NOT_PHYSICS = ("constants.", "hose_burst_valve.unit", "hose_burst_valve.dp_lin", "cylinder.l_")
+_UNITS_OF_THE_SPOOL = ("main_valve_spool.A_s", "main_valve_spool.s_max")
+"""Assumed, and everything else of the valve is known relative to them: the spring by (5.10), k = p_max A_s / s_max, the friction as
+a pilot pressure, the areas over s / s_max. Were they off, those would be with them and nothing would change."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
     """All numbers that have a tolerance in this machine and pose."""
     result = []
     for key, parameter in machine.parameters.items():
-        if key.startswith(_NOT_PHYSICS) or key in METER_OUT[1:]:
+        if key.startswith(_NOT_PHYSICS) or key in (*METER_OUT[1:], *_UNITS_OF_THE_SPOOL):
             continue
         tolerance = PRECHARGE if key.startswith("accumulators.p_g0") else parameter.tolerance
         for name, value in zip(parameter.specification.components, parameter.value, strict=True):

@@ -26,7 +26,7 @@ from boom_model.sensors import OUTPUT_UNITS, OUTPUTS
 from boom_recording.recording import Recording
 
 if TYPE_CHECKING:
-    from boom_diagnosis.diagnosis.run import Case
+    from boom_diagnosis.diagnosis.case import Case
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
-from scipy.signal import lfilter
 
 from boom_diagnosis.diagnosis.bag_samples import PERIOD
 from boom_diagnosis.diagnosis.prediction import Predictor, Values, capacities
@@ -156,6 +154,8 @@ def _placed(text: str, others: Sequence[str], width: float, column: Callable[[st
     before, found, rest = text.partition("(angle,")
     if f"{before}{found}{{}})" not in ONE_SIDED:
         return text
+    from scipy.optimize import minimize_scalar  # takes a second to load, and most recordings have no unknown input
+
     corner, fixed = float(rest[:-1]), [column(other) for other in others]
     best = minimize_scalar(
         lambda c: _left([*fixed, column(f"{before}(angle,{c:.6g})")], target)[0],
@@ -185,5 +185,7 @@ def _scaled(states: Mapping[str, Array], stroke: float) -> dict[str, Array]:
 
 def _lagged(_: str, time: float, value: Array) -> Array:
     """T x' = v - x, zero at rest, over intervals of ``PERIOD``."""
+    from scipy.signal import lfilter  # takes a second to load
+
     decay = float(np.exp(-PERIOD / time))
     return np.asarray(lfilter([1.0 - decay], [1.0, -decay], value), dtype=float)
