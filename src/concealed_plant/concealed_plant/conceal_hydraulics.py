@@ -159,15 +159,17 @@ def compensator_droop(size: float, r: Array, scene: Scene) -> Hidden:
 @conceals(
     "pilot_lag",
     "pilot_valves",
-    "s",
-    (0.0005, 0.3),
-    "a second pole in series, not a slower first one",
+    "-",
+    (0.003, 4.0),
+    "slower, and not equally so where the pressure rises and where it falls",
     twins=("pilot_valves.a1_s",),
-    floor=0.0023,
+    floor=0.045,
 )
 def pilot_lag(size: float, r: Array, scene: Scene) -> Hidden:
-    """A slow coil in cold oil."""
-    return Hidden({"coil_lag": size}, parameters={"r": 1.0 - scene.m.pole * size})
+    """Cold oil, which leaves by another way than it comes."""
+    unlike = within(r[0], -0.4, 0.4)
+    changes = {"slower_rising": 1.0 + (1.0 + unlike) * size, "slower_falling": 1.0 + (1.0 - unlike) * size}
+    return Hidden(changes, parameters={"r": 1.0 + size})
 
 
 @conceals("command_delay", "pilot_valves", "s", (0.0005, 0.3), "differs from command to command by up to 1.5 ms")

@@ -120,7 +120,6 @@ def simulate(
     wall_2 = warm_2 = p_2 * v_2
     s = ws = 0.0
     lam_p = lam_m = nu_p = nu_m = 0.0
-    coil_p = coil_m = 0.0
     z_p = z_m = 0.0
     poppet = m.hbv_21 * LPM / BAR
     poppet_rate = 0.0
@@ -134,7 +133,7 @@ def simulate(
     root = m.discharge * sqrt(2.0 / m.density)
     k_1 = root * pi / 4.0 * (m.throat_1 * m.clogged) ** 2
     k_2 = root * pi / 4.0 * (m.throat_2 * m.clogged) ** 2
-    decay = exp(m.pole * h)
+    rising, falling = exp(m.pole * h / m.slower_rising), exp(m.pole * h / m.slower_falling)
     swings, bends = m.pendulum_mass > 0.0, m.bend_share > 0.0
     omega_b = 2.0 * pi * m.bend_frequency
     omega_r = 2.0 * pi * m.rock_frequency
@@ -146,16 +145,12 @@ def simulate(
         total = m.inertia + mass * (m.tip_x**2 + m.tip_y**2) + m.load_gyration * load_course[i]
         held = stuck[i] > 0.5
         for _ in range(STEPS):
-            # ---- pilot stage: exact for a held current, then an optional second lag and a coil with remanence
-            if m.coil_lag > 0.0:
-                coil_p += (i_p - coil_p) * (1.0 - exp(-h / m.coil_lag))
-                coil_m += (i_m - coil_m) * (1.0 - exp(-h / m.coil_lag))
-            else:
-                coil_p, coil_m = i_p, i_m
-            lam_p = lam_p * decay + coil_p * (decay - 1.0) / m.pole
-            lam_m = lam_m * decay + coil_m * (decay - 1.0) / m.pole
-            new_p = m.gain * lam_p + m.through * coil_p
-            new_m = m.gain * lam_m + m.through * coil_m
+            # ---- pilot stage: exact for a held current, faster or slower where it rises, then a coil with remanence
+            end_p, end_m = -i_p / m.pole, -i_m / m.pole
+            lam_p = end_p + (lam_p - end_p) * (rising if lam_p < end_p else falling)
+            lam_m = end_m + (lam_m - end_m) * (rising if lam_m < end_m else falling)
+            new_p = m.gain * lam_p + m.through * i_p
+            new_m = m.gain * lam_m + m.through * i_m
             drive = pilot(new_p, m) - pilot(new_m, m)
             if m.remanence > 0.0:
                 step_p, step_m = (new_p - nu_p) / m.remanence_width, (new_m - nu_m) / m.remanence_width

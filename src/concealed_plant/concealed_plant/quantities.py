@@ -126,7 +126,8 @@ class Quantities(NamedTuple):
     spring_hardening: float = 0.0
     remanence: float = 0.0  # Pa
     remanence_width: float = 0.03  # A
-    coil_lag: float = 0.0  # s
+    slower_rising: float = 1.0
+    slower_falling: float = 1.0
     sag: float = 0.0
     pump: float = 0.0  # 1 / (m^3/s)
     back_turbulent: float = 0.0  # Pa at full flow

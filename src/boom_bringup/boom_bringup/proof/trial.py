@@ -193,6 +193,7 @@ def diagnose(case: Path) -> float:
         RECORDING,
         "--output",
         judging.DIAGNOSIS,
+        "--no-report",
     ]
     begin, failure = time.monotonic(), ""
     with (case / "diagnose.log").open("wb") as log:
