@@ -298,11 +298,8 @@ def test_the_recordings_of_the_machine_raise_no_false_alarm(path: Path) -> None:
 
 @pytest.mark.parametrize("name", _DAMAGED)
 def test_the_damaged_recordings_list_their_gaps_and_losses(name: str) -> None:
-    paths = [path for path in _MACHINE if path.name == name]
-    if not paths:
-        pytest.skip(f"the recording {name} is not there")
     start, end, share = _DAMAGED[name]
-    found = load(paths[0])
+    found = load(next(path for path in _MACHINE if path.name == name))
     for topic_name in ("/joint_states", "/boom/hose_pressure", "/boom/rod_pressure", "/boom/solenoid_currents"):
         (gap_event,), (loss_event,) = (
             [e for e in found.events if e.topic == topic_name and e.kind == kind] for kind in ("gap", "loss")
