@@ -14,9 +14,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
 
 from boom_bringup import environment
 from boom_bringup.commands._node_command import node_command
+from boom_interfaces.msg import SolenoidCurrents
+from boom_node import qos
 from boom_recording.loading import load
 
 pytestmark = pytest.mark.process
@@ -129,9 +133,32 @@ def all_end_well(nodes: dict[str, Node], but: str) -> None:
             assert "Traceback" not in node.text()
 
 
+def the_crane_reports_no_current(samples: int = 20) -> None:
+    """Waits until so many samples in a row have said so: what a recorder has not taken yet is older."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node("listener", context=context)
+    closed = [0]
+
+    def hear(message: SolenoidCurrents) -> None:
+        closed[0] = closed[0] + 1 if max(message.retract, message.extend) < 0.01 else 0
+
+    node.create_subscription(SolenoidCurrents, "/boom/solenoid_currents", hear, qos.SENSOR_DATA)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    end = time.monotonic() + PATIENCE
+    while closed[0] < samples:
+        assert time.monotonic() < end, "the crane's currents did not end"
+        executor.spin_once(timeout_sec=0.1)
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
 def test_without_the_replay_the_crane_closes_its_valve_and_says_so(chain: dict[str, Node], tmp_path: Path) -> None:
     chain["replay"].kill()
     chain["simulation"].says(r"no current command for 100 ms: the valve is closed")
+    the_crane_reports_no_current()
     all_end_well(chain, "replay")
     recording = load(tmp_path / "bag")
     assert recording.signals["retract_current"].values[-1] < 0.01
