@@ -10,9 +10,9 @@ missed cycles   periods of 10 ms in which no command was published, by the stamp
 jitter          |time between two commands - 10 ms|, by their stamps
 computation     of one cycle, as the controller measures it: supervision, reference, control law
 tracking        (6.29) with the measured angle, first pass of the recording, beside the same loop in one process (no topics)
-computer        on each core a process that does nothing but wake up every 3 ms, before all others if it may: how late it was.
-                A cycle that is missed while one was late too was missed by the computer (another process, a virtual machine that
-                stands)
+computer        on each core a process that does nothing but wake up every 3 ms, before all others if it may (on the controller's
+                own core just after it): how late it was. A cycle that is missed while one was late too was missed by the
+                computer (another process, a virtual machine that stands)
 
 So that one late cycle does not end the measurement, the controller's own watch for them is set wide here.
 """
@@ -61,7 +61,8 @@ from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
 RETURN_S = 5.0
 WARM_UP_S = 2.0
 HIGHEST = 90
-"""SCHED_FIFO priority of the processes that only wake up."""
+"""SCHED_FIFO priority of the processes that only wake up, where the controller has no core of its own. On its own core they come
+just after it: before it, one cycle in thirty would wait for them, and nothing there makes them wait for as much as LATE_S."""
 BEAT_S = 3e-3
 LATE_S = 2e-3
 """A core that stands still for BEAT_S + LATE_S, which makes a cycle count as missed, is always seen."""
@@ -81,11 +82,11 @@ class Heard:
     woken_late: list[tuple[float, float]] = field(default_factory=list)
 
 
-def wake_up(core: int, ended: Any, told: Any) -> None:
+def wake_up(core: int, priority: int, ended: Any, told: Any) -> None:
     """Puts (when [s], how late [s]) of every wake-up of a core that came more than LATE_S late into the queue at the end."""
     os.sched_setaffinity(0, {core})
     with contextlib.suppress(OSError):  # before all of ours, or it would see them and not the computer
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(HIGHEST))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     late, due = [], time.monotonic() + BEAT_S
     while not ended.is_set():
         time.sleep(max(due - time.monotonic(), 0.0))
@@ -152,7 +153,12 @@ def run_processes(
     context = multiprocessing.get_context("spawn")
     woken_enough, woken = context.Event(), context.Queue()
     metronomes = [
-        context.Process(target=wake_up, args=(core, woken_enough, woken), daemon=True) for core in sorted(cores)
+        context.Process(
+            target=wake_up,
+            args=(core, max(controller["realtime_priority"] - 1, 1) if core == own else HIGHEST, woken_enough, woken),
+            daemon=True,
+        )
+        for core in sorted(cores)
     ]
     for metronome in metronomes:
         metronome.start()

@@ -261,13 +261,22 @@ class ControllerNode(LifecycleNode):
         elif self._active and self._loop is not None:
             if self._loop.due(time.monotonic()):
                 self._cycle()
-            elif self._rehearsal:
-                self._rehearsal.run(self._loop.sensors, time.monotonic())
+            else:
+                self._rehearse(self._loop)
 
     def _look(self) -> None:
-        if self._active and self._loop is not None and self._loop.overdue(time.monotonic()):
+        if not self._active or self._loop is None:
+            return
+        if self._loop.overdue(time.monotonic()):
             self._late += self._loop.configuration is not None
             self._cycle()
+        else:
+            self._rehearse(self._loop)
+
+    def _rehearse(self, loop: ControlLoop) -> None:
+        """Keep the way of a cycle in the caches: while a set arrives, and some times in between."""
+        if self._rehearsal and loop.configuration:
+            self._rehearsal.run(loop.sensors, time.monotonic())
 
     def _begin_lockstep(self) -> None:
         """The first command, without which the simulation stands, once everybody listens."""

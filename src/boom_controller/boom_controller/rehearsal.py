@@ -1,4 +1,4 @@
-"""A cycle for nobody, run while samples of the next set still arrive: what it touches is in the processor's caches then. No ROS.
+"""A cycle for nobody, run between two cycles: what it touches is in the processor's caches then. No ROS.
 
 Between two cycles of 10 ms the processor forgets code and data of the control law: other programs, and other tenants of the
 computer, use the same caches. A cycle takes five times as long then as in a loop without pauses. So a second loop with states of
@@ -31,9 +31,7 @@ class Rehearsal:
         self._loop.change(**changes)
 
     def run(self, sensors: SensorSet, now: float) -> str:
-        """One cycle from rest with the newest samples, where a set has begun; ``now`` [s]. Returns the state that it ended in."""
-        if not sensors.begun:
-            return ""
+        """One cycle from rest with the newest samples; ``now`` [s]. Returns the state that it ended in."""
         loop, newest = self._loop, sensors.newest()
         retract, extend = sensors.currents.values
         loop.joint(newest.angle, newest.rate, newest.time, now)

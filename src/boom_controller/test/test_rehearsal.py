@@ -57,9 +57,17 @@ def test_a_rehearsal_goes_through_the_law_and_changes_nothing(configuration: tup
     assert alone[-1].extend > 0.0
 
 
-def test_only_a_set_that_has_begun_is_rehearsed(configuration: tuple[Machine, Pose]) -> None:
+def test_before_any_sample_a_rehearsal_ends_idle(configuration: tuple[Machine, Pose]) -> None:
     loop, rehearsal = ControlLoop("improved", Settings(), SupervisionSettings()), rehearsal_of(configuration)
-    assert rehearsal.run(loop.sensors, 5.0) == ""
+    assert rehearsal.run(loop.sensors, 5.0) == State.IDLE.value
+
+
+def test_the_same_samples_can_be_rehearsed_again(configuration: tuple[Machine, Pose]) -> None:
+    loop, rehearsal = ControlLoop("improved", Settings(), SupervisionSettings()), rehearsal_of(configuration)
+    loop.joint(0.3, 0.0, 0.0, 5.0)
+    loop.hose_pressure(8e6, 0.0, 5.0)
+    loop.rod_pressure(1e6, 0.0, 5.0)
+    assert {rehearsal.run(loop.sensors, 5.0 + 0.0025 * k) for k in range(4)} == {State.TRACK.value}
 
 
 def test_a_rehearsal_with_sensors_that_say_nothing_ends_idle(configuration: tuple[Machine, Pose]) -> None:
