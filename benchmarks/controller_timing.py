@@ -12,7 +12,8 @@ computation     of one cycle, as the controller measures it: supervision, refere
 tracking        (6.29) with the measured angle, first pass of the recording, beside the same loop in one process (no topics)
 computer        on each core a process that does nothing but wake up every 3 ms, before all others if it may (on the controller's
                 own core just after it): how late it was. A cycle that is missed while one was late too was missed by the
-                computer (another process, a virtual machine that stands)
+                computer (another process, a virtual machine that stands). And how long the host of a virtual machine has run
+                others on cores that had work
 
 So that one late cycle does not end the measurement, the controller's own watch for them is set wide here.
 """
@@ -73,13 +74,22 @@ JOINT = "inner_boom_joint"
 
 @dataclass
 class Heard:
-    """What was heard: stamps of the commands [ns], states as (stamp [ns], reference, its rate, angle, computation [s])."""
+    """What was heard: stamps of the commands [ns], states as (stamp [ns], reference, its rate, angle, computation [s]).
+
+    stolen: time [s] in which the host of a virtual machine ran others on cores that had work.
+    """
 
     commands: list[int] = field(default_factory=list)
     states: list[tuple[int, float, float, float, float]] = field(default_factory=list)
     mode: str = ""
     reason: str = ""
     woken_late: list[tuple[float, float]] = field(default_factory=list)
+    stolen: float = 0.0
+
+
+def stolen() -> float:
+    """Time [s] since the start of the computer that its host has taken from it (``steal`` of proc(5)), all cores together."""
+    return int(Path("/proc/stat").read_text(encoding="ascii").split()[8]) / os.sysconf("SC_CLK_TCK")
 
 
 def wake_up(core: int, priority: int, ended: Any, told: Any) -> None:
@@ -184,7 +194,7 @@ def run_processes(
         heard.commands.clear()
         heard.states.clear()
         giver.start()
-        begun = time.time()
+        begun, heard.stolen = time.time(), -stolen()
         end, told = time.monotonic() + seconds, time.monotonic() + 10.0
         while time.monotonic() < end and heard.mode not in ("stopping", "stopped"):
             executor.spin_once(timeout_sec=0.1)
@@ -197,6 +207,7 @@ def run_processes(
                     flush=True,
                 )
         print(file=sys.stderr)
+        heard.stolen += stolen()
         woken_enough.set()
         every = [late for _ in metronomes for late in woken.get(timeout=PATIENCE_S)]
         heard.woken_late = [(when, over) for when, over in every if when >= begun]
@@ -281,7 +292,10 @@ def main() -> None:
         "mode": args.mode, "transport": args.transport, "seconds": args.seconds, "cycles": len(heard.commands), "missed": missed,
         "missed_while_the_computer_was_late": while_late,
         "stopped": heard.reason if heard.mode in ("stopping", "stopped") else "",
-        "computer": {"late": len(heard.woken_late), "latest_ms": 1e3 * max((late for _, late in heard.woken_late), default=0.0)},
+        "computer": {
+            "stolen_s": heard.stolen, "late": len(heard.woken_late),
+            "latest_ms": 1e3 * max((late for _, late in heard.woken_late), default=0.0),
+        },
         "jitter_ms": {"p50": float(np.percentile(jitter, 50)), "p99": float(np.percentile(jitter, 99)), "max": float(jitter.max())},
         "computation_us": {q: float(np.percentile(computation, p)) for q, p in (("p50", 50), ("p99", 99), ("max", 100))},
         "over_topics": topics.document(), "in_process": alone.document(),
@@ -294,7 +308,7 @@ def main() -> None:
     )
     print(
         f"computer           {numbers['computer']['late']} times more than {1e3 * LATE_S:.0f} ms late, "
-        f"at most {numbers['computer']['latest_ms']:.0f} ms"
+        f"at most {numbers['computer']['latest_ms']:.0f} ms; taken by its host: {heard.stolen:.2f} s"
     )
     print("jitter [ms]        p50 {p50:.3f}  p99 {p99:.3f}  largest {max:.3f}".format(**numbers["jitter_ms"]))
     print("computation [us]   p50 {p50:.0f}  p99 {p99:.0f}  largest {max:.0f}".format(**numbers["computation_us"]))
