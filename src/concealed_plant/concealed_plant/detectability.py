@@ -9,8 +9,8 @@ imitates says nothing. With z their deviations in standard deviations and y(z) t
     d^2 = min over z of |W (y_effect - y(z))|^2 + z'z      d in standard deviations of the best possible test
 
 by damped Gauss-Newton steps with the sensitivities W dy/dz at the specimen. An effect that is itself one of the machine's numbers
-(spring, pre-charge, ...) keeps that number out of z, and counts as the effect only beyond the number's tolerance: its size is
-not below 1.5 tolerances at 1 x (``Concealment.floor``).
+(spring, pre-charge, ...) keeps that number out of z, and counts as the effect only beyond the number's tolerance, which is added
+to the size that is found (``Concealment.tolerance``): what lies within it is no other machine.
 
 d grows with the size of the effect. The detectable size is the one at which the part of the signature that nothing else imitates
 carries as much energy as all the noise of the recording, a signal-to-noise ratio of one: d^2 = number of whitened values (four
@@ -147,7 +147,7 @@ class Detectability:
         return Sized(size, one, hidden, self.seen(hidden))
 
     def detectable_size(self, effect: Concealment, draws: Array) -> float:
-        """The size at which d is ``detectable``, not below the effect's floor.
+        """The size at which d is ``detectable``, beyond the tolerance of the numbers that the effect is.
 
         Raises:
             TooFaintError: even its largest size stays below.
@@ -172,7 +172,7 @@ class Detectability:
                     factor = min(factor, FINE)
                 at = min(at * factor, effect.largest)
             elif d < NEAR * self.detectable or at / least < 1.02:
-                return max(effect.floor, at * self.detectable / d)
+                return effect.tolerance + at * self.detectable / d
             else:
                 share = (self.detectable - low_d) / (min(d, 1e3 * self.detectable) - low_d)
                 factor = 1.0 + (at / least - 1.0) * float(np.clip(share, 0.25, 0.6))

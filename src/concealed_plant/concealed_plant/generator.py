@@ -208,7 +208,9 @@ def _crane(spec: CaseSpec, file: MachineFile, rng: np.random.Generator) -> _Cran
     off = (
         max(LOAD_SHARE * load, LOAD_FLOOR) * SCATTER * rng.standard_normal() / DEVIATIONS_IN_TOLERANCE if load else 0.0
     )
-    specimen = file.specimen(scattered(file, told, rng, SCATTER))
+    own = {key for name in names for key in CONCEALMENTS[name].twins}  # off by what is concealed and nothing else
+    scatter = {key: f for key, f in scattered(file, told, rng, SCATTER).items() if key not in own}
+    specimen = file.specimen(scatter)
     wrong = _wrong(rng) if spec.kind == "parameters" else {}
     factors = {
         key: 1.0 + deviations * file.tolerance(key, told) / DEVIATIONS_IN_TOLERANCE for key, deviations in wrong.items()
@@ -233,7 +235,9 @@ def _halfway(spec: CaseSpec) -> dict[str, float]:
 
     The undisturbed and the affected crane are run on his currents; he keeps both in range by steering what lies between.
     """
-    factors = [CONCEALMENTS[name].floor * strength / 2 for name, strength in spec.effects if name == "spring_rate"]
+    factors = [
+        0.75 * CONCEALMENTS[name].tolerance * strength for name, strength in spec.effects if name == "spring_rate"
+    ]
     return {"spring_factor": 1.0 + factors[0]} if factors else {}
 
 

@@ -96,7 +96,7 @@ class Concealment:
         known: whether a catalogue has it.
         manner: kind of work that shows it ("" any, see ``operator``).
         twins: numbers of the machine that it is, once they are out of tolerance.
-        floor: size at 1.5 tolerances of these, 0 without them.
+        tolerance: size at which these leave their tolerance, 0 without them.
     """
 
     id: str
@@ -109,7 +109,7 @@ class Concealment:
     known: bool = True
     manner: str = ""
     twins: tuple[str, ...] = ()
-    floor: float = 0.0
+    tolerance: float = 0.0
 
 
 REGISTER: dict[str, Concealment] = {}
@@ -117,13 +117,13 @@ REGISTER: dict[str, Concealment] = {}
 
 def conceals(
     name: str, subsystems: str, unit: str, sizes: tuple[float, float], form: str, *, known: bool = True, manner: str = "",
-    twins: tuple[str, ...] = (), floor: float = 0.0,
+    twins: tuple[str, ...] = (), tolerance: float = 0.0,
 ) -> Callable[[Builder], Builder]:  # fmt: skip
     """Registers a builder; ``subsystems`` separated by blanks."""
 
     def register(build: Builder) -> Builder:
         REGISTER[name] = Concealment(
-            name, tuple(subsystems.split()), unit, *sizes, form, build, known, manner, twins, floor
+            name, tuple(subsystems.split()), unit, *sizes, form, build, known, manner, twins, tolerance
         )
         return build
 
