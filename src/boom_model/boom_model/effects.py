@@ -82,7 +82,7 @@ CATALOGUE: tuple[Effect, ...] = (
         "D += m |tip|^2, g += m g_0 (t_x cos q_2 - t_y sin q_2)",
         (_p("mass", "kg", 0.0, (50.0, 2000.0), (-500.0, 5000.0), "mass at the tip beyond the configuration's"),),
         "static head pressure, with the lever arm",
-        changes=("pose.Sx", "pose.Sy"),
+        changes=("pose.Sx", "pose.Sy", "pose.load"),
     ),
     Effect(
         "payload_change",
@@ -274,8 +274,11 @@ CATALOGUE: tuple[Effect, ...] = (
         "valve_hysteresis",
         "main_valve",
         "5.39l,m",
-        "metering edges follow the spool with a play of +-h s_max",
-        (_p("h", "-", 0.0, (0.005, 0.06), (0.0, 0.5), "half of the play over full stroke"),),
+        "metering edges lag the spool by h s_max to either side, and change sides within a travel of 2 max(h, travel) s_max",
+        (
+            _p("h", "-", 0.0, (0.005, 0.06), (0.0, 0.5), "half of the hysteresis over full stroke"),
+            _p("travel", "-", 0.0, (0.0, 0.3), (0.0, 2.0), "half of the travel between its sides; below h: a play"),
+        ),
         "differs with rising or falling current",
         (("metering_position", "m"),),
     ),
@@ -296,7 +299,7 @@ CATALOGUE: tuple[Effect, ...] = (
         (_p("r", "-", 1.0, (0.7, 1.3), (0.1, 10.0), "factor of the return spring (or inverse of the pilot gain)"),),
         "speed at all currents, opens earlier or later",
         needs="pilot_valves",
-        changes=("main_valve_spool.k",),
+        changes=("main_valve_spool.k", "pilot_valves.h.0"),
     ),
     Effect(
         "compensator_droop",

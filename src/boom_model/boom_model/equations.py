@@ -189,8 +189,9 @@ class _Wiring:
         spool = self.add("spool_position", "s_s", "m", 5e-3, -1.0, 1.0)
         metering = spool
         if self.active("valve_hysteresis"):
-            metering = self.add("metering_position", "x", "m", 5e-3, -1.0, 1.0)
-            self.rates["metering_position"] = main_valve_orifices.play_rate(metering, spool, p, e)
+            follower = self.add("metering_position", "x", "m", 5e-3, -1.0, 1.0)
+            self.rates["metering_position"] = main_valve_orifices.play_rate(follower, spool, p, e)
+            metering = main_valve_orifices.metering(follower, spool, e)
         passage = cylinder.cushion(p.cylinder.l_p - self.position, e)
         flows = main_valve_orifices.flows(metering, hose_pressure, rod_pressure, p, e, passage)
         if self.structure.pilot_valves:

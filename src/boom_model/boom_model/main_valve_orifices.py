@@ -14,8 +14,9 @@ In the dead zone x <= x_0 every area is exactly zero. Effects (neutral value):
 * ``compensator_droop``: the supply flow q becomes q (1 - k (q / Q_REFERENCE)^2) (0).
 * ``pump_flow_limit``: the supply flow is limited to q_max, smoothly: q / (1 + (q / q_max)^8)^(1/8) (infinite).
 * ``return_line_pressure``: p_t + k q^2 with q the returning flow; closed form, as an orifice in series (0).
-* ``valve_hysteresis``: the metering edges follow the spool with a play of +-h s_max; their position x is a state,
-  T_play x' = max(0, s_s - h s_max - x) + min(0, s_s + h s_max - x) (0: no state, x = s_s).
+* ``valve_hysteresis``: the metering edges lag the spool by h s_max, to one side or the other; from one side to the other they come
+  within a travel of 2 w s_max, w = max(h, travel): they stand at s_s + (x - s_s) h / w, and x, a state, follows with a play,
+  T_play x' = max(0, s_s - w s_max - x) + min(0, s_s + w s_max - x). Without ``travel`` that is a play of h (0: no state, x = s_s).
 * ``flow_force``: F_q = c |q| sqrt(|dp|), summed over both edges, closes the spool (0).
 """
 
@@ -35,6 +36,8 @@ PLAY_TIME = 2.0e-3
 """s. How quickly the edges take up the play; far below the pilot stage's 51 ms."""
 SMALLEST_OPENING = 1e-12
 """Keeps the logarithm of the exponentiation finite; the area in the dead zone itself is exactly zero."""
+SMALLEST_TRAVEL = 1e-9
+"""Over full stroke. Keeps 0 / 0 out where there is no hysteresis."""
 Q_REFERENCE = 2.0e-3
 """m^3/s (120 l/min), full flow."""
 
@@ -121,8 +124,18 @@ def flows(
     )
 
 
-def play_rate(metering: Expression, spool: Expression, p: Any, e: Any) -> Expression:
-    """x' [m/s] of the metering edges at x [m] behind the spool at s_s [m], ``valve_hysteresis``."""
-    half = e.valve_hysteresis.h * p.main_valve_spool.s_max
-    ahead, behind = ca.fmax(spool - half - metering, 0.0), ca.fmin(spool + half - metering, 0.0)
+def play_rate(follower: Expression, spool: Expression, p: Any, e: Any) -> Expression:
+    """x' [m/s] of what follows the spool at s_s [m] with a play and stands at x [m], ``valve_hysteresis``."""
+    half = _half_travel(e) * p.main_valve_spool.s_max
+    ahead, behind = ca.fmax(spool - half - follower, 0.0), ca.fmin(spool + half - follower, 0.0)
     return (ahead + behind) / PLAY_TIME
+
+
+def metering(follower: Expression, spool: Expression, e: Any) -> Expression:
+    """Where the metering edges stand [m], ``valve_hysteresis``; arguments as of :func:`play_rate`."""
+    return spool + (follower - spool) * e.valve_hysteresis.h / ca.fmax(_half_travel(e), SMALLEST_TRAVEL)
+
+
+def _half_travel(e: Any) -> Expression:
+    """w over full stroke."""
+    return ca.fmax(e.valve_hysteresis.h, e.valve_hysteresis.travel)

@@ -241,13 +241,30 @@ def transitions(jacobian: Array, step: Array) -> Array:
     return np.asarray(half @ half)
 
 
-def kalman(plant: Plant, samples: Samples, states: Array, noise: NoiseModel, parameters: Array | None = None) -> Gains:
-    """Gains of the extended Kalman filter along ``states`` (n, NX)."""
-    names = plant.state_names
+@dataclass(frozen=True)
+class Linearised:
+    """A plant along the states that it went through, for the gains of observers that differ in what disturbances they assume.
+
+    Attributes:
+        middle, transition: (n, NX, NX) of half an interval and of the whole.
+        drive: (n, NX, NX) covariance that the noise of the currents adds in an interval.
+        still: (n,) whether the boom stands. output: (4, NX) dy/dx.
+    """
+
+    middle: Array
+    transition: Array
+    drive: Array
+    still: NDArray[np.bool_]
+    output: Array
+
+
+def linearised(
+    plant: Plant, samples: Samples, states: Array, currents: float, timing: float, parameters: Array | None = None
+) -> Linearised:
+    """The plant along ``states`` (n, NX); ``currents`` [A] and ``timing`` [s]: noise, as in :class:`NoiseModel`."""
     held, step = samples.held, np.diff(samples.grid)
     f0, jacobian = linearise(plant, states, held, parameters)
     middle = transitions(jacobian, step / 2)
-    transition = middle @ middle
     # noise of the held currents acts over the whole interval, through the derivative's sensitivity to them
     delta = 1e-3
     columns = []
@@ -255,19 +272,25 @@ def kalman(plant: Plant, samples: Samples, states: Array, noise: NoiseModel, par
         shifted = held.copy()
         shifted[:, j] += delta
         f1, _ = linearise(plant, states, shifted, parameters)
-        change = np.abs(np.gradient(held[:, j])) * noise.timing / step
-        columns.append((f1 - f0) / delta * (np.hypot(noise.currents, change) * step)[:, None])
+        change = np.abs(np.gradient(held[:, j])) * timing / step
+        columns.append((f1 - f0) / delta * (np.hypot(currents, change) * step)[:, None])
     drive = middle @ np.stack(columns, axis=-1)
-    density = np.array([noise.disturbance.get(name, 0.0) ** 2 for name in names])[None, :].repeat(len(step), axis=0)
-    still = np.abs(states[: len(step), names.index("rate")]) < STANDSTILL
-    density[still] += np.array([noise.resting.get(name, 0.0) ** 2 for name in names])
-    process = drive @ drive.transpose(0, 2, 1) + middle @ (
-        density[:, :, None] * step[:, None, None] * middle.transpose(0, 2, 1)
+    still = np.abs(states[: len(step), plant.state_names.index("rate")]) < STANDSTILL
+    return Linearised(
+        middle, middle @ middle, drive @ drive.transpose(0, 2, 1), still, output_jacobian(plant, states[0], parameters)
     )
-    output = output_jacobian(plant, states[0], parameters)
+
+
+def kalman(plant: Plant, samples: Samples, along: Linearised, noise: NoiseModel) -> Gains:
+    """Gains of the extended Kalman filter along a trajectory that was linearised with this noise of the currents."""
+    names, step, middle = plant.state_names, np.diff(samples.grid), along.middle
+    density = np.array([noise.disturbance.get(name, 0.0) ** 2 for name in names])[None, :].repeat(len(step), axis=0)
+    density[along.still] += np.array([noise.resting.get(name, 0.0) ** 2 for name in names])
+    process = along.drive + middle @ (density[:, :, None] * step[:, None, None] * middle.transpose(0, 2, 1))
     variance = np.broadcast_to(np.square(np.array(noise.outputs)), samples.measured.shape)
     covariance = np.diag([noise.initial.get(name, 0.0) ** 2 for name in names])
-    gain, innovation = riccati(plant, transition, process, output, np.isfinite(samples.measured), variance, covariance)
+    valid = np.isfinite(samples.measured)
+    gain, innovation = riccati(plant, along.transition, process, along.output, valid, variance, covariance)
     if not np.isfinite(innovation).all():
         raise SimulationError("the covariance of the observer grew without bounds", float(samples.grid[0]), None)
     return Gains(gain, np.linalg.inv(np.linalg.cholesky(innovation)))

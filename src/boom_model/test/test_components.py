@@ -470,6 +470,20 @@ def test_metering_edges_stand_still_inside_the_play_and_follow_behind_it(p: Any,
     assert rates == pytest.approx([0.0, 0.0, 0.0, 1.5e-4 / 2e-3, -1.5e-4 / 2e-3])
 
 
+def test_hysteresis_without_a_travel_of_its_own_is_a_play(p: Any, effects: Any) -> None:
+    e = effects(valve_hysteresis={"h": 0.05})
+    assert float(main_valve_orifices.metering(1e-3, 1.2e-3, e)) == pytest.approx(1e-3)
+
+
+def test_edges_with_a_travel_change_sides_in_proportion(p: Any, effects: Any) -> None:
+    e = effects(valve_hysteresis={"h": 0.02, "travel": 0.1})  # 0.18 mm to either side, within 2 x 0.9 mm
+    follower = [2e-3 - 0.9e-3 * side for side in (1.0, 0.5, 0.0, -1.0)]
+    behind = [2e-3 - float(main_valve_orifices.metering(x, 2e-3, e)) for x in follower]
+    assert behind == pytest.approx([0.18e-3, 0.09e-3, 0.0, -0.18e-3])
+    assert float(main_valve_orifices.play_rate(1.2e-3, 2e-3, p, e)) == 0.0
+    assert float(main_valve_orifices.play_rate(1.0e-3, 2e-3, p, e)) == pytest.approx(0.1e-3 / 2e-3)
+
+
 def test_gas_that_exchanges_heat_cools_when_it_is_hotter_than_at_rest(p: Any, effects: Any) -> None:
     e = effects(accumulator_heat_loss={"inverse_tau": 0.1})
     rest = (8e6 / 5.5e6) ** (0.4 / 1.4)
