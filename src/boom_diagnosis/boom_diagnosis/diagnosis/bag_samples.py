@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.currents import GAP, HeldCurrents, held_currents
+from boom_diagnosis.diagnosis.recent import Recent
 from boom_diagnosis.initial_state import resting_start, stationary_guess
 from boom_model.machine import Machine
-from boom_model.observer import Samples
+from boom_model.observer import Gains, Linearised, Samples
 from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
@@ -26,6 +27,8 @@ CAVITATES, RARELY = 0.5e5, 0.1
 above which so low a pressure is no cavitation."""
 MOVING = 0.02
 """rad/s."""
+GAINS, TRAJECTORIES = 16, 3
+"""Kept per recording: some 4 and 25 MB each, of a recording of 60 s."""
 BEGINNING = 0.3
 """s. At the beginning, where the boom rests."""
 
@@ -39,6 +42,7 @@ class Bag:
         cavitating: (n,), where the oil of the head side evaporates, and until the observer has found the state again.
         start: first valid values of the channels, for the initial state.
         plants: of a machine with some effects with states, built so far: building one costs as much as two passes.
+        gains, trajectories: of the observers that were asked for last; the same are wanted again and again.
     """
 
     recording: Recording
@@ -49,6 +53,8 @@ class Bag:
     resting: bool
     start: dict[str, float]
     plants: list[tuple[Machine, frozenset[str], Plant]] = field(default_factory=list, compare=False, repr=False)
+    gains: Recent[Gains] = field(default_factory=lambda: Recent(GAINS), compare=False, repr=False)
+    trajectories: Recent[Linearised] = field(default_factory=lambda: Recent(TRAJECTORIES), compare=False, repr=False)
 
     @property
     def name(self) -> str:

@@ -64,7 +64,7 @@ _STARTS: Mapping[str, Mapping[str, tuple[float, ...]]] = {
     "accumulator_restrictor": {"r": (0.45, 0.75, 1.15)},
     "hose_burst_valve_lag": {"tau": (0.008, 0.03, 0.1)},
     "hose_burst_valve_setting": {"r": (0.75, 1.12)},
-    "valve_hysteresis": {"h": (0.01, 0.04)},
+    "valve_hysteresis": {"h": (0.01, 0.04), "travel": (0.0, 0.15)},
     "pilot_lag": {"r": (0.75, 1.6)},
     "command_delay": {"T": (0.01, 0.04)},
     "pump_flow_limit": {"inverse_q_max": tuple(60_000 / q for q in (240, 190, 150, 120, 85, 60))},

@@ -152,6 +152,12 @@ def run_round(
             if outstanding:
                 return outstanding
         base, jacobian = fit(searching, base.z, base.effects, kept)
+        again = likeliest(base.z, base.effects)
+        if (
+            again.predictor.looseness < searching.predictor.looseness
+        ):  # what was loose for a first guess hides what is left
+            searching = again
+            base, jacobian = fit(searching, base.z, base.effects, kept)
     nominal = searching.fit_nominal(base.effects, kept)
     if not noticed(nominal.loss - base.loss, len(base.z)):
         base = nominal

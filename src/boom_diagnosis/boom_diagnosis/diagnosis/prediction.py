@@ -22,10 +22,12 @@ from boom_model.machine import Machine
 from boom_model.observer import (
     Gains,
     Job,
+    Linearised,
     NoiseModel,
     Observed,
     Samples,
     kalman,
+    linearised,
     observe,
     observe_all,
     observe_groups,
@@ -53,6 +55,11 @@ SPOOL_NOISE = 2e-4
 POPPET_NOISE = 4e-9
 """m^3/s/Pa/sqrt(s). White disturbance of a lagging poppet while the boom stands still: with nothing flowing through it, a
 valve stays where it likes, and how far open a lowering finds it is not known."""
+BRISTLE_NOISE = 5e3
+"""N m/sqrt(s). White disturbance of the bristles' torque while the boom stands still: how far they are bent when it came to rest
+decides with which force it starts, and a form that is not the machine's does not know."""
+BRISTLES = {"effects.presliding_friction.compliance": 1e-6}
+"""rad/(N m). With it the gains of an observer are computed that has bristles, where nothing is known of them yet."""
 TIMING_NOISE = 1e-3
 """s. When between two samples a current changed is not known."""
 
@@ -111,7 +118,8 @@ class Predictor:
         """Of every recording, computed when first needed."""
         with self._filling:
             if self._given is None:
-                self._given = [self._gains(i) for i in range(len(self.bags))]
+                plants = [self.plant(i, with_states(self.tuned)) for i in range(len(self.bags))]
+                self._given = [self._gains(i, plant, self.tuned) for i, plant in enumerate(plants)]
             return self._given
 
     def plant(self, bag: int, stateful: Iterable[str]) -> Plant:
@@ -171,8 +179,7 @@ class Predictor:
         samples = self.samples(i, plant, p)
         with self._filling:
             if (i, plant.state_names) not in self._gain:
-                base = self.plant(i, with_states(self.tuned))
-                self._gain[i, plant.state_names] = _for(plant, base, self.gains[i].gain)
+                self._gain[i, plant.state_names] = self._gain_for(i, plant)
             gain = self._gain[i, plant.state_names]
         return plant, samples, self.bags[i].initial_state(plant, p), gain, p
 
@@ -185,15 +192,33 @@ class Predictor:
         with self._filling:
             return self._samples[i](*plant.delays(p))
 
-    def _gains(self, i: int) -> Gains:
-        plant, bag = self.plant(i, with_states(self.tuned)), self.bags[i]
-        p = self.parameters(plant, self.tuned)
-        samples = self.samples(i, plant, p)
-        x0 = bag.initial_state(plant, p)
+    def _gain_for(self, i: int, plant: Plant) -> Array:
+        """Of a plant with other states: as they are, and what is new is not corrected; bristles are, or they would be lost."""
+        base = self.plant(i, with_states(self.tuned))
+        if "bristle_torque" not in set(plant.state_names) - set(base.state_names):
+            return _for(plant, base, self.gains[i].gain)
+        known = {name: value for name, value in self.tuned.items() if name in plant.parameter_names}
+        return self._gains(i, plant, known | BRISTLES).gain
+
+    def _gains(self, i: int, plant: Plant, values: Values) -> Gains:
+        p = self.parameters(plant, values)
         noise = noise_model(plant, self.machine, p, self.looseness, self.boost)
-        nudging = _nudging(plant, len(bag.grid) - 1)
-        states = observe(plant, samples, x0, nudging, parameters=p, tolerance=NUDGED_TOLERANCE).states
-        return kalman(plant, samples, _filled(states), noise, p)
+        key = (plant, p.tobytes(), self.looseness, *sorted(self.boost.items()))
+        return self.bags[i].gains.get(
+            key, lambda: kalman(plant, self.samples(i, plant, p), self._along(i, plant, p), noise)
+        )
+
+    def _along(self, i: int, plant: Plant, p: Array) -> Linearised:
+        """The plant along the trajectory of a recording, however loose an observer is."""
+        bag = self.bags[i]
+
+        def made() -> Linearised:
+            samples, nudging = self.samples(i, plant, p), _nudging(plant, len(bag.grid) - 1)
+            x0 = bag.initial_state(plant, p)
+            states = observe(plant, samples, x0, nudging, parameters=p, tolerance=NUDGED_TOLERANCE).states
+            return linearised(plant, samples, _filled(states), CURRENT_NOISE, TIMING_NOISE, p)
+
+        return bag.trajectories.get((plant, p.tobytes()), made)
 
 
 def with_states(values: Values) -> frozenset[str]:
@@ -226,7 +251,7 @@ def noise_model(
     angle = max(0.5 * sensors.angle_quantum, 1e-5)
     return NoiseModel(
         (angle, sensors.rate_sigma, pressure, pressure), CURRENT_NOISE, TIMING_NOISE, disturbance, initial,
-        {"hose_burst_valve_conductance": POPPET_NOISE},
+        {"hose_burst_valve_conductance": POPPET_NOISE, "bristle_torque": BRISTLE_NOISE},
     )  # fmt: skip
 
 

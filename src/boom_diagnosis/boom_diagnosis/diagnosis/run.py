@@ -37,6 +37,9 @@ LITTLE = 0.25
 """Share of what the tolerances cannot take up that a first effect may leave without a second look at all others."""
 OUTDONE = 0.1
 """Share of what the best effect leaves that a term which is plain to see may leave, for no further effect to be looked for."""
+STRAINED = 12.0
+"""Nats of their prior from which on tolerances that explain all are doubted: a healthy machine's have some 5, and one effect may be
+likelier than ten numbers that are off together."""
 FIRST_LOOK = 0.6
 """Share of a round's time that is over before a second look, as the progress counts it."""
 FAR = 1.0
@@ -118,7 +121,7 @@ def _rounds(case: Case, progress: Progress) -> None:
     while k < MOST_EFFECTS:
         look = _share(progress, 0.8 * k / MOST_EFFECTS, 0.8 / MOST_EFFECTS)
         taken = _look(case, _share(look, 0.0, FIRST_LOOK), near)
-        if k == 0 and not _satisfied(case):
+        if k == 0 and (_strained(case) or not _satisfied(case)):
             taken = _look_again(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK))
             if not _satisfied(case) and _plain(case):
                 return
@@ -180,6 +183,11 @@ def _judge(case: Case, found: Round) -> bool:
     best = case.weighed[k][0].fitted.point if case.weighed[k] else found.base
     case.temperature = COLDEST + UNEXPLAINED_WEIGHT * max(0.0, best.over(case.floor))
     return taken
+
+
+def _strained(case: Case) -> bool:
+    """Whether the tolerances have gone to improbable places."""
+    return 0.5 * float(case.last.z @ case.last.z) > STRAINED
 
 
 def _satisfied(case: Case) -> bool:
