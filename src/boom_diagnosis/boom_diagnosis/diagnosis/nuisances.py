@@ -30,8 +30,12 @@ GEOMETRY, SEEN = "kinematics.", 5e-3
 """m. A length of the linkage whose tolerance is less than this moves nothing that the sensors see."""
 STROKE_ZERO = "cylinder.l_min"
 """Follows the geometry: at the lower end of the angle's range the cylinder is retracted, whatever the lengths are."""
-METER_OUT = ("main_valve_orifices.A_ta_law.c0", "main_valve_orifices.A_ta_law.c1")
-"""An area as a whole: both coefficients share one factor."""
+ONE_FACTOR = (
+    ("main_valve_orifices.A_ta_law.c0", "main_valve_orifices.A_ta_law.c1"),
+    ("pilot_valves.a1_s", "pilot_valves.b0_s"),
+)
+"""Numbers that move together. An area as a whole; and the pilot stage's gain with its pole: at rest nu is the current (5.2), so that
+b_0 = -a_1 (1 - b_1), and how much pressure a current gives is h alone."""
 _NOT_PHYSICS = ("constants.", "hose_burst_valve.unit", "hose_burst_valve.dp_lin", "cylinder.l_")
 _UNITS_OF_THE_SPOOL = ("main_valve_spool.A_s", "main_valve_spool.s_max")
 """Assumed, and everything else of the valve is known relative to them: the spring by (5.10), k = p_max A_s / s_max, the friction as
@@ -75,12 +79,12 @@ def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
     """All numbers that have a tolerance in this machine and pose."""
     result = []
     for key, parameter in machine.parameters.items():
-        if key.startswith(_NOT_PHYSICS) or key in (*METER_OUT[1:], *_UNITS_OF_THE_SPOOL):
+        if key.startswith(_NOT_PHYSICS) or key in _UNITS_OF_THE_SPOOL or any(key in row[1:] for row in ONE_FACTOR):
             continue
         tolerance = PRECHARGE if key.startswith("accumulators.p_g0") else parameter.tolerance
         for name, value in zip(parameter.specification.components, parameter.value, strict=True):
             if value != 0.0 and not (key.startswith(GEOMETRY) and tolerance * abs(value) < SEEN):
-                together = METER_OUT[1:] if key == METER_OUT[0] else ()
+                together = next((row[1:] for row in ONE_FACTOR if key == row[0]), ())
                 result.append(Nuisance(name, tolerance * SPREAD, together=together))
     entry = machine.document["rigid_body"]["configs"].get(pose.tabulated, {})
     body = TOLERANCES.get(entry.get("conf", "medium"), 0.15)
