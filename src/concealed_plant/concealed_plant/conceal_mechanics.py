@@ -14,6 +14,7 @@ from concealed_plant.plant import Courses
     "kg",
     (2.0, 3000.0),
     "a stiffly held log with an inertia of its own, not a point mass",
+    twins=("load",),
     tolerance=20.0,
 )
 def payload(size: float, r: Array, scene: Scene) -> Hidden:

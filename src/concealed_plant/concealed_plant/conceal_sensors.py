@@ -6,7 +6,7 @@ from concealed_plant.hidden import Array, Hidden, Scene, Sensing, conceals, sign
 
 
 @conceals(
-    "angle_offset", "sensors", "rad", (2e-4, 0.15), "with the small distortion of a sensor that is also tilted sideways"
+    "angle_offset", "sensors", "rad", (2e-4, 0.25), "with the small distortion of a sensor that is also tilted sideways"
 )
 def angle_offset(size: float, r: Array, scene: Scene) -> Hidden:
     """IMU mounted askew."""

@@ -8,9 +8,12 @@ imitates says nothing. With z their deviations in standard deviations and y(z) t
 
     d^2 = min over z of |W (y_effect - y(z))|^2 + z'z      d in standard deviations of the best possible test
 
-by damped Gauss-Newton steps with the sensitivities W dy/dz at the specimen. An effect that is itself one of the machine's numbers
-(spring, pre-charge, ...) keeps that number out of z, and counts as the effect only beyond the number's tolerance, which is added
-to the size that is found (``Concealment.tolerance``): what lies within it is no other machine.
+by damped Gauss-Newton steps with the sensitivities W dy/dz at the specimen. Where the boom rests at first and with which rod
+pressure is told by nothing but the same sensors: both are among z with wide deviations, and so is a load that was told.
+
+An effect that is itself one of the machine's numbers (spring, pre-charge, ...) keeps that number out of z, and counts as the effect
+only beyond the number's tolerance, which is added to the size that is found (``Concealment.tolerance``): what lies within it is no
+other machine.
 
 d grows with the size of the effect. The detectable size is the one at which the part of the signature that nothing else imitates
 carries as much energy as all the noise of the recording, a signal-to-noise ratio of one: d^2 = number of whitened values (four
@@ -20,7 +23,7 @@ nothing, each z the beginning of the next.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,13 +31,28 @@ from numpy.typing import NDArray
 
 from concealed_plant import sensing
 from concealed_plant.hidden import Concealment, Hidden, Scene, Sensing
-from concealed_plant.machine import DEVIATIONS_IN_TOLERANCE, DRAWN, Linkage, MachineFile, Pose, linkage, quantities
+from concealed_plant.machine import (
+    DEVIATIONS_IN_TOLERANCE,
+    DRAWN,
+    LOAD_FLOOR,
+    LOAD_SHARE,
+    Linkage,
+    MachineFile,
+    Pose,
+    linkage,
+    quantities,
+)
 from concealed_plant.plant import Courses, Run, RunError, Start, per_millisecond, run
 from concealed_plant.quantities import Quantities
 
 Array = NDArray[np.float64]
 
 ENSEMBLE = 4
+START_ANGLE, START_ROD_PRESSURE, TOLD_LOAD = "start.angle", "start.rod_pressure", "load"
+NUMBERS = (*DRAWN, START_ANGLE, START_ROD_PRESSURE, TOLD_LOAD)
+"""What may bend to imitate an effect."""
+ANGLE_UNSURE, ROD_PRESSURE_UNSURE = 0.05, 5.0e5
+"""rad, Pa: deviations of the start. An angle may be off by its sensor's mounting, a pressure by its transducer."""
 PROBE = 0.1
 """Standard deviations by which a number is moved for its sensitivity."""
 SPACING = 20
@@ -101,14 +119,14 @@ class Detectability:
     def separation(
         self, changed: Array, twins: tuple[str, ...] = (), guess: Array | None = None
     ) -> tuple[float, Array]:
-        """d of the outputs (n, 4) against the undisturbed ones, and the deviations z (numbers,) that imitate it best.
+        """d of the outputs (n, 4) against the undisturbed ones, and the deviations z of ``NUMBERS`` that imitate it best.
 
         twins: numbers that are kept out of z. guess: z to begin with.
         """
-        free = [k for k, key in enumerate(DRAWN) if key not in twins]
+        free = [k for k, key in enumerate(NUMBERS) if key not in twins]
         n = self._numbers[:, free]
         solve = np.linalg.inv(n.T @ n + np.eye(len(free)))
-        z, rest = np.zeros(len(DRAWN)), self._white(changed - self.plain)
+        z, rest = np.zeros(len(NUMBERS)), self._white(changed - self.plain)
         cost, share = float(rest @ rest), 1.0
         for step in range(PROJECTIONS):
             tried = z.copy()
@@ -117,7 +135,7 @@ class Detectability:
             else:
                 tried[free] += share * (solve @ (n.T @ rest - z[free]))
             try:
-                left = self._white(changed - self._moved(dict(zip(DRAWN, tried, strict=True))))
+                left = self._white(changed - self._moved(dict(zip(NUMBERS, tried, strict=True))))
                 reached = float(left @ left + tried @ tried)
             except RunError:
                 reached = np.inf
@@ -209,10 +227,13 @@ class Detectability:
 
     @cached_property
     def _numbers(self) -> Array:
-        """Whitened change of the outputs per standard deviation of each drawn number, (4 f 2, numbers); 0: it breaks."""
+        """Whitened change of the outputs per standard deviation of each of ``NUMBERS``, (4 f 2, numbers); 0: it breaks."""
         columns = []
-        for key in DRAWN:
+        for key in NUMBERS:
             column = np.zeros(2 * self._weights.size)
+            if key == TOLD_LOAD and self._setting.pose.load == 0.0:
+                columns.append(column)
+                continue
             for direction in (PROBE, -PROBE):
                 try:
                     column = self._white(self._moved({key: direction}) - self.plain) / direction
@@ -226,13 +247,18 @@ class Detectability:
         """Undisturbed outputs of the specimen with numbers moved by so many standard deviations. Raises RunError."""
         setting = self._setting
         deviations = {key: z for key, z in deviations.items() if z != 0.0}
+        angle = setting.start.angle + ANGLE_UNSURE * deviations.pop(START_ANGLE, 0.0)
+        pressure = setting.start.rod_pressure + ROD_PRESSURE_UNSURE * deviations.pop(START_ROD_PRESSURE, 0.0)
+        told = setting.pose.load
+        unsure = max(LOAD_SHARE * told, LOAD_FLOOR) / DEVIATIONS_IN_TOLERANCE
+        pose = replace(setting.pose, load=told + unsure * deviations.pop(TOLD_LOAD, 0.0))
         factors = {
             key: max(0.05, 1.0 + z * setting.specimen.tolerance(key, setting.pose) / DEVIATIONS_IN_TOLERANCE)
             for key, z in deviations.items()
         }
         moved = setting.specimen.specimen(factors)
         table = linkage(moved) if any(key.startswith("kinematics.") for key in deviations) else self.linkage
-        return run(quantities(moved, setting.pose), table, setting.start, per_millisecond(setting.currents)).outputs
+        return run(quantities(moved, pose), table, Start(angle, pressure), per_millisecond(setting.currents)).outputs
 
     def _white(self, difference: Array) -> Array:
         spectrum = _spectrum(difference) * self._weights * np.sqrt(2.0)
