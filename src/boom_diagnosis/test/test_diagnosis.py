@@ -222,6 +222,44 @@ def test_a_number_may_fall_as_far_as_it_may_rise_and_where_an_effect_begins_no_f
     assert [spring.value(1.0, z) for z in spring.limits] == pytest.approx([0.85, 1.15])
 
 
+def test_a_load_that_was_told_is_off_by_its_tolerance_at_most() -> None:
+    pose = tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 300.0)
+    load = next(n for n in tolerances(tz17(), pose) if n.name == "pose.load")
+    assert [load.value(300.0, z) for z in load.limits] == pytest.approx([280.0, 320.0])
+
+
+def test_a_pilot_stage_of_another_speed_has_the_same_gain_at_rest() -> None:
+    """(5.2): at rest nu is the current, -b_0 / a_1 + b_1 = 1."""
+    found = {n.name: n for n in tolerances(tz17(), tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0))}
+    moved = found["pilot_valves.a1_s"].components
+    numbers = {key: tz17().parameters[key].value[0] * (1.03 if key in moved else 1.0) for key in (
+        "pilot_valves.a1_s", "pilot_valves.b0_s", "pilot_valves.b1_s")}  # fmt: skip
+    a1, b0, b1 = numbers.values()
+    assert -b0 / a1 + b1 == pytest.approx(1.0, abs=1e-3)
+    assert "pilot_valves.b0_s" not in found
+
+
+def test_gains_that_were_computed_are_had_again() -> None:
+    bag = prepare(noisy(tz17(), 6.0, 1))
+    assert bag is not None
+    first, second = (Predictor(tz17(), [bag], {"cylinder.A_b": 0.0091}).gains[0] for _ in range(2))
+    looser = Predictor(tz17(), [bag], {"cylinder.A_b": 0.0091}, 4.0).gains[0]
+    assert first is second
+    assert float(np.abs(looser.gain).sum()) > float(np.abs(first.gain).sum())
+
+
+def test_bristles_that_nobody_measures_are_corrected_and_an_elastic_mode_is_not() -> None:
+    bag = prepare(noisy(tz17(), 6.0, 1))
+    assert bag is not None
+    predictor = Predictor(tz17(), [bag])
+    for values, state, corrected in (
+        ({"effects.presliding_friction.compliance": 1e-6}, "bristle_torque", True),
+        ({"effects.boom_flexibility.gain": 0.1}, "bend", False),
+    ):
+        plant, _, _, gain, _ = predictor.job(0, values)
+        assert bool(np.abs(gain[:, plant.state_names.index(state)]).max() > 0.0) is corrected
+
+
 def test_unknown_physics_is_likely_where_much_of_the_mismatch_stays() -> None:
     assert unknown_probability(1.0, 0.001) < 0.05
     assert unknown_probability(1.0, 0.9) > 0.75

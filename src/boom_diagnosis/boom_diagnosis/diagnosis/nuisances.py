@@ -34,8 +34,8 @@ ONE_FACTOR = (
     ("main_valve_orifices.A_ta_law.c0", "main_valve_orifices.A_ta_law.c1"),
     ("pilot_valves.a1_s", "pilot_valves.b0_s"),
 )
-"""Numbers that move together. An area as a whole; and the pilot stage's gain with its pole: at rest nu is the current (5.2), so that
-b_0 = -a_1 (1 - b_1), and how much pressure a current gives is h alone."""
+"""Numbers that move together. An area as a whole; and the pilot stage's gain with its pole: at rest nu is the current (5.2), so
+that b_0 = -a_1 (1 - b_1), and how much pressure a current gives is h alone."""
 _NOT_PHYSICS = ("constants.", "hose_burst_valve.unit", "hose_burst_valve.dp_lin", "cylinder.l_")
 _UNITS_OF_THE_SPOOL = ("main_valve_spool.A_s", "main_valve_spool.s_max")
 """Assumed, and everything else of the valve is known relative to them: the spring by (5.10), k = p_max A_s / s_max, the friction as

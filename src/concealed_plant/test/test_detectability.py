@@ -1,0 +1,72 @@
+"""What a recording can show: numbers within tolerance, the start and the load imitate what they can, and it counts for nothing."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from concealed_plant.concealments import CONCEALMENTS
+from concealed_plant.detectability import NUMBERS, Detectability, Setting
+from concealed_plant.machine import MachineFile, Pose, linkage, quantities
+from concealed_plant.operator import Operator
+from concealed_plant.plant import Start, per_millisecond, run
+
+FILE = Path(__file__).parents[2] / "boom_model" / "boom_model" / "machines" / "tz17.yaml"
+DRAWS = np.array([0.3, 0.6, 0.4, 0.7, 0.2])
+
+
+def at_work(load=0.0):
+    specimen, pose, start = MachineFile.read(FILE), Pose(0.28, 2.2, load), Start(0.5)
+    driver = Operator(quantities(specimen, pose), linkage(specimen), np.random.default_rng(3))
+    currents, starts = driver.drive(14.0, start.angle, "work")
+    return Detectability(Setting(specimen, pose, start, currents, starts), np.random.default_rng(4))
+
+
+@pytest.fixture(scope="module")
+def seen():
+    return at_work()
+
+
+def started(seen, start):
+    setting = seen._setting
+    return run(seen.m, seen.linkage, start, per_millisecond(setting.currents)).outputs
+
+
+def test_a_number_that_is_off_by_its_standard_deviation_is_worth_one(seen):
+    d, z = seen.separation(seen._moved({"fluid.beta": 1.0}))
+    assert 0.2 < d < 1.1
+    assert np.abs(z).max() < 1.5
+
+
+def test_the_same_number_is_worth_far_more_where_it_may_not_move(seen):
+    changed = seen._moved({"main_valve_spool.k": 1.0})
+    free, _ = seen.separation(changed)
+    held, z = seen.separation(changed, ("main_valve_spool.k", "pilot_valves.h.0"))
+    assert held > 3.0 * free
+    assert z[NUMBERS.index("main_valve_spool.k")] == 0.0
+
+
+def test_where_the_boom_starts_is_not_told(seen):
+    higher = started(seen, Start(0.52))
+    assert np.linalg.norm(seen._white(higher - seen.plain)) > 50.0
+    assert seen.separation(higher)[0] < 1.0
+
+
+def test_a_load_that_was_told_is_known_to_twenty_kilograms_only():
+    loaded = at_work(200.0)
+    assert loaded.separation(loaded._moved({"load": 1.0}))[0] < 1.1
+    assert not at_work()._numbers[:, NUMBERS.index("load")].any()
+    assert loaded._numbers[:, NUMBERS.index("load")].any()
+
+
+@pytest.mark.parametrize("name", ["accumulator_precharge", "spring_rate", "pilot_lag"])
+def test_an_effect_that_is_a_number_begins_where_its_tolerance_ends(seen, name):
+    row = CONCEALMENTS[name]
+    assert seen.detectable_size(row, DRAWS) > row.tolerance > 0.0
+
+
+def test_the_detectable_size_has_the_signature_that_is_asked(seen):
+    row = CONCEALMENTS["rate_scale"]
+    size = seen.detectable_size(row, DRAWS)
+    d, _ = seen.separation(seen.seen(row.build(size, DRAWS, seen.scene)))
+    assert d == pytest.approx(seen.detectable, rel=0.3)
