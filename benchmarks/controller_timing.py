@@ -55,6 +55,7 @@ from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_node import qos
 from boom_node.stamps import to_ns
+from boom_recording.errors import RecordingError
 from boom_recording.loading import load
 from boom_recording.recording import Recording
 from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
@@ -269,7 +270,10 @@ def main() -> None:
     )
     parser.add_argument("--json", help="write the numbers to this file")
     args = parser.parse_args()
-    recording = load(args.bag)
+    try:
+        recording = load(args.bag)
+    except RecordingError as error:
+        parser.error(str(error))
     machine = load_machine(recording.configuration.machine)
     wanted = wanted_angles(recording)
     back = 0.5 * (1 - np.cos(np.pi * np.arange(1, round(RETURN_S / PERIOD)) * PERIOD / RETURN_S))
