@@ -66,8 +66,8 @@ HIGHEST = 90
 """SCHED_FIFO priority of the processes that only wake up, where the controller has no core of its own. On its own core they come
 just after it: before it, one cycle in thirty would wait for them, and nothing there makes them wait for as much as LATE_S."""
 BEAT_S = 3e-3
-LATE_S = 2e-3
-"""A core that stands still for BEAT_S + LATE_S, which makes a cycle count as missed, is always seen."""
+LATE_S = 1e-3
+"""A core that stands still for BEAT_S + LATE_S is always seen. Two that do so one after the other make a cycle count as missed."""
 WIDE = {"longest_cycle": 1.0, "most_missed": 100, "sensor_timeout": 0.5, "reference_timeout": 1.0}
 PATIENCE_S = 60.0
 JOINT = "inner_boom_joint"
