@@ -61,6 +61,10 @@ PROJECTIONS, SETTLED = 6, 0.9
 """Most runs that look for the numbers that imitate an effect best; a step that gains less than a tenth ends the search."""
 COARSE, FINE, NEAR = 3.0, 1.7, 1.25
 """Factors between sizes that are tried, far from and near the detectable one; d that is near enough for a straight line."""
+CLOSE = 1.02
+"""Factor between a size that is imitated and one that is not, from which on the first counts."""
+BENT = 4.0
+"""Share of a signature to what is left of it from which on that is looked at once more."""
 CUT = 0.6
 """Share of the size asked for that the largest one must have."""
 _TRIES = 16
@@ -117,14 +121,16 @@ class Detectability:
         return outputs(self.m, self.linkage, self._setting, hidden)
 
     def separation(
-        self, changed: Array, twins: tuple[str, ...] = (), guess: Array | None = None
+        self, changed: Array, twins: tuple[str, ...] = (), guess: Array | None = None, *, anew: bool = False
     ) -> tuple[float, Array]:
         """d of the outputs (n, 4) against the undisturbed ones, and the deviations z of ``NUMBERS`` that imitate it best.
 
-        twins: numbers that are kept out of z. guess: z to begin with.
+        twins: numbers that are kept out of z. guess: z to begin with. anew: with sensitivities of the crane as ``guess`` has it,
+        not of the specimen.
         """
         free = [k for k, key in enumerate(NUMBERS) if key not in twins]
-        n = self._numbers[:, free]
+        at = dict(zip(NUMBERS, guess, strict=True)) if anew and guess is not None else {}
+        n = (self._sensitivities(at) if at else self._numbers)[:, free]
         solve = np.linalg.inv(n.T @ n + np.eye(len(free)))
         z, rest = np.zeros(len(NUMBERS)), self._white(changed - self.plain)
         cost, share = float(rest @ rest), 1.0
@@ -140,7 +146,7 @@ class Detectability:
             except RunError:
                 reached = np.inf
             if reached < cost:
-                settled = reached > SETTLED * cost
+                settled = reached > SETTLED * cost and (step > 0 or guess is None)
                 z, rest, cost, share = tried, left, reached, min(1.0, 2.0 * share)
                 if settled:
                     break
@@ -174,7 +180,7 @@ class Detectability:
         least, low_d = effect.smallest, 0.0
         z: Array | None = None
         reached: Array | None = None
-        at, factor = effect.smallest, COARSE
+        at, factor, sure = effect.smallest, COARSE, False
         for _ in range(_TRIES):
             try:
                 guess = None if z is None else z * min(at / least, COARSE)
@@ -189,7 +195,16 @@ class Detectability:
                 if d > 0.2 * self.detectable:
                     factor = min(factor, FINE)
                 at = min(at * factor, effect.largest)
-            elif d < NEAR * self.detectable or at / least < 1.02:
+            elif at / least < CLOSE:  # what imitates it is not found from here on, however little is added
+                return effect.tolerance + at
+            elif d < NEAR * self.detectable:
+                if not sure and float(np.linalg.norm(self._white(changed - self.plain))) > BENT * d:
+                    sure = True  # numbers bent far imitate more than straight lines from the specimen tell
+                    d, reached = self.separation(changed, effect.twins, reached, anew=True)
+                    if d < SETTLED * self.detectable:
+                        least, low_d, z = at, d, reached
+                        at = min(at * NEAR, effect.largest)
+                        continue
                 return effect.tolerance + at * self.detectable / d
             else:
                 share = (self.detectable - low_d) / (min(d, 1e3 * self.detectable) - low_d)
@@ -227,7 +242,15 @@ class Detectability:
 
     @cached_property
     def _numbers(self) -> Array:
-        """Whitened change of the outputs per standard deviation of each of ``NUMBERS``, (4 f 2, numbers); 0: it breaks."""
+        """Sensitivities at the specimen."""
+        return self._sensitivities({})
+
+    def _sensitivities(self, at: dict[str, float]) -> Array:
+        """Whitened change of the outputs per standard deviation of each of ``NUMBERS``, (4 f 2, numbers); 0: it breaks.
+
+        at: deviations around which they are moved.
+        """
+        plain = self._moved(at) if at else self.plain
         columns = []
         for key in NUMBERS:
             column = np.zeros(2 * self._weights.size)
@@ -236,7 +259,7 @@ class Detectability:
                 continue
             for direction in (PROBE, -PROBE):
                 try:
-                    column = self._white(self._moved({key: direction}) - self.plain) / direction
+                    column = self._white(self._moved({**at, key: at.get(key, 0.0) + direction}) - plain) / direction
                     break
                 except RunError:
                     continue
