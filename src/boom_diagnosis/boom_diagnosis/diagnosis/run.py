@@ -19,6 +19,7 @@ from boom_diagnosis.diagnosis.healthy import simulated
 from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, problem_at, rebased, run_round
 from boom_diagnosis.diagnosis.learning import learn_plainly
 from boom_diagnosis.diagnosis.nuisances import tolerances
+from boom_diagnosis.diagnosis.onset import TIME, near_onset
 from boom_diagnosis.diagnosis.search import Fitted
 from boom_diagnosis.diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT
 from boom_diagnosis.validation import plant_for
@@ -108,6 +109,8 @@ def _finish(case: Case) -> None:
     at, names = case.last, fitted.coordinates
     problem = case.problem(at.z, at.effects, case.rounds[k - 1].problem.predictor.looseness)
     start = problem.points([(at.z, at.effects)])[0]
+    if TIME in start.effects:  # found beside other numbers than those it has now
+        start = near_onset(problem, start)
     columns = problem.nuisance_jacobian(start)
     if k in case.spared:
         point, jacobian = start, np.concatenate([columns, problem.effect_jacobian(start, names)], axis=1)
