@@ -22,7 +22,6 @@ from boom_model import (
     four_bar_linkage,
     friction,
     hose_burst_valve,
-    main_valve_orifices,
     main_valve_spool,
     oil,
     pilot_valve,
@@ -327,93 +326,6 @@ def test_lagging_poppet_passes_what_its_conductance_says_outwards_only(p: Any, e
     assert float(hose_burst_valve.flow(1e5, p, effects(), 2e-9)) == float(hose_burst_valve.flow(1e5, p, effects()))
 
 
-# ---------------------------------------------------------------------------------------------------------- main valve
-
-S_MAX, X0 = 9e-3, 0.28
-
-
-def valve(p: Any, e: Any, x: float, hose: float = 60e5, rod: float = 20e5) -> tuple[float, float, float]:
-    flows = main_valve_orifices.flows(x * S_MAX, hose, rod, p, e)
-    return float(flows.head), float(flows.rod), float(flows.force)
-
-
-@pytest.mark.parametrize("x", [-X0, -0.2, -1e-9, 0.0, 1e-9, 0.2, X0])
-def test_dead_zone_is_exactly_closed(p: Any, effects: Any, x: float) -> None:
-    assert valve(p, effects(flow_force={"c": 10.0}), x * 0.999_999_999) == (0.0, 0.0, 0.0)
-
-
-def test_fully_open_valve_lifts_with_two_litres_per_second(p: Any, effects: Any) -> None:
-    head, rod, _ = valve(p, effects(), -1.0)
-    assert head == pytest.approx(HOLE * 7.17e-5 * sqrt(8e5))
-    assert rod == pytest.approx(-HOLE * 4.5e-5 * sqrt(18e5), rel=1e-6)
-
-
-def test_fully_open_valve_lowers_through_the_meter_out_edge(p: Any, effects: Any) -> None:
-    head, rod, _ = valve(p, effects(), 1.0)
-    assert head == pytest.approx(-HOLE * 4.54e-5 / (2.27 - 0.7) * sqrt(58e5), rel=1e-6)
-    assert rod == pytest.approx(HOLE * 4.54e-5 * sqrt(8e5))
-
-
-def test_valve_flow_does_not_depend_on_the_load_with_compensator(p: Any, effects: Any) -> None:
-    assert valve(p, effects(), -0.7, hose=20e5)[0] == valve(p, effects(), -0.7, hose=150e5)[0]
-
-
-def test_tank_flow_turns_round_below_tank_pressure(p: Any, effects: Any) -> None:
-    assert valve(p, effects(), -1.0, rod=0.0)[1] > 0
-    assert valve(p, effects(), 1.0, hose=0.0)[0] > 0
-
-
-def test_opening_stays_at_its_largest_beyond_the_stroke(p: Any, effects: Any) -> None:
-    assert valve(p, effects(), -1.2) == valve(p, effects(), -1.5)
-
-
-def test_valve_opens_continuously(p: Any, effects: Any) -> None:
-    for side in (-1.0, 1.0):
-        assert all(abs(q) < 1e-9 for q in valve(p, effects(), side * (X0 + 1e-6))[:2])
-
-
-def test_flow_follows_supply_and_load_without_compensator(other_make: Any, effects: Any) -> None:
-    q = namespace(other_make.values(other_make.pose(4.5, 0.0)))
-    flows = main_valve_orifices.flows(-8e-3, 60e5, 20e5, q, effects())
-    assert float(flows.head) == pytest.approx(HOLE * 1.1e-5 * sqrt(150e5), rel=1e-6)
-    assert (
-        float(main_valve_orifices.flows(-8e-3, 220e5, 20e5, q, effects()).head) < 0
-    )  # the load is heavier than the supply
-
-
-def test_dead_zone_effect_shifts_one_side_only(p: Any, effects: Any) -> None:
-    e = effects(valve_dead_zone={"d_extend": 0.1})
-    assert valve(p, e, -0.37)[:2] == (0.0, 0.0)
-    assert valve(p, e, -1.0)[0] == pytest.approx(valve(p, effects(), -1.0)[0])
-    assert valve(p, e, 0.37) == valve(p, effects(), 0.37)
-
-
-def test_droop_takes_supply_flow_only(p: Any, effects: Any) -> None:
-    e, (head, rod, _) = effects(compensator_droop={"k": 0.5}), valve(p, effects(), -1.0)
-    assert valve(p, e, -1.0)[:2] == (pytest.approx(head * (1 - 0.5 * (head / 2e-3) ** 2)), rod)
-
-
-def test_pump_limit_caps_full_flow_and_spares_small(p: Any, effects: Any) -> None:
-    e = effects(pump_flow_limit={"inverse_q_max": 1e3})  # 60 l/min
-    full = HOLE * 7.17e-5 * sqrt(8e5)
-    assert valve(p, e, -1.0)[0] == pytest.approx(full / (1 + (full / 1e-3) ** 8) ** 0.125)
-    assert valve(p, e, -1.0)[0] < 1e-3
-    assert valve(p, e, -0.5)[0] == pytest.approx(valve(p, effects(), -0.5)[0], rel=1e-3)
-
-
-def test_return_line_shares_the_drop_with_the_orifice(p: Any, effects: Any) -> None:
-    k = 4e11
-    q = -valve(p, effects(return_line_pressure={"k": k}), -1.0)[1]
-    assert (q / (HOLE * 4.5e-5)) ** 2 + k * q**2 == pytest.approx(18e5, rel=1e-6)
-
-
-def test_flow_force_closes_the_spool_from_both_sides(p: Any, effects: Any) -> None:
-    e = effects(flow_force={"c": 10.0})
-    head, rod, force = valve(p, e, -1.0)
-    assert force == pytest.approx(-10.0 * (head * sqrt(8e5) - rod * sqrt(18e5)), rel=1e-6)
-    assert valve(p, e, 1.0)[2] > 0 > force
-
-
 def test_anti_cavitation_valve_is_shut_above_and_open_below_its_pressure(p: Any) -> None:
     assert float(anti_cavitation.flow(0.0, p)) == 0.0
     assert float(anti_cavitation.flow(1e7, p)) == 0.0
@@ -462,26 +374,6 @@ def test_cushion_leaves_the_passage_open_but_for_the_last_stretch(effects: Any) 
     e = effects(end_cushioning={"k": 0.8, "length": 0.05})
     passages = [float(cylinder.cushion(d, e)) for d in (0.5, 0.05, 0.025, 0.0, -0.01)]
     assert passages == pytest.approx([1.0, 1.0, 0.6, 0.2, 0.2])
-
-
-def test_metering_edges_stand_still_inside_the_play_and_follow_behind_it(p: Any, effects: Any) -> None:
-    e = effects(valve_hysteresis={"h": 0.05})  # 0.45 mm
-    rates = [float(main_valve_orifices.play_rate(0.0, s, p, e)) for s in (0.0, 4e-4, -4e-4, 6e-4, -6e-4)]
-    assert rates == pytest.approx([0.0, 0.0, 0.0, 1.5e-4 / 2e-3, -1.5e-4 / 2e-3])
-
-
-def test_hysteresis_without_a_travel_of_its_own_is_a_play(p: Any, effects: Any) -> None:
-    e = effects(valve_hysteresis={"h": 0.05})
-    assert float(main_valve_orifices.metering(1e-3, 1.2e-3, e)) == pytest.approx(1e-3)
-
-
-def test_edges_with_a_travel_change_sides_in_proportion(p: Any, effects: Any) -> None:
-    e = effects(valve_hysteresis={"h": 0.02, "travel": 0.1})  # 0.18 mm to either side, within 2 x 0.9 mm
-    follower = [2e-3 - 0.9e-3 * side for side in (1.0, 0.5, 0.0, -1.0)]
-    behind = [2e-3 - float(main_valve_orifices.metering(x, 2e-3, e)) for x in follower]
-    assert behind == pytest.approx([0.18e-3, 0.09e-3, 0.0, -0.18e-3])
-    assert float(main_valve_orifices.play_rate(1.2e-3, 2e-3, p, e)) == 0.0
-    assert float(main_valve_orifices.play_rate(1.0e-3, 2e-3, p, e)) == pytest.approx(0.1e-3 / 2e-3)
 
 
 def test_gas_that_exchanges_heat_cools_when_it_is_hotter_than_at_rest(p: Any, effects: Any) -> None:

@@ -34,12 +34,11 @@ from concealed_plant.hidden import Concealment, Hidden, Scene, Sensing
 from concealed_plant.machine import (
     DEVIATIONS_IN_TOLERANCE,
     DRAWN,
-    LOAD_FLOOR,
-    LOAD_SHARE,
     Linkage,
     MachineFile,
     Pose,
     linkage,
+    load_deviation,
     quantities,
 )
 from concealed_plant.plant import Courses, Run, RunError, Start, per_millisecond, run
@@ -273,8 +272,7 @@ class Detectability:
         angle = setting.start.angle + ANGLE_UNSURE * deviations.pop(START_ANGLE, 0.0)
         pressure = setting.start.rod_pressure + ROD_PRESSURE_UNSURE * deviations.pop(START_ROD_PRESSURE, 0.0)
         told = setting.pose.load
-        unsure = max(LOAD_SHARE * told, LOAD_FLOOR) / DEVIATIONS_IN_TOLERANCE
-        pose = replace(setting.pose, load=told + unsure * deviations.pop(TOLD_LOAD, 0.0))
+        pose = replace(setting.pose, load=told + load_deviation(told) * deviations.pop(TOLD_LOAD, 0.0))
         factors = {
             key: max(0.05, 1.0 + z * setting.specimen.tolerance(key, setting.pose) / DEVIATIONS_IN_TOLERANCE)
             for key, z in deviations.items()

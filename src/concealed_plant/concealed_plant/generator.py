@@ -26,11 +26,10 @@ from concealed_plant.hidden import Hidden
 from concealed_plant.machine import (
     DEVIATIONS_IN_TOLERANCE,
     DRAWN,
-    LOAD_FLOOR,
-    LOAD_SHARE,
     MachineFile,
     Pose,
     linkage,
+    load_deviation,
     quantities,
     scattered,
 )
@@ -205,9 +204,7 @@ def _crane(spec: CaseSpec, file: MachineFile, rng: np.random.Generator) -> _Cran
         q3, q4 = float(rng.uniform(0.1, 1.5)), float(rng.uniform(0.5, 3.0))
     load = float(np.round(rng.uniform(100.0, 350.0))) if rng.uniform() < 0.25 and q4 > 0 else 0.0
     told = Pose(q3, q4, load)
-    off = (
-        max(LOAD_SHARE * load, LOAD_FLOOR) * SCATTER * rng.standard_normal() / DEVIATIONS_IN_TOLERANCE if load else 0.0
-    )
+    off = load_deviation(load) * SCATTER * rng.standard_normal() if load else 0.0
     own = {key for name in names for key in CONCEALMENTS[name].twins}  # off by what is concealed and nothing else
     scatter = {key: f for key, f in scattered(file, told, rng, SCATTER).items() if key not in own}
     specimen = file.specimen(scatter)

@@ -127,6 +127,11 @@ class MachineFile:
         return _FROM_THESIS if str(item.get("prov", "")).startswith("thesis") else _UNSAID
 
 
+def load_deviation(load: float) -> float:
+    """Standard deviation [kg] of a load of so many kg that was told."""
+    return max(LOAD_SHARE * load, LOAD_FLOOR) / DEVIATIONS_IN_TOLERANCE
+
+
 def scattered(machine: MachineFile, pose: Pose, rng: np.random.Generator, deviations: float) -> dict[str, float]:
     """Factors of every drawn key: normal with ``deviations`` of the key's own standard deviations, inside its tolerance."""
     factors = {}

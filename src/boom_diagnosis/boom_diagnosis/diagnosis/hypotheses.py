@@ -153,10 +153,8 @@ def run_round(
                 return outstanding
         base, jacobian = fit(searching, base.z, base.effects, kept)
         again = likeliest(base.z, base.effects)
-        if (
-            again.predictor.looseness < searching.predictor.looseness
-        ):  # what was loose for a first guess hides what is left
-            searching = again
+        if again.predictor.looseness < searching.predictor.looseness:
+            searching = again  # what was loose for a first guess hides what is left
             base, jacobian = fit(searching, base.z, base.effects, kept)
     nominal = searching.fit_nominal(base.effects, kept)
     if not noticed(nominal.loss - base.loss, len(base.z)):
