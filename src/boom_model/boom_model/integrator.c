@@ -44,6 +44,7 @@ typedef struct {
   long steps, rejected, evaluations;
   double time;     /* of the failure */
   int state;       /* that left its range */
+  double first;    /* step size that suits the beginning of the last interval */
   int hold;        /* a state that would leave its range is held at its limit instead */
 } run_t;
 
@@ -129,14 +130,18 @@ interval_with(const method_t *m, run_t *r, real *x, const real *u, const real *c
 #if LANES == 1
     for (int i = 0; i < NX; i++) x0[i] = x[i];
 #endif
-    for (int i = 0; i < NX; i++) {
-      x[i] = r->hold ? boom_min(boom_max(y[i], R(r->minimum[i])), R(r->maximum[i])) : y[i];
+    if (r->hold) {
+      for (int i = 0; i < NX; i++) x[i] = boom_min(boom_max(y[i], R(r->minimum[i])), R(r->maximum[i]));
+    } else for (int i = 0; i < NX; i++) {
+      x[i] = y[i];
       const double beyond = boom_largest(boom_max(R(r->minimum[i]) - x[i], x[i] - R(r->maximum[i])));
       if (!(beyond <= 0.0)) { r->time = t0 + t + step; r->state = i; return LEFT_RANGE; }
     }
 #if LANES == 1
     const double start = t;
 #endif
+    if (rejected && factor > 1.0) factor = 1.0;
+    if (t == 0.0) r->first = step * factor;
     t = last ? length : t + step;
 #if LANES == 1
     if (*next < n_out && out_t[*next] < t0 + t) {
@@ -151,7 +156,6 @@ interval_with(const method_t *m, run_t *r, real *x, const real *u, const real *c
       }
     }
 #endif
-    if (rejected && factor > 1.0) factor = 1.0;
     rejected = 0;
     have = 0;
     if (!last || factor < 1.0) *h = step * factor;
@@ -174,7 +178,7 @@ int boom_run(const double *p, double *x, double t_begin, double t_end, const dou
              const double *scale, const double *minimum, const double *maximum, double h, volatile const int *stop,
              double *report) {
   double c[NC > 0 ? NC : 1];
-  run_t r = {scale, minimum, maximum, tolerance, stop, 0, 0, 0, 0.0, -1, 0};
+  run_t r = {scale, minimum, maximum, tolerance, stop, 0, 0, 0, 0.0, -1, 0.0, 0};
   long next = 0, k = 0;
   int status = OK;
   model_prepare(p, c);
@@ -202,7 +206,7 @@ int boom_run(const double *p, double *x, double t_begin, double t_end, const dou
 /* One step of length dt with u held: x in place, y the outputs at its end, h the step size to begin with, updated. */
 int boom_step(const double *c, double *x, const double *u, double dt, double *y, double tolerance, int order,
               const double *scale, const double *minimum, const double *maximum, double *h, double *report) {
-  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0};
+  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 0};
   long next = 0;
   const int status = interval(order, &r, x, u, c, 0.0, dt, h, 0, 0, &next, 0, 0);
   model_y(x, u, c, y);

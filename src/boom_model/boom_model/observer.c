@@ -12,7 +12,7 @@ int boom_observe(const double *p, double *x, const double *grid, long n, const d
                  double tolerance, int order, const double *scale, const double *minimum, const double *maximum, double h,
                  double *report) {
   real c[NC > 0 ? NC : 1], before[NY], after[NY], number[NP], state[NX], held[NU];
-  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 1};
+  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 1};
   long k, next = 0, i_in = 0;
   int status = OK;
   for (int i = 0; i < NP; i++) number[i] = boom_load(p + i * LANES);
@@ -23,6 +23,7 @@ int boom_observe(const double *p, double *x, const double *grid, long n, const d
     double t = grid[k];
     for (int i = 0; i < NX; i++) boom_store(states + (k * NX + i) * LANES, state[i]);
     for (int i = 0; i < NU; i++) held[i] = boom_load(u + (i_in * NU + i) * LANES);
+    if (r.first > 0.0) h = r.first; /* a correction and a step of the input are like those before, not like the end of an interval */
     model_y(state, held, c, before);
     for (;;) {
       const int steps_in = i_in + 1 < n_in && t_in[i_in + 1] < grid[k + 1];

@@ -192,10 +192,7 @@ def _side_by_side(group: Sequence[Job], tolerance: float) -> list[Observed] | No
     )
     if int(report[0]) != 0:
         return None
-    return [
-        Observed(np.ascontiguousarray(innovations[..., i]), np.ascontiguousarray(states[..., i]), True)
-        for i in range(len(group))
-    ]
+    return [Observed(innovations[..., i], states[..., i], True) for i in range(len(group))]
 
 
 def _arguments(
