@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis.bag_samples import Bag
 from boom_diagnosis.diagnosis.fitting import Point, Problem
-from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, Round, problem_at
+from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, Nominal, Round, problem_at
 from boom_diagnosis.diagnosis.learning import Learned, Setting
 from boom_diagnosis.diagnosis.nuisances import Nuisance
 from boom_diagnosis.diagnosis.search import Fitted
@@ -85,6 +86,11 @@ class Case:
     def problem(self, z: Array, effects: Mapping[str, float], looseness: float) -> Problem:
         """Of all recordings that are fitted, with the observers' gains of this point."""
         return problem_at(self.machine, self.bags, self.select, self.nuisances, z, effects, looseness)
+
+    @cached_property
+    def nominal(self) -> Nominal:
+        """What is seen from the nominal machine."""
+        return Nominal(self.problem(np.zeros(len(self.nuisances)), {}, LOOSENESS[1]))
 
     def rest(self, at: Point) -> float:
         """Loss per innovation [nats] over that of a healthy machine, seen by the observer that is right for one."""

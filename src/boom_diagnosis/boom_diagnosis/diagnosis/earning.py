@@ -101,10 +101,11 @@ def settle(case: Case, k: int, problem: Problem, point: Point, jacobian: Array, 
         columns = jacobian[_training(case)][:, : len(point.z)]
         return part.fit(start, columns, names, iterations=TRAINING)[0]
 
-    wanted: list[Callable[[], Point]] = [moved]
-    wanted += [partial(p.fit_nominal, point.effects, names) for p in dict.fromkeys((problem, part))]
-    fitted = in_parallel(lambda fit: fit(), wanted)
-    trained, nominal, own = fitted[0], fitted[1], fitted[-1]
+    def still() -> tuple[Point, Point]:
+        everywhere = problem.fit_nominal(point.effects, names)
+        return everywhere, part.fit_nominal(everywhere.effects, names) if part is not problem else everywhere
+
+    trained, (nominal, own) = moved(), still()
     if noticed(nominal.loss - point.loss, len(point.z)) and worsening(case, own, trained) <= WORSE:
         return trained
     case.spared[k] = nominal

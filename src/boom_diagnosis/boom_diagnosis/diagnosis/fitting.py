@@ -25,6 +25,8 @@ WHITE = 0.5
 """Loss [nats] per innovation that is white noise and nothing else."""
 SIZES = (1.0, 0.35, 0.1, 0.03)
 """Shares of a step that are tried, at once."""
+ENOUGH = 0.3
+"""Nats. A step that gains less is the last, and moves the derivatives by nothing that counts."""
 Z_STEP = 0.1
 """Standard deviations of a tolerance: step of the differences."""
 
@@ -146,6 +148,8 @@ class Problem:
 
     def effect_jacobian(self, at: Point, names: Sequence[Coordinate]) -> Array:
         """dw/d(inner coordinate) (rows, number of coordinates) by differences, towards the inside of the limits."""
+        if not names:
+            return np.zeros((len(at.w), 0))
         moved, sizes = [], []
         for c in names:
             here = at.effects[c.name]
@@ -160,26 +164,32 @@ class Problem:
     def fit(
         self,
         start: Point,
-        nuisance_jacobian: Array,
+        jacobian: Array,
         names: Sequence[Coordinate] = (),
         *,
         iterations: int = 6,
     ) -> tuple[Point, Array]:
-        """Gauss-Newton with a step control; returns the best point and the Jacobian (rows, z then coordinates) there."""
-        best, nz = start, nuisance_jacobian.copy()
+        """Gauss-Newton with a step control; returns the best point and the Jacobian (rows, z then coordinates) there.
+
+        jacobian: of the tolerances (rows, number of them), taken near ``start``; further columns, of the coordinates, if they are taken
+        exactly there.
+        """
+        m = len(start.z)
+        best, nz, known = start, jacobian[:, :m].copy(), jacobian[:, m:]
+        fresh = known.shape[1] == len(names)
         for _ in range(iterations):
-            columns = self.effect_jacobian(best, names) if names else np.zeros((len(best.w), 0))
-            jacobian = np.concatenate([nz, columns], axis=1)
-            step = _gauss_newton(best, jacobian, names, self.limits)
+            columns = known if fresh else self.effect_jacobian(best, names)
+            step = _gauss_newton(best, np.concatenate([nz, columns], axis=1), names, self.limits)
             trials = self.points([self._moved(best, step, names, size) for size in SIZES])
             trial = min(trials, key=lambda p: p.loss)
             _broyden(nz, best, trials[0], columns, names)
             gain = best.loss - trial.loss
+            known, fresh = columns, gain < ENOUGH
             if gain > 0.0:
                 best = trial
-            if gain < 0.3:
+            if gain < ENOUGH:
                 break
-        columns = self.effect_jacobian(best, names) if names else np.zeros((len(best.w), 0))
+        columns = known if fresh else self.effect_jacobian(best, names)
         return best, np.concatenate([nz, columns], axis=1)
 
     def fit_nominal(self, effects: Mapping[str, float], names: Sequence[Coordinate], *, iterations: int = 4) -> Point:
@@ -214,9 +224,10 @@ def _gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate], limit
     """Step of all unknowns; those that would leave their limits stay there."""
     m = len(at.z)
     omega = weights(at)
-    weighted = jacobian * omega[:, None]
-    normal = weighted.T @ jacobian
-    gradient = weighted.T @ at.w
+    root = np.sqrt(omega)
+    scaled = jacobian * root[:, None]
+    normal = scaled.T @ scaled
+    gradient = scaled.T @ (root * at.w)
     normal[np.arange(m), np.arange(m)] += 1.0
     gradient[:m] += at.z
     own = [at.effects[c.name] for c in names]

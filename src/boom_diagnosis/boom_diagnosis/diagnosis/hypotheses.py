@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis.bag_samples import Bag
 from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
-from boom_diagnosis.diagnosis.fitting import WHITE, Point, Problem
+from boom_diagnosis.diagnosis.fitting import ENOUGH, WHITE, Point, Problem
 from boom_diagnosis.diagnosis.nuisances import Nuisance
 from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.prediction import Predictor, with_states
-from boom_diagnosis.diagnosis.search import Candidate, Fitted, Scanner, possible_effects, refine
+from boom_diagnosis.diagnosis.search import GLANCE, Candidate, Fitted, Scanner, possible_effects, refine
 from boom_model.machine import Machine
 
 Array = NDArray[np.float64]
@@ -39,6 +39,14 @@ OUTSTANDING = 0.3
 """Share of what the tolerances leave over white noise that such an effect may leave."""
 RETUNED = 0.3
 """Share of the base's loss over that of a healthy machine that an effect must gain for all to be weighed by gains that suit it."""
+STUCK = 4.0
+"""Loss per innovation over that of white noise from which on derivatives of the nominal machine have led the tolerances nowhere."""
+BEHIND = 0.3
+"""Share of what the best effect gains below which another one, fitted a few steps, is not followed further."""
+LITTLE = 0.01
+"""Share of what an effect gains that tolerances alone may gain where their fit counts as good enough beside it."""
+POLISH = 6
+"""Steps of Gauss-Newton for an effect that is weighed."""
 WEIGHED, RIVAL = 3, 0.1
 """Effects that are weighed again where the best makes another observer likelier, and the share of its gain they must have."""
 
@@ -108,12 +116,14 @@ def run_round(
     z: Array,
     values: Mapping[str, float],
     progress: Progress,
+    nominal: Nominal | None = None,
     tight: bool = False,
     least: float = 0.0,
     refined: int = REFINED,
 ) -> Round:
     """Fits the tolerances (with the effects in ``values``), looks at all others, fits the best, weighs them.
 
+    nominal: what is seen from the nominal machine, where the search is to begin there and not at ``z`` and ``values``.
     tight: with the observer that is right for a healthy machine, whichever is likeliest. least: nats that an effect must gain.
     refined: effects that are fitted at most.
     """
@@ -124,13 +134,13 @@ def run_round(
         return problem_at(machine, bags, select, nuisances, at_z, at_values, looseness)
 
     def fit(
-        p: Problem, at_z: Array, at_values: Mapping[str, float], names: Sequence[Coordinate]
+        p: Problem, at_z: Array, at_values: Mapping[str, float], names: Sequence[Coordinate], settled: float = SETTLED
     ) -> tuple[Point, Array]:
         point = p.points([(at_z, at_values)])[0]
         for _ in range(RELINEARISED):
             before = point.loss
             point, jacobian = p.fit(point, p.nuisance_jacobian(point), names, iterations=6)
-            if before - point.loss < SETTLED or p.predictor.looseness == LOOSENESS[-1]:
+            if before - point.loss < settled or p.predictor.looseness == LOOSENESS[-1]:
                 break
         return point, jacobian
 
@@ -139,16 +149,15 @@ def run_round(
         return max(tried, key=lambda p: p.likelihood(p.points([(at_z, at_values)])[0]))
 
     progress("tolerances", 0.0)
-    if accepted or tight:  # near already
+    if nominal is None:  # near already
         searching = likeliest(z, values)
         base, jacobian = fit(searching, z, values, kept)
     else:
-        first = Nominal(problem(z, values, LOOSENESS[1]))
-        base = first.tolerances
+        base = nominal.tolerances
         searching = likeliest(base.z, base.effects)
         if searching.points([(base.z, base.effects)])[0].excess(WHITE) > FAR_OFF:
             progress("effects", 0.2)
-            outstanding = _at_once(first, possible_effects(machine.structure.has), likeliest, fit)
+            outstanding = _at_once(nominal, likeliest, fit)
             if outstanding:
                 return outstanding
         base, jacobian = fit(searching, base.z, base.effects, kept)
@@ -156,9 +165,9 @@ def run_round(
         if again.predictor.looseness < searching.predictor.looseness:
             searching = again  # what was loose for a first guess hides what is left
             base, jacobian = fit(searching, base.z, base.effects, kept)
-    nominal = searching.fit_nominal(base.effects, kept)
-    if not noticed(nominal.loss - base.loss, len(base.z)):
-        base = nominal
+    unmoved = searching.fit_nominal(base.effects, kept)
+    if not noticed(unmoved.loss - base.loss, len(base.z)):
+        base = unmoved
     progress("effects", 0.3)
     scanner = Scanner(searching, base, jacobian)
     found = scanner.scan(possible_effects(machine.structure.has, accepted))
@@ -185,7 +194,7 @@ def run_round(
     weighing = likeliest(best.z, best.effects)
     # an effect with states of its own is weighed by gains that correct them, too
     if weighing.predictor.looseness == searching.predictor.looseness and not with_states(best.effects):
-        fitted[0] = _polished(searching, fitted[0], base, fitted[0].jacobian[:, : len(base.z)])
+        fitted[0] = _polished(searching, fitted[0], base, fitted[0].jacobian)
         return Round(accepted, base, jacobian, _sorted(fitted), scanned, searching)
     base, jacobian = fit(weighing, base.z, base.effects, kept)
     near = [f for f in fitted[:WEIGHED] if f.gain > RIVAL * fitted[0].gain]
@@ -196,6 +205,7 @@ class Nominal:
     """What is seen from the nominal machine: derivatives, the tolerances fitted from there, the linear look at effects.
 
     problem: observers of the nominal machine that bear with one that is far from right. values: effects that it has already.
+    What was looked for once is known from then on.
     """
 
     def __init__(self, problem: Problem, values: Mapping[str, float] | None = None) -> None:
@@ -206,22 +216,44 @@ class Nominal:
         if self.kept:
             self.jacobian = np.concatenate([self.jacobian, problem.effect_jacobian(self.at, self.kept)], axis=1)
         self._scanner = Scanner(problem, self.at, self.jacobian)
+        self._fitted: dict[str, Fitted] = {}
 
     @cached_property
     def tolerances(self) -> Point:
-        """The fit without any effect."""
-        return self.problem.fit(self.at, self.jacobian)[0]
+        """The fit without any further effect."""
+        point, _ = self.problem.fit(self.at, self.jacobian, self.kept)
+        if point.excess(WHITE) > STUCK:
+            point, _ = self.problem.fit(point, self.problem.nuisance_jacobian(point), self.kept)
+        return point
 
-    def look(self, wanted: Sequence[str]) -> dict[str, Candidate]:
-        """Of each effect the most promising start, the best first."""
+    @cached_property
+    def seen(self) -> dict[str, Candidate]:
+        """Of each effect that the machine does not have already the most promising start, the best first."""
         seen: dict[str, Candidate] = {}
-        for candidate in self._scanner.scan(wanted):
+        has = self.problem.predictor.machine.structure.has
+        for candidate in self._scanner.scan(possible_effects(has, tuple(effects_of(self.at.effects)))):
             seen.setdefault(candidate.effect, candidate)
         return seen
 
-    def fitted(self, candidate: Candidate) -> Fitted:
-        """An effect fitted from the nominal machine."""
-        return refine(self._scanner, self.jacobian, [candidate], self.kept)
+    def gain(self, fitted: Fitted) -> float:
+        """Of an effect over the tolerances [nats]."""
+        return self.tolerances.loss - fitted.point.loss
+
+    def fitted(self, effects: Sequence[str]) -> list[Fitted]:
+        """Effects fitted from the nominal machine, in this order; those that soon fall far behind the first one not to the end."""
+
+        def fitted(effect: str, at_least: float = 0.0) -> Fitted:
+            if effect not in self._fitted:
+                self._fitted[effect] = refine(
+                    self._scanner, self.jacobian, [self.seen[effect]], self.kept, at_least=at_least
+                )
+            return self._fitted[effect]
+
+        first = [fitted(effect) for effect in effects[:1]]
+        gain = max((self.gain(f) for f in first), default=0.0)
+        large = gain > BEHIND * self.tolerances.over(WHITE)
+        needed = self.at.loss - self.tolerances.loss + BEHIND * gain if large else 0.0
+        return first + in_parallel(lambda effect: fitted(effect, needed), effects[1:])
 
 
 def rebased(found: Round) -> Round:
@@ -243,20 +275,22 @@ Likeliest = Callable[[Array, Mapping[str, float]], Problem]
 Fit = Callable[..., tuple[Point, Array]]
 
 
-def _at_once(first: Nominal, wanted: Sequence[str], likeliest: Likeliest, fit: Fit) -> Round | None:
+def _at_once(first: Nominal, likeliest: Likeliest, fit: Fit) -> Round | None:
     """The round where an effect is so large that it stands out from the nominal machine, else None.
 
     The tolerances alone, fitted to such a machine, end far from anything, and the search with them.
     """
-    seen = first.look(wanted)
-    tried = sorted(in_parallel(first.fitted, list(seen.values())[:AT_ONCE]), key=lambda f: f.point.loss)
+    tried = sorted(first.fitted(list(first.seen)[:AT_ONCE]), key=lambda f: f.point.loss)
     best, base = tried[0].point, first.tolerances
     if best.excess(WHITE) > OUTSTANDING * base.excess(WHITE):
         return None
     weighing = likeliest(best.z, best.effects)
-    base, jacobian = fit(weighing, base.z, {}, ())
-    fitted = _all_weighed(weighing, tried, base, jacobian)
-    return Round((), base, jacobian, fitted, {e: c.gain for e, c in seen.items()}, weighing)
+    start = weighing.points([(best.z, best.effects)])[0]
+    gained = weighing.points([(base.z, {})])[0].loss - start.loss
+    base, jacobian = fit(weighing, base.z, {}, (), settled=max(SETTLED, LITTLE * gained))
+    near = [f for f in tried if first.gain(f) >= BEHIND * first.gain(tried[0])]
+    fitted = _all_weighed(weighing, near, base, jacobian)
+    return Round((), base, jacobian, fitted, {e: c.gain for e, c in first.seen.items()}, weighing)
 
 
 def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) -> Round:
@@ -267,10 +301,12 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
     wanted: effects to fit, beside those that the linear look at the nominal machine finds most promising. floor: loss per
     innovation of a healthy machine.
     """
-    seen = first.look(list(found.scanned))
-    effects = list(dict.fromkeys([*list(seen)[:AFRESH], *(e for e in wanted if e in seen)]))
+    effects = list(dict.fromkeys([*list(first.seen)[:AFRESH], *(e for e in wanted if e in first.seen)]))
+    anew = first.fitted(effects)
+    most = max(first.gain(f) for f in anew)
     fitted = {f.effect: f for f in found.fitted}
-    for near in in_parallel(lambda e: _weighed(found.problem, first.fitted(seen[e]), found.base), effects):
+    promising = [f for f in anew if first.gain(f) >= max(BEHIND * most, ENOUGH)]
+    for near in in_parallel(lambda f: _weighed(found.problem, f, found.base), promising):
         if near.effect not in fitted or near.point.loss < fitted[near.effect].point.loss:
             fitted[near.effect] = near
     best = _sorted(list(fitted.values()))
@@ -292,24 +328,31 @@ def _starts(candidates: Sequence[Candidate]) -> list[Candidate]:
     return list(candidates[:1]) + [c for c in candidates[1:2] if c.gain > 0.5 * candidates[0].gain]
 
 
-def _weighed(problem: Problem, f: Fitted, base: Point, columns: Array | None = None) -> Fitted:
-    """The same effect fitted again, with an observer of other gains; ``columns`` as in :func:`_polished`."""
+def _weighed(problem: Problem, f: Fitted, base: Point, columns: Array | None = None, at_least: float = 0.0) -> Fitted:
+    """The same effect fitted again, with an observer of other gains; ``columns``, ``at_least`` as in :func:`_polished`."""
     start = problem.points([(f.point.z, f.point.effects)])[0]
-    return _polished(problem, replace(f, point=start), base, columns)
+    return _polished(problem, replace(f, point=start), base, columns, at_least)
 
 
 def _all_weighed(problem: Problem, best_first: Sequence[Fitted], base: Point, jacobian: Array) -> tuple[Fitted, ...]:
     """Several effects fitted again; derivatives of the tolerances at the base are good enough for all but the best."""
     columns = jacobian[:, : len(base.z)]
-    tried = list(enumerate(best_first))
-    return _sorted(in_parallel(lambda t: _weighed(problem, t[1], base, columns if t[0] else None), tried))
+    best = [_weighed(problem, f, base) for f in best_first[:1]]
+    behind = max((BEHIND * f.gain for f in best), default=0.0)
+    return _sorted(best + in_parallel(lambda f: _weighed(problem, f, base, columns, behind), best_first[1:]))
 
 
-def _polished(problem: Problem, f: Fitted, base: Point, columns: Array | None) -> Fitted:
-    """Fitted on; ``columns``: derivatives of the tolerances at a point near by, None where they are to be taken here."""
-    if columns is None:
-        columns = problem.nuisance_jacobian(f.point)
-    point, jacobian = problem.fit(f.point, columns, f.coordinates, iterations=6)
+def _polished(problem: Problem, f: Fitted, base: Point, jacobian: Array | None, at_least: float = 0.0) -> Fitted:
+    """Fitted on.
+
+    jacobian: as :meth:`Problem.fit` wants it, None where it is to be taken here. at_least: nats that it must have gained over
+    ``base`` after ``GLANCE`` steps to be followed further.
+    """
+    if jacobian is None:
+        jacobian = problem.nuisance_jacobian(f.point)
+    point, jacobian = problem.fit(f.point, jacobian, f.coordinates, iterations=GLANCE)
+    if base.loss - point.loss > at_least and f.point.loss - point.loss > ENOUGH:
+        point, jacobian = problem.fit(point, jacobian, f.coordinates, iterations=POLISH - GLANCE)
     return replace(f, point=point, jacobian=jacobian, gain=base.loss - point.loss)
 
 

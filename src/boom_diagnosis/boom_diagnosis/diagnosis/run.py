@@ -149,8 +149,9 @@ def _look(case: Case, progress: Progress, tight: bool) -> bool:
     """One round: whether an effect was found that earns its place."""
     z, values = (case.last.z, case.last.effects) if case.taken else (np.zeros(len(case.nuisances)), {})
     found = run_round(
-        case.machine, case.bags, case.select, case.nuisances, z, values, progress, tight=tight, least=least(case)
-    )
+        case.machine, case.bags, case.select, case.nuisances, z, values, progress,
+        nominal=None if case.taken else case.nominal, tight=tight, least=least(case),
+    )  # fmt: skip
     if case.taken and _dissatisfied(case, found):
         found = _beside_nominal(case, found)
     return _judge(case, found)
@@ -216,9 +217,7 @@ def _look_again(case: Case, progress: Progress) -> bool:
             case.machine, case.bags, case.select, case.nuisances, found.base.z, {}, progress, tight=True,
             least=least(case), refined=1,
         )  # fmt: skip
-    zero = np.zeros(len(case.nuisances))
-    nominal = Nominal(case.problem(zero, {}, LOOSENESS[1]))
-    found = afresh(found, nominal, [*wanted, *(f.effect for f in found.fitted[:1])], case.floor)
+    found = afresh(found, case.nominal, [*wanted, *(f.effect for f in found.fitted[:1])], case.floor)
     taken = _judge(case, found)
     if not first.taken:
         return taken

@@ -232,9 +232,9 @@ def refine(
         start = _start(scanner, candidate)
         point, own = problem.fit(start, jacobian[:, :count], names, iterations=GLANCE)
         if at.loss - point.loss > at_least:
-            point, own = problem.fit(point, own[:, :count], names, iterations=STEPS - GLANCE)
-        if TIME in candidate.values and at.loss - point.loss > TIMED:  # the loss over a time has many valleys
-            point, own = problem.fit(near_onset(problem, point), own[:, :count], names, iterations=STEPS)
+            point, own = problem.fit(point, own, names, iterations=STEPS - GLANCE)
+            if TIME in candidate.values and at.loss - point.loss > TIMED:  # the loss over a time has many valleys
+                point, own = problem.fit(near_onset(problem, point), own[:, :count], names, iterations=STEPS)
         reached.append((point, own))
     point, final = min(reached, key=lambda r: r[0].loss)
     return Fitted(candidates[0].effect, point, names, final, at.loss - point.loss, tuple(r[0].loss for r in reached))

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 Array = NDArray[np.float64]
 
@@ -103,6 +102,8 @@ def cluster_covariance(jacobian: Array, residual: Array, groups: NDArray[np.int6
     scores = np.zeros((count, jacobian.shape[1]))
     np.add.at(scores, index, scaled * residual[:, None])
     inverse = np.linalg.inv(normal)
+    from scipy.special import stdtrit  # takes a quarter of a second to load
+
     student = METHOD_FACTOR * float(stdtrit(count - 1, 0.95)) / NORMAL_90
     covariance = inverse @ (scores.T @ scores) @ inverse * (count / (count - 1) * student**2)
     return np.asarray(covariance / np.outer(scale, scale))
