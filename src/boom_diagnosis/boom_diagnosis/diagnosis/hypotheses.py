@@ -27,8 +27,8 @@ Flags = NDArray[np.bool_]
 
 LOOSENESS = (1.0, 4.0, 15.0)
 """Factors of the assumed disturbances that are tried; the likeliest is taken, and a machine that is like the model gets 1."""
-REFINED, PROMISING = 4, 0.25
-"""Effects that are fitted in a round at most, and the share of the nats that they must gain which the linear look must promise."""
+REFINED, LOOSELY, PROMISING = 4, 2, 0.25
+"""Effects that are fitted in a round at most, those with the loosest observer, which sees little of them, and the share of the nats that they must gain which the linear look must promise."""
 AFRESH = 2
 """Effects that are fitted anew from the nominal machine where a mismatch remains."""
 AT_ONCE = 3
@@ -177,14 +177,15 @@ def run_round(
         scanned[candidate.effect] = max(scanned.get(candidate.effect, 0.0), candidate.gain)
         grouped.setdefault(candidate.effect, []).append(candidate)
     progress("fitting effects", 0.5)
-    promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING * least][:refined]
+    most = min(refined, LOOSELY) if searching.predictor.looseness == LOOSENESS[-1] else refined
+    promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING * least][:most]
 
     def tried(effect: str, at_least: float) -> Fitted:
         return refine(scanner, jacobian, _starts(grouped[effect]), kept, at_least=at_least)
 
     fitted = list[Fitted]()
     for pair in (promising[:2], promising[2:]):
-        enough = RIVAL * max((f.gain for f in fitted), default=0.0)
+        enough = BEHIND * max((f.gain for f in fitted), default=0.0)
         fitted += in_parallel(partial(tried, at_least=enough), pair)
     fitted = list(_sorted(fitted))
     if not fitted:

@@ -38,9 +38,10 @@ LITTLE = 0.25
 """Share of what the tolerances cannot take up that a first effect may leave without a second look at all others."""
 OUTDONE = 0.1
 """Share of what the best effect leaves that a term which is plain to see may leave, for no further effect to be looked for."""
-STRAINED = 12.0
+STRAINED, BESIDE_EFFECT = 12.0, 30.0
 """Nats of their prior from which on tolerances that explain all are doubted: a healthy machine's have some 5, and one effect may be
-likelier than ten numbers that are off together."""
+likelier than ten numbers that are off together. The same beside an effect that explains most: there they make up for what its form
+lacks, some 12 to 29 where it was the right one."""
 FIRST_LOOK = 0.6
 """Share of a round's time that is over before a second look, as the progress counts it."""
 FAR = 1.0
@@ -124,7 +125,7 @@ def _rounds(case: Case, progress: Progress) -> None:
     while k < MOST_EFFECTS:
         look = _share(progress, 0.8 * k / MOST_EFFECTS, 0.8 / MOST_EFFECTS)
         taken = _look(case, _share(look, 0.0, FIRST_LOOK), near)
-        if k == 0 and (_strained(case) or not _satisfied(case)):
+        if k == 0 and (not _satisfied(case) or _strained(case)):
             taken = _look_again(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK))
             if not _satisfied(case) and _plain(case):
                 return
@@ -191,14 +192,17 @@ def _judge(case: Case, found: Round) -> bool:
 
 def _strained(case: Case) -> bool:
     """Whether the tolerances have gone to improbable places."""
-    return 0.5 * float(case.last.z @ case.last.z) > STRAINED
+    return 0.5 * float(case.last.z @ case.last.z) > (BESIDE_EFFECT if _explained(case) else STRAINED)
+
+
+def _explained(case: Case) -> bool:
+    """Whether an effect leaves little of what the tolerances cannot take up."""
+    return bool(case.taken) and case.rest(case.last) < LITTLE * case.rest(case.kept(0))
 
 
 def _satisfied(case: Case) -> bool:
-    """Whether the first round leaves little of what the tolerances cannot take up."""
-    before = case.rest(case.kept(0))
-    left = case.rest(case.last) if case.taken else before
-    return left < NEGLIGIBLE or left < LITTLE * before
+    """Whether the first round leaves next to nothing, or little of what the tolerances cannot take up."""
+    return case.rest(case.last) < NEGLIGIBLE or _explained(case)
 
 
 def _look_again(case: Case, progress: Progress) -> bool:
