@@ -46,6 +46,7 @@ typedef struct {
   int state;       /* that left its range */
   double first;    /* step size that suits the beginning of the last interval */
   int hold;        /* a state that would leave its range is held at its limit instead */
+  long most;       /* steps for one interval at most, 0: any number */
 } run_t;
 
 #if LANES == 1
@@ -66,6 +67,7 @@ interval_with(const method_t *m, run_t *r, real *x, const real *u, const real *c
   real f0[NX], J[NX * NX], W[NW], K[6][NX], y[NX], fv[NX];
   const double length = t1 - t0;
   double t = 0.0;
+  const long begun = r->steps;
   int have = 0, rejected = 0;
   for (int i = 0; i < NX * NX; i++) J[i] = R(0.0);
 #if LANES == 1
@@ -127,6 +129,7 @@ interval_with(const method_t *m, run_t *r, real *x, const real *u, const real *c
       if (*h < 1e-12) { r->time = t0 + t; r->state = -1; return STEP_VANISHED; }
       continue;
     }
+    if (r->most && r->steps - begun > r->most) { r->time = t0 + t; r->state = -1; return STEP_VANISHED; }
 #if LANES == 1
     for (int i = 0; i < NX; i++) x0[i] = x[i];
 #endif
@@ -178,7 +181,7 @@ int boom_run(const double *p, double *x, double t_begin, double t_end, const dou
              const double *scale, const double *minimum, const double *maximum, double h, volatile const int *stop,
              double *report) {
   double c[NC > 0 ? NC : 1];
-  run_t r = {scale, minimum, maximum, tolerance, stop, 0, 0, 0, 0.0, -1, 0.0, 0};
+  run_t r = {scale, minimum, maximum, tolerance, stop, 0, 0, 0, 0.0, -1, 0.0, 0, 0};
   long next = 0, k = 0;
   int status = OK;
   model_prepare(p, c);
@@ -206,7 +209,7 @@ int boom_run(const double *p, double *x, double t_begin, double t_end, const dou
 /* One step of length dt with u held: x in place, y the outputs at its end, h the step size to begin with, updated. */
 int boom_step(const double *c, double *x, const double *u, double dt, double *y, double tolerance, int order,
               const double *scale, const double *minimum, const double *maximum, double *h, double *report) {
-  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 0};
+  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 0, 0};
   long next = 0;
   const int status = interval(order, &r, x, u, c, 0.0, dt, h, 0, 0, &next, 0, 0);
   model_y(x, u, c, y);

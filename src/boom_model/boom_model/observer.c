@@ -1,5 +1,9 @@
 /* Prediction from sample to sample with correction by the measurement: an observer with given gains. Follows integrator.c. */
 
+/* Between two samples. Five are usual, hundreds where a valve chatters; where a state is pushed against its limit by numbers that no
+   machine has (a volume below zero), it would be millions. */
+#define MOST_STEPS 5000
+
 /* grid[n+1]: times between which the model predicts. theta, measured [n][NY]: in interval k channel j was sampled at
    grid[k] + theta (grid[k+1] - grid[k]); NaN: not. gain[n][NX][NY]. x: start in, end out.
    innovation[n][NY]: measured - predicted (NaN where nothing was), predicted linearly between both ends of the interval.
@@ -12,7 +16,7 @@ int boom_observe(const double *p, double *x, const double *grid, long n, const d
                  double tolerance, int order, const double *scale, const double *minimum, const double *maximum, double h,
                  double *report) {
   real c[NC > 0 ? NC : 1], before[NY], after[NY], number[NP], state[NX], held[NU];
-  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 1};
+  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 1, MOST_STEPS};
   long k, next = 0, i_in = 0;
   int status = OK;
   for (int i = 0; i < NP; i++) number[i] = boom_load(p + i * LANES);
