@@ -1,6 +1,7 @@
 """The diagnosis on recordings whose truth is known, and its parts on small exact examples."""
 
 import functools
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +10,11 @@ from diagnosis_samples import BAGS, FOLDED, simulated, tz17
 
 from boom_diagnosis.diagnosis import regimes
 from boom_diagnosis.diagnosis.bag_samples import prepare
+from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.diagnosis.document import DiagnosisResult
-from boom_diagnosis.diagnosis.fitting import Point
+from boom_diagnosis.diagnosis.fitting import Point, Problem
 from boom_diagnosis.diagnosis.healthy import simulated as copy_of
-from boom_diagnosis.diagnosis.hypotheses import problem_at
+from boom_diagnosis.diagnosis.hypotheses import Nominal, problem_at
 from boom_diagnosis.diagnosis.learning import _curve, reading
 from boom_diagnosis.diagnosis.nuisances import tolerances
 from boom_diagnosis.diagnosis.prediction import Predictor
@@ -20,6 +22,7 @@ from boom_diagnosis.diagnosis.run import diagnose
 from boom_diagnosis.diagnosis.search import Scanner
 from boom_diagnosis.diagnosis.weighing import (
     BLOCK,
+    natural,
     posterior,
     predictive_loss,
     scatter,
@@ -205,6 +208,40 @@ def test_changes_of_several_recordings_are_each_recordings_own() -> None:
             np.testing.assert_array_equal(change[i], single[0])
 
 
+def test_what_the_nominal_machine_showed_is_not_looked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    bag = prepare(noisy(tz17().with_effects({"pilot_lag": {"r": 2.0}}), 8.0, 1))
+    assert bag is not None
+    known = tolerances(tz17(), tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0))
+    first = Nominal(problem_at(tz17(), [bag], [bag.counted], known, np.zeros(len(known)), {}, 4.0))
+    wanted = ["pilot_lag", "accumulator_heat_loss"]
+    found = first.fitted(wanted)
+    assert [f.effect for f in found] == wanted and found[0].point.loss < first.tolerances.loss
+    monkeypatch.setattr(Predictor, "predict", None)
+    assert all(again is before for again, before in zip(first.fitted(wanted), found, strict=True))
+
+
+def test_derivatives_of_an_effect_that_stand_are_not_taken_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    bag = prepare(noisy(tz17().with_effects({"pilot_lag": {"r": 2.0}}), 8.0, 1))
+    assert bag is not None
+    known = tolerances(tz17(), tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0))
+    problem = problem_at(tz17(), [bag], [bag.counted], known, np.zeros(len(known)), {}, 4.0)
+    start = problem.points([(np.zeros(len(known)), {"effects.pilot_lag.r": 1.3})])[0]
+    names = all_coordinates(["pilot_lag"])
+    columns = problem.nuisance_jacobian(start)
+    whole = np.concatenate([columns, problem.effect_jacobian(start, names)], axis=1)
+    taken = []
+    plain = Problem.effect_jacobian
+
+    def counted(self: Problem, at: Point, of: Sequence[Coordinate]) -> np.ndarray:
+        taken.append(at.effects)
+        return plain(self, at, of)
+
+    monkeypatch.setattr(Problem, "effect_jacobian", counted)
+    ends = [problem.fit(start, jacobian, names, iterations=1)[0] for jacobian in (columns, whole)]
+    assert ends[0].loss == ends[1].loss < start.loss
+    assert taken == [start.effects, ends[0].effects, ends[1].effects]
+
+
 def test_a_number_further_off_than_its_tolerance_is_named_where_an_effect_is_that() -> None:
     """The overlap of the spool is known to 15 %; 0.08 of the stroke is 29 %."""
     document = diagnose(
@@ -264,6 +301,23 @@ def test_unknown_physics_is_likely_where_much_of_the_mismatch_stays() -> None:
     assert unknown_probability(1.0, 0.001) < 0.05
     assert unknown_probability(1.0, 0.9) > 0.75
     assert unknown_probability(1.0, 0.05) < 0.1
+    assert unknown_probability(1.0, 0.5) < 0.5 < unknown_probability(1.0, 0.5, natural=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("payload_change.mass", -16.6, False),
+        ("payload_change.mass", 4.0, True),
+        ("position_dependent_friction.b", -0.4, False),
+        ("rate_scale.a", 0.9, True),
+        ("pressure_bias.hose", -4e5, True),
+    ],
+)
+def test_an_effect_beyond_neutral_where_none_is_plausible_is_not_natural(
+    name: str, value: float, expected: bool
+) -> None:
+    assert natural(name.split(".")[0], {f"effects.{name}": value}) is expected
 
 
 def test_regimes_tell_direction_speed_and_starts() -> None:

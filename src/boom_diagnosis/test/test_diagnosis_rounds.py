@@ -177,6 +177,22 @@ def test_a_first_effect_that_gains_nothing_beside_the_second_gives_its_place_to_
     assert [w.fitted.effect for w in made.taken] == left
 
 
+@pytest.mark.parametrize(
+    ("prior", "explained", "doubted"),
+    [(11.0, False, False), (13.0, False, True), (29.0, True, False), (31.0, True, True)],
+)
+def test_tolerances_may_go_further_beside_an_effect_that_explains_most(
+    monkeypatch: pytest.MonkeyPatch, case: Any, prior: float, explained: bool, doubted: bool
+) -> None:
+    """``prior``: nats of the tolerances, 1/2 z'z."""
+    bent = replace(point(50.0), z=np.array([np.sqrt(2.0 * prior)]))
+    case.rounds = [SimpleNamespace(base=point(1000.0), problem=None)]
+    case.spared, case.final = {0: bent} if not explained else {1: bent}, None
+    case.taken = [weighed("payload", 700.0, 250.0, 1000.0)] if explained else []
+    monkeypatch.setattr(Case, "rest", lambda self, at: at.excess(WHITE))
+    assert run._strained(case) is doubted
+
+
 def test_what_is_damaged_or_left_out_of_a_recording_is_said(case: Any) -> None:
     def bag(name: str, warnings: list[str], cavitating: int) -> Any:
         lost = np.arange(1000) < cavitating

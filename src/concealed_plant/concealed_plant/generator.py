@@ -43,7 +43,7 @@ DURATION = 60.0
 SCATTER = 0.5
 """Standard deviations by which every number of every crane differs from the machine file."""
 ATTEMPTS = 400
-"""Most that fail are over in a tenth of a second; an operator who works at the end of stroke leaves the range far more often than not."""
+"""Most that fail are over in a tenth of a second; an operator at the end of stroke leaves the range far more often than not."""
 RECORDING, HOLD_OUT, ANSWER = "recording", "hold_out", "answer.json"
 CHANNELS = ("angle", "rate", "hose_pressure", "rod_pressure")
 _POSES = ((4.59, 0.0), (0.28, 2.2), (0.28, 2.8))

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 MILLISECOND = 1e-3
 STEPS = 5
-"""Steps in a millisecond."""
+"""In a millisecond."""
 CORNER = 1.0e6
 """Pa^2: square of the drop below which an orifice is laminar."""
 AMBIENT = 101_325.0
@@ -93,20 +93,20 @@ def spear(distance: float, m: Quantities) -> float:
 @compiled
 def simulate(
     m: Quantities, angles: Array, strokes: Array, levers: Array, currents: Array,
-    load_course: Array, warmth: Array, supply: Array, stuck: Array, start: Array,
+    load_course: Array, warmth: Array, supply: Array, stuck: Array, start: Array, steps: int,
 ) -> Any:  # fmt: skip
     """One run.
 
     angles, strokes, levers: table of the linkage, equidistant: q_2 [rad], s_p [m], ds_p/dq_2 [m/rad].
     currents (n, 2): i_+ (lower), i_- (lift) [A] in each millisecond. load_course, warmth, supply, stuck (n,): share of the
     extra load that hangs, factor of the friction, factor of the supply flow, 1 while the spool sticks.
-    start: q_2 [rad], p_a, p_b [Pa].
+    start: q_2 [rad], p_a, p_b [Pa]. steps: in a millisecond.
 
     Returns (n, len(NAMES)): after each millisecond. NaN from where a pressure left -1 bar .. 1000 bar or the angle its table.
     """
     n = currents.shape[0]
     out = np.full((n, len(NAMES)), np.nan)
-    h = MILLISECOND / STEPS
+    h = MILLISECOND / steps
     spacing = angles[1] - angles[0]
     last = len(angles) - 2
     q, w, acc = start[0], 0.0, 0.0
@@ -144,7 +144,7 @@ def simulate(
         mass = m.load + m.extra_load * load_course[i]
         total = m.inertia + mass * (m.tip_x**2 + m.tip_y**2) + m.load_gyration * load_course[i]
         held = stuck[i] > 0.5
-        for _ in range(STEPS):
+        for _ in range(steps):
             # ---- pilot stage: exact for a held current, faster or slower where it rises, then a coil with remanence
             end_p, end_m = -i_p / m.pole, -i_m / m.pole
             lam_p = end_p + (lam_p - end_p) * (rising if lam_p < end_p else falling)

@@ -27,6 +27,9 @@ _LIGHT, _HIGHEST_LIGHT = 9000.0, 0.8
 _LOOK = 2.0
 """s. He looks where the boom is when the last look is longer ago."""
 
+_BY_EYE = 2
+"""Steps of the plant in a millisecond that are good enough to see where the boom is."""
+
 
 class Operator:
     """Drives one recording.
@@ -60,7 +63,7 @@ class Operator:
             kind = manner if manner not in ("", "ends") else str(self._rng.choice(_MIX))
             shape = self._shape(kind)[: end - at]
             if (at - looked) * PERIOD_S > _LOOK:
-                seen = run(self._m, self._linkage, Start(start), per_millisecond(currents[:at]))
+                seen = run(self._m, self._linkage, Start(start), per_millisecond(currents[:at]), steps=_BY_EYE)
                 angle, looked = float(seen["angle"][-1]), at
                 lifting = angle < low + 0.05 or (lifting and angle < high - 0.05)
             room = (high - angle) if lifting else (angle - low)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from concealed_plant.kernel import MILLISECOND, NAMES, simulate
+from concealed_plant.kernel import MILLISECOND, NAMES, STEPS, simulate
 from concealed_plant.machine import Linkage
 from concealed_plant.quantities import Quantities
 
@@ -64,8 +64,12 @@ def per_millisecond(currents: Array, late: Array | None = None) -> Array:
     return np.asarray(np.where(order[:, None] >= 0, currents[np.maximum(order, 0)], 0.0), dtype=np.float64)
 
 
-def run(m: Quantities, linkage: Linkage, start: Start, currents: Array, courses: Courses = Courses()) -> Run:
+def run(
+    m: Quantities, linkage: Linkage, start: Start, currents: Array, courses: Courses = Courses(), steps: int = STEPS
+) -> Run:
     """Free run over currents (n, 2) [A] in each millisecond, after the boom has settled under the first current.
+
+    steps: in a millisecond.
 
     Raises:
         RunError: a pressure below -1 bar or above 1000 bar, or the angle outside what the linkage allows.
@@ -90,7 +94,7 @@ def run(m: Quantities, linkage: Linkage, start: Start, currents: Array, courses:
         head, rod = 1.0e5, (1.0e5 * m.area_a - torque / linkage.levers[cell]) / m.area_b
     values = simulate(
         m, linkage.angles, linkage.strokes, linkage.levers, held, loads, course(courses.warmth, 1.0),
-        course(courses.supply, 1.0), course(courses.stuck, 0.0), np.array([start.angle, head, rod]),
+        course(courses.supply, 1.0), course(courses.stuck, 0.0), np.array([start.angle, head, rod]), steps,
     )  # fmt: skip
     if not np.isfinite(values[-1]).all():
         at = float(np.argmax(~np.isfinite(values[:, 0]))) * MILLISECOND - SETTLING * MILLISECOND

@@ -72,7 +72,7 @@ def workers(scheduler: str | None, count: int, patience: float = 10.0) -> Iterat
         "distributed.comm.timeouts.connect": f"{patience}s",
         "distributed.admin.low-level-log-length": 0,
         "logging.distributed": "error",
-        # a worker's own bookkeeping cost a tenth of each core; its memory, handed back with every array, and a diagnosis' a sixth more
+        # a worker's bookkeeping cost a tenth of each core, its memory, handed back with every array, a sixth more
         "distributed.worker.profile.enabled": False,
         "distributed.admin.tick.interval": "1s",
         "distributed.admin.system-monitor.interval": "5s",

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.diagnosis.fitting import Point, Problem
 from boom_diagnosis.diagnosis.hypotheses import Round, noticed, problem_at
 from boom_diagnosis.diagnosis.onset import TIME, onset
-from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.proof import worsening
 from boom_diagnosis.diagnosis.search import Fitted
 from boom_diagnosis.diagnosis.weighing import (

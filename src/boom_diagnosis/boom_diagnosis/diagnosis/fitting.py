@@ -171,8 +171,8 @@ class Problem:
     ) -> tuple[Point, Array]:
         """Gauss-Newton with a step control; returns the best point and the Jacobian (rows, z then coordinates) there.
 
-        jacobian: of the tolerances (rows, number of them), taken near ``start``; further columns, of the coordinates, if they are taken
-        exactly there.
+        jacobian: of the tolerances (rows, number of them), taken near ``start``; with further columns, of the coordinates, where
+        these are taken exactly there.
         """
         m = len(start.z)
         best, nz, known = start, jacobian[:, :m].copy(), jacobian[:, m:]

@@ -28,7 +28,8 @@ Flags = NDArray[np.bool_]
 LOOSENESS = (1.0, 4.0, 15.0)
 """Factors of the assumed disturbances that are tried; the likeliest is taken, and a machine that is like the model gets 1."""
 REFINED, LOOSELY, PROMISING = 4, 2, 0.25
-"""Effects that are fitted in a round at most, those with the loosest observer, which sees little of them, and the share of the nats that they must gain which the linear look must promise."""
+"""Effects that are fitted in a round at most, those with the loosest observer, which sees little of them, and the share of the nats
+that they must gain which the linear look must promise."""
 AFRESH = 2
 """Effects that are fitted anew from the nominal machine where a mismatch remains."""
 AT_ONCE = 3

@@ -7,7 +7,7 @@ no model is exactly right: nats that no hypothesis explains make all of them les
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, log, pi, sqrt
 
@@ -18,6 +18,7 @@ from boom_diagnosis.diagnosis.coordinates import Coordinate
 from boom_diagnosis.diagnosis.document import Estimate
 from boom_diagnosis.diagnosis.fitting import Point, huber_weights, rho, weights
 from boom_diagnosis.diagnosis.search import Fitted
+from boom_model.effects import EFFECTS
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,9 @@ UNEXPLAINED_WEIGHT = 0.1
 """Share of the unexplained nats that adds to the temperature."""
 UNKNOWN_FROM, UNKNOWN_STEEPNESS = 0.78, 8.0
 """Share of the misfit's amplitude that remains where unknown physics becomes as likely as not, and how sharply."""
+UNNATURAL_FROM = 0.6
+"""The same where an effect is found on the other side of neutral than all that the catalogue holds plausible, friction less than
+none or a load that lifts: it stands in for something else."""
 SLIGHT = 0.04
 """Loss per innovation over that of a healthy machine at which what nothing explains is as likely nothing unknown."""
 NEGLIGIBLE = 0.012
@@ -197,14 +201,22 @@ def probabilities(weighed: Sequence[Weighed], temperature: float) -> list[float]
     return [float(v) for v in p / p.sum()]
 
 
-def unknown_probability(before: float, after: float) -> float:
+def unknown_probability(before: float, after: float, natural: bool = True) -> float:
     """That physics of no catalogue acts, from the loss per innovation over that of a healthy machine.
 
-    p = s^8 / (s^8 + 0.78^8) b / (b + SLIGHT), s = sqrt(after / before), b = before: what little is wrong may as well be a
-    catalogue's effect in a form that is not the catalogue's.
+    p = s^8 / (s^8 + u^8) b / (b + SLIGHT), s = sqrt(after / before), b = before: what little is wrong may as well be a
+    catalogue's effect in a form that is not the catalogue's. u = 0.78, or 0.6 where what was found is not ``natural``.
     """
     if after <= NEGLIGIBLE:
         return 0.02
     share = sqrt(max(after, 0.0) / max(before, after, 1e-12))
     strong = before / (before + SLIGHT)
-    return float(strong / (1.0 + (UNKNOWN_FROM / max(share, 1e-6)) ** UNKNOWN_STEEPNESS))
+    half = UNKNOWN_FROM if natural else UNNATURAL_FROM
+    return float(strong / (1.0 + (half / max(share, 1e-6)) ** UNKNOWN_STEEPNESS))
+
+
+def natural(effect: str, values: Mapping[str, float]) -> bool:
+    """Whether the first number of an effect lies on the side of neutral where the catalogue's plausible ones do."""
+    row = EFFECTS[effect].parameters[0]
+    value = values[f"effects.{effect}.{row.name}"]
+    return not (value < row.neutral <= row.low or row.high <= row.neutral < value)
