@@ -304,7 +304,7 @@ def _whiten(observed: Observed, gains: Gains, bag: Bag, late: int) -> Array:
     e = np.where(np.isfinite(observed.innovations), observed.innovations, 0.0)
     if late:
         e[late:, 2:] = e[:-late, 2:]
-    w = np.einsum("nij,nj->ni", gains.whitening, e)
+    w: Array = np.einsum("nij,nj->ni", gains.whitening, e)
     if not observed.complete:
         failed = ~np.isfinite(observed.states).all(axis=1)
         w[failed] = LARGEST
