@@ -167,8 +167,7 @@ def _attempt(
     bus = Bus(loss=float(rng.choice([0.0, 0.002, 0.01])))
     configuration = Configuration(file.name, crane.told.outer_boom_angle, crane.told.telescope_length, crane.told.load)
     first = record("recording", shown, per_millisecond(setting.currents), configuration, bus, rng)
-    again = _at_work(crane, rng, manner, hidden.changes)
-    second, oracle, onset = _second(again, rows, sized, hidden, configuration, bus, rng)
+    second, oracle, onset = _second(crane, manner, rows, sized, hidden, configuration, bus, rng)
     effects = tuple(
         TrueEffect(
             row.id, row.known, row.subsystems, strength, each.detectable, each.size, row.unit, dict(each.hidden.parameters),
@@ -250,13 +249,28 @@ def _at_work(crane: _Crane, rng: np.random.Generator, manner: str, changes: Mapp
 
 
 def _second(
+    crane: _Crane, manner: str, rows: list[Any], sized: list[Sized], hidden: Hidden, configuration: Configuration, bus: Bus,
+    rng: np.random.Generator,
+) -> tuple[Recording, tuple[float | None, ...], float | None]:  # fmt: skip
+    """The same crane with the same physics at other work, as many operators as it takes; what is bound to time is laid anew.
+
+    With the oracle's error, and the time at which the physics begins there. Raises RunError where none stays in range.
+    """
+    left = ATTEMPTS
+    while True:
+        try:
+            setting = _at_work(crane, rng, manner, hidden.changes)
+            return _recorded_again(setting, rows, sized, hidden, configuration, bus, rng)
+        except RunError:
+            left -= 1
+            if left == 0:
+                raise
+
+
+def _recorded_again(
     setting: Setting, rows: list[Any], sized: list[Sized], hidden: Hidden, configuration: Configuration, bus: Bus,
     rng: np.random.Generator,
 ) -> tuple[Recording, tuple[float | None, ...], float | None]:  # fmt: skip
-    """The same crane with the same physics at other work; what is bound to time is laid anew.
-
-    With the oracle's error, and the time at which the physics begins there.
-    """
     table, m = linkage(setting.specimen), quantities(setting.specimen, setting.pose)
     there = scene(m, setting, run(m, table, setting.start, per_millisecond(setting.currents)))
     laid = together([row.build(each.size, draws, there) for (row, _, draws), each in zip(rows, sized, strict=True)])
