@@ -22,7 +22,7 @@ from boom_diagnosis.diagnosis.run import diagnose
 from boom_diagnosis.diagnosis.search import Scanner
 from boom_diagnosis.diagnosis.weighing import (
     BLOCK,
-    natural,
+    natural_side,
     posterior,
     predictive_loss,
     scatter,
@@ -317,7 +317,7 @@ def test_unknown_physics_is_likely_where_much_of_the_mismatch_stays() -> None:
 def test_an_effect_beyond_neutral_where_none_is_plausible_is_not_natural(
     name: str, value: float, expected: bool
 ) -> None:
-    assert natural(name.split(".")[0], {f"effects.{name}": value}) is expected
+    assert natural_side(name.split(".")[0], {f"effects.{name}": value}) is expected
 
 
 def test_regimes_tell_direction_speed_and_starts() -> None:

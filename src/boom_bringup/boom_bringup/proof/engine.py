@@ -77,7 +77,7 @@ def workers(scheduler: str | None, count: int, patience: float = 10.0) -> Iterat
         "distributed.admin.tick.interval": "1s",
         "distributed.admin.system-monitor.interval": "5s",
         "distributed.admin.system-monitor.gil.enabled": False,
-        "distributed.nanny.pre-spawn-environ": {"OMP_NUM_THREADS": "1"},
+        "distributed.nanny.pre-spawn-environ": {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
     }
     with dask.config.set(settings):
         if scheduler is not None:

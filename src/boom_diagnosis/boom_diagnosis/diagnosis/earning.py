@@ -12,6 +12,7 @@ from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.diagnosis.fitting import Point, Problem
 from boom_diagnosis.diagnosis.hypotheses import Round, noticed, problem_at
 from boom_diagnosis.diagnosis.onset import TIME, onset
+from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.proof import worsening
 from boom_diagnosis.diagnosis.search import Fitted
 from boom_diagnosis.diagnosis.weighing import (
@@ -92,18 +93,18 @@ def settle(case: Case, k: int, problem: Problem, point: Point, jacobian: Array, 
     case.spared.pop(k, None)
     part = problem if case.proving else Problem(problem.predictor, case.nuisances, case.training)
 
-    def moved() -> Point:
+    def moved() -> list[Point]:
         if part is problem:
-            return point
+            return [point]
         start = part.points([(point.z, point.effects)])[0]
         columns = jacobian[_training(case)][:, : len(point.z)]
-        return part.fit(start, columns, names, iterations=TRAINING)[0]
+        return [part.fit(start, columns, names, iterations=TRAINING)[0]]
 
-    def still() -> tuple[Point, Point]:
+    def still() -> list[Point]:
         everywhere = problem.fit_nominal(point.effects, names)
-        return everywhere, part.fit_nominal(everywhere.effects, names) if part is not problem else everywhere
+        return [everywhere, part.fit_nominal(everywhere.effects, names) if part is not problem else everywhere]
 
-    trained, (nominal, own) = moved(), still()
+    (trained,), (nominal, own) = in_parallel(lambda fit: fit(), [moved, still])
     if noticed(nominal.loss - point.loss, len(point.z)) and worsening(case, own, trained) <= WORSE:
         return trained
     case.spared[k] = nominal

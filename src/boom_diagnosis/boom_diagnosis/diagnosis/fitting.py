@@ -25,7 +25,7 @@ WHITE = 0.5
 """Loss [nats] per innovation that is white noise and nothing else."""
 SIZES = (1.0, 0.35, 0.1, 0.03)
 """Shares of a step that are tried, at once."""
-ENOUGH = 0.3
+LEAST_STEP = 0.3
 """Nats. A step that gains less is the last, and moves the derivatives by nothing that counts."""
 Z_STEP = 0.1
 """Standard deviations of a tolerance: step of the differences."""
@@ -184,10 +184,10 @@ class Problem:
             trial = min(trials, key=lambda p: p.loss)
             _broyden(nz, best, trials[0], columns, names)
             gain = best.loss - trial.loss
-            known, fresh = columns, gain < ENOUGH
+            known, fresh = columns, gain < LEAST_STEP
             if gain > 0.0:
                 best = trial
-            if gain < ENOUGH:
+            if gain < LEAST_STEP:
                 break
         columns = known if fresh else self.effect_jacobian(best, names)
         return best, np.concatenate([nz, columns], axis=1)

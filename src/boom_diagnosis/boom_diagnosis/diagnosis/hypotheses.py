@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis.bag_samples import Bag
 from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
-from boom_diagnosis.diagnosis.fitting import ENOUGH, WHITE, Point, Problem
+from boom_diagnosis.diagnosis.fitting import LEAST_STEP, WHITE, Point, Problem
 from boom_diagnosis.diagnosis.nuisances import Nuisance
 from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.prediction import Predictor, with_states
@@ -44,7 +44,7 @@ STUCK = 4.0
 """Loss per innovation over that of white noise from which on derivatives of the nominal machine have led the tolerances nowhere."""
 BEHIND = 0.3
 """Share of what the best effect gains below which another one, fitted a few steps, is not followed further."""
-LITTLE = 0.01
+MARGINAL = 0.01
 """Share of what an effect gains that tolerances alone may gain where their fit counts as good enough beside it."""
 POLISH = 6
 """Steps of Gauss-Newton for an effect that is weighed."""
@@ -289,7 +289,7 @@ def _at_once(first: Nominal, likeliest: Likeliest, fit: Fit) -> Round | None:
     weighing = likeliest(best.z, best.effects)
     start = weighing.points([(best.z, best.effects)])[0]
     gained = weighing.points([(base.z, {})])[0].loss - start.loss
-    base, jacobian = fit(weighing, base.z, {}, (), settled=max(SETTLED, LITTLE * gained))
+    base, jacobian = fit(weighing, base.z, {}, (), settled=max(SETTLED, MARGINAL * gained))
     near = [f for f in tried if first.gain(f) >= BEHIND * first.gain(tried[0])]
     fitted = _all_weighed(weighing, near, base, jacobian)
     return Round((), base, jacobian, fitted, {e: c.gain for e, c in first.seen.items()}, weighing)
@@ -307,7 +307,7 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
     anew = first.fitted(effects)
     most = max(first.gain(f) for f in anew)
     fitted = {f.effect: f for f in found.fitted}
-    promising = [f for f in anew if first.gain(f) >= max(BEHIND * most, ENOUGH)]
+    promising = [f for f in anew if first.gain(f) >= max(BEHIND * most, LEAST_STEP)]
     for near in in_parallel(lambda f: _weighed(found.problem, f, found.base), promising):
         if near.effect not in fitted or near.point.loss < fitted[near.effect].point.loss:
             fitted[near.effect] = near
@@ -353,7 +353,7 @@ def _polished(problem: Problem, f: Fitted, base: Point, jacobian: Array | None, 
     if jacobian is None:
         jacobian = problem.nuisance_jacobian(f.point)
     point, jacobian = problem.fit(f.point, jacobian, f.coordinates, iterations=GLANCE)
-    if base.loss - point.loss > at_least and f.point.loss - point.loss > ENOUGH:
+    if base.loss - point.loss > at_least and f.point.loss - point.loss > LEAST_STEP:
         point, jacobian = problem.fit(point, jacobian, f.coordinates, iterations=POLISH - GLANCE)
     return replace(f, point=point, jacobian=jacobian, gain=base.loss - point.loss)
 

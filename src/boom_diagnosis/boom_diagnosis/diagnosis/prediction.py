@@ -43,8 +43,8 @@ FLOW_NOISE = 2e-8
 TORQUE_NOISE = 6.0
 """N m sqrt(s)."""
 TOLERANCE = 2e-5
-"""Of the integrator. Derivatives by differences are then good to 0.6 % in the median and 2 % in nine of ten; at 1e-4, a fifth
-faster, to 10 % and 50 %, and searches end in the wrong place."""
+"""Of the integrator. Far from the model derivatives by differences are then good to 0.6 % in the median and 2 % in nine of ten; at
+1e-4, a fifth faster, to 10 % and 50 %, and searches end in the wrong place."""
 NUDGED_TOLERANCE = 1e-3
 """The same along the trajectory that gains are computed for. At 1e-2, a sixth of the time, the gains are others: a poppet that lags
 90 ms (docs/diagnosis.md, lag_a) is found at 68 instead of 73."""

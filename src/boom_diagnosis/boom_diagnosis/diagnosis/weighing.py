@@ -215,7 +215,7 @@ def unknown_probability(before: float, after: float, natural: bool = True) -> fl
     return float(strong / (1.0 + (half / max(share, 1e-6)) ** UNKNOWN_STEEPNESS))
 
 
-def natural(effect: str, values: Mapping[str, float]) -> bool:
+def natural_side(effect: str, values: Mapping[str, float]) -> bool:
     """Whether the first number of an effect lies on the side of neutral where the catalogue's plausible ones do."""
     row = EFFECTS[effect].parameters[0]
     value = values[f"effects.{effect}.{row.name}"]
