@@ -12,6 +12,10 @@ MARGIN = 1.5
 """The prior reaches so far beyond the catalogue's plausible range, in widths of it."""
 MARGINS = {"pressure_bias": 8.0, "angle_offset": 3.0}
 """The same for what a careless hand can do at will."""
+STEP = 5e-3
+"""Share of an effect's range, and half the relative change of a positive number, that differences are taken over."""
+DELAYS, DELAYS_STEP = ("command_delay", "pressure_delay"), 0.05
+"""Effects that move samples between intervals, and the same share for them."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,8 @@ def _coordinate(effect: str, row: EffectParameter) -> Coordinate:
         low = max(row.minimum, -row.high) if row.minimum < 0.0 else 0.0
     if positive:
         low, high = max(row.minimum, row.low / 3.0, 1e-12), min(row.maximum, row.high * 3.0)
-    step = 0.05 if positive else 0.05 * max(abs(row.low), abs(row.high))
+    share = DELAYS_STEP if effect in DELAYS else STEP
+    step = 2.0 * share if positive else share * max(abs(row.low), abs(row.high))
     if row.name == "t_g":
         low, high, step = 0.0, 1e4, 0.1
     name = f"effects.{effect}.{row.name}"

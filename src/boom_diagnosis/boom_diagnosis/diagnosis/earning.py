@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import log
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from boom_diagnosis.diagnosis.case import Array, Case, Flags
 from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.diagnosis.fitting import Point, Problem
 from boom_diagnosis.diagnosis.hypotheses import Round, noticed, problem_at
+from boom_diagnosis.diagnosis.nuisances import TWIN_Z
 from boom_diagnosis.diagnosis.onset import TIME, onset
 from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.proof import worsening
@@ -25,6 +27,7 @@ from boom_diagnosis.diagnosis.weighing import (
     predictive_loss,
     split_loss,
 )
+from boom_model.effects import EFFECTS
 
 WORSE, LATER = 1.1, 1.0
 """Factor by which the free runs over data not used may err more with an effect than without, for the first one and for one beside
@@ -35,6 +38,8 @@ worse: another one that is not in the model yet may dominate them, and tolerance
 MOST_OF_REST, CLEAR_REST = 0.6, 0.05
 """Share of a rest that a further effect must explain not to be taken for what another's form leaves, and the least such rest [nats
 per innovation]."""
+BEYOND = 0.5
+"""Of a number's tolerance: an effect that is its being further off begins there."""
 CLEARLY_BETTER = 0.8
 """The same factor below which an effect has proved itself even where its one-step predictions of that data have not."""
 TRAINING = 3
@@ -119,7 +124,10 @@ def _training(case: Case) -> Flags:
 def weigh(case: Case, found: Round) -> list[Weighed]:
     """Gains on data used and not used; the best first."""
     accepted = set(found.accepted)
-    found = replace(found, fitted=tuple(f for f in found.fitted if not _always_there(case, f, found.fitted)))
+    counted = [f for f in found.fitted if not (_always_there(case, f, found.fitted) or _hardly_beyond(case, f))]
+    if not counted:
+        return []
+    found = replace(found, fitted=tuple(counted))
     hypotheses = [(found.base, found.jacobian), *((f.point, f.jacobian) for f in found.fitted)]
     names = [all_coordinates(found.accepted), *(f.coordinates for f in found.fitted)]
     losses = _held_out(case, found, hypotheses, names) if case.proving else _split(case, hypotheses, names)
@@ -135,6 +143,16 @@ def _always_there(case: Case, f: Fitted, others: Sequence[Fitted]) -> bool:
     if TIME not in f.point.effects or all(other.effect != "payload" for other in others):
         return False
     return f.point.effects[TIME] < min(float(bag.time[bag.moving()][0]) for bag in case.bags)
+
+
+def _hardly_beyond(case: Case, f: Fitted) -> bool:
+    """Whether an effect is a number's being further off than its tolerance, by next to nothing."""
+    effect = EFFECTS[f.effect]
+    value = f.point.effects[f"effects.{f.effect}.{effect.parameters[0].name}"]
+    known = [n.sigma for n in case.nuisances if n.name in effect.changes and not n.shift]
+    if not known or effect.parameters[0].neutral != 1.0:
+        return False
+    return abs(log(value)) < BEYOND * TWIN_Z * min(known)
 
 
 def _split(

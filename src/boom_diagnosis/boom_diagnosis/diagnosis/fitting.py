@@ -27,6 +27,9 @@ SIZES = (1.0, 0.35, 0.1, 0.03)
 """Shares of a step that are tried, at once."""
 LEAST_STEP = 0.3
 """Nats. A step that gains less is the last, and moves the derivatives by nothing that counts."""
+LITTLE, MUCH = 5e-4, 0.02
+"""Shares of the loss over that of white noise: a step that gains less than the first is the last, too; a search that gains more
+than the second by a step has not come near its end."""
 Z_STEP = 0.1
 """Standard deviations of a tolerance: step of the differences."""
 
@@ -168,26 +171,28 @@ class Problem:
         names: Sequence[Coordinate] = (),
         *,
         iterations: int = 6,
+        further: int = 0,
     ) -> tuple[Point, Array]:
         """Gauss-Newton with a step control; returns the best point and the Jacobian (rows, z then coordinates) there.
 
         jacobian: of the tolerances (rows, number of them), taken near ``start``; with further columns, of the coordinates, where
-        these are taken exactly there.
+        these are taken exactly there. further: iterations beyond ``iterations`` while each gains ``MUCH`` of what is left.
         """
         m = len(start.z)
         best, nz, known = start, jacobian[:, :m].copy(), jacobian[:, m:]
         fresh = known.shape[1] == len(names)
-        for _ in range(iterations):
+        for k in range(iterations + further):
             columns = known if fresh else self.effect_jacobian(best, names)
             step = _gauss_newton(best, np.concatenate([nz, columns], axis=1), names, self.limits)
             trials = self.points([self._moved(best, step, names, size) for size in SIZES])
             trial = min(trials, key=lambda p: p.loss)
             _broyden(nz, best, trials[0], columns, names)
             gain = best.loss - trial.loss
+            left = best.over(WHITE)
             known, fresh = columns, gain < LEAST_STEP
             if gain > 0.0:
                 best = trial
-            if gain < LEAST_STEP:
+            if gain < max(LEAST_STEP, (LITTLE if k < iterations - 1 else MUCH) * left):
                 break
         columns = known if fresh else self.effect_jacobian(best, names)
         return best, np.concatenate([nz, columns], axis=1)

@@ -9,17 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from math import log
 
 import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis.bag_samples import Bag
 from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
-from boom_diagnosis.diagnosis.fitting import LEAST_STEP, WHITE, Point, Problem
+from boom_diagnosis.diagnosis.fitting import LEAST_STEP, WHITE, Point, Problem, weights
 from boom_diagnosis.diagnosis.nuisances import Nuisance
 from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.prediction import Predictor, with_states
-from boom_diagnosis.diagnosis.search import GLANCE, Candidate, Fitted, Scanner, possible_effects, refine
+from boom_diagnosis.diagnosis.search import FURTHER, GLANCE, Candidate, Fitted, Scanner, possible_effects, refine
+from boom_model.effects import EFFECTS
 from boom_model.machine import Machine
 
 Array = NDArray[np.float64]
@@ -223,7 +225,7 @@ class Nominal:
     @cached_property
     def tolerances(self) -> Point:
         """The fit without any further effect."""
-        point, _ = self.problem.fit(self.at, self.jacobian, self.kept)
+        point, _ = self.problem.fit(self.at, self.jacobian, self.kept, further=FURTHER)
         if point.excess(WHITE) > STUCK:
             point, _ = self.problem.fit(point, self.problem.nuisance_jacobian(point), self.kept)
         return point
@@ -261,16 +263,41 @@ class Nominal:
 def rebased(found: Round) -> Round:
     """The round with a better base, where the tolerances of an effect's fit serve better without the effect, too.
 
-    What an effect gains would else be what the search for the base missed.
+    What an effect gains would else be what the search for the base missed. The tolerances stay where they are, or go where they
+    make up for the effect.
     """
-    kept = all_coordinates(found.accepted)
-    wanted = [(f.point.z, {c.name: f.point.effects[c.name] for c in kept}) for f in found.fitted]
-    without = min(found.problem.points(wanted), key=lambda p: p.loss, default=found.base)
-    if without.loss >= found.base.loss:
+    if not found.fitted:
         return found
-    base, jacobian = found.problem.fit(without, found.jacobian[:, : len(without.z)], kept)
+    kept, problem = all_coordinates(found.accepted), found.problem
+    wanted = []
+    for f in found.fitted:
+        values = {c.name: f.point.effects[c.name] for c in kept}
+        wanted += [(f.point.z, values), (_made_up(problem, f), values)]
+    without = min(problem.points(wanted), key=lambda p: p.loss)
+    if without.loss >= found.base.loss + found.fitted[0].gain:
+        return found
+    base, jacobian = problem.fit(without, found.jacobian[:, : len(without.z)], kept)
+    if base.loss >= found.base.loss:
+        return found
     fitted = _sorted([replace(f, gain=base.loss - f.point.loss) for f in found.fitted])
     return replace(found, base=base, jacobian=jacobian, fitted=fitted)
+
+
+def _made_up(problem: Problem, f: Fitted) -> Array:
+    """z that makes up best for an effect's vanishing, by the derivatives at its fit: a step of Gauss and Newton."""
+    count, omega = len(f.point.z), weights(f.point)
+    w = f.point.w.copy()
+    for row in EFFECTS[f.effect].leading:
+        k = next(k for k, c in enumerate(f.coordinates) if c.name == f"effects.{f.effect}.{row.name}")
+        c, value = f.coordinates[k], f.point.effects[f.coordinates[k].name]
+        if not c.positive:
+            w += (row.neutral - value) * f.jacobian[:, count + k]
+        else:  # of one that vanishes at 0 the logarithm is far from linear
+            w += (log(row.neutral / value) if row.neutral > 0.0 else -1.0) * f.jacobian[:, count + k]
+    own = f.jacobian[:, :count]
+    weighted = own * omega[:, None]
+    z = f.point.z - np.linalg.solve(weighted.T @ own + np.eye(count), weighted.T @ w + f.point.z)
+    return np.asarray(np.clip(z, *problem.limits))
 
 
 Likeliest = Callable[[Array, Mapping[str, float]], Problem]

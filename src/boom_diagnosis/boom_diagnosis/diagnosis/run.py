@@ -21,7 +21,7 @@ from boom_diagnosis.diagnosis.learning import learn_plainly
 from boom_diagnosis.diagnosis.nuisances import tolerances
 from boom_diagnosis.diagnosis.onset import TIME, near_onset
 from boom_diagnosis.diagnosis.search import Fitted
-from boom_diagnosis.diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT
+from boom_diagnosis.diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT, natural_side
 from boom_diagnosis.validation import plant_for
 from boom_model.learned import PLACES
 from boom_model.machine import Machine
@@ -125,7 +125,7 @@ def _rounds(case: Case, progress: Progress) -> None:
     while k < MOST_EFFECTS:
         look = _share(progress, 0.8 * k / MOST_EFFECTS, 0.8 / MOST_EFFECTS)
         taken = _look(case, _share(look, 0.0, FIRST_LOOK), near)
-        if k == 0 and (not _satisfied(case) or _strained(case)):
+        if k == 0 and (not _satisfied(case) or _strained(case) or _unnatural(case)):
             taken = _look_again(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK))
             if not _satisfied(case) and _plain(case):
                 return
@@ -193,6 +193,11 @@ def _judge(case: Case, found: Round) -> bool:
 def _strained(case: Case) -> bool:
     """Whether the tolerances have gone to improbable places."""
     return 0.5 * float(case.last.z @ case.last.z) > (BESIDE_EFFECT if _explained(case) else STRAINED)
+
+
+def _unnatural(case: Case) -> bool:
+    """Whether what was taken lies where the catalogue holds nothing plausible: it may stand in for another effect."""
+    return bool(case.taken) and not natural_side(case.taken[0].fitted.effect, case.taken[0].fitted.point.effects)
 
 
 def _explained(case: Case) -> bool:

@@ -25,6 +25,8 @@ TIMED = 100.0
 """Nats from which on the time of a load is looked for once more."""
 STEPS, GLANCE = 5, 2
 """Of Gauss-Newton for an effect, and those after which one that is far behind another is left."""
+FURTHER = 6
+"""Steps beyond those while each still gains much: from the nominal machine it is far to a large effect."""
 STARTS = (1.0, 0.5, 0.2, 0.05)
 """Shares of the linear look's size from which an effect is fitted."""
 PROBES = 16
@@ -230,9 +232,10 @@ def refine(
     reached: list[tuple[Point, Array]] = []
     for candidate in candidates:
         start = _start(scanner, candidate)
-        point, own = problem.fit(start, jacobian[:, :count], names, iterations=GLANCE)
-        if at.loss - point.loss > at_least:
-            point, own = problem.fit(point, own, names, iterations=STEPS - GLANCE)
+        before, own = problem.fit(start, jacobian[:, :count], names, iterations=1)
+        point, own = problem.fit(before, own, names, iterations=GLANCE - 1)
+        if at.loss - point.loss + (before.loss - point.loss) > at_least:  # another step may gain as much as the last
+            point, own = problem.fit(point, own, names, iterations=STEPS - GLANCE, further=FURTHER)
             if TIME in candidate.values and at.loss - point.loss > TIMED:  # the loss over a time has many valleys
                 point, own = problem.fit(near_onset(problem, point), own[:, :count], names, iterations=STEPS)
         reached.append((point, own))
