@@ -148,11 +148,11 @@ def _always_there(case: Case, f: Fitted, others: Sequence[Fitted]) -> bool:
 def _hardly_beyond(case: Case, f: Fitted) -> bool:
     """Whether an effect is a number's being further off than its tolerance, by next to nothing."""
     effect = EFFECTS[f.effect]
-    value = f.point.effects[f"effects.{f.effect}.{effect.parameters[0].name}"]
-    known = [n.sigma for n in case.nuisances if n.name in effect.changes and not n.shift]
-    if not known or effect.parameters[0].neutral != 1.0:
+    factor = effect.parameters[0]
+    if not effect.changes or factor.neutral != 1.0:
         return False
-    return abs(log(value)) < BEYOND * TWIN_Z * min(known)
+    known = [n.sigma for n in case.nuisances if n.name in effect.changes]
+    return abs(log(f.point.effects[f"effects.{f.effect}.{factor.name}"])) < BEYOND * TWIN_Z * min(known, default=0.0)
 
 
 def _split(

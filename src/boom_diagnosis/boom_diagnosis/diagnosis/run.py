@@ -183,7 +183,7 @@ def _judge(case: Case, found: Round) -> bool:
         if not case.healthy:
             _calibrate(case, found)
         case.trained[:] = [settle(case, 0, found.problem, found.base, found.jacobian, ())]
-    case.weighed[k:] = [weigh(case, found) if found.fitted else []]
+    case.weighed[k:] = [weigh(case, found)]
     taken = take(case)
     best = case.weighed[k][0].fitted.point if case.weighed[k] else found.base
     case.temperature = COLDEST + UNEXPLAINED_WEIGHT * max(0.0, best.over(case.floor))
