@@ -14,12 +14,12 @@ from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.diagnosis.document import DiagnosisResult
 from boom_diagnosis.diagnosis.fitting import Point, Problem
 from boom_diagnosis.diagnosis.healthy import simulated as copy_of
-from boom_diagnosis.diagnosis.hypotheses import Nominal, problem_at
+from boom_diagnosis.diagnosis.hypotheses import Nominal, Round, problem_at, rebased
 from boom_diagnosis.diagnosis.learning import _curve, reading
 from boom_diagnosis.diagnosis.nuisances import tolerances
 from boom_diagnosis.diagnosis.prediction import Predictor
 from boom_diagnosis.diagnosis.run import diagnose
-from boom_diagnosis.diagnosis.search import Scanner
+from boom_diagnosis.diagnosis.search import Fitted, Scanner
 from boom_diagnosis.diagnosis.weighing import (
     BLOCK,
     natural_side,
@@ -240,6 +240,50 @@ def test_derivatives_of_an_effect_that_stand_are_not_taken_again(monkeypatch: py
     ends = [problem.fit(start, jacobian, names, iterations=1)[0] for jacobian in (columns, whole)]
     assert ends[0].loss == ends[1].loss < start.loss
     assert taken == [start.effects, ends[0].effects, ends[1].effects]
+
+
+def loaded(mass: float) -> tuple[Problem, Point]:
+    """A crane that carries so much more than it was told, which may be off by 100 kg; the point where the payload says so."""
+    bag = prepare(noisy(tz17().with_effects({"payload": {"mass": mass}}), 12.0, 1))
+    assert bag is not None
+    known = [n for n in tolerances(tz17(), tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 2000.0))
+             if n.name in ("pose.load", "cylinder.A_a", "friction.k_v_pos")]  # fmt: skip
+    problem = problem_at(tz17(), [bag], [bag.counted], known, np.zeros(len(known)), {}, 1.0)
+    return problem, problem.points([(np.zeros(len(known)), {"effects.payload.mass": mass})])[0]
+
+
+def test_a_payload_cannot_be_told_from_the_load_that_was_told_by_its_derivative() -> None:
+    problem, at = loaded(100.0)
+    told = problem.nuisance_jacobian(at)[:, [n.name for n in problem.nuisances].index("pose.load")]
+    more = problem.effect_jacobian(at, all_coordinates(["payload"]))[:, 0]
+    assert told @ more / np.linalg.norm(told) / np.linalg.norm(more) > 0.9999
+
+
+def test_what_tolerances_can_make_up_for_is_no_gain_of_an_effect() -> None:
+    problem, at = loaded(60.0)
+    base = problem.points([(at.z, {})])[0]
+    names = all_coordinates(["payload"])
+    jacobian = np.concatenate([problem.nuisance_jacobian(at), problem.effect_jacobian(at, names)], axis=1)
+    fitted = Fitted("payload", at, names, jacobian, base.loss - at.loss, (at.loss,))
+    assert fitted.gain > 100.0
+    found = rebased(Round((), base, jacobian[:, : len(at.z)], (fitted,), {}, problem))
+    assert found.base.loss == pytest.approx(at.loss, abs=2.0)
+    load = [n.name for n in problem.nuisances].index("pose.load")
+    assert problem.nuisances[load].value(0.0, float(found.base.z[load])) == pytest.approx(60.0, abs=5.0)
+
+
+def test_a_search_goes_on_while_it_gains_much_and_ends_where_it_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, _ = loaded(400.0)
+    names = all_coordinates(["payload"])
+    start = problem.points([(np.zeros(len(problem.nuisances)), {"effects.payload.mass": -300.0})])[0]
+    jacobian = problem.nuisance_jacobian(start)
+    one, end = (problem.fit(start, jacobian, names, iterations=n)[0].loss for n in (1, 20))
+    assert one > end + 10.0
+    tried = []
+    plain = Problem.points
+    monkeypatch.setattr(Problem, "points", lambda self, wanted: tried.append(len(wanted)) or plain(self, wanted))
+    assert problem.fit(start, jacobian, names, iterations=1, further=60)[0].loss == pytest.approx(end, abs=1.0)
+    assert 2 <= len(tried) <= 4
 
 
 def test_a_number_further_off_than_its_tolerance_is_named_where_an_effect_is_that() -> None:

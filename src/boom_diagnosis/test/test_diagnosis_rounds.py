@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from diagnosis_samples import tz17
 
 from boom_diagnosis.diagnosis import answer, earning, proof, run
 from boom_diagnosis.diagnosis.case import Case
 from boom_diagnosis.diagnosis.fitting import WHITE, Point
 from boom_diagnosis.diagnosis.hypotheses import Round
+from boom_diagnosis.diagnosis.nuisances import tolerances
 from boom_diagnosis.diagnosis.search import Fitted
 from boom_diagnosis.diagnosis.weighing import Weighed
 
@@ -191,6 +193,48 @@ def test_tolerances_may_go_further_beside_an_effect_that_explains_most(
     case.taken = [weighed("payload", 700.0, 250.0, 1000.0)] if explained else []
     monkeypatch.setattr(Case, "rest", lambda self, at: at.excess(WHITE))
     assert run._strained(case) is doubted
+
+
+@pytest.mark.parametrize(
+    ("effect", "value", "kept"),
+    [("hose_burst_valve_setting.r", 1.01, False), ("hose_burst_valve_setting.r", 0.97, True),
+     ("pilot_lag.r", 0.99, False), ("rate_scale.a", 1.01, True), ("payload.mass", 3.0, True)],
+)  # fmt: skip
+def test_a_factor_of_a_number_that_is_next_to_nothing_beside_its_tolerance_is_no_effect(
+    monkeypatch: pytest.MonkeyPatch, case: Any, effect: str, value: float, kept: bool
+) -> None:
+    """Coefficients of the hose burst valve and of the pilot stage are known to 3 %: half of that is asked for beyond it."""
+    case.nuisances = tolerances(tz17(), tz17().pose(0.3, 1.3, 300.0))
+    fitted = weighed(effect.split(".")[0], 50.0, 50.0, 1000.0).fitted
+    fitted.point.effects[f"effects.{effect}"] = value
+    found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (fitted,), {}, Any)
+    monkeypatch.setattr(earning, "_split", lambda case, hypotheses, names: [(500.0, 500.0), (450.0, 450.0)])
+    assert [w.fitted for w in earning.weigh(case, found)] == ([fitted] if kept else [])
+
+
+@pytest.mark.parametrize(("mass", "doubted"), [(-385.0, True), (385.0, False)])
+def test_what_lies_where_nothing_is_plausible_is_looked_at_again(
+    monkeypatch: pytest.MonkeyPatch, case: Any, mass: float, doubted: bool
+) -> None:
+    taken = weighed("payload", 600.0, 390.0, 1000.0)
+    taken.fitted.point.effects["effects.payload.mass"] = mass
+    looks = []
+
+    def look(of: Any, *given: Any) -> bool:
+        of.taken = [taken]
+        looks.append("look")
+        return True
+
+    def again(of: Any, *given: Any) -> bool:
+        looks.append("again")
+        return True
+
+    monkeypatch.setattr(run, "_look", look)
+    monkeypatch.setattr(run, "_look_again", again)
+    monkeypatch.setattr(Case, "rest", lambda self, at: 0.0)
+    case.final = None
+    run._rounds(case, lambda text, share: None)
+    assert looks == ["look", "again"] if doubted else ["look"]
 
 
 def test_what_is_damaged_or_left_out_of_a_recording_is_said(case: Any) -> None:
