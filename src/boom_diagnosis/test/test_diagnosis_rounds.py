@@ -10,6 +10,7 @@ from diagnosis_samples import tz17
 
 from boom_diagnosis.diagnosis import answer, earning, proof, run
 from boom_diagnosis.diagnosis.case import Case
+from boom_diagnosis.diagnosis.coordinates import all_coordinates
 from boom_diagnosis.diagnosis.fitting import WHITE, Point
 from boom_diagnosis.diagnosis.hypotheses import Round
 from boom_diagnosis.diagnosis.nuisances import tolerances
@@ -212,12 +213,19 @@ def test_a_factor_of_a_number_that_is_next_to_nothing_beside_its_tolerance_is_no
     assert [w.fitted for w in earning.weigh(case, found)] == ([fitted] if kept else [])
 
 
-@pytest.mark.parametrize(("mass", "doubted"), [(-385.0, True), (385.0, False)])
-def test_what_lies_where_nothing_is_plausible_is_looked_at_again(
-    monkeypatch: pytest.MonkeyPatch, case: Any, mass: float, doubted: bool
+@pytest.mark.parametrize(
+    ("effect", "numbers", "doubted"),
+    [("payload", {"mass": -385.0}, True), ("payload", {"mass": 385.0}, False),
+     ("swinging_load", {"mass": 116.0, "length": 9.0, "zeta": 0.1}, True),
+     ("swinging_load", {"mass": 116.0, "length": 2.0, "zeta": 0.1}, False)],
+)  # fmt: skip
+def test_what_lies_where_nothing_is_plausible_or_at_the_end_of_its_range_is_looked_at_again(
+    monkeypatch: pytest.MonkeyPatch, case: Any, effect: str, numbers: dict[str, float], doubted: bool
 ) -> None:
-    taken = weighed("payload", 600.0, 390.0, 1000.0)
-    taken.fitted.point.effects["effects.payload.mass"] = mass
+    """A load on a rope of 9 m that hardly swings is a load."""
+    taken = weighed(effect, 600.0, 390.0, 1000.0)
+    taken = replace(taken, fitted=replace(taken.fitted, coordinates=all_coordinates([effect])))
+    taken.fitted.point.effects.update({f"effects.{effect}.{name}": value for name, value in numbers.items()})
     looks = []
 
     def look(of: Any, *given: Any) -> bool:

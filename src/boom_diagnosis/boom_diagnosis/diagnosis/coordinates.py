@@ -12,7 +12,7 @@ MARGIN = 1.5
 """The prior reaches so far beyond the catalogue's plausible range, in widths of it."""
 MARGINS = {"pressure_bias": 8.0, "angle_offset": 3.0}
 """The same for what a careless hand can do at will."""
-STEP = 5e-3
+STEP = 1.5e-3
 """Share of an effect's range, and half the relative change of a positive number, that differences are taken over."""
 DELAYS, DELAYS_STEP = ("command_delay", "pressure_delay"), 0.05
 """Effects that move samples between intervals, and the same share for them."""

@@ -56,6 +56,8 @@ WEIGHED, RIVAL = 3, 0.1
 RELINEARISED, SETTLED = 5, 50.0
 """Fits of the tolerances with fresh derivatives at most, and the nats that the last one gained where they are good enough: a search
 that gives up too early leaves a rest to whatever effect comes first."""
+STEEP = 0.1
+"""Share of what an effect leaves over white noise that a fit with fresh derivatives must gain for one more to be worth its time."""
 NOTICED, NOTICED_EACH = 12.0, 0.5
 """Nats, and more for each tolerance, that tolerances must gain before they count as moved at all."""
 
@@ -366,9 +368,19 @@ def _weighed(problem: Problem, f: Fitted, base: Point, columns: Array | None = N
 def _all_weighed(problem: Problem, best_first: Sequence[Fitted], base: Point, jacobian: Array) -> tuple[Fitted, ...]:
     """Several effects fitted again; derivatives of the tolerances at the base are good enough for all but the best."""
     columns = jacobian[:, : len(base.z)]
-    best = [_weighed(problem, f, base) for f in best_first[:1]]
+    best = [_settled(problem, f, base) for f in best_first[:1]]
     behind = max((BEHIND * f.gain for f in best), default=0.0)
     return _sorted(best + in_parallel(lambda f: _weighed(problem, f, base, columns, behind), best_first[1:]))
+
+
+def _settled(problem: Problem, f: Fitted, base: Point) -> Fitted:
+    """The same, with fresh derivatives as long as they gain ``STEEP`` of what is left."""
+    near = replace(f, point=problem.points([(f.point.z, f.point.effects)])[0])
+    for _ in range(RELINEARISED):
+        before, near = near.point, _polished(problem, near, base, None)
+        if before.loss - near.point.loss < max(SETTLED, STEEP * near.point.over(WHITE)):
+            break
+    return near
 
 
 def _polished(problem: Problem, f: Fitted, base: Point, jacobian: Array | None, at_least: float = 0.0) -> Fitted:

@@ -196,8 +196,13 @@ def _strained(case: Case) -> bool:
 
 
 def _unnatural(case: Case) -> bool:
-    """Whether what was taken lies where the catalogue holds nothing plausible: it may stand in for another effect."""
-    return bool(case.taken) and not natural_side(case.taken[0].fitted.effect, case.taken[0].fitted.point.effects)
+    """Whether what was taken lies where the catalogue holds nothing plausible, or at the end of a range: it may stand in."""
+    if not case.taken:
+        return False
+    found = case.taken[0].fitted
+    values = found.point.effects
+    ends = [c.high <= values[c.name] or (c.positive and values[c.name] <= c.low) for c in found.coordinates]
+    return any(ends) or not natural_side(found.effect, values)
 
 
 def _explained(case: Case) -> bool:

@@ -45,7 +45,8 @@ NEGLIGIBLE = 0.012
 """Loss per innovation over that of a healthy machine which counts as nothing: the observer's own shortcomings."""
 Z90 = 1.645
 FORM = 2.5
-"""Factor of all intervals: a machine's effect never has exactly the catalogue's form. From blind trials (docs/proof_method.md)."""
+"""Factor of intervals that the recordings decide: a machine's effect never has exactly the catalogue's form. From blind trials
+(docs/proof_method.md)."""
 DERIVATIVES = 1e-3
 GRASP = 0.15
 """s. A load is not taken up in an instant: half the least width of the interval of its time."""
@@ -157,8 +158,10 @@ def occam(fitted: Fitted, new: Sequence[Coordinate]) -> float:
     return cost
 
 
-def trusted(point: Point, jacobian: Array, count: int, prior: Sequence[float]) -> Array:
+def trusted(point: Point, jacobian: Array, count: int, prior: Sequence[float], discount: float) -> Array:
     """Covariance of (z, inner coordinates) from no more than derivatives by differences can tell.
+
+    discount: what the recordings tell is divided by it; what the tolerances say is not.
 
     The precision scaled to a unit diagonal loses ``DERIVATIVES`` in every principal direction: in one where the effect of moving
     all unknowns together is less than 3 % of what each does alone, the recordings say nothing, the priors (precision 1 for z,
@@ -167,22 +170,25 @@ def trusted(point: Point, jacobian: Array, count: int, prior: Sequence[float]) -
     normal = (jacobian * weights(point)[:, None]).T @ jacobian
     scale = _scale(normal)
     values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
-    told = (vectors * np.maximum(values - DERIVATIVES, 0.0)) @ vectors.T * np.outer(scale, scale)
+    told = (vectors * np.maximum(values - DERIVATIVES, 0.0) / discount) @ vectors.T * np.outer(scale, scale)
     told += np.diag([1.0] * count + list(prior))
     scale = np.sqrt(np.diag(told))
     return np.asarray(np.linalg.inv(told / np.outer(scale, scale)) / np.outer(scale, scale))
 
 
 def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
-    """Numbers of all its effects with 90 % intervals, dotted names: the wider of two, posterior and scatter, times ``FORM``."""
+    """Numbers of all its effects with 90 % intervals, dotted names: the wider of two, posterior and scatter.
+
+    What the recordings tell counts ``FORM`` times less sharply; how far a tolerance reaches stays.
+    """
     count = len(fitted.point.z)
     prior = [c.precision for c in fitted.coordinates]
-    covariance = np.diag(trusted(fitted.point, fitted.jacobian, count, prior)) * temperature
-    covariance = np.maximum(covariance, np.diag(scatter(fitted.point, fitted.jacobian, count)))
+    covariance = np.diag(trusted(fitted.point, fitted.jacobian, count, prior, temperature * FORM**2))
+    covariance = np.maximum(covariance, np.diag(scatter(fitted.point, fitted.jacobian, count)) * FORM**2)
     result = {}
     for k, c in enumerate(fitted.coordinates, start=count):
         value = fitted.point.effects[c.name]
-        spread = Z90 * FORM * sqrt(max(float(covariance[k]), 0.0))
+        spread = Z90 * sqrt(max(float(covariance[k]), 0.0))
         if c.name.endswith(".t_g"):
             spread = max(spread, GRASP)
         if c.positive:
