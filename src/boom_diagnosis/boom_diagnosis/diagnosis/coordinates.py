@@ -12,10 +12,11 @@ MARGIN = 1.5
 """The prior reaches so far beyond the catalogue's plausible range, in widths of it."""
 MARGINS = {"pressure_bias": 8.0, "angle_offset": 3.0}
 """The same for what a careless hand can do at will."""
-STEP = 1.5e-3
-"""Share of an effect's range, and half the relative change of a positive number, that differences are taken over."""
-DELAYS, DELAYS_STEP = ("command_delay", "pressure_delay"), 0.05
-"""Effects that move samples between intervals, and the same share for them."""
+STEP, FACTOR_STEP = 1.5e-3, 3e-3
+"""Of differences: share of an effect's range, and relative change of a positive number. As small as those of the tolerances, or an
+effect that is a number's being off would have another derivative than that number."""
+DELAYS, DELAY_STEP = ("command_delay", "pressure_delay"), 0.05
+"""Effects that move samples between intervals, and the share of their range."""
 
 
 @dataclass(frozen=True)
@@ -101,8 +102,8 @@ def _coordinate(effect: str, row: EffectParameter) -> Coordinate:
         low = max(row.minimum, -row.high) if row.minimum < 0.0 else 0.0
     if positive:
         low, high = max(row.minimum, row.low / 3.0, 1e-12), min(row.maximum, row.high * 3.0)
-    share = DELAYS_STEP if effect in DELAYS else STEP
-    step = 2.0 * share if positive else share * max(abs(row.low), abs(row.high))
+    share = DELAY_STEP if effect in DELAYS else STEP
+    step = FACTOR_STEP if positive else share * max(abs(row.low), abs(row.high))
     if row.name == "t_g":
         low, high, step = 0.0, 1e4, 0.1
     name = f"effects.{effect}.{row.name}"

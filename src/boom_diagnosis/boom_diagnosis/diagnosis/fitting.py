@@ -27,7 +27,7 @@ SIZES = (1.0, 0.35, 0.1, 0.03)
 """Shares of a step that are tried, at once."""
 LEAST_STEP = 0.3
 """Nats. A step that gains less is the last, and moves the derivatives by nothing that counts."""
-LITTLE, MUCH = 5e-4, 0.02
+SLOW, FAST = 5e-4, 0.02
 """Shares of the loss over that of white noise: a step that gains less than the first is the last, too; a search that gains more
 than the second by a step has not come near its end."""
 Z_STEP = 0.1
@@ -176,14 +176,14 @@ class Problem:
         """Gauss-Newton with a step control; returns the best point and the Jacobian (rows, z then coordinates) there.
 
         jacobian: of the tolerances (rows, number of them), taken near ``start``; with further columns, of the coordinates, where
-        these are taken exactly there. further: iterations beyond ``iterations`` while each gains ``MUCH`` of what is left.
+        these are taken exactly there. further: iterations beyond ``iterations`` while each gains ``FAST`` of what is left.
         """
         m = len(start.z)
         best, nz, known = start, jacobian[:, :m].copy(), jacobian[:, m:]
         fresh = known.shape[1] == len(names)
         for k in range(iterations + further):
             columns = known if fresh else self.effect_jacobian(best, names)
-            step = _gauss_newton(best, np.concatenate([nz, columns], axis=1), names, self.limits)
+            step = gauss_newton(best, np.concatenate([nz, columns], axis=1), names, self.limits)
             trials = self.points([self._moved(best, step, names, size) for size in SIZES])
             trial = min(trials, key=lambda p: p.loss)
             _broyden(nz, best, trials[0], columns, names)
@@ -192,7 +192,7 @@ class Problem:
             known, fresh = columns, gain < LEAST_STEP
             if gain > 0.0:
                 best = trial
-            if gain < max(LEAST_STEP, (LITTLE if k < iterations - 1 else MUCH) * left):
+            if gain < max(LEAST_STEP, (SLOW if k < iterations - 1 else FAST) * left):
                 break
         columns = known if fresh else self.effect_jacobian(best, names)
         return best, np.concatenate([nz, columns], axis=1)
@@ -206,7 +206,7 @@ class Problem:
         for _ in range(iterations):
             columns = self.effect_jacobian(best, names)
             still = np.concatenate([np.zeros((len(best.w), len(zero))), columns], axis=1)
-            step = _gauss_newton(best, still, names, self.limits)
+            step = gauss_newton(best, still, names, self.limits)
             trial = min(self.points([self._moved(best, step, names, size) for size in SIZES]), key=lambda p: p.loss)
             if trial.loss >= best.loss - 0.1:
                 break
@@ -225,8 +225,11 @@ class Problem:
         return np.clip(at.z + size * step[:m], *self.limits), effects
 
 
-def _gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate], limits: Array) -> Array:
-    """Step of all unknowns; those that would leave their limits stay there."""
+def gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate], limits: Array) -> Array:
+    """Step of all unknowns (z, inner coordinates) from ``at``; those that would leave their limits stay there.
+
+    jacobian: (rows, unknowns), limits: (2, number of tolerances).
+    """
     m = len(at.z)
     omega = weights(at)
     root = np.sqrt(omega)

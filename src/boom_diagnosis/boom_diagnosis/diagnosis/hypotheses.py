@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from math import log
 
 import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.diagnosis.bag_samples import Bag
 from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
-from boom_diagnosis.diagnosis.fitting import LEAST_STEP, WHITE, Point, Problem, weights
+from boom_diagnosis.diagnosis.fitting import LEAST_STEP, WHITE, Point, Problem, gauss_newton
 from boom_diagnosis.diagnosis.nuisances import Nuisance
 from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.prediction import Predictor, with_states
@@ -287,19 +286,15 @@ def rebased(found: Round) -> Round:
 
 def _made_up(problem: Problem, f: Fitted) -> Array:
     """z that makes up best for an effect's vanishing, by the derivatives at its fit: a step of Gauss and Newton."""
-    count, omega = len(f.point.z), weights(f.point)
-    w = f.point.w.copy()
-    for row in EFFECTS[f.effect].leading:
-        k = next(k for k, c in enumerate(f.coordinates) if c.name == f"effects.{f.effect}.{row.name}")
-        c, value = f.coordinates[k], f.point.effects[f.coordinates[k].name]
-        if not c.positive:
-            w += (row.neutral - value) * f.jacobian[:, count + k]
-        else:  # of one that vanishes at 0 the logarithm is far from linear
-            w += (log(row.neutral / value) if row.neutral > 0.0 else -1.0) * f.jacobian[:, count + k]
-    own = f.jacobian[:, :count]
-    weighted = own * omega[:, None]
-    z = f.point.z - np.linalg.solve(weighted.T @ own + np.eye(count), weighted.T @ w + f.point.z)
-    return np.asarray(np.clip(z, *problem.limits))
+    count, w = len(f.point.z), f.point.w.copy()
+    neutral = {f"effects.{f.effect}.{row.name}": row.neutral for row in EFFECTS[f.effect].leading}
+    for c, column in zip(f.coordinates, f.jacobian.T[count:], strict=True):
+        if c.name in neutral:
+            here, there = f.point.effects[c.name], neutral[c.name]
+            # of what vanishes at 0 the logarithm is far from linear: x dw/dx is dw/d(log x)
+            w += column * (-1.0 if c.positive and there == 0.0 else c.inner(there) - c.inner(here))
+    step = gauss_newton(replace(f.point, w=w), f.jacobian[:, :count], (), problem.limits)
+    return np.asarray(np.clip(f.point.z + step, *problem.limits))
 
 
 Likeliest = Callable[[Array, Mapping[str, float]], Problem]
@@ -361,8 +356,7 @@ def _starts(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 def _weighed(problem: Problem, f: Fitted, base: Point, columns: Array | None = None, at_least: float = 0.0) -> Fitted:
     """The same effect fitted again, with an observer of other gains; ``columns``, ``at_least`` as in :func:`_polished`."""
-    start = problem.points([(f.point.z, f.point.effects)])[0]
-    return _polished(problem, replace(f, point=start), base, columns, at_least)
+    return _polished(problem, _seen(problem, f), base, columns, at_least)
 
 
 def _all_weighed(problem: Problem, best_first: Sequence[Fitted], base: Point, jacobian: Array) -> tuple[Fitted, ...]:
@@ -373,9 +367,14 @@ def _all_weighed(problem: Problem, best_first: Sequence[Fitted], base: Point, ja
     return _sorted(best + in_parallel(lambda f: _weighed(problem, f, base, columns, behind), best_first[1:]))
 
 
+def _seen(problem: Problem, f: Fitted) -> Fitted:
+    """The same point as an observer of other gains sees it; gain and derivatives are still those before."""
+    return replace(f, point=problem.points([(f.point.z, f.point.effects)])[0])
+
+
 def _settled(problem: Problem, f: Fitted, base: Point) -> Fitted:
     """The same, with fresh derivatives as long as they gain ``STEEP`` of what is left."""
-    near = replace(f, point=problem.points([(f.point.z, f.point.effects)])[0])
+    near = _seen(problem, f)
     for _ in range(RELINEARISED):
         before, near = near.point, _polished(problem, near, base, None)
         if before.loss - near.point.loss < max(SETTLED, STEEP * near.point.over(WHITE)):

@@ -13,7 +13,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.diagnosis.coordinates import Coordinate, coordinates, starts
+from boom_diagnosis.diagnosis.coordinates import DELAYS, Coordinate, coordinates, starts
 from boom_diagnosis.diagnosis.fitting import WHITE, Point, Problem, weights
 from boom_diagnosis.diagnosis.onset import TIME, near_onset
 from boom_model.effects import CATALOGUE, EFFECTS
@@ -33,7 +33,7 @@ PROBES = 16
 """Predicted at once."""
 NEARER = 0.5
 """Share of a probe below which it is taken once more."""
-AS_THEY_ARE = ("payload_change", "command_delay", "pressure_delay")
+AS_THEY_ARE = ("payload_change", *DELAYS)
 """Effects whose probes are taken once only: a load's time is searched for apart, and a delay moves samples between intervals."""
 LEAST_MISFIT = 50.0
 """Nats that there may always be to explain."""
