@@ -55,8 +55,9 @@ ANGLE_UNSURE, ROD_PRESSURE_UNSURE = 0.05, 5.0e5
 """rad, Pa: deviations of the start. An angle may be off by its sensor's mounting, a pressure by its transducer."""
 PROBE = 0.1
 """Standard deviations by which a number is moved for its sensitivity."""
-COARSE_STEPS = 3
-"""In a millisecond, for sensitivities: within 1 % in the median and 2 % in nine of ten of those with all."""
+CHANGE_STEPS, SENSITIVITY_STEPS = 3, 2
+"""In a millisecond: for what a change of numbers does, within 1 % in the median of that with all, and for sensitivities, which only
+lead there, within 2 %."""
 SPACING = 20
 """Milliseconds between the samples that are compared."""
 PROJECTIONS, SETTLED = 6, 0.9
@@ -112,6 +113,7 @@ class Detectability:
         plain = run(self.m, self.linkage, setting.start, per_millisecond(setting.currents))
         self.scene = scene(self.m, setting, plain)
         self.plain = plain.outputs
+        self._undisturbed: dict[int, Array] = {}
 
     @property
     def detectable(self) -> float:
@@ -143,7 +145,7 @@ class Detectability:
             else:
                 tried[free] += share * (solve @ (n.T @ rest - z[free]))
             try:
-                left = self._white(changed - self._moved(dict(zip(NUMBERS, tried, strict=True))))
+                left = self._white(changed - self.plain - self._change(dict(zip(NUMBERS, tried, strict=True))))
                 reached = float(left @ left + tried @ tried)
             except RunError:
                 reached = np.inf
@@ -252,7 +254,7 @@ class Detectability:
 
         at: deviations around which they are moved.
         """
-        plain = self._moved(at, COARSE_STEPS)
+        middle = self._change(at, SENSITIVITY_STEPS)
         columns = []
         for key in NUMBERS:
             column = np.zeros(2 * self._weights.size)
@@ -262,12 +264,18 @@ class Detectability:
             for direction in (PROBE, -PROBE):
                 moved = {**at, key: at.get(key, 0.0) + direction}
                 try:
-                    column = self._white(self._moved(moved, COARSE_STEPS) - plain) / direction
+                    column = self._white(self._change(moved, SENSITIVITY_STEPS) - middle) / direction
                     break
                 except RunError:
                     continue
             columns.append(column)
         return np.stack(columns, axis=-1)
+
+    def _change(self, deviations: dict[str, float], steps: int = CHANGE_STEPS) -> Array:
+        """What numbers moved by so many standard deviations change in the undisturbed outputs. Raises RunError."""
+        if steps not in self._undisturbed:
+            self._undisturbed[steps] = self._moved({}, steps)
+        return self._moved(deviations, steps) - self._undisturbed[steps]
 
     def _moved(self, deviations: dict[str, float], steps: int = STEPS) -> Array:
         """Undisturbed outputs of the specimen with numbers moved by so many standard deviations. Raises RunError."""
