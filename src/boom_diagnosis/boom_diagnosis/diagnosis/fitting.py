@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from boom_diagnosis.diagnosis.coordinates import Coordinate
 from boom_diagnosis.diagnosis.nuisances import Nuisance, closed
 from boom_diagnosis.diagnosis.prediction import Predictor
+from boom_model.compiled import LANES
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,9 @@ HUBER = 4.0
 WHITE = 0.5
 """Loss [nats] per innovation that is white noise and nothing else."""
 SIZES = (1.0, 0.35, 0.1, 0.03)
-"""Shares of a step that are tried, at once."""
+"""Shares of a step that are tried, at once; the last ones after the others where a step has its derivatives taken with it."""
+AHEAD = 2
+"""Numbers of effects whose derivatives are taken with a step at most; with more, too few sizes would be left beside them."""
 LEAST_STEP = 0.3
 """Nats. A step that gains less is the last, and moves the derivatives by nothing that counts."""
 SLOW, FAST = 5e-4, 0.02
@@ -153,16 +156,9 @@ class Problem:
         """dw/d(inner coordinate) (rows, number of coordinates) by differences, towards the inside of the limits."""
         if not names:
             return np.zeros((len(at.w), 0))
-        moved, sizes = [], []
-        for c in names:
-            here = at.effects[c.name]
-            there = here * (1 + c.step) if c.positive else here + c.step
-            if there > c.high:
-                there = here / (1 + c.step) if c.positive else here - c.step
-            moved.append((at.z, {**at.effects, c.name: there}))
-            sizes.append(c.inner(there) - c.inner(here))
-        changes = self._changes(at, moved)
-        return np.stack([change / s for change, s in zip(changes, sizes, strict=True)], axis=-1)
+        moved = [{**at.effects, c.name: _beside(c, at.effects[c.name])} for c in names]
+        changes = self._changes(at, [(at.z, effects) for effects in moved])
+        return _columns(at.effects, moved, names, changes)
 
     def fit(
         self,
@@ -183,15 +179,15 @@ class Problem:
         fresh = known.shape[1] == len(names)
         for k in range(iterations + further):
             columns = known if fresh else self.effect_jacobian(best, names)
-            step = gauss_newton(best, np.concatenate([nz, columns], axis=1), names, self.limits)
-            trials = self.points([self._moved(best, step, names, size) for size in SIZES])
-            trial = min(trials, key=lambda p: p.loss)
-            _broyden(nz, best, trials[0], columns, names)
+            whole, trial, ahead = self._tried(best, np.concatenate([nz, columns], axis=1), names)
+            _broyden(nz, best, whole, columns, names)
             gain = best.loss - trial.loss
             left = best.over(WHITE)
             known, fresh = columns, gain < LEAST_STEP
             if gain > 0.0:
                 best = trial
+                if trial is whole and ahead is not None:
+                    known, fresh = ahead, True
             if gain < max(LEAST_STEP, (SLOW if k < iterations - 1 else FAST) * left):
                 break
         columns = known if fresh else self.effect_jacobian(best, names)
@@ -203,15 +199,39 @@ class Problem:
         best = self.points([(zero, effects)])[0]
         if not names:
             return best
+        columns = self.effect_jacobian(best, names)
         for _ in range(iterations):
-            columns = self.effect_jacobian(best, names)
             still = np.concatenate([np.zeros((len(best.w), len(zero))), columns], axis=1)
-            step = gauss_newton(best, still, names, self.limits)
-            trial = min(self.points([self._moved(best, step, names, size) for size in SIZES]), key=lambda p: p.loss)
+            whole, trial, ahead = self._tried(best, still, names)
             if trial.loss >= best.loss - 0.1:
                 break
             best = trial
+            columns = ahead if trial is whole and ahead is not None else self.effect_jacobian(best, names)
         return best
+
+    def _tried(self, at: Point, jacobian: Array, names: Sequence[Coordinate]) -> tuple[Point, Point, Array | None]:
+        """A step: the point behind the whole of it, the best of those behind ``SIZES`` of it, and the effects' columns there.
+
+        The columns are those of :meth:`effect_jacobian` behind the whole step. A pass predicts ``LANES`` points; the columns take
+        the place of small sizes in it, which are tried where the large ones gain nothing of what the step promised. None where
+        there are too many.
+        """
+        step = gauss_newton(at, jacobian, names, self.limits)
+        ends = [self._moved(at, step, names, size) for size in SIZES]
+        if not 0 < len(names) <= AHEAD:
+            points = self.points(ends)
+            return points[0], min(points, key=lambda p: p.loss), None
+        z, effects = ends[0]
+        beside = [{**effects, c.name: _beside(c, effects[c.name])} for c in names]
+        first = LANES - len(names)
+        points = self.points(ends[:first] + [(z, e) for e in beside])
+        points, moved = points[:first], points[first:]
+        best = min(points, key=lambda p: p.loss)
+        if best.loss >= at.loss:
+            promised = rho((at.w + jacobian @ step)[at.used]) + 0.5 * float(z @ z)
+            if at.loss - promised > max(LEAST_STEP, SLOW * at.over(WHITE)):
+                best = min(best, *self.points(ends[first:]), key=lambda p: p.loss)
+        return points[0], best, _columns(effects, beside, names, [p.w - points[0].w for p in moved])
 
     def _moved(
         self, at: Point, step: Array, names: Sequence[Coordinate], size: float
@@ -223,6 +243,22 @@ class Problem:
             there = here * float(np.exp(np.clip(size * d, -1.0, 1.0))) if c.positive else here + size * float(d)
             effects[c.name] = float(np.clip(there, c.low, c.high))
         return np.clip(at.z + size * step[:m], *self.limits), effects
+
+
+def _beside(c: Coordinate, here: float) -> float:
+    """A value a small step away, towards the inside of the limits."""
+    there = here * (1 + c.step) if c.positive else here + c.step
+    if there > c.high:
+        there = here / (1 + c.step) if c.positive else here - c.step
+    return there
+
+
+def _columns(
+    at: Mapping[str, float], moved: Sequence[Mapping[str, float]], names: Sequence[Coordinate], changes: Sequence[Array]
+) -> Array:
+    """dw/d(inner coordinate) (rows, number of coordinates), from the change (rows,) that moving each one made."""
+    sizes = [c.inner(there[c.name]) - c.inner(at[c.name]) for c, there in zip(names, moved, strict=True)]
+    return np.stack([change / size for change, size in zip(changes, sizes, strict=True)], axis=-1)
 
 
 def gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate], limits: Array) -> Array:
