@@ -45,7 +45,7 @@ STUCK = 4.0
 """Loss per innovation over that of white noise from which on derivatives of the nominal machine have led the tolerances nowhere."""
 BEHIND = 0.3
 """Share of what the best effect gains below which another one, fitted a few steps, is not followed further."""
-MARGINAL = 0.01
+MARGINAL = 0.03
 """Share of what an effect gains that tolerances alone may gain where their fit counts as good enough beside it."""
 POLISH = 6
 """Steps of Gauss-Newton for an effect that is weighed."""
@@ -184,13 +184,13 @@ def run_round(
     most = min(refined, LOOSELY) if searching.predictor.looseness == LOOSENESS[-1] else refined
     promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING * least][:most]
 
-    def tried(effect: str, at_least: float) -> Fitted:
-        return refine(scanner, jacobian, _starts(grouped[effect]), kept, at_least=at_least)
+    def tried(effect: str, at_least: float, level: float) -> Fitted:
+        return refine(scanner, jacobian, _starts(grouped[effect]), kept, at_least=at_least, level=level)
 
     fitted = list[Fitted]()
     for pair in (promising[:2], promising[2:]):
-        enough = BEHIND * max((f.gain for f in fitted), default=0.0)
-        fitted += in_parallel(partial(tried, at_least=enough), pair)
+        enough, level = max(((BEHIND * f.gain, f.glanced) for f in fitted), default=(0.0, -np.inf))
+        fitted += in_parallel(partial(tried, at_least=enough, level=level), pair)
     fitted = list(_sorted(fitted))
     if not fitted:
         return Round(accepted, base, jacobian, (), scanned, searching)
@@ -201,7 +201,9 @@ def run_round(
     if weighing.predictor.looseness == searching.predictor.looseness and not with_states(best.effects):
         fitted[0] = _polished(searching, fitted[0], base, fitted[0].jacobian)
         return Round(accepted, base, jacobian, _sorted(fitted), scanned, searching)
-    base, jacobian = fit(weighing, base.z, base.effects, kept)
+    without, beside = weighing.points([(base.z, base.effects), (best.z, best.effects)])
+    enough = max(SETTLED, MARGINAL * (without.loss - beside.loss))
+    base, jacobian = fit(weighing, base.z, base.effects, kept, settled=enough)
     near = [f for f in fitted[:WEIGHED] if f.gain > RIVAL * fitted[0].gain]
     return Round(accepted, base, jacobian, _all_weighed(weighing, near, base, jacobian), scanned, weighing)
 
@@ -247,10 +249,10 @@ class Nominal:
     def fitted(self, effects: Sequence[str]) -> list[Fitted]:
         """Effects fitted from the nominal machine, in this order; those that soon fall far behind the first one not to the end."""
 
-        def fitted(effect: str, at_least: float = 0.0) -> Fitted:
+        def fitted(effect: str, at_least: float = 0.0, level: float = -np.inf) -> Fitted:
             if effect not in self._fitted:
                 self._fitted[effect] = refine(
-                    self._scanner, self.jacobian, [self.seen[effect]], self.kept, at_least=at_least
+                    self._scanner, self.jacobian, [self.seen[effect]], self.kept, at_least=at_least, level=level
                 )
             return self._fitted[effect]
 
@@ -258,7 +260,8 @@ class Nominal:
         gain = max((self.gain(f) for f in first), default=0.0)
         large = gain > BEHIND * self.tolerances.over(WHITE)
         needed = self.at.loss - self.tolerances.loss + BEHIND * gain if large else 0.0
-        return first + in_parallel(lambda effect: fitted(effect, needed), effects[1:])
+        level = min((f.glanced for f in first), default=-np.inf)
+        return first + in_parallel(lambda effect: fitted(effect, needed, level), effects[1:])
 
 
 def rebased(found: Round) -> Round:

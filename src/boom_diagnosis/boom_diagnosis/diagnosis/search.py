@@ -61,7 +61,7 @@ class Fitted:
     Attributes:
         gain: decrease of the loss against the tolerances alone [nats].
         jacobian: (rows, z then coordinates) at the point.
-        starts: losses reached from each start.
+        starts: losses reached from each start. glanced: the best of them after ``GLANCE`` steps.
     """
 
     effect: str
@@ -70,6 +70,7 @@ class Fitted:
     jacobian: Array
     gain: float
     starts: tuple[float, ...]
+    glanced: float = -np.inf
 
 
 class Scanner:
@@ -221,26 +222,35 @@ def refine(
     kept: Sequence[Coordinate] = (),
     *,
     at_least: float = 0.0,
+    level: float = -np.inf,
 ) -> Fitted:
     """Fits one effect (and the numbers ``kept`` of those accepted before) from its candidates and keeps the best.
 
-    at_least: nats that a start must have gained after ``GLANCE`` steps to be followed further.
+    Of several candidates one that is behind another after ``GLANCE`` steps is not followed further.
+
+    at_least, level: nats that a start must have gained after ``GLANCE`` steps to be followed further, or the loss it must have
+    reached then, that of the best so far.
     """
     problem, at = scanner.problem, scanner.at
     names = (*kept, *coordinates(EFFECTS[candidates[0].effect]))
     count = len(at.z)
     reached: list[tuple[Point, Array]] = []
+    glanced = np.inf
     for candidate in candidates:
         start = _start(scanner, candidate)
         before, own = problem.fit(start, jacobian[:, :count], names, iterations=1)
         point, own = problem.fit(before, own, names, iterations=GLANCE - 1)
-        if at.loss - point.loss + (before.loss - point.loss) > at_least:  # another step may gain as much as the last
+        leading, glanced = point.loss < glanced, min(glanced, point.loss)
+        # another step may gain as much as the last
+        enough = at.loss - point.loss + (before.loss - point.loss) > at_least or point.loss <= level
+        if leading and enough:
             point, own = problem.fit(point, own, names, iterations=STEPS - GLANCE, further=FURTHER)
             if TIME in candidate.values and at.loss - point.loss > TIMED:  # the loss over a time has many valleys
                 point, own = problem.fit(near_onset(problem, point), own[:, :count], names, iterations=STEPS)
         reached.append((point, own))
     point, final = min(reached, key=lambda r: r[0].loss)
-    return Fitted(candidates[0].effect, point, names, final, at.loss - point.loss, tuple(r[0].loss for r in reached))
+    losses = tuple(r[0].loss for r in reached)
+    return Fitted(candidates[0].effect, point, names, final, at.loss - point.loss, losses, glanced)
 
 
 def _start(scanner: Scanner, candidate: Candidate) -> Point:
