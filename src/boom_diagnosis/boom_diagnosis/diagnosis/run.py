@@ -14,7 +14,7 @@ from boom_diagnosis.diagnosis.case import Case
 from boom_diagnosis.diagnosis.coordinates import all_coordinates
 from boom_diagnosis.diagnosis.document import DiagnosisResult
 from boom_diagnosis.diagnosis.earning import CLEAR_REST, chance, least, settle, take, weigh
-from boom_diagnosis.diagnosis.fitting import WHITE
+from boom_diagnosis.diagnosis.fitting import WHITE, Point
 from boom_diagnosis.diagnosis.healthy import simulated
 from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, problem_at, rebased, run_round
 from boom_diagnosis.diagnosis.learning import learn_plainly
@@ -134,6 +134,8 @@ def _rounds(case: Case, progress: Progress) -> None:
         if len(case.taken) == 2 and not alone:
             alone = True  # once: what takes its place may bring the other back
             _without_first(case)
+            if len(case.taken) == 2 and _unnatural(case):
+                _without_stand_in(case, look)
         k = len(case.taken)
         left = case.rest(case.last)
         if left < NEGLIGIBLE:
@@ -244,23 +246,45 @@ def _look_again(case: Case, progress: Progress) -> bool:
 
 def _without_first(case: Case) -> None:
     """The second effect takes the first one's place where the first gains nothing beside it: it stood in for it."""
-    second, found = case.taken[1].fitted, case.rounds[1].problem
+    found, point = _second_alone(case)
+    second = case.taken[1]
+    both = found.problem.points([(second.fitted.point.z, second.fitted.point.effects)])[0]
+    if point.loss - both.loss <= chance(case) + OTHER_FORM * second.net:
+        before = case.kept_back()
+        if not _taken_anew(case, found):
+            case.go_back(before)
+
+
+def _without_stand_in(case: Case, progress: Progress) -> None:
+    """Where the first effect lies where none is plausible: the second one, and what is found beside it, if they leave less."""
+    before, left = case.kept_back(), case.rest(case.last)
+    if _taken_anew(case, _second_alone(case)[0]):
+        _look(case, progress, case.rest(case.last) < FAR)
+        if case.rest(case.last) < left:
+            return
+    case.go_back(before)
+
+
+def _second_alone(case: Case) -> tuple[Round, Point]:
+    """The first round as if the second effect had been all that it found, and that effect's fit without the first."""
+    second, looseness = case.taken[1].fitted, case.rounds[1].problem.predictor.looseness
     names = all_coordinates([second.effect])
     values = {c.name: second.point.effects[c.name] for c in names}
-    problem = case.problem(second.point.z, values, found.predictor.looseness)
+    problem = case.problem(second.point.z, values, looseness)
     zero = np.zeros(len(case.nuisances))
     start = min(problem.points([(second.point.z, values), (zero, values)]), key=lambda p: p.loss)
     point, jacobian = problem.fit(start, problem.nuisance_jacobian(start), names)
-    both = problem.points([(second.point.z, second.point.effects)])[0]
-    if point.loss - both.loss > chance(case) + OTHER_FORM * case.taken[1].net:
-        return
-    before, first = case.kept_back(), case.rounds[0]
+    first = case.rounds[0]
     base, columns = problem.fit(problem.points([(first.base.z, {})])[0], jacobian[:, : len(zero)])
     fitted = Fitted(second.effect, point, names, jacobian, base.loss - point.loss, (point.loss,))
+    return replace(first, base=base, jacobian=columns, fitted=(fitted,), problem=problem), point
+
+
+def _taken_anew(case: Case, found: Round) -> bool:
+    """The search begun again with this round; whether what it found is taken."""
     for part in (case.taken, case.spared, case.disproved):
         part.clear()
-    if not _judge(case, replace(first, base=base, jacobian=columns, fitted=(fitted,), problem=problem)):
-        case.go_back(before)
+    return _judge(case, found)
 
 
 def _plain(case: Case) -> bool:
