@@ -55,6 +55,9 @@ WEIGHED, RIVAL = 3, 0.1
 RELINEARISED, SETTLED = 5, 50.0
 """Fits of the tolerances with fresh derivatives at most, and the nats that the last one gained where they are good enough: a search
 that gives up too early leaves a rest to whatever effect comes first."""
+FLAT = 0.015
+"""Share of what tolerances leave over white noise which their fit with fresh derivatives must gain for one more to be worth its
+time."""
 STEEP = 0.1
 """Share of what an effect leaves over white noise that a fit with fresh derivatives must gain for one more to be worth its time."""
 NOTICED, NOTICED_EACH = 12.0, 0.5
@@ -144,7 +147,8 @@ def run_round(
         for _ in range(RELINEARISED):
             before = point.loss
             point, jacobian = p.fit(point, p.nuisance_jacobian(point), names, iterations=6)
-            if before - point.loss < settled or p.predictor.looseness == LOOSENESS[-1]:
+            enough = max(settled, FLAT * point.over(WHITE))
+            if before - point.loss < enough or p.predictor.looseness == LOOSENESS[-1]:
                 break
         return point, jacobian
 
