@@ -300,6 +300,25 @@ def test_a_search_goes_on_while_it_gains_much_and_ends_where_it_does_not(monkeyp
     assert 2 <= len(tried) <= 4
 
 
+def test_derivatives_that_come_with_a_step_are_those_behind_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, at = loaded(400.0)
+    names = all_coordinates(["payload"])
+    start = problem.points([(at.z, {"effects.payload.mass": 390.0})])[0]
+    tolerances_only = problem.nuisance_jacobian(start)
+    taken = []
+    plain = Problem.effect_jacobian
+
+    def counted(self: Problem, at: Point, of: Sequence[Coordinate]) -> np.ndarray:
+        taken.append(at)
+        return plain(self, at, of)
+
+    monkeypatch.setattr(Problem, "effect_jacobian", counted)
+    end, jacobian = problem.fit(start, tolerances_only, names, iterations=1)
+    assert taken == [start] and end.loss < start.loss
+    anew = plain(problem, end, names)[:, 0]
+    assert np.linalg.norm(jacobian[:, -1] - anew) < 0.02 * np.linalg.norm(anew)
+
+
 def test_a_number_further_off_than_its_tolerance_is_named_where_an_effect_is_that() -> None:
     """The overlap of the spool is known to 15 %; 0.08 of the stroke is 29 %."""
     document = diagnose(

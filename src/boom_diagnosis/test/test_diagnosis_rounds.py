@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from diagnosis_samples import tz17
 
-from boom_diagnosis.diagnosis import answer, earning, proof, run
+from boom_diagnosis.diagnosis import answer, earning, proof, run, search
 from boom_diagnosis.diagnosis.case import Case
 from boom_diagnosis.diagnosis.coordinates import all_coordinates
 from boom_diagnosis.diagnosis.fitting import WHITE, Point
@@ -178,6 +178,64 @@ def test_a_first_effect_that_gains_nothing_beside_the_second_gives_its_place_to_
     monkeypatch.setattr(run, "_judge", judged)
     run._without_first(made)
     assert [w.fitted.effect for w in made.taken] == left
+
+
+@pytest.mark.parametrize(
+    ("left", "names"), [(0.2, ["payload", "stribeck_friction"]), (0.4, ["presliding_friction", "payload"])]
+)
+def test_what_stands_in_for_something_gives_way_if_the_second_and_what_is_beside_it_leave_less(
+    monkeypatch: pytest.MonkeyPatch, case: Any, left: float, names: list[str]
+) -> None:
+    """``left``: nats per innovation with the new pair; 0.3 with the one that begins with a stand-in."""
+    made = Case(None, None, [], [], [], [], [], (), 0)  # type: ignore[arg-type]
+    made.taken = [weighed(effect, 400.0, 400.0, 1000.0) for effect in ("presliding_friction", "payload")]
+
+    def anew(of: Case, found: Any) -> bool:
+        of.taken[:] = [of.taken[1]]
+        return True
+
+    def look(of: Case, *given: Any) -> bool:
+        of.taken.append(weighed("stribeck_friction", 100.0, 100.0, 1000.0))
+        return True
+
+    def rest(of: Case, at: Any) -> float:
+        return {"presliding_friction": 0.3}.get(of.taken[0].fitted.effect, left)
+
+    monkeypatch.setattr(run, "_second_alone", lambda of: (None, None))
+    monkeypatch.setattr(run, "_taken_anew", anew)
+    monkeypatch.setattr(run, "_look", look)
+    monkeypatch.setattr(Case, "last", None)
+    monkeypatch.setattr(Case, "rest", rest)
+    run._without_stand_in(made, lambda text, share: None)
+    assert [w.fitted.effect for w in made.taken] == names
+
+
+@pytest.mark.parametrize(
+    ("losses", "at_least", "level", "followed"),
+    [
+        ([800.0], 0.0, -np.inf, 1), ([800.0], 500.0, -np.inf, 0), ([800.0], 500.0, 810.0, 1), ([800.0], 500.0, 790.0, 0),
+        ([800.0, 850.0], 0.0, -np.inf, 1), ([850.0, 800.0], 0.0, -np.inf, 2),
+    ],
+)  # fmt: skip
+def test_a_start_is_followed_if_it_gains_enough_or_stands_where_the_best_stood_then(
+    monkeypatch: pytest.MonkeyPatch, losses: list[float], at_least: float, level: float, followed: int
+) -> None:
+    """``losses``: of each start after a glance, from 1000; enough is 500 gained."""
+    further_steps = []
+
+    class Fits:
+        def fit(self, at: Point, jacobian: np.ndarray, names: Any, *, iterations: int, further: int = 0) -> Any:
+            further_steps.extend([further] if further else [])
+            return at, jacobian
+
+    starts = iter(losses)
+    monkeypatch.setattr(search, "_start", lambda scanner, candidate: point(next(starts)))
+    scanner: Any = SimpleNamespace(problem=Fits(), at=point(1000.0))
+    candidates = [search.Candidate("payload", {}, 1.0)] * len(losses)
+    level += WHITE * SAMPLES
+    found = search.refine(scanner, np.zeros((SAMPLES, 1)), candidates, at_least=at_least, level=level)
+    assert len(further_steps) == followed
+    assert found.glanced == point(min(losses)).loss
 
 
 @pytest.mark.parametrize(
