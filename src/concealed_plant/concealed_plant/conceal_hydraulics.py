@@ -7,7 +7,7 @@ from math import sqrt
 import numpy as np
 
 from concealed_plant.hidden import Array, Hidden, Scene, conceals, sign, within
-from concealed_plant.kernel import FULL_FLOW, LPM
+from concealed_plant.kernel import FULL_FLOW, LPM, limited
 from concealed_plant.plant import PERIOD, Courses
 
 
@@ -97,9 +97,10 @@ def hose_burst_valve_lag(size: float, r: Array, scene: Scene) -> Hidden:
     tolerance=0.03,
 )
 def hose_burst_valve_setting(size: float, r: Array, scene: Scene) -> Hidden:
-    """Limits at another flow."""
-    factor = 1.0 - size if r[0] < 0.7 else 1.0 + size
-    return Hidden({"poppet_preload": factor}, parameters={"r": factor})
+    """Limits at another flow; r is the factor of that flow at the mean difference at which the undisturbed valve limits."""
+    factor, drop = 1.0 - size if r[0] < 0.7 else 1.0 + size, scene.limited_drop
+    flow = limited(drop, scene.m._replace(poppet_preload=factor)) / limited(drop, scene.m)
+    return Hidden({"poppet_preload": factor}, parameters={"r": flow})
 
 
 @conceals("valve_dead_zone", "main_valve", "-", (0.0005, 0.2), "the edges are moved bodily, their slope stays")

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from concealed_plant import sensing
 from concealed_plant.hidden import Concealment, Hidden, Scene, Sensing
-from concealed_plant.kernel import STEPS
+from concealed_plant.kernel import STEPS, limiting_from
 from concealed_plant.machine import (
     DEVIATIONS_IN_TOLERANCE,
     DRAWN,
@@ -301,10 +301,12 @@ class Detectability:
 
 def scene(m: Quantities, setting: Setting, plain: Run) -> Scene:
     """What an effect may need to know of the undisturbed recording."""
-    angle = plain["angle"]
+    angle, drop, knee = plain["angle"], plain["hose"] - plain["head"], limiting_from(m)
+    limited = drop[drop < knee]
     return Scene(
-        m, setting.duration, float(angle.min()), float(angle.max()), setting.starts, float(plain["flow_head"].max())
-    )
+        m, setting.duration, float(angle.min()), float(angle.max()), setting.starts, float(plain["flow_head"].max()),
+        float(limited.mean()) if len(limited) else knee,
+    )  # fmt: skip
 
 
 def outputs(m: Quantities, table: Linkage, setting: Setting, hidden: Hidden) -> Array:

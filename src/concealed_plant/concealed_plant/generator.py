@@ -206,9 +206,10 @@ def _crane(spec: CaseSpec, file: MachineFile, rng: np.random.Generator) -> _Cran
     told = Pose(q3, q4, load)
     off = load_deviation(load) * SCATTER * rng.standard_normal() if load else 0.0
     own = {key for name in names for key in CONCEALMENTS[name].twins}  # off by what is concealed and nothing else
-    scatter = {key: f for key, f in scattered(file, told, rng, SCATTER).items() if key not in own}
-    specimen = file.specimen(scatter)
+    scatter = scattered(file, told, rng, SCATTER)
     wrong = _wrong(rng) if spec.kind == "parameters" else {}
+    # what is concealed is off by that and nothing else, and a number that is wrong by so much is no further off
+    specimen = file.specimen({key: f for key, f in scatter.items() if key not in own and key not in wrong})
     factors = {
         key: 1.0 + deviations * file.tolerance(key, told) / DEVIATIONS_IN_TOLERANCE for key, deviations in wrong.items()
     }

@@ -24,6 +24,7 @@ class Scene:
         low, high: boom angles that are visited [rad].
         starts: times [s] at which a motion begins.
         peak: largest flow from the pump to the head side [m^3/s].
+        limited_drop: mean difference over the hose burst valve while it limits [Pa], that of its knee where it never does.
     """
 
     m: Quantities
@@ -32,6 +33,7 @@ class Scene:
     high: float
     starts: Array
     peak: float
+    limited_drop: float
 
     @property
     def milliseconds(self) -> Array:

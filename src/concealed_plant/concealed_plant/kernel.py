@@ -54,11 +54,16 @@ def stiffness(pressure: float, m: Quantities) -> float:
 
 
 @compiled
+def limiting_from(m: Quantities) -> float:
+    """Difference [Pa] over the hose burst valve below which it limits the flow."""
+    return 2.0 * m.hbv_30 * m.poppet_preload / (m.hbv_21 - m.hbv_31) * BAR
+
+
+@compiled
 def limited(drop: float, m: Quantities) -> float:
     """Conductance [m^3/s/Pa] of the hose burst valve for oil that leaves, drop = p_h - p_a <= 0 [Pa]; preloaded spring."""
     d = drop / BAR
-    node = 2.0 * m.hbv_30 * m.poppet_preload / (m.hbv_21 - m.hbv_31)
-    if d >= node:
+    if drop >= limiting_from(m):
         bend = (m.hbv_21 - m.hbv_31) ** 2 / (-4.0 * m.hbv_30 * m.poppet_preload)
         return (m.hbv_21 + bend * d) * LPM / BAR
     return (m.hbv_31 + m.hbv_30 * m.poppet_preload / d) * LPM / BAR
