@@ -3,6 +3,7 @@
 import functools
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -317,6 +318,46 @@ def test_derivatives_that_come_with_a_step_are_those_behind_it(monkeypatch: pyte
     assert taken == [start] and end.loss < start.loss
     anew = plain(problem, end, names)[:, 0]
     assert np.linalg.norm(jacobian[:, -1] - anew) < 0.02 * np.linalg.norm(anew)
+
+
+def test_a_switch_in_one_of_three_differences_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, at = loaded(400.0)
+    names = all_coordinates(["payload"])
+    plain, sound = Problem._changes, problem.effect_jacobian(at, names, exact=True)
+    struck = {"k": 0}
+
+    def struck_changes(self: Problem, here: Point, moved: Sequence[Any]) -> list[np.ndarray]:
+        changes = plain(self, here, moved)
+        changes[struck["k"]] = changes[struck["k"]] + 2.0
+        return changes
+
+    monkeypatch.setattr(Problem, "_changes", struck_changes)
+    for struck["k"] in range(3):
+        column = problem.effect_jacobian(at, names, exact=True)
+        assert np.linalg.norm(column - sound) < 0.05 * np.linalg.norm(sound)
+
+
+def test_what_a_number_is_off_is_the_effect_s_where_the_recordings_do_not_tell_them_apart() -> None:
+    """The load is told 60 kg too low, and half of that stands as the tolerance of the load."""
+    problem, _ = loaded(60.0)
+    names = all_coordinates(["payload"])
+    load = [n.name for n in problem.nuisances].index("pose.load")
+    z = np.zeros(len(problem.nuisances))
+    z[load] = 30.0 / problem.nuisances[load].sigma
+    split = problem.points([(z, {"effects.payload.mass": 30.0})])[0]
+    jacobian = np.concatenate([problem.nuisance_jacobian(split), problem.effect_jacobian(split, names)], axis=1)
+    moved = problem.made_nominal(split, jacobian, names, [load])
+    assert moved.z[load] == 0.0
+    assert moved.effects["effects.payload.mass"] == pytest.approx(60.0, abs=1.0)
+    assert moved.loss == pytest.approx(split.loss - 0.5 * z[load] ** 2, abs=1.0)
+
+
+def test_a_channel_that_is_left_as_it_was_speaks_for_unknown_physics() -> None:
+    """Loss per innovation: the rate is explained, the pressures stay; as little as a twentieth of the noise says nothing."""
+    explained = [(4.0, 0.05), (3.2, 0.04)]
+    assert unknown_probability(2.0, 0.15, channels=[*explained, (0.25, 0.03), (0.48, 0.05)]) < 0.05
+    assert unknown_probability(2.0, 0.15, channels=[*explained, (0.25, 0.23), (0.48, 0.30)]) > 0.6
+    assert unknown_probability(2.0, 0.15, channels=[*explained, (0.03, 0.03), (0.03, 0.03)]) < 0.05
 
 
 def test_a_number_further_off_than_its_tolerance_is_named_where_an_effect_is_that() -> None:

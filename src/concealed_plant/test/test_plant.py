@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from concealed_plant import sensing
+from concealed_plant.cases import CaseSpec
 from concealed_plant.concealments import CONCEALMENTS
 from concealed_plant.detectability import Setting, outputs, scene, together
+from concealed_plant.generator import _crane
 from concealed_plant.hidden import Hidden, Sensing
 from concealed_plant.kernel import limited, orifice, spear, stiffness
-from concealed_plant.machine import MachineFile, Pose, linkage, quantities, scattered
+from concealed_plant.machine import DEVIATIONS_IN_TOLERANCE, MachineFile, Pose, linkage, quantities, scattered
 from concealed_plant.operator import Operator
 from concealed_plant.plant import RunError, Start, per_millisecond, run
 
@@ -115,3 +117,30 @@ def test_conductances_have_the_form_that_is_documented(plain):
     assert spear(0.0, stiff) == 1e9
     flow = [-limited(-d, m) * d for d in (1e5, 2e6, 1e7)]
     assert flow[0] > flow[1] > flow[2] or flow[0] < 0
+
+
+def test_the_label_of_the_hose_burst_valve_is_the_flow_that_it_limits(plain):
+    """q = a_31 dp + a_30 F beyond the knee: half the preload F is more than half the flow."""
+    m, _, _, there = plain
+    hidden = CONCEALMENTS["hose_burst_valve_setting"].build(0.5, np.array([0.3, 0.6, 0.4, 0.7, 0.2]), there)
+    drop = there.limited_drop / 1e5
+    assert drop <= 2.0 * m.hbv_30 / (m.hbv_21 - m.hbv_31)
+    flows = [m.hbv_31 * drop + m.hbv_30 * preload for preload in (1.0, hidden.changes["poppet_preload"])]
+    assert hidden.parameters["r"] == pytest.approx(flows[1] / flows[0])
+    assert 0.5 < hidden.parameters["r"] < 0.8
+
+
+def test_a_wrong_number_is_off_by_what_is_said_and_no_more():
+    file, seen = MachineFile.read(FILE), 0
+    for seed in range(30):
+        crane = _crane(CaseSpec("x", (seed, 0), "parameters"), file, np.random.default_rng(seed))
+        for key in set(crane.wrong) & {
+            "main_valve_spool.k",
+            "accumulators.p_g0_1",
+            "accumulators.p_g0_2",
+            "friction.tau_C_pos",
+        }:
+            factor = 1.0 + crane.wrong[key] * file.tolerance(key, crane.told) / DEVIATIONS_IN_TOLERANCE
+            assert crane.specimen.number(key) == pytest.approx(factor * file.number(key))
+            seen += 1
+    assert seen > 3

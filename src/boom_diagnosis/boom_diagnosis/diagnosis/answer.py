@@ -25,7 +25,7 @@ from boom_diagnosis.diagnosis.document import (
     Verdict,
 )
 from boom_diagnosis.diagnosis.experiment import propose
-from boom_diagnosis.diagnosis.fitting import Point
+from boom_diagnosis.diagnosis.fitting import Point, rho
 from boom_diagnosis.diagnosis.freerun import free_run
 from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.diagnosis.learning import Learned, learn
@@ -92,6 +92,8 @@ class _Tight:
     explained: list[Array]
     excess_before: float
     excess_after: float
+    channels: list[tuple[float, float]]
+    """Of each measured channel: excess before, with tolerances only, and after."""
 
 
 def not_enough_excitation(recordings: Sequence[Recording], machine: Machine, about: About) -> DiagnosisResult:
@@ -124,7 +126,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     first = case.rounds[0]
     tight = _tight(case)
     natural = all(natural_side(w.fitted.effect, case.last.effects) for w in case.taken)
-    unknown = unknown_probability(tight.excess_before, tight.excess_after, natural)
+    unknown = unknown_probability(tight.excess_before, tight.excess_after, natural, tight.channels)
     ranked = _ranking(case, unknown)
     cells = [regimes.classify(bag) for bag in case.bags]
     findings = _findings(case, unknown, cells, tight)
@@ -220,7 +222,17 @@ def _tight(case: Case) -> _Tight:
         problem = case.problem(case.kept(0).z, {}, LOOSENESS[0])
         start = problem.points([(case.kept(0).z, {})])[0]
         before = min(before, problem.fit(start, problem.nuisance_jacobian(start))[0].excess(case.floor))
-    return _Tight(stages[0].parts, stages[2].parts, before, after)
+    channels = zip(_by_channel(case, stages[1]), _by_channel(case, stages[2]), strict=True)
+    return _Tight(stages[0].parts, stages[2].parts, before, after, list(channels))
+
+
+def _by_channel(case: Case, point: Point) -> list[float]:
+    """Loss per innovation of each measured channel over that of a healthy machine."""
+    chosen = [
+        np.concatenate([part[s[:, k], k] for part, s in zip(point.parts, case.select, strict=True)])
+        for k in range(len(OUTPUTS))
+    ]
+    return [rho(w) / max(len(w), 1) - 0.5 * float(m) for w, m in zip(chosen, case.healthy_squares, strict=True)]
 
 
 def _moving(case: Case) -> float:

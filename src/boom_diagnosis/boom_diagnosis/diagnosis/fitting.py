@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.diagnosis.coordinates import Coordinate
+from boom_diagnosis.diagnosis.coordinates import DELAYS, Coordinate
 from boom_diagnosis.diagnosis.nuisances import Nuisance, closed
 from boom_diagnosis.diagnosis.prediction import Predictor
 from boom_model.compiled import LANES
@@ -25,14 +25,16 @@ HUBER = 4.0
 WHITE = 0.5
 """Loss [nats] per innovation that is white noise and nothing else."""
 SIZES = (1.0, 0.35, 0.1, 0.03)
-"""Shares of a step that are tried, at once; the last ones after the others where a step has its derivatives taken with it."""
-AHEAD = 2
-"""Numbers of effects whose derivatives are taken with a step at most; with more, too few sizes would be left beside them."""
+"""Shares of a step that are tried, the first ones at once and the others where those gain nothing."""
+AGREE = 0.1
+"""Share by which an effect's derivatives to either side may differ to count both."""
 LEAST_STEP = 0.3
 """Nats. A step that gains less is the last, and moves the derivatives by nothing that counts."""
 SLOW, FAST = 5e-4, 0.02
 """Shares of the loss over that of white noise: a step that gains less than the first is the last, too; a search that gains more
 than the second by a step has not come near its end."""
+AROUND, AROUND_AT_END = (1.0, -1.0, 4.0), (1.0, 2.0, 4.0)
+"""Steps of the differences of which the middle one counts."""
 Z_STEP = 0.1
 """Standard deviations of a tolerance: step of the differences."""
 
@@ -79,6 +81,23 @@ def huber_weights(w: Array) -> Array:
 def weights(at: Point) -> Array:
     """Huber's weights; zero for what is held out."""
     return np.where(at.used, huber_weights(at.w), 0.0)
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """What came of a step.
+
+    Attributes:
+        here, whole: where it began and the end of the whole step, predicted in one pass.
+        best: end of the best share of it, gain: nats over where it began, by one pass.
+        columns: of :meth:`Problem.effect_jacobian` at the end of the whole step; None where they are to be taken apart.
+    """
+
+    here: Point
+    whole: Point
+    best: Point
+    gain: float
+    columns: Array | None
 
 
 class Problem:
@@ -152,13 +171,22 @@ class Problem:
         moved = [(at.z + Z_STEP * unit, at.effects) for unit in np.eye(len(self.nuisances))]
         return np.stack([change / Z_STEP for change in self._changes(at, moved)], axis=-1)
 
-    def effect_jacobian(self, at: Point, names: Sequence[Coordinate]) -> Array:
-        """dw/d(inner coordinate) (rows, number of coordinates) by differences, towards the inside of the limits."""
+    def effect_jacobian(self, at: Point, names: Sequence[Coordinate], *, exact: bool = False) -> Array:
+        """dw/d(inner coordinate) (rows, number of coordinates) by differences; ``exact``: of each row the median of three.
+
+        A switch that another step makes a sample earlier or later is not in two of three differences. Of a single coordinate
+        that costs no more than one.
+        """
         if not names:
             return np.zeros((len(at.w), 0))
-        moved = [{**at.effects, c.name: _beside(c, at.effects[c.name])} for c in names]
-        changes = self._changes(at, [(at.z, effects) for effects in moved])
-        return _columns(at.effects, moved, names, changes)
+        values = [_around(c, at.effects[c.name], exact or len(names) == 1) for c in names]
+        moved = [{**at.effects, c.name: there} for c, own in zip(names, values, strict=True) for there in own]
+        changes = iter(self._changes(at, [(at.z, effects) for effects in moved]))
+        columns = []
+        for c, own in zip(names, values, strict=True):
+            here = c.inner(at.effects[c.name])
+            columns.append(np.median([next(changes) / (c.inner(there) - here) for there in own], axis=0))
+        return np.stack(columns, axis=-1)
 
     def fit(
         self,
@@ -179,16 +207,15 @@ class Problem:
         fresh = known.shape[1] == len(names)
         for k in range(iterations + further):
             columns = known if fresh else self.effect_jacobian(best, names)
-            whole, trial, ahead = self._tried(best, np.concatenate([nz, columns], axis=1), names)
-            _broyden(nz, best, whole, columns, names)
-            gain = best.loss - trial.loss
+            tried = self._tried(best, np.concatenate([nz, columns], axis=1), names)
+            _broyden(nz, tried.here, tried.whole, columns, names)
             left = best.over(WHITE)
-            known, fresh = columns, gain < LEAST_STEP
-            if gain > 0.0:
-                best = trial
-                if trial is whole and ahead is not None:
-                    known, fresh = ahead, True
-            if gain < max(LEAST_STEP, (SLOW if k < iterations - 1 else FAST) * left):
+            known, fresh = columns, tried.gain < LEAST_STEP
+            if tried.gain > 0.0:
+                best = tried.best
+                if best is tried.whole and tried.columns is not None:
+                    known, fresh = tried.columns, True
+            if tried.gain < max(LEAST_STEP, (SLOW if k < iterations - 1 else FAST) * left):
                 break
         columns = known if fresh else self.effect_jacobian(best, names)
         return best, np.concatenate([nz, columns], axis=1)
@@ -202,36 +229,56 @@ class Problem:
         columns = self.effect_jacobian(best, names)
         for _ in range(iterations):
             still = np.concatenate([np.zeros((len(best.w), len(zero))), columns], axis=1)
-            whole, trial, ahead = self._tried(best, still, names)
-            if trial.loss >= best.loss - 0.1:
+            tried = self._tried(best, still, names)
+            if tried.gain <= 0.1:
                 break
-            best = trial
-            columns = ahead if trial is whole and ahead is not None else self.effect_jacobian(best, names)
+            best = tried.best
+            known = tried.columns if best is tried.whole else None
+            columns = self.effect_jacobian(best, names) if known is None else known
         return best
 
-    def _tried(self, at: Point, jacobian: Array, names: Sequence[Coordinate]) -> tuple[Point, Point, Array | None]:
-        """A step: the point behind the whole of it, the best of those behind ``SIZES`` of it, and the effects' columns there.
+    def made_nominal(self, at: Point, jacobian: Array, names: Sequence[Coordinate], which: Sequence[int]) -> Point:
+        """The point where the tolerances ``which`` are nominal and the effects make up for them, by the derivatives at ``at``.
 
-        The columns are those of :meth:`effect_jacobian` behind the whole step. A pass predicts ``LANES`` points; the columns take
-        the place of small sizes in it, which are tried where the large ones gain nothing of what the step promised. None where
-        there are too many.
+        jacobian: (rows, z then coordinates).
+        """
+        m, root = len(at.z), np.sqrt(weights(at))[:, None]
+        step = np.zeros(jacobian.shape[1])
+        step[list(which)] = -at.z[list(which)]
+        lost = (root * jacobian[:, :m]) @ step[:m]
+        step[m:] = -np.linalg.lstsq(root * jacobian[:, m:], lost, rcond=None)[0]
+        return self.points([self._moved(at, step, names, 1.0)])[0]
+
+    def _tried(self, at: Point, jacobian: Array, names: Sequence[Coordinate]) -> _Tried:
+        """A step of Gauss and Newton, in shares.
+
+        A pass predicts ``LANES`` points with the same steps of the integrator, so that their nats can be compared to a tenth;
+        between passes they differ by some. Where the step begins is predicted with the others, therefore, and so are points
+        beside its end, for derivatives there.
         """
         step = gauss_newton(at, jacobian, names, self.limits)
         ends = [self._moved(at, step, names, size) for size in SIZES]
-        if not 0 < len(names) <= AHEAD:
-            points = self.points(ends)
-            return points[0], min(points, key=lambda p: p.loss), None
-        z, effects = ends[0]
-        beside = [{**effects, c.name: _beside(c, effects[c.name])} for c in names]
-        first = LANES - len(names)
-        points = self.points(ends[:first] + [(z, e) for e in beside])
-        points, moved = points[:first], points[first:]
-        best = min(points, key=lambda p: p.loss)
-        if best.loss >= at.loss:
-            promised = rho((at.w + jacobian @ step)[at.used]) + 0.5 * float(z @ z)
-            if at.loss - promised > max(LEAST_STEP, SLOW * at.over(WHITE)):
-                best = min(best, *self.points(ends[first:]), key=lambda p: p.loss)
-        return points[0], best, _columns(effects, beside, names, [p.w - points[0].w for p in moved])
+        (z, effects), begin = ends[0], (at.z, at.effects)
+        c = names[0] if len(names) == 1 and not _is_delay(names[0]) else None
+        values = _around(c, effects[c.name], True)[:2] if c else []
+        beside = [(z, {**effects, c.name: there}) for there in values] if c else []
+        first = LANES - 1 - len(beside)
+        here, *points = self.points([begin, *ends[:first], *beside])
+        whole, best, moved = points[0], min(points[:first], key=lambda p: p.loss), points[first:]
+        gain = here.loss - best.loss
+        if gain <= 0.0:
+            promised = at.loss - rho((at.w + jacobian @ step)[at.used]) - 0.5 * float(z @ z)
+            if promised > max(LEAST_STEP, SLOW * at.over(WHITE)):
+                again, *points = self.points([begin, *ends[first:]])
+                best = min(points, key=lambda p: p.loss)
+                gain = again.loss - best.loss
+        columns = None
+        if c:
+            middle = c.inner(effects[c.name])
+            one, other = ((p.w - whole.w) / (c.inner(v) - middle) for p, v in zip(moved, values, strict=True))
+            if np.linalg.norm(one - other) < AGREE * np.linalg.norm(one + other) / 2.0:
+                columns = (one + other)[:, None] / 2.0
+        return _Tried(here, whole, best, gain, columns)
 
     def _moved(
         self, at: Point, step: Array, names: Sequence[Coordinate], size: float
@@ -245,20 +292,20 @@ class Problem:
         return np.clip(at.z + size * step[:m], *self.limits), effects
 
 
-def _beside(c: Coordinate, here: float) -> float:
-    """A value a small step away, towards the inside of the limits."""
-    there = here * (1 + c.step) if c.positive else here + c.step
-    if there > c.high:
-        there = here / (1 + c.step) if c.positive else here - c.step
-    return there
+def _is_delay(c: Coordinate) -> bool:
+    """Whether it moves samples between the observer's intervals."""
+    return c.name.split(".")[1] in DELAYS
 
 
-def _columns(
-    at: Mapping[str, float], moved: Sequence[Mapping[str, float]], names: Sequence[Coordinate], changes: Sequence[Array]
-) -> Array:
-    """dw/d(inner coordinate) (rows, number of coordinates), from the change (rows,) that moving each one made."""
-    sizes = [c.inner(there[c.name]) - c.inner(at[c.name]) for c, there in zip(names, moved, strict=True)]
-    return np.stack([change / size for change, size in zip(changes, sizes, strict=True)], axis=-1)
+def _around(c: Coordinate, here: float, several: bool) -> list[float]:
+    """Values to either side of one and further away, inside the limits; where not ``several``, and of a delay, the last only."""
+    for shares in (AROUND, AROUND_AT_END, tuple(-m for m in AROUND_AT_END)):
+        values = [here * (1.0 + m * c.step) if c.positive else here + m * c.step for m in shares]
+        if c.low <= min(values) and max(values) <= c.high:
+            break
+    if _is_delay(c):
+        return values[:1]
+    return values if several else values[-1:]
 
 
 def gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate], limits: Array) -> Array:

@@ -23,6 +23,7 @@ from boom_diagnosis.diagnosis.onset import TIME, near_onset
 from boom_diagnosis.diagnosis.search import Fitted
 from boom_diagnosis.diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT, natural_side
 from boom_diagnosis.validation import plant_for
+from boom_model.effects import EFFECTS
 from boom_model.learned import PLACES
 from boom_model.machine import Machine
 from boom_recording.recording import Recording
@@ -113,10 +114,17 @@ def _finish(case: Case) -> None:
     if TIME in start.effects:  # found beside other numbers than those it has now
         start = near_onset(problem, start)
     columns = problem.nuisance_jacobian(start)
-    if k in case.spared:
-        point, jacobian = start, np.concatenate([columns, problem.effect_jacobian(start, names)], axis=1)
-    else:
-        point, jacobian = problem.fit(start, columns, names)
+    point = start
+    if k not in case.spared:
+        own = {name for w in case.taken for name in EFFECTS[w.fitted.effect].changes}
+        which = [i for i, n in enumerate(case.nuisances) if n.name in own and start.z[i] != 0.0]
+        starts = [start]
+        if which:  # a number's being off is the effect's, as far as nothing tells them apart
+            whole = np.concatenate([columns, problem.effect_jacobian(start, names, exact=True)], axis=1)
+            starts.append(problem.made_nominal(start, whole, names, which))
+        point, jacobian = min((problem.fit(s, columns, names) for s in starts), key=lambda r: r[0].loss)
+        columns = jacobian[:, : len(at.z)]
+    jacobian = np.concatenate([columns, problem.effect_jacobian(point, names, exact=True)], axis=1)
     case.final = replace(fitted, point=point, jacobian=jacobian)
 
 

@@ -207,18 +207,24 @@ def probabilities(weighed: Sequence[Weighed], temperature: float) -> list[float]
     return [float(v) for v in p / p.sum()]
 
 
-def unknown_probability(before: float, after: float, natural: bool = True) -> float:
+def unknown_probability(
+    before: float, after: float, natural: bool = True, channels: Sequence[tuple[float, float]] = ()
+) -> float:
     """That physics of no catalogue acts, from the loss per innovation over that of a healthy machine.
 
     p = s^8 / (s^8 + u^8) b / (b + SLIGHT), s = sqrt(after / before), b = before: what little is wrong may as well be a
     catalogue's effect in a form that is not the catalogue's. u = 0.78, or 0.6 where what was found is not ``natural``.
+
+    channels: before and after of each measured channel. An effect that explains one channel and leaves another, clearly off, as
+    it was has another one beside it or stands in for it: the channel that is explained least counts, if more than SLIGHT is left.
     """
-    if after <= NEGLIGIBLE:
-        return 0.02
-    share = sqrt(max(after, 0.0) / max(before, after, 1e-12))
-    strong = before / (before + SLIGHT)
     half = UNKNOWN_FROM if natural else UNNATURAL_FROM
-    return float(strong / (1.0 + (half / max(share, 1e-6)) ** UNKNOWN_STEEPNESS))
+    pairs = [(before, after)] * (after > NEGLIGIBLE) + [(b, a) for b, a in channels if a > SLIGHT]
+    likely = [0.02]
+    for first, last in pairs:
+        share = sqrt(max(last, 0.0) / max(first, last, 1e-12))
+        likely.append(first / (first + SLIGHT) / (1.0 + (half / max(share, 1e-6)) ** UNKNOWN_STEEPNESS))
+    return float(max(likely))
 
 
 def natural_side(effect: str, values: Mapping[str, float]) -> bool:
