@@ -90,7 +90,7 @@ class _Tried:
     Attributes:
         here, whole: where it began and the end of the whole step, predicted in one pass.
         best: end of the best share of it, gain: nats over where it began, by one pass.
-        columns: of :meth:`Problem.effect_jacobian` at the end of the whole step; None where they are to be taken apart.
+        columns: of :meth:`Problem.effect_jacobian` at ``best``; None where they are to be taken apart.
     """
 
     here: Point
@@ -213,7 +213,7 @@ class Problem:
             known, fresh = columns, tried.gain < LEAST_STEP
             if tried.gain > 0.0:
                 best = tried.best
-                if best is tried.whole and tried.columns is not None:
+                if tried.columns is not None:
                     known, fresh = tried.columns, True
             if tried.gain < max(LEAST_STEP, (SLOW if k < iterations - 1 else FAST) * left):
                 break
@@ -233,8 +233,7 @@ class Problem:
             if tried.gain <= 0.1:
                 break
             best = tried.best
-            known = tried.columns if best is tried.whole else None
-            columns = self.effect_jacobian(best, names) if known is None else known
+            columns = self.effect_jacobian(best, names) if tried.columns is None else tried.columns
         return best
 
     def made_nominal(self, at: Point, jacobian: Array, names: Sequence[Coordinate], which: Sequence[int]) -> Point:
@@ -273,7 +272,7 @@ class Problem:
                 best = min(points, key=lambda p: p.loss)
                 gain = again.loss - best.loss
         columns = None
-        if c:
+        if c and best is whole:
             middle = c.inner(effects[c.name])
             one, other = ((p.w - whole.w) / (c.inner(v) - middle) for p, v in zip(moved, values, strict=True))
             if np.linalg.norm(one - other) < AGREE * np.linalg.norm(one + other) / 2.0:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from boom_diagnosis.diagnosis.case import Case
 from boom_diagnosis.diagnosis.coordinates import all_coordinates
 from boom_diagnosis.diagnosis.document import DiagnosisResult
 from boom_diagnosis.diagnosis.earning import CLEAR_REST, chance, least, settle, take, weigh
-from boom_diagnosis.diagnosis.fitting import WHITE, Point
+from boom_diagnosis.diagnosis.fitting import WHITE, Point, Problem
 from boom_diagnosis.diagnosis.healthy import simulated
 from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, problem_at, rebased, run_round
 from boom_diagnosis.diagnosis.learning import learn_plainly
@@ -114,17 +114,18 @@ def _finish(case: Case) -> None:
     if TIME in start.effects:  # found beside other numbers than those it has now
         start = near_onset(problem, start)
     columns = problem.nuisance_jacobian(start)
+    jacobian = np.concatenate([columns, problem.effect_jacobian(start, names, exact=True)], axis=1)
     point = start
     if k not in case.spared:
+        fits = [problem.fit(start, jacobian, names)]
         own = {name for w in case.taken for name in EFFECTS[w.fitted.effect].changes}
         which = [i for i, n in enumerate(case.nuisances) if n.name in own and start.z[i] != 0.0]
-        starts = [start]
         if which:  # a number's being off is the effect's, as far as nothing tells them apart
-            whole = np.concatenate([columns, problem.effect_jacobian(start, names, exact=True)], axis=1)
-            starts.append(problem.made_nominal(start, whole, names, which))
-        point, jacobian = min((problem.fit(s, columns, names) for s in starts), key=lambda r: r[0].loss)
-        columns = jacobian[:, : len(at.z)]
-    jacobian = np.concatenate([columns, problem.effect_jacobian(point, names, exact=True)], axis=1)
+            moved = problem.made_nominal(start, jacobian, names, which)
+            fits.append(problem.fit(moved, columns, names))
+        point, reached = min(fits, key=lambda fit: fit[0].loss)
+        exact = problem.effect_jacobian(point, names, exact=True)
+        jacobian = np.concatenate([reached[:, : len(at.z)], exact], axis=1)
     case.final = replace(fitted, point=point, jacobian=jacobian)
 
 
@@ -254,45 +255,54 @@ def _look_again(case: Case, progress: Progress) -> bool:
 
 def _without_first(case: Case) -> None:
     """The second effect takes the first one's place where the first gains nothing beside it: it stood in for it."""
-    found, point = _second_alone(case)
-    second = case.taken[1]
-    both = found.problem.points([(second.fitted.point.z, second.fitted.point.effects)])[0]
-    if point.loss - both.loss <= chance(case) + OTHER_FORM * second.net:
+    second, alone = case.taken[1], _second_alone(case)
+    both = alone.problem.points([(second.fitted.point.z, second.fitted.point.effects)])[0]
+    if alone.point.loss - both.loss <= chance(case) + OTHER_FORM * second.net:
         before = case.kept_back()
-        if not _taken_anew(case, found):
+        if not _taken_anew(case, alone):
             case.go_back(before)
 
 
 def _without_stand_in(case: Case, progress: Progress) -> None:
     """Where the first effect lies where none is plausible: the second one, and what is found beside it, if they leave less."""
     before, left = case.kept_back(), case.rest(case.last)
-    if _taken_anew(case, _second_alone(case)[0]):
+    if _taken_anew(case, _second_alone(case)):
         _look(case, progress, case.rest(case.last) < FAR)
         if case.rest(case.last) < left:
             return
     case.go_back(before)
 
 
-def _second_alone(case: Case) -> tuple[Round, Point]:
-    """The first round as if the second effect had been all that it found, and that effect's fit without the first."""
+@dataclass(frozen=True)
+class _Alone:
+    """An effect fitted without any other. jacobian: (rows, z then coordinates) at the point."""
+
+    effect: str
+    problem: Problem
+    point: Point
+    jacobian: Array
+
+
+def _second_alone(case: Case) -> _Alone:
+    """The second effect without the first."""
     second, looseness = case.taken[1].fitted, case.rounds[1].problem.predictor.looseness
     names = all_coordinates([second.effect])
     values = {c.name: second.point.effects[c.name] for c in names}
     problem = case.problem(second.point.z, values, looseness)
     zero = np.zeros(len(case.nuisances))
     start = min(problem.points([(second.point.z, values), (zero, values)]), key=lambda p: p.loss)
-    point, jacobian = problem.fit(start, problem.nuisance_jacobian(start), names)
-    first = case.rounds[0]
-    base, columns = problem.fit(problem.points([(first.base.z, {})])[0], jacobian[:, : len(zero)])
-    fitted = Fitted(second.effect, point, names, jacobian, base.loss - point.loss, (point.loss,))
-    return replace(first, base=base, jacobian=columns, fitted=(fitted,), problem=problem), point
+    return _Alone(second.effect, problem, *problem.fit(start, problem.nuisance_jacobian(start), names))
 
 
-def _taken_anew(case: Case, found: Round) -> bool:
-    """The search begun again with this round; whether what it found is taken."""
+def _taken_anew(case: Case, alone: _Alone) -> bool:
+    """The search begun again, as if this effect had been all that the first round found; whether it is taken."""
+    first, problem, point = case.rounds[0], alone.problem, alone.point
+    base, columns = problem.fit(problem.points([(first.base.z, {})])[0], alone.jacobian[:, : len(point.z)])
+    names, gain = all_coordinates([alone.effect]), base.loss - point.loss
+    fitted = Fitted(alone.effect, point, names, alone.jacobian, gain, (point.loss,))
     for part in (case.taken, case.spared, case.disproved):
         part.clear()
-    return _judge(case, found)
+    return _judge(case, replace(first, base=base, jacobian=columns, fitted=(fitted,), problem=problem))
 
 
 def _plain(case: Case) -> bool:
