@@ -24,7 +24,7 @@ from boom_diagnosis.diagnosis.search import Fitted, Scanner
 from boom_diagnosis.diagnosis.weighing import (
     BLOCK,
     estimates,
-    natural_side,
+    possible,
     posterior,
     predictive_loss,
     scatter,
@@ -419,23 +419,34 @@ def test_unknown_physics_is_likely_where_much_of_the_mismatch_stays() -> None:
     assert unknown_probability(1.0, 0.001) < 0.05
     assert unknown_probability(1.0, 0.9) > 0.75
     assert unknown_probability(1.0, 0.05) < 0.1
-    assert unknown_probability(1.0, 0.5) < 0.5 < unknown_probability(1.0, 0.5, natural=False)
+    assert unknown_probability(1.0, 0.5) < 0.5 < unknown_probability(1.0, 0.7)
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "expected"),
+    ("values", "load", "expected"),
     [
-        ("payload_change.mass", -16.6, False),
-        ("payload_change.mass", 4.0, True),
-        ("position_dependent_friction.b", -0.4, False),
-        ("rate_scale.a", 0.9, True),
-        ("pressure_bias.hose", -4e5, True),
+        ({"payload_change": {"mass": -16.6, "t_g": 3.0}}, 0.0, False),
+        ({"payload_change": {"mass": -16.6, "t_g": 3.0}}, 20.0, True),
+        ({"payload_change": {"mass": 4.0, "t_g": 3.0}}, 0.0, True),
+        ({"presliding_friction": {"compliance": 1.8e-5}}, 0.0, False),
+        ({"presliding_friction": {"compliance": 1.8e-6}}, 0.0, True),
+        ({"boom_flexibility": {"gain": 0.02, "f": 0.9, "zeta": 0.02}}, 0.0, False),
+        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.08}}, 0.0, False),
+        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.02}}, 0.0, True),
+        ({"rate_scale": {"a": 0.9}}, 0.0, True),
     ],
 )
-def test_an_effect_beyond_neutral_where_none_is_plausible_is_not_natural(
-    name: str, value: float, expected: bool
+def test_an_effect_that_no_boom_can_have_is_no_explanation(
+    values: dict[str, dict[str, float]], load: float, expected: bool
 ) -> None:
-    assert natural_side(name.split(".")[0], {f"effects.{name}": value}) is expected
+    (effect, numbers), *_ = values.items()
+    names = all_coordinates([effect])
+    rows, count = 1600, 2
+    named = {f"effects.{effect}.{k}": v for k, v in numbers.items()}
+    point = Point(np.zeros(count), named, np.zeros(rows), np.ones(rows, dtype=bool), 0.0, [], [])
+    jacobian = 1e3 * np.random.default_rng(0).standard_normal((rows, count + len(names)))
+    fitted = Fitted(effect, point, names, jacobian, 100.0, (0.0,))
+    assert possible(fitted, load) is expected
 
 
 def test_regimes_tell_direction_speed_and_starts() -> None:

@@ -131,11 +131,13 @@ def test_a_load_that_comes_before_the_boom_has_moved_was_there_all_along(
 ) -> None:
     rate = np.where(np.arange(3000) > 150, 0.1, 0.0)
     case.bags = [SimpleNamespace(time=np.arange(3000) * 0.01, moving=lambda: rate > 0.02)]
+    case.pose = SimpleNamespace(load=0.0)
     change, load = (
         weighed("payload_change", 300.0, 300.0, 1000.0).fitted,
         weighed("payload", 290.0, 300.0, 1000.0).fitted,
     )
-    change.point.effects[earning.TIME] = onset
+    change.point.effects.update({"effects.payload_change.mass": 5.0, earning.TIME: onset})
+    load.point.effects["effects.payload.mass"] = 5.0
     found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (change, load), {}, Any)
     monkeypatch.setattr(
         earning, "_split", lambda case, hypotheses, names: [(500.0, 500.0)] + [(100.0, 100.0)] * (len(names) - 1)
@@ -263,7 +265,7 @@ def test_a_factor_of_a_number_that_is_next_to_nothing_beside_its_tolerance_is_no
     monkeypatch: pytest.MonkeyPatch, case: Any, effect: str, value: float, kept: bool
 ) -> None:
     """Coefficients of the hose burst valve and of the pilot stage are known to 3 %: half of that is asked for beyond it."""
-    case.nuisances = tolerances(tz17(), tz17().pose(0.3, 1.3, 300.0))
+    case.nuisances, case.pose = tolerances(tz17(), tz17().pose(0.3, 1.3, 300.0)), SimpleNamespace(load=0.0)
     fitted = weighed(effect.split(".")[0], 50.0, 50.0, 1000.0).fitted
     fitted.point.effects[f"effects.{effect}"] = value
     found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (fitted,), {}, Any)
@@ -273,11 +275,11 @@ def test_a_factor_of_a_number_that_is_next_to_nothing_beside_its_tolerance_is_no
 
 @pytest.mark.parametrize(
     ("effect", "numbers", "doubted"),
-    [("payload", {"mass": -385.0}, True), ("payload", {"mass": 385.0}, False),
+    [("payload", {"mass": 385.0}, False),
      ("swinging_load", {"mass": 116.0, "length": 9.0, "zeta": 0.1}, True),
      ("swinging_load", {"mass": 116.0, "length": 2.0, "zeta": 0.1}, False)],
 )  # fmt: skip
-def test_what_lies_where_nothing_is_plausible_or_at_the_end_of_its_range_is_looked_at_again(
+def test_what_lies_at_the_end_of_its_range_is_looked_at_again(
     monkeypatch: pytest.MonkeyPatch, case: Any, effect: str, numbers: dict[str, float], doubted: bool
 ) -> None:
     """A load on a rope of 9 m that hardly swings is a load."""

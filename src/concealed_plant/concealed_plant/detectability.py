@@ -179,8 +179,11 @@ class Detectability:
 
         Raises:
             TooFaintError: even its largest size stays below.
+            RunError: the crane leaves its range before it is detectable, or without it where the steps are coarser.
         """
         self._largest_shows(effect, draws)
+        for steps in (CHANGE_STEPS, SENSITIVITY_STEPS):
+            self._change({}, steps)
         least, low_d = effect.smallest, 0.0
         z: Array | None = None
         reached: Array | None = None
@@ -191,6 +194,8 @@ class Detectability:
                 changed = self.seen(effect.build(at, draws, self.scene))
                 d, reached = self.separation(changed, effect.twins, guess)
             except RunError:
+                if z is None or at / least < CLOSE:
+                    raise
                 d, reached = np.inf, z
             if d < self.detectable:
                 if at >= effect.largest:

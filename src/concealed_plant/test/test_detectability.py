@@ -7,9 +7,10 @@ import pytest
 
 from concealed_plant.concealments import CONCEALMENTS
 from concealed_plant.detectability import NUMBERS, Detectability, Setting
+from concealed_plant.kernel import STEPS
 from concealed_plant.machine import MachineFile, Pose, linkage, quantities
 from concealed_plant.operator import Operator
-from concealed_plant.plant import Start, per_millisecond, run
+from concealed_plant.plant import RunError, Start, per_millisecond, run
 
 FILE = Path(__file__).parents[2] / "boom_model" / "boom_model" / "machines" / "tz17.yaml"
 DRAWS = np.array([0.3, 0.6, 0.4, 0.7, 0.2])
@@ -70,3 +71,31 @@ def test_the_detectable_size_has_the_signature_that_is_asked(seen):
     size = seen.detectable_size(row, DRAWS)
     d, _ = seen.separation(seen.seen(row.build(size, DRAWS, seen.scene)))
     assert d == pytest.approx(seen.detectable, rel=0.3)
+
+
+def test_a_crane_that_leaves_its_range_before_the_effect_shows_has_no_detectable_size(seen, monkeypatch):
+    row, whole = CONCEALMENTS["command_delay"], seen.seen
+    least = 0.3 * seen.detectable_size(row, DRAWS)
+
+    def limited(hidden):
+        if hidden.parameters["T"] > least:
+            raise RunError("the crane left its range")
+        return whole(hidden)
+
+    monkeypatch.setattr(seen, "seen", limited)
+    with pytest.raises(RunError):
+        seen.detectable_size(row, DRAWS)
+
+
+def test_a_crane_that_leaves_its_range_with_coarser_steps_has_no_detectable_size(monkeypatch):
+    fresh = at_work()
+    whole = fresh._moved
+
+    def fails(deviations, steps=STEPS):
+        if steps < STEPS:
+            raise RunError("the crane left its range")
+        return whole(deviations, steps)
+
+    monkeypatch.setattr(fresh, "_moved", fails)
+    with pytest.raises(RunError):
+        fresh.detectable_size(CONCEALMENTS["command_delay"], DRAWS)

@@ -45,7 +45,6 @@ from boom_diagnosis.diagnosis.weighing import (
     Z90,
     Weighed,
     estimates,
-    natural_side,
     posterior,
     probabilities,
     unknown_probability,
@@ -125,8 +124,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     """The whole answer of a finished search."""
     first = case.rounds[0]
     tight = _tight(case)
-    natural = all(natural_side(w.fitted.effect, case.last.effects) for w in case.taken)
-    unknown = unknown_probability(tight.excess_before, tight.excess_after, natural, tight.channels)
+    unknown = unknown_probability(tight.excess_before, tight.excess_after, tight.channels)
     ranked = _ranking(case, unknown)
     cells = [regimes.classify(bag) for bag in case.bags]
     findings = _findings(case, unknown, cells, tight)

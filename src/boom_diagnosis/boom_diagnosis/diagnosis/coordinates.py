@@ -15,6 +15,8 @@ MARGINS = {"pressure_bias": 8.0, "angle_offset": 3.0}
 STEP, FACTOR_STEP = 1.5e-3, 3e-3
 """Of differences: share of an effect's range, and relative change of a positive number. As small as those of the tolerances, or an
 effect that is a number's being off would have another derivative than that number."""
+LOADS = ("payload", "payload_change")
+"""Effects that take away from a load that was told; of others on one side of neutral there is nothing on the other."""
 DELAYS, DELAY_STEP = ("command_delay", "pressure_delay"), 0.05
 """Effects that move samples between intervals, and the share of their range."""
 
@@ -99,7 +101,7 @@ def _coordinate(effect: str, row: EffectParameter) -> Coordinate:
     margin = MARGINS.get(effect, MARGIN)
     low, high = max(row.minimum, row.low - margin * width), min(row.maximum, row.high + margin * width)
     if row.neutral == 0.0 and row.low > 0.0 and not positive:
-        low = max(row.minimum, -row.high) if row.minimum < 0.0 else 0.0
+        low = -row.high if effect in LOADS else 0.0
     if positive:
         low, high = max(row.minimum, row.low / 3.0, 1e-12), min(row.maximum, row.high * 3.0)
     share = DELAY_STEP if effect in DELAYS else STEP

@@ -23,6 +23,7 @@ from boom_diagnosis.diagnosis.weighing import (
     TOO_SMALL,
     Weighed,
     occam,
+    possible,
     precision,
     predictive_loss,
     split_loss,
@@ -124,7 +125,11 @@ def _training(case: Case) -> Flags:
 def weigh(case: Case, found: Round) -> list[Weighed]:
     """Gains on data used and not used; the best first."""
     accepted = set(found.accepted)
-    counted = [f for f in found.fitted if not (_always_there(case, f, found.fitted) or _hardly_beyond(case, f))]
+    counted = [
+        f
+        for f in found.fitted
+        if possible(f, case.pose.load) and not (_always_there(case, f, found.fitted) or _hardly_beyond(case, f))
+    ]
     if not counted:
         return []
     found = replace(found, fitted=tuple(counted))

@@ -33,8 +33,9 @@ REFINED, LOOSELY, PROMISING = 4, 2, 0.25
 that they must gain which the linear look must promise."""
 AFRESH = 2
 """Effects that are fitted anew from the nominal machine where a mismatch remains."""
-AT_ONCE = 3
-"""The same where it is far off: a load may be there, come, or swing."""
+AT_ONCE, GLANCED = 3, 12
+"""The same where it is far off: a load may be there, come, or swing. Those that are glanced at where none of these stands out: what
+the linear look promises is little where the tolerances could imitate much, if all were linear."""
 FAR_OFF = 0.1
 """Loss per innovation over that of white noise from which on effects are first looked for from the nominal machine."""
 OUTSTANDING = 0.3
@@ -267,6 +268,16 @@ class Nominal:
         level = min((f.glanced for f in first), default=-np.inf)
         return first + in_parallel(lambda effect: fitted(effect, needed, level), effects[1:])
 
+    def glance(self, most: int) -> None:
+        """Fits the ``most`` effects that the linear look finds most promising; those that fall behind the best not to the end."""
+        known = [f.effect for f in self.best]
+        self.fitted([*known[:1], *(effect for effect in list(self.seen)[:most] if effect not in known)])
+
+    @property
+    def best(self) -> list[Fitted]:
+        """All that were fitted, the best first."""
+        return sorted(self._fitted.values(), key=lambda f: f.point.loss)
+
 
 def rebased(found: Round) -> Round:
     """The round with a better base, where the tolerances of an effect's fit serve better without the effect, too.
@@ -313,10 +324,15 @@ def _at_once(first: Nominal, likeliest: Likeliest, fit: Fit) -> Round | None:
 
     The tolerances alone, fitted to such a machine, end far from anything, and the search with them.
     """
-    tried = sorted(first.fitted(list(first.seen)[:AT_ONCE]), key=lambda f: f.point.loss)
-    best, base = tried[0].point, first.tolerances
-    if best.excess(WHITE) > OUTSTANDING * base.excess(WHITE):
+    base = first.tolerances
+    for most in (AT_ONCE, GLANCED):
+        first.glance(most)
+        best = first.best[0].point
+        if best.excess(WHITE) <= OUTSTANDING * base.excess(WHITE):
+            break
+    else:
         return None
+    tried = first.best
     weighing = likeliest(best.z, best.effects)
     start = weighing.points([(best.z, best.effects)])[0]
     gained = weighing.points([(base.z, {})])[0].loss - start.loss
@@ -334,7 +350,10 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
     wanted: effects to fit, beside those that the linear look at the nominal machine finds most promising. floor: loss per
     innovation of a healthy machine.
     """
-    effects = list(dict.fromkeys([*list(first.seen)[:AFRESH], *(e for e in wanted if e in first.seen)]))
+    if not found.fitted or found.fitted[0].gain < (1.0 - OUTSTANDING) * found.base.over(floor):
+        first.glance(GLANCED)
+    glanced = [f.effect for f in first.best[:AFRESH]]
+    effects = list(dict.fromkeys([*glanced, *list(first.seen)[:AFRESH], *(e for e in wanted if e in first.seen)]))
     anew = first.fitted(effects)
     most = max(first.gain(f) for f in anew)
     fitted = {f.effect: f for f in found.fitted}

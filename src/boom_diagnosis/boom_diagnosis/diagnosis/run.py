@@ -21,7 +21,7 @@ from boom_diagnosis.diagnosis.learning import learn_plainly
 from boom_diagnosis.diagnosis.nuisances import tolerances
 from boom_diagnosis.diagnosis.onset import TIME, near_onset
 from boom_diagnosis.diagnosis.search import Fitted
-from boom_diagnosis.diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT, natural_side
+from boom_diagnosis.diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT
 from boom_diagnosis.validation import plant_for
 from boom_model.effects import EFFECTS
 from boom_model.learned import PLACES
@@ -134,7 +134,7 @@ def _rounds(case: Case, progress: Progress) -> None:
     while k < MOST_EFFECTS:
         look = _share(progress, 0.8 * k / MOST_EFFECTS, 0.8 / MOST_EFFECTS)
         taken = _look(case, _share(look, 0.0, FIRST_LOOK), near)
-        if k == 0 and (not _satisfied(case) or _strained(case) or _unnatural(case)):
+        if k == 0 and (not _satisfied(case) or _strained(case) or _at_the_end(case)):
             taken = _look_again(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK))
             if not _satisfied(case) and _plain(case):
                 return
@@ -143,7 +143,7 @@ def _rounds(case: Case, progress: Progress) -> None:
         if len(case.taken) == 2 and not alone:
             alone = True  # once: what takes its place may bring the other back
             _without_first(case)
-            if len(case.taken) == 2 and _unnatural(case):
+            if len(case.taken) == 2 and _at_the_end(case):
                 _without_stand_in(case, look)
         k = len(case.taken)
         left = case.rest(case.last)
@@ -206,14 +206,13 @@ def _strained(case: Case) -> bool:
     return 0.5 * float(case.last.z @ case.last.z) > (BESIDE_EFFECT if _explained(case) else STRAINED)
 
 
-def _unnatural(case: Case) -> bool:
-    """Whether what was taken lies where the catalogue holds nothing plausible, or at the end of a range: it may stand in."""
+def _at_the_end(case: Case) -> bool:
+    """Whether what was taken lies at the end of a range: it may stand in for something else."""
     if not case.taken:
         return False
     found = case.taken[0].fitted
     values = found.point.effects
-    ends = [c.high <= values[c.name] or (c.positive and values[c.name] <= c.low) for c in found.coordinates]
-    return any(ends) or not natural_side(found.effect, values)
+    return any(c.high <= values[c.name] or (c.positive and values[c.name] <= c.low) for c in found.coordinates)
 
 
 def _explained(case: Case) -> bool:
@@ -264,7 +263,7 @@ def _without_first(case: Case) -> None:
 
 
 def _without_stand_in(case: Case, progress: Progress) -> None:
-    """Where the first effect lies where none is plausible: the second one, and what is found beside it, if they leave less."""
+    """Where the first effect lies at the end of a range: the second one, and what is found beside it, if they leave less."""
     before, left = case.kept_back(), case.rest(case.last)
     if _taken_anew(case, _second_alone(case)):
         _look(case, progress, case.rest(case.last) < FAR)

@@ -13,7 +13,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.diagnosis.coordinates import DELAYS, Coordinate, coordinates, starts
+from boom_diagnosis.diagnosis.coordinates import DELAYS, LOADS, Coordinate, coordinates, starts
 from boom_diagnosis.diagnosis.fitting import WHITE, Point, Problem, weights
 from boom_diagnosis.diagnosis.onset import TIME, near_onset
 from boom_model.effects import CATALOGUE, EFFECTS
@@ -81,6 +81,7 @@ class Scanner:
 
     def __init__(self, problem: Problem, at: Point, jacobian: Array) -> None:
         self.problem, self.at = problem, at
+        self.load = problem.predictor.plant(0, frozenset()).pose.load
         self.omega = weights(at)
         count = len(at.z)
         size = np.maximum(np.sqrt(np.sum(jacobian * jacobian, axis=0)), 1e-9)
@@ -161,7 +162,8 @@ class Scanner:
         leading = _leading(effect, start)
         neutral = _neutral(leading.name)
         value = neutral + float(size[0]) * (start[leading.name] - neutral)
-        clipped = float(np.clip(value, leading.low, leading.high))
+        low = max(leading.low, -self.load) if effect in LOADS else leading.low
+        clipped = float(np.clip(value, low, leading.high))
         share = (clipped - neutral) / (start[leading.name] - neutral)
         if abs(share) <= 0.02 < abs(size[0]):  # it would have to leave its limits
             gain = 0.0
@@ -203,10 +205,10 @@ class Scanner:
         c = cross[pick]
         projected = power[pick] - np.einsum("ij,jk,ik->i", c, self._factor, c)
         g = score[pick] - c @ self._factor @ self._score
-        gains = 0.5 * g * g / np.maximum(projected, 1e-9)
+        masses = -start[MASS] * g / np.maximum(projected, 1e-9)
+        gains = np.where(masses < -self.load, 0.0, 0.5 * g * g / np.maximum(projected, 1e-9))
         k = int(np.argmax(gains))
-        size = -g[k] / max(projected[k], 1e-9)
-        return Candidate("payload_change", {MASS: float(start[MASS] * size), TIME: float(t[pick[k]])}, float(gains[k]))
+        return Candidate("payload_change", {MASS: float(masses[k]), TIME: float(t[pick[k]])}, float(gains[k]))
 
     def follow(self, columns: Array, size: Array) -> Array:
         """z that the tolerances would take if the innovations changed by columns @ size."""

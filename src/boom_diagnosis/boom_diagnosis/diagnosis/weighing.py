@@ -7,18 +7,17 @@ no model is exactly right: nats that no hypothesis explains make all of them les
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, log, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.diagnosis.coordinates import Coordinate
+from boom_diagnosis.diagnosis.coordinates import LOADS, Coordinate
 from boom_diagnosis.diagnosis.document import Estimate
 from boom_diagnosis.diagnosis.fitting import Point, huber_weights, rho, weights
 from boom_diagnosis.diagnosis.search import Fitted
-from boom_model.effects import EFFECTS
 
 Array = NDArray[np.float64]
 
@@ -36,9 +35,6 @@ UNEXPLAINED_WEIGHT = 0.1
 """Share of the unexplained nats that adds to the temperature."""
 UNKNOWN_FROM, UNKNOWN_STEEPNESS = 0.78, 8.0
 """Share of the misfit's amplitude that remains where unknown physics becomes as likely as not, and how sharply."""
-UNNATURAL_FROM = 0.6
-"""The same where an effect is found on the other side of neutral than all that the catalogue holds plausible, friction less than
-none or a load that lifts: it stands in for something else."""
 SLIGHT = 0.04
 """Loss per innovation over that of a healthy machine at which what nothing explains is as likely nothing unknown."""
 NEGLIGIBLE = 0.012
@@ -207,28 +203,35 @@ def probabilities(weighed: Sequence[Weighed], temperature: float) -> list[float]
     return [float(v) for v in p / p.sum()]
 
 
-def unknown_probability(
-    before: float, after: float, natural: bool = True, channels: Sequence[tuple[float, float]] = ()
-) -> float:
+def unknown_probability(before: float, after: float, channels: Sequence[tuple[float, float]] = ()) -> float:
     """That physics of no catalogue acts, from the loss per innovation over that of a healthy machine.
 
     p = s^8 / (s^8 + u^8) b / (b + SLIGHT), s = sqrt(after / before), b = before: what little is wrong may as well be a
-    catalogue's effect in a form that is not the catalogue's. u = 0.78, or 0.6 where what was found is not ``natural``.
+    catalogue's effect in a form that is not the catalogue's. u = 0.78.
 
     channels: before and after of each measured channel. An effect that explains one channel and leaves another, clearly off, as
     it was has another one beside it or stands in for it: the channel that is explained least counts, if more than SLIGHT is left.
     """
-    half = UNKNOWN_FROM if natural else UNNATURAL_FROM
     pairs = [(before, after)] * (after > NEGLIGIBLE) + [(b, a) for b, a in channels if a > SLIGHT]
     likely = [0.02]
     for first, last in pairs:
         share = sqrt(max(last, 0.0) / max(first, last, 1e-12))
-        likely.append(first / (first + SLIGHT) / (1.0 + (half / max(share, 1e-6)) ** UNKNOWN_STEEPNESS))
+        likely.append(first / (first + SLIGHT) / (1.0 + (UNKNOWN_FROM / max(share, 1e-6)) ** UNKNOWN_STEEPNESS))
     return float(max(likely))
 
 
-def natural_side(effect: str, values: Mapping[str, float]) -> bool:
-    """Whether the first number of an effect lies on the side of neutral where the catalogue's plausible ones do."""
-    row = EFFECTS[effect].parameters[0]
-    value = values[f"effects.{effect}.{row.name}"]
-    return not (value < row.neutral <= row.low or row.high <= row.neutral < value)
+def possible(fitted: Fitted, load: float) -> bool:
+    """Whether a boom with a ``load`` [kg] told can have an effect as it was fitted; if not, it stands in for something else.
+
+    A load that lifts is none. What is slower or more damped than the modes of a steel boom, as far as its intervals tell, is the
+    mode of another body. Bristles softer than all that are plausible are a spring, not friction.
+    """
+    plausible, own = {c.name: c.plausible for c in fitted.coordinates}, f"effects.{fitted.effect}."
+    if fitted.effect in LOADS:
+        return fitted.point.effects[own + "mass"] >= -load
+    if fitted.effect == "presliding_friction":
+        return fitted.point.effects[own + "compliance"] <= plausible[own + "compliance"][1]
+    if fitted.effect == "boom_flexibility":
+        f, zeta = (estimates(fitted, 1.0)[own + name].interval_90 for name in ("f", "zeta"))
+        return f[1] >= plausible[own + "f"][0] and zeta[0] <= plausible[own + "zeta"][1]
+    return True
