@@ -33,9 +33,10 @@ REFINED, LOOSELY, PROMISING = 4, 2, 0.25
 that they must gain which the linear look must promise."""
 AFRESH = 2
 """Effects that are fitted anew from the nominal machine where a mismatch remains."""
-AT_ONCE, GLANCED = 3, 12
-"""The same where it is far off: a load may be there, come, or swing. Those that are glanced at where none of these stands out: what
-the linear look promises is little where the tolerances could imitate much, if all were linear."""
+AT_ONCE, GLANCED, FOLLOWED = 3, 12, 3
+"""The same where it is far off: a load may be there, come, or swing. Those that are glanced at where none of these stands out, and
+those of them that are fitted on: what the linear look promises is little where the tolerances could imitate much, if all were
+linear."""
 FAR_OFF = 0.1
 """Loss per innovation over that of white noise from which on effects are first looked for from the nominal machine."""
 OUTSTANDING = 0.3
@@ -247,6 +248,10 @@ class Nominal:
             seen.setdefault(candidate.effect, candidate)
         return seen
 
+    def _refined(self, effect: str, at_least: float, level: float = -np.inf) -> Fitted:
+        start = [self.seen[effect]]
+        return refine(self._scanner, self.jacobian, start, self.kept, at_least=at_least, level=level)
+
     def gain(self, fitted: Fitted) -> float:
         """Of an effect over the tolerances [nats]."""
         return self.tolerances.loss - fitted.point.loss
@@ -256,9 +261,7 @@ class Nominal:
 
         def fitted(effect: str, at_least: float = 0.0, level: float = -np.inf) -> Fitted:
             if effect not in self._fitted:
-                self._fitted[effect] = refine(
-                    self._scanner, self.jacobian, [self.seen[effect]], self.kept, at_least=at_least, level=level
-                )
+                self._fitted[effect] = self._refined(effect, at_least, level)
             return self._fitted[effect]
 
         first = [fitted(effect) for effect in effects[:1]]
@@ -269,9 +272,11 @@ class Nominal:
         return first + in_parallel(lambda effect: fitted(effect, needed, level), effects[1:])
 
     def glance(self, most: int) -> None:
-        """Fits the ``most`` effects that the linear look finds most promising; those that fall behind the best not to the end."""
-        known = [f.effect for f in self.best]
-        self.fitted([*known[:1], *(effect for effect in list(self.seen)[:most] if effect not in known)])
+        """A few steps for the ``most`` effects that the linear look finds most promising; the best of them are fitted on."""
+        waiting = [effect for effect in list(self.seen)[:most] if effect not in self._fitted]
+        looked = in_parallel(lambda effect: self._refined(effect, at_least=np.inf), waiting)
+        ahead = [f.effect for f in sorted(looked, key=lambda f: f.glanced)[:FOLLOWED]]
+        self.fitted([*(f.effect for f in self.best[:1]), *ahead])
 
     @property
     def best(self) -> list[Fitted]:
@@ -325,14 +330,13 @@ def _at_once(first: Nominal, likeliest: Likeliest, fit: Fit) -> Round | None:
     The tolerances alone, fitted to such a machine, end far from anything, and the search with them.
     """
     base = first.tolerances
-    for most in (AT_ONCE, GLANCED):
-        first.glance(most)
-        best = first.best[0].point
-        if best.excess(WHITE) <= OUTSTANDING * base.excess(WHITE):
-            break
-    else:
-        return None
+    first.fitted(list(first.seen)[:AT_ONCE])
+    if first.best[0].point.excess(WHITE) > OUTSTANDING * base.excess(WHITE):
+        first.glance(GLANCED)
     tried = first.best
+    best = tried[0].point
+    if best.excess(WHITE) > OUTSTANDING * base.excess(WHITE):
+        return None
     weighing = likeliest(best.z, best.effects)
     start = weighing.points([(best.z, best.effects)])[0]
     gained = weighing.points([(base.z, {})])[0].loss - start.loss

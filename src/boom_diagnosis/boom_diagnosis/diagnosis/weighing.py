@@ -37,6 +37,8 @@ UNKNOWN_FROM, UNKNOWN_STEEPNESS = 0.78, 8.0
 """Share of the misfit's amplitude that remains where unknown physics becomes as likely as not, and how sharply."""
 SLIGHT = 0.04
 """Loss per innovation over that of a healthy machine at which what nothing explains is as likely nothing unknown."""
+CLEAR = 0.1
+"""The same, of one channel, from which on it counts by itself."""
 NEGLIGIBLE = 0.012
 """Loss per innovation over that of a healthy machine which counts as nothing: the observer's own shortcomings."""
 Z90 = 1.645
@@ -210,9 +212,9 @@ def unknown_probability(before: float, after: float, channels: Sequence[tuple[fl
     catalogue's effect in a form that is not the catalogue's. u = 0.78.
 
     channels: before and after of each measured channel. An effect that explains one channel and leaves another, clearly off, as
-    it was has another one beside it or stands in for it: the channel that is explained least counts, if more than SLIGHT is left.
+    it was has another one beside it or stands in for it: the channel that is explained least counts, if more than CLEAR is left.
     """
-    pairs = [(before, after)] * (after > NEGLIGIBLE) + [(b, a) for b, a in channels if a > SLIGHT]
+    pairs = [(before, after)] * (after > NEGLIGIBLE) + [(b, a) for b, a in channels if a > CLEAR]
     likely = [0.02]
     for first, last in pairs:
         share = sqrt(max(last, 0.0) / max(first, last, 1e-12))
