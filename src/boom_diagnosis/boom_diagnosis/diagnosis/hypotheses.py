@@ -354,7 +354,8 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
     wanted: effects to fit, beside those that the linear look at the nominal machine finds most promising. floor: loss per
     innovation of a healthy machine.
     """
-    if not found.fitted or found.fitted[0].gain < (1.0 - OUTSTANDING) * found.base.over(floor):
+    unexplained = not found.fitted or found.fitted[0].gain < (1.0 - OUTSTANDING) * found.base.over(floor)
+    if unexplained and not found.accepted:
         first.glance(GLANCED)
     glanced = [f.effect for f in first.best[:AFRESH]]
     effects = list(dict.fromkeys([*glanced, *list(first.seen)[:AFRESH], *(e for e in wanted if e in first.seen)]))
