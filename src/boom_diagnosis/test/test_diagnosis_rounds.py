@@ -12,10 +12,11 @@ from boom_diagnosis.diagnosis import answer, earning, proof, run, search
 from boom_diagnosis.diagnosis.case import Case
 from boom_diagnosis.diagnosis.coordinates import all_coordinates
 from boom_diagnosis.diagnosis.fitting import WHITE, Point
-from boom_diagnosis.diagnosis.hypotheses import Round
+from boom_diagnosis.diagnosis.hypotheses import FOLLOWED, GLANCED, Nominal, Round
 from boom_diagnosis.diagnosis.nuisances import tolerances
 from boom_diagnosis.diagnosis.search import Fitted
 from boom_diagnosis.diagnosis.weighing import Weighed
+from boom_model.effects import CATALOGUE
 
 SAMPLES = 10_000
 
@@ -318,3 +319,44 @@ def test_what_is_damaged_or_left_out_of_a_recording_is_said(case: Any) -> None:
     assert left_out.startswith("still is left out")
     assert evaporating.startswith("a: 1.5 s are left out") and "evaporates" in evaporating
     assert damaged == ["b: cut.mcap: the file is cut", "c: no index"]
+
+
+def test_an_effect_that_the_linear_look_ranks_low_is_found_by_a_few_steps_of_its_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of twelve effects the eleventh leaves least after two steps; only the best three are fitted to the end."""
+    order = [effect.id for effect in CATALOGUE[: GLANCED + 2]]
+    left = {effect: 900.0 - 10.0 * k for k, effect in enumerate(order)} | {order[10]: 20.0}
+    nominal: Any = Nominal.__new__(Nominal)
+    nominal.__dict__ |= {
+        "_fitted": {}, "seen": dict.fromkeys(order), "tolerances": point(1000.0), "at": point(5000.0),
+    }  # fmt: skip
+    glanced, fitted = [], []
+
+    def refined(effect: str, at_least: float, level: float = -np.inf) -> Fitted:
+        (glanced if at_least == np.inf else fitted).append(effect)
+        at = point(left[effect])
+        return Fitted(effect, at, (), np.zeros((SAMPLES, 1)), 0.0, (), at.loss)
+
+    monkeypatch.setattr(nominal, "_refined", refined)
+    nominal.fitted(order[:3])
+    nominal.glance(GLANCED)
+    assert sorted(glanced) == sorted(order[3:GLANCED])
+    assert set(fitted) == {*order[:3], order[10], order[11], order[9]}
+    assert len(fitted) == 3 + FOLLOWED
+    assert nominal.best[0].effect == order[10]
+
+
+def test_an_effect_that_no_boom_can_have_is_not_weighed_but_said(monkeypatch: pytest.MonkeyPatch, case: Any) -> None:
+    case.pose, case.healthy_squares, case.bags = SimpleNamespace(load=0.0), np.ones(4), []
+    fitted = weighed("payload", 600.0, 300.0, 1000.0).fitted
+    fitted = replace(fitted, coordinates=all_coordinates(["payload"]), jacobian=np.ones((SAMPLES, 2)))
+    fitted.point.effects["effects.payload.mass"] = -80.0
+    found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (fitted,), {}, Any)
+    case.weighed = [earning.weigh(case, found)]
+    assert case.weighed == [[]]
+    monkeypatch.setattr(answer.regimes, "where", lambda *given: SimpleNamespace(text="", intervals=()))
+    evidence: Any = SimpleNamespace(key="torque", statistical=10.0, chain=0.0)
+    tight: Any = SimpleNamespace(explained=[])
+    said = answer._unknown_finding(case, 0.9, [], tight, [evidence], None).evidence
+    assert said.endswith("; the nearest is payload, but as no boom can have it (mass -80 kg).")

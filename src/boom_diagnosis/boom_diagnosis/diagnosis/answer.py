@@ -326,6 +326,13 @@ def _unknown_finding(
     place = regimes.where(case.bags, cells, rest)
     first = [*(case.weighed[0] if case.weighed else []), *case.disproved]
     nearest = f"; the nearest is {label_of(first[0].fitted.effect)}" if first else " or comes near"
+    unlike = max(case.impossible, key=lambda f: f.gain, default=None)
+    if unlike and (not first or unlike.gain > first[0].fitted.gain):
+        numbers = ", ".join(
+            f"{name} {e.value:.3g} {e.unit}".rstrip(" -")
+            for name, e in _short(estimates(unlike, 1.0), unlike.effect).items()
+        )
+        nearest = f"; the nearest is {label_of(unlike.effect)}, but as no boom can have it ({numbers})"
     said = f" What explains it is {learned.curve.reading}." if learned else ""
     home = _touched(learned.term) if learned else _home(case, link.subsystems)
     return Finding(

@@ -34,6 +34,7 @@ class Case:
         floor: loss per innovation of a healthy machine with the same currents. healthy: its recordings.
         rounds, weighed: what each round found, and its effects with what speaks for them. taken: those that earned their place.
         disproved: effects of the first round that gained enough, but made free runs over data not used worse.
+        impossible: effects of the first round as they were fitted, where no boom can have them so.
         trained: points with the first k effects, fitted to ``training`` alone.
         spared: number of effects -> fit with nominal tolerances, where moving them gains nothing.
         final: all effects at the point that the machine file gets, with all derivatives taken there.
@@ -56,6 +57,7 @@ class Case:
     rounds: list[Round] = field(default_factory=list)
     weighed: list[list[Weighed]] = field(default_factory=list)
     taken: list[Weighed] = field(default_factory=list)
+    impossible: list[Fitted] = field(default_factory=list)
     trained: list[Point] = field(default_factory=list)
     disproved: list[Weighed] = field(default_factory=list)
     spared: dict[int, Point] = field(default_factory=dict)
@@ -100,11 +102,11 @@ class Case:
         """A copy to go back to."""
         return replace(
             self, rounds=[*self.rounds], weighed=[*self.weighed], taken=[*self.taken], trained=[*self.trained],
-            spared={**self.spared}, disproved=[*self.disproved],
+            spared={**self.spared}, disproved=[*self.disproved], impossible=[*self.impossible],
         )  # fmt: skip
 
     def go_back(self, before: Case) -> None:
         """To what was found when the copy was made."""
         self.rounds, self.weighed, self.taken = before.rounds, before.weighed, before.taken
         self.trained, self.spared, self.disproved = before.trained, before.spared, before.disproved
-        self.temperature, self.onset = before.temperature, before.onset
+        self.impossible, self.temperature, self.onset = before.impossible, before.temperature, before.onset

@@ -125,11 +125,10 @@ def _training(case: Case) -> Flags:
 def weigh(case: Case, found: Round) -> list[Weighed]:
     """Gains on data used and not used; the best first."""
     accepted = set(found.accepted)
-    counted = [
-        f
-        for f in found.fitted
-        if possible(f, case.pose.load) and not (_always_there(case, f, found.fitted) or _hardly_beyond(case, f))
-    ]
+    able = [f for f in found.fitted if possible(f, case.pose.load)]
+    if not accepted:
+        case.impossible = [f for f in found.fitted if all(f is not other for other in able)]
+    counted = [f for f in able if not (_always_there(case, f, found.fitted) or _hardly_beyond(case, f))]
     if not counted:
         return []
     found = replace(found, fitted=tuple(counted))
