@@ -234,6 +234,8 @@ def possible(fitted: Fitted, load: float) -> bool:
     if fitted.effect == "presliding_friction":
         return fitted.point.effects[own + "compliance"] <= plausible[own + "compliance"][1]
     if fitted.effect == "boom_flexibility":
-        f, zeta = (estimates(fitted, 1.0)[own + name].interval_90 for name in ("f", "zeta"))
-        return f[1] >= plausible[own + "f"][0] and zeta[0] <= plausible[own + "zeta"][1]
+        found = estimates(fitted, 1.0)
+        slow = found[own + "f"].interval_90[1] < plausible[own + "f"][0]
+        damped = found[own + "zeta"].interval_90[0] > plausible[own + "zeta"][1]
+        return not (slow or damped)
     return True
