@@ -148,14 +148,17 @@ def test_a_load_that_comes_before_the_boom_has_moved_was_there_all_along(
     assert [w.fitted.effect for w in earning.weigh(case, only)] == ["payload_change"]
 
 
-@pytest.mark.parametrize(("alone", "left"), [(10.0, ["pressure_bias"]), (900.0, ["payload_change", "pressure_bias"])])
-def test_a_first_effect_that_gains_nothing_beside_the_second_gives_its_place_to_it(
-    monkeypatch: pytest.MonkeyPatch, case: Any, alone: float, left: list[str]
+@pytest.mark.parametrize("before", [["payload_change"], ["payload_change", "stribeck_friction"]])
+@pytest.mark.parametrize(("alone", "gives_way"), [(10.0, True), (900.0, False)])
+def test_effects_that_gain_nothing_beside_the_last_give_their_place_to_it(
+    monkeypatch: pytest.MonkeyPatch, case: Any, alone: float, gives_way: bool, before: list[str]
 ) -> None:
-    """``alone``: nats that the second effect leaves without the first; with both, none are left."""
-    first, second = weighed("payload_change", 100.0, 100.0, 1000.0), weighed("pressure_bias", 400.0, 400.0, 800.0)
-    second.fitted.point.effects.update({"effects.pressure_bias.hose": 1e6, "effects.pressure_bias.rod": 0.0})
-    second.fitted.point.effects["effects.payload_change.mass"] = 5.0
+    """``alone``: nats that the last effect leaves without those before; with all, none are left."""
+    taken = [weighed(effect, 100.0, 100.0, 1000.0) for effect in before] + [
+        weighed("pressure_bias", 400.0, 400.0, 800.0)
+    ]
+    bias = {"effects.pressure_bias.hose": 1e6, "effects.pressure_bias.rod": 0.0}
+    taken[-1].fitted.point.effects.update({**bias, "effects.payload_change.mass": 5.0})
 
     class Fits:
         def points(self, wanted: Any) -> list[Point]:
@@ -173,14 +176,12 @@ def test_a_first_effect_that_gains_nothing_beside_the_second_gives_its_place_to_
 
     nothing: Any = None
     problem: Any = SimpleNamespace(predictor=SimpleNamespace(looseness=1.0))
-    rounds = [Round((), point(1000.0), np.zeros((SAMPLES, 1)), (), {}, problem)] * 2
-    made = Case(
-        nothing, nothing, [], [], case.select, [], [], (nothing,), 0, floor=WHITE, rounds=rounds, taken=[first, second]
-    )
+    rounds = [Round((), point(1000.0), np.zeros((SAMPLES, 1)), (), {}, problem)] * 3
+    made = Case(nothing, nothing, [], [], case.select, [], [], (nothing,), 0, floor=WHITE, rounds=rounds, taken=taken)
     monkeypatch.setattr(Case, "problem", lambda *given: Fits())
     monkeypatch.setattr(run, "_judge", judged)
-    run._without_first(made)
-    assert [w.fitted.effect for w in made.taken] == left
+    run._without_those_before(made)
+    assert [w.fitted.effect for w in made.taken] == [*([] if gives_way else before), "pressure_bias"]
 
 
 @pytest.mark.parametrize(
@@ -204,7 +205,7 @@ def test_what_stands_in_for_something_gives_way_if_the_second_and_what_is_beside
     def rest(of: Case, at: Any) -> float:
         return {"presliding_friction": 0.3}.get(of.taken[0].fitted.effect, left)
 
-    monkeypatch.setattr(run, "_second_alone", lambda of: (None, None))
+    monkeypatch.setattr(run, "_last_alone", lambda of: (None, None))
     monkeypatch.setattr(run, "_taken_anew", anew)
     monkeypatch.setattr(run, "_look", look)
     monkeypatch.setattr(Case, "last", None)
@@ -360,3 +361,15 @@ def test_an_effect_that_no_boom_can_have_is_not_weighed_but_said(monkeypatch: py
     tight: Any = SimpleNamespace(explained=[])
     said = answer._unknown_finding(case, 0.9, [], tight, [evidence], None).evidence
     assert said.endswith("; the nearest is payload, but as no boom can have it (mass -80 kg).")
+
+
+@pytest.mark.parametrize(
+    ("unknown", "confidence", "verdict"),
+    [(0.48, 0.18, "unknown_physics"), (0.45, 0.5, "ambiguous"), (0.1, 0.9, "identified")],
+)
+def test_physics_of_no_catalogue_is_the_verdict_where_it_is_likelier_than_what_was_found(
+    case: Any, unknown: float, confidence: float, verdict: str
+) -> None:
+    found: Any = SimpleNamespace(subsystem="supply", confidence=confidence)
+    tight: Any = SimpleNamespace(excess_before=1.0)
+    assert answer._verdict(case, [found], unknown, 0.0, tight) == verdict

@@ -364,7 +364,7 @@ def _verdict(case: Case, findings: Sequence[Finding], unknown: float, moved: flo
         if unknown > 0.5 and tight.excess_before > 3 * NEGLIGIBLE:
             return "unknown_physics"
         return "parameters_only" if noticed(moved, len(case.nuisances)) else "no_mismatch"
-    if unknown > 0.5:
+    if unknown > findings[0].confidence:
         return "unknown_physics"
     if all(f.subsystem == "sensors" for f in findings):
         return "sensor_or_clock"

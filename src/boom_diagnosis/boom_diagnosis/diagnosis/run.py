@@ -130,7 +130,8 @@ def _finish(case: Case) -> None:
 
 
 def _rounds(case: Case, progress: Progress) -> None:
-    near, alone, k = False, False, 0
+    near, k = False, 0
+    alone = set[int]()  # of two and of three, once each: what takes the place of those before may bring them back
     while k < MOST_EFFECTS:
         look = _share(progress, 0.8 * k / MOST_EFFECTS, 0.8 / MOST_EFFECTS)
         taken = _look(case, _share(look, 0.0, FIRST_LOOK), near)
@@ -140,9 +141,9 @@ def _rounds(case: Case, progress: Progress) -> None:
                 return
         if not taken:
             return
-        if len(case.taken) == 2 and not alone:
-            alone = True  # once: what takes its place may bring the other back
-            _without_first(case)
+        if len(case.taken) > 1 and len(case.taken) not in alone:
+            alone.add(len(case.taken))
+            _without_those_before(case)
             if len(case.taken) == 2 and _at_the_end(case):
                 _without_stand_in(case, look)
         k = len(case.taken)
@@ -252,11 +253,11 @@ def _look_again(case: Case, progress: Progress) -> bool:
     return True
 
 
-def _without_first(case: Case) -> None:
-    """The second effect takes the first one's place where the first gains nothing beside it: it stood in for it."""
-    second, alone = case.taken[1], _second_alone(case)
-    both = alone.problem.points([(second.fitted.point.z, second.fitted.point.effects)])[0]
-    if alone.point.loss - both.loss <= chance(case) + OTHER_FORM * second.net:
+def _without_those_before(case: Case) -> None:
+    """The last effect takes the place of those before where they gain nothing beside it: they stood in for it."""
+    last, others, alone = case.taken[-1], len(case.taken) - 1, _last_alone(case)
+    together = alone.problem.points([(last.fitted.point.z, last.fitted.point.effects)])[0]
+    if alone.point.loss - together.loss <= others * chance(case) + OTHER_FORM * last.net:
         before = case.kept_back()
         if not _taken_anew(case, alone):
             case.go_back(before)
@@ -265,7 +266,7 @@ def _without_first(case: Case) -> None:
 def _without_stand_in(case: Case, progress: Progress) -> None:
     """Where the first effect lies at the end of a range: the second one, and what is found beside it, if they leave less."""
     before, left = case.kept_back(), case.rest(case.last)
-    if _taken_anew(case, _second_alone(case)):
+    if _taken_anew(case, _last_alone(case)):
         _look(case, progress, case.rest(case.last) < FAR)
         if case.rest(case.last) < left:
             return
@@ -282,15 +283,15 @@ class _Alone:
     jacobian: Array
 
 
-def _second_alone(case: Case) -> _Alone:
-    """The second effect without the first."""
-    second, looseness = case.taken[1].fitted, case.rounds[1].problem.predictor.looseness
-    names = all_coordinates([second.effect])
-    values = {c.name: second.point.effects[c.name] for c in names}
-    problem = case.problem(second.point.z, values, looseness)
+def _last_alone(case: Case) -> _Alone:
+    """The last effect without those before it."""
+    last, looseness = case.taken[-1].fitted, case.rounds[len(case.taken) - 1].problem.predictor.looseness
+    names = all_coordinates([last.effect])
+    values = {c.name: last.point.effects[c.name] for c in names}
+    problem = case.problem(last.point.z, values, looseness)
     zero = np.zeros(len(case.nuisances))
-    start = min(problem.points([(second.point.z, values), (zero, values)]), key=lambda p: p.loss)
-    return _Alone(second.effect, problem, *problem.fit(start, problem.nuisance_jacobian(start), names))
+    start = min(problem.points([(last.point.z, values), (zero, values)]), key=lambda p: p.loss)
+    return _Alone(last.effect, problem, *problem.fit(start, problem.nuisance_jacobian(start), names))
 
 
 def _taken_anew(case: Case, alone: _Alone) -> bool:
