@@ -161,3 +161,13 @@ def test_wrong_options_end_in_one_line(options, said, capsys, monkeypatch, tmp_p
     told = capsys.readouterr().err
     assert said in told and told.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_a_pair_of_which_one_is_not_seen_beside_the_other_is_none(machine, tmp_path, short, monkeypatch):
+    pair = CaseSpec("ccc", (9, 7), "pair", (("payload", 3.0), ("rate_scale", 3.0)))
+    asked = []
+    monkeypatch.setattr(generator, "ATTEMPTS", 6)
+    monkeypatch.setattr(generator.Detectability, "beside", lambda *given: asked.append(given) or 0.0)
+    with pytest.raises(generator.GenerationError):
+        generator.make_case(pair, machine, tmp_path / "blind", tmp_path / "sealed")
+    assert asked, "an attempt came so far that the pair was looked at"

@@ -352,11 +352,12 @@ def test_what_a_number_is_off_is_the_effect_s_where_the_recordings_do_not_tell_t
     assert moved.loss == pytest.approx(split.loss - 0.5 * z[load] ** 2, abs=1.0)
 
 
-def test_a_channel_that_is_left_as_it_was_speaks_for_unknown_physics() -> None:
-    """Loss per innovation: the rate is explained, the pressures stay; as little as a twentieth of the noise says nothing."""
+def test_two_channels_that_are_left_as_they_were_speak_for_unknown_physics() -> None:
+    """Loss per innovation: angle and rate are explained, the pressures stay; one that stays, or little of both, says nothing."""
     explained = [(4.0, 0.05), (3.2, 0.04)]
     assert unknown_probability(2.0, 0.15, channels=[*explained, (0.25, 0.03), (0.48, 0.05)]) < 0.05
-    assert unknown_probability(2.0, 0.15, channels=[*explained, (0.25, 0.23), (0.48, 0.30)]) > 0.6
+    assert unknown_probability(2.0, 0.15, channels=[*explained, (0.25, 0.23), (0.48, 0.38)]) > 0.6
+    assert unknown_probability(2.0, 0.15, channels=[*explained, (0.10, 0.06), (0.37, 0.30)]) < 0.05
     assert unknown_probability(2.0, 0.15, channels=[*explained, (0.03, 0.03), (0.03, 0.03)]) < 0.05
 
 

@@ -158,6 +158,18 @@ class Detectability:
                 share /= 4.0
         return float(np.sqrt(cost)), z
 
+    def beside(self, both: Array, other: Array, twins: tuple[str, ...] = ()) -> float:
+        """d of an effect beside another one: the outputs (n, 4) with both against those with the ``other`` alone.
+
+        What numbers imitate is told by the sensitivities of the undisturbed crane, along straight lines. twins: as in
+        :meth:`separation`.
+        """
+        n = self._numbers[:, [k for k, key in enumerate(NUMBERS) if key not in twins]]
+        rest = self._white(both - other)
+        z = np.linalg.solve(n.T @ n + np.eye(n.shape[1]), n.T @ rest)
+        left = rest - n @ z
+        return float(np.sqrt(left @ left + z @ z))
+
     def size_for(self, effect: Concealment, draws: Array, strength: float) -> Sized:
         """The effect at ``strength`` times its detectable size, cut at its largest.
 

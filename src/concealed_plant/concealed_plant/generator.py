@@ -164,6 +164,13 @@ def _attempt(
             sized.append(detectability.size_for(row, draws, strength))
     hidden = together([each.hidden for each in sized])
     shown = detectability.seen(hidden)
+    for (row, _, _), each in zip(rows, sized, strict=True):
+        others = [other.hidden for other in sized if other is not each]
+        if (
+            others
+            and detectability.beside(shown, detectability.seen(together(others)), row.twins) < detectability.detectable
+        ):
+            raise TooFaintError(f"{row.id} is not seen beside the other")
     bus = Bus(loss=float(rng.choice([0.0, 0.002, 0.01])))
     configuration = Configuration(file.name, crane.told.outer_boom_angle, crane.told.telescope_length, crane.told.load)
     first = record("recording", shown, per_millisecond(setting.currents), configuration, bus, rng)

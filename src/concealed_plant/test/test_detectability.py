@@ -47,6 +47,16 @@ def test_the_same_number_is_worth_far_more_where_it_may_not_move(seen):
     assert z[NUMBERS.index("main_valve_spool.k")] == 0.0
 
 
+def test_beside_another_effect_a_number_within_tolerance_is_worth_next_to_nothing(seen):
+    other = seen.seen(CONCEALMENTS["rate_scale"].build(0.05, DRAWS, seen.scene)) - seen.plain
+    assert seen.beside(seen.plain + other, seen.plain + other) == 0.0
+    stiffer = seen.plain + seen._change({"fluid.beta": 1.0}) + other
+    assert seen.beside(stiffer, seen.plain + other) < 0.1 * seen.detectable
+    moved = seen._moved({"main_valve_spool.k": 1.0}) + other
+    held = seen.beside(moved, seen.plain + other, ("main_valve_spool.k", "pilot_valves.h.0"))
+    assert held > 3.0 * seen.beside(moved, seen.plain + other)
+
+
 def test_where_the_boom_starts_is_not_told(seen):
     higher = started(seen, Start(0.52))
     assert np.linalg.norm(seen._white(higher - seen.plain)) > 50.0

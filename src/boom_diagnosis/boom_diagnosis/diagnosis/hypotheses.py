@@ -189,6 +189,8 @@ def run_round(
     progress("fitting effects", 0.5)
     most = min(refined, LOOSELY) if searching.predictor.looseness == LOOSENESS[-1] else refined
     promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING * least][:most]
+    if "payload_change" in promising and "payload" in grouped:  # they may be one and the same
+        promising = list(dict.fromkeys([*promising, "payload"]))
 
     def tried(effect: str, at_least: float, level: float) -> Fitted:
         return refine(scanner, jacobian, _starts(grouped[effect]), kept, at_least=at_least, level=level)

@@ -211,15 +211,18 @@ def unknown_probability(before: float, after: float, channels: Sequence[tuple[fl
     p = s^8 / (s^8 + u^8) b / (b + SLIGHT), s = sqrt(after / before), b = before: what little is wrong may as well be a
     catalogue's effect in a form that is not the catalogue's. u = 0.78.
 
-    channels: before and after of each measured channel. An effect that explains one channel and leaves another, clearly off, as
-    it was has another one beside it or stands in for it: the channel that is explained least counts, if more than CLEAR is left.
+    channels: before and after of each measured channel. An effect that explains some channels and leaves two others, clearly off,
+    as they were has another one beside it or stands in for it: the second of those that are explained least counts, of channels
+    where more than CLEAR is left (one alone may be the effect's form).
     """
-    pairs = [(before, after)] * (after > NEGLIGIBLE) + [(b, a) for b, a in channels if a > CLEAR]
-    likely = [0.02]
-    for first, last in pairs:
-        share = sqrt(max(last, 0.0) / max(first, last, 1e-12))
-        likely.append(first / (first + SLIGHT) / (1.0 + (UNKNOWN_FROM / max(share, 1e-6)) ** UNKNOWN_STEEPNESS))
-    return float(max(likely))
+    left = sorted((_unexplained(b, a) for b, a in channels if a > CLEAR), reverse=True)
+    whole = [_unexplained(before, after)] if after > NEGLIGIBLE else []
+    return float(max(0.02, *whole, *left[1:2]))
+
+
+def _unexplained(before: float, after: float) -> float:
+    share = sqrt(max(after, 0.0) / max(before, after, 1e-12))
+    return float(before / (before + SLIGHT) / (1.0 + (UNKNOWN_FROM / max(share, 1e-6)) ** UNKNOWN_STEEPNESS))
 
 
 def possible(fitted: Fitted, load: float) -> bool:
