@@ -217,7 +217,7 @@ def unknown_probability(before: float, after: float, channels: Sequence[tuple[fl
     """
     left = sorted((_unexplained(b, a) for b, a in channels if a > CLEAR), reverse=True)
     whole = [_unexplained(before, after)] if after > NEGLIGIBLE else []
-    return float(max(0.02, *whole, *left[1:2]))
+    return max([0.02, *whole, *left[1:2]])
 
 
 def _unexplained(before: float, after: float) -> float:
