@@ -171,3 +171,21 @@ def test_a_pair_of_which_one_is_not_seen_beside_the_other_is_none(machine, tmp_p
     with pytest.raises(generator.GenerationError):
         generator.make_case(pair, machine, tmp_path / "blind", tmp_path / "sealed")
     assert asked, "an attempt came so far that the pair was looked at"
+
+
+def test_a_pair_that_no_crane_shows_gives_way_to_another_one_and_always_to_the_same(machine, tmp_path, monkeypatch):
+    spec = CaseSpec("ddd", (9, 8), "pair", (("end_cushioning", 3.0), ("spring_rate", 3.0)))
+    tried = []
+
+    def attempt(of, *given):
+        tried.append(of.effects)
+        raise generator.TooFaintError("not seen")
+
+    monkeypatch.setattr(generator, "_attempt", attempt)
+    for _ in range(2):
+        with pytest.raises(generator.GenerationError):
+            generator.make_case(spec, machine, tmp_path / "blind", tmp_path / "sealed")
+    first, again_ = tried[: generator.ATTEMPTS], tried[generator.ATTEMPTS :]
+    assert first == again_
+    assert len(set(first)) == generator.ATTEMPTS // generator.PAIR_ATTEMPTS
+    assert set(first[: generator.PAIR_ATTEMPTS]) == {spec.effects}

@@ -52,7 +52,7 @@ def cases(seed: int, count: int) -> list[CaseSpec]:
     drawn += [("effect", (ladder[k],)) for k in _rounds(len(ladder), numbers["effect"], rng)]
     drawn += [("healthy", ())] * numbers["healthy"]
     drawn += [("parameters", ())] * numbers["parameters"]
-    drawn += [("pair", _pair(rng)) for _ in range(numbers["pair"])]
+    drawn += [("pair", pair(rng)) for _ in range(numbers["pair"])]
     outside = [(name, strength) for strength in STRONG for name in OUTSIDE]
     drawn += [("outside", (outside[k],)) for k in _rounds(len(outside), numbers["outside"], rng)]
     for k in range(numbers["idle"]):
@@ -65,7 +65,7 @@ def cases(seed: int, count: int) -> list[CaseSpec]:
     ]
 
 
-def _pair(rng: np.random.Generator) -> tuple[tuple[str, float], ...]:
+def pair(rng: np.random.Generator) -> tuple[tuple[str, float], ...]:
     """Two known effects of different subsystems, both well visible, not two that need the same course of time."""
     while True:
         first, second = (str(name) for name in rng.choice(KNOWN, size=2, replace=False))
