@@ -132,7 +132,7 @@ class Detectability:
         twins: numbers that are kept out of z. guess: z to begin with. anew: with sensitivities of the crane as ``guess`` has it,
         not of the specimen.
         """
-        free = [k for k, key in enumerate(NUMBERS) if key not in twins]
+        free = _free(twins)
         at = dict(zip(NUMBERS, guess, strict=True)) if anew and guess is not None else {}
         n = (self._sensitivities(at) if at else self._numbers)[:, free]
         solve = np.linalg.inv(n.T @ n + np.eye(len(free)))
@@ -161,10 +161,10 @@ class Detectability:
     def beside(self, both: Array, other: Array, twins: tuple[str, ...] = ()) -> float:
         """d of an effect beside another one: the outputs (n, 4) with both against those with the ``other`` alone.
 
-        What numbers imitate is told by the sensitivities of the undisturbed crane, along straight lines. twins: as in
-        :meth:`separation`.
+        d^2 = min over z of |W (y_both - y_other) - N z|^2 + z'z, N the sensitivities at the undisturbed crane: along straight
+        lines. twins: as in :meth:`separation`.
         """
-        n = self._numbers[:, [k for k, key in enumerate(NUMBERS) if key not in twins]]
+        n = self._numbers[:, _free(twins)]
         rest = self._white(both - other)
         z = np.linalg.solve(n.T @ n + np.eye(n.shape[1]), n.T @ rest)
         left = rest - n @ z
@@ -314,6 +314,11 @@ class Detectability:
     def _white(self, difference: Array) -> Array:
         spectrum = _spectrum(difference) * self._weights * np.sqrt(2.0)
         return np.concatenate((spectrum.real.ravel(), spectrum.imag.ravel()))
+
+
+def _free(twins: tuple[str, ...]) -> list[int]:
+    """Indices of ``NUMBERS`` that may move."""
+    return [k for k, key in enumerate(NUMBERS) if key not in twins]
 
 
 def scene(m: Quantities, setting: Setting, plain: Run) -> Scene:

@@ -42,9 +42,10 @@ Array = NDArray[np.float64]
 DURATION = 60.0
 SCATTER = 0.5
 """Standard deviations by which every number of every crane differs from the machine file."""
-ATTEMPTS, PAIR_ATTEMPTS = 400, 50
-"""Most that fail are over in a tenth of a second; an operator at the end of stroke leaves the range far more often than not.
-After so many another pair is drawn: a spring that is off by half keeps most booms from ever reaching the cushion."""
+ATTEMPTS = 400
+"""Most that fail are over in a tenth of a second; an operator at the end of stroke leaves the range far more often than not."""
+PAIR_ATTEMPTS = 50
+"""Of a pair, before another one is drawn: a spring that is off by half keeps most booms from ever reaching the cushion."""
 RECORDING, HOLD_OUT, ANSWER = "recording", "hold_out", "answer.json"
 CHANNELS = ("angle", "rate", "hose_pressure", "rod_pressure")
 _POSES = ((4.59, 0.0), (0.28, 2.2), (0.28, 2.8))
@@ -173,13 +174,10 @@ def _attempt(
             sized.append(detectability.size_for(row, draws, strength))
     hidden = together([each.hidden for each in sized])
     shown = detectability.seen(hidden)
-    for (row, _, _), each in zip(rows, sized, strict=True):
-        others = [other.hidden for other in sized if other is not each]
-        if (
-            others
-            and detectability.beside(shown, detectability.seen(together(others)), row.twins) < detectability.detectable
-        ):
-            raise TooFaintError(f"{row.id} is not seen beside the other")
+    if spec.kind == "pair":
+        for (row, _, _), other in zip(rows, reversed(sized), strict=True):
+            if detectability.beside(shown, other.outputs, row.twins) < detectability.detectable:
+                raise TooFaintError(f"{row.id} is not seen beside the other")
     bus = Bus(loss=float(rng.choice([0.0, 0.002, 0.01])))
     configuration = Configuration(file.name, crane.told.outer_boom_angle, crane.told.telescope_length, crane.told.load)
     first = record("recording", shown, per_millisecond(setting.currents), configuration, bus, rng)

@@ -16,7 +16,8 @@ STEP, FACTOR_STEP = 1.5e-3, 3e-3
 """Of differences: share of an effect's range, and relative change of a positive number. As small as those of the tolerances, or an
 effect that is a number's being off would have another derivative than that number."""
 LOADS = ("payload", "payload_change")
-"""Effects that take away from a load that was told; of others on one side of neutral there is nothing on the other."""
+"""Effects that may be less than nothing: as much as a load that was told to hang there. Of others that are plausible on one side of
+neutral there are none on the other."""
 DELAYS, DELAY_STEP = ("command_delay", "pressure_delay"), 0.05
 """Effects that move samples between intervals, and the share of their range."""
 

@@ -125,9 +125,11 @@ def _training(case: Case) -> Flags:
 def weigh(case: Case, found: Round) -> list[Weighed]:
     """Gains on data used and not used; the best first."""
     accepted = set(found.accepted)
-    able = [f for f in found.fitted if possible(f, case.pose.load)]
+    able, impossible = list[Fitted](), list[Fitted]()
+    for f in found.fitted:
+        (able if possible(f, case.pose.load) else impossible).append(f)
     if not accepted:
-        case.impossible = [f for f in found.fitted if all(f is not other for other in able)]
+        case.impossible = impossible
     counted = [f for f in able if not (_always_there(case, f, found.fitted) or _hardly_beyond(case, f))]
     if not counted:
         return []

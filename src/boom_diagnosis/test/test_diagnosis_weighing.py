@@ -1,0 +1,108 @@
+"""What fits are worth: losses of data not used, intervals, unknown physics, on small exact examples."""
+
+import numpy as np
+import pytest
+
+from boom_diagnosis.diagnosis.coordinates import all_coordinates
+from boom_diagnosis.diagnosis.fitting import Point
+from boom_diagnosis.diagnosis.search import Fitted
+from boom_diagnosis.diagnosis.weighing import (
+    BLOCK,
+    possible,
+    posterior,
+    predictive_loss,
+    scatter,
+    split_loss,
+    unknown_probability,
+)
+
+
+def test_predictive_loss_is_the_likelihood_of_data_whose_numbers_are_uncertain() -> None:
+    rng = np.random.default_rng(0)
+    jacobian, known = rng.standard_normal((30, 3)), np.diag([2.0, 5.0, 1.0])
+    w = 0.5 * rng.standard_normal(30)
+    covariance = np.eye(30) + jacobian @ np.linalg.inv(known) @ jacobian.T
+    exact = 0.5 * w @ np.linalg.solve(covariance, w) + 0.5 * np.linalg.slogdet(covariance)[1]
+    assert predictive_loss(w, jacobian, known) == pytest.approx(exact, rel=1e-6)
+
+
+def test_the_end_of_a_recording_costs_what_its_beginning_did_not_foretell() -> None:
+    """-log p(others | used) of a linear model, exactly: the difference of two Gaussian evidences."""
+    rng = np.random.default_rng(0)
+    jacobian, prior, nominal = rng.standard_normal((30, 3)), np.array([1.0, 1.0, 4.0]), 0.5 * rng.standard_normal(30)
+    used = np.arange(30) < 20
+    best = -np.linalg.solve(jacobian.T @ jacobian + np.diag(prior), jacobian.T @ nominal)
+    scaled = jacobian / np.sqrt(prior)  # unknowns of unit prior
+    fitted, others = split_loss(nominal + jacobian @ best, scaled, np.ones(3), best * np.sqrt(prior), used)
+
+    def evidence(rows: np.ndarray) -> tuple[float, float]:
+        c = np.eye(int(rows.sum())) + scaled[rows] @ scaled[rows].T
+        return 0.5 * float(nominal[rows] @ np.linalg.solve(c, nominal[rows])), 0.5 * float(np.linalg.slogdet(c)[1])
+
+    every, some = evidence(np.ones(30, dtype=bool)), evidence(used)
+    assert fitted == pytest.approx(some[0], rel=1e-6)
+    assert others == pytest.approx(sum(every) - sum(some), rel=1e-6)
+
+
+def test_two_channels_that_are_left_as_they_were_speak_for_unknown_physics() -> None:
+    """Loss per innovation: angle and rate are explained, the pressures stay; one that stays, or little of both, says nothing."""
+    explained = [(4.0, 0.05), (3.2, 0.04)]
+    assert unknown_probability(2.0, 0.15, channels=[*explained, (0.25, 0.03), (0.48, 0.05)]) < 0.05
+    assert unknown_probability(2.0, 0.15, channels=[*explained, (0.25, 0.23), (0.48, 0.38)]) > 0.6
+    assert unknown_probability(2.0, 0.15, channels=[*explained, (0.10, 0.06), (0.37, 0.30)]) < 0.05
+    assert unknown_probability(2.0, 0.15, channels=[*explained, (0.03, 0.03), (0.03, 0.03)]) < 0.05
+
+
+def test_unknown_physics_is_likely_where_much_of_the_mismatch_stays() -> None:
+    assert unknown_probability(1.0, 0.001) < 0.05
+    assert unknown_probability(1.0, 0.9) > 0.75
+    assert unknown_probability(1.0, 0.05) < 0.1
+    assert unknown_probability(1.0, 0.5) < 0.5 < unknown_probability(1.0, 0.7)
+
+
+@pytest.mark.parametrize(
+    ("values", "load", "expected"),
+    [
+        ({"payload_change": {"mass": -16.6, "t_g": 3.0}}, 0.0, False),
+        ({"payload_change": {"mass": -16.6, "t_g": 3.0}}, 20.0, True),
+        ({"payload_change": {"mass": 4.0, "t_g": 3.0}}, 0.0, True),
+        ({"presliding_friction": {"compliance": 1.8e-5}}, 0.0, False),
+        ({"presliding_friction": {"compliance": 1.8e-6}}, 0.0, True),
+        ({"boom_flexibility": {"gain": 0.02, "f": 0.9, "zeta": 0.02}}, 0.0, False),
+        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.08}}, 0.0, False),
+        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.02}}, 0.0, True),
+        ({"rate_scale": {"a": 0.9}}, 0.0, True),
+    ],
+)
+def test_an_effect_that_no_boom_can_have_is_no_explanation(
+    values: dict[str, dict[str, float]], load: float, expected: bool
+) -> None:
+    (effect, numbers), *_ = values.items()
+    names = all_coordinates([effect])
+    rows, count = 1600, 2
+    named = {f"effects.{effect}.{k}": v for k, v in numbers.items()}
+    point = Point(np.zeros(count), named, np.zeros(rows), np.ones(rows, dtype=bool), 0.0, [], [])
+    jacobian = 1e3 * np.random.default_rng(0).standard_normal((rows, count + len(names)))
+    fitted = Fitted(effect, point, names, jacobian, 100.0, (0.0,))
+    assert possible(fitted, load) is expected
+
+
+def test_what_is_measured_more_often_is_known_better() -> None:
+    point = Point(np.zeros(1), {}, np.zeros(4), np.ones(4, dtype=bool), 0.0, [], [])
+    once = posterior(point, np.ones((4, 1)), 1)
+    twice = posterior(point, np.sqrt(2) * np.ones((4, 1)), 1)
+    assert once[0, 0] == pytest.approx(1 / 5) and twice[0, 0] == pytest.approx(1 / 9)
+
+
+def test_a_number_that_stretches_of_a_recording_disagree_about_is_known_worse() -> None:
+    """w = a(block) + noise, for one unknown: the blocks' spread counts, not the number of samples."""
+    rng = np.random.default_rng(0)
+    column, block = np.ones((40 * BLOCK, 1)), np.repeat(rng.standard_normal(40), BLOCK)
+    noise = 0.3 * rng.standard_normal(40 * BLOCK)
+    everything = np.ones(40 * BLOCK, dtype=bool)
+    spread = []
+    for w in (noise, 0.5 * block + noise):
+        point = Point(np.zeros(0), {}, w - w.mean(), everything, 0.0, [], [])
+        spread.append(float(scatter(point, column, 0)[0, 0]))
+    assert spread[0] == pytest.approx(0.3**2 / (40 * BLOCK), rel=0.5)
+    assert spread[1] == pytest.approx(0.5**2 * np.var(block, ddof=1) / 40, rel=0.1)
