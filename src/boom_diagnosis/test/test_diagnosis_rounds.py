@@ -91,8 +91,38 @@ def test_the_more_a_first_effect_explains_the_worse_it_may_leave_free_runs(
     case: Any, gain: float, factor: float
 ) -> None:
     assert earning._bearable(case, weighed("payload", gain / 2, gain / 2, 1000.0)) == factor
-    case.taken = [weighed("pilot_lag", 300.0, 300.0, 1000.0)]
-    assert earning._bearable(case, weighed("payload", gain / 2, gain / 2, 1000.0)) == earning.LATER
+
+
+@pytest.mark.parametrize(
+    ("gain", "rest", "factor"), [(400.0, 1000.0, 1.0), (700.0, 1000.0, 1.5), (450.0, 480.0, 1.0)]
+)
+def test_a_further_effect_may_leave_free_runs_worse_where_it_explains_most_of_a_clear_rest(
+    case: Any, gain: float, rest: float, factor: float
+) -> None:
+    """500 nats on 10000 samples are a clear rest."""
+    case.rounds = [SimpleNamespace(base=point(rest), problem=None)]
+    case.taken = [weighed("pilot_lag", 300.0, 300.0, 2000.0)]
+    assert earning._bearable(case, weighed("payload", gain / 2, gain / 2, rest)) == factor
+
+
+@pytest.mark.parametrize(("left", "looks"), [(2.0, [False, False, True]), (0.5, [False, True])])
+def test_what_a_loose_observer_follows_beside_an_effect_is_looked_for_with_the_tight_one(
+    monkeypatch: pytest.MonkeyPatch, case: Any, left: float, looks: list[bool]
+) -> None:
+    """``left``: nats per innovation that the first effect leaves, as the tight observer sees it."""
+    first, seen = weighed("payload", 600.0, 390.0, 1000.0), []
+
+    def look(of: Any, progress: Any, tight: bool) -> bool:
+        seen.append(tight)
+        of.taken = [first]
+        return len(seen) == 1
+
+    for name, answer_ in {"_look": look, "_satisfied": lambda of: True, "_strained": lambda of: False}.items():
+        monkeypatch.setattr(run, name, answer_)
+    monkeypatch.setattr(Case, "rest", lambda self, at: left)
+    case.final = None
+    run._rounds(case, lambda text, share: None)
+    assert seen == looks
 
 
 def test_of_recordings_held_out_the_gain_on_those_fitted_is_compared_with_what_they_begin_with(case: Any) -> None:

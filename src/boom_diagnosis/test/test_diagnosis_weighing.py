@@ -8,6 +8,7 @@ from boom_diagnosis.diagnosis.fitting import Point
 from boom_diagnosis.diagnosis.search import Fitted
 from boom_diagnosis.diagnosis.weighing import (
     BLOCK,
+    estimates,
     possible,
     posterior,
     predictive_loss,
@@ -106,3 +107,15 @@ def test_a_number_that_stretches_of_a_recording_disagree_about_is_known_worse() 
         spread.append(float(scatter(point, column, 0)[0, 0]))
     assert spread[0] == pytest.approx(0.3**2 / (40 * BLOCK), rel=0.5)
     assert spread[1] == pytest.approx(0.5**2 * np.var(block, ddof=1) / 40, rel=0.1)
+
+
+def test_an_interval_is_no_narrower_than_its_number_has_a_meaning() -> None:
+    """Told to 1e-6 by 8000 innovations: a factor of the pilot's lag means 6 %, a delay what it says."""
+    w, everything = np.zeros(8000), np.ones(8000, dtype=bool)
+    for effect, name, value, width in (("pilot_lag", "r", 1.5, 1.645 * 0.06), ("command_delay", "T", 0.02, 0.0)):
+        values = {f"effects.{effect}.{name}": value}
+        point, own = Point(np.zeros(0), values, w, everything, 0.0, [], []), all_coordinates([effect])
+        low, high = estimates(Fitted(effect, point, own, np.full((8000, 1), 1e4), 0.0, ()), 3.0)[
+            f"effects.{effect}.{name}"
+        ].interval_90
+        assert np.log(high / low) / 2.0 == pytest.approx(width, abs=2e-3)

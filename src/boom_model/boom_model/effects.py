@@ -332,7 +332,7 @@ CATALOGUE: tuple[Effect, ...] = (
         "pump_flow_limit",
         "supply",
         "5.39l,m",
-        "supply flow q / (1 + (q / q_max)^8)^(1/8)",
+        "supply flow q / (1 + (q / q_max)^32)^(1/32)",
         (
             _p(
                 "inverse_q_max",

@@ -12,7 +12,8 @@ In the dead zone x <= x_0 every area is exactly zero. Effects (neutral value):
 
 * ``valve_dead_zone``: x_0 + d_extend, x_0 + d_retract (0).
 * ``compensator_droop``: the supply flow q becomes q (1 - k (q / Q_REFERENCE)^2) (0).
-* ``pump_flow_limit``: the supply flow is limited to q_max, smoothly: q / (1 + (q / q_max)^8)^(1/8) (infinite).
+* ``pump_flow_limit``: the supply flow is limited to q_max: q / (1 + (q / q_max)^32)^(1/32) (infinite). A pump's limit is a stop:
+  2 % are missing at q_max.
 * ``return_line_pressure``: p_t + k q^2 with q the returning flow; closed form, as an orifice in series (0).
 * ``valve_hysteresis``: the metering edges lag the spool by h s_max, to one side or the other; from one side to the other they come
   within a travel of 2 w s_max, w = max(h, travel): they stand at s_s + (x - s_s) h / w, and x, a state, follows with a play,
@@ -86,7 +87,7 @@ def areas(position: Expression, p: Any, e: Any) -> tuple[Expression, Expression]
 
 def _supply(flow: Expression, e: Any) -> Expression:
     drooped = flow * (1 - e.compensator_droop.k * (flow / Q_REFERENCE) ** 2)
-    return drooped / (1 + (drooped * e.pump_flow_limit.inverse_q_max) ** 8) ** 0.125
+    return drooped / (1 + (drooped * e.pump_flow_limit.inverse_q_max) ** 32) ** (1 / 32)
 
 
 def _tank_flow(area: Expression, drop: Expression, gain: Expression, e: Any) -> Expression:

@@ -30,9 +30,10 @@ from boom_diagnosis.diagnosis.weighing import (
 )
 from boom_model.effects import EFFECTS
 
-WORSE, LATER = 1.1, 1.0
+WORSE, LATER, LATER_CLEAR = 1.1, 1.0, 1.5
 """Factor by which the free runs over data not used may err more with an effect than without, for the first one and for one beside
-others: one that pays for what the numbers cannot take up, but is not there, makes the free run worse."""
+others: one that pays for what the numbers cannot take up, but is not there, makes the free run worse. The last for one beside others
+that explains most of a clear rest: the errors of the effects before, in forms that are not the machine's, may have cancelled."""
 BEARABLE = ((0.6, 3.0), (0.3, 1.5), (0.0, WORSE))
 """Shares of all that the tolerances cannot take up, and factors by which a first effect that explains more may leave free runs
 worse: another one that is not in the model yet may dominate them, and tolerances that bend for both may hide it there."""
@@ -77,15 +78,19 @@ def _share_explained(case: Case, best: Weighed) -> float:
 
 def _needed(case: Case, best: Weighed) -> float:
     """Nats that an effect must gain; of one that explains most of a clear rest the effects before ask nothing."""
+    return chance(case) if _explains_clear_rest(case, best) else least(case)
+
+
+def _explains_clear_rest(case: Case, best: Weighed) -> bool:
     base = case.rounds[-1].base
     clear = base.over(case.floor) > CLEAR_REST * int(base.used.sum())
-    return chance(case) if clear and _share_explained(case, best) > MOST_OF_REST else least(case)
+    return clear and _share_explained(case, best) > MOST_OF_REST
 
 
 def _bearable(case: Case, best: Weighed) -> float:
     """Factor by which free runs over data not used may err more with an effect than without."""
     if case.taken:
-        return LATER
+        return LATER_CLEAR if _explains_clear_rest(case, best) else LATER
     share = _share_explained(case, best)
     return next((factor for least, factor in BEARABLE if share > least), WORSE)
 

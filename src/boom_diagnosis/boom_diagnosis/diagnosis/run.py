@@ -139,6 +139,8 @@ def _rounds(case: Case, progress: Progress) -> None:
             taken = _look_again(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK))
             if not _satisfied(case) and _plain(case):
                 return
+        elif not taken and k > 0 and not near:  # a loose observer may follow all that is left
+            taken = _look(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), True)
         if not taken:
             return
         if len(case.taken) > 1 and len(case.taken) not in alone:
