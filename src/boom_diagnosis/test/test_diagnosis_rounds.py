@@ -93,9 +93,7 @@ def test_the_more_a_first_effect_explains_the_worse_it_may_leave_free_runs(
     assert earning._bearable(case, weighed("payload", gain / 2, gain / 2, 1000.0)) == factor
 
 
-@pytest.mark.parametrize(
-    ("gain", "rest", "factor"), [(400.0, 1000.0, 1.0), (700.0, 1000.0, 1.5), (450.0, 480.0, 1.0)]
-)
+@pytest.mark.parametrize(("gain", "rest", "factor"), [(400.0, 1000.0, 1.0), (700.0, 1000.0, 1.5), (450.0, 480.0, 1.0)])
 def test_a_further_effect_may_leave_free_runs_worse_where_it_explains_most_of_a_clear_rest(
     case: Any, gain: float, rest: float, factor: float
 ) -> None:
