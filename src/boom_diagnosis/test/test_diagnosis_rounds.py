@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from diagnosis_samples import tz17
 
-from boom_diagnosis.diagnosis import answer, earning, proof, run, search
+from boom_diagnosis.diagnosis import answer, earning, hypotheses, proof, run, search
 from boom_diagnosis.diagnosis.case import Case
 from boom_diagnosis.diagnosis.coordinates import all_coordinates
 from boom_diagnosis.diagnosis.fitting import WHITE, Point
@@ -401,3 +401,18 @@ def test_physics_of_no_catalogue_is_the_verdict_where_it_is_likelier_than_what_w
     found: Any = SimpleNamespace(subsystem="supply", confidence=confidence)
     tight: Any = SimpleNamespace(excess_before=1.0)
     assert answer._verdict(case, [found], unknown, 0.0, tight) == verdict
+
+
+@pytest.mark.parametrize(
+    ("base", "gain", "kept"), [(900.0, 880.0, "after"), (900.0, 100.0, "before"), (-200.0, 30.0, "before")]
+)
+def test_gains_that_follow_a_machine_without_the_effect_as_well_do_not_weigh_it(
+    base: float, gain: float, kept: str
+) -> None:
+    """With the gains that it was found with the effect explains 26000 of 28000 nats."""
+    rounds = {}
+    for name, left, gained in (("before", 28000.0, 26000.0), ("after", base, gain)):
+        fitted = weighed("presliding_friction", gained, 0.0, left).fitted
+        nothing: Any = None
+        rounds[name] = Round((), point(left), np.zeros((SAMPLES, 1)), (fitted,), {}, nothing)
+    assert hypotheses._telling(rounds["before"], rounds["after"]) is rounds[kept]

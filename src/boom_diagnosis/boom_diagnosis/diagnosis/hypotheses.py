@@ -54,6 +54,8 @@ POLISH = 6
 WEIGHED, RIVAL = 3, 0.1
 """Effects that are weighed again where the best makes another observer likelier, and the share of its gain they must have."""
 
+TELLING = 0.5
+"""Share of what an effect explained by the gains it was found with that it must explain by gains of its own."""
 RELINEARISED, SETTLED = 5, 50.0
 """Fits of the tolerances with fresh derivatives at most, and the nats that the last one gained where they are good enough: a search
 that gives up too early leaves a rest to whatever effect comes first."""
@@ -205,15 +207,33 @@ def run_round(
     progress("weighing effects", 0.8)
     best = fitted[0].point
     weighing = likeliest(best.z, best.effects)
+    same = weighing.predictor.looseness == searching.predictor.looseness
     # an effect with states of its own is weighed by gains that correct them, too
-    if weighing.predictor.looseness == searching.predictor.looseness and not with_states(best.effects):
+    if same and not with_states(best.effects):
         fitted[0] = _polished(searching, fitted[0], base, fitted[0].jacobian)
-        return Round(accepted, base, jacobian, _sorted(fitted), scanned, searching)
+    searched = Round(accepted, base, jacobian, _sorted(fitted), scanned, searching)
+    if same and not with_states(best.effects):
+        return searched
     without, beside = weighing.points([(base.z, base.effects), (best.z, best.effects)])
     enough = max(SETTLED, MARGINAL * (without.loss - beside.loss))
     base, jacobian = fit(weighing, base.z, base.effects, kept, settled=enough)
     near = [f for f in fitted[:WEIGHED] if f.gain > RIVAL * fitted[0].gain]
-    return Round(accepted, base, jacobian, _all_weighed(weighing, near, base, jacobian), scanned, weighing)
+    weighed = Round(accepted, base, jacobian, _all_weighed(weighing, near, base, jacobian), scanned, weighing)
+    return _telling(searched, weighed) if same else weighed
+
+
+def _telling(before: Round, after: Round) -> Round:
+    """The round after its observer got the gains of its best effect, but the one before where only that one tells effects apart.
+
+    Gains that correct states which nobody measures may follow a machine without these states as well.
+    """
+    return after if _explained(after) > TELLING * _explained(before) else before
+
+
+def _explained(found: Round) -> float:
+    """Share of what the base leaves over white noise, if it is clear, that the best effect gains."""
+    best = found.fitted[0].gain if found.fitted else 0.0
+    return best / max(found.base.over(WHITE), FAR_OFF * int(found.base.used.sum()))
 
 
 class Nominal:
@@ -379,7 +399,8 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
     base, jacobian = retuned.fit(start, retuned.nuisance_jacobian(start), all_coordinates(found.accepted))
     rivals = [f for f in best[:WEIGHED] if f.gain > RIVAL * best[0].gain]
     again = _all_weighed(retuned, rivals, base, jacobian)
-    return replace(found, base=base, jacobian=jacobian, fitted=again, problem=retuned)
+    after = replace(found, base=base, jacobian=jacobian, fitted=again, problem=retuned)
+    return _telling(replace(found, fitted=best), after) if with_states(point.effects) else after
 
 
 def _starts(candidates: Sequence[Candidate]) -> list[Candidate]:
