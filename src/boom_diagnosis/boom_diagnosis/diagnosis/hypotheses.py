@@ -55,7 +55,8 @@ WEIGHED, RIVAL = 3, 0.1
 """Effects that are weighed again where the best makes another observer likelier, and the share of its gain they must have."""
 
 TELLING = 0.5
-"""Share of what an effect explained by the gains it was found with that it must explain by gains of its own."""
+"""Share of a clear misfit that an effect must explain by the gains it was found with for these to weigh it, and the share of that
+which gains of its own must show to do so."""
 RELINEARISED, SETTLED = 5, 50.0
 """Fits of the tolerances with fresh derivatives at most, and the nats that the last one gained where they are good enough: a search
 that gives up too early leaves a rest to whatever effect comes first."""
@@ -223,11 +224,12 @@ def run_round(
 
 
 def _telling(before: Round, after: Round) -> Round:
-    """The round after its observer got the gains of its best effect, but the one before where only that one tells effects apart.
+    """The round after its observer got the gains of its best effect; the one before where only that one shows what the effect does.
 
     Gains that correct states which nobody measures may follow a machine without these states as well.
     """
-    return after if _explained(after) > TELLING * _explained(before) else before
+    most = _explained(before)
+    return before if most > TELLING and _explained(after) < TELLING * most else after
 
 
 def _explained(found: Round) -> float:
