@@ -33,13 +33,13 @@ from boom_model.effects import EFFECTS
 WORSE, LATER, LATER_CLEAR = 1.1, 1.0, 1.5
 """Factor by which the free runs over data not used may err more with an effect than without, for the first one and for one beside
 others: one that pays for what the numbers cannot take up, but is not there, makes the free run worse. The last for one beside
-others that explains most of a clear rest: errors of the effects before, in forms that are not the machine's, may have cancelled."""
+others that explains nearly all of a clear rest: errors of those before, in forms that are not the machine's, may have cancelled."""
 BEARABLE = ((0.6, 3.0), (0.3, 1.5), (0.0, WORSE))
 """Shares of all that the tolerances cannot take up, and factors by which a first effect that explains more may leave free runs
 worse: another one that is not in the model yet may dominate them, and tolerances that bend for both may hide it there."""
-MOST_OF_REST, CLEAR_REST = 0.6, 0.05
-"""Share of a rest that a further effect must explain not to be taken for what another's form leaves, and the least such rest [nats
-per innovation]."""
+MOST_OF_REST, NEARLY_ALL, CLEAR_REST = 0.6, 0.8, 0.05
+"""Share of a rest that a further effect must explain not to be taken for what another's form leaves, the share from which on it may
+leave free runs worse, and the least such rest [nats per innovation]."""
 BEYOND = 0.5
 """Of a number's tolerance: an effect that is its being further off begins there."""
 CLEARLY_BETTER = 0.8
@@ -78,19 +78,20 @@ def _share_explained(case: Case, best: Weighed) -> float:
 
 def _needed(case: Case, best: Weighed) -> float:
     """Nats that an effect must gain; of one that explains most of a clear rest the effects before ask nothing."""
-    return chance(case) if _explains_clear_rest(case, best) else least(case)
+    return chance(case) if _share_of_clear_rest(case, best) > MOST_OF_REST else least(case)
 
 
-def _explains_clear_rest(case: Case, best: Weighed) -> bool:
+def _share_of_clear_rest(case: Case, best: Weighed) -> float:
+    """The same; none where the rest is not clear."""
     base = case.rounds[-1].base
     clear = base.over(case.floor) > CLEAR_REST * int(base.used.sum())
-    return clear and _share_explained(case, best) > MOST_OF_REST
+    return _share_explained(case, best) if clear else 0.0
 
 
 def _bearable(case: Case, best: Weighed) -> float:
     """Factor by which free runs over data not used may err more with an effect than without."""
     if case.taken:
-        return LATER_CLEAR if _explains_clear_rest(case, best) else LATER
+        return LATER_CLEAR if _share_of_clear_rest(case, best) > NEARLY_ALL else LATER
     share = _share_explained(case, best)
     return next((factor for least, factor in BEARABLE if share > least), WORSE)
 

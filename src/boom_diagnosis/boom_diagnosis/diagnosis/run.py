@@ -139,7 +139,7 @@ def _rounds(case: Case, progress: Progress) -> None:
             taken = _look_again(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK))
             if not _satisfied(case) and _plain(case):
                 return
-        elif not taken and k > 0 and not near:  # a loose observer may follow all that is left
+        elif not taken and k > 0 and not near and _followed(case):
             taken = _look(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), True)
         if not taken:
             return
@@ -153,6 +153,12 @@ def _rounds(case: Case, progress: Progress) -> None:
         if left < NEGLIGIBLE:
             return
         near = left < FAR
+
+
+def _followed(case: Case) -> bool:
+    """Whether the last round's observer was so loose that it follows what the tight one sees."""
+    base = case.rounds[-1].base
+    return base.over(case.floor) < CLEAR_REST * int(base.used.sum())
 
 
 def _share(progress: Progress, begin: float, size: float) -> Progress:
