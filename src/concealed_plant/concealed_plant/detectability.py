@@ -64,6 +64,9 @@ PROJECTIONS, SETTLED = 6, 0.9
 """Most runs that look for the numbers that imitate an effect best; a step that gains less than a tenth ends the search."""
 COARSE, FINE, NEAR = 3.0, 1.7, 1.25
 """Factors between sizes that are tried, far from and near the detectable one; d that is near enough for a straight line."""
+STRAIGHT, FURTHEST, BEYOND = 0.1, 10.0, 1.05
+"""Share by which d may differ from being proportional to the size for the next one to be where d would be ``BEYOND`` times the
+detectable one, and the largest factor to there."""
 CLOSE = 1.02
 """Factor between a size that is imitated and one that is not, from which on the first counts."""
 BENT = 4.0
@@ -202,7 +205,7 @@ class Detectability:
         at, factor, sure = effect.smallest, COARSE, False
         for _ in range(_TRIES):
             try:
-                guess = None if z is None else z * min(at / least, COARSE)
+                guess = None if z is None else z * min(at / least, FURTHEST)
                 changed = self.seen(effect.build(at, draws, self.scene))
                 d, reached = self.separation(changed, effect.twins, guess)
             except RunError:
@@ -212,10 +215,12 @@ class Detectability:
             if d < self.detectable:
                 if at >= effect.largest:
                     raise TooFaintError(f"{effect.id}: d is {d:.0f} at its largest, {self.detectable:.0f} is asked")
+                straight = z is not None and abs(d * least / (low_d * at) - 1.0) < STRAIGHT
                 least, low_d, z = at, d, reached
                 if d > 0.2 * self.detectable:
                     factor = min(factor, FINE)
-                at = min(at * factor, effect.largest)
+                next_one = min(BEYOND * self.detectable / d, FURTHEST) if straight else factor
+                at = min(at * next_one, effect.largest)
             elif at / least < CLOSE:  # what imitates it is not found from here on, however little is added
                 return effect.tolerance + at
             elif d < NEAR * self.detectable:
