@@ -108,23 +108,25 @@ def test_a_further_effect_may_leave_free_runs_worse_where_it_explains_nearly_all
     [(2.0, True, [False, False, True]), (2.0, False, [False, False]), (0.5, True, [False, True])],
 )
 def test_what_a_loose_observer_follows_beside_an_effect_is_looked_for_with_the_tight_one(
-    monkeypatch: pytest.MonkeyPatch, case: Any, left: float, followed: bool, looks: list[bool]
+    monkeypatch: pytest.MonkeyPatch, left: float, followed: bool, looks: list[bool]
 ) -> None:
     """``left``: nats per innovation that the first effect leaves to the tight observer; ``followed``: none to the loose one."""
     first, seen = weighed("payload", 600.0, 390.0, 1000.0), []
-    case.rounds = [SimpleNamespace(base=point(100.0 if followed else 900.0), problem=None)]
+    loose: Any = SimpleNamespace(predictor=SimpleNamespace(looseness=15.0))
+    found: Any = SimpleNamespace(base=point(100.0 if followed else 900.0), problem=loose)
+    made = Case(None, None, [], [], [], [], [], (), 0, floor=WHITE, rounds=[found])  # type: ignore[arg-type]
 
     def look(of: Any, progress: Any, tight: bool) -> bool:
         seen.append(tight)
-        of.taken = [first]
+        of.taken, of.temperature = [first], float(len(seen))
         return len(seen) == 1
 
     for name, answer_ in {"_look": look, "_satisfied": lambda of: True, "_strained": lambda of: False}.items():
         monkeypatch.setattr(run, name, answer_)
     monkeypatch.setattr(Case, "rest", lambda self, at: left)
-    case.final = None
-    run._rounds(case, lambda text, share: None)
+    run._rounds(made, lambda text, share: None)
     assert seen == looks
+    assert made.temperature == 2.0  # of the second look: a tight one that finds nothing leaves nothing behind
 
 
 def test_of_recordings_held_out_the_gain_on_those_fitted_is_compared_with_what_they_begin_with(case: Any) -> None:
@@ -176,8 +178,31 @@ def test_a_load_that_comes_before_the_boom_has_moved_was_there_all_along(
         earning, "_split", lambda case, hypotheses, names: [(500.0, 500.0)] + [(100.0, 100.0)] * (len(names) - 1)
     )
     assert [w.fitted.effect for w in earning.weigh(case, found)] == kept
-    only: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (change,), {}, Any)
-    assert [w.fitted.effect for w in earning.weigh(case, only)] == ["payload_change"]
+
+
+@pytest.mark.parametrize(("onset", "kept"), [(0.5, ["payload"]), (20.0, ["payload_change"])])
+def test_a_load_that_was_there_all_along_is_fitted_where_only_one_that_comes_so_early_was(
+    monkeypatch: pytest.MonkeyPatch, case: Any, onset: float, kept: list[str]
+) -> None:
+    rate = np.where(np.arange(3000) > 150, 0.1, 0.0)
+    case.bags = [SimpleNamespace(time=np.arange(3000) * 0.01, moving=lambda: rate > 0.02)]
+    case.pose = SimpleNamespace(load=0.0)
+    change = weighed("payload_change", 300.0, 300.0, 1000.0).fitted
+    change.point.effects.update({"effects.payload_change.mass": 5.0, earning.TIME: onset})
+
+    class Fits:
+        def points(self, wanted: Any) -> list[Point]:
+            return [replace(point(500.0), z=z, effects=dict(e)) for z, e in wanted]
+
+        def fit(self, at: Point, columns: np.ndarray, names: Any) -> tuple[Point, np.ndarray]:
+            assert [c.name for c in names] == list(at.effects) == ["effects.payload.mass"]
+            return replace(point(410.0), effects={"effects.payload.mass": 4.8}), np.zeros((SAMPLES, 2))
+
+    monkeypatch.setattr(
+        earning, "_split", lambda case, hypotheses, names: [(500.0, 500.0)] + [(100.0, 100.0)] * (len(names) - 1)
+    )
+    found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (change,), {}, Fits())  # type: ignore[arg-type]
+    assert [w.fitted.effect for w in earning.weigh(case, found)] == kept
 
 
 @pytest.mark.parametrize("before", [["payload_change"], ["payload_change", "stribeck_friction"]])
@@ -336,7 +361,7 @@ def test_what_lies_at_the_end_of_its_range_is_looked_at_again(
     monkeypatch.setattr(Case, "rest", lambda self, at: 0.0)
     case.final = None
     run._rounds(case, lambda text, share: None)
-    assert looks == ["look", "again"] if doubted else ["look"]
+    assert looks == (["look", "again"] if doubted else ["look"])
 
 
 def test_what_is_damaged_or_left_out_of_a_recording_is_said(case: Any) -> None:
@@ -408,16 +433,17 @@ def test_physics_of_no_catalogue_is_the_verdict_where_it_is_likelier_than_what_w
 
 
 @pytest.mark.parametrize(
-    ("found", "base", "gain", "kept"),
-    [(26000.0, 900.0, 880.0, "after"), (26000.0, 900.0, 100.0, "before"), (26000.0, -200.0, 30.0, "before"),
-     (9000.0, 900.0, 100.0, "after")],
+    ("found", "of", "base", "gain", "kept"),
+    [(26000.0, 28000.0, 900.0, 880.0, "after"), (26000.0, 28000.0, 900.0, 100.0, "before"),
+     (26000.0, 28000.0, -200.0, 30.0, "before"), (9000.0, 28000.0, 900.0, 100.0, "after"),
+     (300.0, 300.0, 300.0, 10.0, "after")],
 )  # fmt: skip
 def test_gains_that_follow_a_machine_without_the_effect_as_well_do_not_weigh_it(
-    found: float, base: float, gain: float, kept: str
+    found: float, of: float, base: float, gain: float, kept: str
 ) -> None:
-    """``found``: of 28000 nats, what the effect explains with the gains that it was found with; 1000 are a clear rest."""
+    """``found`` of so many nats: what the effect explains with the gains that it was found with; 1000 are a clear misfit."""
     rounds = {}
-    for name, left, gained in (("before", 28000.0, found), ("after", base, gain)):
+    for name, left, gained in (("before", of, found), ("after", base, gain)):
         fitted = weighed("presliding_friction", gained, 0.0, left).fitted
         nothing: Any = None
         rounds[name] = Round((), point(left), np.zeros((SAMPLES, 1)), (fitted,), {}, nothing)

@@ -69,6 +69,7 @@ def test_unknown_physics_is_likely_where_much_of_the_mismatch_stays() -> None:
         ({"payload_change": {"mass": 4.0, "t_g": 3.0}}, 0.0, True),
         ({"presliding_friction": {"compliance": 1.8e-5}}, 0.0, False),
         ({"presliding_friction": {"compliance": 1.8e-6}}, 0.0, True),
+        ({"presliding_friction": {"compliance": 5e-8}}, 0.0, False),
         ({"boom_flexibility": {"gain": 0.02, "f": 0.9, "zeta": 0.02}}, 0.0, False),
         ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.08}}, 0.0, False),
         ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.02}}, 0.0, True),

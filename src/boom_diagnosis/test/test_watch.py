@@ -90,6 +90,18 @@ def test_a_model_that_carries_what_the_machine_has_raises_no_alarm():
     assert model.plant.machine.effects["hose_burst_valve_lag"] == {"tau": 0.09}
 
 
+@pytest.mark.parametrize(("stroke", "seen"), [(-1.0, True), (-0.3, False)])
+def test_a_pump_that_delivers_less_is_seen_where_the_valve_asks_for_more(stroke, seen):
+    """Half of its range is 35 l/min: 70 l/min are less than a full stroke asks for, and more than 0.3 of it."""
+    model = WatchModel(tz17(), tz17().pose(0.3, 1.3, 0.0))
+    state = model.plant.rest_state_measured(0.5, 1.0e7, 1.0e6)
+    names = list(model.plant.state_names)
+    state[names.index("spool_position")] = stroke * tz17().parameters["main_valve_spool.s_max"].value[0]
+    pump = len(model.tolerated) + [s.effect for s in model.suspects].index("pump_flow_limit")
+    change = model.at(state, (0.0, 0.6)).f_c[names.index("hose_pressure"), pump]
+    assert (change < -1e6) == seen  # Pa/s
+
+
 def test_it_waits_until_every_channel_has_brought_samples():
     recording = simulated(3.0, np.zeros((300, 2)))
     signal = recording.signals["rod_pressure"]

@@ -80,6 +80,8 @@ def test_pump_limit_caps_full_flow_and_spares_small(p: Any, effects: Any) -> Non
     full = HOLE * 7.17e-5 * sqrt(8e5)
     assert valve(p, e, -1.0)[0] == pytest.approx(full / (1 + (full / 1e-3) ** 32) ** (1 / 32))
     assert valve(p, e, -1.0)[0] < 1e-3
+    just = effects(pump_flow_limit={"inverse_q_max": 0.9 / full})  # a stop: hardly anything is missing before it
+    assert valve(p, just, -1.0)[0] == pytest.approx(full, rel=2e-3)
     assert valve(p, e, -0.5)[0] == pytest.approx(valve(p, effects(), -0.5)[0], rel=1e-3)
 
 

@@ -75,7 +75,7 @@ _STARTS: Mapping[str, Mapping[str, tuple[float, ...]]] = {
     "valve_hysteresis": {"h": (0.01, 0.04), "travel": (0.0, 0.15)},
     "pilot_lag": {"r": (0.75, 1.6)},
     "command_delay": {"T": (0.01, 0.04)},
-    "pump_flow_limit": {"inverse_q_max": tuple(60_000 / q for q in (240, 190, 150, 120, 100, 85, 70, 60))},
+    "pump_flow_limit": {"inverse_q_max": tuple(60_000 / q for q in (150, 120, 100, 85, 70, 60))},
     "pressure_delay": {"T": (0.01, 0.04)},
     "spring_rate": {"r": (0.88, 1.12)},
 }

@@ -16,7 +16,7 @@ from boom_diagnosis.diagnosis.nuisances import TWIN_Z
 from boom_diagnosis.diagnosis.onset import TIME, onset
 from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.proof import worsening
-from boom_diagnosis.diagnosis.search import Fitted
+from boom_diagnosis.diagnosis.search import MASS, Fitted
 from boom_diagnosis.diagnosis.weighing import (
     ENOUGH,
     OTHER_FORM,
@@ -40,10 +40,12 @@ worse: another one that is not in the model yet may dominate them, and tolerance
 MOST_OF_REST, NEARLY_ALL, CLEAR_REST = 0.6, 0.8, 0.05
 """Share of a rest that a further effect must explain not to be taken for what another's form leaves, the share from which on it may
 leave free runs worse, and the least such rest [nats per innovation]."""
-BEYOND = 0.5
-"""Of a number's tolerance: an effect that is its being further off begins there."""
+BEYOND, CLEARLY = 0.5, 10.0
+"""Of a number's tolerance: an effect that is its being further off begins there, unless it gains so many times chance."""
 CLEARLY_BETTER = 0.8
 """The same factor below which an effect has proved itself even where its one-step predictions of that data have not."""
+NEXT_TO_NOTHING = 0.02
+"""Share of what the nominal numbers leave below which moved ones are right, whatever free runs say."""
 TRAINING = 3
 """Iterations of the fit to the data for training alone, from the fit to all."""
 
@@ -76,16 +78,19 @@ def _share_explained(case: Case, best: Weighed) -> float:
     return (best.gain if case.proving else best.net) / max(case.rounds[-1].base.over(case.floor), 1e-9)
 
 
-def _needed(case: Case, best: Weighed) -> float:
-    """Nats that an effect must gain; of one that explains most of a clear rest the effects before ask nothing."""
-    return chance(case) if _share_of_clear_rest(case, best) > MOST_OF_REST else least(case)
+def clear(case: Case, at: Point) -> bool:
+    """Whether a point leaves a clear rest."""
+    return at.over(case.floor) > CLEAR_REST * int(at.used.sum())
 
 
 def _share_of_clear_rest(case: Case, best: Weighed) -> float:
-    """The same; none where the rest is not clear."""
-    base = case.rounds[-1].base
-    clear = base.over(case.floor) > CLEAR_REST * int(base.used.sum())
-    return _share_explained(case, best) if clear else 0.0
+    """Share of a clear rest that an effect explains; 0 where the rest is not clear."""
+    return _share_explained(case, best) if clear(case, case.rounds[-1].base) else 0.0
+
+
+def _needed(case: Case, best: Weighed) -> float:
+    """Nats that an effect must gain; of one that explains most of a clear rest the effects before ask nothing."""
+    return chance(case) if _share_of_clear_rest(case, best) > MOST_OF_REST else least(case)
 
 
 def _bearable(case: Case, best: Weighed) -> float:
@@ -100,7 +105,7 @@ def settle(case: Case, k: int, problem: Problem, point: Point, jacobian: Array, 
     """The fit to ``training`` alone, from ``point``, the one to all samples.
 
     The nominal numbers are kept, here and there, where moving the tolerances gains nothing, or makes free runs over data not used
-    worse.
+    worse and leaves more than ``NEXT_TO_NOTHING``.
     """
     case.spared.pop(k, None)
     part = problem if case.proving else Problem(problem.predictor, case.nuisances, case.training)
@@ -117,7 +122,8 @@ def settle(case: Case, k: int, problem: Problem, point: Point, jacobian: Array, 
         return [everywhere, part.fit_nominal(everywhere.effects, names) if part is not problem else everywhere]
 
     (trained,), (nominal, own) = in_parallel(lambda fit: fit(), [moved, still])
-    if noticed(nominal.loss - point.loss, len(point.z)) and worsening(case, own, trained) <= WORSE:
+    plain = point.over(case.floor) < NEXT_TO_NOTHING * nominal.over(case.floor)
+    if noticed(nominal.loss - point.loss, len(point.z)) and (plain or worsening(case, own, trained) <= WORSE):
         return trained
     case.spared[k] = nominal
     return own
@@ -132,11 +138,11 @@ def weigh(case: Case, found: Round) -> list[Weighed]:
     """Gains on data used and not used; the best first."""
     accepted = set(found.accepted)
     able, impossible = list[Fitted](), list[Fitted]()
-    for f in found.fitted:
+    for f in _with_lasting(case, found):
         (able if possible(f, case.pose.load) else impossible).append(f)
     if not accepted:
         case.impossible = impossible
-    counted = [f for f in able if not (_always_there(case, f, found.fitted) or _hardly_beyond(case, f))]
+    counted = [f for f in able if not (_always_there(case, f, able) or _hardly_beyond(case, f))]
     if not counted:
         return []
     found = replace(found, fitted=tuple(counted))
@@ -150,18 +156,36 @@ def weigh(case: Case, found: Round) -> list[Weighed]:
     return sorted(weighed, key=lambda w: -w.net)
 
 
-def _always_there(case: Case, f: Fitted, others: Sequence[Fitted]) -> bool:
-    """Whether an effect is a load that comes before the boom has moved, and one that was there all along is fitted, too."""
-    if TIME not in f.point.effects or all(other.effect != "payload" for other in others):
+def _with_lasting(case: Case, found: Round) -> list[Fitted]:
+    """What was fitted; with a load that was there all along, where only one that comes before the boom has moved was."""
+    early = [f for f in found.fitted if _early(case, f)]
+    if not early or "payload" in (*found.accepted, *(f.effect for f in found.fitted)):
+        return list(found.fitted)
+    point, names = early[0].point, all_coordinates([*found.accepted, "payload"])
+    values = {**point.effects, "effects.payload.mass": point.effects[MASS]}
+    start = found.problem.points([(point.z, {c.name: values[c.name] for c in names})])[0]
+    lasting, jacobian = found.problem.fit(start, early[0].jacobian[:, : len(point.z)], names)
+    gain = found.base.loss - lasting.loss
+    return [*found.fitted, Fitted("payload", lasting, names, jacobian, gain, (lasting.loss,))]
+
+
+def _early(case: Case, f: Fitted) -> bool:
+    """Whether an effect is a load that comes before the boom has moved."""
+    if f.effect != "payload_change":
         return False
     return f.point.effects[TIME] < min(float(bag.time[bag.moving()][0]) for bag in case.bags)
+
+
+def _always_there(case: Case, f: Fitted, others: Sequence[Fitted]) -> bool:
+    """Whether an effect is a load that comes before the boom has moved, and one that was there all along is fitted, too."""
+    return _early(case, f) and any(other.effect == "payload" for other in others)
 
 
 def _hardly_beyond(case: Case, f: Fitted) -> bool:
     """Whether an effect is a number's being further off than its tolerance, by next to nothing."""
     effect = EFFECTS[f.effect]
     factor = effect.parameters[0]
-    if not effect.changes or factor.neutral != 1.0:
+    if not effect.changes or factor.neutral != 1.0 or f.gain > CLEARLY * chance(case):
         return False
     known = [n.sigma for n in case.nuisances if n.name in effect.changes]
     return abs(log(f.point.effects[f"effects.{f.effect}.{factor.name}"])) < BEYOND * TWIN_Z * min(known, default=0.0)

@@ -20,6 +20,7 @@ from boom_diagnosis.diagnosis.nuisances import Nuisance
 from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.prediction import Predictor, with_states
 from boom_diagnosis.diagnosis.search import FURTHER, GLANCE, Candidate, Fitted, Scanner, possible_effects, refine
+from boom_diagnosis.diagnosis.weighing import NEGLIGIBLE
 from boom_model.effects import EFFECTS
 from boom_model.machine import Machine
 
@@ -54,9 +55,9 @@ POLISH = 6
 WEIGHED, RIVAL = 3, 0.1
 """Effects that are weighed again where the best makes another observer likelier, and the share of its gain they must have."""
 
-TELLING = 0.5
-"""Share of a clear misfit that an effect must explain by the gains it was found with for these to weigh it, and the share of that
-which gains of its own must show to do so."""
+SEEN_BEFORE, TELLING = 0.5, 0.5
+"""Of an effect with states of its own: the share of a misfit that it explains to the observer it was found with, from which on that
+one may weigh it, and the share of this that an observer of its own must show to do so."""
 RELINEARISED, SETTLED = 5, 50.0
 """Fits of the tolerances with fresh derivatives at most, and the nats that the last one gained where they are good enough: a search
 that gives up too early leaves a rest to whatever effect comes first."""
@@ -209,10 +210,10 @@ def run_round(
     best = fitted[0].point
     weighing = likeliest(best.z, best.effects)
     same = weighing.predictor.looseness == searching.predictor.looseness
-    # an effect with states of its own is weighed by gains that correct them, too
-    if same and not with_states(best.effects):
+    if same:
         fitted[0] = _polished(searching, fitted[0], base, fitted[0].jacobian)
     searched = Round(accepted, base, jacobian, _sorted(fitted), scanned, searching)
+    # an effect with states of its own is weighed by gains that correct them, too
     if same and not with_states(best.effects):
         return searched
     without, beside = weighing.points([(base.z, base.effects), (best.z, best.effects)])
@@ -228,12 +229,12 @@ def _telling(before: Round, after: Round) -> Round:
 
     Gains that correct states which nobody measures may follow a machine without these states as well.
     """
-    most = _explained(before)
-    return before if most > TELLING and _explained(after) < TELLING * most else after
+    seen = _share_gained(before)
+    return before if seen > SEEN_BEFORE and _share_gained(after) < TELLING * seen else after
 
 
-def _explained(found: Round) -> float:
-    """Share of what the base leaves over white noise, if it is clear, that the best effect gains."""
+def _share_gained(found: Round) -> float:
+    """Share that the best effect gains of what the base leaves over white noise, ``FAR_OFF`` per innovation at least."""
     best = found.fitted[0].gain if found.fitted else 0.0
     return best / max(found.base.over(WHITE), FAR_OFF * int(found.base.used.sum()))
 
@@ -378,7 +379,8 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
     wanted: effects to fit, beside those that the linear look at the nominal machine finds most promising. floor: loss per
     innovation of a healthy machine.
     """
-    unexplained = not found.fitted or found.fitted[0].gain < (1.0 - OUTSTANDING) * found.base.over(floor)
+    left = found.base.over(floor) - max((f.gain for f in found.fitted), default=0.0)
+    unexplained = left > max(OUTSTANDING * found.base.over(floor), NEGLIGIBLE * int(found.base.used.sum()))
     if unexplained and not found.accepted:
         first.glance(GLANCED)
     glanced = [f.effect for f in first.best[:AFRESH]]

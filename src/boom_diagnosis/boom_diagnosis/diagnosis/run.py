@@ -13,7 +13,7 @@ from boom_diagnosis.diagnosis.bag_samples import PERIOD, Bag, prepare
 from boom_diagnosis.diagnosis.case import Case
 from boom_diagnosis.diagnosis.coordinates import all_coordinates
 from boom_diagnosis.diagnosis.document import DiagnosisResult
-from boom_diagnosis.diagnosis.earning import CLEAR_REST, chance, least, settle, take, weigh
+from boom_diagnosis.diagnosis.earning import chance, clear, least, settle, take, weigh
 from boom_diagnosis.diagnosis.fitting import WHITE, Point, Problem
 from boom_diagnosis.diagnosis.healthy import simulated
 from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, problem_at, rebased, run_round
@@ -140,7 +140,10 @@ def _rounds(case: Case, progress: Progress) -> None:
             if not _satisfied(case) and _plain(case):
                 return
         elif not taken and k > 0 and not near and _followed(case):
+            before = case.kept_back()
             taken = _look(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), True)
+            if not taken:
+                case.go_back(before)
         if not taken:
             return
         if len(case.taken) > 1 and len(case.taken) not in alone:
@@ -157,8 +160,8 @@ def _rounds(case: Case, progress: Progress) -> None:
 
 def _followed(case: Case) -> bool:
     """Whether the last round's observer was so loose that it follows what the tight one sees."""
-    base = case.rounds[-1].base
-    return base.over(case.floor) < CLEAR_REST * int(base.used.sum())
+    found = case.rounds[-1]
+    return found.problem.predictor.looseness > LOOSENESS[0] and not clear(case, found.base)
 
 
 def _share(progress: Progress, begin: float, size: float) -> Progress:
@@ -180,9 +183,8 @@ def _look(case: Case, progress: Progress, tight: bool) -> bool:
 
 def _dissatisfied(case: Case, found: Round) -> bool:
     """Whether a round beside other effects begins with a clear rest, and its best effect leaves much of it."""
-    rest = found.base.over(case.floor)
     best = found.fitted[0].gain if found.fitted else 0.0
-    return rest > CLEAR_REST * int(found.base.used.sum()) and best < (1.0 - LITTLE) * rest
+    return clear(case, found.base) and best < (1.0 - LITTLE) * found.base.over(case.floor)
 
 
 def _beside_nominal(case: Case, found: Round) -> Round:

@@ -33,8 +33,9 @@ PROBES = 16
 """Predicted at once."""
 NEARER = 0.5
 """Share of a probe below which it is taken once more."""
-AS_THEY_ARE = ("payload_change", *DELAYS)
-"""Effects whose probes are taken once only: a load's time is searched for apart, and a delay moves samples between intervals."""
+AS_THEY_ARE = ("payload_change", "pump_flow_limit", *DELAYS)
+"""Effects whose probes are taken once only: a load's time is searched for apart, a limit of the pump does nothing in proportion,
+and a delay moves samples between intervals."""
 LEAST_MISFIT = 50.0
 """Nats that there may always be to explain."""
 ONSET_STEP = 10

@@ -47,8 +47,9 @@ _ALMOST_NOTHING = {
     ("pump_flow_limit", "inverse_q_max"): 60_000 / 400,
 }  # fmt: skip
 _FIRST_ONLY = 1e-6
-# The derivative at nothing says little about half of the range: here the difference to half of the range stands for it.
-_CURVED = ("entrained_air", "pump_flow_limit")
+# The derivative at nothing says little about half of the range: here a difference stands for it, to half of the range or as far as
+# it takes to see anything: a pump of 120 l/min limits nothing that the valve asks.
+_CURVED = {"entrained_air": 1.0, "pump_flow_limit": 2.0}
 
 
 @dataclass(frozen=True)
@@ -150,7 +151,8 @@ class WatchModel:
         rates = ca.Function("rates", [m.x, m.u, m.p], [m.derivative])
         for k, suspect in enumerate(self.suspects, start=len(self.tolerated)):
             if suspect.effect in _CURVED:
-                by_cause[:, k] = rates(m.x, m.u, m.p + along[:, k]) - m.derivative
+                reach = _CURVED[suspect.effect]
+                by_cause[:, k] = (rates(m.x, m.u, m.p + reach * along[:, k]) - m.derivative) / reach
         outputs = [
             ca.jacobian(m.derivative, m.x), by_cause, ca.jacobian(m.derivative, m.u),
             m.outputs, ca.jacobian(m.outputs, m.x), ca.mtimes(ca.jacobian(m.outputs, m.p), along),

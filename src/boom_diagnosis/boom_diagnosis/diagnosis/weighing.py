@@ -51,7 +51,7 @@ MEANING = {
     "effects.hose_burst_valve_setting.r": 0.15,  # a set spring moves the knee, and not the slope before it
 }
 """Standard deviation (of the logarithm for a factor) to which a number means anything, where an effect's form in the machine is not
-the catalogue's; however sharply the recordings tell it. From blind trials, too."""
+the catalogue's, however sharply the recordings tell it. From blind trials, too."""
 DERIVATIVES = 1e-3
 GRASP = 0.15
 """s. A load is not taken up in an instant: half the least width of the interval of its time."""
@@ -236,13 +236,15 @@ def possible(fitted: Fitted, load: float) -> bool:
     """Whether a boom with a ``load`` [kg] told can have an effect as it was fitted; if not, it stands in for something else.
 
     A load that lifts is none. What is slower or more damped than the modes of a steel boom, as far as its intervals tell, is the
-    mode of another body. Bristles softer than all that are plausible are a spring, not friction.
+    mode of another body. Bristles softer than all that are plausible are a spring, not friction; stiffer ones do nothing, but an
+    observer that corrects them follows other torques, too.
     """
     plausible, own = {c.name: c.plausible for c in fitted.coordinates}, f"effects.{fitted.effect}."
     if fitted.effect in LOADS:
         return fitted.point.effects[own + "mass"] >= -load
     if fitted.effect == "presliding_friction":
-        return fitted.point.effects[own + "compliance"] <= plausible[own + "compliance"][1]
+        low, high = plausible[own + "compliance"]
+        return low <= fitted.point.effects[own + "compliance"] <= high
     if fitted.effect == "boom_flexibility":
         found = estimates(fitted, 1.0)
         slow = found[own + "f"].interval_90[1] < plausible[own + "f"][0]
