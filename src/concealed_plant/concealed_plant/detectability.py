@@ -202,7 +202,7 @@ class Detectability:
         least, low_d = effect.smallest, 0.0
         z: Array | None = None
         reached: Array | None = None
-        at, factor, sure = effect.smallest, COARSE, False
+        at, factor, sure, overshot = effect.smallest, COARSE, False, False
         for _ in range(_TRIES):
             try:
                 guess = None if z is None else z * min(at / least, FURTHEST)
@@ -215,7 +215,7 @@ class Detectability:
             if d < self.detectable:
                 if at >= effect.largest:
                     raise TooFaintError(f"{effect.id}: d is {d:.0f} at its largest, {self.detectable:.0f} is asked")
-                straight = z is not None and abs(d * least / (low_d * at) - 1.0) < STRAIGHT
+                straight = not overshot and z is not None and abs(d * least / (low_d * at) - 1.0) < STRAIGHT
                 least, low_d, z = at, d, reached
                 if d > 0.2 * self.detectable:
                     factor = min(factor, FINE)
@@ -233,6 +233,7 @@ class Detectability:
                         continue
                 return effect.tolerance + at * self.detectable / d
             else:
+                overshot = True
                 share = (self.detectable - low_d) / (min(d, 1e3 * self.detectable) - low_d)
                 factor = 1.0 + (at / least - 1.0) * float(np.clip(share, 0.25, 0.6))
                 at = least * factor
