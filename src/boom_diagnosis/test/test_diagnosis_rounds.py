@@ -160,13 +160,39 @@ def test_a_free_run_that_ends_early_counts_as_worse(
     assert proof.worsening(case, point(0.0), point(0.0)) == pytest.approx(factor)
 
 
-@pytest.mark.parametrize(("onset", "kept"), [(0.5, ["payload"]), (20.0, ["payload_change", "payload"])])
-def test_a_load_that_comes_before_the_boom_has_moved_was_there_all_along(
-    monkeypatch: pytest.MonkeyPatch, case: Any, onset: float, kept: list[str]
+@pytest.mark.parametrize(
+    ("nominal", "moved", "factor", "kept"),
+    [(9000.0, 100.0, 1.6, "moved"), (9000.0, 1000.0, 1.6, "nominal"), (9000.0, 1000.0, 1.0, "moved"),
+     (-100.0, -200.0, 1.6, "nominal")],
+)  # fmt: skip
+def test_moved_tolerances_that_worsen_free_runs_stay_where_nominal_ones_leave_fifty_times_as_much(
+    monkeypatch: pytest.MonkeyPatch, case: Any, nominal: float, moved: float, factor: float, kept: str
 ) -> None:
+    """``nominal``, ``moved``: nats that are left; 500 are a clear rest."""
+    points = {"nominal": point(nominal), "moved": point(moved)}
+    problem: Any = SimpleNamespace(fit_nominal=lambda effects, names: points["nominal"])
+    case.proving = [object()]
+    monkeypatch.setattr(earning, "worsening", lambda *given: factor)
+    assert earning.settle(case, 0, problem, points["moved"], np.zeros((SAMPLES, 1)), ()) is points[kept]
+    assert case.spared == ({0: points["nominal"]} if kept == "nominal" else {})
+
+
+@pytest.fixture
+def moving(monkeypatch: pytest.MonkeyPatch, case: Any) -> Any:
+    """The case in a recording of 30 s that moves from 1.5 s on; whatever is fitted gains 800 nats."""
     rate = np.where(np.arange(3000) > 150, 0.1, 0.0)
     case.bags = [SimpleNamespace(time=np.arange(3000) * 0.01, moving=lambda: rate > 0.02)]
     case.pose = SimpleNamespace(load=0.0)
+    monkeypatch.setattr(
+        earning, "_split", lambda case, hypotheses, names: [(500.0, 500.0)] + [(100.0, 100.0)] * (len(names) - 1)
+    )
+    return case
+
+
+@pytest.mark.parametrize(("onset", "kept"), [(0.5, ["payload"]), (20.0, ["payload_change", "payload"])])
+def test_a_load_that_comes_before_the_boom_has_moved_was_there_all_along(
+    moving: Any, onset: float, kept: list[str]
+) -> None:
     change, load = (
         weighed("payload_change", 300.0, 300.0, 1000.0).fitted,
         weighed("payload", 290.0, 300.0, 1000.0).fitted,
@@ -174,19 +200,13 @@ def test_a_load_that_comes_before_the_boom_has_moved_was_there_all_along(
     change.point.effects.update({"effects.payload_change.mass": 5.0, earning.TIME: onset})
     load.point.effects["effects.payload.mass"] = 5.0
     found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (change, load), {}, Any)
-    monkeypatch.setattr(
-        earning, "_split", lambda case, hypotheses, names: [(500.0, 500.0)] + [(100.0, 100.0)] * (len(names) - 1)
-    )
-    assert [w.fitted.effect for w in earning.weigh(case, found)] == kept
+    assert [w.fitted.effect for w in earning.weigh(moving, found)] == kept
 
 
 @pytest.mark.parametrize(("onset", "kept"), [(0.5, ["payload"]), (20.0, ["payload_change"])])
 def test_a_load_that_was_there_all_along_is_fitted_where_only_one_that_comes_so_early_was(
-    monkeypatch: pytest.MonkeyPatch, case: Any, onset: float, kept: list[str]
+    moving: Any, onset: float, kept: list[str]
 ) -> None:
-    rate = np.where(np.arange(3000) > 150, 0.1, 0.0)
-    case.bags = [SimpleNamespace(time=np.arange(3000) * 0.01, moving=lambda: rate > 0.02)]
-    case.pose = SimpleNamespace(load=0.0)
     change = weighed("payload_change", 300.0, 300.0, 1000.0).fitted
     change.point.effects.update({"effects.payload_change.mass": 5.0, earning.TIME: onset})
 
@@ -198,11 +218,8 @@ def test_a_load_that_was_there_all_along_is_fitted_where_only_one_that_comes_so_
             assert [c.name for c in names] == list(at.effects) == ["effects.payload.mass"]
             return replace(point(410.0), effects={"effects.payload.mass": 4.8}), np.zeros((SAMPLES, 2))
 
-    monkeypatch.setattr(
-        earning, "_split", lambda case, hypotheses, names: [(500.0, 500.0)] + [(100.0, 100.0)] * (len(names) - 1)
-    )
     found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (change,), {}, Fits())  # type: ignore[arg-type]
-    assert [w.fitted.effect for w in earning.weigh(case, found)] == kept
+    assert [w.fitted.effect for w in earning.weigh(moving, found)] == kept
 
 
 @pytest.mark.parametrize("before", [["payload_change"], ["payload_change", "stribeck_friction"]])

@@ -219,8 +219,7 @@ class Detectability:
                 least, low_d, z = at, d, reached
                 if d > 0.2 * self.detectable:
                     factor = min(factor, FINE)
-                next_one = min(BEYOND * self.detectable / d, FURTHEST) if straight else factor
-                at = min(at * next_one, effect.largest)
+                at = min(at * (min(BEYOND * self.detectable / d, FURTHEST) if straight else factor), effect.largest)
             elif at / least < CLOSE:  # what imitates it is not found from here on, however little is added
                 return effect.tolerance + at
             elif d < NEAR * self.detectable:

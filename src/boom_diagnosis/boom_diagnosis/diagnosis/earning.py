@@ -45,7 +45,7 @@ BEYOND, CLEARLY = 0.5, 10.0
 CLEARLY_BETTER = 0.8
 """The same factor below which an effect has proved itself even where its one-step predictions of that data have not."""
 NEXT_TO_NOTHING = 0.02
-"""Share of what the nominal numbers leave below which moved ones are right, whatever free runs say."""
+"""Share of a clear rest that the nominal numbers leave, below which moved ones are right, whatever free runs say."""
 TRAINING = 3
 """Iterations of the fit to the data for training alone, from the fit to all."""
 
@@ -122,7 +122,7 @@ def settle(case: Case, k: int, problem: Problem, point: Point, jacobian: Array, 
         return [everywhere, part.fit_nominal(everywhere.effects, names) if part is not problem else everywhere]
 
     (trained,), (nominal, own) = in_parallel(lambda fit: fit(), [moved, still])
-    plain = point.over(case.floor) < NEXT_TO_NOTHING * nominal.over(case.floor)
+    plain = clear(case, nominal) and point.over(case.floor) < NEXT_TO_NOTHING * nominal.over(case.floor)
     if noticed(nominal.loss - point.loss, len(point.z)) and (plain or worsening(case, own, trained) <= WORSE):
         return trained
     case.spared[k] = nominal
@@ -138,11 +138,11 @@ def weigh(case: Case, found: Round) -> list[Weighed]:
     """Gains on data used and not used; the best first."""
     accepted = set(found.accepted)
     able, impossible = list[Fitted](), list[Fitted]()
-    for f in _with_lasting(case, found):
+    for f in _lasting(case, found):
         (able if possible(f, case.pose.load) else impossible).append(f)
     if not accepted:
         case.impossible = impossible
-    counted = [f for f in able if not (_always_there(case, f, able) or _hardly_beyond(case, f))]
+    counted = [f for f in able if not _hardly_beyond(case, f)]
     if not counted:
         return []
     found = replace(found, fitted=tuple(counted))
@@ -156,17 +156,19 @@ def weigh(case: Case, found: Round) -> list[Weighed]:
     return sorted(weighed, key=lambda w: -w.net)
 
 
-def _with_lasting(case: Case, found: Round) -> list[Fitted]:
-    """What was fitted; with a load that was there all along, where only one that comes before the boom has moved was."""
+def _lasting(case: Case, found: Round) -> list[Fitted]:
+    """What was fitted; a load that comes before the boom has moved was there all along, and is fitted so where it was not yet."""
     early = [f for f in found.fitted if _early(case, f)]
-    if not early or "payload" in (*found.accepted, *(f.effect for f in found.fitted)):
+    if not early or "payload" in found.accepted:
         return list(found.fitted)
+    others = [f for f in found.fitted if not _early(case, f)]
+    if any(f.effect == "payload" for f in others):
+        return others
     point, names = early[0].point, all_coordinates([*found.accepted, "payload"])
     values = {**point.effects, "effects.payload.mass": point.effects[MASS]}
     start = found.problem.points([(point.z, {c.name: values[c.name] for c in names})])[0]
     lasting, jacobian = found.problem.fit(start, early[0].jacobian[:, : len(point.z)], names)
-    gain = found.base.loss - lasting.loss
-    return [*found.fitted, Fitted("payload", lasting, names, jacobian, gain, (lasting.loss,))]
+    return [*others, Fitted("payload", lasting, names, jacobian, found.base.loss - lasting.loss, (lasting.loss,))]
 
 
 def _early(case: Case, f: Fitted) -> bool:
@@ -174,11 +176,6 @@ def _early(case: Case, f: Fitted) -> bool:
     if f.effect != "payload_change":
         return False
     return f.point.effects[TIME] < min(float(bag.time[bag.moving()][0]) for bag in case.bags)
-
-
-def _always_there(case: Case, f: Fitted, others: Sequence[Fitted]) -> bool:
-    """Whether an effect is a load that comes before the boom has moved, and one that was there all along is fitted, too."""
-    return _early(case, f) and any(other.effect == "payload" for other in others)
 
 
 def _hardly_beyond(case: Case, f: Fitted) -> bool:
