@@ -18,7 +18,7 @@ from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.prediction import capacities
 from boom_diagnosis.diagnosis.run import diagnose
 from boom_diagnosis.diagnosis.unknown_input import Forced, regress
-from boom_model.learned import LearnedTerm
+from boom_model.learned import VARIABLES, LearnedTerm
 from boom_model.machine import Machine
 from boom_recording.loading import load
 from boom_recording.recording import Recording
@@ -70,6 +70,28 @@ def test_a_spring_behind_a_corner_is_found_with_its_corner_among_other_products(
     assert found is not None and found.basis == ("minus(angle,0.220)",)
     assert found.coefficients == pytest.approx((40.0,), rel=0.01)
     assert found.share > 0.99
+
+
+def test_a_torque_with_a_memory_of_the_rate_is_found_with_its_size() -> None:
+    angle = swinging()
+    rate, lagged = np.gradient(angle, PERIOD), np.zeros(len(angle))
+    decay, scaled = np.exp(-PERIOD / 0.5), rate / VARIABLES["rate"].scale
+    for k, v in enumerate(scaled):
+        lagged[k] = decay * lagged[k - 1] + (1.0 - decay) * v
+
+    found = regress(
+        forced(3.0 * lagged, angle),
+        "torque",
+        "rate",
+        NUMBER,
+        ("lag(rate,0.5)",),
+        everything(len(angle)),
+        everything(len(angle)),
+    )
+
+    assert found is not None
+    assert found.basis[0] == "lag(rate,0.5)"
+    assert found.coefficients[0] == pytest.approx(3.0, rel=1e-3)
 
 
 def test_what_an_observer_had_already_counts_as_seen() -> None:

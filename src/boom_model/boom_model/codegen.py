@@ -9,6 +9,7 @@ minimum-degree order (the shift makes them safe for small h; a step with a bad p
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -135,6 +136,7 @@ def _elimination(pattern: np.ndarray) -> tuple[list[int], str, str, int]:
     return order, "\n".join(factor), "\n".join(solve), len(slot)
 
 
+@lru_cache(maxsize=16)
 def generate(m: Equations) -> str:
     """C of model_prepare, model_f, model_fj, model_y, model_factor and model_solve, to stand between lanes.c and integrator.c."""
     emitter = _Emitter()

@@ -60,7 +60,7 @@ class State:
     maximum: float = inf
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Equations:
     """x' = derivative(x, u, p), y = outputs(x, u, p); all symbolic. ``auxiliary`` are named inner quantities."""
 

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 
 from boom_bringup import __version__
 from boom_bringup.cli import UsageError
+from boom_bringup.memory import keep_memory
 from boom_bringup.outputs import checked, json_text, write
 from boom_bringup.replica import machine_of
 from boom_bringup.showing import progress
@@ -65,6 +66,8 @@ def run(args: argparse.Namespace) -> int:
     json_path = checked(args.json, "--json")
     folder = _folder(args.output)
     command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "diagnose", *_words(args)])
+
+    keep_memory()
 
     from boom_recording.loading import load
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from boom_diagnosis.diagnosis.coordinates import DELAYS, Coordinate
 from boom_diagnosis.diagnosis.nuisances import Nuisance, closed
 from boom_diagnosis.diagnosis.prediction import Predictor
+from boom_diagnosis.diagnosis.recent import Recent
 from boom_model.compiled import LANES
 
 Array = NDArray[np.float64]
@@ -35,6 +36,8 @@ SLOW, FAST = 5e-4, 0.02
 than the second by a step has not come near its end."""
 AROUND, AROUND_AT_END = (1.0, -1.0, 4.0), (1.0, 2.0, 4.0)
 """Steps of the differences of which the middle one counts."""
+CLOSED = 64
+"""Sets of tolerances whose closed linkage is remembered: the hypotheses of a pass share most of theirs."""
 Z_STEP = 0.1
 """Standard deviations of a tolerance: step of the differences."""
 
@@ -124,6 +127,7 @@ class Problem:
             name: nominal[name] for n in nuisances for name in n.components if not name.startswith("pose.")
         }
         self._poses = [{n.name: pose[n.name] for n in nuisances if n.name.startswith("pose.")} for pose in poses]
+        self._closed = Recent[dict[str, float]](CLOSED)
         self.limits = np.array([n.limits for n in nuisances]).reshape(-1, 2).T
         """(2, number of tolerances) least and largest z."""
 
@@ -136,7 +140,8 @@ class Problem:
                 if reference is None:
                     reference = self._poses[0][name]
                 result[name] = nuisance.value(reference, float(zi))
-        return closed(self.predictor.machine, result) | dict(effects)
+        made = self._closed.get(z.tobytes(), lambda: closed(self.predictor.machine, result))
+        return made | dict(effects)
 
     def points(self, wanted: Sequence[tuple[Array, Mapping[str, float]]]) -> list[Point]:
         """Predictions and losses of several (z, effects)."""

@@ -31,6 +31,8 @@ WORTH = 0.1
 """Share of what is left of the unknown input's power that a further product must explain."""
 MOST_PRODUCTS = 4
 FOLDS = 6
+FORGOTTEN = 1e-12
+"""Share of a past value below which a memory has lost it."""
 ONE_SIDED = (
     "minus(angle,{})", "plus(angle,{})", "rate*below(angle,{})", "rate*above(angle,{})", "sign(rate)*below(angle,{})",
     "sign(rate)*above(angle,{})",
@@ -184,8 +186,10 @@ def _scaled(states: Mapping[str, Array], stroke: float) -> dict[str, Array]:
 
 
 def _lagged(_: str, time: float, value: Array) -> Array:
-    """T x' = v - x, zero at rest, over intervals of ``PERIOD``."""
-    from scipy.signal import lfilter  # takes a second to load
-
-    decay = float(np.exp(-PERIOD / time))
-    return np.asarray(lfilter([1.0 - decay], [1.0, -decay], value), dtype=float)
+    """T x' = v - x, zero at rest, over intervals of ``PERIOD``: x_k = (1 - d) sum_j d^j v_(k-j), by doubling what is summed."""
+    decay, shift = float(np.exp(-PERIOD / time)), 1
+    x = (1.0 - decay) * value
+    while shift < len(x) and decay > FORGOTTEN:
+        x[shift:] += decay * x[:-shift]
+        decay, shift = decay * decay, 2 * shift
+    return x
