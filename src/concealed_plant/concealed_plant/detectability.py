@@ -215,7 +215,7 @@ class Detectability:
             if d < self.detectable:
                 if at >= effect.largest:
                     raise TooFaintError(f"{effect.id}: d is {d:.0f} at its largest, {self.detectable:.0f} is asked")
-                straight = not overshot and z is not None and abs(d * least / (low_d * at) - 1.0) < STRAIGHT
+                straight = not overshot and abs(d * least - low_d * at) < STRAIGHT * low_d * at
                 least, low_d, z = at, d, reached
                 if d > 0.2 * self.detectable:
                     factor = min(factor, FINE)
