@@ -83,6 +83,21 @@ def test_the_detectable_size_has_the_signature_that_is_asked(seen):
     assert d == pytest.approx(seen.detectable, rel=0.3)
 
 
+def test_an_effect_that_does_nothing_at_small_sizes_has_its_detectable_size(seen, monkeypatch):
+    row, whole = CONCEALMENTS["command_delay"], seen.seen
+    size, idle = seen.detectable_size(row, DRAWS), []
+
+    def limited(hidden):
+        if hidden.parameters["T"] > 0.5 * size:
+            return whole(hidden)
+        idle.append(hidden)
+        return seen.plain
+
+    monkeypatch.setattr(seen, "seen", limited)
+    assert seen.detectable_size(row, DRAWS) == pytest.approx(size, rel=0.1)
+    assert len(idle) > 1
+
+
 def test_a_crane_that_leaves_its_range_before_the_effect_shows_has_no_detectable_size(seen, monkeypatch):
     row, whole = CONCEALMENTS["command_delay"], seen.seen
     least = 0.3 * seen.detectable_size(row, DRAWS)

@@ -35,6 +35,8 @@ UNEXPLAINED_WEIGHT = 0.1
 """Share of the unexplained nats that adds to the temperature."""
 UNKNOWN_FROM, UNKNOWN_STEEPNESS = 0.78, 8.0
 """Share of the misfit's amplitude that remains where unknown physics becomes as likely as not, and how sharply."""
+ANOTHER_FORM = 2.0
+"""Factor beyond its plausible range up to which the compliance of bristles may be fitted to friction of another form."""
 SLIGHT = 0.04
 """Loss per innovation over that of a healthy machine at which what nothing explains is as likely nothing unknown."""
 CLEAR = 0.1
@@ -236,7 +238,7 @@ def possible(fitted: Fitted, load: float) -> bool:
     """Whether a boom with a ``load`` [kg] told can have an effect as it was fitted; if not, it stands in for something else.
 
     A load that lifts is none. What is slower or more damped than the modes of a steel boom, as far as its intervals tell, is the
-    mode of another body. Bristles softer than all that are plausible are a spring, not friction; stiffer ones do nothing, but an
+    mode of another body. Bristles far softer than plausible are a spring, not friction; far stiffer ones do nothing, but an
     observer that corrects them follows other torques, too.
     """
     plausible, own = {c.name: c.plausible for c in fitted.coordinates}, f"effects.{fitted.effect}."
@@ -244,7 +246,7 @@ def possible(fitted: Fitted, load: float) -> bool:
         return fitted.point.effects[own + "mass"] >= -load
     if fitted.effect == "presliding_friction":
         low, high = plausible[own + "compliance"]
-        return low <= fitted.point.effects[own + "compliance"] <= high
+        return low / ANOTHER_FORM <= fitted.point.effects[own + "compliance"] <= high * ANOTHER_FORM
     if fitted.effect == "boom_flexibility":
         found = estimates(fitted, 1.0)
         slow = found[own + "f"].interval_90[1] < plausible[own + "f"][0]
