@@ -56,10 +56,14 @@ def test_the_same_seed_gives_the_same_run_and_another_one_another() -> None:
     assert short("improved", "healthy/extended", CONFIGURATIONS["C0"], 4.0, seed=1).mae != first.mae
 
 
-def test_700_kg_are_lifted_with_the_limited_supply_and_2000_kg_are_recognised_as_too_much() -> None:
-    light = short("improved", "healthy/extended", PlantCase("700 kg", 700.0), limited=True)
+@pytest.mark.parametrize("bag", TRAJECTORIES["extended"])
+def test_700_kg_follow_every_trajectory_within_1_5_mm_with_the_limited_supply(bag: str) -> None:
+    light = short("improved", bag, PlantCase("700 kg", 700.0), duration=0.0, limited=True)
     assert light.finished
-    assert light.mae < 6e-3
+    assert light.mae < 1.5e-3
+
+
+def test_2000_kg_are_recognised_as_too_much_for_the_limited_supply() -> None:
     heavy = short("improved", "healthy/extended", PlantCase("2000 kg", 2000.0), limited=True)
     assert heavy.stopped is not None
     assert heavy.stopped[0] < 3.0
