@@ -17,7 +17,7 @@ DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "theory.md"
 @pytest.fixture
 def text() -> str:
     if not DOCUMENT.exists():
-        pytest.skip("docs are only in the source tree")
+        pytest.skip("no docs/theory.md: the package is installed without its source tree")
     return DOCUMENT.read_text(encoding="utf-8")
 
 

@@ -35,8 +35,6 @@ from concealed_plant.generator import ANSWER, RECORDING, make_case
 
 PATIENCE = 600.0
 """s. A diagnosis that takes longer has no answer."""
-_HANDS_BACK = "MALLOC_TRIM_THRESHOLD_"
-"""Dask tells its workers to hand back memory at once. A diagnosis that inherits it gets each array's pages anew: a third slower."""
 _STOPPED = (-signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM)
 STATE = "state.json"
 Progress = Callable[[str, int, int], None]
@@ -203,7 +201,6 @@ def diagnose(case: Path) -> float:
             done = subprocess.run(
                 command,
                 cwd=case,
-                env={name: value for name, value in os.environ.items() if name != _HANDS_BACK},
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

@@ -16,7 +16,7 @@ from boom_diagnosis.diagnosis.nuisances import TWIN_Z
 from boom_diagnosis.diagnosis.onset import TIME, onset
 from boom_diagnosis.diagnosis.parallel import in_parallel
 from boom_diagnosis.diagnosis.proof import worsening
-from boom_diagnosis.diagnosis.search import MASS, Fitted
+from boom_diagnosis.diagnosis.search import Fitted, lasting
 from boom_diagnosis.diagnosis.weighing import (
     ENOUGH,
     OTHER_FORM,
@@ -165,10 +165,10 @@ def _lasting(case: Case, found: Round) -> list[Fitted]:
     if any(f.effect == "payload" for f in others):
         return others
     point, names = early[0].point, all_coordinates([*found.accepted, "payload"])
-    values = {**point.effects, "effects.payload.mass": point.effects[MASS]}
+    values = {**point.effects, **lasting(point.effects)}
     start = found.problem.points([(point.z, {c.name: values[c.name] for c in names})])[0]
-    lasting, jacobian = found.problem.fit(start, early[0].jacobian[:, : len(point.z)], names)
-    return [*others, Fitted("payload", lasting, names, jacobian, found.base.loss - lasting.loss, (lasting.loss,))]
+    fitted, jacobian = found.problem.fit(start, early[0].jacobian[:, : len(point.z)], names)
+    return [*others, Fitted("payload", fitted, names, jacobian, found.base.loss - fitted.loss, (fitted.loss,))]
 
 
 def _early(case: Case, f: Fitted) -> bool:

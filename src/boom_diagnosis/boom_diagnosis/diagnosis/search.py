@@ -128,8 +128,8 @@ class Scanner:
         A probe that changes the innovations by far more than what is to be explained says little about small ones; it is taken once
         more, in proportion.
         """
-        lasting = max(bag.recording.duration for bag in self.problem.predictor.bags)
-        tried = [(effect, start) for effect in wanted for start in starts(EFFECTS[effect], lasting)]
+        duration = max(bag.recording.duration for bag in self.problem.predictor.bags)
+        tried = [(effect, start) for effect in wanted for start in starts(EFFECTS[effect], duration)]
         tried.sort(key=lambda t: EFFECTS[t[0]].states)  # those of one plant go side by side
         seen = self._probed(tried)
         misfit = max(self.at.over(WHITE), LEAST_MISFIT)
@@ -156,7 +156,7 @@ class Scanner:
 
     def _probe(self, effect: str, start: dict[str, float]) -> dict[str, float]:
         """What is predicted: of a load that comes, one that has always been there."""
-        return {"effects.payload.mass": start[MASS]} if effect == "payload_change" else start
+        return lasting(start) if effect == "payload_change" else start
 
     def _candidate(self, effect: str, start: dict[str, float], column: Array) -> Candidate:
         gain, size = self.gain(column[:, None])
@@ -280,6 +280,11 @@ def _start(scanner: Scanner, candidate: Candidate) -> Point:
         + [(np.zeros_like(at.z), points[0].effects)]
     )
     return min(points + followed, key=lambda p: p.loss)
+
+
+def lasting(values: Mapping[str, float]) -> dict[str, float]:
+    """The load that has always been there, of one that comes; values by dotted name."""
+    return {"effects.payload.mass": values[MASS]}
 
 
 def possible_effects(has: Callable[[str], bool], without: Sequence[str] = ()) -> list[str]:
