@@ -20,7 +20,7 @@ from boom_diagnosis.diagnosis.learning import _curve, reading
 from boom_diagnosis.diagnosis.nuisances import tolerances
 from boom_diagnosis.diagnosis.prediction import Predictor
 from boom_diagnosis.diagnosis.run import diagnose
-from boom_diagnosis.diagnosis.search import Fitted, Scanner
+from boom_diagnosis.diagnosis.search import Fitted, Scanner, refine
 from boom_diagnosis.diagnosis.weighing import estimates
 from boom_model.learned import PLACES, LearnedTerm
 from boom_model.machine import Machine
@@ -161,6 +161,20 @@ def test_a_small_effect_is_in_sight_although_its_probe_is_large() -> None:
     assert (best.effect, best.values["effects.boom_flexibility.f"]) == ("boom_flexibility", 1.8)
     assert best.values["effects.boom_flexibility.gain"] == pytest.approx(0.01, rel=0.1)
     assert best.probe is not None and best.probe["effects.boom_flexibility.gain"] < 0.1
+
+
+@pytest.mark.parametrize("litres_per_minute", [74.0, 78.0, 81.0])
+def test_a_limit_between_two_probes_is_found_though_the_next_one_is_far_too_low(litres_per_minute: float) -> None:
+    true = 60_000.0 / litres_per_minute
+    bag = prepare(noisy(tz17().with_effects({"pump_flow_limit": {"inverse_q_max": true}}), 12.0, 5))
+    assert bag is not None
+    known = tolerances(tz17(), tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0))
+    problem = problem_at(tz17(), [bag], [bag.counted], known, np.zeros(len(known)), {}, 1.0)
+    at = problem.points([(np.zeros(len(known)), {})])[0]
+    jacobian = problem.nuisance_jacobian(at)
+    scanner = Scanner(problem, at, jacobian)
+    found = refine(scanner, jacobian, scanner.scan(["pump_flow_limit"])[:1])
+    assert found.point.effects["effects.pump_flow_limit.inverse_q_max"] == pytest.approx(true, rel=0.03)
 
 
 def test_changes_of_several_recordings_are_each_recordings_own() -> None:

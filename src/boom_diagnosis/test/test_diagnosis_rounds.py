@@ -61,6 +61,17 @@ def test_an_effect_that_free_runs_disprove_gives_way_to_the_next(case: Any, free
     assert (case.taken, case.disproved, case.weighed[0]) == ([second], [first], [second])
 
 
+@pytest.mark.parametrize(("gain", "taken"), [(-20.0, True), (-100.0, False)])
+def test_an_effect_that_costs_on_the_data_fitted_what_it_gains_elsewhere_is_not_taken(
+    case: Any, free_runs: dict[float, float], gain: float, taken: bool
+) -> None:
+    """Chance alone makes 27 nats of 10000 samples."""
+    found = weighed("presliding_friction", gain, 900.0, 1000.0)
+    case.weighed[0], free_runs[found.fitted.point.loss] = [found], 0.5
+    assert earning.take(case) is taken
+    assert case.disproved == ([] if taken else [found])
+
+
 def test_a_large_first_effect_may_leave_free_runs_a_little_worse_and_a_small_one_not(
     case: Any, free_runs: dict[float, float]
 ) -> None:
@@ -379,6 +390,34 @@ def test_what_lies_at_the_end_of_its_range_is_looked_at_again(
     case.final = None
     run._rounds(case, lambda text, share: None)
     assert looks == (["look", "again"] if doubted else ["look"])
+
+
+def test_what_only_a_loose_observer_takes_or_free_runs_disproved_comes_near_what_is_unknown(
+    monkeypatch: pytest.MonkeyPatch, case: Any
+) -> None:
+    """The second look takes nothing: the effect of the first that gained most comes first, one that gained nothing last."""
+    loose, worse, little = (
+        weighed("accumulator_heat_loss", 600.0, 78.0, 1000.0), weighed("compensator_droop", 700.0, 100.0, 1000.0),
+        weighed("spring_rate", 10.0, 2.0, 1000.0),
+    )  # fmt: skip
+    nothing: Any = None
+    problem: Any = SimpleNamespace(predictor=SimpleNamespace(looseness=1.0))
+    rounds = [Round((), point(1000.0), np.zeros((SAMPLES, 1)), (), {}, problem)]
+    made = Case(nothing, nothing, [], [], [], [], [], (), 0, rounds=rounds, taken=[loose], disproved=[worse])
+    made.nominal = nothing
+
+    def judged(of: Case, found: Round) -> bool:
+        of.weighed = [[little]]
+        return False
+
+    monkeypatch.setattr(run, "afresh", lambda found, *given: found)
+    monkeypatch.setattr(run, "_judge", judged)
+    monkeypatch.setattr(Case, "last", None)
+    monkeypatch.setattr(Case, "rest", lambda self, at: 0.2)
+    assert not run._look_again(made, lambda text, share: None)
+    assert (made.taken, answer._near(made)) == ([], [worse, loose, little])
+    made.taken = [little]
+    assert answer._near(made) == [little, worse, loose]
 
 
 def test_what_is_damaged_or_left_out_of_a_recording_is_said(case: Any) -> None:

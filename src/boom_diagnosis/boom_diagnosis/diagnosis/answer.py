@@ -324,10 +324,10 @@ def _unknown_finding(
     link = next(link for link in LINKS if link.key == key)
     rest = [0.5 * np.sum(np.minimum(np.abs(w), 8.0) ** 2 - case.healthy_squares, axis=1) for w in tight.explained]
     place = regimes.where(case.bags, cells, rest)
-    first = [*(case.weighed[0] if case.weighed else []), *case.disproved]
-    nearest = f"; the nearest is {label_of(first[0].fitted.effect)}" if first else " or comes near"
+    near = _near(case)
+    nearest = f"; the nearest is {label_of(near[0].fitted.effect)}" if near else " or comes near"
     unlike = max(case.impossible, key=lambda f: f.gain, default=None)
-    if unlike and (not first or unlike.gain > first[0].fitted.gain):
+    if unlike and (not near or unlike.gain > near[0].fitted.gain):
         numbers = ", ".join(
             f"{name} {e.value:.3g} {e.unit}".rstrip(" -")
             for name, e in _short(estimates(unlike, 1.0), unlike.effect).items()
@@ -337,9 +337,15 @@ def _unknown_finding(
     home = _touched(learned.term) if learned else _home(case, link.subsystems)
     return Finding(
         None, home, link.equation, round(min(0.99, unknown), 4), {}, place.text, place.intervals,
-        tuple(Alternative(w.fitted.effect, round((1 - unknown) / 3, 4)) for w in first[:2]),
+        tuple(Alternative(w.fitted.effect, round((1 - unknown) / 3, 4)) for w in near[:2]),
         f"No effect of the catalogue explains the mismatch at '{link.title}'{nearest}.{said}",
     )  # fmt: skip
+
+
+def _near(case: Case) -> list[Weighed]:
+    """What comes near as the first effect: the one taken, then what gained most, whether it was disproved or not."""
+    others = sorted([*(case.weighed[0] if case.weighed else []), *case.disproved], key=lambda w: -w.net)
+    return list({w.fitted.effect: w for w in (*case.taken[:1], *others)}.values())
 
 
 def _touched(term: LearnedTerm) -> str:

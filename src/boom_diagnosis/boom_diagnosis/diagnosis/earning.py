@@ -53,20 +53,22 @@ TRAINING = 3
 def take(case: Case) -> bool:
     """Takes the first effect of the last round that earns its place; whether there is one.
 
-    What free runs over data not used disprove is no alternative any more.
+    What free runs over data not used disprove is no alternative any more; nor is what gains there alone, and on the data fitted
+    costs more than chance.
     """
     k = len(case.taken)
     weighed, problem = case.weighed[k], case.rounds[k].problem
     while weighed and weighed[0].net > _needed(case, weighed[0]):
         best = weighed[0]
-        fitted = best.fitted
-        trained = settle(case, k + 1, problem, fitted.point, fitted.jacobian, fitted.coordinates)
-        factor = worsening(case, case.trained[k], trained)
-        if factor <= _bearable(case, best) and (best.held_out_gain > 0.0 or factor <= CLEARLY_BETTER):
-            case.taken.append(best)
-            case.trained.append(trained)
-            return True
-        case.spared.pop(k + 1, None)
+        if best.gain > -chance(case):
+            fitted = best.fitted
+            trained = settle(case, k + 1, problem, fitted.point, fitted.jacobian, fitted.coordinates)
+            factor = worsening(case, case.trained[k], trained)
+            if factor <= _bearable(case, best) and (best.held_out_gain > 0.0 or factor <= CLEARLY_BETTER):
+                case.taken.append(best)
+                case.trained.append(trained)
+                return True
+            case.spared.pop(k + 1, None)
         weighed.pop(0)
         if k == 0:
             case.disproved.append(best)

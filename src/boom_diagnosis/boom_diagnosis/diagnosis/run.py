@@ -254,6 +254,8 @@ def _look_again(case: Case, progress: Progress) -> bool:
         )  # fmt: skip
     found = afresh(found, case.nominal, [*wanted, *(f.effect for f in found.fitted[:1])], case.floor)
     taken = _judge(case, found)
+    known = {w.fitted.effect for w in (*case.weighed[0], *case.disproved)}
+    case.disproved += [w for w in (*first.taken, *first.disproved) if w.fitted.effect not in known]
     if not first.taken:
         return taken
     left, before = (c.rest(c.last) for c in (case, first))

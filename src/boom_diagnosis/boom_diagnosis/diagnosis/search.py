@@ -29,6 +29,8 @@ FURTHER = 6
 """Steps beyond those while each still gains much: from the nominal machine it is far to a large effect."""
 STARTS = (1.0, 0.5, 0.2, 0.05)
 """Shares of the linear look's size from which an effect is fitted."""
+SETS_IN = {"pump_flow_limit": (1.0, 0.96, 0.92, 0.88, 0.84)}
+"""Shares of its probe, too, of an effect that does nothing up to some size and soon far too much: probes are 15 to 20 % apart."""
 PROBES = 16
 """Predicted at once."""
 NEARER = 0.5
@@ -270,7 +272,9 @@ def _start(scanner: Scanner, candidate: Candidate) -> Point:
         }
         wanted.append((at.z, {**at.effects, **values}))
     if candidate.probe:
-        wanted.append((at.z, {**at.effects, **candidate.probe}))
+        shares = SETS_IN.get(candidate.effect, (1.0,))
+        probes = [_scaled(candidate.effect, candidate.probe, share) for share in shares]
+        wanted += [(at.z, {**at.effects, **probe}) for probe in probes]
     points = scanner.problem.points(wanted)
     followed = scanner.problem.points(
         [
