@@ -10,8 +10,8 @@ from boom_model.effects import EFFECTS, Effect, EffectParameter
 
 MARGIN = 1.5
 """The prior reaches so far beyond the catalogue's plausible range, in widths of it."""
-MARGINS = {"pressure_bias": 8.0, "angle_offset": 3.0}
-"""The same for what a careless hand can do at will."""
+MARGINS = {"pressure_bias": 8.0, "angle_offset": 3.0, "accumulator_heat_loss": 12.0}
+"""The same for what a careless hand can do at will, and for gas that keeps its temperature, as in foam: within half a second."""
 STEP, FACTOR_STEP = 1.5e-3, 3e-3
 """Of differences: share of an effect's range, and relative change of a positive number. As small as those of the tolerances, or an
 effect that is a number's being off would have another derivative than that number."""
@@ -68,14 +68,14 @@ _STARTS: Mapping[str, Mapping[str, tuple[float, ...]]] = {
     "end_cushioning": {"length": (0.03, 0.08)},
     "entrained_air": {"a": (0.006, 0.03)},
     "accumulator_precharge": {"r": (0.35, 0.7, 1.08)},
-    "accumulator_heat_loss": {"inverse_tau": (1 / 30, 1 / 7)},
+    "accumulator_heat_loss": {"inverse_tau": (1 / 30, 1 / 7, 1.0)},
     "accumulator_restrictor": {"r": (0.45, 0.75, 1.15)},
     "hose_burst_valve_lag": {"tau": (0.008, 0.03, 0.1)},
     "hose_burst_valve_setting": {"r": (0.75, 1.12)},
     "valve_hysteresis": {"h": (0.01, 0.04), "travel": (0.0, 0.15)},
     "pilot_lag": {"r": (0.75, 1.6)},
     "command_delay": {"T": (0.01, 0.04)},
-    "pump_flow_limit": {"inverse_q_max": tuple(60_000 / q for q in (150, 120, 100, 85, 70, 60))},
+    "pump_flow_limit": {"inverse_q_max": tuple(60_000 / q for q in (120, 100, 85, 70, 60, 50, 42, 35))},
     "pressure_delay": {"T": (0.01, 0.04)},
     "spring_rate": {"r": (0.88, 1.12)},
 }
