@@ -10,8 +10,9 @@ from boom_model.effects import EFFECTS, Effect, EffectParameter
 
 MARGIN = 1.5
 """The prior reaches so far beyond the catalogue's plausible range, in widths of it."""
-MARGINS = {"pressure_bias": 8.0, "angle_offset": 3.0, "accumulator_heat_loss": 12.0}
-"""The same for what a careless hand can do at will, and for gas that keeps its temperature, as in foam: within half a second."""
+MARGINS = {"pressure_bias": 8.0, "angle_offset": 3.0, "accumulator_heat_loss": 12.0, "return_line_pressure": 5.0}
+"""The same for what a careless hand can do at will, for gas that keeps its temperature, as in foam (within half a second), and
+for a return line that is nearly shut."""
 STEP, FACTOR_STEP = 1.5e-3, 3e-3
 """Of differences: share of an effect's range, and relative change of a positive number. As small as those of the tolerances, or an
 effect that is a number's being off would have another derivative than that number."""
