@@ -69,11 +69,13 @@ STRAIGHT, FURTHEST, BEYOND = 0.1, 10.0, 1.05
 detectable one, and the largest factor to there."""
 CLOSE = 1.02
 """Factor between a size that is imitated and one that is not, from which on the first counts."""
+LOOKS = 3
+"""Times that what imitates an effect is looked for more thoroughly where it seems to be seen."""
 BENT = 4.0
 """Share of a signature to what is left of it from which on that is looked at once more."""
 CUT = 0.6
 """Share of the size asked for that the largest one must have."""
-_TRIES = 16
+_TRIES = 24
 
 
 @dataclass(frozen=True)
@@ -128,16 +130,14 @@ class Detectability:
         return outputs(self.m, self.linkage, self._setting, hidden)
 
     def separation(
-        self, changed: Array, twins: tuple[str, ...] = (), guess: Array | None = None, *, anew: bool = False
+        self, changed: Array, twins: tuple[str, ...] = (), guess: Array | None = None, bent: Array | None = None
     ) -> tuple[float, Array]:
         """d of the outputs (n, 4) against the undisturbed ones, and the deviations z of ``NUMBERS`` that imitate it best.
 
-        twins: numbers that are kept out of z. guess: z to begin with. anew: with sensitivities of the crane as ``guess`` has it,
-        not of the specimen.
+        twins: numbers that are kept out of z. guess: z to begin with. bent: sensitivities, where not those of the specimen.
         """
         free = _free(twins)
-        at = dict(zip(NUMBERS, guess, strict=True)) if anew and guess is not None else {}
-        n = (self._sensitivities(at) if at else self._numbers)[:, free]
+        n = (self._numbers if bent is None else bent)[:, free]
         solve = np.linalg.inv(n.T @ n + np.eye(len(free)))
         z, rest = np.zeros(len(NUMBERS)), self._white(changed - self.plain)
         cost, share = float(rest @ rest), 1.0
@@ -202,12 +202,20 @@ class Detectability:
         least, low_d = effect.smallest, 0.0
         z: Array | None = None
         reached: Array | None = None
-        at, factor, sure, overshot = effect.smallest, COARSE, False, False
+        at, factor, overshot = effect.smallest, COARSE, False
+        bent: Array | None = None
+        looks = LOOKS
         for _ in range(_TRIES):
             try:
                 guess = None if z is None else z * min(at / least, FURTHEST)
                 changed = self.seen(effect.build(at, draws, self.scene))
-                d, reached = self.separation(changed, effect.twins, guess)
+                d, reached = self.separation(changed, effect.twins, guess, bent)
+                close = z is not None and at / least < CLOSE
+                if looks and d >= self.detectable and (close or d < NEAR * self.detectable):
+                    looks -= 1
+                    d, reached, bent = self._thoroughly(changed, effect.twins, (d, reached), bent)
+                    if d < self.detectable:
+                        overshot, factor = False, float(np.clip(NEAR * self.detectable / d, 1.0, FINE))
             except RunError:
                 if z is None or at / least < CLOSE:
                     raise
@@ -223,13 +231,6 @@ class Detectability:
             elif at / least < CLOSE:  # what imitates it is not found from here on, however little is added
                 return effect.tolerance + at
             elif d < NEAR * self.detectable:
-                if not sure and float(np.linalg.norm(self._white(changed - self.plain))) > BENT * d:
-                    sure = True  # numbers bent far imitate more than straight lines from the specimen tell
-                    d, reached = self.separation(changed, effect.twins, reached, anew=True)
-                    if d < SETTLED * self.detectable:
-                        least, low_d, z = at, d, reached
-                        at = min(at * NEAR, effect.largest)
-                        continue
                 return effect.tolerance + at * self.detectable / d
             else:
                 overshot = True
@@ -237,6 +238,24 @@ class Detectability:
                 factor = 1.0 + (at / least - 1.0) * float(np.clip(share, 0.25, 0.6))
                 at = least * factor
         raise TooFaintError(f"{effect.id}: its detectable size was not found")
+
+    def _thoroughly(
+        self, changed: Array, twins: tuple[str, ...], found: tuple[float, Array], bent: Array | None
+    ) -> tuple[float, Array, Array | None]:
+        """d, z and the sensitivities to go on with, where an effect seems to be seen: what imitates it is looked for again.
+
+        From nothing bent, and, where much of the effect is imitated or it is one of the numbers itself, with the sensitivities of
+        the crane as far as it is bent: straight lines from the specimen do not lead there.
+        """
+        d, z = min(found, self.separation(changed, twins), key=lambda each: each[0])
+        if not twins and float(np.linalg.norm(self._white(changed - self.plain))) <= BENT * d:
+            return d, z, bent
+        try:
+            there = self._sensitivities(dict(zip(NUMBERS, z, strict=True)))
+        except RunError:
+            return d, z, bent
+        again, reached = self.separation(changed, twins, z, there)
+        return (again, reached, there) if again < d else (d, z, bent)
 
     def _largest_shows(self, effect: Concealment, draws: Array) -> None:
         """A look that spares all sensitivities: projecting tolerances out never makes d larger. Raises TooFaintError."""

@@ -83,6 +83,17 @@ def test_the_detectable_size_has_the_signature_that_is_asked(seen):
     assert d == pytest.approx(seen.detectable, rel=0.3)
 
 
+@pytest.mark.parametrize("name", ["accumulator_restrictor", "hose_burst_valve_setting", "payload"])
+def test_looking_on_with_fresh_sensitivities_does_not_imitate_an_effect_at_its_detectable_size(seen, name):
+    row = CONCEALMENTS[name]
+    size = seen.detectable_size(row, DRAWS)
+    changed = seen.seen(row.build(size - row.tolerance, DRAWS, seen.scene))
+    d, z = seen.separation(changed, row.twins)
+    for _ in range(3):
+        d, z = seen.separation(changed, row.twins, z, seen._sensitivities(dict(zip(NUMBERS, z, strict=True))))
+    assert d > 0.5 * seen.detectable
+
+
 def test_an_effect_that_does_nothing_at_small_sizes_has_its_detectable_size(seen, monkeypatch):
     row, whole = CONCEALMENTS["command_delay"], seen.seen
     size, idle = seen.detectable_size(row, DRAWS), []
