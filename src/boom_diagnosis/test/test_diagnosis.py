@@ -134,30 +134,29 @@ def test_tolerances_are_relative_and_a_load_has_kilograms() -> None:
     assert found["pose.load"].value(300.0, -1.0) == pytest.approx(300.0 - 20.0 / np.sqrt(3))
 
 
-@pytest.mark.parametrize("gain", [1.04, 0.96])
-def test_an_effect_to_either_side_is_in_sight_of_the_linear_look(gain: float) -> None:
-    bag = prepare(noisy(tz17().with_effects({"rate_scale": {"a": gain}}), 12.0, 5))
+def nominal_look(effects: dict[str, dict[str, float]], looseness: float = 1.0) -> tuple[Scanner, np.ndarray]:
+    """The linear look from the nominal machine at 12 s of one with ``effects``, and the derivatives of its tolerances."""
+    bag = prepare(noisy(tz17().with_effects(effects), 12.0, 5))
     assert bag is not None
     known = tolerances(tz17(), tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0))
-    problem = problem_at(tz17(), [bag], [bag.counted], known, np.zeros(len(known)), {}, 1.0)
+    problem = problem_at(tz17(), [bag], [bag.counted], known, np.zeros(len(known)), {}, looseness)
     at = problem.points([(np.zeros(len(known)), {})])[0]
-    wanted = ["angle_offset", "rate_scale", "piston_leakage"]
-    best = Scanner(problem, at, problem.nuisance_jacobian(at)).scan(wanted)[0]
+    jacobian = problem.nuisance_jacobian(at)
+    return Scanner(problem, at, jacobian), jacobian
+
+
+@pytest.mark.parametrize("gain", [1.04, 0.96])
+def test_an_effect_to_either_side_is_in_sight_of_the_linear_look(gain: float) -> None:
+    scanner, _ = nominal_look({"rate_scale": {"a": gain}})
+    best = scanner.scan(["angle_offset", "rate_scale", "piston_leakage"])[0]
     assert best.effect == "rate_scale" and best.gain > 100.0
     assert best.values["effects.rate_scale.a"] - 1.0 == pytest.approx(gain - 1.0, rel=0.2)
 
 
 def test_a_small_effect_is_in_sight_although_its_probe_is_large() -> None:
     """A mode that is probed at 35 % excitation, seen at 1 %: the look goes nearer."""
-    mode = {"boom_flexibility": {"gain": 0.01, "f": 1.8, "zeta": 0.02}}
-    bag = prepare(noisy(tz17().with_effects(mode), 12.0, 5))
-    assert bag is not None
-    known = tolerances(tz17(), tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0))
-    problem = problem_at(tz17(), [bag], [bag.counted], known, np.zeros(len(known)), {}, 1.0)
-    at = problem.points([(np.zeros(len(known)), {})])[0]
-    best = Scanner(problem, at, problem.nuisance_jacobian(at)).scan(
-        ["rate_scale", "boom_flexibility", "entrained_air"]
-    )[0]
+    scanner, _ = nominal_look({"boom_flexibility": {"gain": 0.01, "f": 1.8, "zeta": 0.02}})
+    best = scanner.scan(["rate_scale", "boom_flexibility", "entrained_air"])[0]
     assert (best.effect, best.values["effects.boom_flexibility.f"]) == ("boom_flexibility", 1.8)
     assert best.values["effects.boom_flexibility.gain"] == pytest.approx(0.01, rel=0.1)
     assert best.probe is not None and best.probe["effects.boom_flexibility.gain"] < 0.1
@@ -171,13 +170,7 @@ def test_a_small_effect_is_in_sight_although_its_probe_is_large() -> None:
 def test_a_number_far_from_its_probes_is_found_from_the_linear_look(number: str, true: float) -> None:
     """A limit between two probes, the next one of which is far too low; gas that keeps its temperature."""
     effect, name = number.split(".")
-    bag = prepare(noisy(tz17().with_effects({effect: {name: true}}), 12.0, 5))
-    assert bag is not None
-    known = tolerances(tz17(), tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0))
-    problem = problem_at(tz17(), [bag], [bag.counted], known, np.zeros(len(known)), {}, LOOSENESS[1])
-    at = problem.points([(np.zeros(len(known)), {})])[0]
-    jacobian = problem.nuisance_jacobian(at)
-    scanner = Scanner(problem, at, jacobian)
+    scanner, jacobian = nominal_look({effect: {name: true}}, LOOSENESS[1])
     found = refine(scanner, jacobian, scanner.scan([effect])[:2])
     assert found.point.effects[f"effects.{number}"] == pytest.approx(
         true, rel=0.05 if effect.startswith("pump") else 0.3

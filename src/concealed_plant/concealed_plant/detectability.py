@@ -18,7 +18,8 @@ other machine.
 d grows with the size of the effect. The detectable size is the one at which the part of the signature that nothing else imitates
 carries as much energy as all the noise of the recording, a signal-to-noise ratio of one: d^2 = number of whitened values (four
 channels at 50 Hz). A case at k times its detectability has k times that size. It is found by going up from a size that does
-nothing, each z the beginning of the next.
+nothing, each z the beginning of the next. Where an effect seems to be seen, z is looked for once more: from nothing, and with
+the sensitivities of the crane as far as it is bent.
 """
 
 from __future__ import annotations

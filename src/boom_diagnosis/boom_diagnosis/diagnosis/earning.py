@@ -57,22 +57,30 @@ def take(case: Case) -> bool:
     costs more than chance.
     """
     k = len(case.taken)
-    weighed, problem = case.weighed[k], case.rounds[k].problem
+    weighed = case.weighed[k]
     while weighed and weighed[0].net > _needed(case, weighed[0]):
-        best = weighed[0]
-        if best.gain > -chance(case):
-            fitted = best.fitted
-            trained = settle(case, k + 1, problem, fitted.point, fitted.jacobian, fitted.coordinates)
-            factor = worsening(case, case.trained[k], trained)
-            if factor <= _bearable(case, best) and (best.held_out_gain > 0.0 or factor <= CLEARLY_BETTER):
-                case.taken.append(best)
-                case.trained.append(trained)
-                return True
-            case.spared.pop(k + 1, None)
-        weighed.pop(0)
+        trained = _proved(case, k, weighed[0])
+        if trained is not None:
+            case.taken.append(weighed[0])
+            case.trained.append(trained)
+            return True
+        disproved = weighed.pop(0)
         if k == 0:
-            case.disproved.append(best)
+            case.disproved.append(disproved)
     return False
+
+
+def _proved(case: Case, k: int, best: Weighed) -> Point | None:
+    """The fit to the data for training of an effect beside ``k`` others that proves itself on data not used."""
+    if best.gain <= -chance(case):
+        return None
+    fitted = best.fitted
+    trained = settle(case, k + 1, case.rounds[k].problem, fitted.point, fitted.jacobian, fitted.coordinates)
+    factor = worsening(case, case.trained[k], trained)
+    if factor <= _bearable(case, best) and (best.held_out_gain > 0.0 or factor <= CLEARLY_BETTER):
+        return trained
+    case.spared.pop(k + 1, None)
+    return None
 
 
 def _share_explained(case: Case, best: Weighed) -> float:

@@ -1,0 +1,55 @@
+"""What is said of a finished search, on a case whose rounds are given."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from rounds_cases import SAMPLES, point, weighed
+
+from boom_diagnosis.diagnosis import answer, earning
+from boom_diagnosis.diagnosis.coordinates import all_coordinates
+from boom_diagnosis.diagnosis.hypotheses import Round
+
+
+def test_what_is_damaged_or_left_out_of_a_recording_is_said(case: Any) -> None:
+    def bag(name: str, warnings: list[str], cavitating: int) -> Any:
+        lost = np.arange(1000) < cavitating
+        return SimpleNamespace(name=name, cavitating=lost, recording=SimpleNamespace(warnings=warnings))
+
+    case.bags, case.proving = (
+        [bag("a", [], 150), bag("b", ["cut.mcap: the file is cut"], 0)],
+        [bag("c", ["no index"], 0)],
+    )
+    left_out, evaporating, *damaged = answer._notes(case, ["still"])
+    assert left_out.startswith("still is left out")
+    assert evaporating.startswith("a: 1.5 s are left out") and "evaporates" in evaporating
+    assert damaged == ["b: cut.mcap: the file is cut", "c: no index"]
+
+
+def test_an_effect_that_no_boom_can_have_is_not_weighed_but_said(monkeypatch: pytest.MonkeyPatch, case: Any) -> None:
+    case.pose, case.healthy_squares, case.bags = SimpleNamespace(load=0.0), np.ones(4), []
+    fitted = weighed("payload", 600.0, 300.0, 1000.0).fitted
+    fitted = replace(fitted, coordinates=all_coordinates(["payload"]), jacobian=np.ones((SAMPLES, 2)))
+    fitted.point.effects["effects.payload.mass"] = -80.0
+    found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (fitted,), {}, Any)
+    case.weighed = [earning.weigh(case, found)]
+    assert case.weighed == [[]]
+    monkeypatch.setattr(answer.regimes, "where", lambda *given: SimpleNamespace(text="", intervals=()))
+    evidence: Any = SimpleNamespace(key="torque", statistical=10.0, chain=0.0)
+    tight: Any = SimpleNamespace(explained=[])
+    said = answer._unknown_finding(case, 0.9, [], tight, [evidence], None).evidence
+    assert said.endswith("; the nearest is payload, but as no boom can have it (mass -80 kg).")
+
+
+@pytest.mark.parametrize(
+    ("unknown", "confidence", "verdict"),
+    [(0.48, 0.18, "unknown_physics"), (0.45, 0.5, "ambiguous"), (0.1, 0.9, "identified")],
+)
+def test_physics_of_no_catalogue_is_the_verdict_where_it_is_likelier_than_what_was_found(
+    case: Any, unknown: float, confidence: float, verdict: str
+) -> None:
+    found: Any = SimpleNamespace(subsystem="supply", confidence=confidence)
+    tight: Any = SimpleNamespace(excess_before=1.0)
+    assert answer._verdict(case, [found], unknown, 0.0, tight) == verdict

@@ -1,0 +1,196 @@
+"""What earns an effect its place, on a case whose fits and free runs are given."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from diagnosis_samples import tz17
+from rounds_cases import SAMPLES, point, weighed
+
+from boom_diagnosis.diagnosis import earning, proof
+from boom_diagnosis.diagnosis.case import Case
+from boom_diagnosis.diagnosis.fitting import Point
+from boom_diagnosis.diagnosis.hypotheses import Round
+from boom_diagnosis.diagnosis.nuisances import tolerances
+
+
+@pytest.fixture
+def free_runs(monkeypatch: pytest.MonkeyPatch) -> dict[float, float]:
+    """Loss of a fit -> factor by which its free runs err more."""
+    factors: dict[float, float] = {}
+    monkeypatch.setattr(earning, "settle", lambda case, k, problem, at, *rest: at)
+    monkeypatch.setattr(earning, "worsening", lambda case, before, after: factors[after.loss])
+    return factors
+
+
+def test_an_effect_that_free_runs_disprove_gives_way_to_the_next(case: Any, free_runs: dict[float, float]) -> None:
+    first, second = weighed("flow_force", 100.0, 90.0, 1000.0), weighed("spring_rate", 95.0, 90.0, 1000.0)
+    case.weighed[0] = [first, second]
+    free_runs |= {first.fitted.point.loss: 2.3, second.fitted.point.loss: 0.6}
+    assert earning.take(case)
+    assert (case.taken, case.disproved, case.weighed[0]) == ([second], [first], [second])
+
+
+@pytest.mark.parametrize(("gain", "taken"), [(-20.0, True), (-100.0, False)])
+def test_an_effect_that_costs_on_the_data_fitted_what_it_gains_elsewhere_is_not_taken(
+    case: Any, free_runs: dict[float, float], gain: float, taken: bool
+) -> None:
+    """Chance alone makes 27 nats of 10000 samples."""
+    found = weighed("presliding_friction", gain, 900.0, 1000.0)
+    case.weighed[0], free_runs[found.fitted.point.loss] = [found], 0.5
+    assert earning.take(case) is taken
+    assert case.disproved == ([] if taken else [found])
+
+
+def test_a_large_first_effect_may_leave_free_runs_a_little_worse_and_a_small_one_not(
+    case: Any, free_runs: dict[float, float]
+) -> None:
+    small, large = weighed("payload", 100.0, 90.0, 1000.0), weighed("payload", 300.0, 200.0, 1000.0)
+    free_runs |= {small.fitted.point.loss: 1.2, large.fitted.point.loss: 1.2}
+    case.weighed[0] = [small]
+    assert not earning.take(case)
+    case.weighed[0] = [large]
+    assert earning.take(case)
+
+
+@pytest.mark.parametrize(("rest", "taken"), [(800.0, True), (3000.0, False), (400.0, False)])
+def test_a_second_effect_must_gain_a_share_of_the_first_or_explain_most_of_a_clear_rest(
+    case: Any, free_runs: dict[float, float], rest: float, taken: bool
+) -> None:
+    """2 % of 50000 nats are 1000; 600 nats are most of 800, not of 3000, and 400 on 10000 samples are no clear rest."""
+    case.taken = [weighed("return_line_pressure", 30000.0, 20000.0, 51000.0)]
+    second = weighed("position_dependent_friction", 300.0, 300.0 if rest > 500.0 else 50.0, rest)
+    case.weighed = [case.taken, [second]]
+    case.rounds.append(SimpleNamespace(base=point(rest), problem=None))
+    case.trained.append(point(rest))
+    free_runs[second.fitted.point.loss] = 0.5
+    assert earning.take(case) is taken
+
+
+@pytest.mark.parametrize(("gain", "factor"), [(100.0, earning.WORSE), (400.0, 1.5), (700.0, 3.0)])
+def test_the_more_a_first_effect_explains_the_worse_it_may_leave_free_runs(
+    case: Any, gain: float, factor: float
+) -> None:
+    assert earning._bearable(case, weighed("payload", gain / 2, gain / 2, 1000.0)) == factor
+
+
+@pytest.mark.parametrize(("gain", "rest", "factor"), [(700.0, 1000.0, 1.0), (900.0, 1000.0, 1.5), (450.0, 480.0, 1.0)])
+def test_a_further_effect_may_leave_free_runs_worse_where_it_explains_nearly_all_of_a_clear_rest(
+    case: Any, gain: float, rest: float, factor: float
+) -> None:
+    """500 nats on 10000 samples are a clear rest."""
+    case.rounds = [SimpleNamespace(base=point(rest), problem=None)]
+    case.taken = [weighed("pilot_lag", 300.0, 300.0, 2000.0)]
+    assert earning._bearable(case, weighed("payload", gain / 2, gain / 2, rest)) == factor
+
+
+def test_of_recordings_held_out_the_gain_on_those_fitted_is_compared_with_what_they_begin_with(case: Any) -> None:
+    best = weighed("payload", 200.0, 700.0, 1000.0)
+    assert earning._bearable(case, best) > earning.WORSE
+    case.proving = [object()]
+    assert earning._bearable(case, best) == earning.WORSE
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "factor"),
+    [
+        ((0.1, 0.1, 0.1, 0.1), (0.2, 0.2, 0.05, 0.1), 2.0 ** (1 / 4)),
+        ((0.1, 0.1, 0.1, 0.1), (np.nan,) * 4, proof.ENDED),
+        ((np.nan,) * 4, (0.3,) * 4, 1 / proof.ENDED),
+        ((np.nan,) * 4, (np.nan,) * 4, 1.0),
+    ],
+)
+def test_a_free_run_that_ends_early_counts_as_worse(
+    monkeypatch: pytest.MonkeyPatch, case: Any, before: Any, after: Any, factor: float
+) -> None:
+    errors = iter([before, after])
+    monkeypatch.setattr(proof, "in_parallel", lambda function, items: [function(item) for item in items])
+    case.machine = case.pose = None
+    monkeypatch.setattr(Case, "values", lambda self, z, effects: {})
+    monkeypatch.setattr(proof, "found_machine", lambda *given: None)
+    monkeypatch.setattr(proof, "placed", lambda *given: None)
+    monkeypatch.setattr(proof, "free_run", lambda *given: None)
+    monkeypatch.setattr(proof, "errors", lambda *given: next(errors))
+    monkeypatch.setattr(proof, "spans_of", lambda case: SimpleNamespace(judged=[SimpleNamespace(recording=None)]))
+    assert proof.worsening(case, point(0.0), point(0.0)) == pytest.approx(factor)
+
+
+@pytest.mark.parametrize(
+    ("nominal", "moved", "factor", "kept"),
+    [(9000.0, 100.0, 1.6, "moved"), (9000.0, 1000.0, 1.6, "nominal"), (9000.0, 1000.0, 1.0, "moved"),
+     (-100.0, -200.0, 1.6, "nominal")],
+)  # fmt: skip
+def test_moved_tolerances_that_worsen_free_runs_stay_where_nominal_ones_leave_fifty_times_as_much(
+    monkeypatch: pytest.MonkeyPatch, case: Any, nominal: float, moved: float, factor: float, kept: str
+) -> None:
+    """``nominal``, ``moved``: nats that are left; 500 are a clear rest."""
+    points = {"nominal": point(nominal), "moved": point(moved)}
+    problem: Any = SimpleNamespace(fit_nominal=lambda effects, names: points["nominal"])
+    case.proving = [object()]
+    monkeypatch.setattr(earning, "worsening", lambda *given: factor)
+    assert earning.settle(case, 0, problem, points["moved"], np.zeros((SAMPLES, 1)), ()) is points[kept]
+    assert case.spared == ({0: points["nominal"]} if kept == "nominal" else {})
+
+
+@pytest.fixture
+def moving(monkeypatch: pytest.MonkeyPatch, case: Any) -> Any:
+    """The case in a recording of 30 s that moves from 1.5 s on; whatever is fitted gains 800 nats."""
+    rate = np.where(np.arange(3000) > 150, 0.1, 0.0)
+    case.bags = [SimpleNamespace(time=np.arange(3000) * 0.01, moving=lambda: rate > 0.02)]
+    case.pose = SimpleNamespace(load=0.0)
+    monkeypatch.setattr(
+        earning, "_split", lambda case, hypotheses, names: [(500.0, 500.0)] + [(100.0, 100.0)] * (len(names) - 1)
+    )
+    return case
+
+
+@pytest.mark.parametrize(("onset", "kept"), [(0.5, ["payload"]), (20.0, ["payload_change", "payload"])])
+def test_a_load_that_comes_before_the_boom_has_moved_was_there_all_along(
+    moving: Any, onset: float, kept: list[str]
+) -> None:
+    change, load = (
+        weighed("payload_change", 300.0, 300.0, 1000.0).fitted,
+        weighed("payload", 290.0, 300.0, 1000.0).fitted,
+    )
+    change.point.effects.update({"effects.payload_change.mass": 5.0, earning.TIME: onset})
+    load.point.effects["effects.payload.mass"] = 5.0
+    found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (change, load), {}, Any)
+    assert [w.fitted.effect for w in earning.weigh(moving, found)] == kept
+
+
+@pytest.mark.parametrize(("onset", "kept"), [(0.5, ["payload"]), (20.0, ["payload_change"])])
+def test_a_load_that_was_there_all_along_is_fitted_where_only_one_that_comes_so_early_was(
+    moving: Any, onset: float, kept: list[str]
+) -> None:
+    change = weighed("payload_change", 300.0, 300.0, 1000.0).fitted
+    change.point.effects.update({"effects.payload_change.mass": 5.0, earning.TIME: onset})
+
+    class Fits:
+        def points(self, wanted: Any) -> list[Point]:
+            return [replace(point(500.0), z=z, effects=dict(e)) for z, e in wanted]
+
+        def fit(self, at: Point, columns: np.ndarray, names: Any) -> tuple[Point, np.ndarray]:
+            assert [c.name for c in names] == list(at.effects) == ["effects.payload.mass"]
+            return replace(point(410.0), effects={"effects.payload.mass": 4.8}), np.zeros((SAMPLES, 2))
+
+    found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (change,), {}, Fits())  # type: ignore[arg-type]
+    assert [w.fitted.effect for w in earning.weigh(moving, found)] == kept
+
+
+@pytest.mark.parametrize(
+    ("effect", "value", "kept"),
+    [("hose_burst_valve_setting.r", 1.01, False), ("hose_burst_valve_setting.r", 0.97, True),
+     ("pilot_lag.r", 0.99, False), ("rate_scale.a", 1.01, True), ("payload.mass", 3.0, True)],
+)  # fmt: skip
+def test_a_factor_of_a_number_that_is_next_to_nothing_beside_its_tolerance_is_no_effect(
+    monkeypatch: pytest.MonkeyPatch, case: Any, effect: str, value: float, kept: bool
+) -> None:
+    """Coefficients of the hose burst valve and of the pilot stage are known to 3 %: half of that is asked for beyond it."""
+    case.nuisances, case.pose = tolerances(tz17(), tz17().pose(0.3, 1.3, 300.0)), SimpleNamespace(load=0.0)
+    fitted = weighed(effect.split(".")[0], 50.0, 50.0, 1000.0).fitted
+    fitted.point.effects[f"effects.{effect}"] = value
+    found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (fitted,), {}, Any)
+    monkeypatch.setattr(earning, "_split", lambda case, hypotheses, names: [(500.0, 500.0), (450.0, 450.0)])
+    assert [w.fitted for w in earning.weigh(case, found)] == ([fitted] if kept else [])
