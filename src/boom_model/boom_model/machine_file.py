@@ -17,6 +17,11 @@ from typing import Any, cast
 
 import yaml
 
+try:
+    from yaml import CSafeLoader as _Loader  # ten times faster, and the same
+except ImportError:  # PyYAML built without libyaml
+    from yaml import SafeLoader as _Loader  # type: ignore[assignment]
+
 from boom_model import rigid_body, sensors
 from boom_model.effects import active_effects
 from boom_model.errors import MachineError, nearest
@@ -129,7 +134,7 @@ def machine_from(document: Any) -> Machine:
 # ---------------------------------------------------------------------------------------------- reading and checking
 
 
-class _UniqueKeys(yaml.SafeLoader):
+class _UniqueKeys(_Loader):
     """YAML that refuses a key given twice, which would silently drop the first."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:

@@ -116,7 +116,8 @@ class Detectability:
         self._setting, self._rng = setting, rng
         self.linkage = linkage(setting.specimen)
         self.m = quantities(setting.specimen, setting.pose)
-        plain = run(self.m, self.linkage, setting.start, per_millisecond(setting.currents))
+        self._held = per_millisecond(setting.currents)
+        plain = run(self.m, self.linkage, setting.start, self._held)
         self.scene = scene(self.m, setting, plain)
         self.plain = plain.outputs
         self._undisturbed: dict[int, Array] = {}
@@ -333,8 +334,7 @@ class Detectability:
         }
         moved = setting.specimen.specimen(factors)
         table = linkage(moved) if any(key.startswith("kinematics.") for key in deviations) else self.linkage
-        held = per_millisecond(setting.currents)
-        return run(quantities(moved, pose), table, Start(angle, pressure), held, steps=steps).outputs
+        return run(quantities(moved, pose), table, Start(angle, pressure), self._held, steps=steps).outputs
 
     def _white(self, difference: Array) -> Array:
         spectrum = _spectrum(difference) * self._weights * np.sqrt(2.0)
@@ -383,7 +383,7 @@ def together(parts: list[Hidden]) -> Hidden:
 def _spectrum(difference: Array) -> Array:
     """(4, f) spectrum of (n, 4) outputs by millisecond, averaged over ``SPACING``."""
     count = len(difference) // SPACING
-    coarse = difference[: count * SPACING].reshape(count, SPACING, 4).mean(axis=1)
+    coarse = np.einsum("csk->ck", difference[: count * SPACING].reshape(count, SPACING, 4)) / SPACING
     return np.asarray(np.fft.rfft(coarse, axis=0).T)
 
 
