@@ -17,7 +17,7 @@ from boom_diagnosis.diagnosis.fitting import Point, Problem
 from boom_diagnosis.diagnosis.healthy import simulated as copy_of
 from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, Nominal, Round, problem_at, rebased
 from boom_diagnosis.diagnosis.learning import _curve, reading
-from boom_diagnosis.diagnosis.nuisances import tolerances
+from boom_diagnosis.diagnosis.nuisances import closed, tolerances
 from boom_diagnosis.diagnosis.prediction import Predictor
 from boom_diagnosis.diagnosis.run import diagnose
 from boom_diagnosis.diagnosis.search import Fitted, Scanner, refine
@@ -353,15 +353,17 @@ def test_a_load_that_was_told_is_off_by_its_tolerance_at_most() -> None:
     assert [load.value(300.0, z) for z in load.limits] == pytest.approx([280.0, 320.0])
 
 
-def test_a_pilot_stage_of_another_speed_has_the_same_gain_at_rest() -> None:
-    """(5.2): at rest nu is the current, -b_0 / a_1 + b_1 = 1."""
-    found = {n.name: n for n in tolerances(tz17(), tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0))}
-    moved = found["pilot_valves.a1_s"].components
-    numbers = {key: tz17().parameters[key].value[0] * (1.03 if key in moved else 1.0) for key in (
-        "pilot_valves.a1_s", "pilot_valves.b0_s", "pilot_valves.b1_s")}  # fmt: skip
-    a1, b0, b1 = numbers.values()
-    assert -b0 / a1 + b1 == pytest.approx(1.0, abs=1e-3)
-    assert "pilot_valves.b0_s" not in found
+@pytest.mark.parametrize("moved", [{"a1_s": 1.03}, {"b1_s": 0.93}, {"a1_s": 0.97, "b1_s": 1.07}])
+def test_a_pilot_stage_that_is_off_has_the_same_gain_at_rest(moved: dict[str, float]) -> None:
+    """(5.2): at rest nu is the current, -b_0 / a_1 + b_1 = 1. A gain of its own would be a spring of another rate."""
+    known = {key: tz17().parameters[f"pilot_valves.{key}"].value[0] for key in ("a1_s", "b0_s", "b1_s")}
+    values = {f"pilot_valves.{key}": factor * known[key] for key, factor in moved.items()}
+    made = closed(tz17(), values)
+    assert values.items() <= made.items()
+    a1, b0, b1 = (made.get(f"pilot_valves.{key}", own) for key, own in known.items())
+    assert b1 - b0 / a1 == pytest.approx(known["b1_s"] - known["b0_s"] / known["a1_s"], rel=1e-12)
+    numbers = tolerances(tz17(), tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0))
+    assert "pilot_valves.b0_s" not in {n.name for n in numbers}
 
 
 def test_gains_that_were_computed_are_had_again() -> None:

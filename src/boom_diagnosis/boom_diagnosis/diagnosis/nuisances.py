@@ -30,12 +30,10 @@ GEOMETRY, SEEN = "kinematics.", 5e-3
 """m. A length of the linkage whose tolerance is less than this moves nothing that the sensors see."""
 STROKE_ZERO = "cylinder.l_min"
 """Follows the geometry: at the lower end of the angle's range the cylinder is retracted, whatever the lengths are."""
-ONE_FACTOR = (
-    ("main_valve_orifices.A_ta_law.c0", "main_valve_orifices.A_ta_law.c1"),
-    ("pilot_valves.a1_s", "pilot_valves.b0_s"),
-)
-"""Numbers that move together. An area as a whole; and the pilot stage's gain with its pole: at rest nu is the current (5.2), so
-that b_0 = -a_1 (1 - b_1), and how much pressure a current gives is h alone."""
+ONE_FACTOR = (("main_valve_orifices.A_ta_law.c0", "main_valve_orifices.A_ta_law.c1"),)
+"""Numbers that move together: an area as a whole."""
+PILOT_POLE, PILOT_GAIN, PILOT_FEEDTHROUGH = "pilot_valves.a1_s", "pilot_valves.b0_s", "pilot_valves.b1_s"
+"""The gain follows the two others: at rest nu is the current (5.2), and how much pressure a current gives is h alone."""
 _NOT_PHYSICS = ("constants.", "hose_burst_valve.unit", "hose_burst_valve.dp_lin", "cylinder.l_")
 _UNITS_OF_THE_SPOOL = ("main_valve_spool.A_s", "main_valve_spool.s_max")
 """Assumed, and everything else of the valve is known relative to them: the spring by (5.10), k = p_max A_s / s_max, the friction as
@@ -79,7 +77,8 @@ def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
     """All numbers that have a tolerance in this machine and pose."""
     result = []
     for key, parameter in machine.parameters.items():
-        if key.startswith(_NOT_PHYSICS) or key in _UNITS_OF_THE_SPOOL or any(key in row[1:] for row in ONE_FACTOR):
+        follows = key == PILOT_GAIN or any(key in row[1:] for row in ONE_FACTOR)
+        if follows or key.startswith(_NOT_PHYSICS) or key in _UNITS_OF_THE_SPOOL:
             continue
         tolerance = PRECHARGE if key.startswith("accumulators.p_g0") else parameter.tolerance
         for name, value in zip(parameter.specification.components, parameter.value, strict=True):
@@ -95,11 +94,24 @@ def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
 
 
 def closed(machine: Machine, values: Mapping[str, float]) -> dict[str, float]:
-    """``values`` (components of the parameter vector), with the pin-to-pin length at s_p = 0 that their geometry asks for.
+    """``values`` (components of the parameter vector) with what follows from them.
 
-    l_min such that s_p(q_2 at the lower end of the angle's range) stays what it is in ``machine`` (3.13a). Where the linkage
-    cannot be assembled there, l_min stays.
+    The gain of the pilot stage such that at rest nu / i = b_1 - b_0 / a_1 stays what it is in ``machine`` (5.2), and the
+    pin-to-pin length at s_p = 0 that the geometry asks for: l_min such that s_p(q_2 at the lower end of the angle's range)
+    stays (3.13a). Where the linkage cannot be assembled there, l_min stays.
     """
+    return _assembled(machine, _unit_gain(machine, values))
+
+
+def _unit_gain(machine: Machine, values: Mapping[str, float]) -> dict[str, float]:
+    if PILOT_POLE not in values and PILOT_FEEDTHROUGH not in values:
+        return dict(values)
+    pole, gain, through = (machine.parameters[key].value[0] for key in (PILOT_POLE, PILOT_GAIN, PILOT_FEEDTHROUGH))
+    lag = through - gain / pole - values.get(PILOT_FEEDTHROUGH, through)
+    return {**values, PILOT_GAIN: -values.get(PILOT_POLE, pole) * lag}
+
+
+def _assembled(machine: Machine, values: Mapping[str, float]) -> dict[str, float]:
     moved = {name: value for name, value in values.items() if name.startswith(GEOMETRY)}
     if not moved:
         return dict(values)
