@@ -41,7 +41,8 @@ def page(state: State, rows: Sequence[Row], seconds: float) -> str:
         _errors(rows),
         "## Every effect",
         "Right first of all cases at each multiple of the detectable size; what was said instead at 1 x and above. The size is the "
-        "median of the detectable ones, and depends on what the operator happened to do.",
+        "median of the detectable ones, and depends on what the operator happened to do. The whole confusion matrix "
+        "is in the report.",
         _effects(rows),
         "## Everything else",
         _kinds(rows),

@@ -49,7 +49,7 @@ def report(trial: Trial, rows: Sequence[Row], seconds: float) -> str:
         f"<section class=card><h2>What was asked, what was reached</h2>{_measures(rows)}</section>",
         f"<section class=card><h2>Accuracy and confidence</h2><div class=side>{_accuracy(rows)}{_confidence(rows)}</div></section>",
         f"<section class=card><h2>Held-out errors</h2>{_errors(rows)}</section>",
-        f"<section class=card><h2>What was concealed, and what was said</h2>{_confusion(rows)}</section>",
+        f"<section class=card><h2>Confusion matrix: what was concealed, and what was said</h2>{_confusion(rows)}</section>",
         f"<section class=card><h2>The worst cases</h2>{_worst(trial, rows)}</section>",
     ]
     return (
