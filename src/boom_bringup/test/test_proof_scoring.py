@@ -1,5 +1,6 @@
 """The score of a blind trial on answers made by hand: every measure, both when it is met and when it is not."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from boom_bringup.proof import scoring, tables
 from boom_bringup.proof.outcomes import Finding, Row, Said, TrueEffect, Truth
 from boom_bringup.proof.page import page
+from boom_bringup.proof.report import _confusion
 from boom_bringup.proof.trial import State
 
 ORACLE, NOMINAL, HALFWAY = (0.01,) * 4, (0.16,) * 4, (0.04,) * 4
@@ -158,6 +160,18 @@ def test_no_answer_is_a_wrong_answer():
     failed = Row(truth("effect", PAYLOAD), Said("", failure="no answer within 600 s"), NOMINAL, NOMINAL)
     assert measure([failed], "right_first").value == 0.0
     assert scoring.label(failed) == "failed"
+
+
+def test_a_pair_is_right_in_the_confusion_matrix_where_one_of_its_two_is_named_first():
+    other = effect("command_delay")
+    right = row("pair", [PAYLOAD, other], "identified", named("command_delay"))
+    wrong = row("pair", [PAYLOAD, other], "identified", named("flow_force"))
+    unknown = row("pair", [PAYLOAD, other], "unknown_physics", named(None))
+    assert scoring.confusion([right, wrong, unknown]) == {
+        "pair, one of them first": {"command_delay": 1}, "pair, none of them first": {"flow_force": 1, "unknown_physics": 1},
+    }  # fmt: skip
+    tones = re.findall(r"<td class='(\w+)'>1", _confusion([right, wrong, unknown]))
+    assert sorted(tones) == ["right", "soft", "wrong"]
 
 
 def test_every_measure_is_told_in_the_table_and_in_the_document():

@@ -105,8 +105,9 @@ def _effects(rows: Sequence[Row]) -> str:
 
 def _kinds(rows: Sequence[Row]) -> str:
     lines = ["| kind | cases | said |", "|---|---|---|"]
-    for kind in ("healthy", "parameters", "pair", "idle"):
-        said = Counter(scoring.label(r) for r in rows if r.truth.kind == kind)
+    table = scoring.confusion(rows)
+    for kind in scoring.KINDS:
+        said = table.get(kind)
         if said:
             words = ", ".join(_times(word, n) for word, n in said.most_common())
             lines.append(f"| {kind} | {said.total()} | {words} |")

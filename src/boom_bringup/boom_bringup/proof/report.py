@@ -29,6 +29,7 @@ svg{max-width:100%;height:auto}svg text{font:10px system-ui,sans-serif;fill:#5b6
 .ideal{stroke:#8a8f98;stroke-dasharray:4 3}.dot{fill:#1f6feb;fill-opacity:.7}
 .side{display:flex;flex-wrap:wrap;gap:24px}.panels{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,420px),1fr));gap:8px}
 code{overflow-wrap:anywhere}
+@media(max-width:600px){main{padding:16px 8px}.card{padding:12px 8px}th,td{padding:4px}table{font-size:.8rem}}
 @media print{.card{break-inside:avoid;border:none}:root{background:#fff}}
 """
 _UNITS = {"angle": ("rad", 1.0), "rate": ("rad/s", 1.0), "hose_pressure": ("bar", 1e-5), "rod_pressure": ("bar", 1e-5)}
@@ -122,7 +123,7 @@ def _confusion(rows: Sequence[Row]) -> str:
 def _counts_as_right(name: str, said: str, known: bool) -> bool:
     if name in ("healthy", "parameters", "idle"):
         return said in ("no_mismatch", "parameters_only", "not_enough_excitation")
-    return not known and name != "pair" and said == "unknown_physics"
+    return name == scoring.ONE_OF_PAIR or (not (known or name == scoring.NONE_OF_PAIR) and said == "unknown_physics")
 
 
 def _worst(trial: Trial, rows: Sequence[Row]) -> str:

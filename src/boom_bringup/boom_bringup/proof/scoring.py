@@ -22,6 +22,10 @@ ONSET_TOLERANCE = 0.3
 BINS = 10
 OWN_STAGES = ("nominal", "parameters_only", "explained", "noise_floor")
 """What a diagnosis tells of the data that it held out itself."""
+ONE_OF_PAIR, NONE_OF_PAIR = "pair, one of them first", "pair, none of them first"
+"""Kinds of pairs by what was named first."""
+KINDS = ("healthy", "parameters", ONE_OF_PAIR, NONE_OF_PAIR, "idle")
+"""Cases that are no single effect."""
 
 
 @dataclass(frozen=True)
@@ -209,9 +213,16 @@ def confusion(rows: Iterable[Row]) -> dict[str, Counter[str]]:
                 continue
             name = row.true_effect.effect
         else:
-            name = row.truth.kind
+            name = kind(row)
         table.setdefault(name, Counter())[label(row)] += 1
     return table
+
+
+def kind(row: Row) -> str:
+    """Kind of a case; of a pair whether an effect of it was named first, since it has no single one that is right."""
+    if row.truth.kind != "pair":
+        return row.truth.kind
+    return ONE_OF_PAIR if row.right_first else NONE_OF_PAIR
 
 
 def worst(rows: Sequence[Row], count: int = 10) -> list[tuple[float, str, Row]]:

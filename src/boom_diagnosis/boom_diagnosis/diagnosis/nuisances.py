@@ -96,22 +96,24 @@ def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
 def closed(machine: Machine, values: Mapping[str, float]) -> dict[str, float]:
     """``values`` (components of the parameter vector) with what follows from them.
 
-    The gain of the pilot stage such that at rest nu / i = b_1 - b_0 / a_1 stays what it is in ``machine`` (5.2), and the
-    pin-to-pin length at s_p = 0 that the geometry asks for: l_min such that s_p(q_2 at the lower end of the angle's range)
-    stays (3.13a). Where the linkage cannot be assembled there, l_min stays.
+    The gain of the pilot stage such that at rest nu / i stays what it is in ``machine`` (5.2), and the pin-to-pin length at
+    s_p = 0 that the geometry asks for: l_min such that s_p(q_2 at the lower end of the angle's range) stays (3.13a). Where the
+    linkage cannot be assembled there, l_min stays.
     """
     return _assembled(machine, _unit_gain(machine, values))
 
 
 def _unit_gain(machine: Machine, values: Mapping[str, float]) -> dict[str, float]:
+    """With b_0 = -a_1 (g - b_1) [1/s], where g = b_1 - b_0 / a_1 [-] is the machine's own gain at rest, one by (5.2)."""
     if PILOT_POLE not in values and PILOT_FEEDTHROUGH not in values:
         return dict(values)
     pole, gain, through = (machine.parameters[key].value[0] for key in (PILOT_POLE, PILOT_GAIN, PILOT_FEEDTHROUGH))
-    lag = through - gain / pole - values.get(PILOT_FEEDTHROUGH, through)
-    return {**values, PILOT_GAIN: -values.get(PILOT_POLE, pole) * lag}
+    lagging = through - gain / pole - values.get(PILOT_FEEDTHROUGH, through)
+    return {**values, PILOT_GAIN: -values.get(PILOT_POLE, pole) * lagging}
 
 
 def _assembled(machine: Machine, values: Mapping[str, float]) -> dict[str, float]:
+    """With the l_min [m] that the geometry asks for (3.13a)."""
     moved = {name: value for name, value in values.items() if name.startswith(GEOMETRY)}
     if not moved:
         return dict(values)
