@@ -18,7 +18,7 @@ from boom_controller.settings import Settings
 from boom_controller.trajectory_generator import TrajectoryGenerator
 from boom_diagnosis import tracking
 from boom_model.errors import SimulationError
-from boom_model.machine_file import load_machine
+from boom_model.machine_file import shipped_machine
 from boom_recording.loading import load
 from boom_recording.recording import Recording
 from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
@@ -30,7 +30,7 @@ DEAD_TIMES_MS = (1.0, 2.0, 4.0, 9.9)
 def mean_error(recording: Recording, mode: str, seconds: float, dead_time: float, age: float) -> float:
     """MAE of the piston [m]; NaN where the loop diverges."""
     c = recording.configuration
-    machine = load_machine(c.machine)
+    machine = shipped_machine(c.machine)
     pose = machine.pose(c.outer_boom_angle, c.telescope_length, 0.0 if math.isnan(c.load_mass) else c.load_mass)
     wanted = wanted_angles(recording)[: round(seconds / PERIOD)]
     settings = Settings()

@@ -31,6 +31,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -43,7 +44,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState
 
-from boom_bringup import demo_processes
+from boom_bringup import demo_processes, environment
 from boom_bringup.closed_loop import follow, wanted_angles
 from boom_bringup.commands._node_command import node_command
 from boom_controller.controller import make_controller
@@ -52,7 +53,7 @@ from boom_controller.trajectory_generator import TrajectoryGenerator
 from boom_diagnosis import tracking
 from boom_interfaces.msg import ControllerState, SolenoidCurrents
 from boom_model.machine import Machine
-from boom_model.machine_file import load_machine
+from boom_model.machine_file import shipped_machine
 from boom_node import qos
 from boom_node.stamps import to_ns
 from boom_recording.errors import RecordingError
@@ -91,6 +92,30 @@ class Heard:
 def stolen() -> float:
     """Time [s] since the start of the computer that its host has taken from it (``steal`` of proc(5)), all cores together."""
     return int(Path("/proc/stat").read_text(encoding="ascii").split()[8]) / os.sysconf("SC_CLK_TCK")
+
+
+@contextlib.contextmanager
+def metronomes(priorities: dict[int, int]) -> Iterator[Callable[[], list[tuple[float, float]]]]:
+    """On each core a process that only wakes up, with this priority. Call what is given: it ends them and says what they saw."""
+    context = multiprocessing.get_context("spawn")
+    enough, told = context.Event(), context.Queue()
+    running = [
+        context.Process(target=wake_up, args=(core, priority, enough, told), daemon=True)
+        for core, priority in priorities.items()
+    ]
+    for process in running:
+        process.start()
+
+    def seen() -> list[tuple[float, float]]:
+        enough.set()
+        return [late for _ in running for late in told.get(timeout=PATIENCE_S)]
+
+    try:
+        yield seen
+    finally:
+        enough.set()
+        for process in running:
+            process.join(PATIENCE_S)
 
 
 def wake_up(core: int, priority: int, ended: Any, told: Any) -> None:
@@ -132,7 +157,6 @@ def run_processes(
     recording: Recording, wanted: np.ndarray, transport: str, controller: dict[str, Any], seconds: float
 ) -> Heard:
     """Runs crane and controller, which gets these parameters, for so many seconds; what was heard from the first reference on."""
-    os.environ["ROS_DOMAIN_ID"] = str(10 + os.getpid() % 90)
     rclpy.init()
     node = rclpy.create_node("controller_timing")
     executor = SingleThreadedExecutor()
@@ -161,18 +185,9 @@ def run_processes(
     processes.append(subprocess.Popen(commands[-1]))
     os.sched_setaffinity(0, cores - {own} or cores)
     ended = threading.Event()
-    context = multiprocessing.get_context("spawn")
-    woken_enough, woken = context.Event(), context.Queue()
-    metronomes = [
-        context.Process(
-            target=wake_up,
-            args=(core, max(controller["realtime_priority"] - 1, 1) if core == own else HIGHEST, woken_enough, woken),
-            daemon=True,
-        )
-        for core in sorted(cores)
-    ]
-    for metronome in metronomes:
-        metronome.start()
+    beside = max(controller["realtime_priority"] - 1, 1)
+    watching = contextlib.ExitStack()
+    woken = watching.enter_context(metronomes({core: beside if core == own else HIGHEST for core in sorted(cores)}))
 
     def give() -> None:
         begin, k = time.monotonic(), 0
@@ -209,18 +224,14 @@ def run_processes(
                 )
         print(file=sys.stderr)
         heard.stolen += stolen()
-        woken_enough.set()
-        every = [late for _ in metronomes for late in woken.get(timeout=PATIENCE_S)]
-        heard.woken_late = [(when, over) for when, over in every if when >= begun]
+        heard.woken_late = [(when, over) for when, over in woken() if when >= begun]
     finally:
         ended.set()
-        woken_enough.set()
         for process in processes:
             process.send_signal(signal.SIGINT)
         for process in processes:
             process.wait(PATIENCE_S)
-        for metronome in metronomes:
-            metronome.join(PATIENCE_S)
+        watching.close()
         executor.shutdown()
         rclpy.try_shutdown()
     return heard
@@ -274,7 +285,7 @@ def main() -> None:
         recording = load(args.bag)
     except RecordingError as error:
         parser.error(str(error))
-    machine = load_machine(recording.configuration.machine)
+    machine = shipped_machine(recording.configuration.machine)
     wanted = wanted_angles(recording)
     back = 0.5 * (1 - np.cos(np.pi * np.arange(1, round(RETURN_S / PERIOD)) * PERIOD / RETURN_S))
     endless = np.concatenate((wanted, wanted[-1] + (wanted[0] - wanted[-1]) * back))
@@ -282,7 +293,9 @@ def main() -> None:
     alone, count = in_process(recording, machine, part, args.mode)
     told = {"mode": args.mode, "realtime_priority": args.realtime_priority, "command_delay": args.command_delay}
     told["realtime_core"] = args.core
-    heard = run_processes(recording, endless, args.transport, told, args.seconds)
+    with environment.private_domain() as domain:
+        os.environ["ROS_DOMAIN_ID"] = domain
+        heard = run_processes(recording, endless, args.transport, told, args.seconds)
     topics = over_topics(heard, machine, count)
     periods = np.diff(np.array(heard.commands)) * 1e-9
     jitter = np.abs(periods - PERIOD) * 1e3

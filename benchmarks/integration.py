@@ -23,7 +23,7 @@ import numpy as np
 from integration_routes import PERIOD, Array, Case
 
 from boom_model.errors import ModelError, SimulationError
-from boom_model.machine_file import load_machine
+from boom_model.machine_file import shipped_machine
 from boom_model.plant import Plant
 from boom_recording.errors import RecordingError
 from boom_recording.loading import load
@@ -39,7 +39,7 @@ def case_from(path: Path) -> Case:
     recording = load(path)
     table = recording.on_grid(PERIOD)
     currents = np.column_stack([_held(table.columns[name]) for name in ("retract_current", "extend_current")])
-    machine = load_machine(recording.configuration.machine)
+    machine = shipped_machine(recording.configuration.machine)
     setting = recording.configuration
     plant = Plant(machine, machine.pose(setting.outer_boom_angle, setting.telescope_length, setting.load_mass))
     rest = table.time < REST

@@ -2,13 +2,17 @@
 
 import contextlib
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from boom_bringup import cli
+from boom_bringup.commands.diagnose import _next_experiment as propose
 from boom_diagnosis import report_diagnosis
 from boom_diagnosis.diagnosis import run
+from boom_input.whole import one_writer
+from boom_recording.loading import load
 from boom_recording.recording import Configuration
 from boom_recording.writing import from_columns, write
 
@@ -72,6 +76,20 @@ def test_a_standstill_has_a_plain_verdict_and_all_files(diagnose, tmp_path):
     assert names == ["diagnosis.json", "machine.yaml", "report.html"]
 
 
+def test_the_next_experiment_is_a_bag_whose_file_bears_its_name(tmp_path):
+    time = np.arange(50) * 0.01
+    given = SimpleNamespace(time=time, expected=np.ones((50, 4)), currents=np.zeros((50, 2)))
+    like = SimpleNamespace(configuration=Configuration("tz17", 0.28, 2.2, 0.0))
+    for _ in range(2):  # an old one goes
+        assert propose(SimpleNamespace(experiment=given), like, tmp_path / "next_experiment") == ["next_experiment"]
+    assert [path.name for path in tmp_path.iterdir()] == ["next_experiment"]
+    assert {path.name for path in (tmp_path / "next_experiment").iterdir()} == {
+        "metadata.yaml",
+        "next_experiment_0.mcap",
+    }
+    assert load(tmp_path / "next_experiment").warnings == []
+
+
 @pytest.mark.parametrize("where", ["diagnosing", "drawing"])
 def test_an_interruption_leaves_the_old_report_or_none(diagnose, tmp_path, monkeypatch, where):
     folder = tmp_path / "output" / "diagnosis"
@@ -89,3 +107,13 @@ def test_an_interruption_leaves_the_old_report_or_none(diagnose, tmp_path, monke
         assert diagnose(still(tmp_path / "still"))[0] != 0
     assert (folder / "report.html").read_text() == "the old one"
     assert not list(folder.glob("*.new*"))
+
+
+def test_a_second_diagnosis_into_the_same_folder_is_refused_in_one_line(diagnose, tmp_path):
+    folder = tmp_path / "output" / "diagnosis"
+    folder.mkdir(parents=True)
+    with one_writer(folder):
+        status, _, err = diagnose(still(tmp_path / "still"))
+    assert status == 2 and err.startswith("boom: output/diagnosis is in use by another ./boom:")
+    assert err.count("\n") == 1
+    assert list(folder.iterdir()) == []

@@ -64,3 +64,9 @@ def _check_python(page: str, words: list[str]) -> None:
 
 def test_docs_do_not_ask_for_a_python_that_lacks_our_packages() -> None:
     assert [f"{page}: {line}" for page, line in _documented("python ")] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_recording_that_a_page_names_by_its_path_is_shipped(page: Path) -> None:
+    named = re.findall(r"\b(?:healthy|explained|unexplained|damaged)/[\w*]+", page.read_text(encoding="utf-8"))
+    assert [name for name in named if not list((ROOT / "bags").glob(name))] == []

@@ -8,10 +8,14 @@ from pathlib import Path
 
 import pytest
 
+from boom_bringup import cli
 from boom_diagnosis import tracking
 from boom_diagnosis.validation import validate
+from boom_input.whole import one_writer
+from boom_model.errors import SimulationError
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
+from boom_sim.simulated_crane import Sample, SimulatedCrane
 
 BAGS = Path(__file__).parents[1] / "bags"
 
@@ -55,7 +59,10 @@ def test_a_reference_is_followed_in_the_closed_loop_and_the_bag_tells_how_well(t
 
 
 def test_currents_from_a_csv_file_move_the_boom(tmp_path: Path) -> None:
-    (tmp_path / "steps.csv").write_text("time_s,retract_a,extend_a\n0,0,0\n1.005,0,0.5\n2,0,0\n4,0,0\n")
+    # As a spreadsheet of a country with decimal commas writes it.
+    (tmp_path / "steps.csv").write_text(
+        "\ufefftime_s;retract_a;extend_a\r\n0;0;0\r\n1,005;0;0,5\r\n2;0;0\r\n4;0;0\r\n\r\n"
+    )
     result = boom("simulate", "steps.csv", "--angle", "0.4", "--sensors", "ideal", "--output", "made", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     made = load(tmp_path / "made")
@@ -64,6 +71,68 @@ def test_currents_from_a_csv_file_move_the_boom(tmp_path: Path) -> None:
     assert angle.values[-1] > 0.5
     assert made.events == []
     assert validate(made, load_machine("tz17")).mismatches == []
+
+
+def simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
+    """The command inside this process: what it imports is imported once."""
+    status = cli.main(["simulate", *words, "--output", str(tmp_path / "made")])
+    return status, capsys.readouterr().err
+
+
+def test_what_ran_until_the_model_left_its_range_is_a_whole_bag_and_the_end_is_said(tmp_path: Path) -> None:
+    (tmp_path / "up.csv").write_text("time_s,retract_a,extend_a\n0,0,0\n1,0,0.55\n30,0,0\n")
+    result = boom("simulate", "up.csv", "--angle", "0.4", "--output", "made", cwd=tmp_path)
+    assert result.returncode == 2
+    (line,) = result.stderr.strip().splitlines()
+    assert "angle (q_2) left its range" in line and "the simulation ended there; made holds the 4." in line
+    made = load(tmp_path / "made")
+    assert made.events == [] and made.warnings == []
+    assert made.duration == pytest.approx(float(line.split("at ")[1].split(" s")[0]), abs=0.05)
+    assert validate(made, load_machine("tz17")).mismatches == []
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["made", "up.csv"]
+    assert sorted(p.name for p in (tmp_path / "made").iterdir()) == ["made_0.mcap", "metadata.yaml"]
+
+
+def test_a_closed_loop_that_diverges_keeps_what_ran(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = str(BAGS / "healthy" / "folded_fast")
+    status, told = simulate(tmp_path, capsys, source, "--reference", "--mode", "thesis", "--load", "900")
+    assert status == 2 and "the simulation ended there" in told
+    made = load(tmp_path / "made")
+    assert made.events == [] and made.duration > 10.0 and "reference_angle" in made.signals
+
+
+def test_a_campaign_keeps_the_bags_and_what_ran_of_the_last(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    advance, count = SimulatedCrane.advance, 0
+
+    def broken(crane: SimulatedCrane) -> Sample:
+        nonlocal count
+        count += 1
+        if count > 500 and crane.time > 1.5:
+            raise SimulationError("at 1.500 s p_a left its range", 1.5, "p_a")
+        return advance(crane)
+
+    monkeypatch.setattr(SimulatedCrane, "advance", broken)
+    status, told = simulate(tmp_path, capsys, "--campaign", "cylinder", "--duration", "4")
+    assert status == 2
+    assert "made/folded_slow holds the 1.5" in told and told.strip().endswith("1 whole bags beside it")
+    assert sorted(p.name for p in (tmp_path / "made").iterdir()) == ["folded_slow", "folded_staircase"]
+    assert load(tmp_path / "made" / "folded_slow").duration == pytest.approx(1.5, abs=0.03)
+    assert load(tmp_path / "made" / "folded_staircase").duration == pytest.approx(4.0, abs=0.03)
+
+
+def test_a_bag_that_another_command_is_making_is_refused_and_what_a_killed_one_left_is_not_in_the_way(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / ".made.new"
+    (place / "made").mkdir(parents=True)
+    words = (str(BAGS / "healthy" / "extended"), "--duration", "2")
+    with one_writer(place):
+        status, told = simulate(tmp_path, capsys, *words)
+        assert status == 2 and told.count("\n") == 1 and "in use by another" in told
+    assert simulate(tmp_path, capsys, *words)[0] == 0
+    assert [p.name for p in tmp_path.iterdir()] == ["made"] and load(tmp_path / "made").events == []
 
 
 @pytest.mark.parametrize(
@@ -79,7 +148,7 @@ def test_currents_from_a_csv_file_move_the_boom(tmp_path: Path) -> None:
         ([str(BAGS / "healthy" / "extended"), "--output", "x", "--machine", "tz71"], "no such machine"),
         ([str(BAGS / "healthy" / "extended"), "--output", "x", "--angle", "2"], "angle"),
         ([str(BAGS / "healthy" / "extended"), "--outptu", "x"], "--output"),
-        (["bad.csv", "--output", "x"], "line 3: current nan A"),
+        (["bad.csv", "--output", "x"], "line 3: expected three numbers"),
         (["header.csv", "--output", "x"], "the first line must be time_s,retract_a,extend_a"),
     ],
 )

@@ -2,10 +2,12 @@
 
 import json
 import os
+import shlex
 import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -76,7 +78,7 @@ def test_tables_verdicts_document_and_report_of_several_recordings(tmp_path):
     assert "payload_change_a: differs: hose pressure 14.9 bar rms, 42 x its noise limit" in out
     assert "gap 24.19 s to 25.40 s, on 4 topics" in out
     assert "\x1b" not in out and max(map(len, out.splitlines())) <= 100
-    assert out.splitlines()[-1] == "report: output/validate-folded_fast-and-2-more.html"
+    assert "report: output/validate-folded_fast-and-2-more.html" in result.stdout.splitlines()
     assert (tmp_path / "output" / "validate-folded_fast-and-2-more.html").stat().st_size > 3e6
 
     document = json.loads((tmp_path / "numbers.json").read_text())
@@ -176,3 +178,14 @@ def test_help_explains_every_option(tmp_path):
     assert result.returncode == 0
     for option in ("--machine", "--simulated", "--json", "--report", "--no-report", "--strict"):
         assert option in result.stdout
+
+
+def test_a_mismatch_ends_with_the_line_to_type_next_and_agreement_does_not(validate, tmp_path):
+    (tmp_path / "my bags").mkdir()
+    (tmp_path / "my bags" / "load").symlink_to(CHANGED)
+    machine = tmp_path / "m y.yaml"
+    machine.write_text((files("boom_model") / "machines" / "tz17.yaml").read_text())
+    result = validate(HEALTHY, "my bags/load", "--machine", machine, "--no-report")
+    *_, last = result.stdout.splitlines()
+    assert shlex.split(last) == ["next:", "./boom", "diagnose", "my bags/load", "--machine", str(machine)]
+    assert result.stdout.count("diagnose") == 1

@@ -10,13 +10,28 @@ import subprocess
 import sys
 import tomllib
 import xml.etree.ElementTree as ElementTree
+import zipfile
 from pathlib import Path
 
 import pytest
 
+from boom_bringup import cli
+
 ROOT = Path(__file__).resolve().parents[1]
 PYTHON_PACKAGES = sorted(path.parent.name for path in ROOT.glob("src/*/setup.py"))
 SOURCES = sorted(path for name in PYTHON_PACKAGES for path in (ROOT / "src" / name / name).rglob("*.py"))
+
+
+# Module -> distribution where they are called differently.
+PROVIDED_BY = {
+    "boom_input": "boom_model", "can": "python-can", "can_remote": "python-can-remote", "pinocchio": "pin", "yaml": "pyyaml",
+}  # fmt: skip
+# Distribution -> its rosdep key for Ubuntu; None: there is none, package.xml says so in a comment.
+ROSDEP_KEYS = {
+    "cantools": "python3-cantools-pip", "casadi": None, "dask": None, "distributed": None, "lz4": None, "mcap": None, "numba": None,
+    "numpy": "python3-numpy", "pin": None, "plotly": None, "python-can": "python3-can", "python-can-remote": None,
+    "pyyaml": "python3-yaml", "rich": "python3-rich", "rosbags": None, "scipy": "python3-scipy", "zstandard": None,
+}  # fmt: skip
 
 
 def names(path):
@@ -32,6 +47,8 @@ def imports(path):
             found |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             found.add(node.module.split(".")[0])
+        elif isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "import_module":
+            found |= {argument.value.split(".")[0] for argument in node.args if isinstance(argument, ast.Constant)}
     return found
 
 
@@ -49,14 +66,56 @@ def test_manifest_and_setup_agree(name):
 
 
 @pytest.mark.parametrize("name", PYTHON_PACKAGES)
-def test_manifest_names_every_ros_package_that_is_imported(name):
-    manifest = ElementTree.parse(ROOT / "src" / name / "package.xml").getroot()
-    declared = {element.text for tag in ("depend", "exec_depend") for element in manifest.findall(tag)}
-    ros = re.compile(r"boom_\w+|rclpy|\w+_msgs|\w+_srvs|\w+_interfaces|rosidl_runtime_py")
+def test_what_is_imported_is_declared_and_nothing_else(name):
+    folder = ROOT / "src" / name
+    text = (folder / "package.xml").read_text()
+    manifest = ElementTree.fromstring(text)
+    depends = {element.text for tag in ("depend", "exec_depend") for element in manifest.findall(tag)}
+    by_pip = set(re.split(r",\s*", "".join(re.findall(r"installed with pip: (.*?) -->", text)))) - {""}
+    required = set(
+        re.findall(r'"([\w-]+)"', re.search(r"install_requires=\[(.*?)\]", (folder / "setup.py").read_text())[1])
+    )
 
-    used = set().union(*(imports(path) for path in SOURCES if path.is_relative_to(ROOT / "src" / name)))
+    used = set().union(*(imports(path) for path in SOURCES if path.is_relative_to(folder)))
+    used |= {module for path in (folder / "boom_input").glob("*.py") for module in imports(path)}
+    used = {PROVIDED_BY.get(module, module) for module in used - set(sys.stdlib_module_names)} - {name, "boom_input"}
+    python = {module for module in used if module in ROSDEP_KEYS}
 
-    assert {module for module in used if ros.fullmatch(module)} - {name} <= declared
+    assert used - python - depends == set(), "imported, and not in package.xml"
+    assert {ROSDEP_KEYS[module] for module in python} - {None} <= depends
+    assert {module for module in python if ROSDEP_KEYS[module] is None} == by_pip
+    assert python == required - {"setuptools"}, "imported, and not in setup.py, or the other way round"
+
+
+def test_the_distribution_requires_what_its_packages_require():
+    asked = names(ROOT / "requirements" / "runtime.in")
+    for name in PYTHON_PACKAGES:
+        required = re.search(r"install_requires=\[(.*?)\]", (ROOT / "src" / name / "setup.py").read_text())[1]
+        assert set(re.findall(r'"([\w-]+)"', required)) - {"setuptools"} <= asked.keys()
+
+
+def test_pip_install_at_the_top_makes_boom_of_all_packages(tmp_path):
+    # The back end that pip calls, without its isolated environment: the wheel itself in two seconds.
+    code = "import setuptools.build_meta as b, sys; print(b.build_wheel(sys.argv[1]))"
+    for part in ("pyproject.toml", "README.md", "LICENSE", "requirements", "src"):
+        source, target = ROOT / part, tmp_path / "tree" / part
+        target.parent.mkdir(exist_ok=True)
+        if source.is_dir():
+            shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__", "test", "build", "*.egg-info"))
+        else:
+            shutil.copy(source, target)
+    subprocess.run([sys.executable, "-c", code, str(tmp_path)], cwd=tmp_path / "tree", capture_output=True, check=True)
+    with zipfile.ZipFile(tmp_path / "boom-0.1.0-py3-none-any.whl") as wheel:
+        inside = set(wheel.namelist())
+        metadata = wheel.read("boom-0.1.0.dist-info/METADATA").decode()
+        scripts = wheel.read("boom-0.1.0.dist-info/entry_points.txt").decode()
+    assert "Name: boom\nVersion: 0.1.0" in metadata and "Requires-Dist: casadi==" in metadata
+    assert "boom = boom_bringup.cli:main" in scripts
+    folders = [tmp_path / "tree" / "src" / name for name in PYTHON_PACKAGES]
+    modules = {path.relative_to(folder) for folder in folders for path in folder.glob("[bc]*/**/*") if path.is_file()}
+    wanted = {str(path) for path in modules if path.parts[0] not in ("build", "resource")}
+    assert len(wanted) > 200
+    assert wanted - inside == set()
 
 
 @pytest.mark.parametrize("name", PYTHON_PACKAGES)
@@ -83,6 +142,15 @@ def test_a_core_does_not_import_rclpy():
     for path in SOURCES:
         if "boom_node" not in path.parts and not shells.search(path.name):
             assert "rclpy" not in imports(path), f"{path} is a core"
+
+
+def test_yaml_comes_in_by_one_way():
+    for path in SOURCES:
+        for node in ast.walk(ast.parse(path.read_text())):
+            called = node.func if isinstance(node, ast.Call) else None
+            if isinstance(called, ast.Attribute) and isinstance(called.value, ast.Name) and called.value.id == "yaml":
+                reads = called.attr.removeprefix("safe_").startswith(("load", "parse", "scan", "compose", "full_load"))
+                assert not reads, f"{path}:{node.lineno}: use boom_input.yaml_text, which has limits"
 
 
 def test_the_interfaces_build_with_what_the_lock_holds():
@@ -144,7 +212,12 @@ class TestLauncher:
     def tree(self, tmp_path):
         """A copy of what the launcher needs, without `.venv`."""
         shutil.copy(ROOT / "boom", tmp_path / "boom")
-        for name in ("requirements", "src/boom_bringup/boom_bringup", "src/boom_interfaces"):
+        for name in (
+            "requirements",
+            "src/boom_bringup/boom_bringup",
+            "src/boom_interfaces",
+            "src/boom_model/boom_input",
+        ):
             shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
         return tmp_path
 
@@ -162,6 +235,17 @@ class TestLauncher:
         assert "./boom COMMAND" in shown.stdout
         assert self.run(tree, "--version").stdout.startswith("boom ")
         assert not (tree / ".venv").exists()
+
+    def test_every_command_is_explained_before_anything_is_installed(self, tree):
+        for name in cli.command_names():
+            shown = self.run(tree, name, "--help")
+            assert (shown.returncode, shown.stderr) == (0, "")
+            assert f"usage: ./boom {name}" in shown.stdout
+        assert not (tree / ".venv").exists()
+
+    def test_a_command_of_two_words_is_a_command_and_not_a_question(self, tree):
+        # Without a compiler the set-up, which every command begins with, ends at once.
+        assert "this machine lacks g++" in self.run(tree, "import-can", "log", PATH=str(tree)).stderr
 
     def test_a_misspelt_command_does_not_start_a_set_up(self, tree):
         result = self.run(tree, "tset")
@@ -246,3 +330,9 @@ class TestLauncher:
         module = importlib.util.module_from_spec(spec)
         loader.exec_module(module)
         return module
+
+
+def test_no_test_depends_on_chance() -> None:
+    import hypothesis
+
+    assert hypothesis.settings.default is not None and hypothesis.settings.default.derandomize

@@ -19,7 +19,7 @@ setup(
         (f"share/{package_name}/config", sorted(glob("boom_bringup/config/*.yaml"))),
         (f"share/{package_name}/urdf", sorted(glob("boom_bringup/urdf/*.urdf"))),
     ],
-    install_requires=["setuptools", "distributed", "pin"],
+    install_requires=["setuptools", "dask", "distributed", "numpy", "pin", "pyyaml", "rich", "scipy"],
     zip_safe=False,
     author="boom developers",
     author_email="boom@example.com",

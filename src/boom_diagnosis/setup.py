@@ -13,7 +13,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "plotly", "rich"],
+    install_requires=["setuptools", "casadi", "numpy", "plotly", "pyyaml", "rich", "scipy"],
     zip_safe=False,
     author="boom developers",
     author_email="boom@example.com",

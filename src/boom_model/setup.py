@@ -7,13 +7,13 @@ package_name = "boom_model"
 setup(
     name=package_name,
     version="0.1.0",
-    packages=find_packages(include=[package_name, f"{package_name}.*"]),
-    package_data={package_name: ["py.typed", "machines/*.yaml", "*.c"]},
+    packages=find_packages(include=[package_name, f"{package_name}.*", "boom_input"]),
+    package_data={package_name: ["py.typed", "machines/*.yaml", "*.c"], "boom_input": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "casadi", "pin"],
+    install_requires=["setuptools", "casadi", "numpy", "pin", "pyyaml"],
     zip_safe=False,
     author="boom developers",
     author_email="boom@example.com",

@@ -3,7 +3,8 @@
 A command is a module of `boom_bringup.commands` (`import-can` is `import_can`) with
 
 - `HELP`: one line, a plain string constant (read without importing the module),
-- `add_arguments(parser)`: its options, added to an `argparse.ArgumentParser`,
+- `add_arguments(parser)`: its options, added to an `argparse.ArgumentParser`; module and options need the standard library only,
+  so that `./boom` can explain them before anything is installed,
 - `run(args) -> int`: does the work and returns the exit status,
 - `VERBATIM` (optional): name of the attribute of `args` that takes all words as they are, but for a lone --help,
 - `REST` (optional): name of the attribute of `args` that takes the words which `add_arguments` did not declare.
@@ -20,20 +21,31 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from types import ModuleType
-from typing import NoReturn
+from typing import Any, NoReturn, TextIO, cast
 
 from boom_bringup import __version__
+from boom_input.shown import printable, quoted
 
 # The order of the help: what a newcomer needs first comes first.
 _ORDER = (
     "demo", "test", "validate", "identify", "diagnose", "prove", "robustness", "simulate", "sim", "replay", "record", "watch",
-    "import-can", "setup", "python",
+    "import-can", "check-machine", "setup", "python",
 )  # fmt: skip
+_HELP = ("-h", "--help", "help")
+_ASKS = (["--help"], ["-h"])
+LONGEST_LINE = 1000
+"""Characters of an error, whatever it quotes."""
+_BUILT = {
+    "boom_interfaces": "the messages boom_interfaces are not installed: pip does not bring them with boom, they need a C++ build; "
+    "in the repository: pip install ./src/boom_interfaces, or colcon build",
+    "rclpy": "ROS 2 is not installed here: use ./boom, or source an installation and its workspace",
+}
 _COMMANDS = Path(__file__).with_name("commands")
 _DESCRIPTION = "Model, recordings and control of a forestry crane's inner boom, as ROS 2 processes."
-_EPILOG = "Every command has its own help, for example: {program} validate --help"
+_EPILOG = "Every command has its own help, for example: {program} help validate"
 
 
 class UsageError(ValueError):
@@ -59,6 +71,11 @@ def command_names() -> list[str]:
     found = {path.stem.replace("_", "-") for path in _COMMANDS.glob("*.py") if not path.stem.startswith("_")}
     known = [name for name in _ORDER if name in found]
     return [*known, *sorted(found - set(known))]
+
+
+def only_asks(arguments: Sequence[str]) -> bool:
+    """Tell whether the words ask for help or the version, or name no command: the answer needs the standard library only."""
+    return not arguments or arguments[0] not in command_names() or list(arguments[1:]) in _ASKS
 
 
 def _module(name: str) -> str:
@@ -90,19 +107,23 @@ def _print_help(program: str) -> None:
 
 
 def _run(arguments: Sequence[str], program: str) -> int:
-    if not arguments or arguments[0] in ("-h", "--help", "help"):
+    words = list(arguments)
+    if words and words[0] in _HELP:
+        asked = [word for word in words if word not in _HELP]
+        words = [asked[0], "--help"] if asked else []
+    if not words:
         _print_help(program)
         return 0
-    if arguments[0] == "--version":
+    if words[0] == "--version":
         print(f"boom {__version__}")
         return 0
-    name, names = arguments[0], command_names()
+    name, names = words[0], command_names()
     if name not in names:
-        near = difflib.get_close_matches(name, names, n=1)
+        near = difflib.get_close_matches(name.lower(), names, n=1)
         hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
         raise UsageError(f"unknown command {name}: {hint}")
     module = importlib.import_module(f"boom_bringup.commands.{_module(name)}")
-    return int(module.run(parse(module, f"{program} {name}", list(arguments[1:]))))
+    return int(module.run(parse(module, f"{program} {name}", words[1:])))
 
 
 def parse(module: ModuleType, prog: str, words: list[str]) -> argparse.Namespace:
@@ -119,7 +140,7 @@ def parse(module: ModuleType, prog: str, words: list[str]) -> argparse.Namespace
     )
     module.add_arguments(parser)
     verbatim, rest = getattr(module, "VERBATIM", None), getattr(module, "REST", None)
-    if verbatim is not None and words not in (["--help"], ["-h"]):
+    if verbatim is not None and words not in _ASKS:
         return argparse.Namespace(**{verbatim: words})
     if rest is None:
         return parser.parse_args(words)
@@ -128,8 +149,22 @@ def parse(module: ModuleType, prog: str, words: list[str]) -> argparse.Namespace
     return args
 
 
+class _Shown:
+    """A stream of text on which nothing acts on the terminal; ``obeyed`` is the stream below, for our own colours."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.obeyed = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.obeyed, name)
+
+    def write(self, text: str) -> int:
+        self.obeyed.write(printable(text))
+        return len(text)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command.
+    """Run one command; what it prints is shown by a terminal and never obeyed.
 
     Args:
         arguments: the command and its options; those of the process by default.
@@ -137,6 +172,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit status. An exception that carries an `exit_status` becomes one line on stderr and that status.
     """
+    with redirect_stdout(cast(TextIO, _Shown(sys.stdout))), redirect_stderr(cast(TextIO, _Shown(sys.stderr))):
+        return _guarded(arguments)
+
+
+def _guarded(arguments: Sequence[str] | None) -> int:
     program = os.environ.get("BOOM_PROGRAM", "boom")
     try:
         status = _run(sys.argv[1:] if arguments is None else arguments, program)
@@ -158,9 +198,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             wanted = 2
         elif isinstance(error, MemoryError):
             text, wanted = "not enough memory: give a shorter recording or duration", 2
+        elif isinstance(error, ModuleNotFoundError) and error.name in _BUILT:
+            text, wanted = _BUILT[error.name], 2
         if not isinstance(wanted, int):
             raise
-        print(f"boom: {' '.join(text.split())}", file=sys.stderr)
+        print(f"boom: {quoted(text, LONGEST_LINE)}", file=sys.stderr)
         return wanted
 
 

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from boom_controller.controller import Controller, Measurement
 from boom_controller.trajectory_generator import TrajectoryGenerator
+from boom_model.errors import SimulationError
 from boom_recording import writing
 from boom_recording.recording import Configuration, Recording
-from boom_sim.simulated_crane import PERIOD, SimulatedCrane
+from boom_sim.simulated_crane import PERIOD, EndedEarlyError, SimulatedCrane
 
 Array = NDArray[np.float64]
 
@@ -56,10 +57,16 @@ def follow(
         A recording with all signals of the machine, the commands, the wanted and the smooth reference.
 
     Raises:
-        SimulationError: a state left its range; the loop has diverged.
+        SimulationError: a state left its range; the loop has diverged. An EndedEarlyError where something ran before.
     """
     generator.reset(float(wanted[0]))
     rows = np.empty((len(wanted), len(_COLUMNS)))
+
+    def recorded(count: int) -> Recording:
+        time: Array = np.arange(count, dtype=np.float64) * PERIOD
+        columns = {column: rows[:count, i].copy() for i, column in enumerate(_COLUMNS)}
+        return writing.from_columns(name, time, columns, configuration)
+
     sample = crane.sample
     for k, angle in enumerate(wanted.tolist()):
         measurement = Measurement(
@@ -70,7 +77,12 @@ def follow(
         reference = generator.step(angle)
         output = controller.step(reference, measurement)
         crane.command(output.retract, output.extend, sample.time + dead_time)
-        after = crane.advance()
+        try:
+            after = crane.advance()
+        except SimulationError as error:
+            if k < 2:
+                raise
+            raise EndedEarlyError(error, recorded(k)) from None
         rows[k] = (
             sample.angle, sample.rate, sample.hose_pressure, sample.rod_pressure, after.retract_current,
             after.extend_current, output.retract, output.extend, angle, reference.angle, reference.rate,
@@ -79,9 +91,7 @@ def follow(
         sample = after
         if told is not None and k % round(1 / PERIOD) == 0:
             told(k * PERIOD)
-    time: Array = np.arange(len(wanted), dtype=np.float64) * PERIOD
-    columns = {column: rows[:, i].copy() for i, column in enumerate(_COLUMNS)}
-    return writing.from_columns(name, time, columns, configuration)
+    return recorded(len(wanted))
 
 
 def wanted_angles(recording: Recording) -> Array:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+
+from boom_input.whole import one_writer
 
 BAG = "simulated"
 CLOSED_BAG = "closed_loop"
@@ -33,8 +34,8 @@ class DemoFolder:
         self.path = path
 
     def recording(self, name: str = BAG) -> Path:
-        """Where the new bag of that name is to be recorded; does not exist yet."""
-        return self.path / f".{name}-{os.getpid()}"
+        """Where the new bag of that name is to be recorded; does not exist yet. Its data file bears the folder's name."""
+        return self.path / f".{name}-{os.getpid()}" / name
 
     def bag(self, name: str = BAG) -> Path:
         """Where a bag that is complete lies."""
@@ -65,7 +66,8 @@ def held(path: Path) -> Iterator[DemoFolder]:
         path: of the folder.
 
     Raises:
-        FolderError: another demo uses it, it holds something that is no demo's, or it cannot be written.
+        InUseError: another command uses it.
+        FolderError: it holds something that is no demo's, or it cannot be written.
     """
     with contextlib.ExitStack() as stack:
         try:
@@ -75,13 +77,9 @@ def held(path: Path) -> Iterator[DemoFolder]:
                     raise FolderError(
                         f"{path / name} exists and is not the bag of an earlier demo: give another --output"
                     )
-            mark = stack.enter_context((path / MARK).open("a+", encoding="utf-8"))
-            fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if not mark.tell():
-                mark.write(_MARK_TEXT)
-                mark.flush()
-        except BlockingIOError:
-            raise FolderError(f"{path} is in use by another ./boom demo: give another --output") from None
+            stack.enter_context(one_writer(path))
+            if not (path / MARK).exists():
+                (path / MARK).write_text(_MARK_TEXT, encoding="utf-8")
         except OSError as error:
             raise FolderError(f"{path}: cannot be written: {error.strerror}; give another --output") from None
         for name in BAGS:
@@ -92,4 +90,4 @@ def held(path: Path) -> Iterator[DemoFolder]:
             yield folder
         finally:
             for name in BAGS:
-                shutil.rmtree(folder.recording(name), ignore_errors=True)
+                shutil.rmtree(folder.recording(name).parent, ignore_errors=True)

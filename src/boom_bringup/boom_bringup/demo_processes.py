@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 from boom_bringup import environment
 from boom_bringup.commands._node_command import node_command
 from boom_bringup.supervisor import Outcome, Program, Supervisor
-from boom_recording.recorder import DEFAULT_TOPICS
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -85,6 +84,8 @@ def close_loop(
         delay: age of the sensors' samples at their tick [s].
         duration: how much of the recorded angle is followed [s]; 0: all of it.
     """
+    from boom_recording.recorder import DEFAULT_TOPICS
+
     lockstep: dict[str, Any] = {"time": "lockstep", "lockstep_reference": True, "lockstep_delay": delay, "wait_for": 2}
     recorder: dict[str, Any] = {"output": str(target), "topics": (*DEFAULT_TOPICS, *CLOSED_TOPICS)}
     result = []
@@ -149,8 +150,9 @@ def run(programs: Sequence[Program], title: str, duration: float) -> tuple[float
         DemoError: a process ended too early, or SIGTERM came.
         KeyboardInterrupt: Ctrl-C.
     """
-    from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from boom_diagnosis.console import console_for
 
     columns = (
         TextColumn("{task.description}"),
@@ -159,7 +161,7 @@ def run(programs: Sequence[Program], title: str, duration: float) -> tuple[float
         TimeElapsedColumn(),
     )
     seen: list[environment.BoundSocket] = []
-    with Progress(*columns, console=Console(stderr=True)) as progress, environment.private_domain() as domain:
+    with Progress(*columns, console=console_for(sys.stderr)) as progress, environment.private_domain() as domain:
         watcher = _Watcher(progress, progress.add_task(title, total=duration))
         # A closed system: nobody outside hears it, whatever the user's own network is.
         variables = environment.for_processes(os.environ | {"BOOM_NETWORK": "loopback"}) | {"ROS_DOMAIN_ID": domain}

@@ -19,11 +19,11 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 from sensor_msgs.msg import FluidPressure, JointState
 
 from boom_interfaces.msg import SolenoidCurrents
 from boom_node import parameters, qos, shell, stamps
+from boom_node.node import Node
 from boom_node.parameters import ParameterSpec
 
 TOPICS: dict[str, Any] = {

@@ -26,15 +26,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
+from boom_input.files import InputError
+from boom_input.whole import write_whole
+from boom_input.yaml_text import parse_yaml, read_yaml
 from boom_model.errors import MachineError
-from boom_model.rigid_body import entry, frame_axes, hanging_mass, link_data, place_bodies, scalar, vector
+from boom_model.rigid_body import entry, frame_axes, group, hanging_mass, link_data, place_bodies, scalar, vector
 
 Vector = NDArray[np.float64]
 
 ROBOT_NAME = "epsilon_tz17"
+LEAST_MASS = 1e-3
+"""kg"""
+BODIES = ("inner_boom", "outer_boom", "telescope_1", "telescope_2")
 ROOT_FRAME = "base_link"
 TIP_FRAME = "boom_tip"
 LUMPED_AT = (
@@ -79,6 +84,8 @@ class Inertial:
     def with_point(self, mass: float, position: Vector, own_inertia: float = 0.0) -> Inertial:
         """This body and another of `mass` at `position`, whose inertia about any axis is `own_inertia`."""
         total = self.mass + mass
+        if not total >= LEAST_MASS:
+            return self
         center = (self.mass * self.center + mass * position) / total
         inertia = self.inertia + _steiner(self.mass, self.center - center) + _steiner(mass, position - center)
         return Inertial(total, center, inertia + own_inertia * np.eye(3))
@@ -88,12 +95,12 @@ def load_machine(path: Path | None = None) -> Mapping[str, Any]:
     """The machine file as a mapping; without a path the tz17 of boom_model. Raises MachineError if it is unreadable."""
     try:
         if path is None:
-            text = (resources.files("boom_model") / "machines" / "tz17.yaml").read_text(encoding="utf-8")
+            shipped = resources.files("boom_model") / "machines" / "tz17.yaml"
+            document = parse_yaml(shipped.read_text(encoding="utf-8"), "tz17")
         else:
-            text = path.read_text(encoding="utf-8")
-        document = yaml.safe_load(text)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise MachineError(f"machine file {path} cannot be read: {str(error).splitlines()[0]}") from None
+            document = read_yaml(path)
+    except InputError as error:
+        raise MachineError(f"machine file {error}") from None
     if not isinstance(document, Mapping) or "rigid_body" not in document:
         raise MachineError(f"machine file {path} has no section rigid_body: the URDF is made from it")
     return document
@@ -107,9 +114,13 @@ def make_urdf(machine: Mapping[str, Any]) -> str:
     elbow = _plane_vector(planar, "elbow")
     arm = _plane_vector(planar, "arm_origin")
     joint_x, joint_height = vector(entry(planar, "rigid_body.planar", "boom_joint"), "rigid_body.planar.boom_joint", 2)
-    out = vector(planar["tip"]["origin"], "rigid_body.planar.tip.origin", 2)
+    tip = entry(planar, "rigid_body.planar", "tip")
+    out = vector(entry(tip, "rigid_body.planar.tip", "origin"), "rigid_body.planar.tip.origin", 2)
     telescope = np.array([arm[0] + out[0], 0.0, arm[2] - out[1]])  # both stages and the tip, at q4 = 0, from the elbow
     inertials = _inertials(body)
+    for name, inertial in inertials.items():
+        if not inertial.mass >= LEAST_MASS:
+            raise MachineError(f"rigid_body.links.{name}.m: the URDF needs a mass of at least {LEAST_MASS:g} kg")
 
     robot = ET.Element("robot", name=ROBOT_NAME)
     robot.append(ET.Comment(NOTICE))
@@ -178,7 +189,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     arguments = parser.parse_args(argv)
     try:
-        arguments.output.write_text(make_urdf(load_machine(arguments.machine)), encoding="utf-8")
+        write_whole(arguments.output, make_urdf(load_machine(arguments.machine)))
     except (MachineError, OSError) as error:
         print(f"make_urdf: {error}", file=sys.stderr)
         return 2
@@ -188,17 +199,20 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _inertials(body: Mapping[str, Any]) -> dict[str, Inertial]:
     """Inertials of all links in their URDF frames: the machine file's bodies, turned, and what is shared out."""
-    planar, links = body["planar"], entry(body, "rigid_body", "links")
+    planar, links = entry(body, "rigid_body", "planar"), entry(body, "rigid_body", "links")
     mass, center, inertia = link_data(links, "slewing_column")
     joint = vector(entry(planar, "rigid_body.planar", "boom_joint"), "rigid_body.planar.boom_joint", 2)
     foot = np.array([joint[0], 0.0, joint[1]])
     inertials = {"slewing_column": _turned(mass, center, inertia, COLUMN_TO_URDF, foot)}
-    for name, item in entry(planar, "rigid_body.planar", "bodies").items():
+    bodies = group(planar, "rigid_body.planar", "bodies")
+    for name in BODIES:
+        entry(bodies, "rigid_body.planar.bodies", name)
+    for name, item in bodies.items():
         key = f"rigid_body.planar.bodies.{name}"
         origin = vector(entry(item, key, "origin"), f"{key}.origin", 2)
-        if item["carrier"] == "boom":
+        if entry(item, key, "carrier") == "boom":
             turn, at = BOOM_TO_URDF, np.array([origin[0], 0.0, origin[1]])
-        elif scalar(item["q4_share"], f"{key}.q4_share") > 0.0:
+        elif scalar(entry(item, key, "q4_share"), f"{key}.q4_share") > 0.0:
             turn, at = ARM_TO_URDF, np.zeros(3)  # a stage: its link's origin is where the machine file has it
         else:
             arm = _plane_vector(planar, "arm_origin")
@@ -213,8 +227,8 @@ def _inertials(body: Mapping[str, Any]) -> dict[str, Inertial]:
 
 def _share_out_arm_cylinder(body: Mapping[str, Any], inertials: dict[str, Inertial]) -> None:
     """Add barrels to the inner boom and rods to the outer boom; see the module's docstring."""
-    planar = body["planar"]
-    cylinder = planar["arm_cylinder"]
+    planar = entry(body, "rigid_body", "planar")
+    cylinder = entry(planar, "rigid_body.planar", "arm_cylinder")
     placed = {part.name: part for part in place_bodies(body, LUMPED_AT, 0.0)}
     barrels, rods = placed["arm_cylinder_barrels"], placed["arm_cylinder_rods"]
     eye = vector(entry(cylinder, "rigid_body.planar.arm_cylinder", "eye"), "rigid_body.planar.arm_cylinder.eye", 2)
@@ -226,6 +240,10 @@ def _share_out_arm_cylinder(body: Mapping[str, Any], inertials: dict[str, Inerti
     eye_on_boom = np.array(
         [elbow[0] + cos * eye_on_arm[0] - sin * eye_on_arm[2], elbow[2] + sin * eye_on_arm[0] + cos * eye_on_arm[2]]
     )
+    if not barrels.mass >= LEAST_MASS:
+        raise MachineError(
+            f"rigid_body.planar.arm_cylinder.barrels.m: the URDF needs a mass of at least {LEAST_MASS:g} kg"
+        )
     lumped = barrels.center + rods.mass * (rods.center - eye_on_boom) / barrels.mass
     on_boom = np.array([lumped[0], 0.0, lumped[1]])
     inertials["inner_boom"] = inertials["inner_boom"].with_point(barrels.mass, on_boom, barrels.inertia)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from boom_bringup.cli import UsageError
+from boom_input.whole import one_writer, write_whole
 
 
 def checked(given: str | None, option: str) -> Path | None:
@@ -63,6 +66,69 @@ def write(path: Path, action: Callable[[], Any]) -> None:
         raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a file, whole or not at all.
+
+    Raises:
+        UsageError: it failed.
+    """
+    write(path, lambda: write_whole(path, text))
+
+
+@contextmanager
+def held(given: str | Path) -> Iterator[Path]:
+    """The folder of a command's results, made where it is missing and held against a second command until the end.
+
+    Raises:
+        UsageError: it cannot be made or written.
+        InUseError: another command uses it.
+    """
+    path = Path(given)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        lock = one_writer(path)
+        lock.__enter__()
+    except OSError as error:
+        raise UsageError(f"--output {given}: cannot be made: {error.strerror}: give another folder") from None
+    try:
+        if not os.access(path, os.W_OK):
+            raise UsageError(f"--output {given}: may not be written by this user: give another folder")
+        yield path
+    finally:
+        lock.__exit__(None, None, None)
+
+
+@contextmanager
+def new_bag(path: Path) -> Iterator[Path]:
+    """Where to write a bag that gets its place when it is whole; held against a second command until then.
+
+    What a killed command left is removed by the next one.
+
+    Args:
+        path: of the new bag; must not exist.
+
+    Raises:
+        UsageError: it exists or its folder cannot be made.
+        InUseError: another command is making it.
+    """
+
+    def refuse_existing() -> None:
+        if os.path.lexists(path):
+            raise UsageError(f"{path} exists already: give another --output, nothing is overwritten")
+
+    refuse_existing()
+    with held(path.absolute().parent / f".{path.name}.new") as place:
+        refuse_existing()  # the command that held it before may have finished it
+        made = place / path.name
+        shutil.rmtree(made, ignore_errors=True)
+        try:
+            yield made
+            if made.exists():
+                write(path, lambda: made.rename(path))
+        finally:
+            shutil.rmtree(place, ignore_errors=True)
+
+
 def json_text(document: dict[str, Any]) -> str:
     """A document as JSON; null for what is no finite number: JSON knows no NaN."""
     return json.dumps(_finite(document), indent=2, allow_nan=False) + "\n"
@@ -74,8 +140,7 @@ def write_json(path: Path, document: dict[str, Any]) -> None:
     Raises:
         UsageError: it failed.
     """
-    text = json_text(document)
-    write(path, lambda: path.write_text(text, encoding="utf-8"))
+    write_text(path, json_text(document))
 
 
 def _finite(value: Any) -> Any:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from boom_bringup.urdf_of import robot_description
+from boom_input.shown import quoted
 
 if TYPE_CHECKING:
     from boom_model.machine import Machine
@@ -31,7 +31,7 @@ def machine_of(recordings: Mapping[str, Recording], wanted: str | None = None) -
         ReplicaError: the recordings name none, several, or one that is not shipped.
         MachineError: the file cannot be used.
     """
-    from boom_model.machine_file import load_machine
+    from boom_model.machine_file import load_machine, shipped_machine, shipped_machines
 
     if wanted is not None:
         if not wanted:
@@ -39,7 +39,7 @@ def machine_of(recordings: Mapping[str, Recording], wanted: str | None = None) -
         return load_machine(wanted), wanted
     named = {recording.configuration.machine: bag for bag, recording in recordings.items()}
     if len(named) > 1:
-        each = ", ".join(f"{bag} ({name or 'no name'})" for name, bag in named.items())
+        each = ", ".join(f"{bag} ({quoted(name, 60) or 'no name'})" for name, bag in named.items())
         raise ReplicaError(f"the recordings are of different machines: {each}: take them apart, or give one --machine")
     name, bag = next(iter(named.items()))
     shipped = shipped_machines()
@@ -49,16 +49,10 @@ def machine_of(recordings: Mapping[str, Recording], wanted: str | None = None) -
         )
     if name not in shipped:
         raise ReplicaError(
-            f"{bag}: recorded on machine '{name}', for which no file is shipped (there is {', '.join(shipped)}): "
+            f"{bag}: recorded on machine '{quoted(name, 60)}', for which no file is shipped (there is {', '.join(shipped)}): "
             "give its file with --machine FILE"
         )
-    return load_machine(name), name
-
-
-def shipped_machines() -> list[str]:
-    """Names of the machine files that come with boom_model."""
-    entries = files("boom_model").joinpath("machines").iterdir()
-    return sorted(entry.name.removesuffix(".yaml") for entry in entries if entry.name.endswith(".yaml"))
+    return shipped_machine(name), name
 
 
 def rest_of(recording: Recording, bag: str, advice: str = "give another recording") -> dict[str, float]:

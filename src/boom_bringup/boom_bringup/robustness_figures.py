@@ -22,6 +22,7 @@ _ROWS = (
     ("currents: lift up, lower down [A]", 130),
 )  # fmt: skip
 _GAP = 34
+_MAP, _MAP_GAP = 180, 70  # px, of the maps of stability
 
 
 def figure(results: Sequence[Result]) -> Json:
@@ -52,8 +53,9 @@ def stability_figure(stability: Mapping[str, Any]) -> Json:
     modes = list(maps)
     poses = list(next(iter(maps.values())))
     traces: list[Json] = []
+    total = (_MAP + _MAP_GAP) * len(modes) - _MAP_GAP
     layout: Json = {
-        "height": 60 + 250 * len(modes), "margin": {"l": 90, "r": 10, "t": 40, "b": 50}, "annotations": [], "showlegend": False,
+        "height": total + 100, "margin": {"l": 90, "r": 10, "t": 50, "b": 50}, "annotations": [], "showlegend": False,
         "paper_bgcolor": "#ffffff", "plot_bgcolor": "#fbfcfd", "font": {"family": "system-ui, Arial, sans-serif", "size": 11},
     }  # fmt: skip
     for i, mode in enumerate(modes):
@@ -67,19 +69,19 @@ def stability_figure(stability: Mapping[str, Any]) -> Json:
                 "xgap": 2, "ygap": 2, "colorscale": [[0, "#e6b0ac"], [1, "#9ccca6"]], "xaxis": f"x{suffix}", "yaxis": f"y{suffix}",
                 "hovertemplate": "%{y}, %{x} ms: %{z}<extra></extra>",
             })  # fmt: skip
-            left, width = (j + 0.0) / len(poses), 1 / len(poses) - 0.09
-            bottom, height = 1 - (i + 1) / len(modes), 1 / len(modes) - 0.13
-            layout[f"xaxis{suffix}"] = {
-                "domain": [left, left + width], "anchor": f"y{suffix}", "tickvals": delays,
-                "title": {"text": "dead time [ms]", "standoff": 4},
-            }  # fmt: skip
+            left, width = j / len(poses), 1 / len(poses) - 0.03
+            top = 1 - i * (_MAP + _MAP_GAP) / total
+            layout[f"xaxis{suffix}"] = {"domain": [left, left + width], "anchor": f"y{suffix}", "tickvals": delays}
+            if (i, j) == (len(modes) - 1, len(poses) // 2):
+                layout[f"xaxis{suffix}"]["title"] = {"text": "dead time [ms]", "standoff": 4}
             layout[f"yaxis{suffix}"] = {
-                "domain": [bottom, bottom + height],
+                "domain": [max(0.0, top - _MAP / total), top],
                 "anchor": f"x{suffix}",
-                "automargin": False,
+                "automargin": True,
+                "showticklabels": j == 0,  # all maps of a row have the same cases
             }
             layout["annotations"].append({
-                "text": f"<b>{mode}</b>, {pose}", "x": left, "y": bottom + height, "xref": "paper", "yref": "paper",
+                "text": f"<b>{mode}</b><br>{pose}", "x": left, "y": top, "xref": "paper", "yref": "paper",
                 "xanchor": "left", "yanchor": "bottom", "showarrow": False,
             })  # fmt: skip
     return {"data": traces, "layout": layout}

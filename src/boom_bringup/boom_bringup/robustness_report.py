@@ -13,6 +13,7 @@ from boom_bringup.robustness_figures import COLOURS, figure, stability_figure
 from boom_bringup.robustness_tables import PRINTED, three
 from boom_diagnosis.report_page import chart, page
 from boom_diagnosis.tracking import THESIS
+from boom_input.whole import write_whole
 
 _METHOD = (
     "Plant: the full model (5.39), stepped by 10 ms with held currents; sensors of ch. 6.4 (angle quantised, pressure noise "
@@ -52,7 +53,7 @@ def write_report(
         parts.append(
             "<section class=card><h2>Stability</h2><p>Dead time added in the valve chain against oil stiffness (beta over "
             f"nominal) and against load. Green: stable.</p>"
-            f"{chart('stability', stability_figure(numbers['stability_map']))}</section>"
+            f"{chart(stability_figure(numbers['stability_map']))}</section>"
         )
     kept = [r for r in results["configurations"] if r.history is not None]
     for name in dict.fromkeys(r.job.case.name for r in kept):
@@ -60,9 +61,9 @@ def write_report(
         colours = ", ".join(f"<span style='color:{COLOURS[r.job.mode]}'>{r.job.mode}</span>" for r in mine)
         parts.append(
             f"<section class=card><h2>{name}: {escape(mine[0].job.bag)}</h2><p class=quiet>As Fig. {_FIGURE.get(name, '6.5')} of "
-            f"the thesis. {colours}; reference black.</p>{chart(name, figure(mine))}</section>"
+            f"the thesis. {colours}; reference black.</p>{chart(figure(mine))}</section>"
         )
-    path.write_text(page("Robustness of the closed loop", "".join(parts)), encoding="utf-8")
+    write_whole(path, page("Robustness of the closed loop", "".join(parts)))
 
 
 def _main_table(numbers: Mapping[str, Any]) -> str:

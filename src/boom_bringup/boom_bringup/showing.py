@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import shlex
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+
+
+def diagnose_next(bags: Sequence[str], machine: str | None) -> list[str]:
+    """What to type where recordings differ from the model, a line for each, ready for the shell."""
+    words = ["--machine", machine] if machine else []
+    program = os.environ.get("BOOM_PROGRAM", "boom")
+    return [f"next: {shlex.join([program, 'diagnose', str(bag), *words])}" for bag in bags]
+
 
 _QUIET = 10.0  # s: so long nothing is said in a log file
 
@@ -22,11 +32,12 @@ def progress(total: int) -> Iterator[Callable[[str, int], None]]:
 
         yield say
         return
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from boom_diagnosis.console import console_for
+
     columns = (TextColumn("{task.description}", markup=False), BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Progress(*columns, console=console_for(sys.stderr), transient=True) as bar:
         task = bar.add_task("", total=total)
 
         def show(text: str, done: int) -> None:

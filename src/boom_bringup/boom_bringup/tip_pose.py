@@ -19,6 +19,9 @@ from numpy.typing import NDArray
 Vector = NDArray[np.float64]
 
 
+MOST_JOINTS = 1000
+
+
 class UrdfError(Exception):
     """The robot description cannot be used; one line that says why."""
 
@@ -151,7 +154,10 @@ class JointTable:
     def measure(self, names: Sequence[str], positions: Sequence[float], now: float) -> tuple[str, ...]:
         """Take over measured positions [rad or m] at the time `now` [s]. Returns the names that had a finite value."""
         finite = [(name, float(value)) for name, value in zip(names, positions, strict=False) if math.isfinite(value)]
-        self._measured.update({name: (value, now) for name, value in finite})
+        if len(self._measured) > MOST_JOINTS:  # names that come and go: those that nobody measures any more
+            self._measured = {name: entry for name, entry in self._measured.items() if now - entry[1] <= self.timeout}
+        if len(self._measured) <= MOST_JOINTS:
+            self._measured.update({name: (value, now) for name, value in finite})
         return tuple(name for name, _ in finite)
 
     def configure(self, joints: Mapping[str, float]) -> None:

@@ -15,7 +15,6 @@ import time
 from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -24,9 +23,11 @@ from boom_interfaces.msg import MachineConfiguration
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.input_watch import InputWatch
+from boom_node.node import Node
 from boom_node.parameters import ParameterSpec
 
 WATCH_PERIOD = 0.5  # s
+MOST_JOINTS = 200
 
 PARAMETERS = (
     ParameterSpec("tip_frame", "boom_tip", "link of the robot description whose pose is published", read_only=True),
@@ -53,11 +54,12 @@ class TipPoseNode(Node):
 
     def __init__(self) -> None:
         super().__init__("boom_tip_pose")
-        self._parameters = parameters.declare(self, PARAMETERS)
+        self._values = parameters.declare(self, PARAMETERS)
         self._kinematics: TipKinematics | None = None
-        self._joints = JointTable(self._parameters.input_timeout)
+        self._joints = JointTable(self._values.input_timeout)
         self._sources: dict[str, str] = {}
         self._published = 0
+        self._failure = ""
         self._watches = self._make_watches(time.monotonic())
         self._publisher = self.create_publisher(PoseStamped, "/boom/tip_pose", qos.SENSOR_DATA)
         latched, sensor_data = qos.BY_TOPIC["/robot_description"], qos.BY_TOPIC["/joint_states"]
@@ -74,8 +76,8 @@ class TipPoseNode(Node):
         self.create_timer(WATCH_PERIOD, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _make_watches(self, now: float) -> dict[str, InputWatch]:
-        timeout, repeat = self._parameters.input_timeout, self._parameters.warning_period
-        required = ", ".join(self._parameters.required_joints)
+        timeout, repeat = self._values.input_timeout, self._values.warning_period
+        required = ", ".join(self._values.required_joints)
         return {
             "description": InputWatch(
                 "no robot description for {age} s: nobody publishes /robot_description; "
@@ -91,24 +93,29 @@ class TipPoseNode(Node):
 
     def _on_description(self, message: String) -> None:
         try:
-            self._kinematics = TipKinematics(message.data, self._parameters.tip_frame)
+            self._kinematics = TipKinematics(message.data, self._values.tip_frame)
         except UrdfError as error:
-            shell.fail(f"/robot_description: {error}")
-            shell.finish(error.exit_status)
+            self._failure = f"/robot_description: {error}"
+            self.guard.refuse("/robot_description", "cannot be used", str(error))
+            self._diagnostics.update()
             return
+        self._failure = ""
         self._watches["description"].seen(time.monotonic())
         self.get_logger().info(
             f"{self._kinematics.tip_frame} in {self._kinematics.root_frame}: {', '.join(self._kinematics.joint_names)}"
         )
 
     def _on_configuration(self, message: MachineConfiguration) -> None:
-        names = self._parameters.outer_boom_joint, self._parameters.telescope_joint
+        names = self._values.outer_boom_joint, self._values.telescope_joint
         self._joints.configure(dict(zip(names, (message.outer_boom_angle, message.telescope_length), strict=True)))
 
     def _on_joint_state(self, message: JointState) -> None:
         now = time.monotonic()
+        if len(message.name) > MOST_JOINTS:
+            self.guard.refuse("/joint_states", f"more than {MOST_JOINTS} joints", str(len(message.name)))
+            return
         measured = self._joints.measure(message.name, message.position, now)
-        if not set(self._parameters.required_joints) <= set(measured):
+        if not set(self._values.required_joints) <= set(measured):
             return
         self._watches["joints"].seen(now)
         if self._kinematics is None:
@@ -142,6 +149,8 @@ class TipPoseNode(Node):
     def _health(self) -> Health:
         now = time.monotonic()
         missing = [name for name, watch in self._watches.items() if watch.missing(now)]
+        if self._failure:
+            return Health(Level.ERROR, self._failure, {"poses published": self._published})
         level = Level.WARN if missing else Level.OK
         message = f"missing: {', '.join(missing)}" if missing else "publishing the tip pose"
         return Health(level, message, {"poses published": self._published})

@@ -1,9 +1,13 @@
+import importlib.util
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from boom_bringup import __version__, cli
+
+BAG = Path(__file__).parents[3] / "bags" / "healthy" / "extended"
 
 
 def test_help_lists_every_command_with_its_line(capsys):
@@ -37,12 +41,18 @@ def test_an_unknown_option_names_the_nearest(capsys):
     assert error.count("\n") == 1
 
 
-@pytest.mark.parametrize("name", cli.command_names())
-def test_every_command_explains_its_options(name, capsys):
+@pytest.mark.parametrize("words", [["help", "import-can"], ["--help", "import-can"], ["import-can", "-h"]])
+def test_help_for_a_command_explains_its_options(words, capsys):
     with pytest.raises(SystemExit) as ended:
-        cli.main([name, "--help"])
+        cli.main(words)
     assert ended.value.code == 0
-    assert "usage: " in capsys.readouterr().out
+    assert "--dbc FILE" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("words", [["import_can", "x"], ["help", "import_can"], ["IMPORT-CAN"]])
+def test_another_spelling_of_a_command_is_answered_with_the_right_one(words, capsys):
+    assert cli.main(words) == 2
+    assert capsys.readouterr().err.endswith("did you mean import-can?\n")
 
 
 def test_help_loads_neither_ros_nor_the_solvers():
@@ -102,3 +112,16 @@ def test_interruption_ends_with_130(monkeypatch, capsys):
     monkeypatch.setattr(cli, "_run", interrupt)
     assert cli.main(["x"]) == 130
     assert capsys.readouterr().err == "boom: stopped\n"
+
+
+@pytest.mark.parametrize("words", [["record", "x"], ["sim"], ["demo", str(BAG)]])
+def test_missing_messages_are_one_line_that_says_how_to_have_them(words, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    found = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name, *rest: None if name == "boom_interfaces" else found(name, *rest)
+    )
+    assert cli.main(words) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("boom: the messages boom_interfaces are not installed") and error.count("\n") == 1
+    assert "pip install ./src/boom_interfaces" in error

@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from boom_bringup.demo_folder import BAG, FolderError, held
+from boom_input.whole import InUseError
 
 
 def record(folder: Path, text: str) -> None:
-    folder.mkdir()
+    folder.mkdir(parents=True)
     (folder / "metadata.yaml").write_text(text)
 
 
@@ -43,7 +44,7 @@ def test_a_bag_that_is_no_demos_is_not_touched(tmp_path: Path) -> None:
 
 
 def test_a_second_demo_in_the_same_folder_is_refused(tmp_path: Path) -> None:
-    with held(tmp_path), pytest.raises(FolderError, match="in use by another"), held(tmp_path):
+    with held(tmp_path), pytest.raises(InUseError, match="in use by another"), held(tmp_path):
         pass
     with held(tmp_path):
         pass

@@ -27,6 +27,7 @@ CONFIG_FILES = sorted((PACKAGE / "config").glob("*.yaml"))
 TABLES = {
     ("boom_sim", "simulation"): "boom_sim.settings",
     ("boom_sim", "ecu"): "boom_sim.ecu_node",
+    ("boom_controller", "controller"): "boom_controller.node_parameters",
     ("boom_can_bridge", "bridge"): "boom_can_bridge.settings",
     ("boom_can_bridge", "enable"): "boom_can_bridge.enable_node",
     ("boom_recording", "recorder"): "boom_recording.recorder_node",
@@ -79,7 +80,8 @@ def launch(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, type[Noted]]]:
 
 
 def table(package: str, executable: str) -> dict[str, ParameterSpec]:
-    return {spec.name: spec for spec in importlib.import_module(TABLES[package, executable]).PARAMETERS}
+    module = importlib.import_module(TABLES[package, executable])
+    return {spec.name: spec for spec in getattr(module, "NODE_PARAMETERS", module.PARAMETERS)}
 
 
 def load_file(path: Path) -> Any:

@@ -1,40 +1,15 @@
 """Cases on worker processes: results as they come, a failure repeated, a lost worker made good."""
 
-import os
-import signal
+import sys
 from pathlib import Path
 
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parent))
+
+from engine_cases import fails_always, fails_at_first, kills_its_worker_at_first, twice
+
 from boom_bringup.proof.engine import RETRIES, EngineError, workers
-
-
-def twice(name):
-    return 2 * name
-
-
-def counted(name, folder):
-    """How often this case was begun, this time included."""
-    tries = len(list(Path(folder).glob(f"{name}-*")))
-    (Path(folder) / f"{name}-{tries}").touch()
-    return tries + 1
-
-
-def fails_at_first(name, folder):
-    if counted(name, folder) == 1:
-        raise ValueError("the first attempt fails")
-    return "well"
-
-
-def fails_always(name, folder):
-    counted(name, folder)
-    raise ValueError("no way")
-
-
-def kills_its_worker_at_first(name, folder):
-    if counted(name, folder) == 1 and name == "b":
-        os.kill(os.getpid(), signal.SIGKILL)
-    return name
 
 
 @pytest.fixture(scope="module")

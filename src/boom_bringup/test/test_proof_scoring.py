@@ -44,7 +44,7 @@ def test_right_first_counts_only_what_is_at_least_detectable():
     m = measure([right, right, wrong, faint], "right_first")
     assert m.count == 3
     assert m.value == pytest.approx(100 * 2 / 3)
-    assert m.met is False
+    assert measure([right, right, wrong] * 10, "right_first").met is False
     assert measure([right, faint], "right_first").met is True
 
 
@@ -118,7 +118,7 @@ def test_the_gap_is_logarithmic_and_a_run_that_broke_off_costs_all_of_it():
     assert closed.gap_closed == pytest.approx(0.5), "0.16 -> 0.04 -> 0.01: half of the way in logarithms"
     assert replace(closed, explained=(float("inf"),) * 4).gap_closed == -1.0
     assert replace(closed, nominal=(0.011,) * 4).gap_closed is None, "nothing was lost"
-    assert measure([closed], "gap_closed").met is False
+    assert measure([closed] * 6, "gap_closed").met is False
 
 
 def test_intervals_and_onsets_are_judged_for_rightly_named_effects_only():
@@ -128,7 +128,7 @@ def test_intervals_and_onsets_are_judged_for_rightly_named_effects_only():
     other = row("effect", [truth_], "identified", named("payload", mass=(250, 240, 260)))
     rows = [good, late, other]
     assert scoring.inside_intervals(rows) == [True, True, False, False]
-    assert measure(rows, "coverage").met is False
+    assert measure(rows * 10, "coverage").met is False
     assert scoring.onset_errors(rows) == pytest.approx([0.2, 1.0])
 
 
@@ -188,3 +188,32 @@ def test_every_measure_is_told_in_the_table_and_in_the_document():
 def test_a_document_that_is_not_like_the_contract_is_refused():
     with pytest.raises(KeyError):
         Said.from_document({"verdict": "identified", "findings": [{"effect": "payload"}]})
+
+
+def test_a_measure_is_not_met_only_where_the_cases_can_tell():
+    right = row("effect", [PAYLOAD], "identified", named("payload"), explained=ORACLE)
+    wrong = row("effect", [PAYLOAD], "identified", named("flow_force", 0.95))
+    for rows, told in (([right, wrong], "too few cases"), ([right, wrong] * 20, "no"), ([right] * 2, "yes")):
+        m = measure(rows, "right_first")
+        assert tables.met_text(m) == told and m.too_few == (told == "too few cases")
+    quiet, alarm = row("healthy", [], "no_mismatch"), row("healthy", [], "identified", named("payload", 0.5))
+    assert tables.met_text(measure([quiet] * 35 + [alarm], "false_alarm")) == "too few cases"
+    assert tables.met_text(measure([quiet] * 31 + [alarm] * 5, "false_alarm")) == "no"
+    assert tables.met_text(measure([], "false_alarm")) == "-"
+
+
+def test_a_median_of_few_and_a_calibration_error_of_few_cannot_tell():
+    half = row("effect", [PAYLOAD], "identified", named("payload", 0.95), explained=HALFWAY)
+    assert tables.met_text(measure([half] * 5, "gap_closed")) == "too few cases"
+    assert scoring.median_bounds([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) == (1.0, 6.0)
+    wrong = row("effect", [PAYLOAD], "identified", named("flow_force", 0.8))
+    unsure = row("effect", [PAYLOAD], "identified", named("payload", 0.8))
+    assert tables.met_text(measure([unsure, wrong], "calibration")) == "too few cases"
+    assert tables.met_text(measure([unsure, wrong] * 30, "calibration")) == "no"
+
+
+def test_what_too_few_cases_leave_open_is_said_on_the_page():
+    rows = [row("effect", [PAYLOAD], "identified", named(name)) for name in ("payload", "flow_force")]
+    text = page(State(5, 2, "tz17.yaml", "0.1", "2026-01-01 10:00", "ab" * 32), rows, 12.0)
+    assert "too few cases" in text and "Not met" not in text and "| no |" not in text
+    assert "Short of what is asked, by no more than so few cases are by chance: right effect named first" in text

@@ -75,6 +75,7 @@ class Bridge:
         self.settings = settings
         self.codec = Codec.load(settings.dbc, settings.mapping or None)
         self.active = False
+        self.conflict = ""
         self.connection = f"{settings.bus} is not open"
         self._up = False
         self._tell = tell
@@ -163,6 +164,12 @@ class Bridge:
         with self.sender.lock:
             self.gate.emergency_stop(wanted)
 
+    def stop(self, reason: str) -> None:
+        """Zero current from the next frame on, until motion is enabled again."""
+        with self.sender.lock:
+            self.gate.revoke(reason)
+        self.sender.wake()
+
     @property
     def output(self) -> Output:
         """What was sent last."""
@@ -205,6 +212,10 @@ class Bridge:
             return "the bridge is not active"
         if not self._up:
             return self.connection
+        # In lockstep frames come as fast as both can, and how many are due is not known.
+        crowded = self.conflict or (self.checker.crowd.conflict(now) if self.lockstep is None else "")
+        if crowded:
+            return crowded
         if self.checker.proving:
             return "waiting for good frames of all sensors"
         silent = self.watchdog.silent(now)

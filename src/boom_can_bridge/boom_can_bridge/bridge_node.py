@@ -16,10 +16,12 @@ from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
-from boom_node.stamps import ns_to_seconds, seconds_to_ns, set_ns, to_ns
+from boom_node.node import LifecycleNode
+from boom_node.publishers import COMMANDS, SENSORS, SolePublishers
+from boom_node.stamps import far, ns_to_seconds, seconds_to_ns, set_ns, to_ns
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import FluidPressure, JointState
@@ -53,6 +55,7 @@ class BridgeNode(LifecycleNode):
             values.dbc, values.mapping, values.log, values.good_frames, values.watchdog, values.largest_current,
             values.rise_rate, values.command_timeout, values.revoke_after, values.lockstep, values.filter_foreign,
         )  # fmt: skip
+        self._sole = SolePublishers(self, (*COMMANDS, *SENSORS), values.shared_topics)
         self._make_messages()
 
         def publisher(kind: Any, topic: str) -> Any:
@@ -159,6 +162,11 @@ class BridgeNode(LifecycleNode):
         if bridge is not None:
             bridge.close()
 
+    def stop_safely(self, reason: str) -> None:
+        """A callback raised: zero current until motion is enabled again."""
+        if self._bridge is not None:
+            self._bridge.stop(reason)
+
     # ------------------------------------------------------------------------------------------------- bus to topics
 
     def _publish(self, reading: Reading) -> None:
@@ -207,7 +215,11 @@ class BridgeNode(LifecycleNode):
             now = bridge.simulated_time
             age = 0.0 if now is None else now - ns_to_seconds(stamp_ns)
         else:
-            age = ns_to_seconds(self.get_clock().now().nanoseconds - stamp_ns) if stamp_ns else 0.0
+            now_ns = self.get_clock().now().nanoseconds
+            wrong = far(stamp_ns, now_ns) if stamp_ns else ""
+            if wrong:
+                self.guard.refuse("/boom/current_command", "stamp far from now", f"{wrong}: synchronise the clocks")
+            age = ns_to_seconds(now_ns - stamp_ns) if stamp_ns else 0.0
         bridge.command(message.retract, message.extend, age)
 
     def _on_stop(self, message: Bool) -> None:
@@ -219,6 +231,7 @@ class BridgeNode(LifecycleNode):
         if self._bridge is None:
             response.success, response.message = not request.data, "the bridge is not configured: zero current"
         else:
+            self._look_around(self._bridge)
             response.success, response.message = self._bridge.enable(bool(request.data))
         if response.message != self._answered:  # who asks again and again is told, not the log
             self._answered = response.message
@@ -231,6 +244,7 @@ class BridgeNode(LifecycleNode):
         """Say at once when the motion is taken away or given."""
         if self._bridge is None:
             return
+        self._look_around(self._bridge)
         if self._bridge.gate.enabled != self._told_enabled:
             self._told_enabled = self._bridge.gate.enabled
             self._enabled.publish(Bool(data=self._told_enabled))
@@ -240,6 +254,13 @@ class BridgeNode(LifecycleNode):
             self._said = said
             self.get_logger().info(said)
             self._diagnostics.update()
+
+    def _look_around(self, bridge: Bridge) -> None:
+        """Two that command, or two cranes: nothing moves."""
+        conflict = self._sole.look()
+        if conflict and conflict != bridge.conflict:
+            bridge.stop(conflict)
+        bridge.conflict = conflict
 
     def _health(self) -> Health:
         if self._bridge is None:

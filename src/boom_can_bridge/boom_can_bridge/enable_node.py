@@ -12,10 +12,10 @@ import time
 from typing import Any
 
 from boom_node import parameters, shell
+from boom_node.node import Node
 from boom_node.parameters import ParameterSpec
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 SERVICE = "/boom_can_bridge/enable"

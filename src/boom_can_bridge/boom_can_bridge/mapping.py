@@ -1,18 +1,31 @@
 """Reads a DBC file and the mapping beside it into frame descriptions; what does not fit ends in one plain line."""
 
 import difflib
+import logging
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import cantools
-import yaml
+
+from boom_input.files import InputError, read_bytes
+from boom_input.shown import quoted
+from boom_input.yaml_text import read_yaml
 
 from . import crc
 from .errors import CanConfigurationError
 from .layout import FieldSpec, SignalLayout
 
+DBC_LIMIT = 2_000_000
+"""Largest DBC file [bytes]: cantools takes seconds for one of that size."""
+MOST_BYTES = 1785
+"""Bytes of a message in a DBC file: a CAN FD frame has 64, what ISO 11783 and J1939 share out over frames has this."""
+MOST_SIGNALS = 1000
+"""Of one message, on all its pages: cantools compares each with each."""
+LONGEST_MESSAGE = 500
+logging.getLogger("cantools").setLevel(logging.ERROR)
 SHIPPED = Path(__file__).with_name("dbc")
 Direction = Literal["from_ecu", "to_ecu"]
 
@@ -21,6 +34,7 @@ STATUS_FIELDS = ("mode", "faults", "uptime_s")
 COMMAND_FIELDS = ("retract_current", "extend_current", "enable")
 TOGETHER = (("angle", "rate"), ("retract_current", "extend_current"))
 
+_LENGTHS = re.compile(r"\bBO_\s+\d+\s+\w+\s*:\s*(\d+)|(\d+)\s*\|\s*(\d+)\s*@")
 _FRAME_KEYS = ("message", "direction", "fields", "select", "crc", "counter", "period")
 _FIELD_KEYS = ("signal", "factor", "offset", "sign", "minimum", "maximum", "rate_limit")
 
@@ -104,11 +118,9 @@ def find_files(dbc: str | Path, mapping: str | Path | None) -> tuple[Path, Path]
 
 def _read_yaml(path: Path) -> dict[str, Any]:
     try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise CanConfigurationError(f"{path}: cannot be read: {error}") from None
-    except yaml.YAMLError as error:
-        raise CanConfigurationError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from None
+        document = read_yaml(path)
+    except InputError as error:
+        raise CanConfigurationError(str(error)) from None
     if not isinstance(document, dict) or not isinstance(document.get("frames"), dict):
         raise CanConfigurationError(f"{path}: a mapping needs a section frames")
     return document
@@ -116,11 +128,30 @@ def _read_yaml(path: Path) -> dict[str, Any]:
 
 def _read_dbc(path: Path) -> Any:
     try:
-        return cantools.database.load_file(str(path), database_format="dbc", strict=True)
-    except (OSError, UnicodeDecodeError) as error:
-        raise CanConfigurationError(f"{path}: cannot be read: {error}") from None
+        text = read_bytes(path, DBC_LIMIT).decode("cp1252", "replace")  # as DBC editors write it
+    except InputError as error:
+        raise CanConfigurationError(str(error)) from None
+    if max(part.count("SG_ ") for part in text.split("BO_ ")) > MOST_SIGNALS:
+        raise CanConfigurationError(f"{path}: not a usable DBC file: a message with more than {MOST_SIGNALS} signals")
+    # cantools makes a list of all bits of a message and of a signal before it looks whether one fits into the other.
+    lengths = _LENGTHS.findall(text)
+    if any(int(number.lstrip("0")[:9] or "0") > 8 * MOST_BYTES for found in lengths for number in found if number):
+        raise CanConfigurationError(
+            f"{path}: not a usable DBC file: a message of more than {MOST_BYTES} bytes, or a signal beyond its end"
+        )
+    try:
+        database: Any = cantools.database.load_string(text, database_format="dbc", strict=True)
     except Exception as error:  # the parser raises what its parts raise
-        raise CanConfigurationError(f"{path}: not a usable DBC file: {' '.join(str(error).split())[:200]}") from None
+        raise CanConfigurationError(f"{path}: not a usable DBC file: {quoted(error)}") from None
+    seen: set[object] = set()
+    for message in database.messages:  # cantools takes the last one and says so in a log only
+        for told in (message.name, (message.frame_id, message.is_extended_frame)):
+            if told in seen:
+                raise CanConfigurationError(
+                    f"{path}: message {quoted(message.name)}: its name or its identifier 0x{message.frame_id:x} is there twice"
+                )
+            seen.add(told)
+    return database
 
 
 class _Reader:
@@ -134,13 +165,13 @@ class _Reader:
         self.where = str(mapping)
 
     def fail(self, text: str) -> CanConfigurationError:
-        return CanConfigurationError(f"{self.where}: {text}")
+        return CanConfigurationError(quoted(f"{self.where}: {text}", LONGEST_MESSAGE))
 
     def number(self, value: Any, key: str) -> float:
         # YAML 1.1 takes 1e5 for a text.
         try:
             number = float(value)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise self.fail(f"{key} must be a number, not {value!r}") from None
         if isinstance(value, bool) or not math.isfinite(number):
             raise self.fail(f"{key} must be a finite number, not {value!r}")
@@ -184,15 +215,16 @@ class _Reader:
         factor = self.number(entry.get("factor", 1), "factor")
         if sign not in (1, -1) or factor <= 0:
             raise self.fail(f"field {name}: sign is 1 or -1 and factor larger than zero")
-        scale = sign * factor * float(signal.scale)
-        offset = sign * factor * float(signal.offset) + self.number(entry.get("offset", 0), "offset")
+        scale = sign * factor * self.number(signal.scale, f"the factor of {signal.name}")
+        shift = self.number(entry.get("offset", 0), "offset")
+        offset = sign * factor * self.number(signal.offset, f"the offset of {signal.name}") + shift
         if not scale:
             raise self.fail(f"signal {signal.name} of {self.dbc.name} has the factor 0")
         ends = sorted(raw * scale + offset for raw in layout.raw_limits)
         # [0|0] in a DBC file means: no range given. cantools hands None then.
         for limit in (signal.minimum, signal.maximum):
             if limit is not None:
-                value = float(limit) * sign * factor + self.number(entry.get("offset", 0), "offset")
+                value = self.number(limit, f"the range of {signal.name}") * sign * factor + shift
                 is_low = (limit is signal.minimum) == (sign > 0)
                 ends = [max(ends[0], value), ends[1]] if is_low else [ends[0], min(ends[1], value)]
         low = max(ends[0], self.number(entry["minimum"], "minimum")) if "minimum" in entry else ends[0]
@@ -208,7 +240,7 @@ class _Reader:
         stated = entry.get("period", self.document.get("period"))
         if stated is None:
             # Without a statement of its own a message gets the default of the file, which cantools does not fill in.
-            stated = (message.cycle_time or 10) / 1000
+            stated = self.number(message.cycle_time or 10, f"the cycle time of {message.name}") / 1000
         period = self.number(stated, "period")
         if not 0 < period <= 10:
             raise self.fail(f"period must be above 0 and at most 10 s, not {period:g}")
@@ -221,7 +253,7 @@ class _Reader:
         if direction not in ("from_ecu", "to_ecu"):
             raise self.fail(f"direction is from_ecu or to_ecu, not {direction}")
         messages = {message.name: message for message in self.database.messages}
-        if entry["message"] not in messages:
+        if not isinstance(entry["message"], str) or entry["message"] not in messages:
             raise self.fail(
                 f"{self.dbc.name} has no message {entry['message']}: {_closest(str(entry['message']), messages)}"
             )

@@ -5,6 +5,7 @@ after a failure, and ends only when told to.
 """
 
 import contextlib
+import math
 import threading
 import time
 from collections import Counter, deque
@@ -22,6 +23,9 @@ from .lockstep import Lockstep
 from .plausibility import RateCheck
 
 RECEIVE_TIMEOUT_S = 0.05
+CROWD_WINDOW_S = 1.0
+CROWD_SHARE, CROWD_REFUSED = 1.6, 0.2
+"""Of the frames that are due, and of those that came: more of the first and of refused counters mean two senders of one frame."""
 STANDSTILL_S = 0.2
 """Time away from the bus after which what waits there is old."""
 BUS_OFF, OVERRUN = 0x40, 0x04
@@ -64,6 +68,42 @@ class Counts:
     last_bad: str = ""
 
 
+class Crowd:
+    """Notices that two send one frame: twice as many come as are due, and their counters contradict each other."""
+
+    def __init__(self, codec: Codec) -> None:
+        self._outgoing = codec.command.name
+        self._due = {frame.name: CROWD_WINDOW_S / frame.period_s for frame in codec.incoming}
+        self._frames: dict[str, deque[list[Any]]] = {name: deque() for name in self._due}
+        self._commanded = -math.inf
+
+    def seen(self, name: str, now: float) -> None:
+        """A frame whose checksum is right came at `now` [s]."""
+        if name == self._outgoing:
+            self._commanded = now
+            return
+        frames = self._frames[name]
+        frames.append([now, True])
+        while frames[0][0] < now - CROWD_WINDOW_S:
+            frames.popleft()
+
+    def contradicted(self, name: str) -> None:
+        """The counter of the frame that was seen last does not go on from the one before."""
+        self._frames[name][-1][1] = False
+
+    def conflict(self, now: float) -> str:
+        """What is wrong at `now` [s], in one line, or ""."""
+        if now - self._commanded < CROWD_WINDOW_S:
+            return "another node sends commands on the bus: end all bridges but one"
+        for name, frames in list(self._frames.items()):
+            if len(frames) <= CROWD_SHARE * self._due[name]:
+                continue
+            kept = [good for at, good in list(frames) if at >= now - CROWD_WINDOW_S]
+            if len(kept) > CROWD_SHARE * self._due[name] and kept.count(False) > CROWD_REFUSED * len(kept):
+                return f"two nodes send {name} on the bus, by its counters: disconnect all ECUs but one"
+        return ""
+
+
 class FrameChecker:
     """All checks of one frame, in the order: error frame, id, length, checksum, counter, values.
 
@@ -81,6 +121,7 @@ class FrameChecker:
         self._proof = proof
         self._counters = CounterCheck(codec)
         self._rates = RateCheck(codec)
+        self.crowd = Crowd(codec)
         self._outgoing = codec.command.name
         self._needed = {spec.name for spec in codec.incoming if not set(spec.fields) <= {"mode", "faults", "uptime_s"}}
         self._proven: Counter[str] = Counter()
@@ -134,8 +175,10 @@ class FrameChecker:
         name = decoded.frame
         if name == self._outgoing:  # another sender of commands, or our own echo: nothing to publish
             self.counts.good[name] += 1
+            self.crowd.seen(name, received)
             return None
         try:
+            self.crowd.seen(name, received)
             lost = self._counters.accept(name, decoded.counter, received)
             self.counts.lost[name] += lost
             if self._lockstep is not None:
@@ -143,7 +186,9 @@ class FrameChecker:
             else:
                 steady = self.clock.to_steady(float(message.timestamp), received)
             self._rates.accept(name, decoded.values, steady)
-        except FrameError:
+        except FrameError as error:
+            if error.reason == "counter":
+                self.crowd.contradicted(name)
             if self.proving:
                 self._proven.clear()
             raise

@@ -1,6 +1,7 @@
 """What the bridge can be told: one table, read by the node and held against the README by a test."""
 
 from boom_node.parameters import ParameterSpec
+from boom_node.publishers import PARAMETER as SHARED_TOPICS
 
 PARAMETERS = (
     ParameterSpec("interface", "socketcan", "CAN interface, as python-can names it", read_only=True),
@@ -33,6 +34,7 @@ PARAMETERS = (
     ParameterSpec("telescope_length", 2.2, "locked telescope extension q4, both stages", "m", 0.0, 20.0, read_only=True),
     ParameterSpec("load_mass", 0.0, "load at the tip; negative: not known", "kg", -1.0, 1e5, read_only=True),
     ParameterSpec("note", "", "text for the machine configuration", read_only=True),
+    SHARED_TOPICS,
     ParameterSpec("joint_name", "inner_boom_joint", "name of the boom's joint in /joint_states", read_only=True),
     ParameterSpec(
         "fixed_joints", ["outer_boom_joint", "telescope_joint"],

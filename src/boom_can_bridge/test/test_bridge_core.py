@@ -45,6 +45,45 @@ def proven(checker, start=0):
     return k
 
 
+@pytest.mark.parametrize("behind", [0, 1, 5, 9, 15])
+def test_two_ecus_contradict_each_other_and_are_told_until_one_has_gone(behind):
+    checker = FrameChecker(CODEC)
+    now = 0.0
+    for k in range(120):
+        now = 0.01 * k
+        for frame in REST:
+            checker.check(message(frame, k), now)
+            checker.check(message(frame, k + behind), now + 0.004)
+    assert "two nodes send" in checker.crowd.conflict(now)
+    for k in range(120, 240):
+        now = 0.01 * k
+        for frame in REST:
+            checker.check(message(frame, k), now)
+    assert checker.crowd.conflict(now) == ""
+
+
+@pytest.mark.parametrize("fault", ["none", "frozen counter", "every tenth overtaken", "late, then all at once"])
+def test_one_ecu_with_a_fault_is_not_taken_for_two(fault):
+    checker = FrameChecker(CODEC)
+    for k in range(300):
+        counter = 7 if fault == "frozen counter" else k
+        if fault == "every tenth overtaken":
+            counter = k + {0: 1, 1: -1}.get(k % 10, 0)
+        now = 0.01 * k
+        if fault == "late, then all at once" and 100 <= k < 118:
+            now = 1.18
+        for frame in REST:
+            checker.check(message(frame, counter), now)
+        assert checker.crowd.conflict(now) == ""
+
+
+def test_commands_of_another_on_the_bus_are_told_for_a_second():
+    checker = FrameChecker(CODEC)
+    checker.check(message("command", 1, {"retract_current": 0.0, "extend_current": 0.0, "enable": 0.0}), 1.0)
+    assert "another node sends commands" in checker.crowd.conflict(1.5)
+    assert checker.crowd.conflict(2.5) == ""
+
+
 def test_nothing_is_handed_on_before_enough_good_frames():
     checker = FrameChecker(CODEC, proof=5)
     k = proven(checker)
@@ -253,7 +292,7 @@ class FakeBus:
         if self.broken:
             raise self.broken
         try:
-            return self.waiting.get(timeout=timeout) if timeout else self.waiting.get_nowait()
+            return self.waiting.get(timeout=0.01) if timeout else self.waiting.get_nowait()
         except queue.Empty:
             return None
 

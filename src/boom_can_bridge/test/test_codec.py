@@ -1,6 +1,7 @@
 """The codec against its own DBC files, against cantools, and against frames that nobody should believe."""
 
 import math
+import time
 from pathlib import Path
 
 import can
@@ -249,14 +250,18 @@ def changed(tmp_path, old, new, machine="tz17", suffix=".yaml"):
         ("{signal: RodPressure,", "{signal: HosePressure,", "used twice"),
         ("rate_limit: 5.0", "factor: fast", "factor must be a number"),
         ("frames:", "frame:", "needs a section frames"),
-        ("frames:", "frames: [", "not valid YAML"),
+        ("frames:", "frames: [", "not readable as YAML"),
+        ("message: IMU", "message: [IMU]", "no message ['IMU']"),
+        ("rate_limit: 5.0", "factor: " + "9" * 500, "at most 64"),
+        ("signal: Angle,", "signal: " + "x" * 100_000 + ",", "no signal xxx"),
+        ("frames:", "x: &a [1]\ny: *a\nframes:", "aliases"),
     ],
 )
 def test_a_wrong_mapping_ends_in_one_line(tmp_path, old, new, words):
     with pytest.raises(CanConfigurationError) as caught:
         Codec.load(changed(tmp_path, old, new))
     assert words in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 600
     assert caught.value.exit_status == 2
 
 
@@ -272,6 +277,29 @@ def test_a_broken_dbc_file_ends_in_one_line(tmp_path, text):
     with pytest.raises(CanConfigurationError) as caught:
         Codec.load(path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('BO_ 1 A: 8 X\nBO_ 1 B: 8 X\n', "message B: its name or its identifier 0x1 is there twice"),
+        ('BO_ 1 A: 8 X\n' + "".join(f' SG_ s{k} m{k} : 8|8@1+ (1,0) [0|0] "" X\n' for k in range(20_000)), "more than 1000"),
+        ("x" * 2_000_001, "larger than 2 MB"),
+        ('BO_ 1 A: 32768 X\n SG_ a : 0|8@1+ (1,0) [0|0] "" X\n', "a message of more than 1785 bytes"),
+        ('BO_ 1 A: 8 X\n SG_ a : 0|2000000000@1+ (1,0) [0|0] "" X\n', "a signal beyond its end"),
+    ],
+    ids=["twice", "signals", "size", "bytes", "bits"],
+)  # fmt: skip
+def test_a_dbc_file_that_says_too_much_is_refused_at_once(tmp_path, caplog, text, words):
+    path = changed(tmp_path, "frames:", "frames:")
+    path.write_text(text)
+    begin = time.monotonic()
+    with pytest.raises(CanConfigurationError, match=words):
+        Codec.load(path)
+    assert time.monotonic() - begin < 2.0
+    assert not caplog.records
+    with pytest.raises(CanConfigurationError, match=r"no such DBC file|not a regular file"):
+        Codec.load("/dev/zero", path.with_suffix(".yaml"))
 
 
 def test_files_that_are_not_there_are_named(tmp_path):

@@ -73,7 +73,7 @@ class SimulatedEcu:
 
     def recv(self, timeout):
         try:
-            return self.waiting.get(timeout=timeout) if timeout else self.waiting.get_nowait()
+            return self.waiting.get(timeout=0.01) if timeout else self.waiting.get_nowait()
         except queue.Empty:
             return None
 

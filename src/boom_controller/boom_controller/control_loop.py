@@ -30,6 +30,9 @@ _NO_OUTPUT = Output(0.0, 0.0)
 MOST_APART = 0.75
 """Sample times between the stamps of one set. Three sensors that each keep their own time are at most two thirds apart."""
 
+LATEST_BEGIN = 60.0
+"""s. A trajectory whose stamp lies further ahead is of another clock."""
+
 
 @dataclass(slots=True)
 class Cycle:
@@ -89,6 +92,7 @@ class ControlLoop:
             supervision.stop_deceleration, supervision.largest_rate, supervision.blend,
         )  # fmt: skip
         self._emergency = False
+        self._conflict = ""
         self._note = ""
         self._last_cycle: float | None = None
         self._last_reference = -math.inf
@@ -198,6 +202,19 @@ class ControlLoop:
         """The emergency stop by service: once."""
         self._stop(Finding("emergency_stop", "emergency stop by service"), now)
 
+    def conflict(self, text: str) -> None:
+        """What stands against moving from outside the loop, in a sentence; empty: nothing. More than one drives the boom."""
+        self._conflict = text
+
+    def fault(self, text: str, now: float) -> bool:
+        """This program failed. Ramps to zero, the second time at once: the cycle itself may be what fails. True while it ramps."""
+        again = self.supervision.finding is not None and self.supervision.finding.reason == "internal_error"
+        self._stop(Finding("internal_error", text), now)
+        if again or not self._watch_cycles:
+            self.supervision.drop()
+            self._last_output = (0.0, 0.0)
+        return self.supervision.moving
+
     def resume(self, now: float) -> tuple[bool, str]:
         """The explicit command to go on after a stop. Success, and a line for the operator."""
         return self.supervision.resume(self._standing(now))
@@ -260,6 +277,12 @@ class ControlLoop:
             raise TrajectoryError(
                 f"the trajectory ended {self.sensors.joint.stamp - begin - points[-1].time:.1f} s ago by its stamp: "
                 "stamp it with the present, or with zero for at once",
+                Code.OLD_HEADER_TIMESTAMP,
+            )
+        if begin is not None and begin - self.sensors.joint.stamp > LATEST_BEGIN:
+            raise TrajectoryError(
+                f"the trajectory begins in {begin - self.sensors.joint.stamp:.0f} s by its stamp: at most {LATEST_BEGIN:g} s ahead "
+                "are waited for",
                 Code.OLD_HEADER_TIMESTAMP,
             )
         trajectory = plan(points, present, measured, Bounds(*self._angles, limits.largest_rate, limits.start_tolerance))
@@ -391,6 +414,8 @@ class ControlLoop:
         """A reason that holds now, whatever the state."""
         if self._emergency:
             return Finding("emergency_stop", "emergency stop")
+        if self._conflict:
+            return Finding("two_publishers", self._conflict)
         return self.sensors.finding(now, self.supervision.settings)
 
     def _cycles_missed(self, gap: float, now: float) -> Finding | None:

@@ -10,21 +10,26 @@ from __future__ import annotations
 
 from boom_node import early  # noqa: F401  (first: signals and environment)
 
+import math
 import re
 import time
+from functools import partial
 from typing import Any
 
 from boom_interfaces.msg import ControllerState, MachineConfiguration, ReferenceState, SolenoidCurrents
 from boom_model.errors import ModelError
-from boom_model.machine_file import load_machine
+from boom_model.machine_file import load_machine, shipped_machine
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
-from boom_node.stamps import ns_to_seconds, seconds_to_ns, set_ns, to_ns
+from boom_node.node import LifecycleNode
+from boom_node.publishers import COMMANDS, SENSORS, SolePublishers
+from boom_node.realtime import Garbage, WakeUpLatency, use_core, use_priority
+from boom_node.stamps import far, ns_to_seconds, seconds_to_ns, set_ns, to_ns
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool, Float64
@@ -37,7 +42,6 @@ from boom_controller.errors import ControlError
 from boom_controller.joint_trajectory import TrajectoryError
 from boom_controller.lockstep import Lockstep
 from boom_controller.node_parameters import PARAMETERS, settings_of, supervision_of
-from boom_controller.realtime import Garbage, WakeUpLatency, use_core, use_priority
 from boom_controller.rehearsal import Rehearsal
 from boom_controller.tracking_goal import Tolerances
 from boom_controller.trajectory_action import TrajectoryAction
@@ -60,7 +64,7 @@ class ControllerNode(LifecycleNode):
         )
         self._loop: ControlLoop | None = None
         self._rehearsal: Rehearsal | None = None
-        self._active = False
+        self._active = self._realtime = False
         self._configuration: MachineConfiguration | None = None
         self._told: tuple[str, float, float, float] | None = None
         self._pending = False
@@ -72,6 +76,7 @@ class ControllerNode(LifecycleNode):
         self._cycles, self._late, self._feedback_at = 0, 0, 0
         self._garbage, self._wake_up_latency = Garbage(), WakeUpLatency()
         self._failure = ""
+        self._sole = SolePublishers(self, (*COMMANDS, *SENSORS), self._values["shared_topics"])
         self._make_topics()
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._use_parameters)
@@ -105,18 +110,23 @@ class ControllerNode(LifecycleNode):
         self._state_message, self._reference_message = ControllerState(), ReferenceState()
         self._load_message = Float64()
         subscribe(JointState, "/joint_states", self._on_joint, sensor=True)
-        subscribe(FluidPressure, "/boom/hose_pressure", self._on_hose, sensor=True)
-        subscribe(FluidPressure, "/boom/rod_pressure", self._on_rod, sensor=True)
+        subscribe(FluidPressure, "/boom/hose_pressure", partial(self._on_pressure, "hose"), sensor=True)
+        subscribe(FluidPressure, "/boom/rod_pressure", partial(self._on_pressure, "rod"), sensor=True)
         subscribe(SolenoidCurrents, "/boom/solenoid_currents", self._on_currents, sensor=True)
         subscribe(JointState, "/boom/reference", self._on_reference, sensor=True)
         subscribe(MachineConfiguration, "/boom/machine_configuration", self._on_configuration)
-        subscribe(JointTrajectory, "/boom/joint_trajectory", self._on_trajectory)
         subscribe(Bool, "/boom/emergency_stop", self._on_emergency)
         if self._lockstep:
             self.create_subscription(ClockMessage, "/clock", self._on_clock, qos.EVERY_SAMPLE)
         self.create_service(Trigger, "~/resume", self._on_resume)
         self.create_service(Trigger, "~/emergency_stop", self._on_emergency_service)
         self._action = TrajectoryAction(self, self._start_goal, self._cancel_goal)
+
+    def _offer_trajectories(self) -> None:
+        """Topic and action, from the first cycle on that could track one: who finds them there can use them."""
+        topic = "/boom/joint_trajectory"
+        self.create_subscription(JointTrajectory, topic, self._on_trajectory, qos.BY_TOPIC[topic])
+        self._action.offer()
 
     # ------------------------------------------------------------------------------------------------------- lifecycle
 
@@ -136,6 +146,13 @@ class ControllerNode(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Command, zero current at first."""
+        self._garbage.hold()
+        self._active, self._realtime = True, False
+        return super().on_activate(state)
+
+    def _use_realtime(self) -> None:
+        """With the first cycle: only then are all threads there, those of the executor included."""
+        self._realtime = True
         problems = []
         if self._values["realtime_priority"]:
             problems += [use_priority(self._values["realtime_priority"]), self._wake_up_latency.hold()]
@@ -143,9 +160,6 @@ class ControllerNode(LifecycleNode):
             problems.append(use_core(self._values["realtime_core"]))
         for problem in filter(None, problems):
             self.get_logger().warning(problem)
-        self._garbage.hold()
-        self._active = True
-        return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Bring the currents to zero; command no more."""
@@ -181,6 +195,11 @@ class ControllerNode(LifecycleNode):
         self._command(0.0, 0.0)
         self._finish_goals()
 
+    def stop_safely(self, reason: str) -> None:
+        """A callback raised: the currents come to zero by the loop's ramp, or at once where the loop cannot be relied on."""
+        if self._loop is not None and not self._loop.fault(reason, self._now()) and self._active:
+            self._command(0.0, 0.0)
+
     # ------------------------------------------------------------------------------------------------------ parameters
 
     def _check_parameters(self, changed: list[Any]) -> Any:
@@ -213,19 +232,27 @@ class ControllerNode(LifecycleNode):
     def _now(self) -> float:
         return ns_to_seconds(self._lockstep.tick_ns) if self._lockstep else time.monotonic()
 
-    def _times(self, message: Any) -> tuple[float, float]:
-        """Stamp counted from the first one, and when it was measured by the supervising clock [s]."""
+    def _times(self, topic: str, message: Any) -> tuple[float, float] | None:
+        """Stamp counted from the first one, and when it was measured by the supervising clock [s]; None: far from now, refused.
+
+        A stamp from the future would make every later sample look overtaken, so it is not believed either.
+        """
         stamp_ns = to_ns(message.header.stamp)
+        if self._lockstep:
+            now_ns, most_ahead = max(self._lockstep.tick_ns, 0), math.inf
+        else:
+            now_ns, most_ahead = self.get_clock().now().nanoseconds, self._values["sensor_timeout"]
+        delay = ns_to_seconds(now_ns - stamp_ns)
+        wrong = far(stamp_ns, now_ns) or (
+            "" if -delay <= most_ahead else f"{-1e3 * delay:.0f} ms ahead of the clock here"
+        )
+        if wrong and (not self._lockstep or self._lockstep.tick_ns >= 0):
+            self.guard.refuse(topic, "stamp far from now", f"{wrong}: synchronise the clocks")
+            return None
         if self._origin_ns is None:
             self._origin_ns = stamp_ns
         stamp = ns_to_seconds(stamp_ns - self._origin_ns)
-        if self._lockstep:
-            return stamp, ns_to_seconds(stamp_ns)
-        delay = ns_to_seconds(self.get_clock().now().nanoseconds - stamp_ns)
-        now = time.monotonic()
-        timeout = self._values["sensor_timeout"]
-        # a stamp from the future tells nothing about the age: clocks that differ so much count as a sensor that is gone
-        return stamp, now - delay if delay > -timeout else now - 2 * timeout
+        return stamp, ns_to_seconds(stamp_ns) if self._lockstep else time.monotonic() - delay
 
     def _on_joint(self, message: JointState) -> None:
         if self._loop is None:
@@ -235,24 +262,23 @@ class ControllerNode(LifecycleNode):
             angle, rate = message.position[k], message.velocity[k]
         except (ValueError, IndexError):
             return  # of other joints, or without the rate: it grows old, which is told
-        stamp, measured = self._times(message)
-        self._joint_stamp_ns = to_ns(message.header.stamp)
-        self._loop.joint(angle, rate, stamp, measured)
-        self._arrived("joint", self._joint_stamp_ns)
+        times = self._times("/joint_states", message)
+        if times is not None:
+            self._joint_stamp_ns = to_ns(message.header.stamp)
+            self._loop.joint(angle, rate, *times)
+            self._arrived("joint", self._joint_stamp_ns)
 
-    def _on_hose(self, message: FluidPressure) -> None:
-        if self._loop is not None:
-            self._loop.hose_pressure(messages.gauge(message), *self._times(message))
-            self._arrived("hose", to_ns(message.header.stamp))
-
-    def _on_rod(self, message: FluidPressure) -> None:
-        if self._loop is not None:
-            self._loop.rod_pressure(messages.gauge(message), *self._times(message))
-            self._arrived("rod", to_ns(message.header.stamp))
+    def _on_pressure(self, name: str, message: FluidPressure) -> None:
+        times = self._times(f"/boom/{name}_pressure", message) if self._loop is not None else None
+        if self._loop is not None and times is not None:
+            take = self._loop.hose_pressure if name == "hose" else self._loop.rod_pressure
+            take(messages.gauge(message), *times)
+            self._arrived(name, to_ns(message.header.stamp))
 
     def _on_currents(self, message: SolenoidCurrents) -> None:
-        if self._loop is not None:
-            self._loop.currents(message.retract, message.extend, *self._times(message))
+        times = self._times("/boom/solenoid_currents", message) if self._loop is not None else None
+        if self._loop is not None and times is not None:
+            self._loop.currents(message.retract, message.extend, *times)
 
     def _arrived(self, name: str, stamp_ns: int) -> None:
         if self._lockstep:
@@ -287,7 +313,12 @@ class ControllerNode(LifecycleNode):
             self._command(0.0, 0.0)
 
     def _on_clock(self, message: ClockMessage) -> None:
-        self._lockstep.tick_ns = to_ns(message.clock)
+        tick_ns, before = to_ns(message.clock), self._lockstep.tick_ns
+        wrong = far(tick_ns, before) if before >= 0 else ""
+        if wrong:
+            self.guard.refuse("/clock", "far from the tick before", wrong)
+            return
+        self._lockstep.tick_ns = tick_ns
         self._answer_tick()
 
     def _answer_tick(self) -> None:
@@ -299,21 +330,25 @@ class ControllerNode(LifecycleNode):
     def _cycle(self) -> None:
         loop = self._loop
         assert loop is not None  # the callers have looked
+        if not self._realtime:
+            self._use_realtime()
         if self._pending:
             self._configure()
+        loop.conflict(self._sole.look())
         cycle = loop.cycle(self._now())
         self._command(cycle.retract, cycle.extend)
         self._last = cycle
         self._cycles += 1
         stamp_ns = (self._origin_ns or 0) + seconds_to_ns(cycle.time)
+        if cycle.status != "warning" and not self._action.offered:
+            self._offer_trajectories()
         self._states.publish(messages.fill_state(self._state_message, cycle, stamp_ns))
         self._references.publish(messages.fill_reference(self._reference_message, cycle, stamp_ns))
         if cycle.load == cycle.load:
             self._load_message.data = cycle.load
             self._loads.publish(self._load_message)
         for number, ending in cycle.endings:
-            self._action.end(number, ending)
-            if number not in self._action.running and ending.text:
+            if not self._action.end(number, ending) and ending.text:
                 self.get_logger().warning(f"trajectory: {ending.text}")
         self._feed_back(loop, stamp_ns)
         if (cycle.state.value, cycle.reason) != self._said:
@@ -369,13 +404,16 @@ class ControllerNode(LifecycleNode):
             return
         load = message.load_mass if message.load_mass == message.load_mass else 0.0
         try:
-            machine = load_machine(self._values["machine"] or message.machine)
+            # a name that came over a topic is never a path
+            machine = (
+                load_machine(self._values["machine"]) if self._values["machine"] else shipped_machine(message.machine)
+            )
             self.get_logger().info(f"{machine.name}: preparing the control laws, at first some seconds")
             pose = machine.pose(message.outer_boom_angle, message.telescope_length, load)
             for each in filter(None, (loop, self._rehearsal)):
                 each.configure(machine, pose)
         except (ControlError, ModelError) as error:
-            self.get_logger().error(f"/boom/machine_configuration cannot be used: {error}")
+            self.guard.refuse("/boom/machine_configuration", "cannot be used", str(error))
             return
         if self._active:
             self._garbage.hold()
@@ -450,6 +488,8 @@ class ControllerNode(LifecycleNode):
         values = {"control law": self._loop.law.mode, "cycles": self._cycles, "cycles without all samples": self._late}
         if self._last is None:
             return Health(Level.WARN, "no cycle yet", values)
+        if self._sole.conflict:
+            return Health(Level.ERROR, f"two_publishers: {self._sole.conflict}", values)
         last = self._last
         values |= {
             "state": last.state.value,

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from boom_controller.control_loop import Cycle
-from boom_controller.joint_trajectory import Code, Point, TrajectoryError
+from boom_controller.joint_trajectory import MOST_POINTS, Code, Point, TrajectoryError
+from boom_input.shown import quoted
 from boom_interfaces.msg import ControllerState, ReferenceState
 from boom_model.oil import AMBIENT_PRESSURE
 from boom_node.stamps import set_ns
@@ -24,9 +25,12 @@ def points_of(message: Any, joint: str) -> list[Point]:
     """
     if list(message.joint_names) != [joint]:
         raise TrajectoryError(
-            f"the trajectory is for {', '.join(message.joint_names) or 'no joint'}: this controller moves {joint} alone",
+            f"the trajectory is for {quoted(', '.join(message.joint_names[:8])) or 'no joint'}: "
+            f"this controller moves {joint} alone",
             Code.INVALID_JOINTS,
         )
+    if len(message.points) > MOST_POINTS:
+        raise TrajectoryError(f"the trajectory has {len(message.points)} points: give at most {MOST_POINTS}")
     return [_point(k, point) for k, point in enumerate(message.points)]
 
 

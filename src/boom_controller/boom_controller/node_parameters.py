@@ -10,6 +10,7 @@ from boom_controller.controller import MODES
 from boom_controller.settings import SETTINGS, Settings
 from boom_controller.supervision_settings import SUPERVISION, SupervisionSettings
 from boom_node.parameters import ParameterSpec
+from boom_node.publishers import PARAMETER as SHARED_TOPICS
 
 OWN = (
     ParameterSpec("mode", "improved", "control law: thesis, baseline (its least stable change) or improved", choices=MODES),
@@ -25,6 +26,7 @@ OWN = (
     ParameterSpec("feedback_rate", 20.0, "how often the action sends feedback", "Hz", 1.0, 100.0),
     ParameterSpec("realtime_priority", 0, "SCHED_FIFO priority, and cores that stay awake; 0: neither", "", 0, 90, read_only=True),
     ParameterSpec("realtime_core", -1, "core that the process keeps to; -1: any", "", -1, 1023, read_only=True),
+    SHARED_TOPICS,
 )  # fmt: skip
 
 # Everything else is computed for one sample time.

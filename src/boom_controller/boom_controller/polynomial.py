@@ -20,6 +20,11 @@ class Polynomial:
         padded = (*coefficients, 0.0, 0.0, 0.0, 0.0, 0.0)[:6]
         self._c = (padded[0], padded[1], padded[2], padded[3], padded[4], padded[5])
 
+    @property
+    def coefficients(self) -> tuple[float, ...]:
+        """c_0 to c_5."""
+        return self._c
+
     def at(self, t: float) -> Reference:
         """Angle [rad], rate, acceleration and jerk at the time `t` [s] since the piece began."""
         c0, c1, c2, c3, c4, c5 = self._c

@@ -49,6 +49,10 @@ REASONS: dict[str, Reason] = {
                "enable the motion on the bridge, look at its diagnostics"),
         Reason("configuration_changed", "another machine, pose or load was told during a motion", "reference",
                "move with the new configuration"),
+        Reason("two_publishers", "more than one publishes commands or a sensor", "currents",
+               "end all but one; of a process that was killed the publisher goes within 10 s"),
+        Reason("internal_error", "a callback of the node raised an exception", "currents",
+               "report the traceback in the log; start the node anew"),
     )
 }  # fmt: skip
 

@@ -20,6 +20,9 @@ from enum import StrEnum
 from boom_controller.reasons import REASONS, Finding
 from boom_controller.supervision_settings import SupervisionSettings
 
+FAULT_RAMP = 0.05
+"""s. Where the program itself has failed the currents are zero within 100 ms, also where the next cycle fails."""
+
 
 class State(StrEnum):
     """See the module's table."""
@@ -45,6 +48,7 @@ class Supervision:
         self.finding: Finding | None = None
         self._since = 0.0
         self._ramp_from: float | None = None
+        self._ramp = settings.current_ramp
         self._rested_since: float | None = None
 
     @property
@@ -73,6 +77,10 @@ class Supervision:
         if self.state is State.STOPPED:
             return False
         by_currents = REASONS[finding.reason].reaction == "currents"
+        if self.state is not State.STOPPING:
+            self._ramp = self.settings.current_ramp
+        if finding.reason == "internal_error":
+            self._ramp = min(self.settings.current_ramp, FAULT_RAMP)
         if self.state is State.STOPPING:
             if by_currents and self._ramp_from is None:
                 self._ramp_from = now
@@ -95,7 +103,7 @@ class Supervision:
                 self._ramp_from = now
         if self._ramp_from is None:
             return 1.0
-        left = 1.0 - (now - self._ramp_from) / self.settings.current_ramp
+        left = 1.0 - (now - self._ramp_from) / self._ramp
         if left <= 0.0:
             self.state = State.STOPPED
             return 0.0

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.task import Future
 
 from boom_controller.joint_trajectory import Code, TrajectoryError
 from boom_controller.tracking_goal import Ending
@@ -18,8 +17,39 @@ from boom_interfaces.action import TrackTrajectory
 from boom_node.stamps import seconds_to_ns, set_ns
 
 
+class _Server(ActionServer):
+    """rclpy's action server, but a goal that is on its way is no task.
+
+    rclpy executes a goal as a coroutine that waits until it is over. The EventsExecutor runs a task that waits again and again, at
+    the cost of a whole core, and whatever brings samples has to fight for the queue that it turns: they came up to 100 ms late.
+    Here the task begins where the goal has ended, and ends at once.
+    """
+
+    begin: Callable[[Any], None]
+
+    def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
+        """A goal was accepted."""
+        self.begin(goal_handle)
+
+    def end(self, goal_handle: Any, ending: Ending) -> None:
+        """It has ended: tell the client."""
+
+        def result(_: Any) -> Any:
+            if goal_handle.is_cancel_requested:
+                goal_handle.canceled()
+            elif ending.code is Code.SUCCESSFUL and not ending.text:
+                goal_handle.succeed()
+            else:
+                goal_handle.abort()
+            return TrackTrajectory.Result(
+                error_code=int(ending.code), error_string=ending.text, max_error=float(ending.largest_error)
+            )
+
+        super().notify_execute(goal_handle, result)
+
+
 class TrajectoryAction:
-    """The server of one node.
+    """The server of one node, once it is offered.
 
     Args:
         node: the node.
@@ -28,74 +58,69 @@ class TrajectoryAction:
     """
 
     def __init__(self, node: Any, start: Callable[[Any], int], cancel: Callable[[int], bool]) -> None:
-        self._start, self._cancel = start, cancel
-        self._running: dict[int, tuple[Any, Future]] = {}
-        self._numbers: dict[bytes, int] = {}
-        self._server = ActionServer(
-            node,
+        self._node, self._start, self._cancel = node, start, cancel
+        self._running: dict[int, Any] = {}
+        self._server: _Server | None = None
+
+    @property
+    def offered(self) -> bool:
+        """Whether there is a server."""
+        return self._server is not None
+
+    def offer(self) -> None:
+        """Make the server."""
+        self._server = _Server(
+            self._node,
             TrackTrajectory,
             "~/track_trajectory",
-            execute_callback=self._execute,
+            execute_callback=self._begin,
             goal_callback=lambda _: GoalResponse.ACCEPT,
             cancel_callback=self._on_cancel,
             result_timeout=60,
         )
+        self._server.begin = self._begin
 
     @property
     def running(self) -> list[int]:
         """Numbers of the goals on their way."""
         return list(self._running)
 
-    def end(self, number: int, ending: Ending) -> None:
-        """A trajectory has ended."""
-        entry = self._running.get(number)
-        if entry is not None and not entry[1].done():
-            entry[1].set_result(ending)
+    def end(self, number: int, ending: Ending) -> bool:
+        """A trajectory has ended. False where it was no goal of the action."""
+        handle = self._running.pop(number, None)
+        if handle is None or self._server is None:
+            return False
+        self._server.end(handle, ending)
+        return True
 
     def feed_back(self, number: int, stamp_ns: int, progress: tuple[float, float, float]) -> None:
         """Wanted and measured angle [rad] and time since the start [s] of a trajectory."""
-        entry = self._running.get(number)
-        if entry is None:
+        handle = self._running.get(number)
+        if handle is None:
             return
         wanted, actual, elapsed = progress
         message = TrackTrajectory.Feedback(desired_angle=wanted, actual_angle=actual, error_angle=wanted - actual)
         set_ns(message.header.stamp, stamp_ns)
         set_ns(message.time_from_start, seconds_to_ns(max(elapsed, 0.0)))
-        entry[0].publish_feedback(message)
+        handle.publish_feedback(message)
 
-    async def _execute(self, handle: Any) -> Any:
+    def _begin(self, handle: Any) -> None:
+        assert self._server is not None  # who calls
         try:
-            number = self._start(handle.request)
+            self._running[self._start(handle.request)] = handle
         except TrajectoryError as error:
-            handle.abort()
-            return _result(Ending(error.code, str(error), 0.0))
-        future: Future = Future()
-        self._running[number] = (handle, future)
-        self._numbers[bytes(handle.goal_id.uuid)] = number
-        try:
-            ending = await future
-        finally:
-            del self._running[number], self._numbers[bytes(handle.goal_id.uuid)]
-        if handle.is_cancel_requested:
-            handle.canceled()
-        elif ending.code is Code.SUCCESSFUL and not ending.text:
-            handle.succeed()
-        else:
-            handle.abort()
-        return _result(ending)
+            self._server.end(handle, Ending(error.code, str(error), 0.0))
+        except Exception:
+            self._server.end(handle, Ending(Code.INVALID_GOAL, "internal error: see the log of the controller", 0.0))
+            raise
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
-        number = self._numbers.get(bytes(handle.goal_id.uuid))
+        number = next((number for number, running in self._running.items() if running is handle), None)
         if number is None or not self._cancel(number):
             return CancelResponse.REJECT
         return CancelResponse.ACCEPT
 
     def destroy(self) -> None:
         """Take the server away."""
-        self._server.destroy()
-
-
-def _result(ending: Ending) -> Any:
-    return TrackTrajectory.Result(
-        error_code=int(ending.code), error_string=ending.text, max_error=float(ending.largest_error)
-    )
+        if self._server is not None:
+            self._server.destroy()

@@ -4,11 +4,22 @@ from __future__ import annotations
 
 import itertools
 import math
+from types import SimpleNamespace
 
 import pytest
 
 from boom_controller.controller import Reference
-from boom_controller.joint_trajectory import SETTLING, Bounds, Code, JointTrajectory, Point, TrajectoryError, plan
+from boom_controller.joint_trajectory import (
+    MOST_POINTS,
+    SETTLING,
+    Bounds,
+    Code,
+    JointTrajectory,
+    Point,
+    TrajectoryError,
+    plan,
+)
+from boom_controller.messages import points_of
 from boom_controller.polynomial import Polynomial, cubic, quintic, to_rest
 
 BOUNDS = Bounds(-0.02, 1.5, 0.6, 0.05)
@@ -110,3 +121,18 @@ def test_angle_and_rate_go_on_across_the_points() -> None:
         assert abs(b.angle - a.angle) < 1e-3
         assert abs(b.rate - a.rate) < 5e-3
         assert abs(b.acceleration - a.acceleration) < 5e-2
+
+
+def test_more_points_than_can_be_read_between_two_cycles_are_refused_unread() -> None:
+    message = SimpleNamespace(joint_names=["boom"], points=[None] * (MOST_POINTS + 1))
+    with pytest.raises(TrajectoryError, match="1001 points: give at most 1000"):
+        points_of(message, "boom")
+
+
+def test_the_largest_trajectory_is_checked_at_every_piece() -> None:
+    slow = [Point(0.02 * k, 0.3 + 1e-4 * k, 5e-3, 0.0) for k in range(MOST_POINTS - 1)]
+    end = Point(0.02 * MOST_POINTS, 0.3 + 1e-4 * MOST_POINTS, 0.0, 0.0)
+    assert planned(*slow, end).goal == end.angle
+    slow[700] = Point(slow[700].time, slow[700].angle + 0.05, 5e-3, 0.0)
+    with pytest.raises(TrajectoryError, match=r"at 1[34]\."):
+        planned(*slow, end)

@@ -10,7 +10,7 @@
   function draw(figure) {
     if (figure.dataset.drawn) return;
     figure.dataset.drawn = "yes";
-    const spec = JSON.parse(document.getElementById(figure.dataset.spec).textContent);
+    const spec = JSON.parse(figure.nextElementSibling.textContent);
     // A finger scrolls the page; a mouse zooms into the chart.
     spec.layout.dragmode = touch ? false : "zoom";
     const narrow = figure.clientWidth < 560;
@@ -26,6 +26,9 @@
       spec.layout.annotations.filter((note) => note.name === "error").forEach((note) => { note.text = note.text.split(" (")[0]; });
       Object.keys(spec.layout).filter((key) => key.startsWith("xaxis")).forEach((key) => { spec.layout[key].nticks = 6; });
     }
+    // Not kept in figure.layout: a window that changes its size takes it away there.
+    figure.dataset.height = spec.layout.height;
+    figure.dataset.legend = spec.layout.legend ? spec.layout.legend.y : "";
     figure.style.minHeight = "";
     Plotly.newPlot(figure, spec.data, spec.layout, Object.assign({ displayModeBar: narrow ? false : "hover" }, config));
   }
@@ -46,12 +49,10 @@
   window.addEventListener("beforeprint", function () {
     figures.forEach(function (figure) {
       draw(figure);
-      const own = figure.layout.height, height = Math.min(800, own), margin = figure.layout.margin;
-      figure.dataset.height = own;
-      figure.dataset.legend = figure.layout.legend ? figure.layout.legend.y : "";
+      const own = Number(figure.dataset.height), height = Math.min(800, own), margin = figure.layout.margin;
       Plotly.relayout(figure, { width: 690, height: height });
       // The legend keeps its distance in pixels from the first panel.
-      if (height < own) Plotly.relayout(figure, { "legend.y": 1 + 26 / (height - margin.t - margin.b) });
+      if (height < own && figure.dataset.legend) Plotly.relayout(figure, { "legend.y": 1 + 26 / (height - margin.t - margin.b) });
     });
   });
   window.addEventListener("afterprint", function () {

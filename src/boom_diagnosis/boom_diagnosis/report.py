@@ -10,6 +10,7 @@ from boom_diagnosis import __version__, report_events, report_figure, report_inp
 from boom_diagnosis.report_page import chart, page
 from boom_diagnosis.report_verdict import verdict
 from boom_diagnosis.validation import BagValidation, Prediction, Validation
+from boom_input.whole import write_whole
 from boom_model.machine import Machine
 
 _METHOD = (
@@ -60,7 +61,7 @@ def write_report(
         f"<section class=card><h2>About this report</h2><p>{escape(_METHOD)}</p>"
         f"{report_inputs.section(validation, machine, machine_source)}</section>"
     )
-    Path(path).write_text(page(heading, body), encoding="utf-8")
+    write_whole(path, page(heading, body))
 
 
 def _made(validation: Validation, command: str) -> str:
@@ -110,7 +111,7 @@ def _recording(bag: BagValidation, index: int) -> str:
         f"<section class='card recording' id='bag-{index}'><h2>{escape(recording.name)} "
         f"<span class='pill {said.kind.replace(' ', '-')}'>{said.kind}</span></h2><p class=quiet>{escape(about)}</p>"
         f"<p>{escape(said.sentence)}</p>{stopped}{warnings}{report_tables.errors(bag)}"
-        f"{chart(f'spec-{index}', report_figure.figure(bag))}"
+        f"{chart(report_figure.figure(bag))}"
         f"<h3>Free runs and their initial states</h3><ul>{runs}</ul><h3>Gaps, losses and faults</h3>"
         f"{report_events.section(recording.events)}{notes}</section>"
     )

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
-from contextlib import suppress
 from datetime import datetime
 from html import escape
 from pathlib import Path
@@ -25,6 +22,7 @@ from boom_diagnosis.report_diagnosis_words import (
     effect_name,
     headline,
     intervals_text,
+    others_text,
     percent,
     probability,
     shown,
@@ -32,6 +30,7 @@ from boom_diagnosis.report_diagnosis_words import (
 from boom_diagnosis.report_inputs import files_table, machine_section
 from boom_diagnosis.report_page import chart, page
 from boom_diagnosis.report_scheme import scheme
+from boom_input.whole import write_whole
 
 _METHOD = (
     "Doubts are raised in this order: clock and delay, sensors, parameters within and outside their tolerance, physics of the "
@@ -52,17 +51,7 @@ def write_diagnosis_report(result: DiagnosisResult, path: str | Path) -> None:
     Raises:
         OSError: the file cannot be written.
     """
-    target = Path(path)
-    handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(html(result))
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, target)
-    except BaseException:
-        with suppress(OSError):
-            os.unlink(temporary)
-        raise
+    write_whole(path, html(result))
 
 
 def html(result: DiagnosisResult) -> str:
@@ -116,8 +105,7 @@ def _facts(result: DiagnosisResult) -> list[tuple[str, str]]:
         facts.append(("where", f"{place}, equation ({escape(finding.equation)})"))
         times = escape(intervals_text(finding.intervals_s, 3))
         facts.append(("when", escape(finding.regime) + (f" ({times})" if times else "")))
-        others = [f"{escape(effect_name(a.effect))} {probability(a.confidence)}" for a in finding.alternatives[:3]]
-        facts.append(("or else", ", ".join(others)))
+        facts.append(("or else", ", ".join(escape(other) for other in others_text(finding)[:3])))
     if not document.findings and result.tolerances_used:
         moved = "<br>".join(
             f"<code>{escape(k)}</code> = {escape(shown(e).text)}" for k, e in list(result.tolerances_used.items())[:6]
@@ -156,7 +144,7 @@ def _bag(bag: BagResult, index: int) -> str:
     return (
         f"<section class='card recording' id='bag-{index}'><h2>{escape(bag.name)} <span class=tag>{held}</span></h2>"
         f"<p class=quiet>Measured, before and after: free runs on the recorded currents, {bag.duration:.1f} s.</p>"
-        f"{chart(f'spec-{index}', figure(bag))}{events}</section>"
+        f"{chart(figure(bag))}{events}</section>"
     )
 
 

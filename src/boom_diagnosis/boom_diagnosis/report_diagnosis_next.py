@@ -19,10 +19,10 @@ def learned(result: DiagnosisResult) -> str:
     if not result.learned:
         return ""
     parts = []
-    for index, curve in enumerate(result.learned):
+    for curve in result.learned:
         parts.append(
             f"<h3>Added to equation ({escape(curve.equation)})</h3><div class=formula>{escape(curve.formula)}</div>"
-            f"<p>{escape(curve.reading)}</p>{chart(f'learned-{index + 1}', learned_chart(curve))}"
+            f"<p>{escape(curve.reading)}</p>{chart(learned_chart(curve))}"
         )
     return (
         f"<section class=card><h2>A term learnt from the data</h2>{''.join(parts)}<p class=note>Over its main variable, the "
@@ -66,7 +66,7 @@ def experiment(result: DiagnosisResult) -> str:
             "<th class=n>apart now<br>[sigma]</th><th class=n>apart then<br>[sigma]</th></tr></thead>"
             f"<tbody>{rows}</tbody></table></div>"
         )
-        text += (table if rows else "") + chart("experiment", experiment_chart(proposed))
+        text += (table if rows else "") + chart(experiment_chart(proposed))
     return f"<section class=card><h2>What to record next</h2>{text}</section>"
 
 

@@ -12,8 +12,10 @@ from boom_diagnosis.report_diagnosis_words import (
     SUBSYSTEM_NAMES,
     effect_name,
     intervals_text,
+    others_text,
     percent,
     probability,
+    ranking_title,
     shown,
     signed,
 )
@@ -33,7 +35,7 @@ def findings(result: DiagnosisResult) -> str:
     cards = []
     for index, finding in enumerate(result.document.findings):
         numbers = _estimates(finding.parameters)
-        others = ", ".join(f"{escape(effect_name(a.effect))} {probability(a.confidence)}" for a in finding.alternatives)
+        others = ", ".join(escape(other) for other in others_text(finding))
         place = SUBSYSTEM_NAMES.get(finding.subsystem, escape(finding.subsystem))
         times = escape(intervals_text(finding.intervals_s))
         rows = [
@@ -52,9 +54,9 @@ def findings(result: DiagnosisResult) -> str:
 
 def ranking(result: DiagnosisResult) -> str:
     """HTML: every hypothesis with probability, gain on data used and not used, and its numbers."""
-    if not result.ranking:
+    if not result.document.ranking:
         return ""
-    rows = [_row(row, index == 0) for index, row in enumerate(result.ranking)]
+    rows = [_row(row, index == 0) for index, row in enumerate(result.document.ranking)]
     head = (
         "<thead><tr><th>hypothesis</th><th>kind</th><th>probability</th><th class=n>gain held out<br>[nats]</th>"
         "<th class=n>gain fitted<br>[nats]</th><th>estimate, 90 % interval</th></tr></thead>"
@@ -66,7 +68,7 @@ def ranking(result: DiagnosisResult) -> str:
             f"<tbody>{''.join(rows[_MOST:])}</tbody></table></div></details>"
         )
     return (
-        f"<section class=card><h2>Ranking of the hypotheses</h2><div class=scroll><table>{head}<tbody>"
+        f"<section class=card><h2>{ranking_title(result)}</h2><div class=scroll><table>{head}<tbody>"
         f"{''.join(rows[:_MOST])}</tbody></table></div>{more}<p class=note>Gain: how much more probable the data are under "
         "the hypothesis than under parameters within their tolerance, as a logarithm (1 nat is a factor of 2.7). The gain "
         "on held-out data decides; probabilities are calibrated on simulated machines.</p></section>"

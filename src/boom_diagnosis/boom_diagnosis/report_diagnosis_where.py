@@ -58,13 +58,13 @@ def _share(value: float) -> str:
 def _over_time(result: DiagnosisResult) -> str:
     titles = {e.key: e.title for e in result.equations}
     charts = []
-    for index, bag in enumerate(result.bags):
+    for bag in result.bags:
         if not bag.equations:
             continue
         windows = (
             f" More than noise: {escape(intervals_text(bag.windows))}." if bag.windows else " Nowhere more than noise."
         )
-        charts.append(f"<p><b>{escape(bag.name)}</b>.{windows}</p>{chart(f'strip-{index + 1}', strip(bag, titles))}")
+        charts.append(f"<p><b>{escape(bag.name)}</b>.{windows}</p>{chart(strip(bag, titles))}")
     if not charts:
         return ""
     return "<h3>When: unknown input of each equation over time, in units of its own standard deviation</h3>" + "".join(

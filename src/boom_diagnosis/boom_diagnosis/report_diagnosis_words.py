@@ -141,6 +141,17 @@ def probability(value: float) -> str:
     return "< 0.01" if 0 < value < 0.005 else f"{value:.2f}"
 
 
+def others_text(finding: Finding) -> list[str]:
+    """What the finding could be instead, each with its probability; not what the recordings disproved."""
+    return [f"{effect_name(a.effect)} {probability(a.confidence)}" for a in finding.alternatives if a.confidence > 0]
+
+
+def ranking_title(result: DiagnosisResult) -> str:
+    """The heading of the ranking; beside a first finding a further one has a probability of its own."""
+    several = sum(finding.effect is not None for finding in result.document.findings) > 1
+    return "Ranking: what the first finding could be" if several else "Ranking of the hypotheses"
+
+
 def intervals_text(intervals: tuple[tuple[float, float], ...], most: int = 4) -> str:
     """Times in words: "12.1 to 13.0 s, 15.0 to 15.8 s and 3 more"."""
     said = [f"{a:.1f} to {b:.1f} s" for a, b in intervals[:most]]

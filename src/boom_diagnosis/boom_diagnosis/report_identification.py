@@ -19,6 +19,7 @@ from boom_diagnosis.report_channels import number
 from boom_diagnosis.report_page import chart, page
 from boom_diagnosis.report_verdict import verdict
 from boom_diagnosis.validation import BagValidation, Validation
+from boom_input.whole import write_whole
 
 _WHOLE = "style='white-space:nowrap'"
 _METHOD = (
@@ -55,7 +56,7 @@ def write_identification_report(
         f"<section class=card><h2>About this report</h2><p>{escape(_METHOD)}</p>{_files(result, machine_source)}"
         f"{report_inputs.machine_section(result.identified)}</section>"
     )
-    Path(path).write_text(page(heading, body), encoding="utf-8")
+    write_whole(path, page(heading, body))
 
 
 def _summary(result: Identification) -> str:
@@ -133,7 +134,7 @@ def _recording(bag: BagValidation, index: int) -> str:
     return (
         f"<section class='card recording' id='bag-{index}'><h2>{escape(bag.recording.name)} "
         f"<span class='pill {said.kind.replace(' ', '-')}'>{said.kind}</span></h2><p>{escape(said.sentence)}</p>"
-        f"{report_tables.errors(bag)}{chart(f'validation-{index}', report_figure.figure(bag))}</section>"
+        f"{report_tables.errors(bag)}{chart(report_figure.figure(bag))}</section>"
     )
 
 

@@ -49,8 +49,8 @@ def _spool(spool: Spool) -> str:
         "<h2>Main valve: spool (5.8)-(5.13)</h2><p>No sensor sees the spool. These are catalogue values, and what follows from "
         "them; nothing here was identified.</p><div class=scroll><table class=compact><thead><tr><th>constant</th><th class=n>"
         "machine file</th><th class=n>from the catalogue</th><th>unit</th><th>equation</th></tr></thead><tbody>"
-        f"{rows}</tbody></table></div><h3>Fig. 5.5: friction of the spool (5.13)</h3>{chart('fig-5-5', friction)}"
-        f"<h3>Fig. 5.6: step response to a pilot pressure of 1 bar</h3>{chart('fig-5-6', step)}"
+        f"{rows}</tbody></table></div><h3>Fig. 5.5: friction of the spool (5.13)</h3>{chart(friction)}"
+        f"<h3>Fig. 5.6: step response to a pilot pressure of 1 bar</h3>{chart(step)}"
         "<p class=note>Coulomb friction smoothed by the tanh acts as strong damping at low speed: no overshoot, slow creep.</p>"
     )
 
@@ -65,11 +65,9 @@ def _main_valve(result: MainValveResult, points: Points) -> str:
     ]
     for port, figure, symbol in zip(result.ports, ("5.7", "5.8"), ("a", "b"), strict=True):
         heading = f"<h3>Fig. {figure}: normalised orifice area of port {symbol}</h3>"
-        parts.append(f"{heading}{chart(f'fig-{figure}', _areas(port, result))}{_smoothing(port)}")
+        parts.append(f"{heading}{chart(_areas(port, result))}{_smoothing(port)}")
     if result.polygons:
-        parts.append(
-            f"<h3>Figs. 6.2, 6.3: piecewise linear areas for the controller</h3>{chart('fig-6-2', _polygons(result))}"
-        )
+        parts.append(f"<h3>Figs. 6.2, 6.3: piecewise linear areas for the controller</h3>{chart(_polygons(result))}")
     return "".join(parts)
 
 
@@ -131,7 +129,7 @@ def _hose_burst_valve(result: HoseBurstValveResult, whole: Identification) -> st
     figure = xy(traces, "pressure drop p<sub>h</sub> − p<sub>a</sub> [bar]", "flow into the cylinder [l/min]")
     why = result.not_determined[0].why if result.not_determined else ""
     remark = f"<p class=note>Not written to the machine file: {escape(why)}.</p>" if why else ""
-    return f"<h2>Hose burst valve (5.28)-(5.36)</h2><h3>Fig. 5.9</h3>{chart('fig-5-9', figure)}{table}{remark}"
+    return f"<h2>Hose burst valve (5.28)-(5.36)</h2><h3>Fig. 5.9</h3>{chart(figure)}{table}{remark}"
 
 
 def _friction(result: Identification) -> str:
@@ -146,7 +144,7 @@ def _friction(result: Identification) -> str:
     ]
     figure = xy(traces, "angular velocity [rad/s]", "friction torque [kN m]")
     return (
-        f"<h2>Friction (5.37), (5.38)</h2><h3>Fig. 5.10</h3>{chart('fig-5-10', figure)}"
+        f"<h2>Friction (5.37), (5.38)</h2><h3>Fig. 5.10</h3>{chart(figure)}"
         f"<p class=note>Residual {number(friction.residual) if len(rate) else '–'} N m rms over {len(rate)} samples. The torque "
         "also holds what is wrong with areas, geometry, load and hose burst valve.</p>"
     )

@@ -31,26 +31,26 @@ def section(result: Identification) -> str:
     if pilot.traces:
         shown = max(pilot.traces, key=lambda t: sum(np.count_nonzero(np.diff(s.stationary)) for s in t.stretches))
         parts.append(
-            f"<h3>Fig. 5.1: current and its average, {escape(shown.trace.name)}</h3>{chart('fig-5-1', _average(shown))}"
-            f"<h3>Fig. 5.2: stationary points (5.1), {escape(shown.trace.name)}</h3>{chart('fig-5-2', _stationary(shown))}"
+            f"<h3>Fig. 5.1: current and its average, {escape(shown.trace.name)}</h3>{chart(_average(shown))}"
+            f"<h3>Fig. 5.2: stationary points (5.1), {escape(shown.trace.name)}</h3>{chart(_stationary(shown))}"
         )
     if pilot.curve is not None:
-        parts.append(f"<h3>Fig. 5.3: static curve h</h3>{chart('fig-5-3', _static(pilot))}{_curves(pilot)}")
+        parts.append(f"<h3>Fig. 5.3: static curve h</h3>{chart(_static(pilot))}{_curves(pilot)}")
     if pilot.valves:
         parts.append(f"<h3>Linear part, both valves</h3>{_valves(pilot)}")
-        for k, valve in enumerate(pilot.valves):
+        for valve in pilot.valves:
             parts.append(
-                f"<h3>Bias of ARX, {valve.valve} valve</h3>{chart(f'bias-{k}', _bias(valve))}"
+                f"<h3>Bias of ARX, {valve.valve} valve</h3>{chart(_bias(valve))}"
                 "<p class=note>Output simulated by the model found, on the measured current, with white noise of so many times "
                 "the measured size, not averaged. ARX has the noisy output in its regressor and loses the pole; the output error "
                 "does not.</p>"
                 f"<details><summary>Orders and delays compared, {valve.valve} valve</summary>{_candidates(valve)}</details>"
             )
     checks = [c for c in pilot.checks if c.held_out] or list(pilot.checks)
-    for k, check in enumerate(checks):
+    for check in checks:
         parts.append(
             f"<h3>Fig. 5.4: {escape(check.trace)}, {'held out' if check.held_out else 'used in the fit'}: "
-            f"{check.rms / BAR:.3f} bar rms</h3>{chart(f'fig-5-4-{k}', _check(check))}"
+            f"{check.rms / BAR:.3f} bar rms</h3>{chart(_check(check))}"
         )
     if pilot.checks:
         parts.append(_check_table(pilot))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections import Counter
 from html import escape
 from importlib.resources import files
 from typing import Any
@@ -11,6 +13,8 @@ from typing import Any
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; form-action 'none'"
 )
+# In names and charts every "<" is escaped: what begins with one is an element.
+_ID = re.compile(r"<[a-z][^<>]*? id=['\"]?([^'\" >]+)")
 _CLOUD = "https://cloud.plotly.com/newchart"
 
 
@@ -22,6 +26,7 @@ def page(heading: str, body: str, styles: tuple[str, ...] = ("report.css",)) -> 
         body: HTML inside ``main``.
         styles: style sheets of this package that it takes, in order.
     """
+    _only_once(body)
     from plotly.offline import get_plotlyjs  # half a second, which only a report costs
 
     # The library can send a chart to its maker's server; report.js switches that off, and there is no address either.
@@ -40,16 +45,23 @@ def page(heading: str, body: str, styles: tuple[str, ...] = ("report.css",)) -> 
     )
 
 
-def chart(name: str, figure: dict[str, Any]) -> str:
-    """HTML of a chart.
+def chart(figure: dict[str, Any]) -> str:
+    """HTML of a chart: its place, and right behind it its data.
 
     Args:
-        name: unique on the page.
         figure: ``data`` and ``layout`` as plotly.js takes them, with a height in the layout.
     """
     # "<" would end the script element wherever a name holds "</script>".
     spec = json.dumps(figure, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     return (
-        f"<div class=figure data-spec='{name}' style='min-height:{figure['layout']['height']}px'></div>"
-        f"<script type='application/json' id='{name}'>{spec}</script>"
+        f"<div class=figure style='min-height:{figure['layout']['height']}px'></div>"
+        f"<script type='application/json'>{spec}</script>"
+    )
+
+
+def _only_once(body: str) -> None:
+    """A link leads to the first element of its name, a second one is never found."""
+    ids = Counter(_ID.findall(body))
+    assert set(ids.values()) <= {1}, (
+        f"ids that are not unique on the page: {[name for name, n in ids.items() if n > 1]}"
     )

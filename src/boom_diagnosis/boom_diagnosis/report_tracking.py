@@ -51,8 +51,9 @@ def section(tracking: Tracking, recording: Recording, mode: str) -> str:
     )
     return (
         f"<section class='card recording' id='closed-loop'><h2>Closed loop: {escape(mode)}</h2>"
-        f"<table><thead><tr><th></th>{heads}</tr></thead><tbody>{body}</tbody></table><p class=quiet>{escape(_METHOD)}</p>"
-        f"{chart('closed-loop', figure(tracking, recording))}</section>"
+        f"<div class=scroll><table><thead><tr><th></th>{heads}</tr></thead><tbody>{body}</tbody></table></div>"
+        f"<p class=quiet>{escape(_METHOD)}</p>"
+        f"{chart(figure(tracking, recording))}</section>"
     )
 
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from typing import TextIO
-
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -17,21 +14,10 @@ from boom_diagnosis.report_tables import load_text
 from boom_diagnosis.report_verdict import verdict
 from boom_diagnosis.validation import BagValidation, Validation
 
-WIDTH = 100
-"""Columns where the output is no terminal."""
 NARROW = 88
 """Columns below which pose and load are left out: the report shows them."""
 
 _STYLES = {"agrees": "green", "differs": "bold red", "stopped": "bold red", "not compared": "yellow"}
-
-
-def console_for(stream: TextIO | None = None) -> Console:
-    """A console in the terminal's own width and colours; plain and `WIDTH` columns wide elsewhere."""
-    out = stream or sys.stdout
-    terminal = out.isatty()
-    return Console(
-        file=out, width=None if terminal else WIDTH, highlight=False, color_system="auto" if terminal else None
-    )
 
 
 def print_validation(validation: Validation, console: Console) -> None:
@@ -60,11 +46,11 @@ def _print(validation: Validation, console: Console) -> None:
 def full_table(validation: Validation, *, narrow: bool = False) -> Table:
     """Table 5.1: the full model against the measurement; ``narrow`` without pose and thesis."""
     table = _table("Table 5.1: full model against the measurement", narrow)
-    table.add_column("angle MAE\n\\[rad]", justify="right", no_wrap=True)
+    table.add_column("angle MAE\n[rad]", justify="right", no_wrap=True)
     for channel in CHANNELS[1:]:
-        table.add_column(f"{channel.label.split()[0]} rms\n\\[{channel.error_unit}]", justify="right", no_wrap=True)
+        table.add_column(f"{channel.label.split()[0]} rms\n[{channel.error_unit}]", justify="right", no_wrap=True)
     if not narrow:
-        table.add_column("thesis MAE\n\\[rad]", no_wrap=True)
+        table.add_column("thesis MAE\n[rad]", no_wrap=True)
     for bag in validation.bags:
         cells = [_rad(bag.full.metrics.angle_mae_rad)]
         for channel in CHANNELS[1:]:
@@ -79,10 +65,10 @@ def full_table(validation: Validation, *, narrow: bool = False) -> Table:
 def reduced_table(validation: Validation, *, narrow: bool = False) -> Table:
     """Table 5.2: the reduced model against the full model; ``narrow`` without pose and thesis."""
     table = _table("Table 5.2: reduced model against the full model", narrow)
-    table.add_column("angle MAE\n\\[rad]", justify="right", no_wrap=True)
-    table.add_column("\n\\[mrad]", justify="right", no_wrap=True)
+    table.add_column("angle MAE\n[rad]", justify="right", no_wrap=True)
+    table.add_column("\n[mrad]", justify="right", no_wrap=True)
     if not narrow:
-        table.add_column("thesis MAE\n\\[rad]", no_wrap=True)
+        table.add_column("thesis MAE\n[rad]", no_wrap=True)
     for bag in validation.bags:
         value = bag.reduced_vs_full_angle_mae_rad
         shown = "-" if value is None else number(value * 1e3)
@@ -102,7 +88,7 @@ def _table(title: str, narrow: bool) -> Table:
     )
     table.add_column("recording", overflow="fold", min_width=12)
     if not narrow:
-        for head in ("q3\n\\[rad]", "q4\n\\[m]", "load\n\\[kg]"):
+        for head in ("q3\n[rad]", "q4\n[m]", "load\n[kg]"):
             table.add_column(head, justify="right", no_wrap=True)
     return table
 

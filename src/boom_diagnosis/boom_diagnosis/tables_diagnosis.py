@@ -17,6 +17,7 @@ from boom_diagnosis.report_diagnosis_words import (
     intervals_text,
     percent,
     probability,
+    ranking_title,
     shown,
 )
 
@@ -50,7 +51,7 @@ def _print(result: DiagnosisResult, console: Console) -> None:
         console.print()
     if "nominal" in document.fit.held_out:
         console.print(proof_table(result))
-    if result.ranking:
+    if result.document.ranking:
         console.print(ranking_table(result))
     if result.remaining:
         console.print(Text(f"remains: {result.remaining}"))
@@ -62,7 +63,7 @@ def findings_table(result: DiagnosisResult) -> Table:
     """What was found: effect, numbers, regime, confidence."""
     table = _table("Found")
     table.add_column("what", overflow="fold")
-    table.add_column("how much \\[90 % interval]", overflow="fold")
+    table.add_column("how much [90 % interval]", overflow="fold")
     table.add_column("when", overflow="fold")
     table.add_column("sure", justify="right", no_wrap=True)
     for finding in result.document.findings:
@@ -92,12 +93,12 @@ def proof_table(result: DiagnosisResult) -> Table:
 
 def ranking_table(result: DiagnosisResult) -> Table:
     """The most probable hypotheses."""
-    table = _table("Ranking")
+    table = _table(ranking_title(result))
     table.add_column("hypothesis", overflow="fold")
     table.add_column("kind", no_wrap=True)
     table.add_column("probability", justify="right", no_wrap=True)
-    table.add_column("gain held out\n\\[nats]", justify="right")
-    for row in result.ranking[:_MOST]:
+    table.add_column("gain held out\n[nats]", justify="right")
+    for row in result.document.ranking[:_MOST]:
         table.add_row(
             Text(row.label), Text(row.kind), Text(probability(row.probability)), Text(f"{row.held_out_gain:.1f}")
         )

@@ -11,19 +11,19 @@ from functools import partial
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 from sensor_msgs.msg import FluidPressure, JointState
 
 from boom_diagnosis.diagnosis import watch, watch_words
 from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_model.errors import ModelError
-from boom_model.machine_file import load_machine
+from boom_model.machine_file import load_machine, shipped_machine
 from boom_node import qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
+from boom_node.node import Node
 from boom_node.input_watch import InputWatch
 from boom_node.parameters import ParameterSpec, declare
-from boom_node.stamps import ns_to_seconds, to_ns
+from boom_node.stamps import far, ns_to_seconds, to_ns
 from boom_recording import channels
 
 _DEFAULT = watch.Settings()
@@ -40,6 +40,8 @@ PARAMETERS = (
     ParameterSpec("delay", _DEFAULT.delay, "how long late samples are waited for", "s", 0.0, 2.0, read_only=True),
 )  # fmt: skip
 _ADVANCE_PERIOD_S = 0.05
+_CLOCK_SET = 100
+"""Samples in a row, a quarter of a second of all topics, that are far from the ones before."""
 
 
 class WatchNode(Node):
@@ -59,6 +61,8 @@ class WatchNode(Node):
         self._configuration: tuple[str, float, float, float] | None = None
         self._failure = ""
         self._origin_ns: int | None = None
+        self._newest_ns = 0
+        self._strange = 0
         self._refused = 0
         self._told: watch.Alarm | None = None
         self._input = InputWatch(
@@ -85,11 +89,19 @@ class WatchNode(Node):
         if asked == self._configuration:
             return
         self._configuration, self._watch, self._failure = asked, None, ""
+        self._begin()
+
+    def _begin(self) -> None:
+        """A new watch over what was configured last."""
+        self._origin_ns = None
+        asked = self._configuration
+        if asked is None:
+            return
         try:
-            machine = self._machine or load_machine(message.machine)
+            machine = self._machine or shipped_machine(asked[0])
             self._watch = watch.Watch(machine, machine.pose(*asked[1:]), self._settings)
             self.get_logger().info(
-                f"watching {machine.name}, q3 = {asked[1]:g} rad, q4 = {asked[2]:g} m, load {load:g} kg"
+                f"watching {machine.name}, q3 = {asked[1]:g} rad, q4 = {asked[2]:g} m, load {asked[3]:g} kg"
             )
         except ModelError as error:
             self._failure = f"the machine cannot be watched: {error}; give its file with the parameter 'machine'"
@@ -115,7 +127,9 @@ class WatchNode(Node):
             return
         nanoseconds = to_ns(stamp)
         if self._origin_ns is None:
-            self._origin_ns = nanoseconds
+            self._origin_ns = self._newest_ns = nanoseconds
+        if not self._believed(nanoseconds):
+            return
         at = ns_to_seconds(nanoseconds - self._origin_ns)
         for name, wire in values.items():
             channel = channels.BY_NAME[name]
@@ -124,6 +138,19 @@ class WatchNode(Node):
                 self._watch.add(name, at, value)
             else:
                 self._refused += 1
+
+    def _believed(self, nanoseconds: int) -> bool:
+        """Whether a stamp fits the others, of whatever clock they are; where none fits any more the clock was set."""
+        wrong = far(nanoseconds, self._newest_ns)
+        if not wrong:
+            self._newest_ns, self._strange = nanoseconds, 0
+            return True
+        self.guard.refuse("samples", "stamp far from the one before", wrong)
+        self._strange += 1
+        if self._strange >= _CLOCK_SET:
+            self._strange = 0
+            self._begin()
+        return False
 
     # ---------------------------------------------------------------------------------------------------------- outputs
 

@@ -156,12 +156,18 @@ def identified() -> DiagnosisResult:
         {s: errors(2, s.replace("parameters_only", "nominal")) for s in ("nominal", "parameters_only", "explained")},
         errors(2, "truth"), ("lag_b",),
     )  # fmt: skip
+    tau = {"tau": lag_finding().parameters["tau"]}
     document = Document(
         "identified", (lag_finding(),), {**dict.fromkeys(SUBSYSTEMS, 0.005), "hose_burst_valve": 0.97, "main_valve": 0.08},
         fit, "Lower fast twice from the upper end: this separates the lag from another setting.", 7, {"lag_a": "0" * 64}, "0.1.0",
+        (
+            RankingRow("hose burst valve lag", "hose_burst_valve_lag", "effect", "hose_burst_valve", 0.97, 812.0, 640.0, tau),
+            RankingRow("parameters only", None, "parameters", "", 0.01, 0.0, 0.0, {}),
+            RankingRow("sensors", None, "sensors", "sensors", 0.01, 3.0, -2.0, {}, inside=False, note="bias of 9 bar"),
+            RankingRow("unknown", None, "unknown", "", 0.01, 5.0, -8.0, {}),
+        ),
     )  # fmt: skip
     time = np.arange(0.0, 10.0, PERIOD)
-    tau = {"tau": lag_finding().parameters["tau"]}
     return DiagnosisResult(
         document, tz17(), with_lag(TAU * 1.02),
         (bag("lag_a", 1, held_out=False), bag("lag_b", 2, held_out=True)), regimes(),
@@ -170,12 +176,6 @@ def identified() -> DiagnosisResult:
             EquationEvidence("torque", "equation of motion", "5.39b", ("load", "structure", "friction"), 0.1, 0.2),
         ),
         "Both ways point to the flow through the hose burst valve.",
-        (
-            RankingRow("hose burst valve lag", "hose_burst_valve_lag", "effect", "hose_burst_valve", 0.97, 812.0, 640.0, tau),
-            RankingRow("parameters only", None, "parameters", "", 0.01, 0.0, 0.0, {}),
-            RankingRow("sensors", None, "sensors", "sensors", 0.01, 3.0, -2.0, {}, inside=False, note="bias of 9 bar"),
-            RankingRow("unknown", None, "unknown", "", 0.01, 5.0, -8.0, {}),
-        ),
         (
             LadderStep("nominal", fit.training["nominal"], fit.held_out["nominal"]),
             LadderStep("parameters only", fit.training["parameters_only"], fit.held_out["parameters_only"]),
@@ -223,9 +223,10 @@ def without_finding(verdict: str) -> DiagnosisResult:
         fit=Fit({"nominal": floor}, {"nominal": floor}, floor, ("healthy",)),
         subsystems={},
         next_experiment="",
+        ranking=(),
     )
     return dataclasses.replace(
-        result, document=document, explained=tz17(), ladder=(), ranking=(), equations=(), regimes=(), agreement="",
+        result, document=document, explained=tz17(), ladder=(), equations=(), regimes=(), agreement="",
         bags=(dataclasses.replace(seen, channels=channels, windows=(), equations={}),), experiment=None,
         tolerances_used={}, notes=(), remaining="",
     )  # fmt: skip

@@ -1,6 +1,9 @@
 """The diagnosis on recordings whose truth is known, and its parts on small exact examples."""
 
 import functools
+import io
+import json
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -8,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from diagnosis_samples import BAGS, FOLDED, simulated, tz17
+from rich.console import Console
 
 from boom_diagnosis.diagnosis import regimes
 from boom_diagnosis.diagnosis.bag_samples import prepare
@@ -22,6 +26,9 @@ from boom_diagnosis.diagnosis.prediction import Predictor
 from boom_diagnosis.diagnosis.run import diagnose
 from boom_diagnosis.diagnosis.search import Fitted, Scanner, refine
 from boom_diagnosis.diagnosis.weighing import estimates
+from boom_diagnosis.report_diagnosis import html
+from boom_diagnosis.report_diagnosis_words import probability
+from boom_diagnosis.tables_diagnosis import print_diagnosis
 from boom_model.learned import PLACES, LearnedTerm
 from boom_model.machine import Machine
 from boom_model.plant import Plant
@@ -74,6 +81,28 @@ def test_an_effect_is_named_with_its_number_and_improves_what_was_not_fitted() -
     assert lagging().explained.effects["pilot_lag"]["r"] == first.parameters["r"].value
     held = document.fit.held_out
     assert np.all(np.array(held["explained"]) < 0.7 * np.array(held["parameters_only"]))
+
+
+def test_every_probability_on_the_terminal_and_in_the_report_is_the_document_s() -> None:
+    out = io.StringIO()
+    print_diagnosis(lagging(), Console(file=out, width=200, color_system=None))
+    texts = {
+        "terminal": out.getvalue(),
+        "report": re.sub(r"<(?:script|style).*?</(?:script|style)>|<[^>]*>", " ", html(lagging()), flags=re.S),
+    }
+    document = json.loads(json.dumps(lagging().document.document()))
+    ranked = {row["hypothesis"]: row["probability"] for row in document["ranking"]}
+    finding = document["findings"][0]
+    assert finding["confidence"] == document["ranking"][0]["probability"]
+    assert document["ranking"][0]["parameters"] == finding["parameters"]
+    for where, text in texts.items():
+        shown = re.findall(r"(.{0,60})(?<![\d.])(> 0\.99|< 0\.01|[01]\.\d\d)(?![\d%.])", " ".join(text.split()))
+        for hypothesis, p in list(ranked.items())[:5]:
+            row = re.compile(rf"{hypothesis}[ a-z]* (?:effect|sensors|unknown|parameters|only) $")
+            said = [number for before, number in shown if row.search(before)]
+            assert said and set(said) == {probability(p)}, (where, hypothesis, said)
+        said = re.findall(r"confidence\W+([<>]? ?[01]\.\d\d)", text)
+        assert said and {s.strip() for s in said} == {probability(finding["confidence"])}, where
 
 
 def test_the_same_recording_and_seed_give_the_same_document() -> None:

@@ -39,7 +39,7 @@ def test_an_effect_that_no_boom_can_have_is_not_weighed_but_said(monkeypatch: py
     monkeypatch.setattr(answer.regimes, "where", lambda *given: SimpleNamespace(text="", intervals=()))
     evidence: Any = SimpleNamespace(key="torque", statistical=10.0, chain=0.0)
     tight: Any = SimpleNamespace(explained=[])
-    said = answer._unknown_finding(case, 0.9, [], tight, [evidence], None).evidence
+    said = answer._unknown_finding(case, answer.odds_of(case, 0.9), [], tight, [evidence], None).evidence
     assert said.endswith("; the nearest is payload, but as no boom can have it (mass -80 kg).")
 
 
@@ -53,3 +53,27 @@ def test_physics_of_no_catalogue_is_the_verdict_where_it_is_likelier_than_what_w
     found: Any = SimpleNamespace(subsystem="supply", confidence=confidence)
     tight: Any = SimpleNamespace(excess_before=1.0)
     assert answer._verdict(case, [found], unknown, 0.0, tight) == verdict
+
+
+def test_what_is_near_unknown_physics_has_the_probability_of_the_ranking(
+    monkeypatch: pytest.MonkeyPatch, case: Any
+) -> None:
+    """The finding said a third of what is not unknown, whatever the ranking said."""
+    near, far, disproved = (
+        weighed(effect, gain, gain, 2000.0)
+        for effect, gain in (("presliding_friction", 300.0), ("pilot_lag", 200.0), ("payload", 400.0))
+    )
+    case.weighed, case.disproved, case.healthy_squares, case.bags = [[near, far]], [disproved], np.ones(4), []
+    case.impossible, case.temperature, case.learned = [], 150.0, None
+    monkeypatch.setattr(answer, "estimates", lambda *given: {})
+    monkeypatch.setattr(answer.regimes, "where", lambda *given: SimpleNamespace(text="", intervals=()))
+    odds = answer.odds_of(case, 0.876)
+    evidence: Any = SimpleNamespace(key="torque", statistical=10.0, chain=0.0)
+    tight: Any = SimpleNamespace(explained=[])
+    finding = answer._unknown_finding(case, odds, [], tight, [evidence], None)
+    ranked = {row.effect or row.kind: row.probability for row in answer.ranking(case, odds, [finding])}
+    assert {a.effect: a.confidence for a in finding.alternatives} == {
+        e: ranked[e] for e in ("payload", "presliding_friction")
+    }
+    assert ranked["payload"] == 0.0 and finding.confidence == ranked["unknown"] == 0.876
+    assert sum(ranked.values()) == pytest.approx(1.0, abs=2e-4)

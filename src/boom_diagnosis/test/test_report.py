@@ -10,16 +10,17 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from diagnosis_samples import constant, simulated, tz17, validated
-from rich.console import Console
 
 from boom_diagnosis import report_events
+from boom_diagnosis.console import WIDTH, console_for
 from boom_diagnosis.report import write_report
 from boom_diagnosis.report_channels import number
 from boom_diagnosis.report_decimation import decimate
 from boom_diagnosis.report_figure import figure
+from boom_diagnosis.report_page import page as whole_page
 from boom_diagnosis.report_reference import beside
 from boom_diagnosis.report_verdict import verdict
-from boom_diagnosis.tables import WIDTH, console_for, print_validation
+from boom_diagnosis.tables import print_validation
 from boom_diagnosis.validation import Validation, validate
 from boom_recording.recording import Configuration, Event
 
@@ -137,6 +138,12 @@ def test_two_recordings_of_one_name_stay_apart(tmp_path):
     _, page = page_of(tmp_path, bag, bag)
     assert len(page.ids) == len(set(page.ids))
     assert {"#bag-1", "#bag-2"} <= set(page.addresses)
+
+
+def test_a_page_with_an_id_twice_cannot_be_built():
+    assert "</html>" in whole_page("x", "<p id=a>id='a'</p><p class=x id='b'>")
+    with pytest.raises(AssertionError, match="'a'"):
+        whole_page("x", "<section class='card' id='a'><p id=a></p></section>")
 
 
 def test_a_run_that_stopped_is_told_in_red(tmp_path):
@@ -268,7 +275,7 @@ def test_terminal_tables_fit_100_columns_and_are_plain_when_piped(capsys):
 @pytest.mark.parametrize("width", [56, 70])
 def test_tables_keep_names_and_numbers_whole_on_a_narrow_terminal(width):
     stream = io.StringIO()
-    print_validation(Validation("tz17", [validated("explained/payload_change_b")]), Console(file=stream, width=width))
+    print_validation(Validation("tz17", [validated("explained/payload_change_b")]), console_for(stream, width))
     printed = stream.getvalue()
     assert "…" not in printed and "rod rms" in printed and "0.00" in printed
     assert max(len(line.rstrip()) for line in printed.splitlines()) <= width

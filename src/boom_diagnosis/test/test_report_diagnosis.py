@@ -9,9 +9,10 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 import report_cases as cases
-from rich.console import Console
+from headless_browser import faults
 
 from boom_diagnosis import report_diagnosis, report_diagnosis_words
+from boom_diagnosis.console import console_for
 from boom_diagnosis.diagnosis.document import CHANNELS, SUBSYSTEMS, Alternative, Estimate
 from boom_diagnosis.report_diagnosis import html, write_diagnosis_report
 from boom_diagnosis.report_diagnosis_figure import figure
@@ -117,6 +118,21 @@ def test_every_verdict_has_a_sensible_page(result, said):
     assert "nan" not in re.sub(r"[a-z]*nan[a-z]+", "", text.lower())
 
 
+@pytest.mark.xdist_group("front door")  # whose browser is open already
+@pytest.mark.parametrize(
+    "result",
+    [
+        cases.unknown_physics,
+        lambda: cases.without_finding("not_enough_excitation"),
+        lambda: cases.changed("ambiguous", (cases.lag_finding(0.55),)),
+    ],
+    ids=["unknown_physics", "not_enough_excitation", "ambiguous"],
+)
+def test_every_kind_of_page_is_drawn_fits_a_phone_and_can_be_printed(result, browser, tmp_path):
+    (tmp_path / "report.html").write_text(html(result()), encoding="utf-8")
+    assert faults(browser, tmp_path / "report.html") == []
+
+
 def test_every_effect_of_the_catalogue_has_words_of_its_own():
     assert len({what_it_is(effect) for effect in EFFECTS}) == len(EFFECTS)
 
@@ -218,7 +234,7 @@ def test_a_report_is_written_whole(tmp_path):
 def test_the_terminal_table_is_short_plain_and_80_columns_wide():
     out = io.StringIO()
     result = cases.changed("ambiguous", (cases.lag_finding(0.6, alternatives=(Alternative(None, 0.3),)),))
-    print_diagnosis(result, Console(file=out, width=80, highlight=False, color_system=None))
+    print_diagnosis(result, console_for(out, 80))
     printed = out.getvalue()
     assert max(len(line) for line in printed.splitlines()) <= 80 and len(printed.splitlines()) < 45
     assert "\x1b" not in printed and "92 ms [86 to 97]" in printed and "physics of no catalogue" in printed

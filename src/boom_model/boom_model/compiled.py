@@ -8,10 +8,13 @@ import os
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 
+from boom_input.cache import cache_folder, is_whole, keep
+from boom_input.files import InputError
 from boom_model.codegen import generate
 from boom_model.equations import Equations
 from boom_model.errors import BuildError
@@ -22,13 +25,6 @@ _WIDE = {"avx2": "-mavx2", "fma": "-mfma", "bmi2": "-mbmi2"}
 several computers share has one library for each kind."""
 LANES = 4
 """Runs that are integrated side by side where several are wanted: four doubles are a register of today's processors."""
-
-
-def cache_folder() -> Path:
-    """Where compiled models are kept: $BOOM_CACHE, or ``boom`` in the user's cache folder."""
-    if "BOOM_CACHE" in os.environ:
-        return Path(os.environ["BOOM_CACHE"])
-    return Path(os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))) / "boom"
 
 
 def _compiler() -> str:
@@ -54,27 +50,19 @@ def load_c(source: str) -> ctypes.CDLL:
     """The library that C source makes, from the cache where it is already there.
 
     Raises:
-        BuildError: no compiler, source that it refuses, or the cache folder is not writable.
+        BuildError: no compiler, source that it refuses, or the cache folder is not writable or not the user's own.
     """
     compiler, flags = _compiler(), _flags()
     key = hashlib.sha256("\n".join((compiler, *flags, source)).encode()).hexdigest()[:24]
-    folder = cache_folder()
-    library = folder / f"model-{key}.so"
-    if not library.exists():
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryDirectory(dir=folder) as scratch:
-                text, built = Path(scratch) / "model.c", Path(scratch) / "model.so"
-                text.write_text(source)
-                command = [compiler, *flags, "-o", str(built), str(text), "-lm"]
-                result = subprocess.run(command, capture_output=True, text=True, check=False)
-                if result.returncode != 0:
-                    raise BuildError(f"{compiler} could not build the model: {result.stderr.strip().splitlines()[-1:]}")
-                built.replace(library)  # atomic: several processes may build the same model at once
-        except OSError as error:
-            raise BuildError(
-                f"cannot write the compiled model to {folder}: {error.strerror}; set BOOM_CACHE"
-            ) from error
+    try:
+        folder = cache_folder()
+        library = folder / f"model-{key}.so"
+        if not is_whole(library):
+            keep(library, _compiled(source, compiler, flags))
+    except InputError as error:
+        raise BuildError(str(error)) from None
+    except OSError as error:
+        raise BuildError(f"cannot write the compiled model to {folder}: {error.strerror}; set BOOM_CACHE") from error
     try:
         return ctypes.CDLL(str(library))
     except OSError as error:
@@ -82,6 +70,17 @@ def load_c(source: str) -> ctypes.CDLL:
         raise BuildError(
             f"cannot load the compiled model {library.name}: {error}; run again to build it anew"
         ) from error
+
+
+def _compiled(source: str, compiler: str, flags: Sequence[str]) -> bytes:
+    with tempfile.TemporaryDirectory(prefix="boom-") as scratch:
+        text, built = Path(scratch) / "model.c", Path(scratch) / "model.so"
+        text.write_text(source)
+        command = [compiler, *flags, "-o", str(built), str(text), "-lm"]
+        result = subprocess.run(command, capture_output=True, text=True, check=False)
+        if result.returncode != 0:
+            raise BuildError(f"{compiler} could not build the model: {result.stderr.strip().splitlines()[-1:]}")
+        return built.read_bytes()
 
 
 def model_source(equations: Equations, lanes: int = 1) -> str:

@@ -23,7 +23,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any
 
 import casadi as ca
@@ -39,6 +38,10 @@ SHARPNESS = 0.02
 """Of sign and abs, in scaled units: 0.006 rad/s, 2 bar."""
 EDGE = 0.005
 """Of above and below, in scaled units: 5 mrad."""
+MOST_TERMS, MOST_PRODUCTS, MOST_FACTORS = 16, 32, 8
+"""What ``learned:`` may hold; more would take the compiler minutes."""
+LARGEST, SMALLEST = 1e6, 1e-6
+"""Of a number in a factor, and of a time or a width; variables are about one."""
 
 
 @dataclass(frozen=True)
@@ -129,6 +132,8 @@ def parse(text: str) -> tuple[Factor, ...]:
         MachineError: names what cannot be read.
     """
     factors = []
+    if text.count("*") >= MOST_FACTORS:
+        raise MachineError(f"learned: {text!r} has more than {MOST_FACTORS} factors")
     for part in (p.strip() for p in text.split("*")):
         match = _FACTOR.match(part)
         if match is None:
@@ -148,8 +153,10 @@ def parse(text: str) -> tuple[Factor, ...]:
             raise MachineError(f"learned: {part!r} in {text!r}: not all of its numbers can be read") from None
         if len(numbers) != _ARGUMENTS.get(function, 0):
             raise MachineError(f"learned: {part!r} in {text!r}: {function} takes {_ARGUMENTS.get(function, 0)} numbers")
-        if function in ("lag", "bump") and not numbers[-1] > 0.0:
-            raise MachineError(f"learned: {part!r} in {text!r}: its last number must be positive")
+        if not all(abs(v) <= LARGEST for v in numbers):
+            raise MachineError(f"learned: {part!r} in {text!r}: a number is not finite and within +-{LARGEST:g}")
+        if function in ("lag", "bump") and not numbers[-1] >= SMALLEST:
+            raise MachineError(f"learned: {part!r} in {text!r}: its last number must be at least {SMALLEST:g}")
         if function == "lag" and not VARIABLES[variable].zero_at_rest:
             raise MachineError(f"learned: {part!r} in {text!r}: {variable} is not zero at rest and cannot lag")
         factors.append(Factor(function, variable, numbers))
@@ -164,6 +171,8 @@ def check_learned(given: Any) -> tuple[LearnedTerm, ...]:
     """
     if not isinstance(given, list):
         raise MachineError("learned: expected a list of terms with equation, basis, coefficients, unit, validity")
+    if len(given) > MOST_TERMS:
+        raise MachineError(f"learned: {len(given)} terms, more than {MOST_TERMS}")
     return tuple(_term(entry, f"learned[{k}]") for k, entry in enumerate(given))
 
 
@@ -176,16 +185,18 @@ def _term(entry: Any, where: str) -> LearnedTerm:
             raise MachineError(f"{where}.{key}: no such key{nearest(str(key), wanted)}")
     for key in sorted(wanted - set(entry)):
         raise MachineError(f"{where}.{key}: missing")
-    if entry["equation"] not in PLACES:
+    if not isinstance(entry["equation"], str) or entry["equation"] not in PLACES:
         raise MachineError(f"{where}.equation: {entry['equation']!r} is not one of {', '.join(PLACES)}")
     basis, coefficients = entry["basis"], entry["coefficients"]
     if not isinstance(basis, list) or not basis or not all(isinstance(b, str) for b in basis):
         raise MachineError(f"{where}.basis: expected a list of products, e.g. ['sign(rate)']")
+    if len(basis) > MOST_PRODUCTS:
+        raise MachineError(f"{where}.basis: {len(basis)} products, more than {MOST_PRODUCTS}")
     if not isinstance(coefficients, list) or len(coefficients) != len(basis):
         raise MachineError(f"{where}.coefficients: expected {len(basis)} numbers, one for each product of the basis")
     for c in coefficients:
-        if isinstance(c, bool) or not isinstance(c, int | float) or not isfinite(c):
-            raise MachineError(f"{where}.coefficients: {c!r} is not a finite number")
+        if isinstance(c, bool) or not isinstance(c, int | float) or not abs(c) <= 1e12:
+            raise MachineError(f"{where}.coefficients: {c!r} is not a finite number within +-1e12")
     place = PLACES[entry["equation"]]
     if str(entry["unit"]).strip() != f"{place.scale:g} {place.unit}":
         raise MachineError(f"{where}.unit: {entry['unit']!s}; expected {place.scale:g} {place.unit}")
@@ -207,7 +218,7 @@ def _validity(given: Any, used: set[str], where: str) -> dict[str, tuple[float, 
         if (
             not isinstance(pair, list)
             or len(pair) != 2
-            or not all(isinstance(v, int | float) for v in pair)
+            or not all(isinstance(v, int | float) and not isinstance(v, bool) and abs(v) <= 1e12 for v in pair)
             or not pair[0] < pair[1]
         ):
             raise MachineError(f"{where}.validity.{name}: expected [low, high] in {VARIABLES[name].unit}")

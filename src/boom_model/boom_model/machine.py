@@ -217,7 +217,10 @@ def number(entry: Any) -> float:
             return float("nan")
     if isinstance(value, bool) or not isinstance(value, int | float):
         return float("nan")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf")
 
 
 def _tree(parameters: Mapping[str, Parameter]) -> SimpleNamespace:

@@ -31,6 +31,8 @@ from boom_model.errors import MachineError
 Vector = NDArray[np.float64]
 
 AXES = ("x", "y", "z")
+LARGEST = 1e6
+"""Of a mass [kg], a length [m], an inertia [kg m^2]: no crane comes near, and squares of it stay finite."""
 LIMIT_SLACK = 1e-3
 """rad or m: a pose read from a message may lie this far outside the joint limits by rounding."""
 
@@ -104,7 +106,7 @@ def place_bodies(rigid_body: Mapping[str, Any], q3: float, q4: float) -> list[Bo
     links = entry(rigid_body, "rigid_body", "links")
     planar = entry(rigid_body, "rigid_body", "planar")
     placed = []
-    for name, item in entry(planar, "rigid_body.planar", "bodies").items():
+    for name, item in group(planar, "rigid_body.planar", "bodies").items():
         key = f"rigid_body.planar.bodies.{name}"
         mass, center, inertia = link_data(links, name)
         turn = frame_axes(item, key)
@@ -117,7 +119,7 @@ def place_bodies(rigid_body: Mapping[str, Any], q3: float, q4: float) -> list[Bo
 
 def check_pose(rigid_body: Mapping[str, Any], q3: float, q4: float) -> None:
     """Raise PoseError where q3 [rad] or q4 [m] is no number or outside ``joint_limits``."""
-    limits = rigid_body.get("joint_limits", {})
+    limits = group(rigid_body, "rigid_body", "joint_limits") if "joint_limits" in rigid_body else {}
     ranges = {}
     if "q3" in limits:
         ranges["outer boom angle q3"] = (q3, vector(limits["q3"], "rigid_body.joint_limits.q3", 2), "rad")
@@ -139,7 +141,7 @@ def hanging_mass(rigid_body: Mapping[str, Any]) -> float:
         scalar(
             entry(entry(links, "rigid_body.links", name), f"rigid_body.links.{name}", "m"), f"rigid_body.links.{name}.m"
         )
-        for name in entry(tip, "rigid_body.planar.tip", "hangs")
+        for name in words(tip, "rigid_body.planar.tip", "hangs")
     )
 
 
@@ -155,15 +157,15 @@ def link_data(links: Mapping[str, Any], name: str) -> tuple[float, Vector, Vecto
 
 def frame_axes(item: Mapping[str, Any], key: str) -> Vector:
     """Rotation (3, 3) from a link's own frame to its carrier's plane frame (first axis, second axis, across)."""
-    names = entry(item, key, "axes")
+    names = words(item, key, "axes")
     rows = []
     for name in names:
-        letter = str(name).removeprefix("-")
+        letter = name.removeprefix("-")
         if letter not in AXES:
             raise MachineError(
                 f"{key}.axes: {names} given, expected two of x, y, z, with a minus sign where they point the other way"
             )
-        rows.append((-1.0 if str(name).startswith("-") else 1.0) * np.eye(3)[AXES.index(letter)])
+        rows.append((-1.0 if name.startswith("-") else 1.0) * np.eye(3)[AXES.index(letter)])
     if len(rows) != 2 or abs(rows[0] @ rows[1]) > 0.0:
         raise MachineError(f"{key}.axes: {names} given, expected two different axes")
     return np.array([rows[0], rows[1], np.cross(rows[0], rows[1])])
@@ -177,18 +179,34 @@ def entry(mapping: Any, key: str, name: str) -> Any:
     return value["value"] if isinstance(value, Mapping) and "value" in value else value
 
 
+def group(mapping: Any, key: str, name: str) -> Mapping[str, Any]:
+    """``mapping[name]`` with keys of its own. Raises MachineError that names the key."""
+    value = entry(mapping, key, name)
+    if not isinstance(value, Mapping):
+        raise MachineError(f"{key}.{name}: expected keys with values below it")
+    return value
+
+
+def words(mapping: Any, key: str, name: str) -> Sequence[str]:
+    """``mapping[name]``, a list of texts. Raises MachineError that names the key."""
+    value = entry(mapping, key, name)
+    if not isinstance(value, list) or not all(isinstance(word, str) for word in value):
+        raise MachineError(f"{key}.{name}: {value!r} given, expected a list of names")
+    return value
+
+
 def vector(value: Any, key: str, length: int) -> Vector:
     """`length` finite numbers as an array. Raises MachineError that names the key."""
-    numbers = isinstance(value, Sequence) and all(isinstance(item, int | float) for item in value)
-    if not numbers or len(value) != length or not all(math.isfinite(item) for item in value):
+    numbers = isinstance(value, Sequence) and all(isinstance(v, int | float) and not isinstance(v, bool) for v in value)
+    if not numbers or len(value) != length or not all(abs(item) <= LARGEST for item in value):
         raise MachineError(f"{key}: {value!r} given, expected {length} numbers")
     return np.array(value, dtype=np.float64)
 
 
 def scalar(value: Any, key: str) -> float:
     """A finite number of 0 or more. Raises MachineError that names the key."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not (math.isfinite(value) and value >= 0.0):
-        raise MachineError(f"{key}: {value!r} given, expected a number of 0 or more")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= LARGEST:
+        raise MachineError(f"{key}: {value!r} given, expected a number of 0 .. {LARGEST:g}")
     return float(value)
 
 
@@ -199,7 +217,10 @@ def _arm_cylinders(rigid_body: Mapping[str, Any], q3: float, q4: float) -> list[
     foot = vector(entry(cylinder, key, "foot"), f"{key}.foot", 2)
     eye_in_arm = vector(entry(cylinder, key, "eye"), f"{key}.eye", 2)
     eye = _arm_point(rigid_body, eye_in_arm, q3)
-    along = (eye - foot) / np.hypot(*(eye - foot))
+    length = float(np.hypot(*(eye - foot)))
+    if not length > 0.0:
+        raise MachineError(f"{key}: foot and eye lie in one point at q3 = {q3:g} rad")
+    along = (eye - foot) / length
     bodies = []
     for name, start, direction in (("barrels", foot, along), ("rods", eye, -along)):
         part = entry(cylinder, key, name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import yaml
 
 from boom_model.errors import MachineError
 from boom_model.machine import Machine
-from boom_model.machine_file import load_machine, machine_from
+from boom_model.machine_file import check_machine, load_machine, machine_from, shipped_machine
 
 Spoil = Callable[[dict[str, Any]], object]
 
@@ -38,6 +39,7 @@ def drop(path: str) -> Spoil:
     return change
 
 
+TZ17 = (resources.files("boom_model") / "machines" / "tz17.yaml").read_text(encoding="utf-8")
 CASES: dict[str, tuple[Spoil, str]] = {
     "missing_section": (drop("friction"), "friction: the section is missing"),
     "missing_optional_component": (drop("accumulators"), r"accumulators: the section is missing; .*type: none"),
@@ -98,7 +100,33 @@ CASES: dict[str, tuple[Spoil, str]] = {
     "pose_lacks_key": (drop("rigid_body.configs.T3_extended.Sx"), r"rigid_body\.configs\.T3_extended\.Sx: missing"),
     "pose_not_finite": (
         put("rigid_body.configs.T3_extended.Sx", float("nan")),
-        r"T3_extended\.Sx: nan is not a finite number",
+        r"T3_extended\.Sx: nan is not a number up to 1e\+09",
+    ),
+    "pilot_curve_flat": (
+        put("pilot_valves.h.value", [0, 40.0, 0.2]),
+        r"pilot_valves\.h: the first number must be at least",
+    ),
+    "pose_huge": (put("rigid_body.configs.T3_extended.Sx", 1e300), r"T3_extended\.Sx: 1e\+300 is not a number up to"),
+    "long_name": (put("meta.name", "x" * 100_000), r"meta\.name: give one line of at most 100"),
+    "name_for_a_terminal": (put("meta.name", "a\x1b[2J"), r"meta\.name: give one line"),
+    "list_for_confidence": (
+        put("main_valve_orifices.A_ta_law.conf", ["low"]),
+        r"A_ta_law\..*conf: \['low'\] is not high",
+    ),
+    "text_for_derived_number": (put("hose_burst_valve.node", "near"), r"hose_burst_valve\.node: nan does not fit"),
+    "list_for_bodies": (put("rigid_body.planar.bodies", ["arm"]), r"planar\.bodies: expected keys with values"),
+    "number_for_axes": (put("rigid_body.planar.bodies.inner_boom.axes", 5), r"axes: 5 given, expected a list of names"),
+    "number_for_joint_limits": (
+        put("rigid_body.joint_limits", 5),
+        r"joint_limits\.q3: missing|joint_limits: expected keys",
+    ),
+    "huge_mass": (put("rigid_body.links.inner_boom.m", 1e300), r"inner_boom\.m: 1e\+300 given, expected a number of 0"),
+    "cylinder_without_length": (
+        lambda d: (
+            d["rigid_body"]["planar"]["arm_cylinder"].update(eye=[0.0, 0.0], foot=[0.0, 0.0])
+            or d["rigid_body"]["planar"].update(elbow=[0.0, 0.0], arm_origin=[0.0, 0.0])
+        ),
+        r"arm_cylinder: foot and eye lie in one point",
     ),
     "pose_without_inertia": (put("rigid_body.configs.T3_extended.D0", -1.0), r"D0: -1 is not a positive inertia"),
     "pose_tip": (put("rigid_body.configs.T3_extended.tip", [1.0]), r"T3_extended\.tip: expected \[x, y\] in m"),
@@ -191,6 +219,28 @@ def test_missing_file_and_unknown_name_are_told_apart(tmp_path: Path) -> None:
         load_machine(tmp_path / "none.yaml")
     with pytest.raises(MachineError, match=r"tz18: no such machine; shipped are .*tz17"):
         load_machine("tz18")
+
+
+def test_a_refusal_names_the_file_and_the_line(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(TZ17.replace("{value: 870.0, unit: kg/m^3", "{value: 8700.0, unit: kg/m^3"), encoding="utf-8")
+    line = next(k for k, text in enumerate(TZ17.splitlines(), 1) if text.lstrip().startswith("rho:"))
+    with pytest.raises(MachineError, match=rf"mine\.yaml, line {line}: fluid\.rho: 8700\.0 is outside"):
+        load_machine(path)
+    path.write_text("a: [1\n", encoding="utf-8")
+    with pytest.raises(MachineError, match=r"mine\.yaml, line 2: not readable as YAML"):
+        load_machine(path)
+
+
+def test_all_faults_of_a_file_are_told_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    text = TZ17.replace("{value: 870.0, unit", "{value: 8700.0, unit").replace("  beta:", "  " + "b" * 150 + ":")
+    path.write_text(text.replace("conf: high", "conf: sure", 1), encoding="utf-8")
+    machine, faults = check_machine(path)
+    assert machine is None
+    for words in ("fluid.rho: 8700.0 is outside", "fluid.beta: missing", "no such key", "'sure' is not high"):
+        assert sum(words in fault for fault in faults) == 1, words
+    assert all(len(fault) < 800 and fault.isprintable() for fault in faults)
 
 
 def test_number_written_as_yaml_1_1_text_is_a_number(document: dict[str, Any]) -> None:
@@ -301,3 +351,15 @@ def test_dead_zone_may_not_be_turned_inside_out(document: dict[str, Any]) -> Non
     machine = machine_from(document)
     with pytest.raises(MachineError, match=r"with which main_valve_orifices\.x0 = 0\.1 stays within"):
         machine.with_values({"main_valve_orifices.x0": 0.1}).with_effects({"valve_dead_zone": {"d_extend": -0.2}})
+
+
+@pytest.mark.parametrize(
+    "name", ["", ".", "/dev/zero", "x" * 5000, "machine.yaml", "../machines/tz17", "tz17.yaml", "\0"]
+)
+def test_a_name_from_outside_is_never_a_path(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "machine.yaml").write_text("meta: {}")
+    with pytest.raises(MachineError, match="give its file with --machine") as refused:
+        shipped_machine(name)
+    assert len(str(refused.value)) < 250
+    assert shipped_machine("tz17").name == "tz17"

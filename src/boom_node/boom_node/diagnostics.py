@@ -3,12 +3,12 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from boom_node import qos
 
 if TYPE_CHECKING:
-    from rclpy.node import Node
+    from boom_node.node import Guarded
 
 PERIOD_S = 1.0
 
@@ -33,10 +33,11 @@ class Health:
 class DiagnosticsPublisher:
     """Asks `health` once a second (wall clock: it goes on while simulated time stands) and publishes the answer.
 
-    `hardware_id`: name of the machine file or "". A node calls `update` where its health may have changed.
+    `hardware_id`: name of the machine file or "". A node calls `update` where its health may have changed. What the node's
+    guard has caught and refused is told too; after an exception in a callback the level stays ERROR.
     """
 
-    def __init__(self, node: "Node", health: Callable[[], Health], hardware_id: str = "") -> None:
+    def __init__(self, node: "Guarded | Any", health: Callable[[], Health], hardware_id: str = "") -> None:
         from diagnostic_msgs.msg import DiagnosticArray
         from rclpy.clock import Clock
         from rclpy.clock_type import ClockType
@@ -46,17 +47,30 @@ class DiagnosticsPublisher:
         self._hardware_id = hardware_id
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", qos.BY_TOPIC["/diagnostics"])
         self._last: tuple[Level, str] | None = None
+        self._guard = node.guard
+        self._guard.changed = self.update
         self._timer = node.create_timer(PERIOD_S, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def update(self) -> None:
         """Publish now if level or message differ from what was published last."""
-        health = self._health()
+        health = self._asked()
         if (health.level, health.message) != self._last:
             self._send(health)
 
     def publish(self) -> None:
         """Publish now."""
-        self._send(self._health())
+        self._send(self._asked())
+
+    def _asked(self) -> Health:
+        try:
+            health = self._health()
+        except Exception as error:
+            self._guard.caught("diagnostics", error)
+            health = Health(Level.ERROR, "cannot tell its health")
+        values = {**health.values, **self._guard.values()}
+        if not self._guard.internal:
+            return Health(health.level, health.message, values)
+        return Health(Level.ERROR, f"{health.message}; internal error: {self._guard.internal}", values)
 
     def _send(self, health: Health) -> None:
         from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue

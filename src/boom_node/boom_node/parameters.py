@@ -13,8 +13,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
-import yaml
-
+from boom_input.files import InputError
+from boom_input.shown import quoted
+from boom_input.yaml_text import read_yaml
 from boom_node.errors import StartError
 
 if TYPE_CHECKING:
@@ -73,14 +74,14 @@ class ParameterSpec:
         if isinstance(self.default, float) and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
         if _type_name(value) != wanted and not (wanted.startswith("list") and list(value or []) == []):
-            return f"parameter '{self.name}' is {value!r}: give a {wanted} ({self.allowed()})"
+            return f"parameter '{self.name}' is {quoted(repr(value))}: give a {wanted} ({self.allowed()})"
         if isinstance(value, float) and not math.isfinite(value):
             return f"parameter '{self.name}' is {value}: give a finite number ({self.allowed()})"
         number = isinstance(value, int | float) and not isinstance(value, bool)
         low, high = self.minimum, self.maximum
         outside = number and ((low is not None and value < low) or (high is not None and value > high))
         if outside or (self.choices and value not in self.choices):
-            return f"parameter '{self.name}' is {value!r}: allowed is {self.allowed()}"
+            return f"parameter '{self.name}' is {quoted(repr(value))}: allowed is {self.allowed()}"
         return None
 
 
@@ -121,7 +122,7 @@ def check_files(arguments: Sequence[str], node_name: str) -> None:
     for path, sections in read_files(arguments).items():
         if not any(_matches(section, node_name) for section in sections):
             raise StartError(
-                f"parameter file {path} has nothing for {node_name}, only for {', '.join(sections)}: "
+                f"parameter file {path} has nothing for {node_name}, only for {quoted(', '.join(sections))}: "
                 f"name the section '{node_name}' or '/**'"
             )
 
@@ -137,11 +138,9 @@ def read_files(arguments: Sequence[str]) -> dict[Path, list[str]]:
 
 def _read_sections(path: Path) -> list[str]:
     try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise StartError(f"parameter file {path} cannot be read: {error.strerror}") from None
-    except (UnicodeDecodeError, yaml.YAMLError) as error:
-        raise StartError(f"parameter file {path} cannot be read: {' '.join(str(error).split())}") from None
+        document = read_yaml(path)
+    except InputError as error:
+        raise StartError(f"parameter file {error}") from None
     sections = sorted(set(_sections(document, "")))
     if not sections:
         raise StartError(
@@ -157,7 +156,7 @@ def _sections(document: Any, prefix: str) -> Iterator[str]:
         if key == "ros__parameters":
             yield prefix or "/"
         else:
-            yield from _sections(value, f"{prefix}/{str(key).strip('/')}")
+            yield from _sections(value, f"{prefix}/{key.strip('/')}")
 
 
 def _matches(section: str, node_name: str) -> bool:

@@ -7,6 +7,8 @@ What rclpy 7.1.6 leaves to its user and this module settles (each held by a test
 - SIGTERM between ``rclpy.init`` and the creation of the node ends in a traceback: here Python's own handlers stand from
   before ``init`` until after the last destructor, and rclpy installs none.
 - an executor that is shut down inside a callback hangs: here `finish` only leaves a note, which the loop reads.
+- an exception in a callback leaves the executor and ends the process: here the node's guard takes it, and what still leaves the
+  executor.
 """
 
 import contextlib
@@ -17,12 +19,13 @@ from collections.abc import Callable, Iterator, Sequence
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+from boom_input.shown import quoted
 from boom_node import early as _early  # noqa: F401  (signals and environment, before rclpy is imported)
 from boom_node import parameters
 from boom_node.errors import StartError
 
 if TYPE_CHECKING:
-    from rclpy.node import Node
+    from boom_node.node import LifecycleNode, Node
 
 EXECUTOR_VARIABLE = "BOOM_EXECUTOR"  # "events" (default) or "single"
 SPIN_TIMEOUT_S = 0.2  # how long a signal may wait for the executor to return to Python
@@ -66,7 +69,7 @@ def finish(exit_status: int = 0, message: str = "") -> None:
 
 def fail(message: str, exit_status: int = 2) -> int:
     """Print one line on stderr, as `StartError` wants it. Returns the exit status."""
-    print(" ".join(message.split()), file=sys.stderr, flush=True)
+    print(quoted(message, 1000), file=sys.stderr, flush=True)
     return exit_status
 
 
@@ -100,12 +103,15 @@ def make_executor(kind: str | None = None) -> Any:
     return SingleThreadedExecutor()
 
 
-def run(make_node: Callable[[], "Node"], *, argv: Sequence[str] | None = None, executor: str | None = None) -> int:
+def run(
+    make_node: Callable[[], "Node | LifecycleNode"], *, argv: Sequence[str] | None = None, executor: str | None = None
+) -> int:
     """Run the node that `make_node` builds until a signal, `finish` or an error ends it. Returns the exit status.
 
     `argv`: as ``sys.argv`` (the default). A node may have a method ``close()``: it is called once, before the node is
     destroyed, with publishers still working. 0: ended by SIGINT, SIGTERM or `finish`; 2: StartError, printed as one
-    line; any other exception is a programming error and is raised with its traceback.
+    line; any other exception while the node is built is a programming error and is raised with its traceback. Once it runs its
+    guard takes them (`boom_node.node`).
     """
     arguments = list(sys.argv if argv is None else argv)
     parameters.process_arguments = arguments[1:]
@@ -131,8 +137,10 @@ def run(make_node: Callable[[], "Node"], *, argv: Sequence[str] | None = None, e
             rclpy.try_shutdown()
 
 
-def _run_initialised(make_node: Callable[[], "Node"], kind: str | None) -> int:
-    node: Node | None = None
+def _run_initialised(make_node: Callable[[], "Node | LifecycleNode"], kind: str | None) -> int:
+    from boom_node.node import Guarded
+
+    node: Node | LifecycleNode | None = None
     executor = None
     try:
         try:
@@ -145,10 +153,17 @@ def _run_initialised(make_node: Callable[[], "Node"], kind: str | None) -> int:
             _state.interruptible = False
         if node is None:
             return 0
+        if not isinstance(node, Guarded):
+            raise TypeError(f"{type(node).__name__} has to derive from boom_node.node.Node or LifecycleNode")
         executor = make_executor(kind)
         executor.add_node(node)
         while not _state.stop:
-            executor.spin_once(timeout_sec=SPIN_TIMEOUT_S)
+            try:
+                executor.spin_once(timeout_sec=SPIN_TIMEOUT_S)
+            except StartError:
+                raise
+            except Exception as error:
+                node.guard.caught("the executor", error)
         return fail(_state.message, _state.exit_status) if _state.message else _state.exit_status
     finally:
         _state.stop = True

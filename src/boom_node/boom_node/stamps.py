@@ -3,6 +3,8 @@
 from typing import Protocol, TypeVar
 
 SECOND_NS = 1_000_000_000
+FAR_NS = 10 * SECOND_NS
+"""Further from now no stamp of a sample is believed."""
 
 
 class Stamp(Protocol):
@@ -37,3 +39,11 @@ def seconds_to_ns(seconds: float) -> int:
 def ns_to_seconds(nanoseconds: int) -> float:
     """Nanoseconds as seconds [s]; for differences, not for stamps of today."""
     return nanoseconds / SECOND_NS
+
+
+def far(stamp_ns: int, now_ns: int) -> str:
+    """How far the stamp is from now, in words, where that is too far to be believed; else ""."""
+    ahead = stamp_ns - now_ns
+    if abs(ahead) <= FAR_NS:
+        return ""
+    return f"{abs(ahead) / SECOND_NS:.0f} s {'ahead of' if ahead > 0 else 'behind'} the clock here"

@@ -29,7 +29,7 @@ _NODE = textwrap.dedent(
     from boom_node.errors import StartError
     from boom_node.parameters import ParameterSpec, declare
     import rclpy
-    from rclpy.node import Node
+    from boom_node.node import Node
     mark("imported rclpy")
 
     class Tiny(Node):
@@ -44,6 +44,20 @@ _NODE = textwrap.dedent(
             ])
             print(vars(self.values), flush=True)
             self.timer = self.create_timer(0.01, self.tick)
+            self.failed = 0
+            if os.environ["BLOCK_AT"] == "fail for ever":
+                self.create_timer(0.01, self.fail)
+                rclpy.node.Node.create_timer(self, 0.01, self.fail)  # past the guard, into the executor
+
+        def fail(self):
+            self.failed += 1
+            if self.failed == 40:
+                print("still here", flush=True)
+            raise ValueError("a mistake")
+
+        def stop_safely(self, reason):
+            if self.failed == 1:
+                print("stopped safely", flush=True)
 
         def tick(self):
             self.timer.cancel()
@@ -141,6 +155,20 @@ def test_a_node_may_end_itself_with_one_line_and_is_closed(tiny, moment: str) ->
     assert errors.strip().splitlines()[-1] == last
     assert "Traceback" not in errors
     assert "closed" in node.printed
+
+
+@pytest.mark.parametrize("executor", ["events", "single"])
+def test_callbacks_that_always_raise_stop_what_moves_and_neither_end_the_node_nor_fill_the_log(
+    tiny, executor: str
+) -> None:
+    node = tiny(block_at="fail for ever", executor=executor)
+    node.wait_for("stopped safely")
+    node.wait_for("still here")
+    node.process.send_signal(signal.SIGTERM)
+    status, errors = node.end()
+    assert status == 0
+    own = [line for line in errors.splitlines() if "internal error, ValueError" in line]
+    assert len(own) == 2, "the callback once, the executor once"
 
 
 @pytest.mark.parametrize(

@@ -80,7 +80,7 @@ def test_a_section_of_a_parameter_file_has_to_match_the_node(tmp_path, section: 
 def test_a_parameter_file_that_is_none_is_refused(tmp_path) -> None:
     file = tmp_path / "p.yaml"
     file.write_text("a: [1\n")
-    with pytest.raises(StartError, match="cannot be read"):
+    with pytest.raises(StartError, match=r"p\.yaml, line 2: not readable as YAML"):
         check_files(["--params-file", str(file)], "/controller")
     file.write_text("a: 1\n")
     with pytest.raises(StartError, match="ros__parameters"):

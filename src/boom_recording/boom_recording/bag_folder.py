@@ -5,11 +5,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from boom_input.files import InputError, read_text
+from boom_input.shown import quoted
+from boom_input.yaml_text import parse_yaml
 from boom_recording.errors import RecordingError
 
 METADATA = "metadata.yaml"
+_ENDINGS = (".mcap", ".mcap.zstd")
 _SPLIT = re.compile(r"^(.*)_(\d+)\.mcap(\.zstd)?$")
 
 
@@ -50,49 +52,63 @@ def _sqlite(path: Path) -> RecordingError:
 def _directory(path: Path) -> BagFiles:
     bag = BagFiles(path.resolve().name, [])
     metadata = path / METADATA
-    if metadata.is_file():
+    there = metadata.exists()
+    if there:
         try:
-            _from_metadata(bag, path, metadata)
-        except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, ValueError):
-            bag.warnings.append("metadata.yaml cannot be read; the .mcap files beside it were taken")
+            _from_metadata(bag, path, parse_yaml(read_text(metadata), METADATA))
+        except InputError as error:
+            reason = str(error).replace(str(metadata), METADATA, 1)
+            bag.warnings.append(f"metadata.yaml is not used; the .mcap files beside it were taken ({reason})")
     if not bag.files:
         bag.files = _without_metadata(path)
-        if not metadata.is_file():
+        if not there:
             bag.warnings.append(
                 "metadata.yaml is missing (the recorder did not end properly?); the .mcap file was taken"
             )
     return bag
 
 
-def _from_metadata(bag: BagFiles, path: Path, metadata: Path) -> None:
-    document: Any = yaml.safe_load(metadata.read_text(encoding="utf-8"))
-    information = document["rosbag2_bagfile_information"]
+def _from_metadata(bag: BagFiles, path: Path, document: Any) -> None:
+    """Take in a rosbag2 metadata document. Raises InputError where it is none, RecordingError for another kind of bag."""
+    information = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
+    names = information.get("relative_file_paths") if isinstance(information, dict) else None
+    if information is None or not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
+        raise InputError(f"{METADATA}: it names no files (rosbag2_bagfile_information: relative_file_paths)")
     if information.get("storage_identifier") == "sqlite3":
         raise _sqlite(path)
-    if information.get("compression_mode", "").upper() == "MESSAGE":
+    if str(information.get("compression_mode")).upper() == "MESSAGE":
         raise RecordingError(
             f"{path}: its messages are compressed one by one: convert it ('ros2 bag convert') to a plain MCAP bag"
         )
-    names = [str(name) for name in information["relative_file_paths"]]
-    files = [path / Path(name).name for name in names]
-    missing = [file.name for file in files if not file.is_file()]
-    if missing and len(missing) < len(files):
-        bag.warnings.append(f"{', '.join(missing)} named in metadata.yaml is missing; what it held is lost")
-    bag.files = [file for file in files if file.is_file()]
-    if missing and not bag.files:
-        bag.warnings.append(
-            f"metadata.yaml names {missing[0]}, which is not there; the .mcap files beside it were taken"
-        )
-    bag.promised_messages = int(information["message_count"])
-    bag.promised_duration_s = int(information["duration"]["nanoseconds"]) / 1e9
+    beside = {entry.name for entry in _entries(path) if entry.is_file()}
+    named = list(dict.fromkeys(Path(name).name for name in names))
+    missing = quoted(", ".join(name for name in named if name not in beside))
+    bag.files = [path / name for name in named if name in beside]
+    unnamed = sorted(name for name in beside - set(named) if name.endswith(_ENDINGS))
+    if missing and bag.files:
+        bag.warnings.append(f"{missing} named in metadata.yaml is missing; what it held is lost")
+    elif missing:
+        bag.warnings.append(f"metadata.yaml names {missing}, which is not there; the .mcap files beside it were taken")
+    if unnamed and bag.files:
+        bag.warnings.append(f"{_some(unnamed)} is not named in metadata.yaml and was not read")
+    messages, duration = information.get("message_count"), information.get("duration")
+    span = duration.get("nanoseconds") if isinstance(duration, dict) else None
+    if isinstance(messages, int) and isinstance(span, int):
+        bag.promised_messages, bag.promised_duration_s = messages, span / 1e9
+    else:
+        bag.warnings.append("metadata.yaml does not tell how many messages there are: a loss may go unnoticed")
+
+
+def _entries(path: Path) -> list[Path]:
+    try:
+        return sorted(path.iterdir())
+    except OSError as error:
+        raise RecordingError(f"{path}: the folder cannot be read: {error.strerror}") from None
 
 
 def _without_metadata(path: Path) -> list[Path]:
-    try:
-        entries = sorted(path.iterdir())
-    except OSError as error:
-        raise RecordingError(f"{path}: the folder cannot be read: {error.strerror}") from None
-    files = [entry for entry in entries if entry.name.endswith((".mcap", ".mcap.zstd")) and entry.is_file()]
+    entries = _entries(path)
+    files = [entry for entry in entries if entry.name.endswith(_ENDINGS) and entry.is_file()]
     if len(files) == 1:
         return files
     if files:
@@ -117,4 +133,4 @@ def _without_metadata(path: Path) -> list[Path]:
 
 
 def _some(names: list[str]) -> str:
-    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+    return quoted(", ".join(names[:4])) + (f" and {len(names) - 4} more" if len(names) > 4 else "")

@@ -20,6 +20,8 @@ FieldTypes = Mapping[str, Any]  # message type -> (constants, [(field, descripti
 
 HEADER_SIZE = 4
 _LONG_SEQUENCE = 64  # elements of longer sequences get no entry of their own
+_DEEPEST = 32  # a definition that contains itself never ends
+_MOST_FIELDS = 20_000
 _FORMATS = {
     "bool": "u1", "byte": "u1", "char": "u1", "uint8": "u1", "int8": "i1", "int16": "i2", "uint16": "u2",
     "int32": "i4", "uint32": "u4",
@@ -77,6 +79,7 @@ class _Walker:
         self.position = HEADER_SIZE
         self.layout = Layout()
         self.decisive: list[tuple[int, int]] = [(0, 2)]
+        self._depth = self._fields = 0
 
     def align(self, size: int) -> None:
         self.position += -(self.position - HEADER_SIZE) % size
@@ -108,6 +111,9 @@ class _Walker:
         self.layout.numbers[path] = (self.skip(size), self.order + code)
 
     def element(self, path: str, description: Any) -> None:
+        self._fields += 1
+        if self._fields > _MOST_FIELDS:
+            raise LayoutError(f"it has more than {_MOST_FIELDS} fields")
         kind, detail = description
         if kind == Nodetype.NAME:
             self.message(path, detail)
@@ -139,11 +145,15 @@ class _Walker:
     def message(self, path: str, name: str) -> None:
         if name not in self.types:
             raise LayoutError(f"the definition of {name} is missing")
+        if self._depth == _DEEPEST:
+            raise LayoutError(f"its definition is nested deeper than {_DEEPEST} levels")
+        self._depth += 1
         fields = self.types[name][1]
         if not fields:  # an empty message is one byte on the wire
             self.skip(1)
         for label, description in fields:
             self.element(f"{path}.{label}" if path else label, description)
+        self._depth -= 1
 
 
 def locate(data: bytes, name: str, types: FieldTypes) -> Layout:

@@ -36,6 +36,7 @@ class Thresholds:
                         half a second
     moving_angle        [rad] change of angle with which a pressure must change by several of its steps (about 0.5 bar
                         per 10 mrad)
+    longest             no recording is longer than a week
     merge               two things that begin and end within this of each other happen together
     """
 
@@ -48,6 +49,7 @@ class Thresholds:
     noisy: float = 0.25
     moving_rate: float = 0.02
     moving_angle: float = 0.05
+    longest: float = 7 * 86_400.0
     merge: float = 0.1
 
 
@@ -81,10 +83,26 @@ class _Raw:
 # ---- stamps ----------------------------------------------------------------------------------------------------------
 
 
+def check_far(samples: TopicSamples, middle_ns: float, limits: Thresholds = THRESHOLDS) -> list[_Raw]:
+    """Mask stamps that lie days from the others of the recording, where the topic has any that do not.
+
+    middle_ns: a stamp [ns] in the middle of the recording.
+    """
+    stamps = samples.stamps_ns
+    far = np.abs(stamps - middle_ns) > limits.longest * _SECOND
+    if not far.any() or far.all():
+        return []
+    samples.timed[far] = False
+    kept = stamps[~far]
+    count = int(far.sum())
+    detail = f"{count} {'stamp lies' if count == 1 else 'stamps lie'} days from all others"
+    return [_Raw("clock_jump", float(kept.min()), float(kept.max()), count, detail)]
+
+
 def check_stamps(samples: TopicSamples, limits: Thresholds = THRESHOLDS) -> list[_Raw]:
     """Mask in `samples.timed` what cannot be placed in time; afterwards the stamps of the rest increase strictly."""
     events: list[_Raw] = []
-    stamps, log = samples.stamps_ns, samples.log_ns
+    stamps, log = samples.stamps_ns[samples.timed], samples.log_ns[samples.timed]
     if len(stamps) < 2:
         return events
     events += _repeated(samples)

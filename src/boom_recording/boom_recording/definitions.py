@@ -13,6 +13,8 @@ from rosbags.typesys.store import Typestore
 
 from boom_recording.errors import RecordingError
 
+_LONGEST = 20_000  # that of JointState has 2000 with its comments; the parser takes 0.3 s for so many
+
 
 @functools.cache
 def typestore() -> Typestore:
@@ -27,11 +29,15 @@ def full_name(name: str) -> str:
 
 
 def parse(text: str, name: str, encoding: str = "ros2msg") -> dict[str, Any]:
-    """Types that an embedded definition contains. Raises ValueError where it cannot be parsed."""
+    """Types that an embedded definition contains. Raises ValueError where it cannot be parsed, or takes long."""
+    if len(text) > _LONGEST:
+        raise ValueError(f"the definition of {name} has {len(text)} characters: none has so many")
     try:
         return dict(get_types_from_idl(text) if encoding == "ros2idl" else get_types_from_msg(text, full_name(name)))
     except Exception as error:  # rosbags raises several kinds from its parser
-        raise ValueError(f"the definition of {name} cannot be parsed: {error}") from None
+        raise ValueError(
+            f"the definition of {name} cannot be parsed: {str(error).splitlines()[0] if str(error) else error!r}"
+        ) from None
 
 
 def ensure(name: str) -> None:

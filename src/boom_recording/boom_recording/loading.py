@@ -6,18 +6,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zstandard
 from numpy.typing import NDArray
 
+from boom_input.shown import quoted
 from boom_recording import bag_folder, cdr_layout, channels, defects, definitions
 from boom_recording.channels import MACHINE_CONFIGURATION, OSCILLOSCOPE, SENSOR_TOPICS, TYPES
 from boom_recording.defects import TopicSamples
 from boom_recording.errors import RecordingError
-from boom_recording.mcap_file import Batch, Damage, McapFile, Topic
+from boom_recording.mcap_file import Batch, Damage, Topic, opened_mcap
 from boom_recording.recording import Configuration, Floats, Recording, Signal
 
 REQUIRED = (*SENSOR_TOPICS, MACHINE_CONFIGURATION)
 _MANY_LAYOUTS = 16  # so many layouts are tried on whole batches; then the rest is read message by message
+_MANY_WALKS = 50_000  # messages that are walked one by one: what goes beyond is no recording, and would take minutes
+_MANY_DECLARATIONS = 2  # of one topic, in one file
+_MANY_DAMAGES = 8
 _UNRELATED_NS = 3600 * 10**9
 _Found = tuple[cdr_layout.Layout, dict[str, str]]  # a layout, and where in it each signal lies
 
@@ -58,15 +61,20 @@ def _load(path: Path, bag: bag_folder.BagFiles, require: tuple[str, ...], joint:
     reader = _Reader(joint)
     damages: list[Damage] = []
     for file in bag.files:
-        damages += reader.read(file)
-    reader.demand(require)
+        try:
+            damages += reader.read(file)
+        except RecordingError as error:
+            raise RecordingError(f"{file.name}: {error}" if len(bag.files) > 1 else str(error)) from None
+    reader.demand(require, damages)
     topics = reader.samples()
     sensors = [samples for samples in topics.values() if samples.topic in SENSOR_TOPICS] or list(topics.values())
     if not sensors:
         raise RecordingError("none of the topics that are asked for holds a sample: record again, or give another bag")
     raw: dict[str, list[Any]] = {samples.topic: [] for samples in topics.values()}
+    middle = float(np.median(np.concatenate([samples.stamps_ns for samples in sensors])))
     for samples in topics.values():
         if check:
+            raw[samples.topic] += defects.check_far(samples, middle)
             raw[samples.topic] += defects.check_stamps(samples)
         else:
             defects.unordered(samples)
@@ -133,15 +141,24 @@ def _losses(damages: list[Damage], reader: "_Reader", bag: bag_folder.BagFiles, 
         )
 
     sentences = []
-    for damage in damages:
-        if damage.end_ns is None:
+    for damage in damages[:_MANY_DAMAGES]:
+        if not damage.loss:
+            sentences.append(damage.what)
+        elif damage.end_ns is None:
             sentences.append(f"{damage.what}: what follows {at(damage.start_ns)} is lost")
         else:
-            sentences.append(f"{damage.what}: messages from {at(damage.start_ns)} to {at(damage.end_ns)} are lost")
+            span = f"from {at(damage.start_ns)} to {at(damage.end_ns)}"
+            sentences.append(f"{damage.what}: {damage.loss} {span} are lost")
+    if len(damages) > _MANY_DAMAGES:
+        sentences.append(f"{len(damages) - _MANY_DAMAGES} more parts of the file are damaged")
+    missing = 0 if bag.promised_messages is None else bag.promised_messages - reader.messages
+    if reader.missing > 0 or (missing > 0 and not reader.cut):
+        who = "the file's index" if reader.missing >= missing else "metadata.yaml"
+        promised = max(missing, reader.missing) + reader.messages
+        sentences.append(f"{max(missing, reader.missing)} of the {promised} messages that {who} counts are lost")
     if reader.cut:
         text = f"cut at {recording.duration:.1f} s: the file was not closed (recorder killed, or copied only in part)"
         if bag.promised_duration_s is not None and bag.promised_messages is not None:
-            missing = bag.promised_messages - reader.messages
             text += f"; metadata.yaml promises {bag.promised_duration_s:.1f} s, "
             text += f"{max(missing, 0)} of {bag.promised_messages} messages are lost"
         else:
@@ -150,7 +167,7 @@ def _losses(damages: list[Damage], reader: "_Reader", bag: bag_folder.BagFiles, 
     for topic, column in reader.columns.items():
         if column.unreadable:
             sentences.append(
-                f"{column.unreadable} messages of {topic} cannot be read ({column.reason}) and are left out"
+                f"{column.unreadable} messages of {topic} cannot be read ({quoted(column.reason)}) and are left out"
             )
     if reader.unknown:
         sentences.append(f"{reader.unknown} messages belong to no topic that the file declares and are left out")
@@ -167,46 +184,51 @@ class _Reader:
         self.notes: list[str] = []
         self.cut = False
         self.messages = 0
+        self.missing = 0
         self.unknown = 0
         self.configurations: list[Configuration] = []
         self._layouts: dict[tuple[str, str, int], list[_Found]] = {}
         self._definitions: dict[tuple[str, str], Any] = {}
+        self._walks = 0
 
     def read(self, path: Path) -> list[Damage]:
         """Read one file. Returns what of it is damaged."""
-        try:
-            content = path.read_bytes()
-        except OSError as error:
-            raise RecordingError(f"{path.name} cannot be read: {error.strerror}") from None
-        if path.suffix == ".zstd":
-            try:
-                content = zstandard.ZstdDecompressor().decompressobj().decompress(content)
-            except zstandard.ZstdError as error:
-                raise RecordingError(f"{path.name} cannot be unpacked: {error}") from None
-        file = McapFile(content)
-        for batch in file.batches():
-            self.messages += len(batch.offset)
-            for number in np.unique(batch.channel).tolist():
-                which = np.flatnonzero(batch.channel == number)
-                topic = file.topics.get(number)
-                if topic is None:
-                    self.unknown += len(which)
-                else:
-                    self._take(topic, batch, which)
+        with opened_mcap(path) as file:
+            for batch in file.batches():
+                self._sort(file.topics, batch)
+        self.messages += file.messages
+        self.missing += max(0, (file.promised or 0) - file.messages)
         for topic in file.topics.values():
             self.types.setdefault(topic.topic, topic.type)
         self.notes += file.notes
         self.cut = self.cut or not file.complete
         return file.damages
 
-    def demand(self, require: tuple[str, ...]) -> None:
+    def _sort(self, topics: dict[int, Topic], batch: Batch) -> None:
+        """Give the messages of a batch to their topics."""
+        known = np.zeros(1 + max(int(batch.channel.max()), max(topics, default=0)), bool)
+        known[list(topics)] = True
+        self.unknown += int((~known[batch.channel]).sum())
+        wanted: dict[Topic, list[int]] = {}
+        for number, topic in topics.items():
+            if topic.topic in TYPES and topic.type == TYPES[topic.topic]:
+                wanted.setdefault(topic, []).append(number)
+        if len(wanted) > _MANY_DECLARATIONS * len(TYPES):
+            raise RecordingError("it declares its topics over and over, and differently: no recording does")
+        for topic, numbers in wanted.items():
+            which = np.flatnonzero(np.isin(batch.channel, numbers) if len(numbers) > 1 else batch.channel == numbers[0])
+            if len(which):
+                self._take(topic, batch, which)
+
+    def demand(self, require: tuple[str, ...], damages: list[Damage]) -> None:
         """Raises RecordingError where a required topic is missing, empty or of another type."""
         for topic, found in self.types.items():
             wanted = TYPES.get(topic)
             if wanted is not None and found != wanted:
-                raise RecordingError(f"{topic} is of type {found or 'unknown'}: it has to be {wanted}")
+                raise RecordingError(f"{topic} is of type {quoted(found) or 'unknown'}: it has to be {wanted}")
+        why = f" ({quoted(damages[0].what)})" if damages else ""
         if not self.messages and not self.columns:
-            raise RecordingError("it holds no messages: record again, or give another bag")
+            raise RecordingError(f"it holds no messages{why}: record again, or give another bag")
         missing = [topic for topic in require if not self._has(topic)]
         if missing and self.types.keys() == {OSCILLOSCOPE}:
             raise RecordingError(
@@ -216,12 +238,12 @@ class _Reader:
         for topic in missing:
             column = self.columns.get(topic)
             if column is not None and column.unreadable:
-                raise RecordingError(f"no message of {topic} can be read: {column.reason}")
+                raise RecordingError(f"no message of {topic} can be read: {quoted(column.reason)}")
         if missing:
-            has = ", ".join(sorted(self.types)) or "no topics at all"
+            has = quoted(", ".join(sorted(self.types))) or "no topics at all"
             raise RecordingError(
                 f"{' and '.join(missing)} missing: record {'it' if len(missing) == 1 else 'them'} too "
-                f"(the bag has {has})"
+                f"(the bag has {has}){why}"
             )
 
     def _has(self, topic: str) -> bool:
@@ -268,16 +290,14 @@ class _Reader:
         return first
 
     def _take(self, topic: Topic, batch: Batch, which: NDArray[np.intp]) -> None:
-        wanted = TYPES.get(topic.topic)
-        if wanted is None or topic.type != wanted:
-            return
         column = self.columns.setdefault(topic.topic, _Column())
         if topic.message_encoding != "cdr":
             column.unreadable += len(which)
-            column.reason = f"they are {topic.message_encoding or 'unknown'}, not cdr"
+            column.reason = f"they are {quoted(topic.message_encoding) or 'unknown'}, not cdr"
             return
         if topic.topic == MACHINE_CONFIGURATION:
-            for i in which.tolist():
+            for i in which[: max(_MANY_WALKS - self._walks, 0)].tolist():
+                self._walks += 1
                 self._configure(topic, column, _bytes(batch, i))
             return
         names = [channel.name for channel in channels.of_topic(topic.topic)]
@@ -308,6 +328,10 @@ class _Reader:
         tried = 0
         while len(part):
             if tried == len(known):
+                if self._walks == _MANY_WALKS:
+                    column.unreadable += len(part)
+                    column.reason = "too many of them are laid out differently"
+                    return
                 found = self._layout_or_none(topic, batch, int(which[part[0]]), column)
                 if found is None:
                     part = part[1:]
@@ -332,6 +356,7 @@ class _Reader:
             part = rest
 
     def _layout_or_none(self, topic: Topic, batch: Batch, index: int, column: _Column) -> _Found | None:
+        self._walks += 1
         try:
             return self._layout(topic, _bytes(batch, index))
         except cdr_layout.LayoutError as error:
@@ -347,7 +372,9 @@ class _Reader:
                 try:
                     types.update(definitions.parse(topic.definition, topic.type, topic.definition_encoding))
                 except ValueError as error:
-                    raise RecordingError(str(error)) from None
+                    self.notes.append(f"{quoted(error)}: the one that is installed was taken")
+                    definitions.ensure(topic.type)
+                    types = dict(definitions.typestore().fielddefs)
             else:
                 definitions.ensure(topic.type)
                 types = dict(definitions.typestore().fielddefs)
@@ -362,12 +389,13 @@ class _Reader:
             if topic.type.endswith("/JointState"):
                 names = [layout.texts[f"name[{i}]"] for i in range(layout.lengths.get("name", 0))]
                 if self.joint not in names:
-                    raise cdr_layout.LayoutError(f"joint '{self.joint}' is not among {', '.join(names) or 'no joints'}")
+                    among = quoted(", ".join(names)) or "no joints"
+                    raise cdr_layout.LayoutError(f"joint '{self.joint}' is not among {among}")
                 path = f"{path}[{names.index(self.joint)}]"
             if path not in layout.numbers:
                 raise cdr_layout.LayoutError(f"field {channel.field} is missing or empty")
             paths[channel.name] = path
-        if "header.stamp.sec" not in layout.numbers:
+        if not {"header.stamp.sec", "header.stamp.nanosec"} <= layout.numbers.keys():
             raise cdr_layout.LayoutError("it has no header")
         return layout, paths
 

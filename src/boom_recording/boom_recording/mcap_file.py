@@ -1,34 +1,49 @@
 """Reads the messages of an MCAP file in bulk, as far as the file is whole, and tells what is not.
 
 The framing of MCAP is read here and not by the `mcap` package's readers, which build one object per message (an hour
-would take a minute to load) and give up at the first broken record. A chunk whose checksum is wrong is left out with
-its time span; a chunk that ends in the middle is unpacked up to the break; after a broken record the index at the end
-of the file, where there is one, says where to go on.
+would take a minute to load), trust every length, and give up at the first broken record. A chunk whose checksum is wrong
+is left out with its time span; a chunk that ends in the middle is unpacked up to the break; after a broken record the index
+at the end of the file, where there is one, says where to go on. No more of the file is in memory than a chunk and a batch.
 """
 
 import struct
 import zlib
+from bisect import bisect_right
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from io import BytesIO
+from io import SEEK_END, BytesIO
+from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Schema
+from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
+from boom_input.files import InputError, opened
+from boom_input.shown import quoted
+from boom_recording import unpacking
 from boom_recording.errors import RecordingError
+from boom_recording.unpacking import LARGEST_BLOCK, Budget, UnpackingError
 
 MAGIC = b"\x89MCAP0\r\n"
 _PREFIX = struct.Struct("<BQ")
 _LENGTH = struct.Struct("<Q").unpack_from
 _CHUNK = struct.Struct("<QQQII")  # start, end, size, checksum, length of the compression's name
+_CHUNK_INDEX = struct.Struct("<QQQ")  # start, end, place of the chunk
 _FOOTER = struct.Struct("<QQI")
 _MESSAGE_PREFIX = 31  # opcode, length, channel, sequence, log time, publish time
 _BATCH_BYTES = 8_000_000
+_BATCH_MESSAGES = 100_000
+_READ_AHEAD = 1_000_000
 _LAST_OPCODE = 0x0F
+_DECLARING = (Opcode.SCHEMA, Opcode.CHANNEL)
+_MOST_TOPICS = 20_000
+_LONGEST_DECLARATIONS = 32_000_000
+_CHECKED_BYTES = 1_000_000_000
+"""A larger file is not read a second time for the checksum over all of it."""
 
 
 @dataclass(frozen=True)
@@ -59,84 +74,179 @@ class Batch:
 
 @dataclass(frozen=True)
 class Damage:
-    """What could not be read. start_ns, end_ns: log time [ns] of the loss, None where unknown (end of file)."""
+    """What could not be read.
+
+    start_ns, end_ns   log time [ns] of the loss, None where unknown (end of file)
+    loss               what is lost between them: "messages", "some messages", or "" where `what` says it all
+    """
 
     what: str
-    start_ns: int | None
-    end_ns: int | None
+    start_ns: int | None = None
+    end_ns: int | None = None
+    loss: str = "messages"
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Records that hold messages, and the log times [ns] of the chunk that they were in."""
+
+    data: bytes
+    start_ns: int | None = None
+    end_ns: int | None = None
+
+
+class _Window:
+    """The part of a file that is in memory."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self._begin = 0
+        self._block = b""
+        self.size = stream.seek(0, SEEK_END)
+
+    def covering(self, position: int, length: int) -> tuple[bytes, int]:
+        """A block in which `length` bytes from `position` lie, and where in it. Raises RecordingError where they are gone."""
+        place = position - self._begin
+        if place < 0 or place + length > len(self._block):
+            self._stream.seek(position)
+            self._block = self._stream.read(max(length, _READ_AHEAD))
+            self._begin, place = position, 0
+            if len(self._block) < length:
+                raise RecordingError("it became shorter while it was read: load it again when nothing writes to it")
+        return self._block, place
+
+    def at(self, position: int, length: int) -> bytes:
+        block, place = self.covering(position, length)
+        return block[place : place + length]
 
 
 @dataclass
 class McapFile:
-    """Bulk reader of the bytes of one MCAP file; iterate over `batches` once, then look at `damages` and `notes`."""
+    """Bulk reader of one MCAP file; iterate over `batches` once, then look at the other attributes.
 
-    content: bytes
+    content     the file, or its bytes
+    topics      by the number that `Batch.channel` holds
+    damages     what could not be read. notes: what a reader may want to know
+    complete    the file was closed by whoever wrote it
+    promised    messages that the file says it has, None where it does not say
+    messages    that were read
+    """
+
+    content: BinaryIO | bytes
     topics: dict[int, Topic] = field(default_factory=dict)
     damages: list[Damage] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     last_log_ns: int | None = None
     complete: bool = True
-    _schemas: dict[int, Schema] = field(default_factory=dict)
-    _chunks: list[ChunkIndex] = field(default_factory=list)
-    _unchecked: bool = False
+    promised: int | None = None
+    messages: int = 0
+    budget: Budget | None = None
+
+    def __post_init__(self) -> None:
+        self._window = _Window(BytesIO(self.content) if isinstance(self.content, bytes) else self.content)
+        self._budget = self.budget or Budget(self._window.size)
+        self._schemas: dict[int, Schema] = {}
+        self._chunks: list[tuple[int, int]] = []  # place and first log time [ns]
+        self._declared: set[bytes] = set()
+        self._declared_bytes = 0
+        self._contradicted = False
+        self._unchecked = False
+        self._outside_chunks = False
+        self._data_wrong = False
 
     def batches(self) -> Iterator[Batch]:
-        """Give all messages that can be read. Raises RecordingError for a file that is not MCAP."""
-        if not self.content.startswith(MAGIC):
+        """Give all messages that can be read. Raises RecordingError for a file that is not MCAP, or a bomb."""
+        size = self._window.size
+        if size < len(MAGIC) or self._window.at(0, len(MAGIC)) != MAGIC:
             raise RecordingError(
                 "it is not an MCAP file (it does not begin like one): give a rosbag2 directory or a .mcap file"
             )
         data_end = self._read_summary()
-        pending: list[bytes] = []
+        self._chunks.sort()
+        pending: list[_Piece] = []
+        length = 0
         for piece in self._pieces(data_end):
-            pending.append(piece)
-            if sum(map(len, pending)) > _BATCH_BYTES:
+            if length and length + len(piece.data) > _BATCH_BYTES:
                 yield from self._scan(pending)
-                pending = []
+                pending, length = [], 0
+            if piece.data:
+                pending.append(piece)
+                length += len(piece.data)
         yield from self._scan(pending)
+        if self._data_wrong and not self._outside_chunks and self.messages == self.promised:
+            self.notes.append("a byte outside the messages is damaged (checksum of the file); all messages are whole")
+        elif self._data_wrong:
+            what = "the file is damaged: its checksum does not fit, and what is wrong or lost cannot be told"
+            self.damages.append(Damage(what, loss=""))
         if self._unchecked:
             self.notes.append("the file carries no checksums: a flipped byte would go unnoticed")
 
     def _read_summary(self) -> int:
         """Index, schemas and channels behind the data. Returns where the data end, as far as known."""
-        size = len(self.content)
+        size = self._window.size
         tail = 9 + _FOOTER.size + len(MAGIC)
-        if size < len(MAGIC) + tail or not self.content.endswith(MAGIC) or self.content[size - tail] != Opcode.FOOTER:
+        end = size - tail
+        if end < len(MAGIC):
             self.complete = False
             return size
-        start, _, checksum = _FOOTER.unpack_from(self.content, size - tail + 9)
-        if not 0 < start < size:
-            return size - tail
-        covered = self.content[start : size - len(MAGIC) - 4]
-        if checksum and zlib.crc32(covered) != checksum:
+        footer = self._window.at(end, tail)
+        if not footer.endswith(MAGIC) or footer[0] != Opcode.FOOTER:
+            self.complete = False
+            return size
+        start, _, checksum = _FOOTER.unpack_from(footer, 9)
+        if not len(MAGIC) <= start < end:
+            return end
+        if size - start > LARGEST_BLOCK:
+            self.notes.append("the index at the end of the file is not used: it is too large to be one")
+            return end
+        summary = self._window.at(start, size - len(MAGIC) - 4 - start)
+        if checksum and zlib.crc32(summary) != checksum:
             self.notes.append("the index at the end of the file is damaged and not used (checksum)")
+            return end
+        records, position, end = [], 0, end - start
+        while position + 9 <= end:
+            opcode, length = _PREFIX.unpack_from(summary, position)
+            records.append((opcode, length, position + 9))
+            position += 9 + length
+        if position != end:  # without a checksum this is how it shows
+            what = "the index at the end of the file is damaged and not used: what is lost cannot be told from it"
+            self.damages.append(Damage(what, loss=""))
             return size - tail
-        position = start
-        while position < size - tail:
-            position = self._record(position, size - tail)
+        for opcode, length, body in records:
+            if opcode in _DECLARING:
+                self._declare(opcode, summary[body : body + length])
+            elif opcode == Opcode.CHUNK_INDEX and length >= _CHUNK_INDEX.size:
+                first, _, place = _CHUNK_INDEX.unpack_from(summary, body)
+                self._chunks.append((place, first))
+            elif opcode == Opcode.STATISTICS and length >= 8:
+                (self.promised,) = _LENGTH(summary, body)
         return int(start)
 
-    def _record(self, position: int, end: int) -> int:
-        """Take in one schema, channel or index record; returns the position behind it, or `end` where it is broken."""
-        opcode, length = _PREFIX.unpack_from(self.content, position)
-        following = int(position + 9 + length)
-        if following > end:
-            return end
-        self._describe(opcode, self.content[position + 9 : following])
-        return following
-
-    def _describe(self, opcode: int, body: bytes) -> None:
+    def _declare(self, opcode: int, body: bytes) -> None:
+        """Take in a schema or channel. They are repeated in every chunk; what differs from its repetition is damaged."""
+        if body in self._declared:
+            return
+        self._declared.add(body)
+        self._declared_bytes += len(body)
+        if len(self._declared) > _MOST_TOPICS or self._declared_bytes > _LONGEST_DECLARATIONS:
+            raise RecordingError("it declares more topics than any recording has, and is not read")
         stream = ReadDataStream(BytesIO(body))
         try:
             if opcode == Opcode.SCHEMA:
                 schema = Schema.read(stream)
-                self._schemas[schema.id] = schema
-            elif opcode == Opcode.CHANNEL:
-                self._add(Channel.read(stream))
-            elif opcode == Opcode.CHUNK_INDEX:
-                self._chunks.append(ChunkIndex.read(stream))
+                contradicts = schema.id in self._schemas
+                self._schemas.setdefault(schema.id, schema)
+            else:
+                channel = Channel.read(stream)
+                contradicts = channel.id in self.topics
+                if not contradicts:
+                    self._add(channel)
         except Exception:  # garbage without a checksum may raise anything; its messages are then counted as unreadable
             return
+        if contradicts and not self._contradicted:
+            self._contradicted = True
+            what = "the file is damaged: it declares a topic twice and differently; the first declaration was taken"
+            self.damages.append(Damage(what, loss=""))
 
     def _add(self, channel: Channel) -> None:
         schema = self._schemas.get(channel.schema_id)
@@ -150,149 +260,202 @@ class McapFile:
             message_encoding=channel.message_encoding,
         )
 
-    def _pieces(self, end: int) -> Iterator[bytes]:
+    def _pieces(self, end: int) -> Iterator[_Piece]:
         """The records that hold messages: unpacked chunks, and runs of records outside chunks."""
-        content, position, ended = self.content, len(MAGIC), False
+        position, ended = len(MAGIC), False
         while position + 9 <= end:
-            opcode, length = _PREFIX.unpack_from(content, position)
+            opcode, length = _PREFIX.unpack(self._window.at(position, 9))
             following = position + 9 + length
             known = 0 < opcode <= _LAST_OPCODE or opcode >= 0x80
-            if not known or following > end:
-                if opcode == Opcode.CHUNK and not self._next_chunk(position):
-                    yield from self._chunk(position + 9, end, cut=True)
-                    return
+            held = opcode in (Opcode.CHUNK, Opcode.MESSAGE, *_DECLARING)
+            if not known or following > end or (held and length > LARGEST_BLOCK):
                 resumed = self._next_chunk(position)
                 if resumed is None:
-                    if self.complete or not known:
+                    if opcode == Opcode.CHUNK and following > end:
+                        yield from self._cut_chunk(position + 9, end)
+                    if self.complete or not known or following <= end:
                         self.damages.append(
                             Damage("the file is damaged: a record cannot be read", self.last_log_ns, None)
                         )
                     return
-                self.damages.append(
-                    Damage("a part of the file is damaged", self.last_log_ns, resumed.message_start_time)
-                )
-                position = resumed.chunk_start_offset
+                self.damages.append(Damage("a part of the file is damaged", self.last_log_ns, resumed[1]))
+                position = resumed[0]
                 continue
             if opcode == Opcode.CHUNK:
-                yield from self._chunk(position + 9, following, cut=False)
-            elif opcode == Opcode.MESSAGE:
-                yield content[position:following]
-            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._describe(opcode, content[position + 9 : following])
+                yield from self._chunk(self._window.at(position + 9, length))
+            elif held:
+                run = self._run(position, 9 + length)
+                self._outside_chunks = True
+                yield _Piece(run)
+                following = position + len(run)
             elif opcode == Opcode.DATA_END:
                 ended = True
-                self._check_data(content[position + 9 : following], position)
+                self._check_data(self._window.at(position + 9, min(length, 4)), position)
                 return
             position = following
         if not ended and self.complete:
             self.notes.append("the record that ends the data is missing")
+        self._unchecked = self._unchecked or self._outside_chunks
 
-    def _next_chunk(self, position: int) -> ChunkIndex | None:
-        later = [chunk for chunk in self._chunks if chunk.chunk_start_offset > position]
-        return min(later, key=lambda chunk: chunk.chunk_start_offset) if later else None
+    def _run(self, position: int, length: int) -> bytes:
+        """The message, schema or channel of `length` bytes at `position`, and those that follow it in memory."""
+        block, begin = self._window.covering(position, length)
+        place, end = begin + length, len(block)
+        while place + 9 <= end and block[place] in (5, 4, 3):
+            following = place + 9 + _LENGTH(block, place + 1)[0]
+            if following > end:
+                break
+            place = following
+        return block[begin:place]
 
-    def _check_data(self, body: bytes, position: int) -> None:
-        checksum = int.from_bytes(body[:4], "little")
-        if checksum and not self.damages and zlib.crc32(self.content[:position]) != checksum:
-            self.notes.append("a byte outside the messages is damaged (checksum of the file); all messages are whole")
+    def _next_chunk(self, position: int) -> tuple[int, int] | None:
+        """Place and first log time [ns] of the next chunk that the index knows."""
+        k = bisect_right(self._chunks, (position, 2**64))
+        return self._chunks[k] if k < len(self._chunks) else None
 
-    def _chunk(self, start: int, end: int, *, cut: bool) -> Iterator[bytes]:
-        if end - start < _CHUNK.size:
+    def _check_data(self, told: bytes, end: int) -> None:
+        """Hold the checksum of all data against them, where they have not been found damaged already."""
+        checksum = int.from_bytes(told, "little")
+        if not checksum or end > _CHECKED_BYTES:
+            self._unchecked = self._unchecked or self._outside_chunks
             return
-        first, last, size, checksum, name_length = _CHUNK.unpack_from(self.content, start)
-        body = start + _CHUNK.size + name_length + 8
-        compression = self.content[start + _CHUNK.size : body - 8].decode("ascii", "replace")
-        packed = self.content[body:end]
-        if cut:
-            yield _unpack_partly(packed, compression)
+        if self.damages:
             return
+        found = 0
+        for position in range(0, end, _READ_AHEAD):
+            found = zlib.crc32(self._window.at(position, min(_READ_AHEAD, end - position)), found)
+        self._data_wrong = found != checksum
+
+    def _chunk(self, record: bytes) -> Iterator[_Piece]:
+        if len(record) < _CHUNK.size + 8:
+            self.damages.append(Damage("a chunk is damaged (it is too short)", self.last_log_ns, None, "some messages"))
+            return
+        first, last, size, checksum, name_length = _CHUNK.unpack_from(record)
+        body = _CHUNK.size + name_length + 8
+        compression = record[_CHUNK.size : body - 8].decode("ascii", "replace")
+        packed = record[body:]
         try:
-            records = _unpack(packed, compression, size)
-        except (zstandard.ZstdError, ValueError) as error:
-            self.damages.append(Damage(f"a chunk is damaged ({_first_line(error)})", first, last))
-            rest = b"" if checksum else _unpack_partly(packed, compression)
-            if rest:
-                yield rest
+            if body > len(record):
+                raise UnpackingError("it is too short")
+            unpacking.check_size(size)
+            self._budget.spend(size)
+            records = unpacking.unpack(packed, compression, size)
+        except UnpackingError as error:
+            self.damages.append(Damage(f"a chunk is damaged ({error})", first, last))
+            if not checksum:
+                yield _Piece(unpacking.unpack_partly(packed, compression, size), first, last)
             return
         if checksum and zlib.crc32(records) != checksum:
             self.damages.append(Damage("a chunk is damaged (its checksum does not fit)", first, last))
             return
         self._unchecked = self._unchecked or not checksum
-        yield records
+        yield _Piece(records, first, last)
 
-    def _scan(self, pieces: list[bytes]) -> Iterator[Batch]:
-        """Find the messages in unpacked records. Schemas and channels between them are taken in on the way."""
-        if not pieces:
+    def _cut_chunk(self, start: int, end: int) -> Iterator[_Piece]:
+        """What can be unpacked of a chunk behind which the file ends."""
+        record = self._window.at(start, min(end - start, LARGEST_BLOCK))
+        if len(record) < _CHUNK.size + 8:
             return
-        data = b"".join(pieces)
+        first, last, size, _, name_length = _CHUNK.unpack_from(record)
+        body = _CHUNK.size + name_length + 8
+        compression = record[_CHUNK.size : body - 8].decode("ascii", "replace")
+        # It is told as a cut file; that its records end in the middle need not be told again.
+        yield _Piece(_whole_records(unpacking.unpack_partly(record[body:], compression, size)), first, last)
+
+    def _scan(self, pieces: list[_Piece]) -> Iterator[Batch]:
+        """Find the messages in unpacked records. Schemas and channels between them are taken in on the way."""
+        data = b"".join([piece.data for piece in pieces])
+        array = np.frombuffer(data, np.uint8)
         starts: list[int] = []
         append = starts.append
         position = 0
         for piece in pieces:
-            end = position + len(piece)
+            end = position + len(piece.data)
+            odd = 0
             while position + 9 <= end:
                 opcode = data[position]
                 following = position + 9 + _LENGTH(data, position + 1)[0]
-                if following > end:  # cut, or garbage in a chunk without a checksum
+                if following > end:  # garbage in a chunk without a checksum
                     break
                 if opcode == 5:
                     append(position)
-                elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                    self._describe(opcode, data[position + 9 : following])
+                    if len(starts) == _BATCH_MESSAGES:
+                        yield from self._batch(array, starts, piece)
+                        starts.clear()
+                elif opcode in _DECLARING:
+                    self._declare(opcode, data[position + 9 : following])
+                elif not opcode:
+                    break
+                elif opcode < 0x80:  # nothing else lies in a chunk; its length may be right all the same
+                    odd += 1
                 position = following
+            if odd:
+                what = f"{odd} {'record' if odd == 1 else 'records'} of a chunk cannot be read"
+                self.damages.append(Damage(what, piece.start_ns, piece.end_ns, "some messages"))
+            if position != end:
+                what = "a chunk is damaged (a record in it cannot be read)"
+                self.damages.append(Damage(what, piece.start_ns, piece.end_ns, "some messages"))
             position = end
-        if not starts:
-            return
-        array = np.frombuffer(data, np.uint8)
+        if starts:
+            yield from self._batch(array, starts, pieces[-1])
+
+    def _batch(self, array: NDArray[np.uint8], starts: list[int], piece: _Piece) -> Iterator[Batch]:
         offsets = np.array(starts, np.int64)
-        offsets = offsets[offsets + _MESSAGE_PREFIX <= len(array)]
-        head = np.lib.stride_tricks.sliding_window_view(array, _MESSAGE_PREFIX)[offsets]
+        fitting = offsets[offsets + _MESSAGE_PREFIX <= len(array)]
+        head = np.lib.stride_tricks.sliding_window_view(array, _MESSAGE_PREFIX)[fitting] if len(fitting) else None
+        if head is not None:
 
-        def column(place: int, code: str) -> NDArray[np.int64]:
-            width = int(code[1])
-            return np.ascontiguousarray(head[:, place : place + width]).view("<" + code)[:, 0].astype(np.int64)
+            def column(place: int, code: str) -> NDArray[np.int64]:
+                width = int(code[1])
+                return np.ascontiguousarray(head[:, place : place + width]).view("<" + code)[:, 0].astype(np.int64)
 
-        size = column(1, "u8") + 9 - _MESSAGE_PREFIX
-        log = column(15, "u8")
-        batch = Batch(array, column(9, "u2"), offsets + _MESSAGE_PREFIX, size, log, column(23, "u8"))
-        self.last_log_ns = int(log.max()) if self.last_log_ns is None else max(self.last_log_ns, int(log.max()))
+            size = column(1, "u8") + 9 - _MESSAGE_PREFIX
+            columns = [column(9, "u2"), fitting + _MESSAGE_PREFIX, size, column(15, "u8"), column(23, "u8")]
+            whole = size >= 0
+            if not whole.all():
+                columns = [values[whole] for values in columns]
+        else:
+            columns = [fitting] * 5
+        short = len(offsets) - len(columns[0])
+        if short:
+            what = f"{short} {'message is' if short == 1 else 'messages are'} too short to be one"
+            self.damages.append(Damage(what, piece.start_ns, piece.end_ns, "some messages"))
+        if not len(columns[0]):
+            return
+        batch = Batch(array, *columns)
+        self.messages += len(batch.offset)
+        last = int(batch.log_ns.max())
+        self.last_log_ns = last if self.last_log_ns is None else max(self.last_log_ns, last)
         yield batch
 
 
-def _unpack(packed: bytes, compression: str, size: int) -> bytes:
-    if compression == "zstd":
-        return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
-    if compression == "":
-        return packed
-    if compression == "lz4":
-        try:
-            import lz4.frame
-        except ImportError:
-            raise RecordingError(
-                "it is compressed with lz4: install the Python package lz4, or convert the bag to zstd"
-            ) from None
-        try:
-            return bytes(lz4.frame.decompress(packed))
-        except RuntimeError as error:
-            raise ValueError(str(error)) from None
-    raise ValueError(f"unknown compression {compression!r}")
+@contextmanager
+def opened_mcap(path: Path) -> Iterator[McapFile]:
+    """The MCAP file at `path`, unpacked where it is packed as a whole (.mcap.zstd). Raises RecordingError."""
+    try:
+        with opened(path) as stream:
+            if path.suffix != ".zstd":
+                yield McapFile(stream)
+                return
+            budget = Budget(stream.seek(0, SEEK_END))
+            stream.seek(0)
+            content, wrong = unpacking.unpack_file(stream, budget)
+            file = McapFile(content, budget=Budget(content.tell()))
+            if wrong:
+                file.damages.append(
+                    Damage(f"the file is damaged ({quoted(wrong)}): it cannot be unpacked further", loss="")
+                )
+            yield file
+    except InputError as error:
+        raise RecordingError(str(error).replace(f"{path}:", path.name, 1)) from None
 
 
-def _unpack_partly(packed: bytes, compression: str) -> bytes:
-    """What can be unpacked of a chunk that ends in the middle."""
-    if compression == "":
-        return packed
-    if compression != "zstd":
-        return b""
-    unpacker = zstandard.ZstdDecompressor().decompressobj()
-    parts: list[bytes] = []
-    for start in range(0, len(packed), 512):  # in small steps: an error then costs no more than one
-        try:
-            parts.append(unpacker.decompress(packed[start : start + 512]))
-        except zstandard.ZstdError:
+def _whole_records(data: bytes) -> bytes:
+    """`data` without the record at its end that is not whole."""
+    position = 0
+    while position + 9 <= len(data):
+        following = position + 9 + _LENGTH(data, position + 1)[0]
+        if following > len(data):
             break
-    return b"".join(parts)
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
+        position = following
+    return data[:position]

@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_input.shown import quoted
 from boom_recording import bag_folder, definitions
 from boom_recording.bag_writer import BagWriter, OfferedQos
 from boom_recording.channels import OSCILLOSCOPE
 from boom_recording.errors import RecordingError
-from boom_recording.mcap_file import McapFile
+from boom_recording.mcap_file import McapFile, opened_mcap
 from boom_recording.writing import START_NS
 
 Floats = NDArray[np.float64]
@@ -93,11 +94,8 @@ def load_traces(path: str | Path) -> list[OscilloscopeTrace]:
     warnings = list(bag.warnings)
     for file in bag.files:
         try:
-            content = file.read_bytes()
-        except OSError as error:
-            raise RecordingError(f"{path}: {file.name} cannot be read: {error.strerror}") from None
-        try:
-            blocks += _blocks(McapFile(content), warnings)
+            with opened_mcap(file) as mcap:
+                blocks += _blocks(mcap, warnings)
         except RecordingError as error:
             raise RecordingError(f"{path}: {error}") from None
     return [_trace(bag.name, path, [b for b in blocks if b.valve == valve], tuple(warnings))
@@ -148,17 +146,29 @@ def _blocks(file: McapFile, warnings: list[str]) -> Iterable[_Block]:
             if topic is None or topic.topic != OSCILLOSCOPE:
                 continue
             if topic.type != TYPE:
-                raise RecordingError(f"{OSCILLOSCOPE} is of type {topic.type or 'unknown'}: it has to be {TYPE}")
+                raise RecordingError(
+                    f"{OSCILLOSCOPE} is of type {quoted(topic.type) or 'unknown'}: it has to be {TYPE}"
+                )
             first = int(batch.offset[i])
             data = batch.data[first : first + int(batch.size[i])].tobytes()
             try:
                 found.append(_block(store.deserialize_cdr(data, TYPE)))
-            except (AssertionError, IndexError, ValueError, UnicodeDecodeError):
-                unreadable += 1  # whatever the decoder stumbles over in bytes that are no such message
+            except Exception:  # whatever the generated decoder stumbles over in bytes that are no such message
+                unreadable += 1
     for block in found:
         if block.valve not in VALVES:
-            raise RecordingError(f"{OSCILLOSCOPE} names the valve '{block.valve}': it has to be {' or '.join(VALVES)}")
-    warnings += [f"{damage.what}: the messages in it are lost" for damage in file.damages]
+            raise RecordingError(
+                f"{OSCILLOSCOPE} names the valve '{quoted(block.valve)}': it has to be {' or '.join(VALVES)}"
+            )
+    warnings += [damage.what + (": the messages in it are lost" if damage.loss else "") for damage in file.damages]
+    if not file.complete:
+        warnings.append(
+            "the file was not closed (copied only in part, or its writer was killed): what followed is lost"
+        )
+    elif file.promised is not None and file.promised > file.messages:
+        warnings.append(
+            f"{file.promised - file.messages} of the {file.promised} messages that the file counts are lost"
+        )
     if unreadable:
         warnings.append(f"{unreadable} messages of {OSCILLOSCOPE} cannot be read and are left out")
     return found
@@ -173,7 +183,7 @@ def _block(message: Any) -> _Block:
 def _trace(name: str, path: Path, blocks: Sequence[_Block], warnings: tuple[str, ...]) -> OscilloscopeTrace:
     blocks = sorted(blocks, key=lambda b: b.stamp)
     period = blocks[0].period
-    if not (np.isfinite(period) and 0.0 < period <= 1.0):
+    if not 1e-9 <= period <= 1.0:
         raise RecordingError(f"{path}: the sample period of the oscilloscope is {period} s: it has to be positive")
     for block in blocks:
         if block.period != period:

@@ -1,16 +1,20 @@
 """What the recorder decides and counts, without ROS: QoS to ask for, when it is ready, what it reports."""
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
+from boom_input.shown import quoted
 from boom_recording.bag_writer import OfferedQos
-from boom_recording.channels import CURRENT_COMMAND, MACHINE_CONFIGURATION, SENSOR_TOPICS
+from boom_recording.channels import CURRENT_COMMAND, MACHINE_CONFIGURATION, OSCILLOSCOPE, SENSOR_TOPICS, TYPES
 
 DEFAULT_TOPICS = (*SENSOR_TOPICS, MACHINE_CONFIGURATION, CURRENT_COMMAND)
 QUEUE_DEPTH = 1000  # samples; a second of 1 kHz while the disk is busy
 FLUSH_PERIOD_S = 0.4  # a killed recorder loses what came since
 SETTLE_S = 0.2  # the two ends of a connection learn of each other one after the other
 EVERYTHING = "*"
+KNOWN_TYPES = TYPES | {OSCILLOSCOPE: "boom_interfaces/msg/OscilloscopeTrace"}
+_TYPE = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
 _HOUSEKEEPING = ("/rosout", "/parameter_events")
 
 
@@ -30,6 +34,20 @@ def request(publishers: Sequence[Publisher]) -> OfferedQos:
         latched=all(publisher.qos.latched for publisher in publishers),
         depth=QUEUE_DEPTH,
     )
+
+
+def offered(topic: str, publishers: Sequence[Publisher], current: str = "") -> tuple[list[Publisher], str]:
+    """The publishers of `topic` that can be recorded, and what is wrong with the others, "" where nothing is.
+
+    A topic that is known has its type; another one has that of the subscription (`current`), or that offered first.
+    """
+    wanted = KNOWN_TYPES.get(topic) or current or next((p.type for p in publishers if _TYPE.fullmatch(p.type)), "")
+    good = [publisher for publisher in publishers if wanted and publisher.type == wanted]
+    odd = sorted({publisher.type or "nothing" for publisher in publishers if publisher not in good})
+    if not odd:
+        return good, ""
+    listed = quoted(", ".join(odd))
+    return good, f"{topic} is offered as {listed}, which is not recorded: it has to be {wanted or 'package/msg/Type'}"
 
 
 def must_renew(current: OfferedQos, publishers: Sequence[Publisher]) -> bool:

@@ -8,6 +8,7 @@ conditions: README.md of the package.
 # ruff: noqa: I001
 from boom_node import early  # noqa: F401  (first: signals and environment)
 
+import functools
 import time
 from functools import partial
 from importlib import import_module
@@ -17,13 +18,14 @@ from typing import Any
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from std_msgs.msg import Bool
 
+from boom_input.shown import quoted
 from boom_node import qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
+from boom_node.node import Node
 from boom_node.input_watch import InputWatch
 from boom_node.parameters import ParameterSpec, declare
 from boom_recording import definitions, recorder
@@ -90,6 +92,7 @@ class RecorderNode(Node):
         self._publisher_counts: dict[str, int] = {}
         self._traffic: dict[str, recorder.Traffic] = {}
         self._refused: dict[str, str] = {}
+        self._types: dict[str, str] = {}
         self._readiness = recorder.Readiness(required)
         self._required = required
         self._watches: dict[str, InputWatch] = {}
@@ -138,10 +141,15 @@ class RecorderNode(Node):
             if not count or count == self._publisher_counts.get(topic):
                 continue  # asking for their QoS is what costs
             self._publisher_counts[topic] = count
-            publishers = [_publisher(info) for info in self.get_publishers_info_by_topic(topic)]
-            if not publishers or topic in self._refused:
-                continue
             current = self._subscribed.get(topic)
+            found = [_publisher(info) for info in self.get_publishers_info_by_topic(topic)]
+            publishers, wrong = recorder.offered(topic, found, self._types.get(topic, ""))
+            if publishers and _message_type(publishers[0].type) is None:
+                wrong = f"{topic} cannot be recorded: its type {quoted(publishers[0].type)} is not installed"
+                publishers = []
+            self._refuse(topic, wrong)
+            if not publishers:
+                continue
             if current is None:
                 self._subscribe(topic, publishers)
             elif recorder.must_renew(current[1], publishers):
@@ -156,15 +164,19 @@ class RecorderNode(Node):
             self._ready_publisher.publish(Bool(data=ready))
             self._diagnostics.update()
 
+    def _refuse(self, topic: str, wrong: str) -> None:
+        """Tell at once what of a topic is not recorded; it is told on /diagnostics as long as it is so."""
+        if self._refused.get(topic, "") == wrong:
+            return
+        self._refused.pop(topic, None)
+        if wrong:
+            self._refused[topic] = wrong
+            self.get_logger().error(wrong)
+        self._diagnostics.update()
+
     def _subscribe(self, topic: str, publishers: list[recorder.Publisher]) -> None:
         kind = publishers[0]
-        try:
-            package, group, name = kind.type.split("/")
-            message_type = getattr(import_module(f"{package}.{group}"), name)
-        except (ImportError, AttributeError, ValueError):
-            self._refused[topic] = f"{topic} cannot be recorded: its type {kind.type} is not installed"
-            self.get_logger().error(self._refused[topic])
-            return
+        self._types[topic] = kind.type
         wanted = recorder.request(publishers)
         profile = QoSProfile(
             depth=wanted.depth,
@@ -177,7 +189,7 @@ class RecorderNode(Node):
         receive = _Receiver(self, self._numbers[topic], traffic)
         events = SubscriptionEventCallbacks(message_lost=partial(_count_lost, traffic), use_default_callbacks=False)
         subscription = self.create_subscription(
-            message_type, topic, receive.message, profile, event_callbacks=events, raw=True
+            _message_type(kind.type), topic, receive.message, profile, event_callbacks=events, raw=True
         )
         self._subscribed[topic] = (subscription, wanted)
 
@@ -246,6 +258,16 @@ class _Receiver:
     def message(self, data: bytes) -> None:
         self._traffic.add(len(data))
         self._node.store(self._number, data, self._clock.now().nanoseconds)
+
+
+@functools.cache
+def _message_type(name: str) -> Any | None:
+    """The class of a message type ("pkg/msg/Type"), None where it is not installed."""
+    package, group, short = name.split("/")
+    try:
+        return getattr(import_module(f"{package}.{group}"), short)
+    except Exception:  # whatever a module of that name does when it is loaded
+        return None
 
 
 def _count_lost(traffic: recorder.Traffic, status: Any) -> None:

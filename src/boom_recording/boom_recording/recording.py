@@ -13,6 +13,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Stamps = NDArray[np.int64]
 
+_LONGEST_GRID = 100_000_000  # a week at 100 Hz is 60 million
 _HALF_PERIOD_MARGIN = 1.1  # samples jitter by a few percent of the period; one that is due is not to be missed for that
 
 
@@ -117,11 +118,14 @@ class Recording:
         """Samples on a common grid of `period` [s] from time zero to the end.
 
         Each grid time gets the valid sample nearest to it, NaN where none lies within half a period (with a tenth more
-        for jitter). Nothing is interpolated. Raises ValueError for a period that is not positive.
+        for jitter). Nothing is interpolated. Raises ValueError for a period that is not positive,
+        RecordingError where the stamps span more than a grid can hold.
         """
         if not period > 0:
             raise ValueError(f"the period of the grid is {period} s: it has to be positive")
         count = int(np.floor(self.duration / period + 1e-9)) + 1
+        if count > _LONGEST_GRID:
+            raise RecordingError(f"{self.name}: its stamps span {self.duration:.0f} s: more than a recording can")
         time = np.asarray(np.arange(count) * period, np.float64)
         return Table(time, {name: _nearest(signal, time, period) for name, signal in self.signals.items()})
 

@@ -16,7 +16,6 @@ from boom_interfaces.msg import SolenoidCurrents
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
@@ -26,7 +25,9 @@ from std_srvs.srv import SetBool
 from boom_node import qos, shell, stamps
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
+from boom_node.node import Node
 from boom_node.parameters import ParameterSpec, declare
+from boom_node.publishers import SolePublishers
 from boom_recording import replay
 from boom_recording.channels import CURRENT_COMMAND, DEFAULT_JOINT, JOINT_STATES, REFERENCE, SOLENOID_CURRENTS
 from boom_recording.errors import RecordingError
@@ -116,6 +117,7 @@ class ReplayNode(Node):
         kind: Any = SolenoidCurrents if self._commands else JointState
         self._output = self.create_publisher(kind, self._topic, qos.BY_TOPIC[self._topic])
         self._clock_output = self.create_publisher(ClockMessage, "/clock", qos.CLOCK) if values.clock else None
+        self._sole = SolePublishers(self, (CURRENT_COMMAND,) if self._commands else ())
         self._recorder_ready = False
         if values.wait_for_recorder:
             self.create_subscription(Bool, "/boom_recorder/ready", self._on_recorder, qos.LATCHED)
@@ -155,6 +157,12 @@ class ReplayNode(Node):
         self._pacer.stop()
         if self._thread is not None:
             self._thread.join()
+        self._end_with_zero()
+
+    def stop_safely(self, reason: str) -> None:
+        """A callback raised: nothing is sent any more, commands end with zero currents."""
+        self._pacer.stop()
+        self._state = "failed"
         self._end_with_zero()
 
     # ---- before the first message ----
@@ -202,6 +210,8 @@ class ReplayNode(Node):
         missing = []
         if self._output.get_subscription_count() < self._values.wait_for:
             missing.append(f"a subscriber of {self._topic} (is the simulation or the controller running?)")
+        if self._sole.look():
+            missing.append(f"the topic for itself alone, {self._sole.conflict}")
         if self._values.wait_for_recorder and not self._recorder_ready:
             missing.append(
                 "/boom_recorder/ready (is the recorder running, and do its required topics have publishers?)"
@@ -232,7 +242,7 @@ class ReplayNode(Node):
             self._send(self._lockstep.first())
             return
         self._state = "replaying"
-        self._thread = threading.Thread(target=self._play, daemon=True)
+        self._thread = threading.Thread(target=self.guarded("replay", self._play), daemon=True)
         self._thread.start()
 
     # ---- sending ----
@@ -244,11 +254,16 @@ class ReplayNode(Node):
     def _on_clock(self, message: ClockMessage) -> None:
         if self._state != "lockstep" or self._lockstep is None:
             return
+        tick_ns = stamps.to_ns(message.clock)
+        wrong = stamps.far(tick_ns, self._lockstep.next_tick_ns)
+        if wrong:
+            self.guard.refuse("/clock", "far from the tick before", wrong)
+            return
         self._last_tick = time.monotonic()
         if self._lockstep.finished:
             self._finish()
             return
-        answer = self._lockstep.answer(stamps.to_ns(message.clock))
+        answer = self._lockstep.answer(tick_ns)
         if answer is not None:
             self._send(answer)
 
@@ -326,7 +341,7 @@ class ReplayNode(Node):
         if self._state == "waiting":
             return Health(Level.WARN, f"waiting for {', '.join(self._missing()) or 'connections to settle'}", values)
         if self._state == "failed":
-            return Health(Level.ERROR, "stopped: a partner is missing", values)
+            return Health(Level.ERROR, "stopped: start it again", values)
         return Health(Level.OK, "paused" if self._pacer.paused else self._state, values)
 
 

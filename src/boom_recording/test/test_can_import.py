@@ -246,6 +246,61 @@ def boom(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=60)
 
 
+def _with(path: Path, old: str, new: str, line: int) -> Path:
+    """The log with a text of one of its lines exchanged."""
+    lines = path.read_text().split("\n")
+    assert old in lines[line], lines[line]
+    lines[line] = lines[line].replace(old, new, 1)
+    path.write_text("\n".join(lines))
+    return path
+
+
+@pytest.mark.parametrize("time", ["nan", "inf", "-5", "7790000000.5", "179000000.5", "1e300"])
+@pytest.mark.parametrize("place", [0, 600, -1])
+def test_a_time_that_cannot_be_costs_its_frame_and_is_told(time: str, place: int, codec: Codec, tmp_path: Path) -> None:
+    path = logged(tmp_path / "machine.log", traffic(codec))
+    lines = path.read_text().splitlines()
+    rest = lines[place].split(")")[1]
+    lines[place] = f"({time}){rest}"
+    path.write_text("\n".join(lines) + "\n")
+    made = imported(path, codec)
+    assert sum(row.used for row in made.frames) == 1499
+    assert made.recording.warnings == ["1 frame is left out: of a time that cannot be"]
+    assert made.recording.duration == pytest.approx(3.0, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "line", "old", "new"),
+    [
+        ("asc", 3, "2026", "20260"), ("asc", 3, "2026", "1e999"), ("asc", 3, " 20", " 99"), ("asc", 3, "Sep", "Foo"),
+        ("asc", 3, "14:13:20", "1e999:0:0"), ("asc", 3, "14:13:20", "nan:13:20"), ("trc", 1, "46", "1e999 "),
+        ("trc", 1, "46", "nan "), ("trc", 1, "46", "-9946"), ("trc", 1, "46", "9999946"),
+    ],
+)  # fmt: skip
+def test_a_date_that_cannot_be_is_told_and_the_times_count_from_the_beginning(
+    suffix: str, line: int, old: str, new: str, codec: Codec, tmp_path: Path
+) -> None:
+    made = imported(_with(logged(tmp_path / f"log.{suffix}", traffic(codec, 20)), old, new, line), codec)
+    assert sum(row.used for row in made.frames) == 100
+    assert made.recording.start_ns == writing.START_NS and made.recording.duration == pytest.approx(0.19, abs=0.01)
+    (warning,) = made.recording.warnings
+    assert "the date of its beginning cannot be read" in warning
+
+
+def test_pauses_and_clocks_that_were_set_are_no_wrong_times() -> None:
+    for times in (
+        np.arange(100) * 60.0,  # a heartbeat
+        np.concatenate([np.arange(50) * 0.01, 40_000 + np.arange(50) * 0.01]),  # a night
+        np.concatenate([np.arange(50) * 0.01, np.arange(50) * 0.01 - 3600 + 4000]),  # an hour back, and on
+        np.array([0.0, 1.0, 2.0]), np.array([5.0]),
+    ):  # fmt: skip
+        assert can_log.possible(times).all()
+    for wrong in (7_790_000_000.0, np.nan, -1.0, 950.0):
+        times = 1000 + np.arange(100) * 0.01
+        times[40] = wrong
+        assert np.flatnonzero(~can_log.possible(times)).tolist() == [40]
+
+
 def test_command_writes_a_bag_and_says_what_it_left_out(codec: Codec, tmp_path: Path) -> None:
     other = can.Message(timestamp=START, arbitration_id=0x7AB, is_extended_id=False, data=b"12")
     logged(tmp_path / "machine.log", [*traffic(codec), other])
@@ -261,7 +316,7 @@ def test_command_writes_a_bag_and_says_what_it_left_out(codec: Codec, tmp_path: 
 @pytest.mark.parametrize(
     ("words", "part"),
     [
-        (["nowhere.blf", "--output", "x"], "nowhere.blf cannot be read"),
+        (["nowhere.blf", "--output", "x"], "nowhere.blf: cannot be read"),
         (["machine.log", "--output", "there"], "there exists already"),
         (["machine.txt", "--output", "x"], "give one of .blf"),
         (["machine.log", "--dbc", "tz71", "--output", "x"], "no DBC tz71"),

@@ -2,10 +2,13 @@
 
 import dataclasses
 import math
+import os
 import shutil
 import struct
+import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -106,13 +109,40 @@ def test_a_bare_file_is_a_bag(made: Path, tmp_path: Path) -> None:
     assert load(tmp_path / "bare.mcap").duration == load(made).duration
 
 
-@pytest.mark.parametrize("text", [None, "", "{", "a: 1", "\0"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        None, "", "{", "a: 1", "\0", "a: &a [1]\nb: *a", "[" * 5000, "a: " + "9" * 5000, "- 2026-02-31", "a: !!python/name:os.x",
+        "rosbag2_bagfile_information: [1]", "rosbag2_bagfile_information: {relative_file_paths: [[1], {}]}",
+        "rosbag2_bagfile_information: {relative_file_paths: made_0.mcap}", "x" * 2_000_000,
+    ],
+)  # fmt: skip
 def test_without_a_usable_metadata_file_the_mcap_file_is_read(bag: Path, text: str | None) -> None:
     (bag / "metadata.yaml").unlink()
     if text is not None:
         (bag / "metadata.yaml").write_text(text)
     found = load(bag)
     assert found.events == [] and len(found.warnings) == 1 and "metadata.yaml" in found.warnings[0]
+
+
+def test_metadata_that_is_no_file_or_lies_costs_nothing_but_a_warning(bag: Path) -> None:
+    metadata = bag / "metadata.yaml"
+    text = metadata.read_text()
+    for wrong, told in (
+        ("message_count: 2401", "message_count: 1e999"), ("nanoseconds: ", "nanoseconds: x"),
+        ("compression_mode: ''", "compression_mode: [1]"), ("- made_0.mcap", "- made_0.mcap\n  - ../../etc/passwd"),
+    ):  # fmt: skip
+        metadata.write_text(text.replace(wrong, told))
+        assert metadata.read_text() != text
+        assert load(bag).duration == load(mcap(bag)).duration
+    shutil.copy(mcap(bag), bag / "more.mcap")
+    metadata.write_text(text)
+    assert load(bag).warnings == ["more.mcap is not named in metadata.yaml and was not read"]
+    metadata.unlink()
+    (bag / "more.mcap").unlink()
+    os.mkfifo(metadata)
+    (warning,) = load(bag).warnings
+    assert "not a regular file" in warning and "were taken" in warning
 
 
 def test_a_bag_split_into_files_is_one_recording(made: Path, tmp_path: Path) -> None:
@@ -194,21 +224,88 @@ def test_a_flipped_bit_anywhere_never_changes_a_number_unnoticed(
 
 
 def test_a_file_without_checksums_is_read_and_that_is_only_noted(made: Path, tmp_path: Path) -> None:
-    target = tmp_path / "plain.mcap"
+    found = load(_unprotected(made, tmp_path / "plain.mcap"))
+    assert found.warnings == [] and found.events == []
+    assert any("no checksums" in note for note in found.notes)
+
+
+def _unprotected(made: Path, target: Path, definition: Callable[[bytes], bytes] = bytes, **options: Any) -> Path:
+    """The bag again without checksums, its chunks not packed; `target`: a new .mcap file."""
     with mcap(made).open("rb") as source, target.open("wb") as stream:
-        writer = Writer(stream, enable_crcs=False, compression=CompressionType.NONE)
+        writer = Writer(stream, enable_crcs=False, compression=CompressionType.NONE, **options)
         writer.start("ros2")
         known: dict[int, int] = {}
         for schema, channel, message in make_reader(source).iter_messages():
             assert schema is not None
             if channel.id not in known:
-                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                number = writer.register_schema(schema.name, schema.encoding, definition(schema.data))
                 known[channel.id] = writer.register_channel(channel.topic, "cdr", number)
             writer.add_message(known[channel.id], message.log_time, message.data, message.publish_time)
         writer.finish()
-    found = load(target)
-    assert found.warnings == [] and found.events == []
-    assert any("no checksums" in note for note in found.notes)
+    return target
+
+
+def _first_message(content: bytes, behind: int) -> int:
+    """Where, behind that place, the first message of the third topic begins."""
+    return next(
+        k for k in range(behind, len(content)) if content[k] == 5 and content[k + 2 : k + 11] == bytes(7) + b"\3\0"
+    )
+
+
+@pytest.mark.parametrize("opcode", [0, 7, 0x90])
+def test_one_bad_opcode_in_a_bag_without_checksums_is_told(made: Path, bag: Path, opcode: int) -> None:
+    content = bytearray(_unprotected(made, mcap(bag)).read_bytes())
+    content[_first_message(content, len(content) // 2)] = opcode
+    mcap(bag).write_bytes(content)
+    found = load(bag)
+    lost = 600 - int(found.signals["hose_pressure"].valid.sum())
+    assert any("of the 2401 messages that" in warning and "are lost" in warning for warning in found.warnings)
+    assert opcode == 0 or lost <= 1, "a wrong kind alone costs its record"
+
+
+@pytest.mark.parametrize("size", [2**63, 2**64 - 1, 10**9, 1])
+def test_a_chunk_of_an_impossible_size_is_damage_and_told(bag: Path, size: int) -> None:
+    content = bytearray(mcap(bag).read_bytes())
+    with mcap(bag).open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    struct.pack_into("<Q", content, summary.chunk_indexes[1].chunk_start_offset + 9 + 16, size)
+    mcap(bag).write_bytes(content)
+    found = load(bag)
+    assert any("a chunk is damaged (it claims" in warning for warning in found.warnings)
+    assert found.duration == pytest.approx(recording().duration, abs=0.02)
+
+
+def test_a_definition_that_contains_itself_is_refused_and_a_damaged_one_replaced(made: Path, tmp_path: Path) -> None:
+    inner = b"std_msgs/Inner inner\n" + b"=" * 80 + b"\nMSG: std_msgs/Inner\nstd_msgs/Inner inner\n"
+    path = _unprotected(made, tmp_path / "endless.mcap", lambda text: inner)
+    with pytest.raises(RecordingError, match="nested deeper than 32 levels"):
+        load(path)
+    path = _unprotected(made, tmp_path / "damaged.mcap", lambda text: text[: len(text) // 2] + b"\x1b\n" * 3)
+    found = load(path)
+    assert found.events == [] and all(note.isprintable() for note in found.notes)
+    assert any("the one that is installed was taken" in note for note in found.notes)
+
+
+def test_a_bag_without_chunks_loads_in_a_time_that_grows_with_its_length(tmp_path: Path) -> None:
+    write(tmp_path / "long", recording(120.0))
+    path = _unprotected(tmp_path / "long", tmp_path / "long.mcap", use_chunking=False)
+    begin = time.process_time()
+    found = load(path)
+    assert time.process_time() - begin < 0.6, "10 minutes have to load within 3 s"
+    assert len(found.signals["angle"].values) == 12_000
+
+
+def test_a_stamp_of_another_year_costs_its_sample(tmp_path: Path) -> None:
+    whole = recording()
+    stamps = whole.signals["hose_pressure"].stamps_ns.copy()
+    stamps[[10, 300]] = 5, 2**31 * 10**9 - 1
+    whole.signals["hose_pressure"] = dataclasses.replace(whole.signals["hose_pressure"], stamps_ns=stamps)
+    write(tmp_path / "odd", whole)
+    found = load(tmp_path / "odd")
+    assert found.duration == pytest.approx(whole.duration, abs=0.01)
+    assert int(found.signals["hose_pressure"].valid.sum()) == 598
+    assert any("2 stamps lie days from all others" in event.detail for event in found.events)
 
 
 def _rewrite(bag: Path, change: Callable[[str, str, bytes], tuple[str, bytes] | None]) -> None:

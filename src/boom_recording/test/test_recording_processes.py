@@ -2,6 +2,7 @@
 
 import signal
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from recording_samples import recording
 pytest.importorskip("rclpy")
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from ros_processes import Partner, start
+from ros_processes import Partner, environment, start
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
@@ -87,6 +88,42 @@ def test_what_is_published_is_recorded_and_sigint_completes_the_bag(
     found = load(tmp_path / "bag", require=("/boom/hose_pressure",))
     assert found.signals["hose_pressure"].values.tolist() == list(range(50))
     assert found.warnings == [] and found.notes == []
+
+
+OTHERS = """
+import rclpy
+from std_msgs.msg import String
+rclpy.init()
+node = rclpy.create_node("stranger")
+publisher = node.create_publisher(String, "/boom/hose_pressure", 10)
+print("offered", flush=True)
+rclpy.spin(node)
+"""
+
+
+def test_a_topic_of_another_type_is_told_at_once_and_the_right_one_is_recorded_beside_it(
+    partner: Partner, started: list[Any], tmp_path: Path
+) -> None:
+    stranger = subprocess.Popen([sys.executable, "-c", OTHERS], env=environment(), stdout=subprocess.PIPE, text=True)
+    started.append(stranger)
+    assert stranger.stdout is not None and stranger.stdout.readline() == "offered\n"
+    topic = "/boom/hose_pressure"
+    recorder = start("boom_recording.recorder_node", tmp_path, output="bag", topics=[topic], required_topics=[topic])
+    started.append(recorder)
+    assert recorder.stderr is not None
+    told = next(line for line in recorder.stderr if "not recorded" in line)
+    assert f"{topic} is offered as std_msgs/msg/String" in told and "has to be sensor_msgs/msg/FluidPressure" in told
+    publisher = partner.node.create_publisher(FluidPressure, topic, 10)  # reliable: what is acknowledged has arrived
+    ready = ready_of(partner)
+    partner.until(lambda: ready[-1:] == [True])
+    message = FluidPressure(fluid_pressure=2e5)
+    stamps.set_ns(message.header.stamp, 10**18)
+    publisher.publish(message)
+    assert publisher.wait_for_all_acked()
+    recorder.send_signal(signal.SIGINT)
+    out, err = recorder.communicate(timeout=20)
+    assert recorder.returncode == 0 and "Traceback" not in err
+    assert f"{topic}: 1 messages" in out
 
 
 @pytest.mark.parametrize("period", [0.005, 0.1])

@@ -53,3 +53,28 @@ def test_the_summary_names_topics_that_stayed_silent() -> None:
     assert recorder.summary("bag", traffic, ["/a", "/b"]) == [
         "bag: 3 messages", "  /a: 3 messages, 1 lost on the way", "  /b: nothing was received",
     ]  # fmt: skip
+
+
+def test_a_topic_is_recorded_with_its_type_only_and_what_is_no_type_is_told() -> None:
+    def publisher(kind: str) -> recorder.Publisher:
+        return recorder.Publisher(kind, "", OfferedQos())
+
+    right, wrong = publisher("sensor_msgs/msg/JointState"), publisher("std_msgs/msg/String")
+    assert recorder.offered("/joint_states", [wrong, right]) == (
+        [right],
+        "/joint_states is offered as std_msgs/msg/String, which is not recorded: it has to be sensor_msgs/msg/JointState",
+    )
+    assert recorder.offered("/other", [wrong, right]) == ([wrong], recorder.offered("/other", [wrong, right])[1])
+    assert recorder.offered("/other", [wrong, right], current=right.type)[0] == [right]
+    for odd in (
+        "",
+        "String",
+        "a/b/c/d",
+        "std_msgs/String",
+        "../msg/X",
+        ".os/msg/X",
+        "os/path/join",
+        "std_msgs/msg/S\x1b[2J",
+    ):
+        publishers, told = recorder.offered("/other", [publisher(odd)])
+        assert publishers == [] and "not recorded" in told and told.isprintable()

@@ -22,7 +22,7 @@ from boom_recording import writing
 from boom_recording.oscilloscope import OscilloscopeTrace
 from boom_recording.recording import Configuration, Recording
 from boom_sim.pilot_bench import PWM_PERIOD, BenchNoise, measure
-from boom_sim.simulated_crane import PERIOD, Sample, SimulatedCrane, Start
+from boom_sim.simulated_crane import PERIOD, EndedEarlyError, Sample, SimulatedCrane, Start
 
 Array = NDArray[np.float64]
 
@@ -125,7 +125,7 @@ def cylinder_campaign(
 
     Raises:
         MachineError: this machine knows none of the poses.
-        SimulationError: a motion that the machine cannot do.
+        EndedEarlyError: a motion that the machine cannot do; with the last attempt at it.
     """
     for number, run in enumerate(CYLINDER_RUNS):
         note = f"simulated: campaign cylinder, {run.shape}, seed {seed}"
@@ -162,7 +162,12 @@ def _drive(
     for _ in range(round(duration / PERIOD)):
         retract, extend = operator.currents(crane.time, crane.sample.angle)
         crane.command(retract, extend)
-        crane.advance()
+        try:
+            crane.advance()
+        except SimulationError as error:
+            if len(samples) < 2:
+                raise
+            raise EndedEarlyError(error, _recording(run.name, samples, configuration)) from None
         samples.append(crane.sample)
     return _recording(run.name, samples, configuration)
 

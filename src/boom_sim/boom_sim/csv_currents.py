@@ -1,20 +1,36 @@
-"""Currents from a CSV file: a header line ``time_s,retract_a,extend_a``, then numbers; held from line to line."""
+"""Currents from a CSV file: a header ``time_s,retract_a,extend_a``, then numbers; held from line to line.
+
+Spreadsheets write what their country does: columns between commas, semicolons or tabs, decimal commas where the columns are not
+separated by commas, quotes, a byte order mark, UTF-16, a first line ``sep=;``. The header's names are known, so what separates
+them separates the columns: nothing is guessed. Empty lines and lines that begin with ``#`` are passed over.
+"""
 
 from __future__ import annotations
 
 import csv
-import math
+import io
+import re
+from array import array
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_input.files import InputError, read_bytes
+from boom_input.shown import quoted
 from boom_sim.settings import SettingError
 from boom_sim.simulated_crane import LARGEST_CURRENT
 
 COLUMNS = ("time_s", "retract_a", "extend_a")
+LARGEST_FILE = 20_000_000
+"""bytes; an hour at 100 Hz has 10 MB."""
+LATEST = 3600.0
+"""s"""
 
 Array = NDArray[np.float64]
+
+_NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 
 
 def read(path: Path) -> tuple[Array, Array]:
@@ -24,28 +40,78 @@ def read(path: Path) -> tuple[Array, Array]:
         SettingError: not readable, another header, a line that is no number, times that do not grow, an impossible current.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError) as error:
-        raise SettingError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or 'not a text file'}") from None
-    header = tuple(cell.strip().lower() for cell in lines[0]) if lines else ()
-    if header != COLUMNS:
-        raise SettingError(f"{path}: the first line must be {','.join(COLUMNS)}")
-    rows: list[tuple[float, float, float]] = []
-    for number, cells in enumerate(lines[1:], 2):
-        if not any(cell.strip() for cell in cells):
-            continue
-        try:
-            t, retract, extend = (float(cell) for cell in cells)
-        except ValueError:
-            raise SettingError(f"{path}, line {number}: expected three numbers, found {','.join(cells)!r}") from None
-        if not math.isfinite(t) or (rows and t <= rows[-1][0]):
-            raise SettingError(f"{path}, line {number}: time {t:g} s: times must be finite and grow from line to line")
-        for current in (retract, extend):
-            if not 0.0 <= current <= LARGEST_CURRENT:
-                raise SettingError(f"{path}, line {number}: current {current} A: allowed is 0 .. {LARGEST_CURRENT:g} A")
-        rows.append((t, retract, extend))
-    if not rows:
-        raise SettingError(f"{path}: holds no currents, only a header")
-    table = np.array(rows)
+        text = _text(path)
+        lines = _lines(text)
+        head, header = next(lines, (1, ""))
+        separator = next((s for s in ",;\t" if _names(header, s) == COLUMNS), "")
+        if not separator:
+            raise SettingError(
+                f"{path}: the first line must be {','.join(COLUMNS)}, between commas, semicolons or tabs; "
+                f"it is {quoted(repr(header), 80)}"
+            )
+        table = _table(path, lines, separator)
+    except InputError as error:
+        raise SettingError(str(error)) from None
+    if not len(table):
+        raise SettingError(f"{path}, line {head}: holds no currents, only a header")
+    if table[-1, 0] < 0.0:
+        raise SettingError(f"{path}: the last time, {table[-1, 0]:g} s, lies before the beginning of the run at 0 s")
     return table[:, 0], table[:, 1:]
+
+
+def _text(path: Path) -> str:
+    content = read_bytes(path, LARGEST_FILE)
+    encoding = "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    try:
+        return content.decode(encoding)
+    except UnicodeDecodeError:
+        raise SettingError(f"{path}: cannot be read: not a text file (UTF-8 or UTF-16)") from None
+
+
+def _lines(text: str) -> Iterator[tuple[int, str]]:
+    """Number and text of the lines that hold something."""
+    for number, line in enumerate(io.StringIO(text, newline=None), 1):
+        line = line.strip(" \r\n")
+        if line.strip() and not line.lstrip().startswith("#") and not (number == 1 and line.lower().startswith("sep=")):
+            yield number, line
+
+
+def _names(header: str, separator: str) -> tuple[str, ...]:
+    return tuple(cell.strip().lower() for cell in _cells(header, separator))
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    if '"' not in line:
+        return line.split(separator)
+    try:
+        return next(csv.reader([line], delimiter=separator), [])
+    except csv.Error:  # longer than csv takes
+        return [line]
+
+
+def _table(path: Path, lines: Iterator[tuple[int, str]], separator: str) -> Array:
+    values = array("d")
+    before, mark = -LATEST, ""
+    for number, line in lines:
+        cells = [cell.strip() for cell in _cells(line, separator)]
+        if not any(cells):
+            continue
+        where = f"{path}, line {number}"
+        if len(cells) != 3 or not all(map(_NUMBER.fullmatch, cells)):
+            hint = "; decimal commas need semicolons between the columns" if separator == "," and len(cells) > 3 else ""
+            raise SettingError(f"{where}: expected three numbers, found {quoted(repr(line), 60)}{hint}")
+        marks = {c for cell in cells for c in cell if c in ".,"} | ({mark} if mark else set())
+        if len(marks) > 1 or (separator == "," and "," in marks):
+            raise SettingError(
+                f"{where}: decimal points and commas are mixed, {quoted(repr(line), 60)}: write one of them"
+            )
+        mark = "".join(marks)
+        time, *currents = (float(cell.replace(",", ".")) for cell in cells)
+        if not before < time <= LATEST:
+            raise SettingError(f"{where}: time {time:g} s: times must grow from line to line, up to {LATEST:g} s")
+        for current in currents:
+            if not 0.0 <= current <= LARGEST_CURRENT:
+                raise SettingError(f"{where}: current {current:g} A: allowed is 0 .. {LARGEST_CURRENT:g} A")
+        before = time
+        values.extend((time, *currents))
+    return np.frombuffer(values).reshape(-1, 3)

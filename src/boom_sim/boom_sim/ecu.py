@@ -188,6 +188,10 @@ class Ecu:
         if self._repeated >= FROZEN_FRAMES:
             self._close(Fault.FROZEN)
 
+    def stop(self) -> None:
+        """Closes the valve until a command has asked for nothing once."""
+        self._close(Fault.RANGE)
+
     def _close(self, fault: Fault) -> None:
         if self._enabled:
             self._armed = False

@@ -19,11 +19,11 @@ from boom_model.errors import ModelError
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
+from boom_node.node import Node
 from boom_node.parameters import ParameterSpec
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -33,7 +33,7 @@ from boom_sim.ecu_loop import EcuLoop
 from boom_sim.simulated_crane import PERIOD
 
 _LOOK_PERIOD = 0.05
-_NOT_ON_A_BUS = ("joint_name", "fixed_joints")
+_NOT_ON_A_BUS = ("joint_name", "fixed_joints", "shared_topics")
 
 PARAMETERS = (
     *(spec for spec in settings.PARAMETERS if spec.name not in _NOT_ON_A_BUS),
@@ -95,6 +95,11 @@ class EcuNode(Node):
     def close(self) -> None:
         """Leaves the bus."""
         self._loop.end()
+
+    def stop_safely(self, reason: str) -> None:
+        """A callback raised: the valve closes until a command of zero has come once."""
+        with self._loop.lock:
+            self._ecu.stop()
 
     def _look(self) -> None:
         if self._loop.error is not None:

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_model.equations import Kind
+from boom_model.errors import SimulationError
 from boom_model.machine import Machine
 from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS, SensorNoise
 from boom_recording import writing
 from boom_recording.recording import Configuration, Recording
-from boom_sim.simulated_crane import PERIOD, Start
+from boom_sim.simulated_crane import PERIOD, EndedEarlyError, Start
 
 Array = NDArray[np.float64]
 
@@ -47,22 +48,32 @@ def simulate(
 
     Raises:
         MachineError: an impossible pose or load.
-        SimulationError: a state left its range; names it and the time.
+        SimulationError: a state left its range; names it and the time. An EndedEarlyError where something ran before.
     """
     load = 0.0 if math.isnan(configuration.load_mass) else configuration.load_mass
     pose = machine.pose(configuration.outer_boom_angle, configuration.telescope_length, load)
     plant = Plant(machine, pose, kind)
     end = float(time[-1]) + PERIOD if duration is None else duration
     grid: Array = np.arange(math.floor(end / PERIOD + 1e-9) + 1, dtype=np.float64) * PERIOD
-    run = plant.run(time, currents, grid, start.state(plant), start=0.0, tolerance=1e-6)
+    initial = start.state(plant)
+    try:
+        outputs, ended = plant.run(time, currents, grid, initial, start=0.0, tolerance=1e-6).outputs, None
+    except SimulationError as error:
+        outputs, ended = plant.integrate(time, currents, grid, initial, 0.0, tolerance=1e-6)[1], error
+        reached = int(np.argmin(np.append(np.isfinite(outputs).all(axis=1), False)))
+        if reached < 2:
+            raise
+        grid, outputs = grid[:reached], outputs[:reached]
     rng = np.random.default_rng(seed)
-    measured = noise.outputs(run.outputs, rng)
+    measured = noise.outputs(outputs, rng)
     result = writing.from_columns(name, grid, {o: measured[:, i] for i, o in enumerate(OUTPUTS)}, configuration)
     shown_time = _current_times(time, grid)
     acting = currents[np.maximum(np.searchsorted(time, shown_time + 1e-9, side="right") - 1, 0)]
     shown = noise.currents(acting, rng)
     columns = {"retract_current": shown[:, 0], "extend_current": shown[:, 1]}
     result.signals |= writing.from_columns(name, shown_time, columns, configuration).signals
+    if ended is not None:
+        raise EndedEarlyError(ended, result)
     return result
 
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import yaml
-
+from boom_input.files import InputError, read_text
+from boom_input.shown import quoted
+from boom_input.yaml_text import parse_yaml
 from boom_model.errors import ModelError
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.sensors import IDEAL
 from boom_node.parameters import ParameterSpec
+from boom_node.publishers import PARAMETER as SHARED_TOPICS
 from boom_sim.simulated_crane import SimulatedCrane, Start
 
 UNSET = -1.0e9
@@ -35,6 +36,7 @@ PARAMETERS = (
     ParameterSpec("mode", "real_time", "time base", choices=("real_time", "lockstep"), read_only=True),
     ParameterSpec("seed", 0, "seed of the sensor noise", minimum=0, maximum=2**31 - 1, read_only=True),
     ParameterSpec("sensors", "thesis", "noise and quantisation of ch. 6.4, or none", choices=("thesis", "ideal"), read_only=True),
+    SHARED_TOPICS,
     ParameterSpec("joint_name", "inner_boom_joint", "name of the boom's joint in /joint_states", read_only=True),
     ParameterSpec(
         "fixed_joints", ["outer_boom_joint", "telescope_joint"],
@@ -43,6 +45,16 @@ PARAMETERS = (
     ParameterSpec("robot_description", "", "URDF text, or the path of a .urdf file; empty: none is published", read_only=True),
     ParameterSpec("ground_truth", False, "publish the true states on /boom/ground_truth", read_only=True),
 )  # fmt: skip
+
+NODE_PARAMETERS = (
+    *PARAMETERS,
+    ParameterSpec(
+        "controller_follows", False, "a controller is started, too: a motion that nobody follows yet is not told",
+        read_only=True,
+    ),
+    ParameterSpec("realtime_priority", 0, "in real time: SCHED_FIFO priority; 0: none", "", 0, 90, read_only=True),
+)  # fmt: skip
+"""Of the simulation on topics; the ECU stand-in has :data:`PARAMETERS` and its own."""
 
 
 class SettingError(ModelError):
@@ -71,11 +83,11 @@ def with_effects(machine: Machine, text: str) -> Machine:
     if not text.strip():
         return machine
     try:
-        given: Any = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise SettingError(f"effects: not readable as YAML: {getattr(error, 'problem', error)}") from None
+        given: Any = parse_yaml(text, "effects")
+    except InputError as error:
+        raise SettingError(str(error)) from None
     if not isinstance(given, dict):
-        raise SettingError(f"effects: {text!r} is not of the form {{effect: {{parameter: number}}}}")
+        raise SettingError(f"effects: {quoted(repr(text))} is not of the form {{effect: {{parameter: number}}}}")
     return machine.with_effects({**machine.effects, **given})
 
 
@@ -88,9 +100,9 @@ def robot_description(text: str) -> str:
     if not text.strip().endswith(".urdf"):
         return text
     try:
-        return Path(text.strip()).read_text(encoding="utf-8")
-    except OSError as error:
-        raise SettingError(f"robot_description: {text} cannot be read: {error.strerror}") from None
+        return read_text(text.strip())
+    except InputError as error:
+        raise SettingError(f"robot_description: {error}") from None
 
 
 def _given(value: float) -> float:

@@ -13,10 +13,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_model.errors import ModelError
+from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine, Pose
 from boom_model.plant import Plant
 from boom_model.sensors import SensorNoise
+from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]
 
@@ -30,6 +31,18 @@ _COINCIDENT = 1e-9
 
 class CommandError(ModelError):
     """A command that cannot be carried out; the message says why. It is left out, the one before goes on."""
+
+
+class EndedEarlyError(SimulationError):
+    """A state left its range behind some samples.
+
+    Attributes:
+        recording: of what ran until then.
+    """
+
+    def __init__(self, error: SimulationError, recording: Recording) -> None:
+        super().__init__(str(error), error.time, error.state)
+        self.recording = recording
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,12 @@ from boom_model.errors import ModelError, SimulationError
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
-from boom_node.stamps import ns_to_seconds, seconds_to_ns, set_ns, to_ns
+from boom_node.node import Node
+from boom_node.publishers import COMMANDS, SENSORS, SolePublishers
+from boom_node.realtime import Garbage, use_priority
+from boom_node.stamps import far, ns_to_seconds, seconds_to_ns, set_ns, to_ns
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import String
@@ -31,6 +33,7 @@ from std_srvs.srv import SetBool, Trigger
 from boom_sim import messages, settings
 from boom_sim.pacing import Pacer, WatchedCommand
 from boom_sim.simulated_crane import PERIOD, CommandError, Sample
+from boom_sim.unheard_motion import LOOK_EVERY_S, UnheardMotion
 
 
 class SimulationNode(Node):
@@ -38,7 +41,7 @@ class SimulationNode(Node):
 
     def __init__(self) -> None:
         super().__init__("boom_simulation")
-        self._values = parameters.declare(self, settings.PARAMETERS)
+        self._values = parameters.declare(self, settings.NODE_PARAMETERS)
         try:
             self._crane = settings.make_crane(self._values)
             description = settings.robot_description(self._values.robot_description)
@@ -49,6 +52,7 @@ class SimulationNode(Node):
         self._failure = ""
         self._refused = ""
         self._watch = WatchedCommand()
+        self._sole = SolePublishers(self, (*COMMANDS, *SENSORS), self._values.shared_topics)
         known = (self._crane.pose.outer_boom_angle, self._crane.pose.telescope_length)
         self._fixed = {name: float(value) for name, value in zip(self._values.fixed_joints, known, strict=False)}
         self._variance = (
@@ -76,6 +80,9 @@ class SimulationNode(Node):
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(SetPayload, "~/set_payload", self._on_set_payload)
         self._diagnostics = DiagnosticsPublisher(self, self._health, self._crane.machine.name)
+        self._unheard = UnheardMotion(self)
+        if not self._values.controller_follows:
+            self.create_timer(LOOK_EVERY_S, self._look_for_listeners, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._origin_ns = 0 if self._lockstep else self.get_clock().now().nanoseconds
         self._pacer = Pacer(PERIOD)
         pose = self._crane.pose
@@ -92,6 +99,8 @@ class SimulationNode(Node):
             urdf.publish(String(data=description))
             self._latched.append(urdf)
         if not self._lockstep:
+            self._garbage = Garbage()
+            self._garbage.hold()
             self._timer = self.create_timer(PERIOD, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(
             f"{self._crane.machine.name}, q3 = {pose.outer_boom_angle:g} rad, q4 = {pose.telescope_length:g} m, load "
@@ -102,7 +111,13 @@ class SimulationNode(Node):
 
     def _on_command(self, message: SolenoidCurrents) -> None:
         stamp_ns = to_ns(message.header.stamp)
+        if self._sole.look():
+            message.retract = message.extend = 0.0
         if not self._lockstep:
+            wrong = far(stamp_ns, self.get_clock().now().nanoseconds) if stamp_ns else ""
+            if wrong:
+                self.guard.refuse("/boom/current_command", "stamp far from now", f"{wrong}: synchronise the clocks")
+                return
             late = self._watch.receive(
                 time.monotonic(), ns_to_seconds(self.get_clock().now().nanoseconds - stamp_ns), stamp_ns != 0
             )
@@ -122,7 +137,13 @@ class SimulationNode(Node):
                 self._publish(self._crane.sample, tick=False)  # only now is anybody sure to listen
             self._advance()
 
+    def stop_safely(self, reason: str) -> None:
+        """A callback raised: the valve closes."""
+        self._crane.command(0.0, 0.0)
+
     def _on_tick(self) -> None:
+        if self._sole.look() and not self._watch.closed:
+            self._crane.command(0.0, 0.0)
         if self._watch.has_expired(time.monotonic()):
             self._crane.command(0.0, 0.0)
             self.get_logger().warning("no current command for 100 ms: the valve is closed until the next one")
@@ -135,6 +156,10 @@ class SimulationNode(Node):
             self._anchor(late)
             return
         if not self._pacer.started:  # the first tick is time zero: building the node took a while
+            if self._values.realtime_priority:  # all threads are there, the executor's included
+                problem = use_priority(self._values.realtime_priority)
+                if problem:
+                    self.get_logger().warning(problem)
             self._anchor(late)
             self._publish(self._crane.sample)
         skipped = self._pacer.skipped
@@ -142,10 +167,16 @@ class SimulationNode(Node):
             self._advance()
         if self._pacer.skipped != skipped:
             self._anchor(late)
+        self._garbage.cycle_is_over()
 
     def _anchor(self, late: float) -> None:
         """Simulated time stands for ``late`` [s] ago from here on: it is what stamps tell."""
         self._origin_ns = self.get_clock().now().nanoseconds - seconds_to_ns(self._crane.time + late)
+
+    def _look_for_listeners(self) -> None:
+        told = self._unheard.look()
+        if told:
+            self.get_logger().warning(told)
 
     def _refuse(self, reason: str) -> None:
         if reason != self._refused:
@@ -226,6 +257,8 @@ class SimulationNode(Node):
         }
         if self._failure:
             return Health(Level.ERROR, f"stands: {self._failure}", values)
+        if self._sole.look():
+            return Health(Level.ERROR, f"valve closed: {self._sole.conflict}", values)
         if self._paused:
             return Health(Level.WARN, "paused", values)
         if self._refused:

@@ -6,6 +6,9 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.caching import IndexDataCacheFile
+
+from boom_input.cache import cache_folder
 
 _FREE = {"contract", "nsz", "arcp", "reassoc"}
 """What the compiler may do to sums and quotients: a sixth faster; NaN and infinity stay what they are."""
@@ -13,6 +16,32 @@ _FREE = {"contract", "nsz", "arcp", "reassoc"}
 F = TypeVar("F", bound=Callable[..., Any])
 
 
+class _Damaged(IndexDataCacheFile):  # type: ignore[misc]
+    """A file of numba's cache that cannot be read, e.g. cut short when the power failed, counts as missing."""
+
+    def _load_index(self) -> Any:
+        try:
+            return super()._load_index()
+        except Exception:  # unpickling raises what it likes
+            return {}
+
+    def _load_data(self, name: str) -> Any:
+        try:
+            return super()._load_data(name)
+        except Exception as error:
+            raise OSError(f"{name} is damaged") from error
+
+
 def compiled(function: F) -> F:
-    """The function as machine code; kept on disk, so that only the first process pays for it."""
-    return cast(F, numba.njit(function, cache=True, error_model="numpy", fastmath=_FREE))
+    """The function as machine code; kept on disk, so that only the first process pays for it.
+
+    Raises:
+        InputError: the cache folder cannot be used, see ``boom_input.cache``.
+    """
+    # What lies there is unpickled and run: in the user's own folder, not beside the sources where others may write.
+    folder = cache_folder() / "numba"
+    folder.mkdir(exist_ok=True, mode=0o700)
+    numba.config.CACHE_DIR = str(folder)
+    dispatcher = numba.njit(function, cache=True, error_model="numpy", fastmath=_FREE)
+    dispatcher._cache._cache_file.__class__ = _Damaged
+    return cast(F, dispatcher)

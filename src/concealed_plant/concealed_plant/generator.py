@@ -7,7 +7,6 @@ plant run freely on the second recording's measured currents: what no model can 
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_input.whole import write_whole
 from boom_recording import writing
 from boom_recording.recording import Configuration, Recording
 from concealed_plant.cases import CaseSpec, pair
@@ -143,9 +143,7 @@ def make_case(spec: CaseSpec, machine: str | Path, blind: Path, sealed: Path) ->
             continue
         writing.write(blind / spec.name / RECORDING, first)
         writing.write(sealed / spec.name / HOLD_OUT, second)
-        temporary = answer.with_suffix(".new")
-        temporary.write_text(json.dumps(truth.document(), indent=1, sort_keys=True) + "\n", encoding="utf-8")
-        os.replace(temporary, answer)
+        write_whole(answer, json.dumps(truth.document(), indent=1, sort_keys=True) + "\n")
         return answer
     raise GenerationError(f"case {spec.name} ({spec.kind}) could not be made in {ATTEMPTS} attempts: {reason}")
 

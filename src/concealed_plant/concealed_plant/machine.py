@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
+from boom_input.files import InputError
+from boom_input.yaml_text import read_yaml
 from concealed_plant.quantities import Quantities
 
 Array = NDArray[np.float64]
@@ -80,9 +81,12 @@ class MachineFile:
     def read(path: str | Path) -> MachineFile:
         """Raises MachineFileError where the file cannot be read as YAML."""
         try:
-            return MachineFile(yaml.safe_load(Path(path).read_text(encoding="utf-8")))
-        except (OSError, yaml.YAMLError) as error:
-            raise MachineFileError(f"{path}: cannot be read as a machine file: {error}") from None
+            document = read_yaml(path)
+        except InputError as error:
+            raise MachineFileError(str(error)) from None
+        if not isinstance(document, dict):
+            raise MachineFileError(f"{path}: not a machine file: expected sections such as fluid, cylinder, kinematics")
+        return MachineFile(document)
 
     @property
     def name(self) -> str:

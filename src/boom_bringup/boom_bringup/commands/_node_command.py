@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import sys
@@ -20,7 +21,12 @@ def node_command(module: str, parameters: Mapping[str, ParameterValue | None]) -
 
     Returns:
         Program and arguments.
+
+    Raises:
+        ModuleNotFoundError: the messages are not there, without which no node starts; the command line says how to have them.
     """
+    if importlib.util.find_spec("boom_interfaces") is None:
+        raise ModuleNotFoundError(name="boom_interfaces")
     command = [sys.executable, "-m", module, "--ros-args"]
     for name, value in parameters.items():
         if value is not None:

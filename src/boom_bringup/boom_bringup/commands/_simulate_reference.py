@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -59,17 +60,17 @@ def simulate_reference(
         name: of the result.
 
     Raises:
-        SimulationError: the loop diverged until a state left its range.
+        SimulationError: the loop diverged until a state left its range (an EndedEarlyError where something ran before).
     """
     import math
 
-    from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
     from boom_bringup.closed_loop import follow, wanted_angles
     from boom_controller.controller import make_controller
     from boom_controller.settings import Settings
     from boom_controller.trajectory_generator import TrajectoryGenerator
+    from boom_diagnosis.console import console_for
     from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
 
     angles = wanted_angles(recording)
@@ -83,7 +84,7 @@ def simulate_reference(
     start = Start(float(angles[0]) if angle is None else angle)
     crane = SimulatedCrane(machine, machine.pose(*place), start, noise, seed)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.0f} of {task.total:.0f} s"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    with Progress(*columns, console=console_for(sys.stderr), transient=True) as progress:
         task = progress.add_task(f"{law.mode} follows {recording.name}", total=len(angles) * PERIOD)
         return follow(
             crane, controller, generator, angles, configuration, name=name,

@@ -65,15 +65,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the processes, then validate; returns 0."""
-    from rich.console import Console
+    from rich.text import Text
 
-    from boom_bringup import demo_folder, outputs, replica
+    from boom_bringup import demo_folder, outputs, replica, showing
     from boom_bringup.demo_results import Results, Tracked
     from boom_diagnosis import tracking
+    from boom_diagnosis.console import console_for
     from boom_diagnosis.validation import validate
     from boom_recording.loading import load
 
-    console = Console(highlight=False)
+    console = console_for()
     json_path = outputs.checked(args.json, "--json")
     bag = Path(args.bag) if args.bag else _shipped_bag()
     recording = load(bag)
@@ -82,7 +83,9 @@ def run(args: argparse.Namespace) -> int:
     with demo_folder.held(Path(args.output)) as folder:
         report = outputs.checked(str(folder.path / "report.html"), "report")
         assert report is not None
-        console.print(f"[bold]{recording.name}[/bold]: {recording.duration:.0f} s, {_pose(recording)}", soft_wrap=True)
+        console.print(
+            Text.assemble((recording.name, "bold"), f": {recording.duration:.0f} s, {_pose(recording)}"), soft_wrap=True
+        )
         chain = _Chain(console, bag, recording, folder, simulation, machine, args.transport)
         validation = tracked = None
         if args.loop != "closed":
@@ -99,6 +102,9 @@ def run(args: argparse.Namespace) -> int:
         console.print(f"report: {report.resolve()}", soft_wrap=True)
         for name in chain.kept:
             console.print(f"bag:    {folder.bag(name).resolve()}", soft_wrap=True)
+        if validation is not None and validation.mismatches:
+            for line in showing.diagnose_next([str(bag)], args.machine):
+                console.print(line, markup=False, soft_wrap=True)
     return 0
 
 

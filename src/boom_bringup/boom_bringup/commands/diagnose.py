@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 from boom_bringup import __version__
 from boom_bringup.cli import UsageError
 from boom_bringup.memory import keep_memory
-from boom_bringup.outputs import checked, json_text, write
+from boom_bringup.outputs import checked, held, json_text, write, write_text
 from boom_bringup.replica import machine_of
 from boom_bringup.showing import progress
 
@@ -64,7 +64,11 @@ def run(args: argparse.Namespace) -> int:
     if twice:
         raise UsageError(f"{min(twice)}: given both to diagnose and to hold out: take it out of one of the two")
     json_path = checked(args.json, "--json")
-    folder = _folder(args.output)
+    with held(args.output) as folder:
+        return _run(args, folder, json_path)
+
+
+def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
     command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "diagnose", *_words(args)])
 
     keep_memory()
@@ -103,13 +107,13 @@ def run(args: argparse.Namespace) -> int:
         except MachineError as error:
             raise UsageError(f"the configuration of a recording does not fit machine {machine.name}: {error}") from None
 
+    from boom_diagnosis.console import console_for
     from boom_diagnosis.diagnosis.found_machine import write_machine
-    from boom_diagnosis.tables import console_for
     from boom_diagnosis.tables_diagnosis import print_diagnosis
 
     document = json_text(result.document.document())
     for path in [folder / "diagnosis.json", *([json_path] if json_path else [])]:
-        write(path, lambda path=path: _whole(path, document))  # type: ignore[misc]
+        write_text(path, document)
     machine_path = folder / "machine.yaml"
     write(machine_path, lambda: write_machine(machine_path, result.explained, command=command))
     report = folder / "report.html"
@@ -133,8 +137,8 @@ def _next_experiment(result: DiagnosisResult, like: Recording, path: Path) -> li
     from boom_model.sensors import OUTPUTS
     from boom_recording import writing
 
-    temporary = path.with_name(path.name + ".new")
-    shutil.rmtree(temporary, ignore_errors=True)
+    temporary = path.with_name(path.name + ".new") / path.name  # the data file bears the name of its folder
+    shutil.rmtree(temporary.parent, ignore_errors=True)
     try:
         if result.experiment is not None:
             given = result.experiment
@@ -146,30 +150,8 @@ def _next_experiment(result: DiagnosisResult, like: Recording, path: Path) -> li
         if result.experiment is not None:
             temporary.rename(path)
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        shutil.rmtree(temporary.parent, ignore_errors=True)
     return [path.name] if result.experiment is not None else []
-
-
-def _folder(given: str) -> Path:
-    """The folder of the results, made before the work."""
-    path = Path(given)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"--output {given}: cannot be made: {error.strerror}") from None
-    if not os.access(path, os.W_OK):
-        raise UsageError(f"--output {given}: may not be written by this user: give another folder")
-    return path
-
-
-def _whole(path: Path, text: str) -> None:
-    """Writes a file whole or not at all."""
-    temporary = path.with_name(path.name + ".new")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _sha256(recording: Recording) -> str:

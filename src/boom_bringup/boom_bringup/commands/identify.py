@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
             progress=lambda text: step(text, 1),
         )  # fmt: skip
 
-    from boom_diagnosis.tables import console_for
+    from boom_diagnosis.console import console_for
 
     console = console_for()
     _show(result, console)

@@ -18,6 +18,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from boom_bringup.outputs import new_bag
+
 if TYPE_CHECKING:
     from boom_recording.can_import import Imported
 
@@ -49,16 +51,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Read, decode, write; returns 0."""
-    from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from boom_can_bridge.codec import Codec
+    from boom_diagnosis.console import console_for
     from boom_recording import can_import, can_log, writing
     from boom_recording.recording import Configuration
 
     output = Path(args.output)
-    if output.exists():
-        raise ImportCanError(f"{output} exists already: give another --output, nothing is overwritten")
     for option in ("outer_boom_angle", "telescope_length", "load"):
         value = getattr(args, option)
         if not (math.isfinite(value) or (option == "load" and math.isnan(value))):
@@ -67,10 +67,14 @@ def run(args: argparse.Namespace) -> int:
     note = f"imported from the CAN log {Path(args.log).name}"
     configuration = Configuration(args.machine, args.outer_boom_angle, args.telescope_length, args.load, note)
     begin = time.perf_counter()
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn(),
-        console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty(),
-    ) as bar:  # fmt: skip
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+    )
+    shown = Progress(*columns, console=console_for(sys.stderr), transient=True, disable=not sys.stderr.isatty())
+    with new_bag(output) as made, shown as bar:
         reading = bar.add_task("reading the log", total=1.0)
         frames = can_log.read(args.log, lambda part: bar.update(reading, completed=part))
         decoding = bar.add_task("decoding", total=1.0)
@@ -78,16 +82,17 @@ def run(args: argparse.Namespace) -> int:
             output.name, frames, codec, configuration, lambda part: bar.update(decoding, completed=part)
         )
         bar.add_task("writing the bag", total=None)
-        writing.write(output, imported.recording)
+        writing.write(made, imported.recording)
     _show(imported, len(frames.ids), time.perf_counter() - begin, output)
     return 0
 
 
 def _show(imported: Imported, count: int, spent: float, output: Path) -> None:
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console(highlight=False)
+    from boom_diagnosis.console import console_for
+
+    console = console_for()
     recording = imported.recording
     table = Table(title=f"{output.name}: {recording.duration:.1f} s, {count} frames")
     for heading in ("frame", "identifier", "used", "lost", "left out"):

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from boom_bringup.cli import UsageError
-from boom_bringup.outputs import checked, json_text, write
+from boom_bringup.outputs import checked, held, json_text, write_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -80,72 +80,65 @@ def run(args: argparse.Namespace) -> int:
     json_path, page_path = checked(args.json, "--json"), checked(args.document, "--document")
     machine = _machine_file(args.machine)
 
-    from rich.console import Console
-
     from boom_bringup.proof import scoring, tables
     from boom_bringup.proof.engine import workers
     from boom_bringup.proof.page import page
     from boom_bringup.proof.report import report
     from boom_bringup.proof.trial import Trial, stored
+    from boom_diagnosis.console import console_for
 
-    console = Console(highlight=False)
+    console = console_for()
     seed = args.seed
     if seed is None:
         known = stored(Path(args.output)) if args.output else None
         seed = known.seed if known else secrets.randbelow(_LARGEST_SEED)
     folder = Path(args.output) if args.output else Path("output") / f"prove-{seed}-{args.cases}"
-    trial = Trial(folder, seed, args.cases, machine)
-    begin, drawn_anew = time.monotonic(), trial.finished
-    again = f"prove --seed {seed} --cases {args.cases} --output {folder}"
-    console.print(f"seed {seed}: repeat it or go on with ./boom {again}", soft_wrap=True)
-    try:
-        with (
-            _stopped_by_term(),
-            workers(args.scheduler, min(args.workers, args.cases)) as engine,
-            _progress() as progress,
-        ):
-            checksum = trial.prepare(engine, progress)
-            console.print(f"{args.cases} answers are sealed, SHA-256 {checksum}", soft_wrap=True)
-            trial.diagnose(engine, progress)
-            rows = trial.score(engine, progress)
-    finally:
-        if not drawn_anew:
-            trial.spent(time.monotonic() - begin)
-    seconds = trial.state.seconds
-    _show(console, rows)
-    page_path, report_path = page_path or folder / "proof.md", folder / "report.html"
-    _whole(page_path, page(trial.state, rows, seconds))
-    if json_path:
-        _whole(json_path, json_text(tables.document(trial.state, rows, seconds)))
-    _whole(report_path, report(trial, rows, seconds))
-    console.print(f"{seconds / 60:.1f} minutes; report: {report_path}, page: {page_path}", soft_wrap=True)
-    missed = [m for m in scoring.measures(rows) if m.met is False]
-    return 1 if args.strict and missed else 0
+    with held(folder):
+        trial = Trial(folder, seed, args.cases, machine)
+        begin, drawn_anew = time.monotonic(), trial.finished
+        again = f"prove --seed {seed} --cases {args.cases} --output {folder}"
+        console.print(f"seed {seed}: repeat it or go on with ./boom {again}", soft_wrap=True)
+        try:
+            with (
+                _stopped_by_term(),
+                workers(args.scheduler, min(args.workers, args.cases)) as engine,
+                _progress() as progress,
+            ):
+                checksum = trial.prepare(engine, progress)
+                console.print(f"{args.cases} answers are sealed, SHA-256 {checksum}", soft_wrap=True)
+                trial.diagnose(engine, progress)
+                rows = trial.score(engine, progress)
+        finally:
+            if not drawn_anew:
+                trial.spent(time.monotonic() - begin)
+        seconds = trial.state.seconds
+        _show(console, rows)
+        page_path, report_path = page_path or folder / "proof.md", folder / "report.html"
+        write_text(page_path, page(trial.state, rows, seconds))
+        if json_path:
+            write_text(json_path, json_text(tables.document(trial.state, rows, seconds)))
+        write_text(report_path, report(trial, rows, seconds))
+        console.print(f"{seconds / 60:.1f} minutes; report: {report_path}, page: {page_path}", soft_wrap=True)
+        missed = [m for m in scoring.measures(rows) if m.met is False]
+        return 1 if args.strict and missed else 0
 
 
 def _machine_file(wanted: str | None) -> Path:
     """Path of the machine file: one that was given, or a shipped one by name."""
     from importlib.resources import files
 
+    from boom_model.machine_file import load_machine
+
     name = wanted or "tz17"
     if Path(name).suffix in (".yaml", ".yml") or "/" in name:
         if not Path(name).is_file():
             raise UsageError(f"--machine {name}: there is no such file")
+        load_machine(name)  # the concealed plant reads it, too, and takes it as checked
         return Path(name)
     path = Path(str(files("boom_model").joinpath("machines", f"{name}.yaml")))
     if not path.is_file():
         raise UsageError(f"--machine {name}: no machine of this name is shipped: give its file")
     return path
-
-
-def _whole(path: Path, text: str) -> None:
-    """Writes a file whole or not at all. Raises UsageError where it cannot be written."""
-    temporary = path.with_name(path.name + ".new")
-    try:
-        write(path, lambda: temporary.write_text(text, encoding="utf-8"))
-        write(path, lambda: temporary.replace(path))
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _show(console: Console, rows: Sequence[Row]) -> None:
@@ -185,7 +178,6 @@ def _progress() -> Iterator[Progress]:
 
         yield say
         return
-    from rich.console import Console
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -195,11 +187,13 @@ def _progress() -> Iterator[Progress]:
         TimeRemainingColumn,
     )
 
+    from boom_diagnosis.console import console_for
+
     columns = (
         TextColumn("{task.description}", markup=False), BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn(),
         TimeRemainingColumn(),
     )  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Progress(*columns, console=console_for(sys.stderr), transient=True) as bar:
         task = bar.add_task("starting the workers", total=None)
 
         def show(title: str, done: int, total: int) -> None:

@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
     from boom_bringup.robustness_plants import CONFIGURATIONS, TRAJECTORIES, monte_carlo, off_nominal
     from boom_bringup.robustness_stability import stability_jobs
     from boom_bringup.robustness_tables import print_document
-    from boom_diagnosis.tables import console_for
+    from boom_diagnosis.console import console_for
 
     bags = [bag for group in TRAJECTORIES.values() for bag in group]
     missing = [bag for bag in bags if not (Path(args.bags) / bag).exists()]

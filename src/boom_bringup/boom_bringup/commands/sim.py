@@ -1,9 +1,11 @@
 """Start the simulated crane as ROS 2 processes that others can join: crane, and the pose of its boom tip.
 
 It publishes the topics of the machine in real time and takes /boom/current_command; without commands the valve is closed.
-Ctrl-C ends it. To move it, in a second terminal: ./boom replay bags/healthy/extended
+With --control the controller runs beside it and follows /boom/joint_trajectory, /boom/reference and the action
+/boom_controller/track_trajectory. Ctrl-C ends it all. To move it without, in a second terminal: ./boom replay bags/healthy/extended
 
   ./boom sim
+  ./boom sim --control
   ./boom sim --load 300 --telescope-length 2.8 --effect hose_burst_valve_lag.tau=0.09
 """
 
@@ -15,6 +17,8 @@ import os
 from boom_bringup import arguments, environment
 from boom_bringup.commands._node_command import node_command
 from boom_bringup.commands.simulate import parse_effects
+
+_PRIORITY = 10
 
 HELP = "start the simulated crane as ROS 2 processes"
 
@@ -40,6 +44,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--lockstep", action="store_true", help="own /clock: one period per command, as fast as they come"
     )
+    parser.add_argument(
+        "--control", nargs="?", const="improved", choices=("thesis", "baseline", "improved"), metavar="LAW",
+        help="run the controller, too: control law thesis, baseline or improved (default). It knows what the machine file holds; "
+        "--effect is of the crane alone",
+    )  # fmt: skip
+    parser.add_argument(
+        "--realtime-priority", type=int, metavar="N",
+        help=f"SCHED_FIFO priority of crane and controller, 0 to 90, 0: none (default: {_PRIORITY} where it is allowed, ulimit -r)",
+    )  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
@@ -53,6 +66,7 @@ def run(args: argparse.Namespace) -> int:
     machine = load_machine(args.machine)
     urdf = robot_description(machine.name)
     effects = parse_effects(args.effect)
+    priority = _allowed_priority(args.lockstep) if args.realtime_priority is None else args.realtime_priority
     crane = {
         "machine": args.machine,
         "effects": yaml.safe_dump(effects, default_flow_style=True).strip() if effects else "",
@@ -65,13 +79,35 @@ def run(args: argparse.Namespace) -> int:
         "ground_truth": args.ground_truth,
         "mode": "lockstep" if args.lockstep else "real_time",
         "robot_description": urdf,
+        "controller_follows": bool(args.control),
+        "realtime_priority": priority,
     }
     programs = [Program("crane", node_command("boom_sim.simulation_node", crane))]
     if urdf:
         programs.append(Program("tip_pose", node_command("boom_bringup.tip_pose_node", {})))
     else:
         print(f"note: no URDF for machine {machine.name}: neither /robot_description nor the tip pose is published")
+    if args.control:
+        controller = {
+            "machine": args.machine,
+            "mode": args.control,
+            "time": "lockstep" if args.lockstep else "real_time",
+            "realtime_priority": priority,
+        }
+        programs.append(Program("control", node_command("boom_controller.controller_node", controller)))
     outcome = Supervisor(programs, environment=environment.for_processes(os.environ)).run()
     if outcome.interrupted is not None:
         return 0  # Ctrl-C is how it is meant to end
     return max((status for status in outcome.statuses.values() if status > 0), default=1)
+
+
+def _allowed_priority(lockstep: bool) -> int:
+    """The priority with which other programs cannot hold up a crane in real time, 0 where the computer does not let us."""
+    if lockstep:
+        return 0
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    except OSError:
+        return 0
+    return _PRIORITY

@@ -1,7 +1,7 @@
 """Run a model on given currents, or let the controller follow a given reference, and write a bag like the machine's.
 
 INPUT is a bag, whose currents, pose, load and resting start are taken, or a .csv file with the header
-time_s,retract_a,extend_a, for which pose, load and initial angle are options.
+time_s,retract_a,extend_a (between commas, semicolons or tabs), for which pose, load and initial angle are options.
 
   ./boom simulate bags/healthy/extended --output output/extended
   ./boom simulate bags/healthy/extended --output output/leak --effect piston_leakage.c=1e-12
@@ -10,6 +10,7 @@ time_s,retract_a,extend_a, for which pose, load and initial angle are options.
   ./boom simulate --campaign pilot --output output/pilot      (ch. 4.1: eleven oscilloscope bags in that folder)
   ./boom simulate --campaign cylinder --output output/crane   (ch. 4.2: twelve recordings in that folder)
 
+A run that leaves the range of the model keeps what ran until then, says where it ended, and has status 2.
 The bag goes everywhere a recording goes, e.g. ./boom validate output/extended.
 """
 
@@ -17,7 +18,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from boom_bringup import arguments
+from boom_bringup.outputs import held, new_bag
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
     from boom_model.machine import Machine
     from boom_recording.recording import Recording
+    from boom_sim.simulated_crane import EndedEarlyError
 
     Array = NDArray[np.float64]
 
@@ -95,11 +97,9 @@ def run(args: argparse.Namespace) -> int:
     from boom_recording.recording import Configuration
     from boom_sim import csv_currents
     from boom_sim.offline import simulate
-    from boom_sim.simulated_crane import Start
+    from boom_sim.simulated_crane import EndedEarlyError, Start
 
     output = Path(args.output)
-    if output.exists():
-        raise SimulateError(f"{output} exists already: give another --output, nothing is overwritten")
     if args.campaign:
         return _campaign(args, output)
     if args.input is None:
@@ -144,27 +144,38 @@ def run(args: argparse.Namespace) -> int:
     note = f"simulated: {by}, sensors {args.sensors}, seed {args.seed}"
     configuration = replace(configuration, machine=machine.name, note=note)
     noise = machine.sensor_noise() if args.sensors == "thesis" else IDEAL
-    begin = time.perf_counter()
-    if args.reference:
-        result = simulate_reference(
-            recording, machine, configuration, Law(args.mode, told), angle=args.angle, noise=noise, seed=args.seed,
-            duration=args.duration, name=output.name,
-        )  # fmt: skip
-    else:
-        result = simulate(
-            machine, configuration, start, stamps, currents,
-            noise=noise, seed=args.seed, kind=args.model, duration=args.duration, name=output.name,
-        )  # fmt: skip
-    spent = time.perf_counter() - begin
-    writing.write(output, result)
+    ended = None
+    with new_bag(output) as made:
+        begin = time.perf_counter()
+        try:
+            if args.reference:
+                result = simulate_reference(
+                    recording, machine, configuration, Law(args.mode, told), angle=args.angle, noise=noise, seed=args.seed,
+                    duration=args.duration, name=output.name,
+                )  # fmt: skip
+            else:
+                result = simulate(
+                    machine, configuration, start, stamps, currents,
+                    noise=noise, seed=args.seed, kind=args.model, duration=args.duration, name=output.name,
+                )  # fmt: skip
+        except EndedEarlyError as error:
+            result, ended = error.recording, error
+        spent = time.perf_counter() - begin
+        writing.write(made, result)
     _show(result, machine, spent, output)
     if args.reference:
         print(tracking_line(result, machine))
+    if ended is not None:
+        raise SimulateError(_ended(ended, output))
     return 0
 
 
+def _ended(error: EndedEarlyError, output: Path) -> str:
+    return f"{error}: the simulation ended there; {output} holds the {error.recording.duration:.2f} s before it"
+
+
 def _campaign(args: argparse.Namespace, output: Path) -> int:
-    """A campaign of chapter 4: one bag after the other into the folder; an unfinished one is removed again."""
+    """A campaign of chapter 4: one bag after the other into the folder."""
     given = {"INPUT": args.input, "--angle": args.angle, "--outer-boom-angle": args.outer_boom_angle,
              "--telescope-length": args.telescope_length, "--load": args.load}  # fmt: skip
     given["--duration"] = args.duration if args.campaign == "pilot" else None
@@ -178,15 +189,25 @@ def _campaign(args: argparse.Namespace, output: Path) -> int:
 
     machine = load_machine(args.machine or "tz17")
     machine = machine.with_effects({**machine.effects, **parse_effects(args.effect)})
+    if output.exists():
+        raise SimulateError(f"{output} exists already: give another --output, nothing is overwritten")
+    from boom_recording import writing
+    from boom_sim.simulated_crane import EndedEarlyError
+
     count = 0
-    for name, write in _runs(args, machine):
-        count += 1
-        print(f"{count:2d} {output / name}", file=sys.stderr, flush=True)
+    with held(output):
         try:
-            write(output / name)
-        except BaseException:
-            shutil.rmtree(output / name, ignore_errors=True)
-            raise
+            for name, write in _runs(args, machine):
+                count += 1
+                print(f"{count:2d} {output / name}", file=sys.stderr, flush=True)
+                with new_bag(output / name) as made:
+                    write(made)
+        except EndedEarlyError as error:
+            with new_bag(output / error.recording.name) as made:
+                writing.write(made, error.recording)
+            raise SimulateError(
+                f"{_ended(error, output / error.recording.name)}, {count} whole bags beside it"
+            ) from None
     print(f"{count} bags in {output}; identify the machine from them: ./boom identify {output}/*")
     return 0
 
@@ -250,8 +271,9 @@ def parse_effects(texts: list[str]) -> dict[str, dict[str, float]]:
 
 
 def _show(result: Recording, machine: Machine, spent: float, output: Path) -> None:
-    from rich.console import Console
     from rich.table import Table
+
+    from boom_diagnosis.console import console_for
 
     c = result.configuration
     table = Table(
@@ -271,7 +293,7 @@ def _show(result: Recording, machine: Machine, spent: float, output: Path) -> No
         digits = 2 if bar else 4
         numbers = [f"{v:.{digits}f}" for v in (values[0], values.min(), values.max())]
         table.add_row(signal.name, "bar" if bar else signal.unit, *numbers)
-    console = Console(highlight=False)
+    console = console_for()
     console.print(table)
     if machine.effects:
         text = "; ".join(f"{k} " + ", ".join(f"{n} = {v:g}" for n, v in p.items()) for k, p in machine.effects.items())

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import checked, default_report, write, write_json
 from boom_bringup.replica import machine_of
-from boom_bringup.showing import progress
+from boom_bringup.showing import diagnose_next, progress
 
 if TYPE_CHECKING:
     from boom_recording.recording import Recording
@@ -64,7 +64,8 @@ def run(args: argparse.Namespace) -> int:
             recordings.append(load(bag))
         simulated = load(args.simulated) if args.simulated else None
 
-        from boom_diagnosis.tables import console_for, print_validation
+        from boom_diagnosis.console import console_for
+        from boom_diagnosis.tables import print_validation
         from boom_diagnosis.validation import Validation, validate
         from boom_model.errors import MachineError
 
@@ -95,7 +96,10 @@ def run(args: argparse.Namespace) -> int:
             ),
         )
         console.print(f"report: {report}", markup=False, soft_wrap=True)
-    return 1 if args.strict and any(bag.mismatches for bag in validation.bags) else 0
+    differing = [bag for bag, found in zip(args.bags, validation.bags, strict=True) if found.mismatches]
+    for line in diagnose_next(differing, args.machine):
+        console.print(line, markup=False, soft_wrap=True)
+    return 1 if args.strict and differing else 0
 
 
 def _notes(recordings: list[Recording], machine: str) -> list[str]:

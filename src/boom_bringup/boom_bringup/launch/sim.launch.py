@@ -1,6 +1,6 @@
-"""The simulated crane with its robot description; with tip_pose:=true the perception example beside it.
+"""The simulated crane with its robot description; with control:=true the controller, with tip_pose:=true the perception example.
 
-ros2 launch boom_bringup sim.launch.py load_mass:=300.0 tip_pose:=true
+ros2 launch boom_bringup sim.launch.py load_mass:=300.0 control:=true tip_pose:=true
 """
 
 from pathlib import Path
@@ -27,11 +27,12 @@ ARGUMENTS = {
     "sensors": (str, "thesis", "thesis: noise and quantisation; ideal: neither"),
     "effects": (str, "", "physics beside the machine file's, as YAML"),
     "ground_truth": (bool, "false", "publish the true states on /boom/ground_truth"),
+    "realtime_priority": (int, "0", "SCHED_FIFO priority of simulation and controller, 0 = none"),
 }
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Simulation, robot description and, on request, the tip pose."""
+    """Simulation, robot description and, on request, controller and tip pose."""
     environment.apply()  # the processes inherit it: loopback only, unless BOOM_NETWORK says otherwise (docs/network.md)
     share = Path(get_package_share_directory("boom_bringup"))
     urdf = str(share / "urdf" / "epsilon_tz17.urdf")
@@ -42,9 +43,18 @@ def generate_launch_description() -> LaunchDescription:
     given = {
         name: ParameterValue(LaunchConfiguration(name), value_type=kind) for name, (kind, _, _) in ARGUMENTS.items()
     }
+    control = LaunchConfiguration("control")
     return LaunchDescription(
         [
             *declared,
+            DeclareLaunchArgument(
+                "control",
+                default_value="false",
+                description="true: start the controller too, with the same machine file",
+            ),
+            DeclareLaunchArgument(
+                "control_law", default_value="improved", description="of the controller: thesis, baseline or improved"
+            ),
             DeclareLaunchArgument(
                 "urdf",
                 default_value=urdf,
@@ -65,8 +75,27 @@ def generate_launch_description() -> LaunchDescription:
                 output="screen",
                 parameters=[
                     LaunchConfiguration("simulation_parameters"),
-                    {**given, "robot_description": ParameterValue(LaunchConfiguration("urdf"), value_type=str)},
+                    {
+                        **given,
+                        "robot_description": ParameterValue(LaunchConfiguration("urdf"), value_type=str),
+                        "controller_follows": ParameterValue(control, value_type=bool),
+                    },
                 ],
+            ),
+            Node(
+                package="boom_controller",
+                executable="controller",
+                name="boom_controller",
+                output="screen",
+                parameters=[
+                    {
+                        "machine": given["machine"],
+                        "mode": ParameterValue(LaunchConfiguration("control_law"), value_type=str),
+                        "time": given["mode"],
+                        "realtime_priority": given["realtime_priority"],
+                    }
+                ],
+                condition=IfCondition(control),
             ),
             Node(
                 package="boom_bringup",

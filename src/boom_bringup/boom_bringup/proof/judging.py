@@ -15,6 +15,7 @@ import numpy as np
 from boom_bringup.proof.outcomes import Row, Said, Truth
 from boom_bringup.proof.scoring import OWN_STAGES
 from boom_diagnosis.validation import predict
+from boom_input.whole import write_whole
 from boom_model.errors import MachineError
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
@@ -62,9 +63,7 @@ def judge(case: str, blind: Path, sealed: Path, machine: str) -> dict[str, Any]:
             sealed / case / HOLD_OUT, _explained(blind / case, answer, nominal) if document else nominal
         ),
     }
-    temporary = kept.with_suffix(".new")
-    temporary.write_text(json.dumps(row), encoding="utf-8")
-    temporary.replace(kept)
+    write_whole(kept, json.dumps(row))
     return row
 
 

@@ -54,10 +54,12 @@ def page(state: State, rows: Sequence[Row], seconds: float) -> str:
 
 
 def _missed(rows: Sequence[Row]) -> str:
-    missed = [m.title for m in scoring.measures(rows) if m.met is False]
-    if not missed:
-        return "Every measure that had cases is met."
-    return f"Not met: {'; '.join(missed)}. The tables below show where it is lost."
+    measures = scoring.measures(rows)
+    missed, open_ = [m.title for m in measures if m.met is False], [m.title for m in measures if m.too_few]
+    said = [f"Not met: {'; '.join(missed)}. The tables below show where it is lost."] if missed else []
+    if open_:
+        said.append(f"Short of what is asked, by no more than so few cases are by chance: {'; '.join(open_)}.")
+    return " ".join(said) or "Every measure that had cases is met."
 
 
 def _confidence(rows: Sequence[Row]) -> str:

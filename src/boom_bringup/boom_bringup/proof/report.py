@@ -30,7 +30,7 @@ svg{max-width:100%;height:auto}svg text{font:10px system-ui,sans-serif;fill:#5b6
 .side{display:flex;flex-wrap:wrap;gap:24px}.panels{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,420px),1fr));gap:8px}
 code{overflow-wrap:anywhere}
 @media(max-width:600px){main{padding:16px 8px}.card{padding:12px 8px}th,td{padding:4px}table{font-size:.8rem}}
-@media print{.card{break-inside:avoid;border:none}:root{background:#fff}}
+@media print{.card{break-inside:avoid;border:none;padding:8px 0 0;margin:16px 0 0}main{padding:0}:root{background:#fff}}
 """
 _UNITS = {"angle": ("rad", 1.0), "rate": ("rad/s", 1.0), "hose_pressure": ("bar", 1e-5), "rod_pressure": ("bar", 1e-5)}
 _MEANING = (

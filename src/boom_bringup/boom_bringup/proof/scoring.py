@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from scipy.stats import beta
+from scipy.stats import beta, binom
 
 from boom_bringup.proof.outcomes import NAMING, Row
 
@@ -36,7 +36,8 @@ class Measure:
         key: short name for the JSON document.
         title: what it says.
         value: measured; None: there was no case for it.
-        low, high: 95 % bounds of a share, None for other numbers.
+        low, high: 95 % bounds of a share or a median, the lower one of a calibration error; None: no bound (a median of fewer
+            than six).
         count: cases it rests on.
         least, most: what is asked; None: not asked.
         unit: "%" or another.
@@ -54,10 +55,22 @@ class Measure:
 
     @property
     def met(self) -> bool | None:
-        """Whether what is asked is reached; None where nothing is asked or nothing was measured."""
+        """Whether what is asked is reached; None where nothing is asked, nothing was measured, or these cases cannot tell.
+
+        Missed is what the bounds lie beyond, too: a value that misses by chance is none.
+        """
         if self.value is None or (self.least is None and self.most is None):
             return None
-        return (self.least is None or self.value >= self.least) and (self.most is None or self.value <= self.most)
+        if (self.least is None or self.value >= self.least) and (self.most is None or self.value <= self.most):
+            return True
+        below = self.least is not None and self.high is not None and self.high < self.least
+        above = self.most is not None and self.low is not None and self.low > self.most
+        return False if below or above else None
+
+    @property
+    def too_few(self) -> bool:
+        """The value misses what is asked, by no more than so few cases do by chance."""
+        return self.value is not None and (self.least is not None or self.most is not None) and self.met is None
 
 
 def share_bounds(hits: int, count: int, level: float = 0.95) -> tuple[float, float]:
@@ -277,12 +290,35 @@ def _share(
 
 
 def _median(key: str, title: str, values: Iterable[float | None], least: float) -> Measure:
-    known = [value for value in values if value is not None]
-    return Measure(key, title, 100 * float(np.median(known)) if known else None, len(known), least=least)
+    known = sorted(value for value in values if value is not None)
+    if not known:
+        return Measure(key, title, None, 0, least=least)
+    low, high = median_bounds(known)
+    return Measure(
+        key, title, 100 * float(np.median(known)), len(known), None if low is None else 100 * low,
+        None if high is None else 100 * high, least,
+    )  # fmt: skip
+
+
+def median_bounds(ordered: Sequence[float], level: float = 0.95) -> tuple[float, float] | tuple[None, None]:
+    """Bounds of the median whatever the distribution: two of the values, in ascending order; None for fewer than six."""
+    outside = int(binom.ppf((1.0 - level) / 2.0, len(ordered), 0.5))
+    return (ordered[outside - 1], ordered[-outside]) if outside else (None, None)
 
 
 def _calibration(rows: Sequence[Row]) -> Measure:
     bins = confidence_bins(rows)
     total = sum(n for _, _, n in bins)
-    error = sum(n * abs(said - right) for said, right, n in bins) / total if total else None
-    return Measure("calibration", "expected calibration error of the confidence", error, total, most=0.07, unit="")
+    title, most = "expected calibration error of the confidence", 0.07
+    if not total:
+        return Measure("calibration", title, None, 0, most=most, unit="")
+    error = sum(n * abs(said - right) for said, right, n in bins) / total
+    return Measure("calibration", title, error, total, max(0.0, error - _by_chance(bins)), most=most, unit="")
+
+
+def _by_chance(bins: Sequence[tuple[float, float, int]], draws: int = 2000) -> float:
+    """The calibration error that a confidence which means what it says exceeds once in twenty such trials."""
+    rng = np.random.default_rng(0)
+    total = sum(n for *_, n in bins)
+    errors = sum(np.abs(rng.binomial(n, said, draws) - n * said) for said, _, n in bins) / total
+    return float(np.quantile(errors, 0.95))

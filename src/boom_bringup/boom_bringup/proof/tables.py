@@ -33,8 +33,8 @@ def wanted_text(measure: Measure) -> str:
 
 
 def met_text(measure: Measure) -> str:
-    """Yes, no, or nothing to judge."""
-    return {True: "yes", False: "no", None: "-"}[measure.met]
+    """Yes, no, cases too few to tell, or nothing to judge."""
+    return "too few cases" if measure.too_few else {True: "yes", False: "no", None: "-"}[measure.met]
 
 
 def heading(state: State) -> str:
@@ -75,7 +75,7 @@ def document(state: State, rows: Sequence[Row], seconds: float) -> dict[str, Any
         "measures": {
             m.key: {
                 "title": m.title, "value": m.value, "bounds_95": None if m.low is None else [m.low, m.high], "unit": m.unit,
-                "cases": m.count, "at_least": m.least, "at_most": m.most, "met": m.met,
+                "cases": m.count, "at_least": m.least, "at_most": m.most, "met": m.met, "too_few_cases": m.too_few,
             }
             for m in scoring.measures(rows)
         },

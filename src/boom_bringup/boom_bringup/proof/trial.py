@@ -30,6 +30,7 @@ from boom_bringup.proof import judging
 from boom_bringup.proof.engine import Engine
 from boom_bringup.proof.outcomes import Row
 from boom_bringup.supervisor import die_with_parent
+from boom_input.whole import write_whole
 from concealed_plant.cases import CaseSpec, cases
 from concealed_plant.generator import ANSWER, RECORDING, make_case
 
@@ -153,9 +154,7 @@ class Trial:
         return all((self.blind / name / judging.OUTCOME).is_file() for name in self.specs)
 
     def _keep(self, state: State) -> None:
-        temporary = self.folder / f"{STATE}.new"
-        temporary.write_text(json.dumps(asdict(state), indent=1) + "\n", encoding="utf-8")
-        os.replace(temporary, self.folder / STATE)
+        write_whole(self.folder / STATE, json.dumps(asdict(state), indent=1) + "\n")
 
 
 def stored(folder: Path) -> State | None:
@@ -216,9 +215,7 @@ def diagnose(case: Path) -> float:
         except subprocess.TimeoutExpired:
             failure = f"no answer within {PATIENCE:.0f} s"
     seconds = time.monotonic() - begin
-    temporary = case / f"{judging.OUTCOME}.new"
-    temporary.write_text(json.dumps({"failure": failure, "seconds": seconds}), encoding="utf-8")
-    os.replace(temporary, case / judging.OUTCOME)
+    write_whole(case / judging.OUTCOME, json.dumps({"failure": failure, "seconds": seconds}))
     return seconds
 
 

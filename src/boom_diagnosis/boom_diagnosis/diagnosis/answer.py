@@ -65,6 +65,8 @@ NAMED_FROM = 0.55
 """Probability from which on a finding counts as identified, not as one of several."""
 LEARNT_FROM, LEARNT_IN = 0.3, 2
 """Probability of unknown physics from which on a term is learnt, and in how many equations it is tried."""
+MOST_CERTAIN = 0.99
+"""No more is claimed of anything."""
 DOUBTFUL = 0.1
 """Share of the excess that stays from which on the tolerances alone are fitted once more, by the observer that sees most."""
 FLOORS = 1.5
@@ -115,7 +117,7 @@ def not_enough_excitation(recordings: Sequence[Recording], machine: Machine, abo
     notes = tuple(f"{r.name}: the boom hardly moves, or a channel is missing" for r in recordings)
     notes += tuple(f"{r.name}: {said}" for r in recordings for said in r.warnings)
     return DiagnosisResult(
-        document, machine, machine, (), (), (), "", (), (), (), "Nothing can be told from these recordings.",
+        document, machine, machine, (), (), (), "", (), (), "Nothing can be told from these recordings.",
         notes=notes, command=about.command,
     )  # fmt: skip
 
@@ -125,9 +127,10 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     first = case.rounds[0]
     tight = _tight(case)
     unknown = unknown_probability(tight.excess_before, tight.excess_after, tight.channels)
-    ranked = _ranking(case, unknown)
+    odds = odds_of(case, unknown)
     cells = [regimes.classify(bag) for bag in case.bags]
-    findings = _findings(case, unknown, cells, tight)
+    findings = _findings(case, odds, cells)
+    ranked = ranking(case, odds, findings)
     verdict = _verdict(case, findings, unknown, _moving(case), tight)
     wrong = verdict not in ("no_mismatch", "parameters_only")
     z = case.kept(0).z if case.learned else first.base.z
@@ -144,7 +147,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         order = sorted(rest_equations, key=lambda e: -e.statistical)
         learned = learn(case.setting, case.trained[-1], [e.key for e in order[:LEARNT_IN]])
     if verdict == "unknown_physics":
-        findings = [_unknown_finding(case, unknown, cells, tight, rest_equations, case.learned), *findings]
+        findings = [_unknown_finding(case, odds, cells, tight, rest_equations, case.learned), *findings]
     if verdict == "no_mismatch":
         agreement = "No equation needs an unknown input: what remains is noise."
     moved = _moved(case, case.last) if verdict == "parameters_only" or case.taken else {}
@@ -155,8 +158,8 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     experiment = propose(case, ranked) if verdict in ("ambiguous", "unknown_physics", "identified") else None
     said = experiment.text if experiment else _nothing_more(verdict)
     document = Document(
-        verdict, tuple(findings), _subsystems(case, unknown, ranked, verdict, findings), fit, said, about.seed,
-        about.inputs_sha256, about.version,
+        verdict, tuple(findings), _subsystems(ranked, findings), fit, said, about.seed, about.inputs_sha256, about.version,
+        tuple(ranked),
     )  # fmt: skip
     bags = tuple(
         bag_result(case, i, cells, inputs, tight.nominal[i], machines, runs, spans) for i in range(len(case.bags))
@@ -166,8 +169,8 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     remaining = _remaining(fit, tight.excess_before, left) if verdict not in ("no_mismatch", "parameters_only") else ""
     return DiagnosisResult(
         document, case.machine, final_machine(case, verdict, learned), bags,
-        regimes.table(cells, tight.nominal, explained, case.healthy_squares), equations, agreement, tuple(ranked),
-        ladder, (learned.curve,) if learned else (), remaining, moved, experiment, _notes(case, weak), about.command,
+        regimes.table(cells, tight.nominal, explained, case.healthy_squares), equations, agreement, ladder,
+        (learned.curve,) if learned else (), remaining, moved, experiment, _notes(case, weak), about.command,
     )  # fmt: skip
 
 
@@ -241,28 +244,57 @@ def _moving(case: Case) -> float:
     return nominal.loss - base.loss
 
 
-def _ranking(case: Case, unknown: float) -> list[RankingRow]:
-    """All hypotheses of the first round, those that free runs disproved with probability zero, and unknown physics."""
-    weighed = case.weighed[0] if case.weighed else []
-    p = probabilities(weighed, case.temperature)
-    taken = bool(case.taken)
-    rest = 1.0 - unknown if taken or unknown > 0.5 else 1.0
-    rows = [
-        *(_ranked(case, w, pi * rest) for w, pi in zip(weighed, p, strict=False)),
-        *(_ranked(case, w, 0.0) for w in case.disproved),
-    ]
-    rows.append(RankingRow("parameters within tolerance only", None, "parameters", "", p[-1] * rest, 0.0, 0.0, {}))
-    rows.append(RankingRow("physics of no catalogue", None, "unknown", "", 1.0 - rest, 0.0, 0.0, {}))
+@dataclass(frozen=True)
+class Odds:
+    """What is how likely: the one source of every probability that a diagnosis states.
+
+    Attributes:
+        unknown: that physics of no catalogue acts.
+        effects: of each round, effect -> that it is what was looked for there.
+        tolerances: that parameters within their tolerance are all that the first round needs.
+    """
+
+    unknown: float
+    effects: tuple[Mapping[str, float], ...]
+    tolerances: float
+
+
+def odds_of(case: Case, unknown: float) -> Odds:
+    """The probabilities of a finished search, as they are stated (four digits); unknown: before it is weighed with the rest."""
+    stated = round(min(MOST_CERTAIN, unknown), 4) if case.taken or unknown > 0.5 else 0.0
+    effects, tolerances = [], 1.0 - stated
+    for k, weighed in enumerate(case.weighed):
+        *shares, none = (round(p * (1.0 - stated), 4) for p in probabilities(weighed, case.temperature))
+        effects.append({w.fitted.effect: p for w, p in zip(weighed, shares, strict=True)})
+        tolerances = tolerances if k else none
+    return Odds(stated, tuple(effects), round(tolerances, 4))
+
+
+def ranking(case: Case, odds: Odds, findings: Sequence[Finding]) -> list[RankingRow]:
+    """All hypotheses of the first round, those that free runs disproved with probability zero, and unknown physics.
+
+    An effect that was found has the numbers of its finding.
+    """
+    found = {f.effect: f.parameters for f in findings}
+    rows = []
+    for w in (*(case.weighed[0] if case.weighed else ()), *case.disproved):
+        effect = w.fitted.effect
+        subsystem = EFFECTS[effect].subsystem
+        numbers = found.get(effect) or _short(estimates(w.fitted, case.temperature), effect)
+        rows.append(
+            RankingRow(
+                label_of(effect), effect, "sensors" if subsystem == "sensors" else "effect", subsystem,
+                _first(odds, effect), w.gain, w.held_out_gain, numbers, _inside(w),
+            )
+        )  # fmt: skip
+    rows.append(RankingRow("parameters within tolerance only", None, "parameters", "", odds.tolerances, 0.0, 0.0, {}))
+    rows.append(RankingRow("physics of no catalogue", None, "unknown", "", odds.unknown, 0.0, 0.0, {}))
     return sorted(rows, key=lambda r: -r.probability)
 
 
-def _ranked(case: Case, w: Weighed, probability: float) -> RankingRow:
-    effect = w.fitted.effect
-    subsystem = EFFECTS[effect].subsystem
-    return RankingRow(
-        label_of(effect), effect, "sensors" if subsystem == "sensors" else "effect", subsystem, probability, w.gain,
-        w.held_out_gain, _short(estimates(w.fitted, case.temperature), effect), _inside(w),
-    )  # fmt: skip
+def _first(odds: Odds, effect: str) -> float:
+    """That the effect is what the first round looked for; zero for what free runs disproved."""
+    return odds.effects[0].get(effect, 0.0) if odds.effects else 0.0
 
 
 def _short(numbers: Mapping[str, Estimate], effect: str) -> dict[str, Estimate]:
@@ -278,26 +310,20 @@ def _inside(w: Weighed) -> bool:
 # ------------------------------------------------------------------------------------------------------------- findings
 
 
-def _findings(case: Case, unknown: float, cells: list[NDArray[np.int64]], tight: _Tight) -> list[Finding]:
+def _findings(case: Case, odds: Odds, cells: list[NDArray[np.int64]]) -> list[Finding]:
     result = []
     for k, w in enumerate(case.taken):
         assert case.final is not None  # after a search that took something
-        weighed = case.weighed[k]
-        p = probabilities(weighed, case.temperature)
         effect = w.fitted.effect
-        own = weighed.index(w)
-        confidence = min(0.99, p[own] * (1.0 - unknown))
-        others = sorted(((pi, x.fitted.effect) for pi, x in zip(p, weighed, strict=False) if x is not w), reverse=True)
-        alternatives = tuple(Alternative(e, round(pi * (1 - unknown), 4)) for pi, e in others[:3] if pi > 0.005)
-        if unknown > 0.01:
-            alternatives = (*alternatives, Alternative(None, round(unknown, 4)))
+        others = sorted(((p, e) for e, p in odds.effects[k].items() if e != effect), reverse=True)
+        alternatives = (*(Alternative(e, p) for p, e in others[:3] if p > 0.005), Alternative(None, odds.unknown))
         before = case.rounds[k].base
         place = regimes.where(case.bags, cells, _gains(before, w.fitted.point))
         row = EFFECTS[effect]
         numbers = _short(estimates(case.final, max(1.0, case.temperature / 3.0)), effect)
         result.append(
             Finding(
-                effect, row.subsystem, row.equation, round(confidence, 4), numbers, place.text, place.intervals,
+                effect, row.subsystem, row.equation, odds.effects[k][effect], numbers, place.text, place.intervals,
                 alternatives, _evidence(w, row.term, place.text),
             )
         )  # fmt: skip
@@ -315,7 +341,7 @@ def _evidence(w: Weighed, term: str, where: str) -> str:
 
 
 def _unknown_finding(
-    case: Case, unknown: float, cells: list[NDArray[np.int64]], tight: _Tight, equations: Sequence[EquationEvidence],
+    case: Case, odds: Odds, cells: list[NDArray[np.int64]], tight: _Tight, equations: Sequence[EquationEvidence],
     learned: Learned | None,
 ) -> Finding:  # fmt: skip
     """What remains: located, not named; in the equation whose term explains it, else in the one that both ways doubt most."""
@@ -336,8 +362,8 @@ def _unknown_finding(
     said = f" What explains it is {learned.curve.reading}." if learned else ""
     home = _touched(learned.term) if learned else _home(case, link.subsystems)
     return Finding(
-        None, home, link.equation, round(min(0.99, unknown), 4), {}, place.text, place.intervals,
-        tuple(Alternative(w.fitted.effect, round((1 - unknown) / 3, 4)) for w in near[:2]),
+        None, home, link.equation, odds.unknown, {}, place.text, place.intervals,
+        tuple(Alternative(w.fitted.effect, _first(odds, w.fitted.effect)) for w in near[:2]),
         f"No effect of the catalogue explains the mismatch at '{link.title}'{nearest}.{said}",
     )  # fmt: skip
 
@@ -377,13 +403,11 @@ def _verdict(case: Case, findings: Sequence[Finding], unknown: float, moved: flo
     return "identified" if findings[0].confidence >= NAMED_FROM else "ambiguous"
 
 
-def _subsystems(
-    case: Case, unknown: float, ranked: Sequence[RankingRow], verdict: Verdict, findings: Sequence[Finding]
-) -> dict[str, float]:
+def _subsystems(ranked: Sequence[RankingRow], findings: Sequence[Finding]) -> dict[str, float]:
     result = dict.fromkeys(SUBSYSTEMS, 0.0)
     for row in ranked:
         if row.effect is not None:
-            result[row.subsystem] = min(0.99, result[row.subsystem] + row.probability)
+            result[row.subsystem] = min(MOST_CERTAIN, result[row.subsystem] + row.probability)
     for f in findings:
         result[f.subsystem] = max(result[f.subsystem], f.confidence)
     return {name: round(p, 4) for name, p in result.items()}

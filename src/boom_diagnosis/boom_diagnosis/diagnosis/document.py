@@ -123,8 +123,46 @@ class Fit:
 
 
 @dataclass(frozen=True)
+class RankingRow:
+    """One hypothesis of the ranking, the best first.
+
+    Attributes:
+        kind: none, sensors, parameters, effect, unknown.
+        gain: what the hypothesis gains in log-likelihood over "parameters within tolerance", on data used for fitting;
+            ``held_out_gain``: on data not used. [nats]
+        inside: False where the estimate lies outside the plausible range of the catalogue.
+    """
+
+    label: str
+    effect: str | None
+    kind: Literal["none", "sensors", "parameters", "effect", "unknown"]
+    subsystem: str
+    probability: float
+    gain: float
+    held_out_gain: float
+    parameters: Mapping[str, Estimate]
+    inside: bool = True
+    note: str = ""
+
+    def document(self) -> dict[str, Any]:
+        """As in ``diagnosis.json``."""
+        return {
+            "hypothesis": self.label,
+            "effect": self.effect,
+            "kind": self.kind,
+            "probability": self.probability,
+            "gain_nats": self.gain,
+            "held_out_gain_nats": self.held_out_gain,
+            "parameters": {name: p.document() for name, p in self.parameters.items()},
+        }
+
+
+@dataclass(frozen=True)
 class Document:
-    """``diagnosis.json``."""
+    """``diagnosis.json``: every probability that terminal and report show is one of these.
+
+    ranking: what the first finding could be, the likeliest first.
+    """
 
     verdict: Verdict
     findings: tuple[Finding, ...]
@@ -134,12 +172,14 @@ class Document:
     seed: int
     inputs_sha256: Mapping[str, str]
     version: str
+    ranking: tuple[RankingRow, ...] = ()
 
     def document(self) -> dict[str, Any]:
         """As in the contract; numbers that are not finite become null (JSON knows no NaN)."""
         result = {
             "verdict": self.verdict,
             "findings": [finding.document() for finding in self.findings],
+            "ranking": [row.document() for row in self.ranking],
             "subsystems": {name: self.subsystems.get(name, 0.0) for name in SUBSYSTEMS},
             "fit": self.fit.document(),
             "next_experiment": self.next_experiment,
@@ -241,29 +281,6 @@ class EquationEvidence:
 
 
 @dataclass(frozen=True)
-class RankingRow:
-    """One hypothesis of the ranking, the best first.
-
-    Attributes:
-        kind: none, sensors, parameters, effect, unknown.
-        gain: what the hypothesis gains in log-likelihood over "parameters within tolerance", on data used for fitting;
-            ``held_out_gain``: on data not used. [nats]
-        inside: False where the estimate lies outside the plausible range of the catalogue.
-    """
-
-    label: str
-    effect: str | None
-    kind: Literal["none", "sensors", "parameters", "effect", "unknown"]
-    subsystem: str
-    probability: float
-    gain: float
-    held_out_gain: float
-    parameters: Mapping[str, Estimate]
-    inside: bool = True
-    note: str = ""
-
-
-@dataclass(frozen=True)
 class LadderStep:
     """A model of the ladder nominal -> parameters -> + effect 1 -> ...; errors as in ``fit``, one per channel."""
 
@@ -326,7 +343,6 @@ class DiagnosisResult:
     regimes: tuple[Regime, ...]
     equations: tuple[EquationEvidence, ...]
     agreement: str
-    ranking: tuple[RankingRow, ...]
     ladder: tuple[LadderStep, ...]
     learned: tuple[LearnedCurve, ...]
     remaining: str

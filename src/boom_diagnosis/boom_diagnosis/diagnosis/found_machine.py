@@ -12,6 +12,7 @@ import yaml
 
 from boom_diagnosis.identification.estimate import Estimate as Identified
 from boom_diagnosis.identification.machine_output import document_with, fits
+from boom_input.whole import write_whole
 from boom_model.errors import MachineError
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine, Pose
@@ -121,12 +122,7 @@ def write_machine(path: Path, machine: Machine, *, command: str) -> None:
         f"# Diagnosed on {date.today().isoformat()} by: {command}\n"
         "# What does not say 'identified', and 'effects' beside, is as it was.\n"
     )
-    temporary = path.with_name(path.name + ".new")
-    try:
-        temporary.write_text(head + text, encoding="utf-8")
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(path, head + text)
 
 
 def _plain(value: Any) -> Any:

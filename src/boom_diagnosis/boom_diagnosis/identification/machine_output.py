@@ -12,6 +12,7 @@ import numpy as np
 import yaml
 
 from boom_diagnosis.identification.estimate import Estimate
+from boom_input.whole import write_whole
 from boom_model import hose_burst_valve
 from boom_model.machine import TOLERANCES, Machine, check_range, number
 from boom_model.machine_file import STROKE_SLACK, machine_from
@@ -84,12 +85,7 @@ def write_machine(path: Path, machine: Machine, estimates: Iterable[Estimate], *
     document = document_with(machine, estimates)
     text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=120)
     head = f"# Identified on {date.today().isoformat()} by: {command}\n# Everything that does not say 'identified' is as it was.\n"
-    temporary = path.with_name(path.name + ".new")
-    try:
-        temporary.write_text(head + text, encoding="utf-8")
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(path, head + text)
 
 
 def confidence(estimates: Iterable[Estimate]) -> str:

@@ -12,12 +12,21 @@ _LATENCY = Path("/dev/cpu_dma_latency")
 
 
 def use_priority(priority: int) -> str:
-    """SCHED_FIFO with this priority for the whole process. Returns why not, empty where it is done."""
+    """SCHED_FIFO with this priority for all threads of the process. Returns why not, empty where it is done.
+
+    The middleware has threads of its own, and samples that wait for one of them are as late as those that wait for us. What the
+    process starts, a compiler for instance, does not inherit it.
+    """
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        for thread in _threads():
+            os.sched_setscheduler(thread, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
     except OSError as error:
         return f"realtime_priority {priority} is not used: {error.strerror}; allow it (ulimit -r), or set 0"
     return ""
+
+
+def _threads() -> list[int]:
+    return [int(thread.name) for thread in Path("/proc/self/task").iterdir()]
 
 
 def use_core(core: int) -> str:
@@ -26,8 +35,8 @@ def use_core(core: int) -> str:
     Where everything else is kept off that core, its caches hold what a cycle needs.
     """
     try:
-        for thread in Path("/proc/self/task").iterdir():
-            os.sched_setaffinity(int(thread.name), {core})
+        for thread in _threads():
+            os.sched_setaffinity(thread, {core})
     except OSError as error:
         known = ", ".join(str(k) for k in sorted(os.sched_getaffinity(0)))
         return f"realtime_core {core} is not used: {error.strerror}; the process may run on {known}, or set -1"

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
+import subprocess
+import sys
 import threading
 import weakref
 from collections.abc import Iterator
@@ -11,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from boom_controller.realtime import Garbage, WakeUpLatency, use_core
+from boom_node.realtime import Garbage, WakeUpLatency, use_core, use_priority
 
 
 class Loop:
@@ -65,25 +68,43 @@ def test_a_computer_that_does_not_let_us_says_so(tmp_path: Path) -> None:
     latency.release()
 
 
+@contextlib.contextmanager
+def other_thread() -> Iterator[int]:
+    """A thread that waits; its id."""
+    asked = threading.Event()
+    thread = threading.Thread(target=asked.wait, args=(10.0,))
+    thread.start()
+    assert thread.native_id is not None
+    yield thread.native_id
+    asked.set()
+    thread.join(10.0)
+
+
 def test_every_thread_is_kept_to_the_core() -> None:
     before = os.sched_getaffinity(0)
-    core, asked, answered = max(before), threading.Event(), []
+    core = max(before)
+    with other_thread() as other:
+        try:
+            assert use_core(core) == ""
+            assert os.sched_getaffinity(other) == os.sched_getaffinity(0) == {core}
+        finally:
+            for task in Path("/proc/self/task").iterdir():
+                os.sched_setaffinity(int(task.name), before)
 
-    def other() -> None:
-        asked.wait(10.0)
-        answered.append(os.sched_getaffinity(0))
 
-    thread = threading.Thread(target=other)
-    thread.start()
-    try:
-        assert use_core(core) == ""
-        asked.set()
-        thread.join(10.0)
-        assert answered == [{core}] and os.sched_getaffinity(0) == {core}
-    finally:
-        asked.set()
-        for task in Path("/proc/self/task").iterdir():
-            os.sched_setaffinity(int(task.name), before)
+def test_every_thread_gets_the_priority() -> None:
+    with other_thread() as other:
+        try:
+            told = use_priority(1)
+            if told:
+                assert told.startswith("realtime_priority 1 is not used: ")
+                pytest.skip(told)
+            assert os.sched_getscheduler(other) == os.sched_getscheduler(0) == os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+            child = [sys.executable, "-c", "import os; raise SystemExit(os.sched_getscheduler(0))"]
+            assert subprocess.run(child, check=False).returncode == os.SCHED_OTHER
+        finally:
+            for task in Path("/proc/self/task").iterdir():
+                os.sched_setscheduler(int(task.name), os.SCHED_OTHER, os.sched_param(0))
 
 
 def test_a_core_that_this_computer_does_not_have_is_told_with_those_it_has() -> None:

@@ -1,0 +1,53 @@
+"""Check a machine file: all its faults, one line each, or a table of what its numbers mean.
+
+FILE is a path or the name of a shipped machine. Nothing is simulated. The quantities of the table follow from the file and stand on
+data sheets: compare them with yours. Status 0: the file can be used; 2: it has faults, and each is a line on stderr.
+
+  ./boom check-machine tz17
+  ./boom check-machine my_crane.yaml
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+HELP = "a machine file's faults, one line each, and what its numbers mean"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("file", metavar="FILE", help="machine file, or the name of a shipped machine")
+    parser.add_argument("--json", metavar="F", help="write faults and quantities to this file too")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print faults or quantities; returns 0, or 2 where there are faults."""
+    from rich.table import Table
+
+    from boom_bringup.outputs import checked, write_json
+    from boom_diagnosis.console import console_for
+    from boom_model.derived import quantities
+    from boom_model.machine_file import check_machine
+
+    path = checked(args.json, "--json")
+    machine, faults = check_machine(args.file)
+    rows = quantities(machine) if machine else []
+    if path:
+        listed = [{"meaning": row.meaning, "value": row.value, "source": row.source} for row in rows]
+        write_json(path, {"file": args.file, "faults": faults, "quantities": listed})
+    if machine is None:
+        for fault in faults:
+            print(f"boom: {fault}", file=sys.stderr)
+        return 2
+    table = Table(title=f"{args.file}: machine {machine.name}", box=None, title_justify="left", pad_edge=False)
+    for heading in ("quantity", "value", "from"):
+        table.add_column(heading, overflow="fold")
+    for row in rows:
+        table.add_row(row.meaning, row.value, row.source)
+    console = console_for()
+    console.print(table)
+    if machine.effects or machine.learned:
+        named = [*machine.effects, *(f"a learned term in {term.equation}" for term in machine.learned)]
+        console.print(f"not in these numbers: {', '.join(named)}", soft_wrap=True)
+    return 0

@@ -1,0 +1,33 @@
+"""What workers are given to do in the tests: a module of its own, which they import by its name."""
+
+import os
+import signal
+from pathlib import Path
+
+
+def twice(name):
+    return 2 * name
+
+
+def counted(name, folder):
+    """How often this case was begun, this time included."""
+    tries = len(list(Path(folder).glob(f"{name}-*")))
+    (Path(folder) / f"{name}-{tries}").touch()
+    return tries + 1
+
+
+def fails_at_first(name, folder):
+    if counted(name, folder) == 1:
+        raise ValueError("the first attempt fails")
+    return "well"
+
+
+def fails_always(name, folder):
+    counted(name, folder)
+    raise ValueError("no way")
+
+
+def kills_its_worker_at_first(name, folder):
+    if counted(name, folder) == 1 and name == "b":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return name

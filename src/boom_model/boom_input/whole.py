@@ -1,0 +1,61 @@
+"""What is written: files whole or not at all, and a folder by one process at a time."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+
+class InUseError(RuntimeError):
+    """Another process writes into the folder; one line that says so."""
+
+    exit_status = 2
+
+
+def write_whole(path: str | Path, content: str | bytes) -> None:
+    """Writes a file whole or not at all: until the new one is complete and on the disk, the old one stays.
+
+    A link goes on pointing where it did. What is no regular file, e.g. ``/dev/stdout``, is written to.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    data = content.encode("utf-8") if isinstance(content, str) else content
+    target = Path(os.path.realpath(path))
+    if target.exists() and not target.is_file():
+        target.write_bytes(data)
+        return
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.new")
+    try:
+        with temporary.open("wb") as file:  # with the permissions that a new file has
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(target)
+    finally:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def one_writer(folder: str | Path) -> Iterator[None]:
+    """Holds a folder that exists. The lock is the kernel's: however the process ends, nothing of it is left behind.
+
+    Raises:
+        InUseError: another process holds it.
+        OSError: it cannot be opened.
+    """
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InUseError(
+                f"{folder} is in use by another ./boom: wait until it has ended, or give another --output"
+            ) from None
+        yield
+    finally:
+        os.close(descriptor)

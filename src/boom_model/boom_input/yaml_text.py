@@ -1,0 +1,187 @@
+"""The one way in for YAML: machine files, mappings, parameters, metadata of bags.
+
+YAML can be written so that a kilobyte becomes a gigabyte (aliases), a stack overflows (nesting) or a constructor raises what it
+likes (dates, numbers of 5000 digits, tags). So the document is built here from the parser's events, in one pass and without
+recursion: aliases and tags are refused; size, depth, digits and keys are limited; dates stay text; keys are always text; and a
+key given twice, which would silently drop the first, is an error. Whatever is wrong is one line with file and line.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+from yaml.constructor import SafeConstructor
+from yaml.resolver import Resolver
+
+from boom_input.files import TEXT_LIMIT, InputError, read_text
+from boom_input.shown import quoted
+
+try:
+    from yaml import CSafeLoader as _Loader  # ten times faster, and the same
+except ImportError:  # PyYAML built without libyaml
+    from yaml import SafeLoader as _Loader  # type: ignore[assignment]
+
+DEEPEST = 32
+"""Levels of nesting; our own files have at most seven."""
+MOST_VALUES = 100_000
+LONGEST_NUMBER = 64
+LONGEST_KEY = 200
+
+_TAG = "tag:yaml.org,2002:"
+_CONSTRUCT = {
+    f"{_TAG}int": SafeConstructor.construct_yaml_int,
+    f"{_TAG}float": SafeConstructor.construct_yaml_float,
+    f"{_TAG}bool": SafeConstructor.construct_yaml_bool,
+    f"{_TAG}null": SafeConstructor.construct_yaml_null,
+}
+_RESOLVERS = {
+    first: [(tag, pattern) for tag, pattern in resolvers if tag in _CONSTRUCT]  # dates and << stay text
+    for first, resolvers in Resolver.yaml_implicit_resolvers.items()
+}
+_CONSTRUCTOR = SafeConstructor()
+_NUMBER = re.compile(r"[-+.\d][-+.\d_:eExXoObBa-fA-F]*")
+_DIRECTIVE = re.compile(r"^%TAG", re.MULTILINE)
+_TEXT_TAGS = (None, "!", f"{_TAG}str")
+_UNWANTED = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff]")
+"""Control characters but tab and line ends: they come from escapes such as "\\e" and act on a terminal."""
+
+
+def read_yaml(path: str | Path) -> Any:
+    """The document in a YAML file.
+
+    Raises:
+        InputError: not a regular file of at most 1 MB, or as `parse_yaml`.
+    """
+    return parse_yaml(read_text(path), str(path))
+
+
+def parse_yaml(text: str, name: str) -> Any:
+    """The document in a YAML text; `name` begins the message where it cannot be read.
+
+    Raises:
+        InputError: not YAML, or more than such a file can need (size, aliases, depth, digits, tags, a key given twice).
+    """
+    if len(text) > TEXT_LIMIT:
+        raise InputError(f"{name}: it is larger than {TEXT_LIMIT / 1e6:g} MB, more than such a file can hold")
+    if _DIRECTIVE.search(text):  # libyaml compares each with all before
+        raise InputError(f"{name}: not readable as YAML: the directive %TAG is not known here, leave it out")
+    try:
+        return _build(yaml.parse(text, Loader=_Loader))
+    except _RefusedError as refusal:
+        raise InputError(f"{name}, line {refusal.line}: {refusal}") from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+        line = f", line {mark.line + 1}" if mark else ""
+        problem = getattr(error, "problem", None) or getattr(error, "reason", None) or error
+        raise InputError(f"{name}{line}: not readable as YAML: {quoted(problem)}") from None
+
+
+def line_of(text: str, keys: Sequence[str]) -> int | None:
+    """The line of a text that `parse_yaml` has read in which the last of these keys stands, or the last one that is there."""
+    places: dict[tuple[str, ...], int] = {}
+    _build(yaml.parse(text, Loader=_Loader), places)
+    return next((places[tuple(keys[:n])] for n in range(len(keys), 0, -1) if tuple(keys[:n]) in places), None)
+
+
+class _RefusedError(Exception):
+    def __init__(self, event: yaml.Event, problem: str) -> None:
+        super().__init__(problem)
+        self.line = getattr(event.start_mark, "line", 0) + 1
+
+
+def _build(events: Iterable[Any], places: dict[tuple[str, ...], int] | None = None) -> Any:
+    """The document that the events tell of; `places` takes the line of every key, for a message."""
+    root: list[Any] = []
+    # Innermost last: the open collection, and in a mapping the key whose value comes next.
+    stack: list[tuple[Any, str | None]] = []
+    current: Any = root
+    key: str | None = None
+    values = 0
+    for event in events:
+        kind = type(event)
+        values += 1
+        if values > MOST_VALUES:
+            raise _RefusedError(event, f"more than {MOST_VALUES} values")
+        if kind is yaml.ScalarEvent:
+            if type(current) is dict and key is None:
+                key = _key(event, current)
+                if places is not None:
+                    places[(*(k for _, k in stack if k is not None), key)] = event.start_mark.line + 1
+                continue
+            made: Any = _scalar(event)
+        elif kind is yaml.MappingStartEvent or kind is yaml.SequenceStartEvent:
+            if type(current) is dict and key is None:
+                raise _RefusedError(event, "a key must be a single word")
+            if len(stack) >= DEEPEST:
+                raise _RefusedError(event, f"nested deeper than {DEEPEST} levels")
+            made = {} if kind is yaml.MappingStartEvent else []
+            if event.tag not in (None, "!", f"{_TAG}map", f"{_TAG}seq"):
+                raise _RefusedError(event, f"the tag {quoted(event.tag)} is not read: write a plain value")
+        elif kind is yaml.MappingEndEvent or kind is yaml.SequenceEndEvent:
+            current, key = stack.pop()
+            if type(current) is dict:
+                key = None
+            continue
+        elif kind is yaml.AliasEvent:
+            raise _RefusedError(event, f"aliases such as *{quoted(event.anchor)} are not read: write the value out")
+        elif kind is yaml.DocumentStartEvent and root:
+            raise _RefusedError(event, "a second document begins here: write one in a file")
+        else:
+            continue
+        if type(current) is dict:
+            current[key] = made
+        else:
+            current.append(made)
+        if kind is not yaml.ScalarEvent:
+            stack.append((current, key))
+            current, key = made, None
+        elif type(current) is dict:
+            key = None
+    return root[0] if root else None
+
+
+def _key(event: Any, mapping: dict[str, Any]) -> str:
+    key = str(event.value)
+    if event.tag not in _TEXT_TAGS:
+        raise _RefusedError(event, f"the tag {quoted(event.tag)} is not read: write a plain key")
+    if len(key) > LONGEST_KEY or not key.isprintable():
+        raise _RefusedError(
+            event, f"{quoted(key, 40)} cannot be a key: write one line of at most {LONGEST_KEY} characters"
+        )
+    if key in mapping:
+        raise _RefusedError(event, f"{key} is given twice")
+    return key
+
+
+def _scalar(event: Any) -> Any:
+    text = event.value
+    if not text.isprintable() and (unwanted := _UNWANTED.search(text)):
+        raise _RefusedError(event, f"the character {quoted(unwanted.group())} in a text: write printable ones")
+    if not event.implicit[0]:  # quoted, or with a tag
+        if event.tag not in _TEXT_TAGS:
+            raise _RefusedError(event, f"the tag {quoted(event.tag)} is not read: write a plain value")
+        return text
+    if len(text) > LONGEST_NUMBER:
+        if _NUMBER.fullmatch(text):
+            raise _RefusedError(event, f"a number of {len(text)} digits: write at most {LONGEST_NUMBER}")
+        return text
+    try:
+        return _plain(text)
+    except (ValueError, OverflowError) as error:  # 0x_ looks like a number and is none
+        raise _RefusedError(event, f"not readable as YAML: {quoted(error)}") from None
+
+
+@lru_cache(maxsize=4096)
+def _plain(text: str) -> Any:
+    """What a plain word means: a number, a truth value, nothing, else itself."""
+    tag = _tag(text)
+    return text if tag is None else _CONSTRUCT[tag](_CONSTRUCTOR, yaml.ScalarNode(tag, text))
+
+
+def _tag(text: str) -> str | None:
+    return next((tag for tag, pattern in _RESOLVERS.get(text[:1], ()) if pattern.match(text)), None)

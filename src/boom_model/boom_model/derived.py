@@ -1,0 +1,142 @@
+"""What the numbers of a machine mean: quantities that follow from them and stand on data sheets. For people, not for the model."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from boom_model import cylinder, equation_of_motion, pilot_valve
+from boom_model.equations import namespace
+from boom_model.machine import Machine
+
+BAR, LPM, LITRE, MILLIMETRE, DEGREE = 1e5, 1 / 60_000.0, 1e-3, 1e-3, math.pi / 180.0
+LOAD_PRESSURE = 240e5
+"""Pa gauge in the head side, none in the rod side, at which the load that can be held is told."""
+RETURN_PRESSURE = 10e5
+"""Pa gauge in the rod side, assumed where a flow depends on it (valves without compensator)."""
+STEPS = 100
+_STEP = 1e-4  # rad, for the lever arm
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One line of a table: what it is, its value with the unit, where in the file it comes from."""
+
+    meaning: str
+    value: str
+    source: str
+
+
+def quantities(machine: Machine) -> list[Quantity]:
+    """The quantities of a machine; its effects and learned terms are left out."""
+    p = namespace(machine.values(machine.tabulated[0]))
+    a, b = p.cylinder.A_a, p.cylinder.A_b
+    low, high = machine.angle_limits
+    begin, end = machine.piston_position(low), machine.piston_position(high)
+    angles = _angles(machine)
+    levers = [_lever(machine, angle) for angle in angles]
+    level = angles.index(min(angles, key=abs))
+
+    def volumes(at: Any) -> str:
+        return f"{at(begin, p) / LITRE:.2f} .. {at(end, p) / LITRE:.2f} l"
+
+    rows = [
+        Quantity("piston and rod diameter", f"{_diameter(a):.1f} mm, {_diameter(a - b):.1f} mm", "cylinder.A_a, A_b"),
+        Quantity("area ratio", f"{a / b:.2f}", "cylinder.A_a, A_b"),
+        Quantity("stroke", f"{p.cylinder.l_p / MILLIMETRE:.0f} mm", "cylinder.l_p"),
+        Quantity("stroke that the boom uses", f"{abs(begin) / MILLIMETRE:.0f} .. {end / MILLIMETRE:.0f} mm", "kinematics"),
+        Quantity("boom angle, 0 = level", f"{low / DEGREE:.1f} .. {high / DEGREE:.1f} deg", "kinematics.q2_*"),
+        Quantity("lever arm of the cylinder", _between(levers, MILLIMETRE, "mm"), "kinematics"),
+        Quantity("volume of the head side, in .. out", volumes(cylinder.head_volume), "cylinder"),
+        Quantity("volume of the rod side, in .. out", volumes(cylinder.rod_volume), "cylinder"),
+        Quantity(
+            f"force at {LOAD_PRESSURE / BAR:.0f} bar, push and pull",
+            f"{LOAD_PRESSURE * a / 1e3:.0f} kN, {LOAD_PRESSURE * b / 1e3:.0f} kN", "cylinder.A_a, A_b",
+        ),
+    ]  # fmt: skip
+    if machine.structure.accumulators:
+        gas = p.accumulators
+        value = f"{gas.V_g0 / LITRE:.2f} l each, {gas.p_g0_1 / BAR:.0f} and {gas.p_g0_2 / BAR:.0f} bar"
+        rows.append(Quantity("accumulators: gas and pre-charge", value, "accumulators"))
+    rows.append(Quantity("current: the valve opens .. is open", _currents(machine, p), "pilot_valves, main_valve_*"))
+    for name, sign, area in (("lift", -1.0, a), ("lower", 1.0, b)):
+        flow = _supply(machine, p, sign, _torque(p, angles[level], 0.0) / levers[level] / a)
+        rows += [
+            Quantity(f"{name}, valve fully open: flow", f"{flow / LPM:.0f} l/min", "main_valve_orifices, fluid"),
+            Quantity(f"{name}: piston", f"{flow / area / MILLIMETRE:.0f} mm/s", "and cylinder"),
+            Quantity(
+                f"{name}: boom", _between([flow / area / lever for lever in levers], 1.0, "rad/s", 2), "and kinematics"
+            ),
+        ]
+    for pose in machine.tabulated:
+        where = f"rigid_body.configs.{pose.tabulated}"
+        posed = namespace(machine.values(pose))
+        pressure = _torque(posed, angles[level], 0.0) / levers[level] / a
+        rows += [
+            Quantity(f"{pose.tabulated}: reach", f"{math.hypot(*pose.tip):.2f} m", f"{where}.tip"),
+            Quantity(f"{pose.tabulated}: held level by", f"{pressure / BAR:.0f} bar", where),
+            Quantity(
+                f"{pose.tabulated}: {LOAD_PRESSURE / BAR:.0f} bar hold level",
+                _load(posed, angles[level : level + 1], levers[level : level + 1]),
+                where,
+            ),
+            Quantity(f"{pose.tabulated}: and in every angle", _load(posed, angles, levers), where),
+        ]
+    return rows
+
+
+def _angles(machine: Machine) -> list[float]:
+    low, high = machine.angle_limits
+    inside = [low + (high - low) * k / STEPS for k in range(1, STEPS)]
+    return sorted([*inside, 0.0]) if low < 0.0 < high else inside
+
+
+def _lever(machine: Machine, angle: float) -> float:
+    """J = ds_p/dq_2 [m/rad]."""
+    return (machine.piston_position(angle + _STEP) - machine.piston_position(angle - _STEP)) / (2 * _STEP)
+
+
+def _torque(p: Any, angle: float, load: float) -> float:
+    return float(equation_of_motion.gravity_torque(angle, load, p))
+
+
+def _load(p: Any, angles: list[float], levers: list[float]) -> str:
+    """The load [kg] that the head side holds at ``LOAD_PRESSURE`` in all of these angles, without friction."""
+    held = math.inf
+    for angle, lever in zip(angles, levers, strict=True):
+        own = _torque(p, angle, 0.0)
+        per_kilogram = _torque(p, angle, 1.0) - own
+        if per_kilogram > 0.0:  # else the load's weight lifts
+            held = min(held, (LOAD_PRESSURE * p.cylinder.A_a * lever - own) / per_kilogram)
+    if math.isinf(held):
+        return "any"
+    return f"{held:.0f} kg" if held > 0.0 else "none: more pressure is needed without load"
+
+
+def _supply(machine: Machine, p: Any, sign: float, head_pressure: float) -> float:
+    """Flow [m^3/s] from the supply with the spool at its end; sign as that of s_s: -1 lifts, against the head pressure [Pa]."""
+    area = p.main_valve_orifices.A_sa_max if sign < 0.0 else p.main_valve_orifices.A_sb_max
+    if machine.structure.compensator:
+        drop = p.main_valve_orifices.dp_c
+    else:
+        drop = p.fluid.p_s - (head_pressure if sign < 0.0 else RETURN_PRESSURE)
+    return float(p.fluid.C_d * area * math.sqrt(2.0 / p.fluid.rho * max(drop, 0.0)))
+
+
+def _currents(machine: Machine, p: Any) -> str:
+    spool, x0 = p.main_valve_spool, p.main_valve_orifices.x0
+    if machine.structure.pilot_valves:
+        pressures = [x * spool.s_max * spool.k / spool.A_s for x in (x0, 1.0)]
+        first, last = (float(pilot_valve.static_inverse(pressure, p.pilot_valves.h)) for pressure in pressures)
+    else:
+        first, last = (x * spool.s_max / spool.K_i for x in (x0, 1.0))
+    return f"{first:.2f} .. {last:.2f} A"
+
+
+def _diameter(area: float) -> float:
+    return math.sqrt(4.0 * area / math.pi) / MILLIMETRE
+
+
+def _between(values: list[float], unit: float, name: str, digits: int = 0) -> str:
+    return f"{min(values) / unit:.{digits}f} .. {max(values) / unit:.{digits}f} {name}"

@@ -1,0 +1,243 @@
+"""Every command of the README by its name in a fresh clone, and every report that they write in a real browser.
+
+The clone is what git has in the tree. Where CI=true it sets itself up; elsewhere it borrows the packages that are installed here,
+for a set-up takes 40 s. HOME is empty, nothing of the developer's environment is there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import can
+import pytest
+from fresh_clone import ROOT, Clone, Running, children, ended_well
+from headless_browser import Browser, faults
+from mcap.reader import make_reader
+
+from boom_bringup import cli, environment
+from boom_bringup.robustness_plants import TRAJECTORIES
+from boom_can_bridge.codec import Codec
+from boom_recording.loading import load
+from boom_recording.writing import write
+
+pytestmark = [pytest.mark.process, pytest.mark.xdist_group("front door")]
+TABLE = re.findall(r"^\| `\./boom ([a-z-]+)", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+BESIDE = [name for name in cli.command_names() if name not in TABLE]
+
+
+def cut(source: str, target: Path, seconds: float) -> Path:
+    """The beginning of a shipped recording as a bag of its own."""
+    recording = load(ROOT / "bags" / source)
+    signals = {}
+    for name, signal in recording.signals.items():
+        kept = signal.time < seconds
+        columns = {key: getattr(signal, key)[kept] for key in ("stamps_ns", "time", "values", "valid")}
+        signals[name] = dataclasses.replace(signal, **columns)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    write(target, dataclasses.replace(recording, signals=signals))
+    return target
+
+
+class Door:
+    """The clone, recordings for it, and what each command left: it runs once, whoever asks."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.clone = folder, Clone(folder)
+        self.short = cut("healthy/extended", folder / "short", 8.0)
+        self._left: dict[Callable[[Door], list[Path]], list[Path] | BaseException] = {}
+
+    def __call__(self, name: str) -> list[Path]:
+        """Run a command's case, unless it has been run; the reports that it wrote."""
+        case = CASES[name]
+        if case not in self._left:
+            try:
+                self._left[case] = case(self)
+            except BaseException as error:
+                self._left[case] = error
+        left = self._left[case]
+        if isinstance(left, BaseException):
+            raise left
+        return left
+
+    @property
+    def boom(self) -> Callable[..., str]:
+        return self.clone.run
+
+
+@pytest.fixture(scope="module")
+def door(tmp_path_factory: pytest.TempPathFactory) -> Door:
+    return Door(tmp_path_factory.mktemp("door"))
+
+
+def _demo(door: Door) -> list[Path]:
+    """The whole demo as a newcomer starts it: one minute of recording, six processes, then the closed loop, all on the loopback."""
+    process = door.clone.begin("demo", "--json", "demo.json")
+    sockets: dict[int, set[environment.BoundSocket]] = {}
+    ended = threading.Event()
+
+    def look() -> None:
+        while not ended.wait(0.1):
+            for pid in children(process.pid):
+                sockets.setdefault(pid, set()).update(environment.bound_sockets(pid))
+
+    looker = threading.Thread(target=look)
+    looker.start()
+    try:
+        out = ended_well(process)
+    finally:
+        ended.set()
+        looker.join()
+    assert len([found for found in sockets.values() if found]) >= 6
+    assert environment.off_loopback(set().union(*sockets.values())) == []
+    assert "no socket outside the loopback" in out
+    assert "extended: agrees within sensor noise" in out
+    (bag,) = json.loads((door.clone.path / "demo.json").read_text())["bags"]
+    assert bag["full"]["angle_mae_rad"] < 1e-3
+    for name in ("simulated", "closed_loop"):
+        folder = door.clone.path / "output/demo" / name
+        assert {file.name for file in folder.iterdir()} == {"metadata.yaml", f"{name}_0.mcap"}
+        assert f"- {name}_0.mcap\n" in (folder / "metadata.yaml").read_text()
+    simulated = load(door.clone.path / "output/demo/simulated")
+    assert (simulated.events, simulated.warnings) == ([], [])
+    assert simulated.duration == pytest.approx(60.0, abs=0.05)
+    return [door.clone.path / "output/demo/report.html"]
+
+
+def _validate(door: Door) -> list[Path]:
+    said = door.boom("validate", door.short, "bags/damaged/gap_in_motion", "--report", "validation.html")
+    assert "short: agrees within sensor noise" in said and "gap_in_motion: agrees" in said
+    return [door.clone.path / "validation.html"]
+
+
+def _diagnose(door: Door) -> list[Path]:
+    reports = []
+    for source, seconds, verdict in (
+        ("explained/hose_burst_valve_lag_b", 20.0, "identified"),
+        ("healthy/extended", 8.0, "no_mismatch"),
+    ):
+        bag = cut(source, door.folder / verdict, seconds)
+        door.boom("diagnose", bag, "--output", verdict)
+        folder = door.clone.path / verdict
+        assert json.loads((folder / "diagnosis.json").read_text())["verdict"] == verdict
+        reports.append(folder / "report.html")
+    return reports
+
+
+def _identify(door: Door) -> list[Path]:
+    door.boom("simulate", "--campaign", "pilot", "--output", "pilot")
+    bags = [f"pilot/{name}" for name in ("extend_ramp", "extend_general_1")]
+    assert "pilot_valves.a1_s" in door.boom("identify", *bags, "--report", "pilot.html")
+    bag = cut("healthy/folded_fast", door.folder / "fast", 20.0)
+    words = ("--parameters", "friction.tau_C_pos", "--report", "cylinder.html", "--output", "found.yaml")
+    assert "friction.tau_C_pos" in door.boom("identify", bag, *words)
+    door.boom("validate", bag, "--machine", "found.yaml", "--no-report")
+    return [door.clone.path / "pilot.html", door.clone.path / "cylinder.html"]
+
+
+def _simulate(door: Door) -> list[Path]:
+    door.boom("simulate", door.short, "--output", "simulated")
+    assert load(door.clone.path / "simulated").duration == pytest.approx(8.0, abs=0.05)
+    return []
+
+
+def _robustness(door: Door) -> list[Path]:
+    for bag in (bag for group in TRAJECTORIES.values() for bag in group):
+        cut(bag, door.folder / "bags" / bag, 5.0)
+    words = ("--bags", door.folder / "bags", "--modes", "improved", "--stability-map")
+    assert "C4" in door.boom("robustness", *words)
+    return [door.clone.path / "output/robustness.html"]
+
+
+def _live(door: Door) -> list[Path]:
+    """The commands that run until they are stopped, together: crane, watch, recorder, and a replay that moves the crane."""
+    names = {
+        "sim": [],
+        "watch": [],
+        "record": ["recorded", "--topic", "*"],
+        "replay": [door.short, "--loop", "--wait-for-recorder"],
+    }
+    live = {name: Running(door.clone.begin(name, *words)) for name, words in names.items()}
+    try:
+        live["replay"].says("replayed 5 of 8 s")
+        statuses = {name: live[name].stop() for name in ("replay", "record", "watch", "sim")}
+        assert statuses == dict.fromkeys(statuses, 0), {name: each.lines for name, each in live.items()}
+    finally:
+        for each in live.values():
+            each.process.kill()
+    bag = door.clone.path / "recorded"
+    recording = load(bag)
+    assert recording.signals["extend_current_command"].values.max() > 0.3
+    assert max(recording.signals["angle"].values) - min(recording.signals["angle"].values) > 0.05
+    (file,) = bag.glob("*.mcap")
+    with file.open("rb") as stream:
+        said = [message.data for _, _, message in make_reader(stream).iter_messages(topics=["/diagnostics"])]
+    assert any(b"tolerance of the model" in data or b"finds the state" in data for data in said)
+    return []
+
+
+def _import_can(door: Door) -> list[Path]:
+    codec, log = Codec.load("tz17"), door.folder / "log.blf"
+    values = {"angle": 0.3, "rate": 0.1, "hose_pressure": 9e6, "rod_pressure": 1e6, "retract_current": 0.0, "extend_current": 0.3,
+              "mode": 2, "faults": 0, "enable": 1}  # fmt: skip
+    with can.Logger(log) as file:
+        for k in range(200):
+            for name, frame in codec.frames.items():
+                identifier, data = codec.encode(name, values | {"uptime_s": 0.01 * k}, k)
+                stamp = 1_790_000_000 + 0.01 * k
+                file(
+                    can.Message(timestamp=stamp, arbitration_id=identifier, is_extended_id=frame.is_extended, data=data)
+                )
+    assert "./boom validate imported" in door.boom("import-can", log, "--output", "imported")
+    assert load(door.clone.path / "imported").duration == pytest.approx(1.99, abs=0.02)
+    return []
+
+
+def _prove(door: Door) -> list[Path]:
+    said = door.boom("prove", "--seed", "1", "--cases", "1", "--output", "trial")
+    assert "1 answers are sealed" in said
+    return [door.clone.path / "trial/report.html"]
+
+
+def _test(door: Door) -> list[Path]:
+    assert re.search(r"lint +ok", door.boom("test", "--only", "lint"))
+    return []
+
+
+def _check_machine(door: Door) -> list[Path]:
+    door.boom("check-machine", "src/boom_model/boom_model/machines/tz17.yaml")
+    return []
+
+
+def _setup(door: Door) -> list[Path]:
+    assert "is set up" in door.boom("setup")
+    return []
+
+
+def _python(door: Door) -> list[Path]:
+    where = door.boom("python", "-c", "import rclpy, boom_model, boom_interfaces.msg; print(boom_model.__file__)")
+    assert Path(where.strip()).is_relative_to(door.clone.path)
+    return []
+
+
+REPORTING = [name for name in TABLE if name in ("demo", "validate", "diagnose", "identify", "robustness", "prove")]
+CASES: dict[str, Callable[[Door], list[Path]]] = {
+    "demo": _demo, "validate": _validate, "diagnose": _diagnose, "identify": _identify, "simulate": _simulate,
+    "robustness": _robustness, "sim": _live, "watch": _live, "record": _live, "replay": _live, "import-can": _import_can,
+    "prove": _prove, "test": _test, "check-machine": _check_machine, "setup": _setup, "python": _python,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [*BESIDE, *TABLE])
+def test_the_command_does_its_work_in_a_fresh_clone(door: Door, name: str) -> None:
+    door(name)
+
+
+@pytest.mark.parametrize("name", REPORTING)
+def test_its_reports_are_drawn_fit_a_phone_and_can_be_printed(door: Door, browser: Browser, name: str) -> None:
+    for report in door(name):
+        assert faults(browser, report) == []
