@@ -12,16 +12,16 @@ import argparse
 import math
 from pathlib import Path
 
-from boom_bringup.closed_loop import follow, wanted_angles
 from boom_controller.controller import MODES, make_controller
 from boom_controller.settings import Settings
 from boom_controller.trajectory_generator import TrajectoryGenerator
-from boom_diagnosis import tracking
 from boom_model.errors import SimulationError
 from boom_model.machine_file import shipped_machine
 from boom_recording.loading import load
 from boom_recording.recording import Recording
+from boom_report.tracking import position_error
 from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
+from boom_trials.closed_loop import follow, wanted_angles
 
 BAGS = ("healthy/folded_fast", "healthy/extended", "healthy/extended_log")
 DEAD_TIMES_MS = (1.0, 2.0, 4.0, 9.9)
@@ -42,7 +42,7 @@ def mean_error(recording: Recording, mode: str, seconds: float, dead_time: float
         )  # fmt: skip
     except SimulationError:
         return math.nan
-    return tracking.of_recording(result, machine).errors.mae
+    return position_error.of_recording(result, machine).errors.mae
 
 
 def main() -> None:

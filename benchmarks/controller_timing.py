@@ -45,12 +45,10 @@ from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from boom_bringup import demo_processes, environment
-from boom_bringup.closed_loop import follow, wanted_angles
-from boom_bringup.commands._node_command import node_command
+from boom_bringup.node_command import node_command
 from boom_controller.controller import make_controller
 from boom_controller.settings import Settings
 from boom_controller.trajectory_generator import TrajectoryGenerator
-from boom_diagnosis import tracking
 from boom_interfaces.msg import ControllerState, SolenoidCurrents
 from boom_model.machine import Machine
 from boom_model.machine_file import shipped_machine
@@ -59,7 +57,9 @@ from boom_node.stamps import to_ns
 from boom_recording.errors import RecordingError
 from boom_recording.loading import load
 from boom_recording.recording import Recording
+from boom_report.tracking import position_error as tracking
 from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
+from boom_trials.closed_loop import follow, wanted_angles
 
 RETURN_S = 5.0
 WARM_UP_S = 2.0

@@ -21,9 +21,9 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from boom_bringup.robustness import Job, Result, carry_out, carry_out_one, summary, with_poses
-from boom_bringup.robustness_plants import CONFIGURATIONS, TRAJECTORIES
 from boom_controller import cascade
+from boom_trials.robustness.plants import CONFIGURATIONS, TRAJECTORIES
+from boom_trials.robustness.study import Job, Result, carry_out, carry_out_one, summary, with_poses
 
 BAGS = [bag for group in TRAJECTORIES.values() for bag in group]
 FOLDER = str(Path(__file__).parents[1] / "bags")

@@ -19,10 +19,10 @@ from time import perf_counter
 
 import numpy as np
 
-from boom_diagnosis.currents import held_currents
-from boom_diagnosis.diagnosis.coordinates import coordinates
-from boom_diagnosis.diagnosis.document import DiagnosisResult
-from boom_diagnosis.diagnosis.run import diagnose
+from boom_diagnosis.coordinates import coordinates
+from boom_diagnosis.document import DiagnosisResult
+from boom_diagnosis.run import diagnose
+from boom_estimation.currents import held_currents
 from boom_model.effects import CATALOGUE, EFFECTS
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine_file import load_machine

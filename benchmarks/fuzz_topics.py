@@ -164,7 +164,7 @@ def good(random: Random, topic: str) -> Any:
     elif kind is JointTrajectory:
         message = path([(random.uniform(2.0, 6.0), random.uniform(0.25, 0.6))])
     elif kind is String:
-        message = String(data=(ROOT / "src/boom_bringup/boom_bringup/urdf/epsilon_tz17.urdf").read_text())
+        message = String(data=(ROOT / "src/boom_description/boom_description/urdf/epsilon_tz17.urdf").read_text())
     return stamp(message, time.time()) if hasattr(message, "header") and kind is not JointTrajectory else message
 
 
@@ -473,8 +473,8 @@ def over_topics(folder: Path) -> System:
     programs = {
         "boom_simulation": node("boom_sim.simulation_node", "sensors:=ideal", f"shared_topics:={SHARED}"),
         "boom_controller": node("boom_controller.controller_node", f"shared_topics:={SHARED}", "longest_cycle:=0.2"),
-        "boom_diagnosis_watch": node("boom_diagnosis.watch_node"),
-        "boom_tip_pose": node("boom_bringup.tip_pose_node"),
+        "boom_diagnosis_watch": node("boom_monitor.watch_node"),
+        "boom_tip_pose": node("boom_description.tip_pose_node"),
         "boom_recorder": node(
             "boom_recording.recorder_node", f"output:={folder / 'bag'}", 'topics:=["*"]', "required_topics:=[/joint_states]"
         ),

@@ -25,9 +25,10 @@ import numpy as np
 import yaml
 from fuzzing import FLOATS, NUMBERS, TEXTS, Outcome, main, mutate, mutate_text
 
-from boom_bringup import cli, make_urdf
+from boom_bringup import cli
 from boom_can_bridge.codec import Codec
 from boom_can_bridge.errors import CanConfigurationError, FrameError
+from boom_description import make_urdf
 from boom_model import learned
 from boom_model.errors import ModelError
 from boom_model.machine_file import load_machine

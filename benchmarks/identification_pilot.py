@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from boom_diagnosis.identification.pilot_valve import identify_pilot_valves
+from boom_identification.pilot_valve import identify_pilot_valves
 from boom_model.errors import ModelError
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from boom_diagnosis.identification.refine import free_run_errors, refine
+from boom_identification.refine import free_run_errors, refine
 from boom_model.errors import ModelError
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine

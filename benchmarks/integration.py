@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from integration_routes import PERIOD, Array, Case
 
+from boom_model.batch import run_sets
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine_file import shipped_machine
 from boom_model.plant import Plant
@@ -154,7 +155,7 @@ def parameter_sets(case: Case, tolerance: float, workers: int, repetitions: int)
     time, currents = case.time[part] - case.time[first], case.currents[part]
 
     def once() -> None:
-        case.plant.batch(sets, time, currents, time, case.start, tolerance=tolerance, workers=workers)
+        run_sets(case.plant, sets, time, currents, time, case.start, tolerance=tolerance, workers=workers)
 
     return SETS / shortest(once, repetitions, perf_counter), workers * SETS / shortest(once, repetitions)
 

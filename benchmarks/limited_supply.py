@@ -11,8 +11,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from boom_bringup.robustness import Job, carry_out_one
-from boom_bringup.robustness_plants import TRAJECTORIES, PlantCase
+from boom_trials.robustness.plants import TRAJECTORIES, PlantCase
+from boom_trials.robustness.study import Job, carry_out_one
 
 FOLDER = str(Path(__file__).parents[1] / "bags")
 LOADS_KG = (700.0, 2000.0)

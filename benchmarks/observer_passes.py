@@ -18,11 +18,11 @@ from time import process_time
 import numpy as np
 from numpy.typing import NDArray
 
-import boom_diagnosis.diagnosis.prediction as prediction
-from boom_diagnosis.diagnosis.bag_samples import Bag, prepare
-from boom_diagnosis.diagnosis.fitting import Problem
-from boom_diagnosis.diagnosis.nuisances import tolerances
-from boom_diagnosis.diagnosis.prediction import Predictor
+import boom_diagnosis.prediction as prediction
+from boom_diagnosis.bag_samples import Bag, prepare
+from boom_diagnosis.fitting import Problem
+from boom_diagnosis.nuisances import tolerances
+from boom_diagnosis.prediction import Predictor
 from boom_model import hose_burst_valve
 from boom_model.compiled import LANES
 from boom_model.machine_file import load_machine

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from boom_bringup import cli, environment
-from boom_bringup.proof.scoring import CONFIDENT
+from boom_trials.blind.scoring import CONFIDENT
 
 CASES, SEED = 4, 2
 MOST_SURE_AND_WRONG = 2

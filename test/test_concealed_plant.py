@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from boom_diagnosis.validation import predict
+from boom_estimation.free_run import predict
 from boom_model.machine_file import load_machine
 from boom_model.rigid_body import locked_inertia
 from boom_model.sensors import OUTPUTS

@@ -14,14 +14,14 @@ import pytest
 from fresh_clone import children
 
 from boom_bringup import environment
-from boom_bringup.closed_loop import follow, wanted_angles
 from boom_controller.controller import make_controller
 from boom_controller.settings import Settings
 from boom_controller.trajectory_generator import TrajectoryGenerator
-from boom_diagnosis import tracking
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
+from boom_report.tracking import position_error
 from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
+from boom_trials.closed_loop import follow, wanted_angles
 
 pytestmark = pytest.mark.process
 BAGS = Path(__file__).parents[1] / "bags"
@@ -88,7 +88,7 @@ def test_the_closed_loop_of_processes_follows_as_well_as_the_one_in_one_process(
     crane = SimulatedCrane(machine, pose, Start(float(wanted[0])), machine.sensor_noise())
     generator = TrajectoryGenerator(Settings().generator_pole, PERIOD)
     alone = follow(crane, make_controller("improved", machine, pose), generator, wanted, c)
-    numbers = tracking.of_recording(alone, machine).errors.document()
+    numbers = position_error.of_recording(alone, machine).errors.document()
     for name in ("mae_mm", "rmse_mm"):
         assert over_topics[name] == pytest.approx(numbers[name], rel=0.15)
     assert load(tmp_path / "demo" / "closed_loop").events == []

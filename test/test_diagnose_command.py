@@ -9,12 +9,12 @@ import pytest
 
 from boom_bringup import cli
 from boom_bringup.commands.diagnose import _next_experiment as propose
-from boom_diagnosis import report_diagnosis
-from boom_diagnosis.diagnosis import run
+from boom_diagnosis import run
 from boom_input.whole import one_writer
 from boom_recording.loading import load
 from boom_recording.recording import Configuration
 from boom_recording.writing import from_columns, write
+from boom_report.diagnosis import report
 
 
 @pytest.fixture
@@ -102,7 +102,7 @@ def test_an_interruption_leaves_the_old_report_or_none(diagnose, tmp_path, monke
     if where == "diagnosing":
         monkeypatch.setattr(run, "diagnose", interrupted)
     else:
-        monkeypatch.setattr(report_diagnosis, "page", interrupted)
+        monkeypatch.setattr(report, "page", interrupted)
     with contextlib.suppress(KeyboardInterrupt):
         assert diagnose(still(tmp_path / "still"))[0] != 0
     assert (folder / "report.html").read_text() == "the old one"

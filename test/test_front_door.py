@@ -20,10 +20,10 @@ from headless_browser import Browser, faults
 from mcap.reader import make_reader
 
 from boom_bringup import cli, environment
-from boom_bringup.robustness_plants import TRAJECTORIES
 from boom_can_bridge.codec import Codec
 from boom_recording.loading import load
 from boom_recording.writing import write
+from boom_trials.robustness.plants import TRAJECTORIES
 
 pytestmark = [pytest.mark.process, pytest.mark.xdist_group("front door")]
 TABLE = re.findall(r"^\| `\./boom ([a-z-]+)", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from boom_diagnosis.identification.pilot_valve import PilotValves, identify_pilot_valves
+from boom_identification.pilot_valve import PilotValves, identify_pilot_valves
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.pilot_valve import BAR, static_pressure

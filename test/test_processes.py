@@ -18,7 +18,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 from boom_bringup import environment
-from boom_bringup.commands._node_command import node_command
+from boom_bringup.node_command import node_command
 from boom_interfaces.msg import SolenoidCurrents
 from boom_node import qos
 from boom_recording.loading import load
@@ -26,13 +26,13 @@ from boom_recording.loading import load
 pytestmark = pytest.mark.process
 
 BAG = Path(__file__).parents[1] / "bags" / "healthy" / "extended"
-URDF = Path(__file__).parents[1] / "src" / "boom_bringup" / "boom_bringup" / "urdf" / "epsilon_tz17.urdf"
+URDF = Path(__file__).parents[1] / "src" / "boom_description" / "boom_description" / "urdf" / "epsilon_tz17.urdf"
 PATIENCE = 40.0
 MODULES = {
     "simulation": "boom_sim.simulation_node",
     "replay": "boom_recording.replay_node",
     "recorder": "boom_recording.recorder_node",
-    "tip_pose": "boom_bringup.tip_pose_node",
+    "tip_pose": "boom_description.tip_pose_node",
 }
 
 

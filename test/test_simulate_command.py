@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from boom_bringup import cli
-from boom_diagnosis import tracking
-from boom_diagnosis.validation import validate
+from boom_identification.validation import validate
 from boom_input.whole import one_writer
 from boom_model.errors import SimulationError
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
+from boom_report.tracking import position_error
 from boom_sim.simulated_crane import Sample, SimulatedCrane
 
 BAGS = Path(__file__).parents[1] / "bags"
@@ -51,7 +51,7 @@ def test_a_reference_is_followed_in_the_closed_loop_and_the_bag_tells_how_well(t
     assert result.returncode == 0, result.stderr
     assert "piston position error" in result.stdout
     made = load(tmp_path / "followed")
-    assert tracking.of_recording(made, load_machine("tz17")).errors.maxe < 0.02
+    assert position_error.of_recording(made, load_machine("tz17")).errors.maxe < 0.02
     assert validate(made, load_machine("tz17")).mismatches == []
     refused = boom("simulate", "steps.csv", "--reference", "--output", "other", cwd=tmp_path)
     assert refused.returncode == 2

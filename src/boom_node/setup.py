@@ -13,7 +13,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["setuptools"],
+    install_requires=["setuptools", "numpy"],
     zip_safe=False,
     author="boom developers",
     author_email="boom@example.com",
@@ -22,4 +22,5 @@ setup(
     description="The thin common shell of the boom's ROS nodes: start, stop, parameters, diagnostics, QoS",
     license="Apache-2.0",
     python_requires=">=3.11",
+    entry_points={"console_scripts": ["move = boom_node.move_node:main", "latency = boom_node.latency_node:main"]},
 )

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from boom_bringup import environment
-from boom_bringup.commands._node_command import node_command
+from boom_bringup.node_command import node_command
 from boom_bringup.supervisor import Outcome, Program, Supervisor
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ def run(programs: Sequence[Program], title: str, duration: float) -> tuple[float
     """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from boom_diagnosis.console import console_for
+    from boom_report.console import console_for
 
     columns = (
         TextColumn("{task.description}"),

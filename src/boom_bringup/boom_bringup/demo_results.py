@@ -6,14 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from boom_diagnosis import report_tracking, tables
-from boom_diagnosis.report import write_report
-from boom_diagnosis.validation import BagValidation, Validation
+from boom_identification.validation import BagValidation, Validation
+from boom_report.tracking import report
+from boom_report.validation import terminal
+from boom_report.validation.report import write_report
 
 if TYPE_CHECKING:
-    from boom_diagnosis.tracking import Tracking
     from boom_model.machine import Machine
     from boom_recording.recording import Recording
+    from boom_report.tracking.position_error import Tracking
 
 
 @dataclass(frozen=True)
@@ -43,9 +44,9 @@ class Results:
     def show(self, console: Any) -> None:
         """Tables on the terminal."""
         if self.open_loop is not None:
-            tables.print_validation(self._validation(), console)
+            terminal.print_validation(self._validation(), console)
         if self.closed_loop is not None:
-            report_tracking.print_tracking(self.closed_loop.tracking, self.closed_loop.mode, console)
+            report.print_tracking(self.closed_loop.tracking, self.closed_loop.mode, console)
 
     def report(self, path: Path, command: str) -> None:
         """One HTML file. Raises OSError where it cannot be written."""
@@ -68,4 +69,4 @@ class Results:
         if self.closed_loop is None:
             return ()
         c = self.closed_loop
-        return (report_tracking.section(c.tracking, c.recording, c.mode),)
+        return (report.section(c.tracking, c.recording, c.mode),)

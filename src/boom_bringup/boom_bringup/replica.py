@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from boom_bringup.urdf_of import robot_description
+from boom_description.shipped import robot_description
 from boom_input.shown import quoted
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def rest_of(recording: Recording, bag: str, advice: str = "give another recordin
     Raises:
         ReplicaError: it moves.
     """
-    from boom_diagnosis.initial_state import resting_start
+    from boom_estimation.initial_state import resting_start
 
     rest = resting_start(recording)
     if rest is None:

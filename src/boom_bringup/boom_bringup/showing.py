@@ -34,7 +34,7 @@ def progress(total: int) -> Iterator[Callable[[str, int], None]]:
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from boom_diagnosis.console import console_for
+    from boom_report.console import console_for
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console_for(sys.stderr), transient=True) as bar:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import ctypes
 import os
 import signal
 import sys
@@ -21,11 +20,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TextIO
 
+from boom_node.children import die_with_parent
+
 # Longest wait [s] after each signal. A node needs to write its last chunk after SIGINT; a stuck one must not hold us.
 _STOP_SEQUENCE = ((signal.SIGINT, 8.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 5.0))
 _LINE_LIMIT = 1 << 20
-_PR_SET_PDEATHSIG = 1
-_LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 class SupervisorError(RuntimeError):
@@ -75,18 +74,6 @@ class Outcome:
         if self.interrupted is not None:
             return 128 + self.interrupted
         return 1 if self.failed else 0
-
-
-def die_with_parent(parent: int) -> Callable[[], None]:
-    """For ``preexec_fn``: the new process is killed when the process ``parent``, which starts it, ends in whatever way."""
-
-    def run() -> None:
-        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        # The parent may have gone between fork and prctl.
-        if os.getppid() != parent:
-            os._exit(1)
-
-    return run
 
 
 class Supervisor:

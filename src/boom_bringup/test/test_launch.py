@@ -32,7 +32,7 @@ TABLES = {
     ("boom_can_bridge", "enable"): "boom_can_bridge.enable_node",
     ("boom_recording", "recorder"): "boom_recording.recorder_node",
     ("boom_recording", "replay"): "boom_recording.replay_node",
-    ("boom_bringup", "tip_pose"): "boom_bringup.tip_pose_node",
+    ("boom_bringup", "tip_pose"): "boom_description.tip_pose_node",
 }
 LAUNCH_MODULES = [
     "ament_index_python",

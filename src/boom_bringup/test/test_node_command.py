@@ -4,7 +4,7 @@ import sys
 import pytest
 
 from boom_bringup.commands import record, replay
-from boom_bringup.commands._node_command import node_command
+from boom_bringup.node_command import node_command
 
 
 class BecameNode(BaseException):

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from boom_diagnosis.diagnosis.case import Case
-from boom_diagnosis.diagnosis.fitting import WHITE, Point
-from boom_diagnosis.diagnosis.search import Fitted
-from boom_diagnosis.diagnosis.weighing import Weighed
+from boom_diagnosis.case import Case
+from boom_diagnosis.fitting import WHITE, Point
+from boom_diagnosis.search import Fitted
+from boom_diagnosis.weighing import Weighed
 
 SAMPLES = 10_000
 

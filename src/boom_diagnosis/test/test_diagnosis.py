@@ -13,28 +13,28 @@ import pytest
 from diagnosis_samples import BAGS, FOLDED, simulated, tz17
 from rich.console import Console
 
-from boom_diagnosis.diagnosis import regimes
-from boom_diagnosis.diagnosis.bag_samples import prepare
-from boom_diagnosis.diagnosis.coordinates import Coordinate, all_coordinates
-from boom_diagnosis.diagnosis.document import DiagnosisResult
-from boom_diagnosis.diagnosis.fitting import Point, Problem
-from boom_diagnosis.diagnosis.healthy import simulated as copy_of
-from boom_diagnosis.diagnosis.hypotheses import LOOSENESS, Nominal, Round, problem_at, rebased
-from boom_diagnosis.diagnosis.learning import _curve, reading
-from boom_diagnosis.diagnosis.nuisances import closed, tolerances
-from boom_diagnosis.diagnosis.prediction import Predictor
-from boom_diagnosis.diagnosis.run import diagnose
-from boom_diagnosis.diagnosis.search import Fitted, Scanner, refine
-from boom_diagnosis.diagnosis.weighing import estimates
-from boom_diagnosis.report_diagnosis import html
-from boom_diagnosis.report_diagnosis_words import probability
-from boom_diagnosis.tables_diagnosis import print_diagnosis
+from boom_diagnosis import regimes
+from boom_diagnosis.bag_samples import prepare
+from boom_diagnosis.coordinates import Coordinate, all_coordinates
+from boom_diagnosis.document import DiagnosisResult
+from boom_diagnosis.fitting import Point, Problem
+from boom_diagnosis.healthy import simulated as copy_of
+from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, problem_at, rebased
+from boom_diagnosis.learning import _curve, reading
+from boom_diagnosis.nuisances import closed, tolerances
+from boom_diagnosis.prediction import Predictor
+from boom_diagnosis.run import diagnose
+from boom_diagnosis.search import Fitted, Scanner, refine
+from boom_diagnosis.weighing import estimates
 from boom_model.learned import PLACES, LearnedTerm
 from boom_model.machine import Machine
 from boom_model.plant import Plant
 from boom_recording.loading import load
 from boom_recording.recording import Recording
 from boom_recording.writing import from_columns
+from boom_report.diagnosis.report import html
+from boom_report.diagnosis.terminal import print_diagnosis
+from boom_report.diagnosis.words import probability
 
 OUTPUTS = ("angle", "rate", "hose_pressure", "rod_pressure")
 

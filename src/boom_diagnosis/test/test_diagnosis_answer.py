@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from rounds_cases import SAMPLES, point, weighed
 
-from boom_diagnosis.diagnosis import answer, earning
-from boom_diagnosis.diagnosis.coordinates import all_coordinates
-from boom_diagnosis.diagnosis.hypotheses import Round
+from boom_diagnosis import answer, earning
+from boom_diagnosis.coordinates import all_coordinates
+from boom_diagnosis.hypotheses import Round
 
 
 def test_what_is_damaged_or_left_out_of_a_recording_is_said(case: Any) -> None:

@@ -9,11 +9,11 @@ import pytest
 from diagnosis_samples import tz17
 from rounds_cases import SAMPLES, point, weighed
 
-from boom_diagnosis.diagnosis import earning, proof
-from boom_diagnosis.diagnosis.case import Case
-from boom_diagnosis.diagnosis.fitting import Point
-from boom_diagnosis.diagnosis.hypotheses import Round
-from boom_diagnosis.diagnosis.nuisances import tolerances
+from boom_diagnosis import earning, proof
+from boom_diagnosis.case import Case
+from boom_diagnosis.fitting import Point
+from boom_diagnosis.hypotheses import Round
+from boom_diagnosis.nuisances import tolerances
 
 
 @pytest.fixture

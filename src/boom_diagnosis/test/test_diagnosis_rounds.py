@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from rounds_cases import SAMPLES, point, weighed
 
-from boom_diagnosis.diagnosis import answer, hypotheses, run, search
-from boom_diagnosis.diagnosis.case import Case
-from boom_diagnosis.diagnosis.coordinates import all_coordinates
-from boom_diagnosis.diagnosis.fitting import WHITE, Point
-from boom_diagnosis.diagnosis.hypotheses import FOLLOWED, GLANCED, Nominal, Round
-from boom_diagnosis.diagnosis.search import Fitted
-from boom_diagnosis.diagnosis.weighing import Weighed
+from boom_diagnosis import answer, hypotheses, run, search
+from boom_diagnosis.case import Case
+from boom_diagnosis.coordinates import all_coordinates
+from boom_diagnosis.fitting import WHITE, Point
+from boom_diagnosis.hypotheses import FOLLOWED, GLANCED, Nominal, Round
+from boom_diagnosis.search import Fitted
+from boom_diagnosis.weighing import Weighed
 from boom_model.effects import CATALOGUE
 
 

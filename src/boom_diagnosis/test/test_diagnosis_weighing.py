@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from boom_diagnosis.diagnosis.coordinates import all_coordinates
-from boom_diagnosis.diagnosis.fitting import Point
-from boom_diagnosis.diagnosis.search import Fitted
-from boom_diagnosis.diagnosis.weighing import (
+from boom_diagnosis.coordinates import all_coordinates
+from boom_diagnosis.fitting import Point
+from boom_diagnosis.search import Fitted
+from boom_diagnosis.weighing import (
     BLOCK,
     estimates,
     possible,

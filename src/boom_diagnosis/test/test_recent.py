@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from boom_diagnosis.diagnosis.recent import Recent
+from boom_diagnosis.recent import Recent
 
 
 def test_what_was_made_is_not_made_again() -> None:

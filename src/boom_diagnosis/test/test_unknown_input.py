@@ -9,15 +9,15 @@ import pytest
 from diagnosis_samples import BAGS, PERIOD, constant, tz17
 from test_diagnosis import noisy
 
-from boom_diagnosis.diagnosis import run
-from boom_diagnosis.diagnosis.bag_samples import SETTLING, prepare
-from boom_diagnosis.diagnosis.fitting import WHITE
-from boom_diagnosis.diagnosis.learning import Learned, Setting, learn_plainly, reading
-from boom_diagnosis.diagnosis.nuisances import tolerances
-from boom_diagnosis.diagnosis.parallel import in_parallel
-from boom_diagnosis.diagnosis.prediction import capacities
-from boom_diagnosis.diagnosis.run import diagnose
-from boom_diagnosis.diagnosis.unknown_input import Forced, regress
+from boom_diagnosis import run
+from boom_diagnosis.bag_samples import SETTLING, prepare
+from boom_diagnosis.fitting import WHITE
+from boom_diagnosis.learning import Learned, Setting, learn_plainly, reading
+from boom_diagnosis.nuisances import tolerances
+from boom_diagnosis.parallel import in_parallel
+from boom_diagnosis.prediction import capacities
+from boom_diagnosis.run import diagnose
+from boom_diagnosis.unknown_input import Forced, regress
 from boom_model.learned import VARIABLES, LearnedTerm
 from boom_model.machine import Machine
 from boom_recording.loading import load

@@ -10,13 +10,11 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from os import cpu_count
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-if TYPE_CHECKING:
-    from boom_model.plant import Plant
+from boom_model.plant import Plant
 
 Array = NDArray[np.float64]
 
@@ -70,3 +68,25 @@ def run_jobs(
             halt.value = 1
             pool.shutdown(cancel_futures=True)
             raise
+
+
+def run_sets(
+    plant: Plant,
+    parameter_sets: ArrayLike,
+    input_time: ArrayLike,
+    currents: ArrayLike,
+    output_time: ArrayLike,
+    initial_state: ArrayLike,
+    *,
+    tolerance: float = 1e-4,
+    workers: int | None = None,
+) -> Array:
+    """Outputs (M, n, 4) of runs of one plant with M parameter sets (M, NP); NaN from where a run failed on.
+
+    The other arguments are those of `Plant.run`; runs that differ in more than their parameters: `run_jobs`.
+    """
+    sets = np.ascontiguousarray(parameter_sets, dtype=float)
+    t_in, u = np.asarray(input_time, dtype=float), np.ascontiguousarray(currents, dtype=float)
+    t_out, x0 = np.asarray(output_time, dtype=float), np.asarray(initial_state, dtype=float)
+    jobs = [Job(plant, p, t_in, u, t_out, x0, float(t_out[0])) for p in sets]
+    return np.array(run_jobs(jobs, tolerance=tolerance, workers=workers)).reshape(len(sets), len(t_out), -1)

@@ -393,6 +393,18 @@ CATALOGUE: tuple[Effect, ...] = (
 
 EFFECTS: dict[str, Effect] = {effect.id: effect for effect in CATALOGUE}
 
+SUBSYSTEM_NAMES = {
+    "load": "load", "structure": "boom structure", "friction": "friction", "cylinder": "cylinder", "oil": "oil",
+    "accumulators": "accumulators", "hose_burst_valve": "hose burst valve", "main_valve": "main valve",
+    "pilot_valves": "pilot valves", "supply": "supply", "return_line": "return line", "sensors": "sensors",
+}  # fmt: skip
+"""The twelve subsystems in words."""
+
+
+def effect_name(effect: str | None) -> str:
+    """Name of an effect in a table: its id in words; physics of no catalogue where it has none."""
+    return "physics of no catalogue" if effect is None else effect.replace("_", " ")
+
 
 def check_effects(values: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
     """Effect id -> {parameter: value}, completed with neutral values.

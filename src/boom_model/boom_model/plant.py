@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from boom_model import hose_burst_valve
-from boom_model.batch import Job, run_jobs
 from boom_model.compiled import LANES, build
 from boom_model.effects import EFFECTS
 from boom_model.equations import INPUTS, Equations, Kind, full_model, namespace, reduced_model
@@ -252,27 +251,6 @@ class Plant:
             outputs[late[0], 2:] = outputs[late[1], 2:]
             states, outputs = states[late[0]], outputs[late[0]]
         return states, outputs, x, report
-
-    def batch(
-        self,
-        parameter_sets: ArrayLike,
-        input_time: ArrayLike,
-        currents: ArrayLike,
-        output_time: ArrayLike,
-        initial_state: ArrayLike,
-        *,
-        tolerance: float = 1e-4,
-        workers: int | None = None,
-    ) -> Array:
-        """Outputs (M, n, 4) of runs with M parameter sets (M, NP), on all cores; NaN from where a run failed on.
-
-        Runs that differ in more than their parameters: :func:`boom_model.batch.run_jobs`.
-        """
-        sets = np.ascontiguousarray(parameter_sets, dtype=float)
-        t_in, u = np.asarray(input_time, dtype=float), np.ascontiguousarray(currents, dtype=float)
-        t_out, x0 = np.ascontiguousarray(output_time, dtype=float), np.asarray(initial_state, dtype=float)
-        jobs = [Job(self, p, t_in, u, t_out, x0, float(t_out[0])) for p in sets]
-        return np.array(run_jobs(jobs, tolerance=tolerance, workers=workers)).reshape(len(sets), len(t_out), -1)
 
     def delays(self, parameters: Array) -> tuple[float, float]:
         """(``command_delay``, ``pressure_delay``) [s] of a parameter vector (NP,)."""

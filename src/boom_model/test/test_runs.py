@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from boom_model import accumulator
+from boom_model.batch import run_sets
 from boom_model.effects import CATALOGUE
 from boom_model.equations import namespace
 from boom_model.errors import ModelError, SimulationError
@@ -228,7 +229,7 @@ def test_batch_is_the_single_runs(folded: Plant, joystick: Any) -> None:
     start = folded.equilibrium(0.4)
     sets = np.tile(folded.p, (4, 1))
     sets[:, folded.parameter_names.index("fluid.beta")] *= (1.0, 0.8, 0.5, 0.2)
-    together = folded.batch(sets, time, currents, time, start, tolerance=1e-5)
+    together = run_sets(folded, sets, time, currents, time, start, tolerance=1e-5)
     for values, outputs in zip(sets, together, strict=True):
         np.testing.assert_array_equal(outputs, folded.run(time, currents, time, start, parameters=values).outputs)
 
@@ -237,7 +238,7 @@ def test_batch_shows_a_failed_run_as_nan_from_where_it_failed(folded: Plant) -> 
     time = np.arange(0.0, 10.0, 0.01)
     sets = np.vstack((folded.p, folded.p))
     sets[0, folded.parameter_names.index("main_valve_orifices.A_sa_max")] *= 0.1  # too slow to reach the end of stroke
-    outputs = folded.batch(sets, [0.0], [[0.0, 0.5]], time, folded.equilibrium(0.4))
+    outputs = run_sets(folded, sets, [0.0], [[0.0, 0.5]], time, folded.equilibrium(0.4))
     assert np.isfinite(outputs[0]).all()
     failed = np.isnan(outputs[1]).all(axis=1)
     assert failed[-1] and not failed[0]

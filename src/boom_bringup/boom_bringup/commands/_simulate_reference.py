@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from boom_diagnosis.tracking import Tracking
     from boom_model.machine import Machine
     from boom_model.sensors import SensorNoise
     from boom_recording.recording import Configuration, Recording
+    from boom_report.tracking.position_error import Tracking
 
 
 @dataclass(frozen=True)
@@ -66,12 +66,12 @@ def simulate_reference(
 
     from rich.progress import BarColumn, Progress, TextColumn
 
-    from boom_bringup.closed_loop import follow, wanted_angles
     from boom_controller.controller import make_controller
     from boom_controller.settings import Settings
     from boom_controller.trajectory_generator import TrajectoryGenerator
-    from boom_diagnosis.console import console_for
+    from boom_report.console import console_for
     from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
+    from boom_trials.closed_loop import follow, wanted_angles
 
     angles = wanted_angles(recording)
     if duration is not None:
@@ -94,7 +94,7 @@ def simulate_reference(
 
 def tracking_line(result: Recording, machine: Machine) -> str:
     """The tracking numbers of a result in one line."""
-    from boom_diagnosis.tracking import of_recording
+    from boom_report.tracking.position_error import of_recording
 
     found: Tracking = of_recording(result, machine)
     e = found.errors

@@ -26,9 +26,9 @@ def run(args: argparse.Namespace) -> int:
     from rich.table import Table
 
     from boom_bringup.outputs import checked, write_json
-    from boom_diagnosis.console import console_for
     from boom_model.derived import quantities
     from boom_model.machine_file import check_machine
+    from boom_report.console import console_for
 
     path = checked(args.json, "--json")
     machine, faults = check_machine(args.file)

@@ -69,10 +69,10 @@ def run(args: argparse.Namespace) -> int:
 
     from boom_bringup import demo_folder, outputs, replica, showing
     from boom_bringup.demo_results import Results, Tracked
-    from boom_diagnosis import tracking
-    from boom_diagnosis.console import console_for
-    from boom_diagnosis.validation import validate
+    from boom_identification.validation import validate
     from boom_recording.loading import load
+    from boom_report.console import console_for
+    from boom_report.tracking import position_error
 
     console = console_for()
     json_path = outputs.checked(args.json, "--json")
@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         if args.loop != "open":
             controller = {"mode": args.mode, "machine": source}
             closed = chain.run(demo_folder.CLOSED_BAG, controller, args.closed_duration)
-            tracked = Tracked(closed, tracking.of_recording(closed, machine), args.mode)
+            tracked = Tracked(closed, position_error.of_recording(closed, machine), args.mode)
         results = Results(machine, args.machine, recording, validation, tracked)
         results.show(console)
         outputs.write(report, lambda: results.report(report, "./boom " + " ".join(sys.argv[1:])))

@@ -29,7 +29,7 @@ from boom_bringup.replica import machine_of
 from boom_bringup.showing import progress
 
 if TYPE_CHECKING:
-    from boom_diagnosis.diagnosis.document import DiagnosisResult
+    from boom_diagnosis.document import DiagnosisResult
     from boom_recording.recording import Recording
 
 HELP = "find what physics the model lacks to explain recordings, and prove it"
@@ -89,7 +89,7 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
                 )
         sums = {str(bag): _sha256(r) for bag, r in zip([*args.bags, *args.hold_out], everything, strict=True)}
 
-        from boom_diagnosis.diagnosis.run import diagnose
+        from boom_diagnosis.run import diagnose
         from boom_model.errors import MachineError
 
         done = 0
@@ -107,9 +107,9 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
         except MachineError as error:
             raise UsageError(f"the configuration of a recording does not fit machine {machine.name}: {error}") from None
 
-    from boom_diagnosis.console import console_for
-    from boom_diagnosis.diagnosis.found_machine import write_machine
-    from boom_diagnosis.tables_diagnosis import print_diagnosis
+    from boom_diagnosis.found_machine import write_machine
+    from boom_report.console import console_for
+    from boom_report.diagnosis.terminal import print_diagnosis
 
     document = json_text(result.document.document())
     for path in [folder / "diagnosis.json", *([json_path] if json_path else [])]:
@@ -118,7 +118,7 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
     write(machine_path, lambda: write_machine(machine_path, result.explained, command=command))
     report = folder / "report.html"
     if not args.no_report:
-        from boom_diagnosis.report_diagnosis import write_diagnosis_report
+        from boom_report.diagnosis.report import write_diagnosis_report
 
         write(report, lambda: write_diagnosis_report(result, report))
     proposed = _next_experiment(result, recordings[0], folder / "next_experiment")

@@ -28,7 +28,7 @@ from boom_bringup.showing import progress
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from boom_diagnosis.identification.identify import Identification, Inputs, Refiner
+    from boom_identification.identify import Identification, Inputs, Refiner
     from boom_model.machine import Machine
 
 HELP = "estimate the machine's parameters from recordings, with intervals"
@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     json_path = checked(args.json, "--json")
     command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "identify", *_words(args)])
 
-    from boom_diagnosis.identification.identify import identify, read_inputs
+    from boom_identification.identify import identify, read_inputs
 
     with progress(_STEPS) as step:
         inputs = read_inputs(args.bags, lambda text: step(text, 0))
@@ -97,19 +97,19 @@ def run(args: argparse.Namespace) -> int:
             progress=lambda text: step(text, 1),
         )  # fmt: skip
 
-    from boom_diagnosis.console import console_for
+    from boom_report.console import console_for
 
     console = console_for()
     _show(result, console)
     if json_path:
         write_json(json_path, result.document())
     if output:
-        from boom_diagnosis.identification.machine_output import write_machine
+        from boom_identification.machine_output import write_machine
 
         write(output, lambda: write_machine(output, machine, result.estimates, command=command))
         console.print(f"machine file: {output}", markup=False, soft_wrap=True)
     if report:
-        from boom_diagnosis.report_identification import write_identification_report
+        from boom_report.identification.report import write_identification_report
 
         write(report, lambda: write_identification_report(result, report, command=command, machine_source=source))
         console.print(f"report: {report}", markup=False, soft_wrap=True)
@@ -125,7 +125,7 @@ def _machine(wanted: str | None, inputs: Inputs) -> tuple[Machine, str]:
 def _show(result: Identification, console: Console) -> None:
     from rich.table import Table
 
-    from boom_diagnosis.report_channels import number
+    from boom_report.channels import number
 
     if result.estimates:
         table = Table(title=f"Identified: {result.machine.name}", title_justify="left")
@@ -190,8 +190,8 @@ def _words(args: argparse.Namespace) -> list[str]:
 def _refiner(names: list[str] | None, machine: Machine) -> Refiner:
     from functools import partial
 
-    from boom_diagnosis.estimation.unknown import machine_unknown
-    from boom_diagnosis.identification.refine import refine
+    from boom_estimation.unknown import machine_unknown
+    from boom_identification.refine import refine
 
     for name in names or ():
         machine_unknown(machine, name)  # a wrong name is told before anything takes time

@@ -54,9 +54,9 @@ def run(args: argparse.Namespace) -> int:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from boom_can_bridge.codec import Codec
-    from boom_diagnosis.console import console_for
     from boom_recording import can_import, can_log, writing
     from boom_recording.recording import Configuration
+    from boom_report.console import console_for
 
     output = Path(args.output)
     for option in ("outer_boom_angle", "telescope_length", "load"):
@@ -90,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
 def _show(imported: Imported, count: int, spent: float, output: Path) -> None:
     from rich.table import Table
 
-    from boom_diagnosis.console import console_for
+    from boom_report.console import console_for
 
     console = console_for()
     recording = imported.recording

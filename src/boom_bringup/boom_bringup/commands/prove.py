@@ -30,8 +30,8 @@ from boom_bringup.outputs import checked, held, json_text, write_text
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from boom_bringup.proof.outcomes import Row
-    from boom_bringup.proof.trial import Progress
+    from boom_trials.blind.outcomes import Row
+    from boom_trials.blind.trial import Progress
 
 HELP = "conceal physics in a second plant, let the diagnosis find it blindly, score it"
 
@@ -80,12 +80,12 @@ def run(args: argparse.Namespace) -> int:
     json_path, page_path = checked(args.json, "--json"), checked(args.document, "--document")
     machine = _machine_file(args.machine)
 
-    from boom_bringup.proof import scoring, tables
-    from boom_bringup.proof.engine import workers
-    from boom_bringup.proof.page import page
-    from boom_bringup.proof.report import report
-    from boom_bringup.proof.trial import Trial, stored
-    from boom_diagnosis.console import console_for
+    from boom_report.console import console_for
+    from boom_trials.blind import scoring, tables
+    from boom_trials.blind.engine import workers
+    from boom_trials.blind.page import page
+    from boom_trials.blind.report import report
+    from boom_trials.blind.trial import Trial, stored
 
     console = console_for()
     seed = args.seed
@@ -144,7 +144,7 @@ def _machine_file(wanted: str | None) -> Path:
 def _show(console: Console, rows: Sequence[Row]) -> None:
     from rich.table import Table
 
-    from boom_bringup.proof import scoring, tables
+    from boom_trials.blind import scoring, tables
 
     table = Table(title="blind trial")
     for title in ("measure", "cases", "measured (95 % bounds)", "asked", "met"):
@@ -187,7 +187,7 @@ def _progress() -> Iterator[Progress]:
         TimeRemainingColumn,
     )
 
-    from boom_diagnosis.console import console_for
+    from boom_report.console import console_for
 
     columns = (
         TextColumn("{task.description}", markup=False), BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn(),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 
-from boom_bringup.commands._node_command import become_node
+from boom_bringup.node_command import become_node
 
 HELP = "record topics into a bag"
 

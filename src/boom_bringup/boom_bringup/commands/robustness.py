@@ -23,8 +23,8 @@ from boom_bringup.outputs import checked, write, write_json
 from boom_bringup.showing import progress
 
 if TYPE_CHECKING:
-    from boom_bringup.robustness import Job, Result
-    from boom_bringup.robustness_plants import PlantCase
+    from boom_trials.robustness.plants import PlantCase
+    from boom_trials.robustness.study import Job, Result
 
 HELP = "test the closed loop under varied plants: Table 6.3 of the thesis, all control modes"
 
@@ -86,12 +86,12 @@ def run(args: argparse.Namespace) -> int:
     report = None if args.no_report else checked(args.report, "--report") or _default_report()
     modes = list(dict.fromkeys(args.modes))
 
-    from boom_bringup.robustness import carry_out
-    from boom_bringup.robustness_document import document
-    from boom_bringup.robustness_plants import CONFIGURATIONS, TRAJECTORIES, monte_carlo, off_nominal
-    from boom_bringup.robustness_stability import stability_jobs
-    from boom_bringup.robustness_tables import print_document
-    from boom_diagnosis.console import console_for
+    from boom_report.console import console_for
+    from boom_trials.robustness.document import document
+    from boom_trials.robustness.plants import CONFIGURATIONS, TRAJECTORIES, monte_carlo, off_nominal
+    from boom_trials.robustness.stability import stability_jobs
+    from boom_trials.robustness.study import carry_out
+    from boom_trials.robustness.tables import print_document
 
     bags = [bag for group in TRAJECTORIES.values() for bag in group]
     missing = [bag for bag in bags if not (Path(args.bags) / bag).exists()]
@@ -129,7 +129,7 @@ def run(args: argparse.Namespace) -> int:
     if json_path:
         write_json(json_path, numbers)
     if report:
-        from boom_bringup.robustness_report import write_report
+        from boom_trials.robustness.report import write_report
 
         command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "robustness", *_words(args)])
         write(report, lambda: write_report(report, numbers, results, command=command, limited=args.supply == "limited"))
@@ -138,7 +138,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _job(args: argparse.Namespace, mode: str, bag: str, case: PlantCase, seed: int, keep: bool = False) -> Job:
-    from boom_bringup.robustness import Job
+    from boom_trials.robustness.study import Job
 
     return Job(mode, bag, case, seed, args.bags, args.machine, limited=args.supply == "limited", keep=keep)
 

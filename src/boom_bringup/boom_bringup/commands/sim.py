@@ -15,8 +15,8 @@ import argparse
 import os
 
 from boom_bringup import arguments, environment
-from boom_bringup.commands._node_command import node_command
 from boom_bringup.commands.simulate import parse_effects
+from boom_bringup.node_command import node_command
 
 _PRIORITY = 10
 
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     import yaml
 
     from boom_bringup.supervisor import Program, Supervisor
-    from boom_bringup.urdf_of import robot_description
+    from boom_description.shipped import robot_description
     from boom_model.machine_file import load_machine
 
     machine = load_machine(args.machine)
@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     }
     programs = [Program("crane", node_command("boom_sim.simulation_node", crane))]
     if urdf:
-        programs.append(Program("tip_pose", node_command("boom_bringup.tip_pose_node", {})))
+        programs.append(Program("tip_pose", node_command("boom_description.tip_pose_node", {})))
     else:
         print(f"note: no URDF for machine {machine.name}: neither /robot_description nor the tip pose is published")
     if args.control:

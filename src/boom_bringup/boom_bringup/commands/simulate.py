@@ -238,7 +238,7 @@ def _runs(args: argparse.Namespace, machine: Machine) -> Iterator[tuple[str, Cal
 
 
 def _from_bag(path: Path) -> tuple[Recording, Array, Array]:
-    from boom_diagnosis.currents import held_currents
+    from boom_estimation.currents import held_currents
     from boom_recording.loading import load
 
     recording = load(path)
@@ -273,7 +273,7 @@ def parse_effects(texts: list[str]) -> dict[str, dict[str, float]]:
 def _show(result: Recording, machine: Machine, spent: float, output: Path) -> None:
     from rich.table import Table
 
-    from boom_diagnosis.console import console_for
+    from boom_report.console import console_for
 
     c = result.configuration
     table = Table(

@@ -64,10 +64,10 @@ def run(args: argparse.Namespace) -> int:
             recordings.append(load(bag))
         simulated = load(args.simulated) if args.simulated else None
 
-        from boom_diagnosis.console import console_for
-        from boom_diagnosis.tables import print_validation
-        from boom_diagnosis.validation import Validation, validate
+        from boom_identification.validation import Validation, validate
         from boom_model.errors import MachineError
+        from boom_report.console import console_for
+        from boom_report.validation.terminal import print_validation
 
         machine, source = machine_of(dict(zip(args.bags, recordings, strict=True)), args.machine)
         validation = Validation(machine.name)
@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     if json_path:
         write_json(json_path, validation.document())
     if report:
-        from boom_diagnosis.report import write_report
+        from boom_report.validation.report import write_report
 
         command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "validate", *_words(args)])
         write(

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 
-from boom_bringup.commands._node_command import become_node
+from boom_bringup.node_command import become_node
 
 HELP = "watch the running machine and tell when it leaves the tolerance of its model"
 
@@ -34,5 +34,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Become the node; does not return."""
     become_node(
-        "boom_diagnosis.watch_node", {"machine": args.machine, "joint_name": args.joint, "threshold": args.threshold}
+        "boom_monitor.watch_node", {"machine": args.machine, "joint_name": args.joint, "threshold": args.threshold}
     )

@@ -35,7 +35,8 @@ def generate_launch_description() -> LaunchDescription:
     """Simulation, robot description and, on request, controller and tip pose."""
     environment.apply()  # the processes inherit it: loopback only, unless BOOM_NETWORK says otherwise (docs/network.md)
     share = Path(get_package_share_directory("boom_bringup"))
-    urdf = str(share / "urdf" / "epsilon_tz17.urdf")
+    description = Path(get_package_share_directory("boom_description"))
+    urdf = str(description / "urdf" / "epsilon_tz17.urdf")
     declared = [
         DeclareLaunchArgument(name, default_value=value, description=text)
         for name, (_, value, text) in ARGUMENTS.items()
@@ -98,11 +99,11 @@ def generate_launch_description() -> LaunchDescription:
                 condition=IfCondition(control),
             ),
             Node(
-                package="boom_bringup",
+                package="boom_description",
                 executable="tip_pose",
                 name="boom_tip_pose",
                 output="screen",
-                parameters=[str(share / "config" / "tip_pose.yaml")],
+                parameters=[str(description / "config" / "tip_pose.yaml")],
                 condition=IfCondition(LaunchConfiguration("tip_pose")),
             ),
         ]

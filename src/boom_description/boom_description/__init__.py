@@ -1,0 +1,1 @@
+"""The machine's geometry for others: URDF, pose of the boom tip."""

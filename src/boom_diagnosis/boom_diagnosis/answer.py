@@ -1,0 +1,429 @@
+"""From the search to the answer: verdict, findings, proof, and what the report draws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis import regimes
+from boom_diagnosis.bag_samples import CAVITATES, PERIOD
+from boom_diagnosis.document import (
+    SUBSYSTEMS,
+    Alternative,
+    DiagnosisResult,
+    Document,
+    EquationEvidence,
+    Estimate,
+    Finding,
+    Fit,
+    RankingRow,
+    Verdict,
+)
+from boom_diagnosis.experiment import propose
+from boom_diagnosis.fitting import Point, rho
+from boom_diagnosis.freerun import free_run
+from boom_diagnosis.hypotheses import LOOSENESS, noticed
+from boom_diagnosis.learning import Learned, learn
+from boom_diagnosis.locating import LINKS, locate
+from boom_diagnosis.proof import (
+    bag_result,
+    final_machine,
+    fit_and_ladder,
+    label_of,
+    machines_of,
+    placed,
+    proving_result,
+    spans_of,
+)
+from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, posterior, probabilities, unknown_probability
+from boom_model.effects import EFFECTS
+from boom_model.learned import LearnedTerm
+from boom_model.machine import Machine
+from boom_model.sensors import OUTPUTS
+from boom_recording.recording import Recording
+
+if TYPE_CHECKING:
+    from boom_diagnosis.case import Case
+
+Array = NDArray[np.float64]
+NAN4 = (float("nan"),) * 4
+
+NAMED_FROM = 0.55
+"""Probability from which on a finding counts as identified, not as one of several."""
+LEARNT_FROM, LEARNT_IN = 0.3, 2
+"""Probability of unknown physics from which on a term is learnt, and in how many equations it is tried."""
+MOST_CERTAIN = 0.99
+"""No more is claimed of anything."""
+DOUBTFUL = 0.1
+"""Share of the excess that stays from which on the tolerances alone are fitted once more, by the observer that sees most."""
+FLOORS = 1.5
+"""Held-out error over that which noise alone leaves from which on the report says that something remains."""
+MOVED = 1.0
+"""Standard deviations a tolerance has to move to be listed."""
+
+
+@dataclass(frozen=True)
+class About:
+    """What the document says about its own making."""
+
+    seed: int
+    version: str
+    inputs_sha256: dict[str, str]
+    command: str
+
+
+@dataclass(frozen=True)
+class _Tight:
+    """What the observer that is right for a healthy machine sees at first and in the end, over all recordings."""
+
+    nominal: list[Array]
+    explained: list[Array]
+    excess_before: float
+    excess_after: float
+    channels: list[tuple[float, float]]
+    """Of each measured channel: excess before, with tolerances only, and after."""
+
+
+def not_enough_excitation(recordings: Sequence[Recording], machine: Machine, about: About) -> DiagnosisResult:
+    """The answer to recordings that do not move the boom."""
+    text = (
+        "Record at least 45 s of joystick work: full and half current in both directions, reversals, stops, "
+        "and 1 s of rest at the beginning."
+    )
+    fit = Fit({}, {}, NAN4, ())
+    document = Document(
+        "not_enough_excitation",
+        (),
+        dict.fromkeys(SUBSYSTEMS, 0.0),
+        fit,
+        text,
+        about.seed,
+        about.inputs_sha256,
+        about.version,
+    )
+    notes = tuple(f"{r.name}: the boom hardly moves, or a channel is missing" for r in recordings)
+    notes += tuple(f"{r.name}: {said}" for r in recordings for said in r.warnings)
+    return DiagnosisResult(
+        document, machine, machine, (), (), (), "", (), (), "Nothing can be told from these recordings.",
+        notes=notes, command=about.command,
+    )  # fmt: skip
+
+
+def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
+    """The whole answer of a finished search."""
+    first = case.rounds[0]
+    tight = _tight(case)
+    unknown = unknown_probability(tight.excess_before, tight.excess_after, tight.channels)
+    odds = odds_of(case, unknown)
+    cells = [regimes.classify(bag) for bag in case.bags]
+    findings = _findings(case, odds, cells)
+    ranked = ranking(case, odds, findings)
+    verdict = _verdict(case, findings, unknown, _moving(case), tight)
+    wrong = verdict not in ("no_mismatch", "parameters_only")
+    z = case.kept(0).z if case.learned else first.base.z
+    equations, agreement, inputs = locate(
+        case.machine, case.bags, case.select, case.nuisances, z, {}, case.healthy, doubted=wrong
+    )
+    rest_equations = equations
+    learned = case.learned
+    if wrong and unknown > LEARNT_FROM and not learned:
+        if case.taken:
+            rest_equations, agreement, _ = locate(
+                case.machine, case.bags, case.select, case.nuisances, case.last.z, case.last.effects, case.healthy
+            )
+        order = sorted(rest_equations, key=lambda e: -e.statistical)
+        learned = learn(case.setting, case.trained[-1], [e.key for e in order[:LEARNT_IN]])
+    if verdict == "unknown_physics":
+        findings = [_unknown_finding(case, odds, cells, tight, rest_equations, case.learned), *findings]
+    if verdict == "no_mismatch":
+        agreement = "No equation needs an unknown input: what remains is noise."
+    moved = _moved(case, case.last) if verdict == "parameters_only" or case.taken else {}
+    machines = machines_of(case, verdict, learned)
+    spans = spans_of(case)
+    runs = {label: [free_run(s.recording, placed(m, case, s)) for s in spans.all] for label, m in machines.items()}
+    fit, ladder = fit_and_ladder(case, machines, runs, spans)
+    experiment = propose(case, ranked) if verdict in ("ambiguous", "unknown_physics", "identified") else None
+    said = experiment.text if experiment else _nothing_more(verdict)
+    document = Document(
+        verdict, tuple(findings), _subsystems(ranked, findings), fit, said, about.seed, about.inputs_sha256, about.version,
+        tuple(ranked),
+    )  # fmt: skip
+    bags = tuple(
+        bag_result(case, i, cells, inputs, tight.nominal[i], machines, runs, spans) for i in range(len(case.bags))
+    ) + tuple(proving_result(case, i, machines, runs, spans) for i in range(len(case.proving)))
+    explained = case.learned.point.parts if case.learned else tight.explained
+    left = case.learned.point.excess(case.floor) if case.learned else tight.excess_after
+    remaining = _remaining(fit, tight.excess_before, left) if verdict not in ("no_mismatch", "parameters_only") else ""
+    return DiagnosisResult(
+        document, case.machine, final_machine(case, verdict, learned), bags,
+        regimes.table(cells, tight.nominal, explained, case.healthy_squares), equations, agreement, ladder,
+        (learned.curve,) if learned else (), remaining, moved, experiment, _notes(case, weak), about.command,
+    )  # fmt: skip
+
+
+def _notes(case: Case, weak: Sequence[str]) -> tuple[str, ...]:
+    """What was left out and what is damaged."""
+    notes = [f"{name} is left out: the boom hardly moves in it, or a channel is missing" for name in weak]
+    for bag in case.bags:
+        if bag.cavitating.any():
+            notes.append(
+                f"{bag.name}: {PERIOD * float(bag.cavitating.sum()):.1f} s are left out: the oil of the head side evaporates "
+                f"(hose pressure below {CAVITATES / 1e5:g} bar), and the model ends there"
+            )
+    return (*notes, *(f"{bag.name}: {said}" for bag in (*case.bags, *case.proving) for said in bag.recording.warnings))
+
+
+def _remaining(fit: Fit, before: float, after: float) -> str:
+    """What the explanation leaves: of the one-step errors, and in free runs over data not used."""
+    sentences = []
+    if after > NEGLIGIBLE:
+        share = sqrt(after / max(before, after))
+        sentences.append(
+            f"{100 * share:.0f} % of the mismatch's size (one-step errors beyond a healthy machine's) stays unexplained."
+        )
+    ratios = np.array(fit.held_out["explained"], dtype=float) / np.array(fit.noise_floor, dtype=float)
+    over = [f"{name.replace('_', ' ')} {r:.1f}" for name, r in zip(OUTPUTS, ratios, strict=True) if r > FLOORS]
+    if over:
+        sentences.append(
+            f"Free runs over data not used err more than noise alone would: {', '.join(over)} times as much."
+        )
+    return " ".join(sentences)
+
+
+# ------------------------------------------------------------------------------------------------------------- weighing
+
+
+def _tight(case: Case) -> _Tight:
+    """Innovations of nominal, tolerances only and explained, each seen by its own tight observer."""
+    zero = np.zeros(len(case.nuisances))
+    stages = []
+    for z, values in ((zero, {}), (case.kept(0).z, {}), (case.last.z, case.last.effects)):
+        problem = case.problem(z, values, LOOSENESS[0])
+        stages.append(problem.points([(z, values)])[0])
+    before, after = (point.excess(case.floor) for point in stages[1:])
+    before = min(before, stages[0].excess(case.floor))
+    last = case.rounds[-1]
+    if len(case.rounds) > len(case.taken) > 0 and last.problem.predictor.looseness == LOOSENESS[0]:
+        after = min(after, last.base.excess(case.floor))
+    sharp = case.rounds[0].problem.predictor.looseness == LOOSENESS[0]
+    if case.taken and not sharp and after > DOUBTFUL * before:  # the numbers are those that a loose observer asked for
+        problem = case.problem(case.kept(0).z, {}, LOOSENESS[0])
+        start = problem.points([(case.kept(0).z, {})])[0]
+        before = min(before, problem.fit(start, problem.nuisance_jacobian(start))[0].excess(case.floor))
+    channels = zip(_by_channel(case, stages[1]), _by_channel(case, stages[2]), strict=True)
+    return _Tight(stages[0].parts, stages[2].parts, before, after, list(channels))
+
+
+def _by_channel(case: Case, point: Point) -> list[float]:
+    """Loss per innovation of each measured channel over that of a healthy machine."""
+    chosen = [
+        np.concatenate([part[s[:, k], k] for part, s in zip(point.parts, case.select, strict=True)])
+        for k in range(len(OUTPUTS))
+    ]
+    return [rho(w) / max(len(w), 1) - 0.5 * float(m) for w, m in zip(chosen, case.healthy_squares, strict=True)]
+
+
+def _moving(case: Case) -> float:
+    """What the tolerances gain over the nominal machine [nats], their prior included."""
+    problem = case.rounds[0].problem
+    nominal = problem.points([(np.zeros(len(case.nuisances)), {})])[0]
+    base = case.rounds[0].base
+    return nominal.loss - base.loss
+
+
+@dataclass(frozen=True)
+class Odds:
+    """What is how likely: the one source of every probability that a diagnosis states.
+
+    Attributes:
+        unknown: that physics of no catalogue acts.
+        effects: of each round, effect -> that it is what was looked for there.
+        tolerances: that parameters within their tolerance are all that the first round needs.
+    """
+
+    unknown: float
+    effects: tuple[Mapping[str, float], ...]
+    tolerances: float
+
+
+def odds_of(case: Case, unknown: float) -> Odds:
+    """The probabilities of a finished search, as they are stated (four digits); unknown: before it is weighed with the rest."""
+    stated = round(min(MOST_CERTAIN, unknown), 4) if case.taken or unknown > 0.5 else 0.0
+    effects, tolerances = [], 1.0 - stated
+    for k, weighed in enumerate(case.weighed):
+        *shares, none = (round(p * (1.0 - stated), 4) for p in probabilities(weighed, case.temperature))
+        effects.append({w.fitted.effect: p for w, p in zip(weighed, shares, strict=True)})
+        tolerances = tolerances if k else none
+    return Odds(stated, tuple(effects), round(tolerances, 4))
+
+
+def ranking(case: Case, odds: Odds, findings: Sequence[Finding]) -> list[RankingRow]:
+    """All hypotheses of the first round, those that free runs disproved with probability zero, and unknown physics.
+
+    An effect that was found has the numbers of its finding.
+    """
+    found = {f.effect: f.parameters for f in findings}
+    rows = []
+    for w in (*(case.weighed[0] if case.weighed else ()), *case.disproved):
+        effect = w.fitted.effect
+        subsystem = EFFECTS[effect].subsystem
+        numbers = found.get(effect) or _short(estimates(w.fitted, case.temperature), effect)
+        rows.append(
+            RankingRow(
+                label_of(effect), effect, "sensors" if subsystem == "sensors" else "effect", subsystem,
+                _first(odds, effect), w.gain, w.held_out_gain, numbers, _inside(w),
+            )
+        )  # fmt: skip
+    rows.append(RankingRow("parameters within tolerance only", None, "parameters", "", odds.tolerances, 0.0, 0.0, {}))
+    rows.append(RankingRow("physics of no catalogue", None, "unknown", "", odds.unknown, 0.0, 0.0, {}))
+    return sorted(rows, key=lambda r: -r.probability)
+
+
+def _first(odds: Odds, effect: str) -> float:
+    """That the effect is what the first round looked for; zero for what free runs disproved."""
+    return odds.effects[0].get(effect, 0.0) if odds.effects else 0.0
+
+
+def _short(numbers: Mapping[str, Estimate], effect: str) -> dict[str, Estimate]:
+    return {name.split(".")[2]: e for name, e in numbers.items() if name.split(".")[1] == effect}
+
+
+def _inside(w: Weighed) -> bool:
+    values = w.fitted.point.effects
+    own = [c for c in w.fitted.coordinates if c.name.split(".")[1] == w.fitted.effect and not c.name.endswith("t_g")]
+    return all(c.plausible[0] <= values[c.name] <= c.plausible[1] for c in own)
+
+
+# ------------------------------------------------------------------------------------------------------------- findings
+
+
+def _findings(case: Case, odds: Odds, cells: list[NDArray[np.int64]]) -> list[Finding]:
+    result = []
+    for k, w in enumerate(case.taken):
+        assert case.final is not None  # after a search that took something
+        effect = w.fitted.effect
+        others = sorted(((p, e) for e, p in odds.effects[k].items() if e != effect), reverse=True)
+        alternatives = (*(Alternative(e, p) for p, e in others[:3] if p > 0.005), Alternative(None, odds.unknown))
+        before = case.rounds[k].base
+        place = regimes.where(case.bags, cells, _gains(before, w.fitted.point))
+        row = EFFECTS[effect]
+        numbers = _short(estimates(case.final, max(1.0, case.temperature / 3.0)), effect)
+        result.append(
+            Finding(
+                effect, row.subsystem, row.equation, odds.effects[k][effect], numbers, place.text, place.intervals,
+                alternatives, _evidence(w, row.term, place.text),
+            )
+        )  # fmt: skip
+    return result
+
+
+def _gains(before: Point, after: Point) -> list[Array]:
+    return [0.5 * np.sum(np.minimum(b, 8.0) ** 2 - np.minimum(a, 8.0) ** 2, axis=1)
+            for b, a in zip((np.abs(p) for p in before.parts), (np.abs(p) for p in after.parts), strict=True)]  # fmt: skip
+
+
+def _evidence(w: Weighed, term: str, where: str) -> str:
+    others = f"its log-likelihood rises by {w.gain:.0f} nats on the data fitted and by {w.held_out_gain:.0f} on data not used"
+    return f"With {term} in the model {others}; no change of parameters within their tolerances does that; it shows {where}."
+
+
+def _unknown_finding(
+    case: Case, odds: Odds, cells: list[NDArray[np.int64]], tight: _Tight, equations: Sequence[EquationEvidence],
+    learned: Learned | None,
+) -> Finding:  # fmt: skip
+    """What remains: located, not named; in the equation whose term explains it, else in the one that both ways doubt most."""
+    rows = {e.key: e.statistical + e.chain for e in equations}
+    key = learned.term.equation if learned else max(rows, key=lambda k: rows[k])
+    link = next(link for link in LINKS if link.key == key)
+    rest = [0.5 * np.sum(np.minimum(np.abs(w), 8.0) ** 2 - case.healthy_squares, axis=1) for w in tight.explained]
+    place = regimes.where(case.bags, cells, rest)
+    near = _near(case)
+    nearest = f"; the nearest is {label_of(near[0].fitted.effect)}" if near else " or comes near"
+    unlike = max(case.impossible, key=lambda f: f.gain, default=None)
+    if unlike and (not near or unlike.gain > near[0].fitted.gain):
+        numbers = ", ".join(
+            f"{name} {e.value:.3g} {e.unit}".rstrip(" -")
+            for name, e in _short(estimates(unlike, 1.0), unlike.effect).items()
+        )
+        nearest = f"; the nearest is {label_of(unlike.effect)}, but as no boom can have it ({numbers})"
+    said = f" What explains it is {learned.curve.reading}." if learned else ""
+    home = _touched(learned.term) if learned else _home(case, link.subsystems)
+    return Finding(
+        None, home, link.equation, odds.unknown, {}, place.text, place.intervals,
+        tuple(Alternative(w.fitted.effect, _first(odds, w.fitted.effect)) for w in near[:2]),
+        f"No effect of the catalogue explains the mismatch at '{link.title}'{nearest}.{said}",
+    )  # fmt: skip
+
+
+def _near(case: Case) -> list[Weighed]:
+    """What comes near as the first effect: the one taken, then what gained most, whether it was disproved or not."""
+    others = sorted([*(case.weighed[0] if case.weighed else []), *case.disproved], key=lambda w: -w.net)
+    return list({w.fitted.effect: w for w in (*case.taken[:1], *others)}.values())
+
+
+def _touched(term: LearnedTerm) -> str:
+    """The subsystem of a term that explains all: of a torque the load, which something touches, or friction."""
+    main = max(zip(term.basis, term.coefficients, strict=True), key=lambda t: abs(t[1]))[0]
+    if term.equation == "torque":
+        return "friction" if "rate" in main else "load"
+    return next(link.subsystems[0] for link in LINKS if link.key == term.equation)
+
+
+def _home(case: Case, subsystems: Sequence[str]) -> str:
+    """Of the subsystems at home in an equation, the one whose effects come nearest."""
+    for weighed in (*case.weighed, case.disproved):
+        for w in weighed:
+            if EFFECTS[w.fitted.effect].subsystem in subsystems:
+                return EFFECTS[w.fitted.effect].subsystem
+    return subsystems[0]
+
+
+def _verdict(case: Case, findings: Sequence[Finding], unknown: float, moved: float, tight: _Tight) -> Verdict:
+    if not findings:
+        if unknown > 0.5 and tight.excess_before > 3 * NEGLIGIBLE:
+            return "unknown_physics"
+        return "parameters_only" if noticed(moved, len(case.nuisances)) else "no_mismatch"
+    if unknown > findings[0].confidence:
+        return "unknown_physics"
+    if all(f.subsystem == "sensors" for f in findings):
+        return "sensor_or_clock"
+    return "identified" if findings[0].confidence >= NAMED_FROM else "ambiguous"
+
+
+def _subsystems(ranked: Sequence[RankingRow], findings: Sequence[Finding]) -> dict[str, float]:
+    result = dict.fromkeys(SUBSYSTEMS, 0.0)
+    for row in ranked:
+        if row.effect is not None:
+            result[row.subsystem] = min(MOST_CERTAIN, result[row.subsystem] + row.probability)
+    for f in findings:
+        result[f.subsystem] = max(result[f.subsystem], f.confidence)
+    return {name: round(p, 4) for name, p in result.items()}
+
+
+def _moved(case: Case, point: Point) -> dict[str, Estimate]:
+    """Tolerances that the recordings moved."""
+    jacobian = case.taken[-1].fitted.jacobian if case.taken else case.rounds[0].jacobian
+    covariance = posterior(point, jacobian, len(point.z))
+    numbers = case.values(point.z, {})
+    result = {}
+    for i, nuisance in enumerate(case.nuisances):
+        if abs(point.z[i]) < MOVED or nuisance.name not in numbers or nuisance.name.startswith("pose."):
+            continue
+        value = numbers[nuisance.name]
+        spread = Z90 * sqrt(float(covariance[i, i])) * nuisance.sigma * abs(value)
+        components = {c: p for p in case.machine.parameters.values() for c in p.specification.components}
+        result[nuisance.name] = Estimate(
+            value, components[nuisance.name].specification.unit, (value - spread, value + spread)
+        )
+    return result
+
+
+def _nothing_more(verdict: Verdict) -> str:
+    if verdict == "no_mismatch":
+        return "Nothing: the model explains these recordings."
+    return "A longer recording with full currents in both directions narrows the parameters that moved."

@@ -1,0 +1,161 @@
+"""A recording as the observer sees it: intervals of 10 ms, each channel's sample where in its interval it was taken."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.recent import Recent
+from boom_estimation.currents import GAP, HeldCurrents, held_currents
+from boom_estimation.initial_state import resting_start, stationary_guess
+from boom_model.machine import Machine
+from boom_model.observer import Gains, Linearised, Samples
+from boom_model.plant import Plant
+from boom_model.sensors import OUTPUTS
+from boom_recording.recording import Recording
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+PERIOD = 0.01
+SETTLING = 1.5
+"""s. Behind a gap in the currents the observer needs so long to find the state again."""
+CAVITATES, RARELY = 0.5e5, 0.1
+"""Pa gauge: hose pressure below which the head side's oil evaporates, and the model ends (p_a >= -1 bar). Share of the samples
+above which so low a pressure is no cavitation."""
+MOVING = 0.02
+"""rad/s."""
+GAINS, TRAJECTORIES = 16, 3
+"""Kept per recording: some 4 and 25 MB each, of a recording of 60 s."""
+BEGINNING = 0.3
+"""s. At the beginning, where the boom rests."""
+
+
+@dataclass(frozen=True)
+class Bag:
+    """One recording, prepared.
+
+    Attributes:
+        counted: (n, 4), True where an innovation tells about the machine: measured, not in or just behind a gap, oil all liquid.
+        cavitating: (n,), where the oil of the head side evaporates, and until the observer has found the state again.
+        start: first valid values of the channels, for the initial state.
+        plants: of a machine with some effects with states, built so far: building one costs as much as two passes.
+        gains, trajectories: of the observers that were asked for last; the same are wanted again and again.
+    """
+
+    recording: Recording
+    currents: HeldCurrents
+    grid: Array
+    counted: Flags
+    cavitating: Flags
+    resting: bool
+    start: dict[str, float]
+    plants: list[tuple[Machine, frozenset[str], Plant]] = field(default_factory=list, compare=False, repr=False)
+    gains: Recent[Gains] = field(default_factory=lambda: Recent(GAINS), compare=False, repr=False)
+    trajectories: Recent[Linearised] = field(default_factory=lambda: Recent(TRAJECTORIES), compare=False, repr=False)
+
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+        return self.recording.name
+
+    @property
+    def time(self) -> Array:
+        """(n,) middle of the intervals [s]."""
+        return self.grid[:-1] + 0.5 * PERIOD
+
+    def samples(self, command_delay: float = 0.0, pressure_delay: float = 0.0) -> Samples:
+        """What the observer takes, if commands act and pressures arrive late by so much [s].
+
+        A pressure that arrives late tells of the state before: its sample moves to an earlier time.
+        """
+        share, measured = np.zeros((len(self.grid) - 1, 4)), np.full((len(self.grid) - 1, 4), np.nan)
+        for j, name in enumerate(OUTPUTS):
+            signal = self.recording.signals[name]
+            time = signal.time[signal.valid] - (pressure_delay if j >= 2 else 0.0)
+            k = _intervals(time)
+            inside = (k >= 0) & (k < len(measured))
+            k, time = k[inside], time[inside]
+            measured[k, j] = signal.values[signal.valid][inside]
+            share[k, j] = (time - self.grid[k]) / PERIOD
+        return Samples(self.grid, share, measured, self.grid[:-1], self._mean_currents(command_delay))
+
+    def _mean_currents(self, delay: float) -> Array:
+        """(n, 2) mean of the held currents in each interval, if they act ``delay`` [s] late.
+
+        When between two samples a current changed is not known (``TIMING_NOISE``); the mean moves it by less than that, and spares
+        the model a step at every stamp.
+        """
+        time, values = self.currents.time + delay, self.currents.values
+        knots = np.concatenate([[min(self.grid[0], time[0]) - 1.0], time[1:], [max(self.grid[-1], time[-1]) + 1.0]])
+        integral = np.concatenate([np.zeros((1, 2)), np.cumsum(np.diff(knots)[:, None] * values, axis=0)])
+        at = np.stack([np.interp(self.grid, knots, column) for column in integral.T], axis=-1)
+        return np.ascontiguousarray(np.diff(at, axis=0) / np.diff(self.grid)[:, None])
+
+    def moving(self) -> Flags:
+        """(n,) Whether the boom moves."""
+        rate = self.samples().measured[:, 1]
+        return np.asarray(np.abs(np.nan_to_num(rate)) > MOVING)
+
+    def pressure_shift(self, delay: float) -> int:
+        """By how many intervals the samples of the pressures move if they arrive late by ``delay`` [s]."""
+        if delay == 0.0:
+            return 0
+        signal = self.recording.signals["hose_pressure"]
+        time = signal.time[signal.valid]
+        return int(np.median(_intervals(time) - _intervals(time - delay)))
+
+    def initial_state(self, plant: Plant, parameters: Array) -> Array:
+        """Rest state of the measured values, or one with valve and accumulators at rest where the boom moves."""
+        if self.resting:
+            s = self.start
+            return plant.rest_state_measured(s["angle"], s["hose_pressure"], s["rod_pressure"], parameters)
+        return stationary_guess(plant, self.start, self.currents.at(0.0))
+
+
+def prepare(recording: Recording) -> Bag | None:
+    """The recording for the observer; None where a channel or the currents have no valid sample."""
+    currents = held_currents(recording)
+    signals = [recording.signals[name] for name in OUTPUTS]
+    if len(currents.time) == 0 or any(not s.valid.any() for s in signals):
+        return None
+    count = int(np.floor(recording.duration / PERIOD + 1e-9))
+    grid = np.asarray(np.arange(count + 1) * PERIOD, dtype=np.float64)
+    time = grid[:-1]
+    counted = np.ones((count, 4), dtype=bool)
+    counted[time < BEGINNING] = False
+    gaps = np.flatnonzero(np.diff(currents.time) > GAP)
+    for begin, end in zip(currents.time[gaps], currents.time[gaps + 1], strict=True):
+        counted[(time >= begin) & (time < end + SETTLING)] = False
+    counted[(time < currents.time[0]) | (time > currents.time[-1] + GAP)] = False
+    rest = resting_start(recording)
+    start = rest or {name: float(np.mean(s.values[s.valid][:3])) for name, s in zip(OUTPUTS, signals, strict=True)}
+    if rest is None:
+        counted[time < SETTLING] = False
+    cavitating = _cavitating(recording, time)
+    counted[cavitating] = False
+    bag = Bag(recording, currents, grid, counted, cavitating, rest is not None, start)
+    counted &= np.isfinite(bag.samples().measured)
+    return bag
+
+
+def _cavitating(recording: Recording, time: Array) -> Flags:
+    """(n,) Whether the head side's oil evaporates in an interval, or did up to ``SETTLING`` before."""
+    signal = recording.signals["hose_pressure"]
+    low = signal.time[signal.valid][signal.values[signal.valid] < CAVITATES]
+    result = np.zeros(len(time), dtype=bool)
+    if len(low) <= RARELY * np.sum(signal.valid):
+        for t in low:
+            result[(time > t - PERIOD) & (time < t + SETTLING)] = True
+    return result
+
+
+def _intervals(time: Array) -> NDArray[np.int64]:
+    """Interval of each sample: by its number, so that jitter about the grid neither doubles nor drops one."""
+    if len(time) == 0:
+        return np.zeros(0, dtype=np.int64)
+    turn = np.exp(2j * np.pi * time / PERIOD)
+    phase = float(np.angle(np.mean(turn)) / (2 * np.pi) % 1.0) * PERIOD
+    return np.asarray(np.round((time - phase) / PERIOD), dtype=np.int64)

@@ -1,0 +1,251 @@
+"""What an effect must show to earn its place: gain on data used and not used, free runs over data not used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import log
+
+import numpy as np
+
+from boom_diagnosis.case import Array, Case, Flags
+from boom_diagnosis.coordinates import Coordinate, all_coordinates
+from boom_diagnosis.fitting import Point, Problem
+from boom_diagnosis.hypotheses import Round, noticed, problem_at
+from boom_diagnosis.nuisances import TWIN_Z
+from boom_diagnosis.onset import TIME, onset
+from boom_diagnosis.parallel import in_parallel
+from boom_diagnosis.proof import worsening
+from boom_diagnosis.search import Fitted, lasting
+from boom_diagnosis.weighing import (
+    ENOUGH,
+    OTHER_FORM,
+    TOO_SMALL,
+    Weighed,
+    occam,
+    possible,
+    precision,
+    predictive_loss,
+    split_loss,
+)
+from boom_model.effects import EFFECTS
+
+WORSE, LATER, LATER_CLEAR = 1.1, 1.0, 1.5
+"""Factor by which the free runs over data not used may err more with an effect than without, for the first one and for one beside
+others: one that pays for what the numbers cannot take up, but is not there, makes the free run worse. The last for one beside
+others that explains nearly all of a clear rest: errors of those before, in forms that are not the machine's, may have cancelled."""
+BEARABLE = ((0.6, 3.0), (0.3, 1.5), (0.0, WORSE))
+"""Shares of all that the tolerances cannot take up, and factors by which a first effect that explains more may leave free runs
+worse: another one that is not in the model yet may dominate them, and tolerances that bend for both may hide it there."""
+MOST_OF_REST, NEARLY_ALL, CLEAR_REST = 0.6, 0.8, 0.05
+"""Share of a rest that a further effect must explain not to be taken for what another's form leaves, the share from which on it may
+leave free runs worse, and the least such rest [nats per innovation]."""
+BEYOND, CLEARLY = 0.5, 10.0
+"""Of a number's tolerance: an effect that is its being further off begins there, unless it gains so many times chance."""
+CLEARLY_BETTER = 0.8
+"""The same factor below which an effect has proved itself even where its one-step predictions of that data have not."""
+NEXT_TO_NOTHING = 0.02
+"""Share of a clear rest that the nominal numbers leave, below which moved ones are right, whatever free runs say."""
+TRAINING = 3
+"""Iterations of the fit to the data for training alone, from the fit to all."""
+
+
+def take(case: Case) -> bool:
+    """Takes the first effect of the last round that earns its place; whether there is one.
+
+    What free runs over data not used disprove is no alternative any more; nor is what gains there alone, and on the data fitted
+    costs more than chance.
+    """
+    k = len(case.taken)
+    weighed = case.weighed[k]
+    while weighed and weighed[0].net > _needed(case, weighed[0]):
+        trained = _proved(case, k, weighed[0])
+        if trained is not None:
+            case.taken.append(weighed[0])
+            case.trained.append(trained)
+            return True
+        disproved = weighed.pop(0)
+        if k == 0:
+            case.disproved.append(disproved)
+    return False
+
+
+def _proved(case: Case, k: int, best: Weighed) -> Point | None:
+    """The fit to the data for training of an effect beside ``k`` others that proves itself on data not used."""
+    if best.gain <= -chance(case):
+        return None
+    fitted = best.fitted
+    trained = settle(case, k + 1, case.rounds[k].problem, fitted.point, fitted.jacobian, fitted.coordinates)
+    factor = worsening(case, case.trained[k], trained)
+    if factor <= _bearable(case, best) and (best.held_out_gain > 0.0 or factor <= CLEARLY_BETTER):
+        return trained
+    case.spared.pop(k + 1, None)
+    return None
+
+
+def _share_explained(case: Case, best: Weighed) -> float:
+    """Share of what the last round begins with that an effect explains, of the recordings that are fitted."""
+    return (best.gain if case.proving else best.net) / max(case.rounds[-1].base.over(case.floor), 1e-9)
+
+
+def clear(case: Case, at: Point) -> bool:
+    """Whether a point leaves a clear rest."""
+    return at.over(case.floor) > CLEAR_REST * int(at.used.sum())
+
+
+def _share_of_clear_rest(case: Case, best: Weighed) -> float:
+    """Share of a clear rest that an effect explains; 0 where the rest is not clear."""
+    return _share_explained(case, best) if clear(case, case.rounds[-1].base) else 0.0
+
+
+def _needed(case: Case, best: Weighed) -> float:
+    """Nats that an effect must gain; of one that explains most of a clear rest the effects before ask nothing."""
+    return chance(case) if _share_of_clear_rest(case, best) > MOST_OF_REST else least(case)
+
+
+def _bearable(case: Case, best: Weighed) -> float:
+    """Factor by which free runs over data not used may err more with an effect than without."""
+    if case.taken:
+        return LATER_CLEAR if _share_of_clear_rest(case, best) > NEARLY_ALL else LATER
+    share = _share_explained(case, best)
+    return next((factor for least, factor in BEARABLE if share > least), WORSE)
+
+
+def settle(case: Case, k: int, problem: Problem, point: Point, jacobian: Array, names: Sequence[Coordinate]) -> Point:
+    """The fit to ``training`` alone, from ``point``, the one to all samples.
+
+    The nominal numbers are kept, here and there, where moving the tolerances gains nothing, or makes free runs over data not used
+    worse and leaves more than ``NEXT_TO_NOTHING``.
+    """
+    case.spared.pop(k, None)
+    part = problem if case.proving else Problem(problem.predictor, case.nuisances, case.training)
+
+    def moved() -> list[Point]:
+        if part is problem:
+            return [point]
+        start = part.points([(point.z, point.effects)])[0]
+        columns = jacobian[_training(case)][:, : len(point.z)]
+        return [part.fit(start, columns, names, iterations=TRAINING)[0]]
+
+    def still() -> list[Point]:
+        everywhere = problem.fit_nominal(point.effects, names)
+        return [everywhere, part.fit_nominal(everywhere.effects, names) if part is not problem else everywhere]
+
+    (trained,), (nominal, own) = in_parallel(lambda fit: fit(), [moved, still])
+    plain = clear(case, nominal) and point.over(case.floor) < NEXT_TO_NOTHING * nominal.over(case.floor)
+    if noticed(nominal.loss - point.loss, len(point.z)) and (plain or worsening(case, own, trained) <= WORSE):
+        return trained
+    case.spared[k] = nominal
+    return own
+
+
+def _training(case: Case) -> Flags:
+    """Of all samples that the search goes by, in a row: whether they are for training."""
+    return np.concatenate([t[s] for t, s in zip(case.training, case.select, strict=True)])
+
+
+def weigh(case: Case, found: Round) -> list[Weighed]:
+    """Gains on data used and not used; the best first."""
+    accepted = set(found.accepted)
+    able, impossible = list[Fitted](), list[Fitted]()
+    for f in _lasting(case, found):
+        (able if possible(f, case.pose.load) else impossible).append(f)
+    if not accepted:
+        case.impossible = impossible
+    counted = [f for f in able if not _hardly_beyond(case, f)]
+    if not counted:
+        return []
+    found = replace(found, fitted=tuple(counted))
+    hypotheses = [(found.base, found.jacobian), *((f.point, f.jacobian) for f in found.fitted)]
+    names = [all_coordinates(found.accepted), *(f.coordinates for f in found.fitted)]
+    losses = _held_out(case, found, hypotheses, names) if case.proving else _split(case, hypotheses, names)
+    weighed = []
+    for f, loss in zip(found.fitted, losses[1:], strict=True):
+        new = [c for c in f.coordinates if c.name.split(".")[1] not in accepted]
+        weighed.append(Weighed(f, losses[0][0] - loss[0], losses[0][1] - loss[1], occam(f, new)))
+    return sorted(weighed, key=lambda w: -w.net)
+
+
+def _lasting(case: Case, found: Round) -> list[Fitted]:
+    """What was fitted; a load that comes before the boom has moved was there all along, and is fitted so where it was not yet."""
+    early = [f for f in found.fitted if _early(case, f)]
+    if not early or "payload" in found.accepted:
+        return list(found.fitted)
+    others = [f for f in found.fitted if not _early(case, f)]
+    if any(f.effect == "payload" for f in others):
+        return others
+    point, names = early[0].point, all_coordinates([*found.accepted, "payload"])
+    values = {**point.effects, **lasting(point.effects)}
+    start = found.problem.points([(point.z, {c.name: values[c.name] for c in names})])[0]
+    fitted, jacobian = found.problem.fit(start, early[0].jacobian[:, : len(point.z)], names)
+    return [*others, Fitted("payload", fitted, names, jacobian, found.base.loss - fitted.loss, (fitted.loss,))]
+
+
+def _early(case: Case, f: Fitted) -> bool:
+    """Whether an effect is a load that comes before the boom has moved."""
+    if f.effect != "payload_change":
+        return False
+    return f.point.effects[TIME] < min(float(bag.time[bag.moving()][0]) for bag in case.bags)
+
+
+def _hardly_beyond(case: Case, f: Fitted) -> bool:
+    """Whether an effect is a number's being further off than its tolerance, by next to nothing."""
+    effect = EFFECTS[f.effect]
+    factor = effect.parameters[0]
+    if not effect.changes or factor.neutral != 1.0 or f.gain > CLEARLY * chance(case):
+        return False
+    known = [n.sigma for n in case.nuisances if n.name in effect.changes]
+    return abs(log(f.point.effects[f"effects.{f.effect}.{factor.name}"])) < BEYOND * TWIN_Z * min(known, default=0.0)
+
+
+def _split(
+    case: Case, hypotheses: Sequence[tuple[Point, Array]], names: Sequence[Sequence[Coordinate]]
+) -> list[tuple[float, float]]:
+    """Loss of each hypothesis on the data for training, and on the data held out [nats]."""
+    used = _training(case)
+    result = []
+    for (point, jacobian), own in zip(hypotheses, names, strict=True):
+        prior = np.array([1.0] * len(point.z) + [c.precision for c in own])
+        result.append(split_loss(point.w, jacobian, prior, point.z, used))
+    return result
+
+
+def _held_out(
+    case: Case, found: Round, hypotheses: Sequence[tuple[Point, Array]], names: Sequence[Sequence[Coordinate]]
+) -> list[tuple[float, float]]:
+    """Loss of each hypothesis on the data used and on recordings not used [nats]; its numbers are known as the data used tell."""
+    count = len(case.nuisances)
+    known = [precision(point, jacobian, count) for point, jacobian in hypotheses]
+    best = found.fitted[0].point
+    others = problem_at(
+        case.machine, case.proving, [bag.counted for bag in case.proving], case.nuisances, best.z, best.effects,
+        found.problem.predictor.looseness,
+    )  # fmt: skip
+    effects = [_own_onset(others, p) for p, _ in hypotheses]
+    case.onset = effects[1].get(TIME, case.onset)
+    points = others.points([(p.z, e) for (p, _), e in zip(hypotheses, effects, strict=True)])
+    tolerances = others.nuisance_jacobian(points[1])
+    losses = []
+    for (fitted, _), point, own, k in zip(hypotheses, points, names, known, strict=True):
+        columns = others.effect_jacobian(point, own) if own else np.zeros((len(point.w), 0))
+        held = predictive_loss(point.w, np.concatenate([tolerances, columns], axis=1), k)
+        losses.append((fitted.loss, held))
+    return losses
+
+
+def _own_onset(problem: Problem, point: Point) -> dict[str, float]:
+    """Effects of a point as they are in the recordings held out: when a load came is their own."""
+    effects = dict(point.effects)
+    if TIME in effects:
+        effects[TIME] = onset(problem, point.z, effects)
+    return effects
+
+
+def least(case: Case) -> float:
+    """Nats that an effect must gain, net: more than what the form of the effects before leaves of them, too."""
+    return chance(case) + OTHER_FORM * sum(w.net for w in case.taken)
+
+
+def chance(case: Case) -> float:
+    """Nats that an effect must gain, net: more than chance and than what two models of one machine differ by."""
+    return ENOUGH + TOO_SMALL * sum(int(s.sum()) for s in case.select)

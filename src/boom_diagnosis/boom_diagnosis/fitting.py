@@ -1,0 +1,359 @@
+"""Maximum a posteriori fit of the tolerances and of the numbers of a hypothesis, on whitened innovations.
+
+Minimised is  1/2 sum rho(w) + 1/2 |z|^2 : rho is Huber's function, z the machine's own numbers in standard deviations of
+their tolerance. Numbers of effects have a flat prior between limits. The Jacobian of z costs a run per number, so it is
+kept and improved by Broyden's rank-one updates while only the few columns of the effect are computed anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.coordinates import DELAYS, Coordinate
+from boom_diagnosis.nuisances import Nuisance, closed
+from boom_diagnosis.prediction import Predictor
+from boom_diagnosis.recent import Recent
+from boom_model.compiled import LANES
+
+Array = NDArray[np.float64]
+
+HUBER = 4.0
+"""Standard deviations up to which an innovation counts squared."""
+WHITE = 0.5
+"""Loss [nats] per innovation that is white noise and nothing else."""
+SIZES = (1.0, 0.35, 0.1, 0.03)
+"""Shares of a step that are tried, the first ones at once and the others where those gain nothing."""
+AGREE = 0.1
+"""Share by which an effect's derivatives to either side may differ to count both."""
+LEAST_STEP = 0.3
+"""Nats. A step that gains less is the last, and moves the derivatives by nothing that counts."""
+SLOW, FAST = 5e-4, 0.02
+"""Shares of the loss over that of white noise: a step that gains less than the first is the last, too; a search that gains more
+than the second by a step has not come near its end."""
+AROUND, AROUND_AT_END = (1.0, -1.0, 4.0), (1.0, 2.0, 4.0)
+"""Steps of the differences of which the middle one counts."""
+CLOSED = 64
+"""Sets of tolerances whose closed linkage is remembered: the hypotheses of a pass share most of theirs."""
+Z_STEP = 0.1
+"""Standard deviations of a tolerance: step of the differences."""
+
+
+def rho(w: Array) -> float:
+    """Sum of Huber's function."""
+    a = np.abs(w)
+    return float(np.sum(np.where(a <= HUBER, 0.5 * a * a, HUBER * (a - 0.5 * HUBER))))
+
+
+@dataclass
+class Point:
+    """A hypothesis and what it predicts.
+
+    Attributes:
+        z: standard deviations of the tolerances. effects: values of its effects by dotted name.
+        w: (rows,) whitened innovations, used: (rows,) which of them are fitted; the others are held out.
+        loss: of the rows used, and of the tolerances' prior.
+        parts: (n, 4) whitened innovations, states: (n, NX), per recording.
+    """
+
+    z: Array
+    effects: dict[str, float]
+    w: Array
+    used: NDArray[np.bool_]
+    loss: float
+    parts: list[Array]
+    states: list[Array]
+
+    def over(self, floor: float) -> float:
+        """Loss [nats] over that of a machine with ``floor`` nats per innovation; with the tolerances' prior."""
+        return self.loss - floor * int(self.used.sum())
+
+    def excess(self, floor: float) -> float:
+        """Loss per innovation [nats] over ``floor``, that of a healthy machine; without the tolerances' prior."""
+        return (self.loss - 0.5 * float(self.z @ self.z)) / int(self.used.sum()) - floor
+
+
+def huber_weights(w: Array) -> Array:
+    """rho'(w) / w: 1 up to ``HUBER``, HUBER / |w| beyond."""
+    return np.asarray(np.minimum(1.0, HUBER / np.maximum(np.abs(w), 1e-9)))
+
+
+def weights(at: Point) -> Array:
+    """Huber's weights; zero for what is held out."""
+    return np.where(at.used, huber_weights(at.w), 0.0)
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """What came of a step.
+
+    Attributes:
+        here, whole: where it began and the end of the whole step, predicted in one pass.
+        best: end of the best share of it, gain: nats over where it began, by one pass.
+        columns: of :meth:`Problem.effect_jacobian` at ``best``; None where they are to be taken apart.
+    """
+
+    here: Point
+    whole: Point
+    best: Point
+    gain: float
+    columns: Array | None
+
+
+class Problem:
+    """Tolerances and recordings; hypotheses are fitted in it.
+
+    select: for each recording (n, 4) flags of the samples that are fitted; judged: of those that are only predicted.
+    """
+
+    def __init__(
+        self,
+        predictor: Predictor,
+        nuisances: Sequence[Nuisance],
+        select: Sequence[NDArray[np.bool_]],
+        judged: Sequence[NDArray[np.bool_]] | None = None,
+    ) -> None:
+        self.predictor = predictor
+        self.nuisances = tuple(nuisances)
+        self.select = [np.asarray(s) for s in select]
+        self.rows = self.select if judged is None else [s | j for s, j in zip(self.select, judged, strict=True)]
+        self.used = np.concatenate([s[rows] for s, rows in zip(self.select, self.rows, strict=True)])
+        nominal = dict(zip(predictor.base[0].parameter_names, predictor.base[0].p, strict=True))
+        poses = [dict(zip(p.parameter_names, p.p, strict=True)) for p in predictor.base]
+        self._nominal = {
+            name: nominal[name] for n in nuisances for name in n.components if not name.startswith("pose.")
+        }
+        self._poses = [{n.name: pose[n.name] for n in nuisances if n.name.startswith("pose.")} for pose in poses]
+        self._closed = Recent[dict[str, float]](CLOSED)
+        self.limits = np.array([n.limits for n in nuisances]).reshape(-1, 2).T
+        """(2, number of tolerances) least and largest z."""
+
+    def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
+        """Components of the parameter vector."""
+        result = {}
+        for nuisance, zi in zip(self.nuisances, z, strict=True):
+            for name in nuisance.components if zi != 0.0 else ():
+                reference = self._nominal.get(name)
+                if reference is None:
+                    reference = self._poses[0][name]
+                result[name] = nuisance.value(reference, float(zi))
+        made = self._closed.get(z.tobytes(), lambda: closed(self.predictor.machine, result))
+        return made | dict(effects)
+
+    def points(self, wanted: Sequence[tuple[Array, Mapping[str, float]]]) -> list[Point]:
+        """Predictions and losses of several (z, effects)."""
+        predicted = self.predictor.predict([self.values(z, e) for z, e in wanted])
+        result = []
+        for (z, e), rows in zip(wanted, predicted, strict=True):
+            w = self._row([r.whitened for r in rows])
+            loss = rho(w[self.used]) + 0.5 * float(z @ z)
+            result.append(
+                Point(z.copy(), dict(e), w, self.used, loss, [r.whitened for r in rows], [r.states for r in rows])
+            )
+        return result
+
+    def _changes(self, at: Point, moved: Sequence[tuple[Array, Mapping[str, float]]]) -> list[Array]:
+        """(rows,) what each move changes in the innovations."""
+        base, others = self.values(at.z, at.effects), [self.values(z, e) for z, e in moved]
+        return [self._row(changes) for changes in self.predictor.changes(base, others)]
+
+    def _row(self, parts: Sequence[Array]) -> Array:
+        return np.concatenate([part[s] for part, s in zip(parts, self.rows, strict=True)])
+
+    def likelihood(self, at: Point) -> float:
+        """Log-likelihood [nats] but for a constant: of observers with different gains, at the same point."""
+        size = sum(
+            float(np.linalg.slogdet(g.whitening[s.all(axis=1)])[1].sum())
+            for g, s in zip(self.predictor.gains, self.select, strict=True)
+        )
+        return size - at.loss
+
+    def nuisance_jacobian(self, at: Point) -> Array:
+        """dw/dz (rows, number of tolerances) by differences."""
+        moved = [(at.z + Z_STEP * unit, at.effects) for unit in np.eye(len(self.nuisances))]
+        return np.stack([change / Z_STEP for change in self._changes(at, moved)], axis=-1)
+
+    def effect_jacobian(self, at: Point, names: Sequence[Coordinate], *, exact: bool = False) -> Array:
+        """dw/d(inner coordinate) (rows, number of coordinates) by differences; ``exact``: of each row the median of three.
+
+        A switch that another step makes a sample earlier or later is not in two of three differences. Of a single coordinate
+        that costs no more than one.
+        """
+        if not names:
+            return np.zeros((len(at.w), 0))
+        values = [_around(c, at.effects[c.name], exact or len(names) == 1) for c in names]
+        moved = [{**at.effects, c.name: there} for c, own in zip(names, values, strict=True) for there in own]
+        changes = iter(self._changes(at, [(at.z, effects) for effects in moved]))
+        columns = []
+        for c, own in zip(names, values, strict=True):
+            here = c.inner(at.effects[c.name])
+            columns.append(np.median([next(changes) / (c.inner(there) - here) for there in own], axis=0))
+        return np.stack(columns, axis=-1)
+
+    def fit(
+        self,
+        start: Point,
+        jacobian: Array,
+        names: Sequence[Coordinate] = (),
+        *,
+        iterations: int = 6,
+        further: int = 0,
+    ) -> tuple[Point, Array]:
+        """Gauss-Newton with a step control; returns the best point and the Jacobian (rows, z then coordinates) there.
+
+        jacobian: of the tolerances (rows, number of them), taken near ``start``; with further columns, of the coordinates, where
+        these are taken exactly there. further: iterations beyond ``iterations`` while each gains ``FAST`` of what is left.
+        """
+        m = len(start.z)
+        best, nz, known = start, jacobian[:, :m].copy(), jacobian[:, m:]
+        fresh = known.shape[1] == len(names)
+        for k in range(iterations + further):
+            columns = known if fresh else self.effect_jacobian(best, names)
+            tried = self._tried(best, np.concatenate([nz, columns], axis=1), names)
+            _broyden(nz, tried.here, tried.whole, columns, names)
+            left = best.over(WHITE)
+            known, fresh = columns, tried.gain < LEAST_STEP
+            if tried.gain > 0.0:
+                best = tried.best
+                if tried.columns is not None:
+                    known, fresh = tried.columns, True
+            if tried.gain < max(LEAST_STEP, (SLOW if k < iterations - 1 else FAST) * left):
+                break
+        columns = known if fresh else self.effect_jacobian(best, names)
+        return best, np.concatenate([nz, columns], axis=1)
+
+    def fit_nominal(self, effects: Mapping[str, float], names: Sequence[Coordinate], *, iterations: int = 4) -> Point:
+        """The effects alone, fitted with every tolerance at its nominal value."""
+        zero = np.zeros(len(self.nuisances))
+        best = self.points([(zero, effects)])[0]
+        if not names:
+            return best
+        columns = self.effect_jacobian(best, names)
+        for _ in range(iterations):
+            still = np.concatenate([np.zeros((len(best.w), len(zero))), columns], axis=1)
+            tried = self._tried(best, still, names)
+            if tried.gain <= 0.1:
+                break
+            best = tried.best
+            columns = self.effect_jacobian(best, names) if tried.columns is None else tried.columns
+        return best
+
+    def made_nominal(self, at: Point, jacobian: Array, names: Sequence[Coordinate], which: Sequence[int]) -> Point:
+        """The point where the tolerances ``which`` are nominal and the effects make up for them, by the derivatives at ``at``.
+
+        jacobian: (rows, z then coordinates).
+        """
+        m, root = len(at.z), np.sqrt(weights(at))[:, None]
+        step = np.zeros(jacobian.shape[1])
+        step[list(which)] = -at.z[list(which)]
+        lost = (root * jacobian[:, :m]) @ step[:m]
+        step[m:] = -np.linalg.lstsq(root * jacobian[:, m:], lost, rcond=None)[0]
+        return self.points([self._moved(at, step, names, 1.0)])[0]
+
+    def _tried(self, at: Point, jacobian: Array, names: Sequence[Coordinate]) -> _Tried:
+        """A step of Gauss and Newton, in shares.
+
+        A pass predicts ``LANES`` points with the same steps of the integrator, so that their nats can be compared to a tenth;
+        between passes they differ by some. Where the step begins is predicted with the others, therefore, and so are points
+        beside its end, for derivatives there.
+        """
+        step = gauss_newton(at, jacobian, names, self.limits)
+        ends = [self._moved(at, step, names, size) for size in SIZES]
+        (z, effects), begin = ends[0], (at.z, at.effects)
+        c = names[0] if len(names) == 1 and not _is_delay(names[0]) else None
+        values = _around(c, effects[c.name], True)[:2] if c else []
+        beside = [(z, {**effects, c.name: there}) for there in values] if c else []
+        first = LANES - 1 - len(beside)
+        here, *points = self.points([begin, *ends[:first], *beside])
+        whole, best, moved = points[0], min(points[:first], key=lambda p: p.loss), points[first:]
+        gain = here.loss - best.loss
+        if gain <= 0.0:
+            promised = at.loss - rho((at.w + jacobian @ step)[at.used]) - 0.5 * float(z @ z)
+            if promised > max(LEAST_STEP, SLOW * at.over(WHITE)):
+                again, *points = self.points([begin, *ends[first:]])
+                best = min(points, key=lambda p: p.loss)
+                gain = again.loss - best.loss
+        columns = None
+        if c and best is whole:
+            middle = c.inner(effects[c.name])
+            one, other = ((p.w - whole.w) / (c.inner(v) - middle) for p, v in zip(moved, values, strict=True))
+            if np.linalg.norm(one - other) < AGREE * np.linalg.norm(one + other) / 2.0:
+                columns = (one + other)[:, None] / 2.0
+        return _Tried(here, whole, best, gain, columns)
+
+    def _moved(
+        self, at: Point, step: Array, names: Sequence[Coordinate], size: float
+    ) -> tuple[Array, dict[str, float]]:
+        m = len(at.z)
+        effects = dict(at.effects)
+        for c, d in zip(names, step[m:], strict=True):
+            here = effects[c.name]
+            there = here * float(np.exp(np.clip(size * d, -1.0, 1.0))) if c.positive else here + size * float(d)
+            effects[c.name] = float(np.clip(there, c.low, c.high))
+        return np.clip(at.z + size * step[:m], *self.limits), effects
+
+
+def _is_delay(c: Coordinate) -> bool:
+    """Whether it moves samples between the observer's intervals."""
+    return c.name.split(".")[1] in DELAYS
+
+
+def _around(c: Coordinate, here: float, several: bool) -> list[float]:
+    """Values to either side of one and further away, inside the limits; where not ``several``, and of a delay, the last only."""
+    for shares in (AROUND, AROUND_AT_END, tuple(-m for m in AROUND_AT_END)):
+        values = [here * (1.0 + m * c.step) if c.positive else here + m * c.step for m in shares]
+        if c.low <= min(values) and max(values) <= c.high:
+            break
+    if _is_delay(c):
+        return values[:1]
+    return values if several else values[-1:]
+
+
+def gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate], limits: Array) -> Array:
+    """Step of all unknowns (z, inner coordinates) from ``at``; those that would leave their limits stay there.
+
+    jacobian: (rows, unknowns), limits: (2, number of tolerances).
+    """
+    m = len(at.z)
+    omega = weights(at)
+    root = np.sqrt(omega)
+    scaled = jacobian * root[:, None]
+    normal = scaled.T @ scaled
+    gradient = scaled.T @ (root * at.w)
+    normal[np.arange(m), np.arange(m)] += 1.0
+    gradient[:m] += at.z
+    own = [at.effects[c.name] for c in names]
+    low = np.array([*limits[0], *(c.low for c in names)])
+    high = np.array([*limits[1], *(c.high for c in names)])
+    lowest = np.array([*at.z, *own]) <= low
+    highest = np.array([*at.z, *own]) >= high
+    free = np.ones(len(gradient), dtype=bool)
+    step = np.zeros(len(gradient))
+    for _ in range(len(gradient)):
+        scale = np.sqrt(np.diag(normal)[free]) + 1e-12
+        a = normal[np.ix_(free, free)] / np.outer(scale, scale) + 1e-9 * np.eye(int(free.sum()))
+        step[:] = 0.0
+        step[free] = -np.linalg.solve(a, gradient[free] / scale) / scale
+        leaving = free & ((lowest & (step < 0.0)) | (highest & (step > 0.0)))
+        if not leaving.any():
+            break
+        free &= ~leaving
+    return step
+
+
+def _broyden(nz: Array, old: Point, new: Point, columns: Array, names: Sequence[Coordinate]) -> None:
+    """Rank-one update of the kept Jacobian with what the last step showed."""
+    dz = new.z - old.z
+    size = float(dz @ dz)
+    if size < 1e-4:
+        return
+    rest = new.w - old.w - nz @ dz
+    if names:
+        moved = np.array([c.inner(max(new.effects[c.name], 1e-300 if c.positive else -np.inf))
+                          - c.inner(max(old.effects[c.name], 1e-300 if c.positive else -np.inf)) for c in names])  # fmt: skip
+        rest = rest - columns @ moved
+    if float(rest @ rest) < float((new.w - old.w) @ (new.w - old.w)):
+        nz += np.outer(rest, dz / size)

@@ -1,0 +1,134 @@
+"""The machine with what was found in it, as a file that every other command takes."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from boom_identification.estimate import Estimate as Identified
+from boom_identification.machine_output import document_with, fits
+from boom_input.whole import write_whole
+from boom_model.errors import MachineError
+from boom_model.learned import LearnedTerm
+from boom_model.machine import Machine, Pose
+from boom_model.machine_file import machine_from
+
+
+def found_machine(
+    machine: Machine,
+    pose: Pose,
+    numbers: Mapping[str, float],
+    spreads: Mapping[str, float],
+    learned: Sequence[LearnedTerm] = (),
+) -> Machine:
+    """The machine with other numbers (components of the parameter vector) and effects.
+
+    The moments of mass in ``pose`` go to its tabulated configuration, or to a new one; those of other poses, and a load, stay.
+    Numbers that a machine file cannot have together are brought back towards the machine's own, all by the same share, until
+    it can.
+
+    Args:
+        machine: as given.
+        pose: in which the recordings were made.
+        numbers: component or ``effects.ID.NAME`` -> value.
+        spreads: component -> half of its 90 % interval.
+        learned: terms beside those that the machine has.
+    """
+    for share in _SHARES:
+        nearer = {name: _between(machine, name, value, share) for name, value in numbers.items()}
+        try:
+            return _found(machine, pose, nearer, spreads, learned)
+        except MachineError:
+            continue
+    return _found(machine, pose, {n: v for n, v in numbers.items() if n.startswith("effects.")}, {}, learned)
+
+
+_SHARES = (1.0, 0.75, 0.5, 0.25)
+
+
+def _between(machine: Machine, name: str, value: float, share: float) -> float:
+    """A number of the machine part of the way to ``value``; those of effects and pose as they are."""
+    for parameter in machine.parameters.values() if share < 1.0 else ():
+        for component, own in zip(parameter.specification.components, parameter.value, strict=True):
+            if component == name:
+                return own + share * (value - own)
+    return value
+
+
+def _found(
+    machine: Machine, pose: Pose, numbers: Mapping[str, float], spreads: Mapping[str, float],
+    learned: Sequence[LearnedTerm],
+) -> Machine:  # fmt: skip
+    """Raises MachineError where the numbers do not go together."""
+    identified = []
+    components = {c: p for p in machine.parameters.values() for c in p.specification.components}
+    for name, value in numbers.items():
+        if name not in components:
+            continue
+        spread = spreads.get(name, 0.0)
+        entry = Identified(
+            name,
+            float(value),
+            components[name].specification.unit,
+            (value - spread, value + spread),
+            "diagnosis, one-step errors",
+        )
+        if not fits(machine, entry):
+            identified.append(entry)
+    document: dict[str, Any] = document_with(machine, identified)
+    if any(f"pose.{k}" in numbers for k in ("D0", "Sx", "Sy")):
+        body = copy.deepcopy(document["rigid_body"])
+        row = body["configs"].setdefault(pose.tabulated or _DIAGNOSED, _row(pose))
+        for key in ("D0", "Sx", "Sy"):
+            if f"pose.{key}" in numbers:
+                row[key] = float(numbers[f"pose.{key}"])
+        document["rigid_body"] = body
+    effects = {k: dict(v) for k, v in machine.effects.items()}
+    for name, value in numbers.items():
+        if name.startswith("effects."):
+            _, effect, parameter = name.split(".")
+            effects.setdefault(effect, {})[parameter] = float(value)
+    if effects:
+        document["effects"] = effects
+    if machine.learned or learned:
+        document["learned"] = [entry.document() for entry in (*machine.learned, *learned)]
+    return machine_from(document)
+
+
+_DIAGNOSED = "diagnosed_pose"
+
+
+def _row(pose: Pose) -> dict[str, Any]:
+    """A pose as a configuration of the machine file; the load is the recording's."""
+    return {
+        "q3": pose.outer_boom_angle, "q4": pose.telescope_length, "D0": pose.D0, "Sx": pose.Sx, "Sy": pose.Sy,
+        "tip": [float(x) for x in pose.tip], "m_L": 0.0, "prov": "derived, and diagnosed", "conf": "medium",
+    }  # fmt: skip
+
+
+def write_machine(path: Path, machine: Machine, *, command: str) -> None:
+    """Writes the file, whole or not at all.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    text = yaml.safe_dump(_plain(machine.document), sort_keys=False, allow_unicode=True, width=120)
+    head = (
+        f"# Diagnosed on {date.today().isoformat()} by: {command}\n"
+        "# What does not say 'identified', and 'effects' beside, is as it was.\n"
+    )
+    write_whole(path, head + text)
+
+
+def _plain(value: Any) -> Any:
+    """Mappings and sequences as YAML knows them."""
+    if isinstance(value, Mapping):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    return value

@@ -1,0 +1,83 @@
+"""Free runs of the models that a diagnosis compares, and their errors: what the ladder and ``fit`` are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.prediction import CURRENT_NOISE
+from boom_estimation.currents import held_currents
+from boom_estimation.free_run import Prediction, plant_for, predict
+from boom_model.errors import SimulationError
+from boom_model.machine import Machine
+from boom_model.sensors import OUTPUTS
+from boom_recording.recording import Recording
+
+Array = NDArray[np.float64]
+Floats4 = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Span:
+    """The part of a recording that is judged: from, to [s]."""
+
+    recording: Recording
+    start: float
+    end: float
+
+
+def free_run(recording: Recording, machine: Machine) -> Prediction:
+    """The full model's free run over a recording, moments at which the oil evaporates included: what lies behind is judged, too."""
+    return predict(recording, machine, "full", through_evaporation=True)
+
+
+def errors(span: Span, run: Prediction) -> Floats4:
+    """Root mean square error over the standard deviation of the measured channel, one per channel."""
+    result = []
+    for name in OUTPUTS:
+        signal = span.recording.signals[name]
+        inside = signal.valid & (signal.time >= span.start) & (signal.time <= span.end)
+        measured, said = signal.values[inside], run.values[name][inside]
+        known = np.isfinite(said)
+        spread = float(np.std(measured)) if len(measured) else 0.0
+        if known.sum() < 0.9 * len(measured) or spread <= 0.0:
+            result.append(float("nan"))
+            continue
+        result.append(float(np.sqrt(np.mean((said[known] - measured[known]) ** 2))) / spread)
+    return result[0], result[1], result[2], result[3]
+
+
+def noise_floor(span: Span, machine: Machine, seed: int) -> Floats4:
+    """The errors that the sensors' noise and that of the currents would leave if the model were exactly right."""
+    recording = span.recording
+    currents = held_currents(recording)
+    plant = plant_for(recording, machine, "full").through_evaporation()
+    rng = np.random.default_rng(seed)
+    first = {n: recording.signals[n].values[recording.signals[n].valid] for n in OUTPUTS}
+    angle, hose, rod = (float(np.mean(first[n][:50])) for n in ("angle", "hose_pressure", "rod_pressure"))
+    x0 = plant.rest_state_measured(angle, hose, rod)
+    grid = np.arange(currents.time[0], min(span.end, currents.time[-1]), 0.01)
+    noisy = currents.values + CURRENT_NOISE * rng.standard_normal(currents.values.shape) * (currents.values > 0.05)
+    try:
+        exact = plant.run(currents.time, currents.values, grid, x0).outputs
+        other = plant.run(currents.time, noisy, grid, x0).outputs
+    except SimulationError:
+        return (float("nan"),) * 4
+    measured = machine.sensor_noise().outputs(other, rng)
+    inside = grid >= span.start
+    spread = np.std(measured[inside], axis=0)
+    error = np.sqrt(np.mean((measured[inside] - exact[inside]) ** 2, axis=0)) / np.maximum(spread, 1e-12)
+    return float(error[0]), float(error[1]), float(error[2]), float(error[3])
+
+
+def median(rows: Sequence[Floats4]) -> Floats4:
+    """Channel by channel, over recordings; NaN where none is known."""
+    if not rows:
+        return (float("nan"),) * 4
+    table = np.array(rows)
+    known = [column[np.isfinite(column)] for column in table.T]
+    m = [float(np.median(k)) if len(k) == len(table) else float("nan") for k in known]
+    return m[0], m[1], m[2], m[3]

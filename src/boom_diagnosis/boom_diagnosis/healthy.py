@@ -1,0 +1,56 @@
+"""A healthy machine driven by the same currents: what chance alone looks like in this very recording."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.bag_samples import Bag, prepare
+from boom_diagnosis.prediction import CURRENT_NOISE, Values
+from boom_estimation.free_run import plant_for
+from boom_model.machine import Machine
+from boom_model.sensors import OUTPUTS
+from boom_recording.recording import Recording
+from boom_recording.writing import from_columns
+
+Array = NDArray[np.float64]
+
+LEAST = 10.0
+"""s of a copy that is worth having."""
+
+
+def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | None:
+    """The recording as a machine with these numbers (and no effects) would have given it, as far as it runs.
+
+    None where that is less than ``LEAST``: without what holds it, a boom may run into its stops.
+    The measured currents stand for the true ones; what the copy shows of them has their noise once more.
+    """
+    recording, currents = bag.recording, bag.currents
+    plant = plant_for(recording, machine, "full")
+    p = plant.p.copy()
+    for name, value in values.items():
+        if name in plant.parameter_names:
+            p[plant.parameter_names.index(name)] = value
+    rng = np.random.default_rng(seed)
+    grid = bag.grid[bag.grid <= currents.time[-1]]
+    _, outputs, _, _ = plant.integrate(
+        currents.time, currents.values, grid, bag.initial_state(plant, p), float(grid[0]), parameters=p
+    )
+    reached = int(np.isfinite(outputs).all(axis=1).sum())  # behind a failure all are NaN
+    grid, outputs = grid[:reached], outputs[:reached]
+    if reached == 0 or grid[-1] < LEAST:
+        return None
+    measured = machine.sensor_noise().outputs(outputs, rng)
+    columns = {name: measured[:, i] for i, name in enumerate(OUTPUTS)}
+    copy: Recording = from_columns(recording.name, grid, columns, recording.configuration)
+    known = currents.time <= grid[-1]
+    time, true = currents.time[known], currents.values[known]
+    shown = np.maximum(true + CURRENT_NOISE * rng.standard_normal(true.shape), 0.0)
+    driven = {"retract_current": shown[:, 0], "extend_current": shown[:, 1]}
+    copy.signals |= from_columns(recording.name, time, driven, recording.configuration).signals
+    result = prepare(copy)
+    if result is None:
+        return None
+    count = min(len(result.counted), len(bag.counted))
+    result.counted[:count] &= bag.counted[:count]
+    return result

@@ -1,0 +1,117 @@
+"""Which equation is wrong, in two ways that do not share a step.
+
+Statistical: an unknown input is allowed in one equation after the other (white noise on its derivative, of the likeliest
+size); the equation where it raises the likelihood most is the one in doubt (after Kristensen, Madsen, Jorgensen 2004).
+Chain: the model is forced along the measured signals, and what each equation must be given so that it follows is compared
+with what a healthy machine of the same currents must be given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.bag_samples import Bag
+from boom_diagnosis.document import EquationEvidence
+from boom_diagnosis.fitting import Problem
+from boom_diagnosis.hypotheses import problem_at
+from boom_diagnosis.nuisances import Nuisance
+from boom_diagnosis.parallel import in_parallel
+from boom_diagnosis.prediction import Predictor
+from boom_diagnosis.unknown_input import forced
+from boom_model.machine import Machine
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Link:
+    """One equation: the state on whose derivative an unknown input acts, and the subsystems that are at home there."""
+
+    key: str
+    title: str
+    equation: str
+    state: str
+    subsystems: tuple[str, ...]
+
+
+LINKS = (
+    Link("torque", "force to motion", "5.39b", "rate", ("load", "structure", "friction")),
+    Link("head_flow", "flow through the hose burst valve into the cylinder", "5.39f", "head_pressure",
+         ("hose_burst_valve", "cylinder", "oil")),
+    Link("hose_flow", "flow into hose and accumulators", "5.39i", "hose_pressure",
+         ("accumulators", "main_valve", "supply", "return_line")),
+    Link("rod_flow", "flow into the rod side", "5.39d", "rod_pressure", ("main_valve", "cylinder", "supply", "return_line")),
+    Link("spool", "command to spool", "5.39n", "spool_position", ("main_valve", "pilot_valves")),
+)  # fmt: skip
+SIZES = (4.0, 25.0)
+"""Unknown inputs that are tried, in units of the disturbance that a healthy machine shows."""
+
+
+def locate(
+    machine: Machine, bags: Sequence[Bag], select: Sequence[Flags], nuisances: Sequence[Nuisance], z: Array,
+    values: Mapping[str, float], healthy: Sequence[Bag], *, doubted: bool = True,
+) -> tuple[tuple[EquationEvidence, ...], str, list[dict[str, Array]]]:  # fmt: skip
+    """Evidence per equation at a fitted point; whether both ways agree, in words; unknown inputs over time per recording.
+
+    doubted: whether any equation is in doubt; the statistical way, which is the long one, is gone only then.
+    """
+    base = problem_at(machine, bags, select, nuisances, z, values, 1.0)
+    statistical = _statistical(base, z, values) if doubted else {link.key: 0.0 for link in LINKS}
+    chain, inputs = _chain(base, z, values, healthy)
+    rows = tuple(
+        EquationEvidence(link.key, link.title, link.equation, link.subsystems, statistical[link.key], chain[link.key])
+        for link in LINKS
+    )
+    first = max(rows, key=lambda r: r.statistical)
+    second = max(rows, key=lambda r: r.chain)
+    if max(statistical.values()) <= 0.0:
+        return rows, "No equation needs an unknown input.", inputs
+    if first.key == second.key or set(first.subsystems) & set(second.subsystems):
+        return rows, f"Both ways of locating agree on: {first.title}.", inputs
+    return rows, (
+        f"The two ways of locating disagree: an unknown input helps most in '{first.title}', but forced along the measured "
+        f"signals the chain breaks at '{second.title}'."
+    ), inputs  # fmt: skip
+
+
+def _statistical(base: Problem, z: Array, values: Mapping[str, float]) -> dict[str, float]:
+    reference = base.likelihood(base.points([(z, values)])[0])
+    p = base.predictor
+
+    def raised(tried: tuple[Link, float]) -> float:
+        link, size = tried
+        boosted = Predictor(p.machine, p.bags, p.tuned, p.looseness, {link.state: size})
+        problem = Problem(boosted, base.nuisances, base.select)
+        return problem.likelihood(problem.points([(z, values)])[0]) - reference
+
+    found = in_parallel(raised, [(link, size) for link in LINKS for size in SIZES])
+    best = [max(0.0, *found[k : k + len(SIZES)]) for k in range(0, len(found), len(SIZES))]
+    return _shares(dict(zip((link.key for link in LINKS), best, strict=True)))
+
+
+def _chain(
+    base: Problem, z: Array, values: Mapping[str, float], healthy: Sequence[Bag]
+) -> tuple[dict[str, float], list[dict[str, Array]]]:
+    """What the observer must give to each equation, against a healthy machine; both observers are made very loose."""
+    numbers = base.values(z, values)
+    inputs = forced(base.predictor, numbers)
+    reference = forced(Predictor(base.predictor.machine, healthy), {})
+    excess, scaled = {link.key: 0.0 for link in LINKS}, []
+    for own, other in zip(inputs, reference, strict=True):
+        row = {}
+        for link in LINKS:
+            noise = max(float(np.sqrt(np.mean(other.corrections[link.state] ** 2))), 1e-30)
+            row[link.key] = own.corrections[link.state] / noise
+            excess[link.key] += max(0.0, float(np.mean(row[link.key] ** 2)) - 1.3)
+        scaled.append(row)
+    return _shares(excess), scaled
+
+
+def _shares(values: Mapping[str, float]) -> dict[str, float]:
+    total = sum(values.values())
+    return {name: (v / total if total > 0.0 else 0.0) for name, v in values.items()}

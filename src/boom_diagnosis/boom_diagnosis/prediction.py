@@ -1,0 +1,312 @@
+"""One-step predictions of many hypotheses for several recordings, whitened: what all decisions rest on.
+
+The plant of a recording carries every effect without states, at its neutral value, so that one compiled model serves
+nearly all hypotheses; effects that bring states are added when a hypothesis asks for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from threading import RLock
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.bag_samples import Bag
+from boom_estimation.free_run import plant_for
+from boom_model.compiled import LANES
+from boom_model.effects import CATALOGUE, EFFECTS, check_effects
+from boom_model.machine import Machine
+from boom_model.observer import (
+    Gains,
+    Job,
+    Linearised,
+    NoiseModel,
+    Observed,
+    Samples,
+    kalman,
+    linearised,
+    observe,
+    observe_all,
+    observe_groups,
+)
+from boom_model.plant import Plant
+
+Array = NDArray[np.float64]
+
+LARGEST = 50.0
+"""Standard deviations. A whitened innovation counts as no more; a run that failed counts as that from there on."""
+FLOW_NOISE = 2e-8
+"""m^3/s sqrt(s). White disturbance of each flow. With it the innovations of a healthy machine are white (measured)."""
+TORQUE_NOISE = 6.0
+"""N m sqrt(s)."""
+TOLERANCE = 2e-5
+"""Of the integrator. Far from the model derivatives by differences are then good to 0.6 % in the median and 2 % in nine of ten; at
+1e-4, a fifth faster, to 10 % and 50 %, and searches end in the wrong place."""
+NUDGED_TOLERANCE = 1e-3
+"""The same along the trajectory that gains are computed for. At 1e-2, a sixth of the time, the gains are others: a poppet that lags
+90 ms (docs/diagnosis.md, lag_a) is found at 68 instead of 73."""
+CURRENT_NOISE = 0.85e-3
+"""A. Noise and quantisation of the measured currents, which drive the model."""
+SPOOL_NOISE = 2e-4
+"""1/s sqrt(s), of the full stroke: white disturbance of the spool where one is allowed."""
+POPPET_NOISE = 4e-9
+"""m^3/s/Pa/sqrt(s). White disturbance of a lagging poppet while the boom stands still: with nothing flowing through it, a
+valve stays where it likes, and how far open a lowering finds it is not known."""
+BRISTLE_NOISE = 5e3
+"""N m/sqrt(s). White disturbance of the bristles' torque while the boom stands still: how far they are bent when it came to rest
+decides with which force it starts, and a form that is not the machine's does not know."""
+BRISTLES = {"effects.presliding_friction.compliance": 1e-6}
+"""rad/(N m). With it the gains of an observer are computed that has bristles, where nothing is known of them yet."""
+TIMING_NOISE = 1e-3
+"""s. When between two samples a current changed is not known."""
+
+_BUILDING = RLock()
+"""Threads that want the same plant get the same one: passes are joined by what it is, not by what it is like."""
+
+Values = Mapping[str, float]
+"""Component of the parameter vector -> value, where it differs from the machine's."""
+
+
+def carrying(machine: Machine, stateful: Iterable[str] = ()) -> Machine:
+    """The machine with all effects that need no state at their neutral values, and with ``stateful`` ones."""
+    effects: dict[str, dict[str, float]] = {}
+    for effect in CATALOGUE:
+        if machine.structure.has(effect.needs) and (not effect.states or effect.id in stateful):
+            effects[effect.id] = {row.name: row.neutral for row in effect.parameters}
+    return replace(machine, effects=check_effects(effects) | {k: dict(v) for k, v in machine.effects.items()})
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Whitened innovations (n, 4) of a hypothesis for one recording, and the states (n, NX) it assumed."""
+
+    whitened: Array
+    states: Array
+
+
+class Predictor:
+    """Observers for several recordings of one machine, whose gains stay fixed.
+
+    machine: as given, without what is found. tuned: numbers (effects included) at which the gains are computed.
+    looseness: factor of the assumed disturbances. boost: state -> further factor of the disturbance of its derivative.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        bags: Sequence[Bag],
+        tuned: Values | None = None,
+        looseness: float = 1.0,
+        boost: Mapping[str, float] | None = None,
+    ) -> None:
+        self.machine = machine
+        self.boost = dict(boost or {})
+        self.looseness = looseness
+        self.bags = tuple(bags)
+        self.tuned = dict(tuned or {})
+        self._samples = [lru_cache(maxsize=32)(bag.samples) for bag in self.bags]
+        self.base: list[Plant] = [self.plant(i, ()) for i in range(len(self.bags))]
+        self._given: list[Gains] | None = None
+        self._gain: dict[tuple[int, tuple[str, ...]], Array] = {}
+        self._filling = RLock()
+
+    @property
+    def gains(self) -> list[Gains]:
+        """Of every recording, computed when first needed."""
+        with self._filling:
+            if self._given is None:
+                plants = [self.plant(i, with_states(self.tuned)) for i in range(len(self.bags))]
+                self._given = [self._gains(i, plant, self.tuned) for i, plant in enumerate(plants)]
+            return self._given
+
+    def plant(self, bag: int, stateful: Iterable[str]) -> Plant:
+        """The plant of a recording that carries these effects with states, too."""
+        wanted, built = frozenset(stateful) - frozenset(self.machine.effects), self.bags[bag].plants
+        with _BUILDING:
+            for machine, effects, plant in built:
+                if machine is self.machine and effects == wanted:
+                    return plant
+            plant = plant_for(self.bags[bag].recording, carrying(self.machine, wanted), "full")
+            built.append((self.machine, wanted, plant))
+            return plant
+
+    def parameters(self, plant: Plant, values: Values) -> Array:
+        """Parameter vector with these values."""
+        p = plant.p.copy()
+        for name, value in values.items():
+            p[plant.parameter_names.index(name)] = value
+        return p
+
+    def predict(self, hypotheses: Sequence[Values]) -> list[list[Prediction]]:
+        """For each hypothesis (values of parameters), the prediction of every recording."""
+        jobs = [self.job(i, values) for values in hypotheses for i in range(len(self.bags))]
+        observed = observe_all(jobs, tolerance=TOLERANCE)
+        rows = [
+            self._prediction(k % len(self.bags), job, o) for k, (job, o) in enumerate(zip(jobs, observed, strict=True))
+        ]
+        return [rows[k : k + len(self.bags)] for k in range(0, len(rows), len(self.bags))]
+
+    def changes(self, base: Values, moved: Sequence[Values]) -> list[list[Array]]:
+        """For each of ``moved`` the change (n, 4) of the whitened innovations against ``base``, of every recording.
+
+        Each is predicted together with ``base``, with the same steps of the integrator, so that small changes are not lost in
+        its errors; one that moves a delay, and with it the samples, alone.
+        """
+        width = LANES - 1
+        parts = [moved[k : k + width] for k in range(0, len(moved), width)]
+        groups = [[self.job(i, v) for v in (base, *part)] for part in parts for i in range(len(self.bags))]
+        observed = observe_groups(groups, tolerance=TOLERANCE)
+        result: list[list[Array]] = [[] for _ in moved]
+        for k, (group, seen) in enumerate(zip(groups, observed, strict=True)):
+            part, i = divmod(k, len(self.bags))
+            first, *others = (self._prediction(i, job, o).whitened for job, o in zip(group, seen, strict=True))
+            for j, w in enumerate(others):
+                result[part * width + j].append(w - first)
+        return result
+
+    def _prediction(self, i: int, job: Job, observed: Observed) -> Prediction:
+        plant, _, _, _, p = job
+        late = self.bags[i].pressure_shift(plant.delays(p)[1])
+        return Prediction(_whiten(observed, self.gains[i], self.bags[i], late), observed.states)
+
+    def job(self, i: int, values: Values) -> Job:
+        """The observer's pass over recording ``i`` with these values."""
+        plant = self.plant(i, with_states(values))
+        p = self.parameters(plant, values)
+        samples = self.samples(i, plant, p)
+        with self._filling:
+            if (i, plant.state_names) not in self._gain:
+                self._gain[i, plant.state_names] = self._gain_for(i, plant)
+            gain = self._gain[i, plant.state_names]
+        return plant, samples, self.bags[i].initial_state(plant, p), gain, p
+
+    def noise(self) -> tuple[float, float, float, float]:
+        """Standard deviations of the measured channels that the observer assumes [SI]."""
+        return noise_model(self.base[0], self.machine, self.base[0].p).outputs
+
+    def samples(self, i: int, plant: Plant, p: Array) -> Samples:
+        """The recording as this hypothesis' delays have it."""
+        with self._filling:
+            return self._samples[i](*plant.delays(p))
+
+    def _gain_for(self, i: int, plant: Plant) -> Array:
+        """Of a plant with other states: as they are, and what is new is not corrected; bristles are, or they would be lost."""
+        base = self.plant(i, with_states(self.tuned))
+        if "bristle_torque" not in set(plant.state_names) - set(base.state_names):
+            return _for(plant, base, self.gains[i].gain)
+        known = {name: value for name, value in self.tuned.items() if name in plant.parameter_names}
+        return self._gains(i, plant, known | BRISTLES).gain
+
+    def _gains(self, i: int, plant: Plant, values: Values) -> Gains:
+        p = self.parameters(plant, values)
+        noise = noise_model(plant, self.machine, p, self.looseness, self.boost)
+        key = (plant, p.tobytes(), self.looseness, *sorted(self.boost.items()))
+        return self.bags[i].gains.get(
+            key, lambda: kalman(plant, self.samples(i, plant, p), self._along(i, plant, p), noise)
+        )
+
+    def _along(self, i: int, plant: Plant, p: Array) -> Linearised:
+        """The plant along the trajectory of a recording, however loose an observer is."""
+        bag = self.bags[i]
+
+        def made() -> Linearised:
+            samples, nudging = self.samples(i, plant, p), _nudging(plant, len(bag.grid) - 1)
+            x0 = bag.initial_state(plant, p)
+            states = observe(plant, samples, x0, nudging, parameters=p, tolerance=NUDGED_TOLERANCE).states
+            return linearised(plant, samples, _filled(states), CURRENT_NOISE, TIMING_NOISE, p)
+
+        return bag.trajectories.get((plant, p.tobytes()), made)
+
+
+def with_states(values: Values) -> frozenset[str]:
+    """Effects with states among the values."""
+    named = {name.split(".")[1] for name in values if name.startswith("effects.")}
+    return frozenset(effect for effect in named if EFFECTS[effect].states)
+
+
+def noise_model(
+    plant: Plant, machine: Machine, p: Array, looseness: float = 1.0, boost: Mapping[str, float] | None = None
+) -> NoiseModel:
+    """Sensors' noise, the currents' noise, and small white disturbances of torque and flows."""
+    torque, flow = looseness * TORQUE_NOISE, looseness * FLOW_NOISE
+    sensors = machine.sensor_noise()
+    number = dict(zip(plant.parameter_names, p, strict=True))
+    pressure = float(np.hypot(sensors.pressure_sigma, sensors.pressure_quantum / np.sqrt(12.0)))
+    disturbance = {
+        name: (torque if name == "rate" else flow) / capacity for name, capacity in capacities(number).items()
+    }
+    if boost:
+        spool = SPOOL_NOISE * number.get("main_valve_spool.s_max", 1.0)
+        disturbance = {
+            name: value * boost.get(name, 1.0)
+            for name, value in (disturbance | ({"spool_position": spool} if "spool_position" in boost else {})).items()
+        }
+    initial = {
+        "angle": 1e-3, "rate": 1e-2, "head_pressure": 5e5, "rod_pressure": 1e5, "hose_pressure": 1e5,
+        "accumulator_pressure_1": 5e5, "accumulator_pressure_2": 5e5,
+    }  # fmt: skip
+    angle = max(0.5 * sensors.angle_quantum, 1e-5)
+    return NoiseModel(
+        (angle, sensors.rate_sigma, pressure, pressure), CURRENT_NOISE, TIMING_NOISE, disturbance, initial,
+        {"hose_burst_valve_conductance": POPPET_NOISE, "bristle_torque": BRISTLE_NOISE},
+    )  # fmt: skip
+
+
+def capacities(number: Values) -> dict[str, float]:
+    """State -> what its derivative times this is: a torque [N m], a flow [m^3/s]; volumes with the piston in the middle."""
+    beta = number["fluid.beta"]
+    return {
+        "rate": number["pose.D0"] + number["pose.load"] * (number["pose.tip.0"] ** 2 + number["pose.tip.1"] ** 2),
+        "hose_pressure": number["cylinder.V_h"] / beta,
+        "head_pressure": 0.5 * number["cylinder.A_a"] * number["cylinder.l_p"] / beta,
+        "rod_pressure": 0.5 * number["cylinder.A_b"] * number["cylinder.l_p"] / beta,
+    }
+
+
+def _nudging(plant: Plant, n: int) -> Array:
+    """Gains that follow any machine: each measured state is pulled to its measurement."""
+    names = plant.state_names
+    gain = np.zeros((len(names), 4))
+    for j, (name, share) in enumerate((("angle", 0.2), ("rate", 0.2), ("hose_pressure", 0.4), ("rod_pressure", 0.4))):
+        if name in names:
+            gain[names.index(name), j] = share
+    gain[names.index("head_pressure"), 2] = 0.3
+    return np.broadcast_to(gain, (n, *gain.shape)).copy()
+
+
+def _filled(states: Array) -> Array:
+    """States with the last known one behind a failure."""
+    bad = ~np.isfinite(states).all(axis=1)
+    if not bad.any():
+        return states
+    first = int(np.argmax(bad))
+    filled = states.copy()
+    filled[first:] = states[max(first - 1, 0)]
+    return np.nan_to_num(filled)
+
+
+def _for(plant: Plant, base: Plant, gain: Array) -> Array:
+    """Gains of a plant with other states than those of ``base``: what ``base`` does not have is not corrected."""
+    if plant.state_names == base.state_names:
+        return gain
+    result = np.zeros((len(gain), len(plant.state_names), 4))
+    for i, name in enumerate(plant.state_names):
+        if name in base.state_names:
+            result[:, i] = gain[:, base.state_names.index(name)]
+    return result
+
+
+def _whiten(observed: Observed, gains: Gains, bag: Bag, late: int) -> Array:
+    """Whitened innovations; those of pressures that arrive ``late`` intervals go back to the interval of their stamp."""
+    e = np.where(np.isfinite(observed.innovations), observed.innovations, 0.0)
+    if late:
+        e[late:, 2:] = e[:-late, 2:]
+    w: Array = np.einsum("nij,nj->ni", gains.whitening, e)
+    if not observed.complete:
+        failed = ~np.isfinite(observed.states).all(axis=1)
+        w[failed] = LARGEST
+    w[~bag.counted] = 0.0
+    return np.clip(w, -LARGEST, LARGEST)

@@ -1,0 +1,204 @@
+"""Machines of each stage, their free runs over what was fitted and what was held out, and each recording as the report draws it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import log, sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis import regimes
+from boom_diagnosis.bag_samples import Bag
+from boom_diagnosis.document import STAGES, BagResult, Channel, Fit, LadderStep, Verdict
+from boom_diagnosis.fitting import Point
+from boom_diagnosis.found_machine import found_machine
+from boom_diagnosis.freerun import Span, errors, free_run, median, noise_floor
+from boom_diagnosis.learning import Learned
+from boom_diagnosis.parallel import in_parallel
+from boom_diagnosis.weighing import Z90, posterior
+from boom_estimation.free_run import Prediction
+from boom_model.learned import LearnedTerm
+from boom_model.machine import Machine
+from boom_model.sensors import OUTPUT_UNITS, OUTPUTS
+from boom_recording.recording import Recording
+
+if TYPE_CHECKING:
+    from boom_diagnosis.case import Case
+
+Array = NDArray[np.float64]
+
+ENDED = 10.0
+"""Factor of the error that a free run which leaves the model's range counts as."""
+
+
+def label_of(effect: str) -> str:
+    """An effect's id in words."""
+    return effect.replace("_", " ")
+
+
+def machines_of(case: Case, verdict: Verdict, learned: Learned | None) -> dict[str, Machine]:
+    """Stage -> machine fitted to the data for training alone, and the steps of the ladder between them."""
+
+    def at(point: Point, terms: tuple[LearnedTerm, ...] = ()) -> Machine:
+        return found_machine(case.machine, case.pose, case.values(point.z, point.effects), {}, terms)
+
+    steps = {"nominal": case.machine, "parameters_only": at(case.trained[0])}
+    for k, point in enumerate(case.trained[1:], start=1):
+        last = k == len(case.taken) and not learned
+        steps["explained" if last else f"+ {', '.join(x.fitted.effect for x in case.taken[:k])}"] = at(point)
+    if learned:
+        steps["explained"] = at(learned.point, (learned.term,))
+    elif not case.taken:
+        steps["explained"] = case.machine if verdict == "no_mismatch" else steps["parameters_only"]
+    return steps
+
+
+def final_machine(case: Case, verdict: Verdict, learned: Learned | None) -> Machine:
+    """The machine with everything that was found, fitted to all of the recordings."""
+    if verdict == "no_mismatch":
+        return case.machine
+    point = learned.point if learned else case.last
+    jacobian = case.final.jacobian if case.final else case.rounds[0].jacobian
+    numbers = case.values(point.z, point.effects)
+    covariance = posterior(case.last, jacobian, len(point.z))
+    spreads = {
+        n.name: Z90 * sqrt(float(covariance[i, i])) * n.sigma * abs(numbers.get(n.name, 0.0))
+        for i, n in enumerate(case.nuisances)
+    }
+    return found_machine(case.machine, case.pose, numbers, spreads, (learned.term,) if learned else ())
+
+
+@dataclass(frozen=True)
+class Spans:
+    """Parts of recordings that were fitted, that are judged, and all recordings in the order of the runs."""
+
+    training: list[Span]
+    judged: list[Span]
+    all: list[Span]
+
+
+def placed(machine: Machine, case: Case, span: Span) -> Machine:
+    """The machine in a recording: a load that changes does so at that recording's own time."""
+    held = any(bag.recording is span.recording for bag in case.proving)
+    if case.onset is None or not held or "payload_change" not in machine.effects:
+        return machine
+    effects = {k: dict(v) for k, v in machine.effects.items()}
+    effects["payload_change"]["t_g"] = case.onset
+    return machine.with_effects(effects)
+
+
+def spans_of(case: Case) -> Spans:
+    """What was fitted and what is judged, recording by recording."""
+    training, judged, everything = [], [], []
+    for bag, select in zip(case.bags, case.judged, strict=True):
+        r = bag.recording
+        everything.append(Span(r, 0.0, r.duration))
+        if case.proving:
+            training.append(Span(r, 0.0, r.duration))
+            continue
+        held = bag.time[select.any(axis=1)]
+        cut = float(held[0]) if len(held) else r.duration
+        before = float(held[0]) > 0.5 * r.duration if len(held) else True
+        training.append(Span(r, 0.0, cut) if before else Span(r, float(held[-1]), r.duration))
+        judged.append(Span(r, cut, r.duration) if before else Span(r, 0.0, float(held[-1])))
+    for bag in case.proving:
+        judged.append(Span(bag.recording, 0.0, bag.recording.duration))
+        everything.append(judged[-1])
+    return Spans(training, judged, everything)
+
+
+def worsening(case: Case, before: Point, after: Point) -> float:
+    """Factor by which free runs over data not used err more at ``after`` than at ``before``: geometric mean of the channels.
+
+    A run that ends early counts as ``ENDED`` times one that does not.
+    """
+
+    def erring(point: Point) -> Array:
+        machine = found_machine(case.machine, case.pose, case.values(point.z, point.effects), {}, ())
+        return np.array([
+            errors(span, free_run(span.recording, placed(machine, case, span))) for span in spans_of(case).judged
+        ])  # fmt: skip
+
+    first, second = in_parallel(erring, (before, after))
+    ratio = np.log(second / first)
+    ratio[np.isfinite(first) & ~np.isfinite(second)] = log(ENDED)
+    ratio[~np.isfinite(first) & np.isfinite(second)] = -log(ENDED)
+    known = ratio[np.isfinite(ratio)]
+    return float(np.exp(np.mean(known))) if len(known) else 1.0
+
+
+def fit_and_ladder(
+    case: Case, machines: Mapping[str, Machine], runs: Mapping[str, list[Prediction]], spans: Spans
+) -> tuple[Fit, tuple[LadderStep, ...]]:
+    """Errors of the free runs of every stage, median over the recordings; the ladder of stages."""
+    names = [s.recording.name for s in spans.all]
+
+    def table(label: str, part: list[Span]) -> tuple[float, ...]:
+        return median([errors(s, runs[label][names.index(s.recording.name)]) for s in part])
+
+    training = {label: table(label, spans.training) for label in machines}
+    held = {label: table(label, spans.judged) for label in machines}
+    floor = median(
+        [noise_floor(s, placed(machines["explained"], case, s), case.seed + 11 + i) for i, s in enumerate(spans.judged)]
+    )
+    labels = {"nominal": "nominal", "parameters_only": "parameters only"}
+    learnt = bool(machines["explained"].learned)
+    if case.taken or learnt:
+        names_ = [label_of(w.fitted.effect) for w in case.taken] + (["term learnt from data"] if learnt else [])
+        labels["explained"] = "+ " + ", ".join(names_)
+    order = [k for k in machines if k != "explained"] + (["explained"] if case.taken or learnt else [])
+    ladder = tuple(LadderStep(labels.get(k, k.replace("_", " ")), training[k], held[k]) for k in order)
+    fit = Fit(
+        {k: training[k] for k in STAGES}, {k: held[k] for k in STAGES}, floor,
+        tuple(dict.fromkeys(s.recording.name for s in spans.judged)),
+    )  # fmt: skip
+    return fit, ladder
+
+
+def _channels(
+    recording: Recording, machine: Machine, i: int, runs: Mapping[str, list[Prediction]]
+) -> dict[str, Channel]:
+    sensors = machine.sensor_noise()
+    pressure = float(np.hypot(sensors.pressure_sigma, sensors.pressure_quantum / sqrt(12.0)))
+    noise = (sensors.angle_quantum / sqrt(12.0), sensors.rate_sigma, pressure, pressure)
+    result = {}
+    for name, unit, sigma in zip(OUTPUTS, OUTPUT_UNITS, noise, strict=True):
+        signal = recording.signals[name]
+        stages = {stage: runs[stage][i].values[name] for stage in STAGES}
+        result[name] = Channel(name, unit, signal.time, signal.values, signal.valid, sigma, stages)
+    return result
+
+
+def bag_result(
+    case: Case, i: int, cells: list[NDArray[np.int64]], inputs: list[dict[str, Array]], nominal: Array,
+    machines: Mapping[str, Machine], runs: Mapping[str, list[Prediction]], spans: Spans,
+) -> BagResult:  # fmt: skip
+    """A recording that was fitted. nominal: (n, 4) its whitened innovations under the nominal machine."""
+    bag = case.bags[i]
+    rest = 0.5 * np.sum(np.minimum(np.abs(nominal), 8.0) ** 2 - case.healthy_squares, axis=1)
+    width = 50
+    sums = np.convolve(rest, np.ones(width) / width, mode="same")
+    windows = regimes.windows(np.where(sums > 1.0, rest, 0.0), share=0.9, longest=12) if (sums > 1.0).any() else ()
+    cut = None
+    if not case.proving:
+        held = bag.time[case.judged[i].any(axis=1)]
+        cut = float(held[0]) if len(held) and held[0] > 0.5 * bag.recording.duration else None
+    return BagResult(
+        bag.name, False, cut, bag.recording.duration, tuple(bag.recording.events),
+        _channels(bag.recording, case.machine, i, runs), windows, bag.time, inputs[i], cells[i],
+    )  # fmt: skip
+
+
+def proving_result(
+    case: Case, i: int, machines: Mapping[str, Machine], runs: Mapping[str, list[Prediction]], spans: Spans
+) -> BagResult:
+    """A recording that nothing was fitted to."""
+    bag: Bag = case.proving[i]
+    k = len(case.bags) + i
+    return BagResult(
+        bag.name, True, None, bag.recording.duration, tuple(bag.recording.events),
+        _channels(bag.recording, case.machine, k, runs), (), bag.time, {}, regimes.classify(bag),
+    )  # fmt: skip

@@ -1,0 +1,367 @@
+"""A whole diagnosis: recordings and a machine in, the answer out. No files, no ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis import answer
+from boom_diagnosis.bag_samples import PERIOD, Bag, prepare
+from boom_diagnosis.case import Case
+from boom_diagnosis.coordinates import all_coordinates
+from boom_diagnosis.document import DiagnosisResult
+from boom_diagnosis.earning import chance, clear, least, settle, take, weigh
+from boom_diagnosis.fitting import WHITE, Point, Problem
+from boom_diagnosis.healthy import simulated
+from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, problem_at, rebased, run_round
+from boom_diagnosis.learning import learn_plainly
+from boom_diagnosis.nuisances import tolerances
+from boom_diagnosis.onset import TIME, near_onset
+from boom_diagnosis.search import Fitted
+from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT
+from boom_estimation.free_run import plant_for
+from boom_model.effects import EFFECTS
+from boom_model.learned import PLACES
+from boom_model.machine import Machine
+from boom_recording.recording import Recording
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Progress = Callable[[str, float], None]
+
+MOST_EFFECTS = 3
+HELD_OUT_SHARE = 1.0 / 3.0
+"""Of each recording, its end, where no recording is held out."""
+LITTLE = 0.25
+"""Share of what the tolerances cannot take up that a first effect may leave without a second look at all others."""
+OUTDONE = 0.1
+"""Share of what the best effect leaves that a term which is plain to see may leave, for no further effect to be looked for."""
+STRAINED, BESIDE_EFFECT = 12.0, 30.0
+"""Nats of their prior from which on tolerances that explain all are doubted: a healthy machine's have some 5, and one effect may be
+likelier than ten numbers that are off together. The same beside an effect that explains most: there they make up for what its form
+lacks, some 12 to 29 where it was the right one."""
+FIRST_LOOK = 0.6
+"""Share of a round's time that is over before a second look, as the progress counts it."""
+FAR = 1.0
+"""Loss per innovation over that of a healthy machine from which on the likeliest observer is looked for again; below, the one
+that is right for a healthy machine sees what is left best."""
+RAN = 0.95
+"""Share of a recording from which on a healthy copy counts as whole."""
+LEAST_MOVING, LEAST_TRAVEL = 4.0, 0.1
+"""s, rad: a recording that moves less says nothing about most of the machine."""
+
+
+def diagnose(
+    recordings: Sequence[Recording],
+    machine: Machine,
+    *,
+    held_out: Sequence[Recording] = (),
+    seed: int = 0,
+    progress: Progress = lambda text, share: None,
+    version: str = "",
+    inputs_sha256: Mapping[str, str] | None = None,
+    command: str = "",
+) -> DiagnosisResult:
+    """Finds what ``machine`` lacks to explain ``recordings`` and proves it on ``held_out``.
+
+    held_out: recordings that nothing is fitted to; without them the last third of each recording is held out.
+    progress: called with what is being done and the share of the work that is done.
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    about = answer.About(seed, version, dict(inputs_sha256 or {}), command)
+    prepared = [prepare(recording) for recording in recordings]
+    weak = [r.name for r, bag in zip(recordings, prepared, strict=True) if bag is None or not excited(bag)]
+    bags = [bag for bag in prepared if bag is not None and excited(bag)]
+    if not bags:
+        return answer.not_enough_excitation(recordings, machine, about)
+    proving = [bag for bag in (prepare(recording) for recording in held_out) if bag is not None and excited(bag)]
+    case = _case(machine, bags, proving, seed)
+    search(case, progress)
+    progress("locating", 0.8)
+    return answer.assemble(case, about, weak)
+
+
+def excited(bag: Bag) -> bool:
+    """Whether the boom moved long and far enough to tell anything."""
+    angle = bag.samples().measured[:, 0]
+    moving = float(bag.moving().sum()) * PERIOD
+    known = angle[np.isfinite(angle)]
+    return moving >= LEAST_MOVING and len(known) > 0 and float(np.ptp(known)) >= LEAST_TRAVEL
+
+
+def search(case: Case, progress: Progress) -> None:
+    """Round after round: what explains most is taken, everything is computed anew, until nothing earns its place."""
+    _rounds(case, progress)
+    _finish(case)
+
+
+def _finish(case: Case) -> None:
+    """The last fit, with gains and all derivatives of the point that was reached.
+
+    Where a tolerance can do what an effect does, derivatives from two places would tell them apart.
+    """
+    if not case.taken:
+        return
+    k, fitted = len(case.taken), case.taken[-1].fitted
+    at, names = case.last, fitted.coordinates
+    problem = case.problem(at.z, at.effects, case.rounds[k - 1].problem.predictor.looseness)
+    start = problem.points([(at.z, at.effects)])[0]
+    if TIME in start.effects:  # found beside other numbers than those it has now
+        start = near_onset(problem, start)
+    columns = problem.nuisance_jacobian(start)
+    jacobian = np.concatenate([columns, problem.effect_jacobian(start, names, exact=True)], axis=1)
+    point = start
+    if k not in case.spared:
+        fits = [problem.fit(start, jacobian, names)]
+        own = {name for w in case.taken for name in EFFECTS[w.fitted.effect].changes}
+        which = [i for i, n in enumerate(case.nuisances) if n.name in own and start.z[i] != 0.0]
+        if which:  # a number's being off is the effect's, as far as nothing tells them apart
+            moved = problem.made_nominal(start, jacobian, names, which)
+            fits.append(problem.fit(moved, columns, names))
+        point, reached = min(fits, key=lambda fit: fit[0].loss)
+        exact = problem.effect_jacobian(point, names, exact=True)
+        jacobian = np.concatenate([reached[:, : len(at.z)], exact], axis=1)
+    case.final = replace(fitted, point=point, jacobian=jacobian)
+
+
+def _rounds(case: Case, progress: Progress) -> None:
+    near, k = False, 0
+    alone = set[int]()  # of two and of three, once each: what takes the place of those before may bring them back
+    while k < MOST_EFFECTS:
+        look = _share(progress, 0.8 * k / MOST_EFFECTS, 0.8 / MOST_EFFECTS)
+        taken = _look(case, _share(look, 0.0, FIRST_LOOK), near)
+        if k == 0 and (not _satisfied(case) or _strained(case) or _at_the_end(case)):
+            taken = _look_again(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK))
+            if not _satisfied(case) and _plain(case):
+                return
+        elif not taken and k > 0 and not near and _followed(case):
+            before = case.kept_back()
+            taken = _look(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), True)
+            if not taken:
+                case.go_back(before)
+        if not taken:
+            return
+        if len(case.taken) > 1 and len(case.taken) not in alone:
+            alone.add(len(case.taken))
+            _without_those_before(case)
+            if len(case.taken) == 2 and _at_the_end(case):
+                _without_stand_in(case, look)
+        k = len(case.taken)
+        left = case.rest(case.last)
+        if left < NEGLIGIBLE:
+            return
+        near = left < FAR
+
+
+def _followed(case: Case) -> bool:
+    """Whether the last round's observer was so loose that it follows what the tight one sees."""
+    found = case.rounds[-1]
+    return found.problem.predictor.looseness > LOOSENESS[0] and not clear(case, found.base)
+
+
+def _share(progress: Progress, begin: float, size: float) -> Progress:
+    """Progress of a part that begins at a share of the whole and has a size of it."""
+    return lambda text, share: progress(text, begin + size * share)
+
+
+def _look(case: Case, progress: Progress, tight: bool) -> bool:
+    """One round: whether an effect was found that earns its place."""
+    z, values = (case.last.z, case.last.effects) if case.taken else (np.zeros(len(case.nuisances)), {})
+    found = run_round(
+        case.machine, case.bags, case.select, case.nuisances, z, values, progress,
+        nominal=None if case.taken else case.nominal, tight=tight, least=least(case),
+    )  # fmt: skip
+    if case.taken and _dissatisfied(case, found):
+        found = _beside_nominal(case, found)
+    return _judge(case, found)
+
+
+def _dissatisfied(case: Case, found: Round) -> bool:
+    """Whether a round beside other effects begins with a clear rest, and its best effect leaves much of it."""
+    best = found.fitted[0].gain if found.fitted else 0.0
+    return clear(case, found.base) and best < (1.0 - LITTLE) * found.base.over(case.floor)
+
+
+def _beside_nominal(case: Case, found: Round) -> Round:
+    """The round with effects that are seen where the tolerances are nominal: those fitted may have bent to do what they do."""
+    zero, names = np.zeros(len(case.nuisances)), all_coordinates(found.accepted)
+    loose = case.problem(zero, found.base.effects, LOOSENESS[1])
+    values = loose.fit_nominal(found.base.effects, names).effects
+    problem = case.problem(zero, values, LOOSENESS[1])
+    return afresh(found, Nominal(problem, values), [f.effect for f in found.fitted[:1]], case.floor)
+
+
+def _judge(case: Case, found: Round) -> bool:
+    """Weighs what a round found, in the place of a round before that nothing was taken from; whether the best is taken."""
+    k = len(case.taken)
+    found = rebased(found)
+    case.rounds[k:] = [found]
+    if k == 0:
+        if not case.healthy:
+            _calibrate(case, found)
+        case.trained[:] = [settle(case, 0, found.problem, found.base, found.jacobian, ())]
+    case.weighed[k:] = [weigh(case, found)]
+    taken = take(case)
+    best = case.weighed[k][0].fitted.point if case.weighed[k] else found.base
+    case.temperature = COLDEST + UNEXPLAINED_WEIGHT * max(0.0, best.over(case.floor))
+    return taken
+
+
+def _strained(case: Case) -> bool:
+    """Whether the tolerances have gone to improbable places."""
+    return 0.5 * float(case.last.z @ case.last.z) > (BESIDE_EFFECT if _explained(case) else STRAINED)
+
+
+def _at_the_end(case: Case) -> bool:
+    """Whether what was taken lies at the end of a range: it may stand in for something else."""
+    if not case.taken:
+        return False
+    found = case.taken[0].fitted
+    values = found.point.effects
+    return any(c.high <= values[c.name] or (c.positive and values[c.name] <= c.low) for c in found.coordinates)
+
+
+def _explained(case: Case) -> bool:
+    """Whether an effect leaves little of what the tolerances cannot take up."""
+    return bool(case.taken) and case.rest(case.last) < LITTLE * case.rest(case.kept(0))
+
+
+def _satisfied(case: Case) -> bool:
+    """Whether the first round leaves next to nothing, or little of what the tolerances cannot take up."""
+    return case.rest(case.last) < NEGLIGIBLE or _explained(case)
+
+
+def _look_again(case: Case, progress: Progress) -> bool:
+    """The first round once more, with the observer that sees most, and with what the nominal machine shows.
+
+    What the first look took stays where the second leaves more unexplained.
+    """
+    first = case.kept_back()
+    wanted = [case.taken[0].fitted.effect] if case.taken else []
+    case.taken.clear()
+    case.spared.clear()
+    case.disproved.clear()
+    found = case.rounds[0]
+    if found.problem.predictor.looseness > LOOSENESS[0]:
+        found = run_round(
+            case.machine, case.bags, case.select, case.nuisances, found.base.z, {}, progress, tight=True,
+            least=least(case), refined=1,
+        )  # fmt: skip
+    found = afresh(found, case.nominal, [*wanted, *(f.effect for f in found.fitted[:1])], case.floor)
+    taken = _judge(case, found)
+    known = {w.fitted.effect for w in (*case.weighed[0], *case.disproved)}
+    case.disproved += [w for w in (*first.taken, *first.disproved) if w.fitted.effect not in known]
+    if not first.taken:
+        return taken
+    left, before = (c.rest(c.last) for c in (case, first))
+    if left <= before + NEGLIGIBLE:
+        return taken
+    case.go_back(first)
+    return True
+
+
+def _without_those_before(case: Case) -> None:
+    """The last effect takes the place of those before where they gain nothing beside it: they stood in for it."""
+    last, others, alone = case.taken[-1], len(case.taken) - 1, _last_alone(case)
+    together = alone.problem.points([(last.fitted.point.z, last.fitted.point.effects)])[0]
+    if alone.point.loss - together.loss <= others * chance(case) + OTHER_FORM * last.net:
+        before = case.kept_back()
+        if not _taken_anew(case, alone):
+            case.go_back(before)
+
+
+def _without_stand_in(case: Case, progress: Progress) -> None:
+    """Where the first effect lies at the end of a range: the second one, and what is found beside it, if they leave less."""
+    before, left = case.kept_back(), case.rest(case.last)
+    if _taken_anew(case, _last_alone(case)):
+        _look(case, progress, case.rest(case.last) < FAR)
+        if case.rest(case.last) < left:
+            return
+    case.go_back(before)
+
+
+@dataclass(frozen=True)
+class _Alone:
+    """An effect fitted without any other. jacobian: (rows, z then coordinates) at the point."""
+
+    effect: str
+    problem: Problem
+    point: Point
+    jacobian: Array
+
+
+def _last_alone(case: Case) -> _Alone:
+    """The last effect without those before it."""
+    last, looseness = case.taken[-1].fitted, case.rounds[len(case.taken) - 1].problem.predictor.looseness
+    names = all_coordinates([last.effect])
+    values = {c.name: last.point.effects[c.name] for c in names}
+    problem = case.problem(last.point.z, values, looseness)
+    zero = np.zeros(len(case.nuisances))
+    start = min(problem.points([(last.point.z, values), (zero, values)]), key=lambda p: p.loss)
+    return _Alone(last.effect, problem, *problem.fit(start, problem.nuisance_jacobian(start), names))
+
+
+def _taken_anew(case: Case, alone: _Alone) -> bool:
+    """The search begun again, as if this effect had been all that the first round found; whether it is taken."""
+    first, problem, point = case.rounds[0], alone.problem, alone.point
+    base, columns = problem.fit(problem.points([(first.base.z, {})])[0], alone.jacobian[:, : len(point.z)])
+    names, gain = all_coordinates([alone.effect]), base.loss - point.loss
+    fitted = Fitted(alone.effect, point, names, alone.jacobian, gain, (point.loss,))
+    for part in (case.taken, case.spared, case.disproved):
+        part.clear()
+    return _judge(case, replace(first, base=base, jacobian=columns, fitted=(fitted,), problem=problem))
+
+
+def _plain(case: Case) -> bool:
+    """Whether a term that is plain to see explains what no effect does; it is kept then, and no effect is."""
+    learned = learn_plainly(case.setting, case.trained[0], list(PLACES))
+    if not learned or learned.point.excess(case.floor) > OUTDONE * case.rest(case.last):
+        return False
+    case.learned = learned
+    case.taken.clear()
+    case.spared = {k: v for k, v in case.spared.items() if k == 0}
+    del case.trained[1:]
+    return True
+
+
+def _case(machine: Machine, bags: list[Bag], proving: list[Bag], seed: int) -> Case:
+    pose = plant_for(bags[0].recording, machine, "full").pose
+    select = [bag.counted.copy() for bag in bags]
+    later = [
+        np.zeros_like(bag.time, dtype=bool) if proving else bag.time >= (1.0 - HELD_OUT_SHARE) * bag.recording.duration
+        for bag in bags
+    ]
+    training = [s & ~end[:, None] for s, end in zip(select, later, strict=True)]
+    judged = [s & end[:, None] for s, end in zip(select, later, strict=True)]
+    return Case(machine, pose, bags, proving, select, training, judged, tolerances(machine, pose), seed)
+
+
+def _calibrate(case: Case, first: Round) -> None:
+    """The loss of a healthy machine with the same currents; that of white noise where none gets far with them.
+
+    With the tolerances as fitted, or nominal where that machine gets further.
+    """
+    tried = []
+    for values in (first.problem.values(first.base.z, {}), dict[str, float]()):
+        made = [simulated(bag, case.machine, values, case.seed + 1 + i) for i, bag in enumerate(case.bags)]
+        reached = [len(copy.grid) / len(bag.grid) if copy else 0.0 for copy, bag in zip(made, case.bags, strict=True)]
+        tried.append((min(reached), values, made))
+        if tried[0][0] > RAN:
+            break
+    _, values, copies = max(tried, key=lambda t: t[0])
+    case.healthy = [copy or bag for copy, bag in zip(copies, case.bags, strict=True)]
+    known = [copy for copy in copies if copy is not None]
+    if not known:
+        case.floor = WHITE
+        return
+    select = [bag.counted for bag in known]
+    problem = problem_at(case.machine, known, select, case.nuisances, np.zeros(len(case.nuisances)), {}, 1.0)
+    exact = problem.predictor.predict([values])[0]
+    rows = np.concatenate([r.whitened[s.all(axis=1)] for r, s in zip(exact, select, strict=True)])
+    case.healthy_squares = np.mean(rows**2, axis=0)
+    case.floor = float(0.5 * np.mean(case.healthy_squares))

@@ -1,0 +1,313 @@
+"""Which effects could explain what the tolerances do not: a linear look at all, then a fit of the best few.
+
+Each effect is tried at one or more places (a run or two each). The difference that it makes, freed of what the tolerances can
+imitate, is compared with the innovations: how much of them would it take away, at the best size?
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.coordinates import DELAYS, LOADS, Coordinate, coordinates, starts
+from boom_diagnosis.fitting import WHITE, Point, Problem, weights
+from boom_diagnosis.onset import TIME, near_onset
+from boom_model.effects import CATALOGUE, EFFECTS
+
+Array = NDArray[np.float64]
+
+MASS = "effects.payload_change.mass"
+TIMED = 100.0
+"""Nats from which on the time of a load is looked for once more."""
+STEPS, GLANCE = 5, 2
+"""Of Gauss-Newton for an effect, and those after which one that is far behind another is left."""
+FURTHER = 6
+"""Steps beyond those while each still gains much: from the nominal machine it is far to a large effect."""
+STARTS = (1.0, 0.5, 0.2, 0.05)
+"""Shares of the linear look's size from which an effect is fitted."""
+SETS_IN = {"pump_flow_limit": (1.0, 0.96, 0.92, 0.88, 0.84)}
+"""Shares of its probe, too, of an effect that does nothing up to some size and soon far too much: probes are 15 to 20 % apart."""
+PROBES = 16
+"""Predicted at once."""
+NEARER = 0.5
+"""Share of a probe below which it is taken once more."""
+AS_THEY_ARE = ("payload_change", "pump_flow_limit", *DELAYS)
+"""Effects whose probes are taken once only: a load's time is searched for apart, a limit of the pump does nothing in proportion,
+and a delay moves samples between intervals."""
+LEAST_MISFIT = 50.0
+"""Nats that there may always be to explain."""
+ONSET_STEP = 10
+"""Intervals between the times at which an effect that begins is looked for."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect with the values to start from and what it would gain [nats] by the linear look.
+
+    probe: values at which the look was taken: of an effect that sets in at some size they may be the better start.
+    """
+
+    effect: str
+    values: dict[str, float]
+    gain: float
+    probe: dict[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """An effect fitted together with the tolerances.
+
+    Attributes:
+        gain: decrease of the loss against the tolerances alone [nats].
+        jacobian: (rows, z then coordinates) at the point.
+        starts: losses reached from each start. glanced: the best of them after ``GLANCE`` steps.
+    """
+
+    effect: str
+    point: Point
+    coordinates: tuple[Coordinate, ...]
+    jacobian: Array
+    gain: float
+    starts: tuple[float, ...]
+    glanced: float = -np.inf
+
+
+class Scanner:
+    """The linear look: innovations of a fitted point, with its tolerances (and accepted effects) projected out.
+
+    A tolerance that would have to leave its limits stands at the limit, and imitates nothing.
+    """
+
+    def __init__(self, problem: Problem, at: Point, jacobian: Array) -> None:
+        self.problem, self.at = problem, at
+        self.load = problem.predictor.plant(0, frozenset()).pose.load
+        self.omega = weights(at)
+        count = len(at.z)
+        size = np.maximum(np.sqrt(np.sum(jacobian * jacobian, axis=0)), 1e-9)
+        size[:count] = 1.0
+        scaled = jacobian / size
+        prior = np.full(jacobian.shape[1], 1e-9)
+        prior[:count] = 1.0
+        weighted = scaled * self.omega[:, None]
+        normal = weighted.T @ scaled + np.diag(prior)
+        score = weighted.T @ at.w
+        score[:count] += at.z
+        low, high = problem.limits
+        self._free, moved = np.ones(len(prior), dtype=bool), np.zeros(len(prior))
+        for _ in range(count):
+            free = self._free
+            moved[free] = -np.linalg.solve(
+                normal[np.ix_(free, free)], score[free] + normal[np.ix_(free, ~free)] @ moved[~free]
+            )
+            z = at.z + moved[:count]
+            crossing = free[:count] & ((z < low) | (z > high))
+            if not crossing.any():
+                break
+            self._free[:count] &= ~crossing
+            moved[:count][crossing] = (np.clip(z, low, high) - at.z)[crossing]
+        self._moved = np.where(self._free, 0.0, moved)
+        free = self._free
+        self._weighted, self._factor = weighted[:, free], np.linalg.inv(normal[np.ix_(free, free)])
+        self._w = at.w + scaled @ self._moved
+        self._score = (score + normal @ self._moved)[free]
+
+    def gain(self, columns: Array) -> tuple[float, Array]:
+        """Decrease of the loss [nats] by moving along columns (rows, k) from the point, and the sizes (k,)."""
+        cross = self._weighted.T @ columns
+        projected = (columns * self.omega[:, None]).T @ columns - cross.T @ self._factor @ cross
+        score = columns.T @ (self.omega * self._w) - cross.T @ self._factor @ self._score
+        scale = np.sqrt(np.maximum(np.diag(projected), 1e-12))
+        size = -np.linalg.lstsq(projected / np.outer(scale, scale), score / scale, rcond=1e-9)[0] / scale
+        return float(-0.5 * score @ size), size
+
+    def scan(self, wanted: Sequence[str]) -> list[Candidate]:
+        """Candidates of these effects, the best first.
+
+        A probe that changes the innovations by far more than what is to be explained says little about small ones; it is taken once
+        more, in proportion.
+        """
+        duration = max(bag.recording.duration for bag in self.problem.predictor.bags)
+        tried = [(effect, start) for effect in wanted for start in starts(EFFECTS[effect], duration)]
+        tried.sort(key=lambda t: EFFECTS[t[0]].states)  # those of one plant go side by side
+        seen = self._probed(tried)
+        misfit = max(self.at.over(WHITE), LEAST_MISFIT)
+        shares = [sqrt(2.0 * misfit) / max(size, 1e-9) for _, size in seen]
+        large = [k for k, share in enumerate(shares) if share < NEARER and tried[k][0] not in AS_THEY_ARE]
+        nearer = self._probed([(tried[k][0], _scaled(*tried[k], shares[k])) for k in large])
+        best = [candidate for candidate, _ in seen]
+        for k, (candidate, _) in zip(large, nearer, strict=True):
+            best[k] = max(best[k], candidate, key=lambda c: c.gain)
+        return sorted(self._joined(best), key=lambda c: -c.gain)
+
+    def _probed(self, tried: Sequence[tuple[str, dict[str, float]]]) -> list[tuple[Candidate, float]]:
+        """The candidate that each probe gives, and the norm of what it changes in the innovations."""
+        found = []
+        for k in range(0, len(tried), PROBES):
+            part = tried[k : k + PROBES]
+            points = self.problem.points([(self.at.z, {**self.at.effects, **self._probe(*t)}) for t in part])
+            for (effect, start), point in zip(part, points, strict=True):
+                column = point.w - self.at.w
+                timed = effect == "payload_change"
+                candidate = self._onset(start, column) if timed else self._candidate(effect, start, column)
+                found.append((candidate, float(np.linalg.norm(column))))
+        return found
+
+    def _probe(self, effect: str, start: dict[str, float]) -> dict[str, float]:
+        """What is predicted: of a load that comes, one that has always been there."""
+        return lasting(start) if effect == "payload_change" else start
+
+    def _candidate(self, effect: str, start: dict[str, float], column: Array) -> Candidate:
+        gain, size = self.gain(column[:, None])
+        leading = _leading(effect, start)
+        neutral = _neutral(leading.name)
+        value = neutral + float(size[0]) * (start[leading.name] - neutral)
+        low = max(leading.low, -self.load) if effect in LOADS else leading.low
+        clipped = float(np.clip(value, low, leading.high))
+        share = (clipped - neutral) / (start[leading.name] - neutral)
+        if abs(share) <= 0.02 < abs(size[0]):  # it would have to leave its limits
+            gain = 0.0
+        elif clipped != value:  # the parabola at the limit
+            gain *= max(0.0, 1.0 - (1.0 - share / float(size[0])) ** 2)
+        return Candidate(
+            effect, {**start, leading.name: clipped if abs(share) > 0.02 else start[leading.name]}, gain, start
+        )
+
+    def _joined(self, found: list[Candidate]) -> list[Candidate]:
+        """Effects of independent numbers: what they gain together, from the sum of their single gains."""
+        result = [c for c in found if not EFFECTS[c.effect].independent]
+        grouped: dict[str, list[Candidate]] = {}
+        for c in found:
+            if EFFECTS[c.effect].independent:
+                grouped.setdefault(c.effect, []).append(c)
+        for effect, own in grouped.items():
+            values = {
+                name: next((c.values[name] for c in own if c.values[name] != _neutral(name)), _neutral(name))
+                for name in own[0].values
+            }
+            result.append(Candidate(effect, values, sum(c.gain for c in own)))
+        return result
+
+    def _onset(self, start: dict[str, float], column: Array) -> Candidate:
+        """A mass that comes at t_g: ``column``, what a lasting one changes, from t_g on (the observer forgets in a second)."""
+        times = np.concatenate(
+            [np.broadcast_to(bag.time[:, None], s.shape)[s] for bag, s in zip(
+                self.problem.predictor.bags, self.problem.rows, strict=True)]
+        )  # fmt: skip
+        order = np.argsort(times, kind="stable")
+        t, s, w = times[order], column[order], (self.omega * self._w)[order]
+        omega, nw = self.omega[order], self._weighted[order]
+        # sums over all samples behind a time
+        score = np.cumsum((s * w)[::-1])[::-1]
+        power = np.cumsum((omega * s * s)[::-1])[::-1]
+        cross = np.cumsum((nw * s[:, None])[::-1], axis=0)[::-1]
+        pick = np.arange(0, len(t), 4 * ONSET_STEP)
+        c = cross[pick]
+        projected = power[pick] - np.einsum("ij,jk,ik->i", c, self._factor, c)
+        g = score[pick] - c @ self._factor @ self._score
+        masses = -start[MASS] * g / np.maximum(projected, 1e-9)
+        gains = np.where(masses < -self.load, 0.0, 0.5 * g * g / np.maximum(projected, 1e-9))
+        k = int(np.argmax(gains))
+        return Candidate("payload_change", {MASS: float(masses[k]), TIME: float(t[pick[k]])}, float(gains[k]))
+
+    def follow(self, columns: Array, size: Array) -> Array:
+        """z that the tolerances would take if the innovations changed by columns @ size."""
+        moved = self._moved.copy()
+        moved[self._free] -= self._factor @ (self._score + self._weighted.T @ (columns @ size))
+        return np.asarray(np.clip(self.at.z + moved[: len(self.at.z)], *self.problem.limits))
+
+
+def refine(
+    scanner: Scanner,
+    jacobian: Array,
+    candidates: Sequence[Candidate],
+    kept: Sequence[Coordinate] = (),
+    *,
+    at_least: float = 0.0,
+    level: float = -np.inf,
+) -> Fitted:
+    """Fits one effect (and the numbers ``kept`` of those accepted before) from its candidates and keeps the best.
+
+    Of several candidates one that is behind another after ``GLANCE`` steps is not followed further.
+
+    at_least, level: nats that a start must have gained after ``GLANCE`` steps to be followed further, or the loss it must have
+    reached then, that of the best so far.
+    """
+    problem, at = scanner.problem, scanner.at
+    names = (*kept, *coordinates(EFFECTS[candidates[0].effect]))
+    count = len(at.z)
+    reached: list[tuple[Point, Array]] = []
+    glanced = np.inf
+    for candidate in candidates:
+        start = _start(scanner, candidate)
+        before, own = problem.fit(start, jacobian[:, :count], names, iterations=1)
+        point, own = problem.fit(before, own, names, iterations=GLANCE - 1)
+        leading, glanced = point.loss < glanced, min(glanced, point.loss)
+        # another step may gain as much as the last
+        enough = at.loss - point.loss + (before.loss - point.loss) > at_least or point.loss <= level
+        if leading and enough:
+            point, own = problem.fit(point, own, names, iterations=STEPS - GLANCE, further=FURTHER)
+            if TIME in candidate.values and at.loss - point.loss > TIMED:  # the loss over a time has many valleys
+                point, own = problem.fit(near_onset(problem, point), own[:, :count], names, iterations=STEPS)
+        reached.append((point, own))
+    point, final = min(reached, key=lambda r: r[0].loss)
+    losses = tuple(r[0].loss for r in reached)
+    return Fitted(candidates[0].effect, point, names, final, at.loss - point.loss, losses, glanced)
+
+
+def _start(scanner: Scanner, candidate: Candidate) -> Point:
+    """The best of a few points on the way to the candidate, with the tolerances where they are and where they follow."""
+    at = scanner.at
+    leading = {name for name, value in candidate.values.items() if value != _neutral(name)}
+    companions = {c.name for c in coordinates(EFFECTS[candidate.effect])[1:]}
+    if not EFFECTS[candidate.effect].independent:
+        leading -= companions
+    wanted = []
+    for share in STARTS:
+        values = {
+            n: (_neutral(n) + share * (v - _neutral(n)) if n in leading else v) for n, v in candidate.values.items()
+        }
+        wanted.append((at.z, {**at.effects, **values}))
+    if candidate.probe:
+        shares = SETS_IN.get(candidate.effect, (1.0,))
+        probes = [_scaled(candidate.effect, candidate.probe, share) for share in shares]
+        wanted += [(at.z, {**at.effects, **probe}) for probe in probes]
+    points = scanner.problem.points(wanted)
+    followed = scanner.problem.points(
+        [
+            (scanner.follow((p.w - at.w)[:, None], np.ones(1)), p.effects)
+            for p in sorted(points, key=lambda p: p.loss)[:2]
+        ]
+        + [(np.zeros_like(at.z), points[0].effects)]
+    )
+    return min(points + followed, key=lambda p: p.loss)
+
+
+def lasting(values: Mapping[str, float]) -> dict[str, float]:
+    """The load that has always been there, of one that comes; values by dotted name."""
+    return {"effects.payload.mass": values[MASS]}
+
+
+def possible_effects(has: Callable[[str], bool], without: Sequence[str] = ()) -> list[str]:
+    """Effects that a machine can have and does not have yet."""
+    return [effect.id for effect in CATALOGUE if has(effect.needs) and effect.id not in without]
+
+
+def _leading(effect: str, start: Mapping[str, float]) -> Coordinate:
+    """The number of an effect that a probe moves in proportion."""
+    own = coordinates(EFFECTS[effect])
+    moved = [c for c in own if start[c.name] != _neutral(c.name)]
+    return moved[0] if EFFECTS[effect].independent else own[0]
+
+
+def _scaled(effect: str, start: dict[str, float], share: float) -> dict[str, float]:
+    name = _leading(effect, start).name
+    return {**start, name: _neutral(name) + share * (start[name] - _neutral(name))}
+
+
+def _neutral(name: str) -> float:
+    _, effect, parameter = name.split(".")
+    return next(row.neutral for row in EFFECTS[effect].parameters if row.name == parameter)

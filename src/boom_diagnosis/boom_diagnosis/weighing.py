@@ -1,0 +1,255 @@
+"""From fits to probabilities: what each hypothesis gains, what it costs, and how far the rest speaks for physics unknown.
+
+A hypothesis gains the decrease of the loss it brings, on data used and not used [nats], and pays for the room that its
+numbers had (Occam factor: width of the prior over width of the posterior). Losses are divided by a temperature, because
+no model is exactly right: nats that no hypothesis explains make all of them less sure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import exp, log, pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.coordinates import LOADS, Coordinate
+from boom_diagnosis.document import Estimate
+from boom_diagnosis.fitting import Point, huber_weights, rho, weights
+from boom_diagnosis.search import Fitted
+
+Array = NDArray[np.float64]
+
+ENOUGH = 12.0
+"""Nats, net of costs, from which on an effect is named at all: twice what chance gave on simulated healthy recordings."""
+TOO_SMALL = 0.0015
+"""Nats per innovation that an effect must gain beside: so much is taken up by an effect where two models of one machine differ
+in the fourth digit (other integrator, clocks that differ by 0.2 ms). It is an effect of a twentieth of the noise."""
+OTHER_FORM = 0.02
+"""Share of what the effects before gained that a further one must gain: the catalogue's form of an effect is not the machine's,
+and what it misses of a large effect looks like a small other one."""
+COLDEST = 3.0
+"""Temperature where nothing remains unexplained."""
+UNEXPLAINED_WEIGHT = 0.1
+"""Share of the unexplained nats that adds to the temperature."""
+UNKNOWN_FROM, UNKNOWN_STEEPNESS = 0.78, 8.0
+"""Share of the misfit's amplitude that remains where unknown physics becomes as likely as not, and how sharply."""
+ANOTHER_FORM = 2.0
+"""Factor beyond its plausible range up to which the compliance of bristles may be fitted to friction of another form."""
+SLIGHT = 0.04
+"""Loss per innovation over that of a healthy machine at which what nothing explains is as likely nothing unknown."""
+CLEAR = 0.1
+"""The same, of one channel, from which on it counts by itself."""
+NEGLIGIBLE = 0.012
+"""Loss per innovation over that of a healthy machine which counts as nothing: the observer's own shortcomings."""
+Z90 = 1.645
+FORM = 2.5
+"""Factor of intervals that the recordings decide: a machine's effect never has exactly the catalogue's form. From blind trials
+(docs/proof_method.md)."""
+MEANING = {
+    "effects.position_dependent_friction.q_c": 0.02,  # rad, of a tight spot whose outline is not known
+    "effects.pilot_lag.r": 0.06,  # the pilot's rise is no first-order lag
+    "effects.hose_burst_valve_setting.r": 0.15,  # a set spring moves the knee, and not the slope before it
+}
+"""Standard deviation (of the logarithm for a factor) to which a number means anything, where an effect's form in the machine is not
+the catalogue's, however sharply the recordings tell it. From blind trials, too."""
+DERIVATIVES = 1e-3
+GRASP = 0.15
+"""s. A load is not taken up in an instant: half the least width of the interval of its time."""
+BLOCK = 800
+"""Consecutive innovations, 2 s of four channels, that a wrong model makes wrong together."""
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A hypothesis: gain on data used, on data not used, cost [nats]; log-odds against the tolerances alone."""
+
+    fitted: Fitted
+    gain: float
+    held_out_gain: float
+    cost: float
+
+    @property
+    def net(self) -> float:
+        """Of gains and cost [nats]."""
+        return self.gain + self.held_out_gain - self.cost
+
+
+def precision(point: Point, jacobian: Array, count: int) -> Array:
+    """Inverse covariance of (z, inner coordinates) from the rows used; the first ``count`` unknowns have unit priors."""
+    normal = (jacobian * weights(point)[:, None]).T @ jacobian
+    normal[np.arange(count), np.arange(count)] += 1.0
+    return np.asarray(normal)
+
+
+def predictive_loss(w: Array, jacobian: Array, known: Array) -> float:
+    """Loss [nats] of data not used, whose numbers are known from elsewhere only as well as ``known`` (their precision) says.
+
+    w: (rows,), jacobian: (rows, unknowns) at the fitted point; the unknowns may move within what is known of them.
+    """
+    weighted = jacobian * huber_weights(w)[:, None]
+    both = known + weighted.T @ jacobian
+    gradient = weighted.T @ w
+    scale = _scale(both)
+    scaled, moved = _unit(both, scale), gradient / scale
+    spread = np.linalg.slogdet(scaled)[1] - np.linalg.slogdet(_unit(known, scale))[1]
+    return rho(w) - 0.5 * float(moved @ np.linalg.solve(scaled, moved)) + 0.5 * float(spread)
+
+
+def _scale(normal: Array) -> Array:
+    """Roots of the diagonal of a precision."""
+    return np.asarray(np.sqrt(np.maximum(np.diag(normal), 1e-12)))
+
+
+def _unit(normal: Array, scale: Array) -> Array:
+    """A precision in units of ``scale``, kept from being singular."""
+    return np.asarray(normal / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)))
+
+
+def split_loss(w: Array, jacobian: Array, prior: Array, z: Array, used: NDArray[np.bool_]) -> tuple[float, float]:
+    """Loss [nats] of the rows ``used`` where they alone are fitted, and what the others then cost, by Laplace's rule.
+
+    -log p(others | used) = F(all) - F(used), F(S) = min loss of S + 1/2 log det of its Hessian; the minimum over the rows used is a
+    Gauss-Newton step away from the point, which all rows were fitted to.
+
+    w: (rows,), jacobian: (rows, unknowns) at the point, prior: (unknowns,) precision, z: (count,) the first unknowns.
+    """
+    weighted = jacobian * huber_weights(w)[:, None]
+    part, rows = weighted[used], jacobian[used]
+    some, every = part.T @ rows + np.diag(prior), weighted.T @ jacobian + np.diag(prior)
+    scale = _scale(every)
+    some, every = _unit(some, scale), _unit(every, scale)
+    gradient = part.T @ w[used]
+    gradient[: len(z)] += z
+    gradient = gradient / scale
+    own = 0.5 * float(z @ z)
+    fitted = rho(w[used]) + own - 0.5 * float(gradient @ np.linalg.solve(some, gradient))
+    room = 0.5 * float(np.linalg.slogdet(every)[1] - np.linalg.slogdet(some)[1])
+    return fitted, rho(w) + own - fitted + room
+
+
+def posterior(point: Point, jacobian: Array, count: int) -> Array:
+    """Covariance of (z, inner coordinates) at a fitted point; the first ``count`` unknowns have unit priors."""
+    normal = precision(point, jacobian, count)
+    scale = _scale(normal)
+    return np.asarray(np.linalg.inv(_unit(normal, scale)) / np.outer(scale, scale))
+
+
+def scatter(point: Point, jacobian: Array, count: int) -> Array:
+    """Covariance of (z, inner coordinates), from how much stretches of the recording disagree about them.
+
+    H^-1 (sum over blocks of s s') H^-1: H the precision, s the score of a block of ``BLOCK`` innovations (White, Econometrica
+    50, 1982; blocks for what is wrong together: Liang and Zeger, Biometrika 73, 1986). Where the model's form is right it is
+    the posterior's but for the priors; where not, it is wider.
+    """
+    scores = (jacobian * (weights(point) * point.w)[:, None])[point.used]
+    blocks = np.add.reduceat(scores, np.arange(0, len(scores), BLOCK), axis=0)
+    blocks = blocks - blocks.mean(axis=0)
+    normal = precision(point, jacobian, count)
+    scale = _scale(normal)
+    moved = np.linalg.solve(_unit(normal, scale), (blocks / scale).T) / scale[:, None]
+    return np.asarray(moved @ moved.T) * len(blocks) / max(len(blocks) - 1, 1)
+
+
+def occam(fitted: Fitted, new: Sequence[Coordinate]) -> float:
+    """Cost of the numbers of the new effect [nats]: log(prior width / posterior width), never negative."""
+    count = len(fitted.point.z)
+    covariance = posterior(fitted.point, fitted.jacobian, count)
+    cost = 0.0
+    for c in new:
+        k = count + fitted.coordinates.index(c)
+        width = sqrt(2 * pi * max(float(covariance[k, k]), 1e-300))
+        room = log(60.0) if c.name.endswith(".t_g") else log(max(c.width, 1e-300))
+        cost += max(0.0, room - log(width))
+    return cost
+
+
+def trusted(point: Point, jacobian: Array, count: int, prior: Sequence[float], discount: float) -> Array:
+    """Covariance of (z, inner coordinates) from no more than derivatives by differences can tell.
+
+    discount: what the recordings tell is divided by it; what the tolerances say is not.
+
+    The precision scaled to a unit diagonal loses ``DERIVATIVES`` in every principal direction: in one where the effect of moving
+    all unknowns together is less than 3 % of what each does alone, the recordings say nothing, the priors (precision 1 for z,
+    ``prior`` for coordinates) all.
+    """
+    normal = (jacobian * weights(point)[:, None]).T @ jacobian
+    scale = _scale(normal)
+    values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
+    told = (vectors * np.maximum(values - DERIVATIVES, 0.0) / discount) @ vectors.T * np.outer(scale, scale)
+    told += np.diag([1.0] * count + list(prior))
+    scale = np.sqrt(np.diag(told))
+    return np.asarray(np.linalg.inv(told / np.outer(scale, scale)) / np.outer(scale, scale))
+
+
+def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
+    """Numbers of all its effects with 90 % intervals, dotted names: the wider of two, posterior and scatter.
+
+    What the recordings tell counts ``FORM`` times less sharply, and to ``MEANING`` at best; how far a tolerance reaches stays.
+    """
+    count = len(fitted.point.z)
+    prior = [c.precision for c in fitted.coordinates]
+    covariance = np.diag(trusted(fitted.point, fitted.jacobian, count, prior, temperature * FORM**2))
+    covariance = np.maximum(covariance, np.diag(scatter(fitted.point, fitted.jacobian, count)) * FORM**2)
+    result = {}
+    for k, c in enumerate(fitted.coordinates, start=count):
+        value = fitted.point.effects[c.name]
+        spread = Z90 * sqrt(max(float(covariance[k]), 0.0) + MEANING.get(c.name, 0.0) ** 2)
+        if c.name.endswith(".t_g"):
+            spread = max(spread, GRASP)
+        if c.positive:
+            low, high = value * exp(-min(spread, 5.0)), value * exp(min(spread, 5.0))
+        else:
+            low, high = value - spread, value + spread
+        result[c.name] = Estimate(value, c.unit, (max(low, min(c.low, value)), min(high, max(c.high, value))))
+    return result
+
+
+def probabilities(weighed: Sequence[Weighed], temperature: float) -> list[float]:
+    """Of each hypothesis, and last that none is needed; all equally likely before."""
+    scores = np.array([w.net / temperature for w in weighed] + [0.0])
+    scores -= scores.max()
+    p = np.exp(scores)
+    return [float(v) for v in p / p.sum()]
+
+
+def unknown_probability(before: float, after: float, channels: Sequence[tuple[float, float]] = ()) -> float:
+    """That physics of no catalogue acts, from the loss per innovation over that of a healthy machine.
+
+    p = s^8 / (s^8 + u^8) b / (b + SLIGHT), s = sqrt(after / before), b = before: what little is wrong may as well be a
+    catalogue's effect in a form that is not the catalogue's. u = 0.78.
+
+    channels: before and after of each measured channel. An effect that explains some channels and leaves two others, clearly off,
+    as they were has another one beside it or stands in for it: the second of those that are explained least counts, of channels
+    where more than CLEAR is left (one alone may be the effect's form).
+    """
+    left = sorted((_unexplained(b, a) for b, a in channels if a > CLEAR), reverse=True)
+    whole = [_unexplained(before, after)] if after > NEGLIGIBLE else []
+    return max([0.02, *whole, *left[1:2]])
+
+
+def _unexplained(before: float, after: float) -> float:
+    share = sqrt(max(after, 0.0) / max(before, after, 1e-12))
+    return float(before / (before + SLIGHT) / (1.0 + (UNKNOWN_FROM / max(share, 1e-6)) ** UNKNOWN_STEEPNESS))
+
+
+def possible(fitted: Fitted, load: float) -> bool:
+    """Whether a boom with a ``load`` [kg] told can have an effect as it was fitted; if not, it stands in for something else.
+
+    A load that lifts is none. What is slower or more damped than the modes of a steel boom, as far as its intervals tell, is the
+    mode of another body. Bristles far softer than plausible are a spring, not friction; far stiffer ones do nothing, but an
+    observer that corrects them follows other torques, too.
+    """
+    plausible, own = {c.name: c.plausible for c in fitted.coordinates}, f"effects.{fitted.effect}."
+    if fitted.effect in LOADS:
+        return fitted.point.effects[own + "mass"] >= -load
+    if fitted.effect == "presliding_friction":
+        low, high = plausible[own + "compliance"]
+        return low / ANOTHER_FORM <= fitted.point.effects[own + "compliance"] <= high * ANOTHER_FORM
+    if fitted.effect == "boom_flexibility":
+        found = estimates(fitted, 1.0)
+        slow = found[own + "f"].interval_90[1] < plausible[own + "f"][0]
+        damped = found[own + "zeta"].interval_90[0] > plausible[own + "zeta"][1]
+        return not (slow or damped)
+    return True

@@ -1,0 +1,143 @@
+"""Free runs of the model over a recording: it sees the currents and the initial state, nothing else; ch. 5.6.
+
+A run does not cross a gap in the currents; it starts again behind it. Masked samples count nowhere. MAE is (5.48).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_estimation.currents import HeldCurrents, held_currents
+from boom_estimation.initial_state import InitialState, initial_state
+from boom_model.equations import Kind
+from boom_model.errors import SimulationError
+from boom_model.machine import Machine
+from boom_model.plant import Plant, Trajectory
+from boom_model.sensors import OUTPUTS
+from boom_recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-5
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """Errors of a prediction against a measurement, SI; None where nothing could be compared."""
+
+    angle_mae_rad: float | None
+    angle_rmse_rad: float | None
+    rate_rmse_rad_s: float | None
+    hose_pressure_rmse_pa: float | None
+    rod_pressure_rmse_pa: float | None
+
+    def document(self) -> dict[str, float | None]:
+        """As in ``validate --json``."""
+        return dict(self.__dict__)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a model (or a bag made by one) says for a recording.
+
+    Attributes:
+        label: ``full``, ``reduced`` or another word for the report.
+        values: channel -> (n,) at that channel's own stamps, NaN where nothing was predicted.
+        runs: one sentence for each free run: from when to when, and how its initial state was found.
+        stopped: why a run ended before its end, empty if none did.
+    """
+
+    label: str
+    values: Mapping[str, Array]
+    metrics: Metrics
+    runs: tuple[str, ...] = ()
+    stopped: str = ""
+
+
+def predict(recording: Recording, machine: Machine, kind: Kind, *, through_evaporation: bool = False) -> Prediction:
+    """Free runs of one model over a recording, at the stamps of its channels.
+
+    through_evaporation: they go on where the oil of the head side would evaporate.
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    plant = plant_for(recording, machine, kind)
+    if through_evaporation:
+        plant = plant.through_evaporation()
+    currents = held_currents(recording)
+    times = {name: recording.signals[name].time for name in OUTPUTS}
+    values = {name: np.full(len(time), np.nan) for name, time in times.items()}
+    runs: list[str] = []
+    stopped = ""
+    for start, end in currents.stretches(recording.duration):
+        begin = initial_state(recording, plant, currents, start, end)
+        if begin is None:
+            runs.append(f"{start:.2f} s to {end:.2f} s: not run, a channel has no valid sample to begin with")
+            continue
+        inside = {name: np.flatnonzero((time >= start) & (time <= end)) for name, time in times.items()}
+        sampled = np.unique(np.concatenate([times[name][k] for name, k in inside.items()]))
+        run, reason = _run(plant, currents, sampled, begin)
+        stopped = stopped or reason
+        if run is None:
+            continue
+        for name, k in inside.items():
+            where = np.searchsorted(run.time, times[name][k])
+            known = where < len(run.time)
+            values[name][k[known]] = run.output(name)[where[known]]
+        runs.append(f"{start:.2f} s to {end:.2f} s: {begin.how}")
+    return Prediction(kind, values, metrics(recording, values), tuple(runs), stopped)
+
+
+def _run(plant: Plant, currents: HeldCurrents, sampled: Array, begin: InitialState) -> tuple[Trajectory | None, str]:
+    """The run at the times ``sampled`` (n,) [s], as far as it gets, and why it got no further (empty if it did)."""
+    reached, stopped, dropped = sampled, "", 1
+    while len(reached):
+        try:
+            run = plant.run(currents.time, currents.values, reached, begin.state, start=begin.time, tolerance=TOLERANCE)
+            return run, stopped
+        except SimulationError as error:
+            stopped = stopped or str(error)
+            # The range is checked at the end of a step, which may lie behind the last sample: some samples less, then.
+            before = int(np.searchsorted(reached, error.time - 1e-6))
+            reached = reached[: max(0, min(len(reached) - dropped, before))]
+            dropped *= 2
+    return None, stopped
+
+
+def metrics(recording: Recording, values: Mapping[str, Array]) -> Metrics:
+    """Errors of predicted values against the valid measured samples."""
+
+    def errors(name: str) -> Array:
+        signal = recording.signals[name]
+        error = np.where(signal.valid, values[name] - signal.values, np.nan)
+        return error[np.isfinite(error)]
+
+    def over(name: str, what: Callable[[Array], Any]) -> float | None:
+        e = errors(name)
+        return float(what(e)) if len(e) else None
+
+    def rms(e: Array) -> Any:
+        return np.sqrt(np.mean(e**2))
+
+    return Metrics(
+        over("angle", lambda e: np.mean(np.abs(e))), over("angle", rms), over("rate", rms),
+        over("hose_pressure", rms), over("rod_pressure", rms),
+    )  # fmt: skip
+
+
+def plant_for(recording: Recording, machine: Machine, kind: Kind) -> Plant:
+    """The model in the pose and with the load that the recording tells (an unknown load counts as none).
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    c = recording.configuration
+    load = 0.0 if math.isnan(c.load_mass) else c.load_mass
+    return Plant(machine, machine.pose(c.outer_boom_angle, c.telescope_length, load), kind)

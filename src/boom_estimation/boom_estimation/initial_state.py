@@ -1,0 +1,140 @@
+"""Initial state of a free run, from what was measured at its beginning.
+
+A boom that rests tells it (machine notes): p_a = p_h, p_o,i = max(p_h, p_g0,i), spool and pilot states zero. Behind a
+gap, or in a recording that begins in motion, the unmeasured states are estimated: least squares over the first second,
+from a guess in which pilot stage, spool and accumulators are stationary, and no further from it than its uncertainty
+allows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_estimation.currents import HeldCurrents, held_currents
+from boom_model.errors import SimulationError
+from boom_model.plant import Plant
+from boom_model.sensors import OUTPUTS
+from boom_recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+REST_WINDOW = 0.95
+"""s. Recordings of the machine rest at least that long before the first current."""
+SHORTEST_REST = 0.15
+CLOSED_CURRENT = 0.05
+"""A. Below it the spool stays deep inside its dead zone whatever the current's noise."""
+RESTING_RATE = 5e-3
+"""rad/s. Mean rate below which the boom rests."""
+FIT_WINDOW = 1.0
+
+NOISE = {"angle": 4e-4, "rate": 1.5e-3, "hose_pressure": 2e4, "rod_pressure": 2e4}
+"""rad, rad/s, Pa: weights of the four channels in the fit (sensors of ch. 6.4)."""
+UNCERTAINTY = {
+    "angle": 1e-3, "rate": 1e-2, "head_pressure": 5e5, "rod_pressure": 5e5, "hose_pressure": 3e5,
+    "accumulator_pressure_1": 1e6, "accumulator_pressure_2": 1e6, "spool_position": 1e-3, "spool_velocity": 1e-3,
+    "pilot_retract": 3e-3, "pilot_extend": 3e-3,
+}  # fmt: skip
+"""How far the guess of a state in motion may be off (standard deviation, SI)."""
+
+
+@dataclass(frozen=True)
+class InitialState:
+    """State (NX,) at ``time`` [s], and how it was found, in words for the report."""
+
+    time: float
+    state: Array
+    how: str
+
+
+def initial_state(
+    recording: Recording, plant: Plant, currents: HeldCurrents, start: float, end: float
+) -> InitialState | None:
+    """Initial state of the run over [start, end] [s]; None where a channel has no valid sample there to begin with."""
+    resting = rest_end(currents, start, end)
+    means = means_at_rest(recording, start, resting)
+    if means is not None:
+        state = plant.rest_state_measured(means["angle"], means["hose_pressure"], means["rod_pressure"])
+        return InitialState(start, state, f"at rest from {start:.2f} s to {resting:.2f} s")
+    return _in_motion(recording, plant, currents, start, end)
+
+
+def resting_start(recording: Recording) -> dict[str, float] | None:
+    """Mean of the four channels [SI] while the boom rests at the beginning of a recording; None if it does not."""
+    currents = held_currents(recording)
+    return means_at_rest(recording, 0.0, rest_end(currents, 0.0, recording.duration))
+
+
+def rest_end(currents: HeldCurrents, start: float, end: float) -> float:
+    """Until when [s] the boom may rest at the beginning of [start, end]: no current has opened the valve yet."""
+    return min(start + REST_WINDOW, currents.first_above(CLOSED_CURRENT, start), end)
+
+
+def means_at_rest(recording: Recording, start: float, end: float) -> dict[str, float] | None:
+    """Means of the four channels [SI] over [start, end] [s]; None where the boom moves or the time is too short."""
+    if end - start < SHORTEST_REST:
+        return None
+    means = {name: _mean(recording, name, start, end) for name in OUTPUTS}
+    still = all(np.isfinite(v) for v in means.values()) and abs(means["rate"]) < RESTING_RATE
+    return means if still else None
+
+
+def _in_motion(
+    recording: Recording, plant: Plant, currents: HeldCurrents, start: float, end: float
+) -> InitialState | None:
+    from scipy.optimize import least_squares  # takes a second to load, and most recordings begin at rest
+
+    until = min(start + FIT_WINDOW, end)
+    samples = {name: _samples(recording, name, start, until) for name in OUTPUTS}
+    if any(len(time) == 0 for time, _ in samples.values()):
+        return None
+    first = {name: float(np.mean(values[:3])) for name, (_, values) in samples.items()}
+    guess = stationary_guess(plant, first, currents.at(start))
+    names = plant.state_names
+    spread = np.array([UNCERTAINTY.get(name, max(abs(g), 1e-9)) for name, g in zip(names, guess, strict=True)])
+    times = np.unique(np.concatenate([time for time, _ in samples.values()]))
+    times = times[times >= start]
+    where = {name: np.searchsorted(times, time) for name, (time, _) in samples.items()}
+
+    def residuals(z: Array) -> Array:
+        x0 = guess + z * spread
+        try:
+            run = plant.run(currents.time, currents.values, times, x0, start=start, tolerance=1e-6)
+        except SimulationError:
+            return np.full(sum(len(t) for t, _ in samples.values()) + len(z), 1e3)
+        parts = [(run.output(n)[where[n]] - v) / NOISE[n] for n, (_, v) in samples.items()]
+        return np.concatenate([*parts, z])
+
+    fit = least_squares(residuals, np.zeros(len(guess)), diff_step=[1e-4], max_nfev=30)
+    return InitialState(start, guess + fit.x * spread, f"in motion, fitted to {start:.2f} s to {until:.2f} s")
+
+
+def stationary_guess(plant: Plant, measured: dict[str, float], current: tuple[float, float]) -> Array:
+    """State with pilot stage, spool and accumulators at rest under the currents [A] that act, and p_a = p_h."""
+    state = plant.rest_state_measured(measured["angle"], measured["hose_pressure"], measured["rod_pressure"])
+    index = {name: i for i, name in enumerate(plant.state_names)}
+    state[index["rate"]] = measured["rate"]
+    # the valve alone, followed for long enough under the held currents, is stationary; the rest of the state is put
+    # back
+    valve = [i for name, i in index.items() if name.startswith(("spool", "pilot"))]
+    settled = state.copy()
+    settled[index["rate"]] = 0.0
+    for _ in range(200):
+        f, jacobian = plant.derivative(settled, current)
+        block = np.ix_(valve, valve)
+        settled[valve] -= np.linalg.solve(jacobian[block] - np.eye(len(valve)) / 0.02, f[valve])
+    state[valve] = settled[valve]
+    return state
+
+
+def _samples(recording: Recording, name: str, start: float, end: float) -> tuple[Array, Array]:
+    signal = recording.signals[name]
+    chosen = signal.valid & (signal.time >= start) & (signal.time <= end)
+    return signal.time[chosen], signal.values[chosen]
+
+
+def _mean(recording: Recording, name: str, start: float, end: float) -> float:
+    _, values = _samples(recording, name, start, end)
+    return float(np.mean(values)) if len(values) else float("nan")

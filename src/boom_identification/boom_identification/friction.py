@@ -1,0 +1,125 @@
+"""Friction torque of the cylinder from stationary points, (5.37), (5.38), Fig. 5.10.
+
+    q_a = J q_2' A_a,   p_a = p_h - dp_ha(q_a),   tau_f = J (p_a A_a - p_b A_b) - g(q_2) - D q_2''
+
+fitted by least squares with (3.7), each direction for itself:
+
+    tau_f = tau_C+- tanh(q_2' / sigma) + k_v+- q_2'
+
+The torque also holds what is wrong with areas, geometry, load and hose burst valve; the thesis says so too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_identification import estimate
+from boom_identification.estimate import Estimate, NotDetermined
+from boom_identification.stationary import Points
+from boom_model import cylinder, friction, hose_burst_valve
+from boom_model.components import component_parameters
+from boom_model.machine import Machine, Pose
+
+Array = NDArray[np.float64]
+
+SMALLEST_SPREAD = 0.05
+"""rad/s. Coulomb and viscous friction are told apart by speeds that differ at least so much."""
+FEWEST_GROUPS = 4
+_HOW = "(5.38), stationary points"
+
+
+@dataclass(frozen=True)
+class FrictionResult:
+    """Points of Fig. 5.10 and what was fitted to them.
+
+    Attributes:
+        rate, torque: (n,) [rad/s], [N m] measured. fitted: (n,) [N m] by the estimates (prior ones where not determined).
+        residual: rms [N m].
+        estimates, not_determined: of the four parameters.
+    """
+
+    rate: Array
+    torque: Array
+    fitted: Array
+    residual: float
+    estimates: tuple[Estimate, ...]
+    not_determined: tuple[NotDetermined, ...]
+
+
+def head_pressure(points: Points, machine: Machine, pose: Pose) -> Array:
+    """p_a (n,) [Pa] from p_h and the hose burst valve, (5.37), (5.38)."""
+    if not machine.structure.hose_burst_valve:
+        return np.asarray(points.hose_pressure, np.float64)
+    p, e = component_parameters(machine, pose)
+    flow = points.piston_velocity * p.cylinder.A_a
+    drop = np.asarray(hose_burst_valve.pressure_drop(flow, p, e), float).ravel()
+    return np.asarray(points.hose_pressure - drop, np.float64)
+
+
+def friction_torque(points: Points, machine: Machine, pose: Pose) -> Array:
+    """Measured tau_f (n,) [N m] by the balance of torques (3.4)."""
+    p, _ = component_parameters(machine, pose)
+    force = cylinder.force(head_pressure(points, machine, pose), points.rod_pressure, p)
+    return np.asarray(
+        points.jacobian * force - points.gravity_torque - points.inertia * points.acceleration, np.float64
+    )
+
+
+def identify_friction(points: Points, machine: Machine, pose: Pose) -> FrictionResult:
+    """tau_C and k_v of both directions; a direction without enough speeds is not determined."""
+    torque = friction_torque(points, machine, pose)
+    values = {key: machine.parameters[f"friction.{key}"].value[0] for key in _KEYS}
+    found: list[Estimate] = []
+    missing: list[NotDetermined] = []
+    for sign, suffix, direction in ((1.0, "pos", "lifting"), (-1.0, "neg", "lowering")):
+        keys = (f"tau_C_{suffix}", f"k_v_{suffix}")
+        chosen = np.sign(points.rate) == sign
+        try:
+            solution, covariance = _fit(points.where(chosen), torque[chosen], machine, pose, suffix)
+        except ValueError as error:
+            missing += [NotDetermined(f"friction.{key}", f"{direction}: {error}") for key in keys]
+            continue
+        for k, key in enumerate(keys):
+            unit = machine.parameters[f"friction.{key}"].specification.unit
+            bounds = estimate.interval(float(solution[k]), float(covariance[k, k]))
+            new = Estimate(f"friction.{key}", float(solution[k]), unit, bounds, _HOW)
+            values[key] = new.value
+            why = estimate.too_wide(new, machine.parameters[new.key].tolerance)
+            if why:
+                missing.append(NotDetermined(new.key, why))
+            else:
+                found.append(new)
+    fitted = _model(points, machine, pose, values)
+    residual = float(np.sqrt(np.mean((torque - fitted) ** 2))) if len(torque) else float("nan")
+    return FrictionResult(points.rate, torque, fitted, residual, tuple(found), tuple(missing))
+
+
+_KEYS = ("tau_C_pos", "tau_C_neg", "k_v_pos", "k_v_neg")
+
+
+def _fit(points: Points, torque: Array, machine: Machine, pose: Pose, suffix: str) -> tuple[Array, Array]:
+    if len(points) == 0 or len(np.unique(points.group)) < FEWEST_GROUPS:
+        raise ValueError(f"{len(np.unique(points.group))} stationary stretches, {FEWEST_GROUPS} are needed")
+    speed = np.abs(points.rate)
+    low, high = np.percentile(speed, [5, 95])
+    if high - low < SMALLEST_SPREAD:
+        raise ValueError(f"speeds only between {low:.3f} and {high:.3f} rad/s")
+    zero = dict.fromkeys(_KEYS, 0.0)
+    design = np.column_stack(
+        [_model(points, machine, pose, zero | {f"{name}_{suffix}": 1.0}) for name in ("tau_C", "k_v")]
+    )
+    solution, covariance = estimate.least_squares(design, torque, points.group)
+    if (solution < 0.0).any():
+        raise ValueError("the best fit has a negative friction: load, areas or hose burst valve of the model are wrong")
+    return solution, covariance
+
+
+def _model(points: Points, machine: Machine, pose: Pose, values: dict[str, float]) -> Array:
+    """(3.7) with other numbers: linear in the four of them."""
+    p, e = component_parameters(machine, pose)
+    for key, value in values.items():
+        setattr(p.friction, key, value)
+    return np.asarray(friction.torque(points.angle, points.rate, p, e), float).ravel()

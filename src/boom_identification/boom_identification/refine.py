@@ -1,0 +1,278 @@
+"""Everything together: prediction-error estimates of many parameters from several recordings at once (issue of ch. 5).
+
+The search starts from the machine file; where its end still disagrees with the recordings, it starts again from other places.
+Initial states are part of the noise model of the predictions. The last part of every recording is not seen by the search
+and is predicted freely afterwards: the held-out check.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_estimation.experiment import Experiment, last_part, prepare
+from boom_estimation.fit import Fit, fit
+from boom_estimation.problem import Problem
+from boom_estimation.uncertainty import TOLD, Uncertainty, uncertainty
+from boom_estimation.unknown import Unknown, machine_unknown
+from boom_identification.estimate import Estimate, NotDetermined
+from boom_identification.held import AREAS, CHARGES, ORIFICES, held_numbers, pairing_told, tied
+from boom_identification.machine_output import vector_values
+from boom_identification.search import PASSABLE_LEVEL, search
+from boom_model.machine import Machine
+from boom_model.sensors import OUTPUTS
+from boom_recording.recording import Recording
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+_VALVE = "main_valve_orifices"
+UNKNOWNS = (
+    "friction.tau_C_pos", "friction.tau_C_neg", "friction.k_v_pos", "friction.k_v_neg", "fluid.beta", "cylinder.V_h",
+    "accumulators.p_g0_1", "accumulators.p_g0_2", "accumulators.V_g0", "accumulators.d_1", "accumulators.d_2",
+    *AREAS, f"{_VALVE}.A_ta_law.c0", f"{_VALVE}.A_ta_law.c1", f"{_VALVE}.x0", f"{_VALVE}.n",
+)  # fmt: skip
+"""What is estimated unless something else is asked for; what a machine does not have is left out."""
+
+WIDEN, LEAST = 3.0, 0.3
+"""Standard deviation of the prior: three times the tolerance of the machine file's confidence, at least 30 %. A search must be
+free to find a number far outside its tolerance; the prior keeps what the recordings do not tell."""
+HELD_OUT = 0.25
+"""Share of every recording, at its end, that the search does not see."""
+STARTS = 3
+_WIDEST = 0.10
+"""Half width of the 90 % interval over the value, from which a number counts as not determined."""
+_WIDEST_AREA = 0.05
+_MOTION, _SHORTEST_MOTION = 0.02, 2.0
+"""rad/s, far above the gyro's noise; s."""
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Free-run errors over the held-out blocks: rms error over the standard deviation of the channel, by channel."""
+
+    bag: str
+    before: dict[str, float]
+    after: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Result of :func:`refine`.
+
+    Attributes:
+        machine: with the determined numbers in it.
+        estimates: the determined parameters. not_determined: the others, each with the reason.
+        groups: names that the recordings tell only together.
+        held_out: the check on data that the search did not see.
+        noise_level: how far the best model's error exceeds what the currents' noise explains (1: not at all).
+        iterations: of all searches. starts: how many were needed.
+    """
+
+    machine: Machine
+    estimates: tuple[Estimate, ...]
+    not_determined: tuple[NotDetermined, ...]
+    groups: tuple[tuple[str, ...], ...] = ()
+    held_out: tuple[HeldOut, ...] = ()
+    noise_level: float = 1.0
+    iterations: int = 0
+    starts: int = 0
+
+    def document(self) -> dict[str, Any]:
+        """For ``identify --json``, key ``refinement``."""
+        return {
+            "noise_level": self.noise_level,
+            "iterations": self.iterations,
+            "starts": self.starts,
+            "told_only_together": [list(group) for group in self.groups],
+            "held_out": [{"bag": h.bag, "before": h.before, "after": h.after} for h in self.held_out],
+        }
+
+
+def refine(
+    recordings: Sequence[Recording],
+    machine: Machine,
+    progress: Progress | None = None,
+    *,
+    unknowns: Sequence[str] | None = None,
+    held_out: float = HELD_OUT,
+    starts: int = STARTS,
+    seed: int = 0,
+) -> Refinement:
+    """Estimates parameters of ``machine`` from recordings of it.
+
+    Args:
+        recordings: at least one; gaps are run around.
+        machine: what is believed before; also where the search starts.
+        progress: told what is being done, one short sentence at a time.
+        unknowns: components of the machine file, by default those of ``UNKNOWNS`` that it has.
+        held_out: share of each recording, at its end, that is kept for the check; 0 for none.
+        starts: most searches that are made.
+        seed: of the other starts.
+
+    Raises:
+        MachineError: an unknown that the machine does not have; a pose or load that it cannot have.
+    """
+    say = progress or (lambda text: None)
+    names = _unknowns(machine) if unknowns is None else list(unknowns)
+    believed = partial(machine_unknown, machine, widen=WIDEN, least=LEAST)
+    asked = [believed(name) for name in names]
+    say("preparing the recordings")
+    experiments = [
+        prepare(r, machine, held_out=last_part(r, held_out), name=f"{k}:{r.name}") for k, r in enumerate(recordings)
+    ]
+    experiments = [e for e in experiments if _moves(e)]
+    dull = _unexcited(experiments, asked)
+    lively = [u for u in asked if u.name not in dull]
+    silent = tuple(NotDetermined(u.name, "not enough excitation in these recordings") for u in asked if u.name in dull)
+    if not lively:
+        return Refinement(machine, (), silent)
+    problem = Problem(experiments, lively)
+    best, iterations, used = search(problem, starts, seed, say)
+    say("intervals")
+    spread = uncertainty(problem, best)
+    say("numbers that act only together")
+    together = tied(problem, best, machine) if best.level <= PASSABLE_LEVEL else []
+    reasons = _reasons(best, spread, [members for _, _, members in together])
+    kept = [j for j, u in enumerate(best.unknowns) if u.name not in reasons]
+    if len(kept) < len(lively) and kept:
+        best = _only(problem, best, kept, say)
+        iterations += best.iterations
+    estimates = _estimates(best, spread, kept, lively)
+    estimates = _in_order(estimates)
+    extra = held_numbers(together, {u.name for u in lively})
+    groups = tuple(members for _, _, members in together)
+    fitted = machine.with_values(vector_values(machine, estimates))
+    say("free runs over what was held out")
+    check = _held_out([e.recording for e in experiments], machine, fitted, held_out) if held_out > 0 else ()
+    missing = tuple(NotDetermined(name, why, excitation) for name, (why, excitation) in reasons.items())
+    return Refinement(
+        fitted, tuple(estimates), (*silent, *missing, *extra), groups, check, best.level, iterations, used
+    )
+
+
+def _unknowns(machine: Machine) -> list[str]:
+    components = {c for p in machine.parameters.values() for c in p.specification.components}
+    return [name for name in UNKNOWNS if name in components]
+
+
+def _moves(experiment: Experiment) -> bool:
+    """Whether the boom moves, for long enough, where the search may look: a boom at rest tells of its sensors only."""
+    moving = 0.0
+    for segment in experiment.segments:
+        rate = segment.measured[segment.training, OUTPUTS.index("rate")]
+        moving += experiment.period * np.count_nonzero(np.abs(rate[np.isfinite(rate)]) > _MOTION)
+    return moving > _SHORTEST_MOTION
+
+
+def _unexcited(experiments: Sequence[Experiment], asked: Sequence[Unknown]) -> set[str]:
+    """Unknowns that the recordings, seen with the prior numbers, tell next to nothing about, each taken for itself."""
+    problem = Problem(experiments, asked)
+    z = np.zeros(len(asked))
+    if not experiments:
+        return {u.name for u in asked}
+    gains = problem.gains(z, problem.first_gains())
+    _, derivatives = problem.sensitivities(z, gains)
+    told = sum(
+        (np.sum(g.whiten(d) ** 2, axis=(0, 1)) for g, d in zip(gains, derivatives, strict=True)), np.zeros(len(asked))
+    )
+    return {u.name for u, information in zip(asked, told, strict=True) if 1.0 / np.sqrt(1.0 + information) > TOLD}
+
+
+def _reasons(best: Fit, spread: Uncertainty, groups: Sequence[Collection[str]]) -> dict[str, tuple[str, bool]]:
+    """Why unknowns are not determined: name -> (reason, whether another motion would help)."""
+    if best.level > PASSABLE_LEVEL:
+        why = "no values were found with which the model reproduces the recordings"
+        return {u.name: (why, False) for u in best.unknowns}
+    result: dict[str, tuple[str, bool]] = {}
+    for j, unknown in enumerate(best.unknowns):
+        value = best.values[j]
+        half = max(spread.high[j] - value, value - spread.low[j]) / max(abs(value), 1e-300)
+        widest = _WIDEST_AREA if unknown.name in AREAS else _WIDEST
+        partners = [best.unknowns[k].name for k in spread.partners(j)]
+        if spread.shrinkage[j] > TOLD or half > widest:
+            together = f"; only together with {', '.join(partners)}" if partners else ""
+            result[unknown.name] = (f"known to +-{100 * half:.0f} % only (90 %){together}", not partners)
+    for members in groups:
+        if {u.name for u in best.unknowns} >= set(members):
+            why = f"only together with the others of {', '.join(members)}"
+            result |= dict.fromkeys(members, (why, False))
+    asked = [u.name for u in best.unknowns if u.name in ORIFICES]
+    if asked and not pairing_told(spread, result):
+        vague = [name for name in CHARGES if name in result]
+        why = "which orifice belongs to which accumulator is not told"
+        why += f", as their pre-charges are not ({', '.join(vague)})" if vague else ""
+        result |= {name: (why, True) for name in asked if name not in result}
+    return result
+
+
+def _only(problem: Problem, full: Fit, kept: Sequence[int], say: Progress) -> Fit:
+    """The fit again with what is not determined held at its prior value, so that the numbers go together."""
+    fewer = Problem(problem.experiments, [problem.unknowns[j] for j in kept])
+    return fit(fewer, full.z[list(kept)], iterations=10, level=full.level, progress=lambda text: say("again: " + text))
+
+
+def _estimates(best: Fit, spread: Uncertainty, kept: Sequence[int], lively: Sequence[Unknown]) -> list[Estimate]:
+    """Determined numbers; where the fit was repeated, the interval of the first is moved with the value."""
+    result = []
+    for position, j in enumerate(kept):
+        unknown = lively[j]
+        k = position if len(best.unknowns) == len(kept) else j
+        value = float(best.values[k])
+        middle = 0.5 * (spread.low[j] + spread.high[j])
+        half = 0.5 * float(spread.high[j] - spread.low[j])
+        low, high = (float(spread.low[j]), float(spread.high[j]))
+        if not low <= value <= high or abs(value - middle) > 0.5 * half:
+            low, high = value - half, value + half
+        result.append(Estimate(unknown.name, value, unknown.unit, (low, high), "all recordings at once"))
+    return result
+
+
+def _in_order(estimates: list[Estimate]) -> list[Estimate]:
+    """Both accumulators are alike in the equations: by (5.43) number 1 is the one with the higher pre-charge."""
+    found = {e.key: e for e in estimates}
+    pairs = (CHARGES, ORIFICES)
+    if not all(key in found for pair in pairs for key in pair):
+        return estimates
+    if found[CHARGES[0]].value >= found[CHARGES[1]].value:
+        return estimates
+    other = dict(pair for a, b in pairs for pair in ((a, b), (b, a)))
+    return [replace(found[other[e.key]], key=e.key) if e.key in other else e for e in estimates]
+
+
+def free_run_errors(
+    recordings: Sequence[Recording], machine: Machine, held_out: float = HELD_OUT
+) -> list[dict[str, float]]:
+    """Per recording and channel: rms error of free runs over the held-out blocks, over the channel's standard deviation.
+
+    held_out: share of each recording, at its end.
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    experiments = [
+        prepare(r, machine, held_out=last_part(r, held_out), name=f"{k}:{r.name}") for k, r in enumerate(recordings)
+    ]
+    errors = iter(Problem(experiments, []).free_errors(np.zeros(0)))
+    result = []
+    for experiment in experiments:
+        collected = [next(errors)[~segment.training] for segment in experiment.segments]
+        measured = np.concatenate([segment.measured for segment in experiment.segments])
+        error = np.concatenate(collected)
+        numbers = {}
+        for i, name in enumerate(OUTPUTS):
+            known, seen = error[np.isfinite(error[:, i]), i], measured[np.isfinite(measured[:, i]), i]
+            if len(known) and len(seen) and np.std(seen) > 0:
+                numbers[name] = float(np.sqrt(np.mean(known**2)) / np.std(seen))
+        result.append(numbers)
+    return result
+
+
+def _held_out(recordings: Sequence[Recording], before: Machine, after: Machine, share: float) -> tuple[HeldOut, ...]:
+    errors = [free_run_errors(recordings, machine, share) for machine in (before, after)]
+    return tuple(HeldOut(r.name, first, second) for r, first, second in zip(recordings, *errors, strict=True))

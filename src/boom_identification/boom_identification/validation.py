@@ -1,0 +1,146 @@
+"""Runs the recorded currents through the full and the reduced model and compares: ch. 5.6, Tables 5.1 and 5.2."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_estimation.free_run import Metrics, Prediction, metrics, predict
+from boom_model.machine import Machine
+from boom_model.sensors import OUTPUTS
+from boom_recording.recording import Recording
+
+ANGLE_LIMIT = 1.0e-3
+"""rad. Largest mean angle error of a model that is right: what the noise of the currents adds up to."""
+NOISE_FACTOR = 2.0
+"""Times the sensors' noise: largest rms error of a model that is right."""
+SHORTEST = 5.0
+"""s. Less than this says nothing about a model."""
+LEAST_MOTION = 0.02
+"""rad. A boom that moves less has stood: the model is only asked to stand, too."""
+
+
+@dataclass(frozen=True)
+class BagValidation:
+    """One recording with both predictions; ``limits`` are the errors up to which a model counts as right."""
+
+    recording: Recording
+    full: Prediction
+    reduced: Prediction
+    reduced_vs_full_angle_mae_rad: float | None
+    limits: Metrics
+
+    @property
+    def mismatches(self) -> list[str]:
+        """Metrics in which the full model is further off than noise explains; "stopped" if it did not finish."""
+        names = []
+        if self.full.stopped:
+            names.append("stopped")
+        for name, limit in self.limits.document().items():
+            value = self.full.metrics.document()[name]
+            if limit is not None and (value is None or value > limit):
+                names.append(name)
+        return names
+
+    @property
+    def compared_s(self) -> float:
+        """For how long the angle was both measured and predicted [s]."""
+        time = self.recording.signals["angle"].time[self._compared]
+        return float(len(time) * np.median(np.diff(time))) if len(time) > 1 else 0.0
+
+    @property
+    def too_little(self) -> str:
+        """Why nothing can be said about the model, empty if something can."""
+        if self.full.stopped or self.mismatches:
+            return ""
+        if self.compared_s < SHORTEST:
+            return f"{self.compared_s:.2g} s are too few, at least {SHORTEST:g} s are needed"
+        angle = self.recording.signals["angle"].values[self._compared]
+        if np.ptp(angle) < LEAST_MOTION:
+            return f"the boom did not move (by {np.ptp(angle):.2g} rad, at least {LEAST_MOTION:g} rad are needed)"
+        return ""
+
+    @property
+    def _compared(self) -> NDArray[np.bool_]:
+        return self.recording.signals["angle"].valid & np.isfinite(self.full.values["angle"])
+
+    def document(self) -> dict[str, Any]:
+        """As in ``validate --json``."""
+        result: dict[str, Any] = {
+            "bag": self.recording.name,
+            "duration_s": self.recording.duration,
+            "samples": max(len(s.time) for s in self.recording.signals.values()),
+            "full": self.full.metrics.document(),
+            "reduced": self.reduced.metrics.document(),
+            "reduced_vs_full": {"angle_mae_rad": self.reduced_vs_full_angle_mae_rad},
+            "events": [
+                {"kind": str(e.kind), "topic": e.topic, "start_s": e.start_s, "end_s": e.end_s, "count": e.count}
+                for e in self.recording.events
+            ],
+            "compared_s": self.compared_s,
+            "agrees": not self.mismatches and not self.too_little,
+            "warnings": list(self.recording.warnings),
+        }
+        for prediction in (self.full, self.reduced):
+            if prediction.stopped:
+                result[prediction.label]["stopped"] = prediction.stopped
+        return result
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Several recordings, one machine."""
+
+    machine: str
+    bags: list[BagValidation] = field(default_factory=list)
+
+    def document(self) -> dict[str, Any]:
+        """The document of ``validate --json`` (contract)."""
+        return {"machine": self.machine, "bags": [bag.document() for bag in self.bags]}
+
+
+def validate(recording: Recording, machine: Machine, *, simulated: Recording | None = None) -> BagValidation:
+    """Compares one recording with the models of ``machine`` in the recording's pose.
+
+    simulated: a bag that stands for the full model's prediction instead of a run in this process (what ROS processes
+    recorded).
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    full = predict(recording, machine, "full") if simulated is None else from_bag(recording, simulated)
+    reduced = predict(recording, machine, "reduced")
+    both = full.values["angle"] - reduced.values["angle"]
+    compared = both[np.isfinite(both)]
+    difference = float(np.mean(np.abs(compared))) if len(compared) else None
+    return BagValidation(recording, full, reduced, difference, noise_limits(machine, both=simulated is not None))
+
+
+def noise_limits(machine: Machine, *, both: bool = False) -> Metrics:
+    """Errors up to which a model counts as right: the angle's limit, and twice the sensors' noise.
+
+    both: the prediction went through sensors of its own, so that two independent noises add.
+    """
+    noise = machine.sensor_noise()
+    factor = NOISE_FACTOR * (math.sqrt(2.0) if both else 1.0)
+    rate = factor * noise.rate_sigma
+    pressure = factor * math.hypot(noise.pressure_sigma, noise.pressure_quantum / math.sqrt(12))
+    return Metrics(ANGLE_LIMIT, None, rate, pressure, pressure)
+
+
+def from_bag(recording: Recording, simulated: Recording) -> Prediction:
+    """A prediction from a bag that a simulation made: interpolated, both times counted from their beginning."""
+    values = {}
+    for name in OUTPUTS:
+        time, other = recording.signals[name].time, simulated.signals[name]
+        own, samples = other.time[other.valid], other.values[other.valid]
+        predicted = np.interp(time, own, samples, left=np.nan, right=np.nan) if len(own) else np.full(len(time), np.nan)
+        gaps = np.flatnonzero(np.diff(own) > 0.05)
+        for k in gaps:
+            predicted[(time > own[k]) & (time < own[k + 1])] = np.nan
+        values[name] = predicted
+    return Prediction("full", values, metrics(recording, values), (f"simulated by other processes: {simulated.name}",))

@@ -1,0 +1,1 @@
+"""Watches a running machine: samples in, alarm with subsystem out."""

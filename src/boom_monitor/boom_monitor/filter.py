@@ -1,0 +1,153 @@
+"""The filter of the watch: an extended Kalman filter of the nominal model, and what each cause would do to its innovations.
+
+x' = f(x, u) + w, y = h(x) + v. Of a cause c the state's error follows V' = (df/dx) V + df/dc between the samples and
+V -= K G at each, with the innovation's sensitivity G = (dh/dx) V + dh/dc (Friedland 1969). The innovations e with their
+covariance S give the information on all causes, forgotten with a time constant: A = sum G^T S^-1 G, b = sum G^T S^-1 e.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_estimation.initial_state import UNCERTAINTY
+from boom_model.plant import Stepper
+from boom_model.sensors import OUTPUTS, SensorNoise
+from boom_monitor.model import Point, WatchModel
+
+Array = NDArray[np.float64]
+
+CHANNELS = OUTPUTS
+"""Order of ``measured``."""
+TOLERANCE = 1e-5
+# White noise on the derivatives, unit/s sqrt(s): what keeps the filter awake; below what the sensors resolve.
+_DISTURBANCE = {"rate": 2e-3, "head_pressure": 1e4, "rod_pressure": 1e4, "hose_pressure": 1e4}
+_AT_REST = 0.2  # share of the uncertainty of a state in motion
+_JITTER = 2e-5  # rad: the angle's quantum divides by its own noise, which is not independent from sample to sample
+
+
+@dataclass
+class Information:
+    """What the innovations of the recent past say.
+
+    Attributes:
+        matrix: (c, c) of all causes. vector: (c,). square: sum of e^T S^-1 e. count: of the channels, forgotten alike.
+    """
+
+    matrix: Array
+    vector: Array
+    square: float = 0.0
+    count: float = 0.0
+
+
+class WatchFilter:
+    """The filter from one initial state on.
+
+    Args:
+        model: the model with its causes.
+        noise: of the sensors.
+        state: (n,) at ``time`` [s].
+        moving: whether it was guessed in motion.
+        memory: time constant [s] with which the past is forgotten.
+
+    Attributes:
+        gain: (n, 4) of the last correction. whitening: (4, 4) W, W e has unit variance; zero where nothing was measured.
+    """
+
+    def __init__(
+        self, model: WatchModel, noise: SensorNoise, state: Array, time: float, *, moving: bool, memory: float
+    ) -> None:
+        self.time = time
+        self._model, self._memory = model, memory
+        self._stepper: Stepper = model.plant.stepper(state, tolerance=TOLERANCE)
+        names = model.plant.state_names
+        share = 1.0 if moving else _AT_REST
+        spread = np.array([UNCERTAINTY.get(n, 1e-2 * s) for n, s in zip(names, model.plant.scale, strict=True)])
+        self._covariance: Array = np.diag((share * spread) ** 2)
+        self._disturbance = np.array([_DISTURBANCE.get(n, 0.0) ** 2 for n in names])
+        pressure = noise.pressure_sigma**2 + noise.pressure_quantum**2 / 12
+        self._noise = np.array([noise.angle_quantum**2 / 12 + _JITTER**2, noise.rate_sigma**2, pressure, pressure])
+        self._current_variance = noise.current_sigma**2 + noise.current_quantum**2 / 12
+        self._point: Point = model.at(self.state, (0.0, 0.0))
+        self._output = self._point.y.copy()
+        causes = len(model.tolerated) + len(model.suspects)
+        self._effect = np.zeros((len(names), causes))
+        self.gain, self.whitening = np.zeros((len(names), len(CHANNELS))), np.zeros((len(CHANNELS), len(CHANNELS)))
+        self.information = Information(np.zeros((causes, causes)), np.zeros(causes))
+
+    @property
+    def state(self) -> Array:
+        """Estimated state (n,)."""
+        return self._stepper.state
+
+    def advance(self, end: float, currents: list[tuple[float, float, float]], measured: Array, share: Array) -> None:
+        """Predicts to ``end`` [s] and corrects there.
+
+        Args:
+            end: [s].
+            currents: (from when [s], retract, extend [A]), ascending; the first acts from the beginning on.
+            measured: (4,) [SI], NaN where nothing was measured.
+            share: (4,) when in the interval each was measured, 0 = beginning .. 1 = end.
+
+        Raises:
+            SimulationError: the state left its range.
+        """
+        begin, step = self.time, end - self.time
+        self._propagate(step)
+        for k, (_, retract, extend) in enumerate(currents):
+            start = begin if k == 0 else currents[k][0]
+            until = currents[k + 1][0] if k + 1 < len(currents) else end
+            if until > start:
+                self._stepper.step(retract, extend, until - start)
+        self.time = end
+        self._point = self._model.at(self.state, currents[-1][1:])
+        before, after = self._output, self._point.y
+        self._output = after.copy()
+        self._correct(measured - (before + share * (after - before)), step)
+
+    def _propagate(self, step: float) -> None:
+        """Covariance and effects of the causes over one step: exp(J h) by its (0, 2) Pade approximant, L-stable."""
+        point = self._point
+        eye = np.eye(len(point.f_x))
+        z = point.f_x * step
+        transition = np.linalg.inv(eye - z + 0.5 * (z @ z))
+        held = transition @ (eye - 0.5 * z) * step  # integral of exp(J s) over the step
+        drive = held @ point.f_u
+        self._effect = transition @ self._effect + held @ point.f_c
+        covariance = transition @ self._covariance @ transition.T + drive @ drive.T * self._current_variance
+        covariance[np.diag_indices_from(covariance)] += self._disturbance * step
+        self._covariance = 0.5 * (covariance + covariance.T)
+
+    def _correct(self, innovation: Array, step: float) -> None:
+        fade = math.exp(-step / self._memory)
+        info = self.information
+        info.matrix *= fade
+        info.vector *= fade
+        info.square *= fade
+        info.count *= fade
+        known = np.isfinite(innovation)
+        self.gain, self.whitening = np.zeros((len(self.state), len(known))), np.zeros((len(known), len(known)))
+        if not known.any():
+            return
+        point = self._point
+        e, h = innovation[known], point.y_x[known]
+        spread = h @ self._covariance @ h.T + np.diag(self._noise[known])
+        inverse = np.linalg.inv(spread)
+        gain = self._covariance @ h.T @ inverse
+        self.gain[:, known] = gain
+        self.whitening[np.ix_(known, known)] = np.linalg.inv(np.linalg.cholesky(spread))
+        sensitivity = h @ self._effect + point.y_c[known]
+        weighted = sensitivity.T @ inverse
+        info.matrix += weighted @ sensitivity
+        info.vector += weighted @ e
+        info.square += float(e @ inverse @ e)
+        info.count += len(e)
+        self._effect -= gain @ sensitivity
+        self._covariance -= gain @ (h @ self._covariance)
+        plant = self._model.plant
+        corrected = np.clip(self.state + gain @ e, plant.minimum, plant.maximum)
+        self._output += point.y_x @ (corrected - self.state)  # the outputs are linear in the states
+        self._stepper.state[:] = corrected

@@ -1,0 +1,203 @@
+"""The model as the watch sees it: its right-hand side with all derivatives, and what could be wrong with it.
+
+The effects of the catalogue are switched on at almost nothing, so that the derivative with respect to each is at hand and
+the model is still the nominal one. What could be wrong comes in two lists: what may be off within its tolerance and
+raises no alarm (:attr:`WatchModel.tolerated`), and the effects (:attr:`WatchModel.suspects`), each in units of its
+tolerance or of half of its plausible range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_estimation.unknown import PRECHARGE_TOLERANCE
+from boom_model.effects import EFFECTS
+from boom_model.machine import TOLERANCES, Machine, Pose
+from boom_model.observer import compile_abreast
+from boom_model.plant import Plant
+
+Array = NDArray[np.float64]
+
+LOAD_TOLERANCE, LOAD_SHARE = 20.0, 0.05
+"""kg, and share of the load that the configuration tells: the larger one counts (machine notes)."""
+
+# Geometry, units and exponents: not what wears, and an error of theirs would show as another parameter's.
+_CERTAIN = (
+    "kinematics.",
+    "constants.",
+    "cylinder.l_",
+    "hose_burst_valve.unit_",
+    "main_valve_orifices.n",
+    "accumulators.kappa",
+)
+# Act on the times of inputs and samples, begin at a time, or bring fast states of their own: not in these equations.
+_LEFT_OUT = (
+    "command_delay", "pressure_delay", "payload_change", "friction_drift", "presliding_friction", "valve_hysteresis",
+    "accumulator_heat_loss",
+)  # fmt: skip
+# What is as good as nothing where a millionth of the plausible range is not: too stiff, or without a derivative.
+_ALMOST_NOTHING = {
+    ("hose_burst_valve_lag", "tau"): 3e-4, ("swinging_load", "mass"): 1.0, ("boom_flexibility", "gain"): 1e-3,
+    ("pump_flow_limit", "inverse_q_max"): 60_000 / 400,
+}  # fmt: skip
+_FIRST_ONLY = 1e-6
+# The derivative at nothing says little about half of the range: here a difference stands for it, to half of the range or as far as
+# it takes to see anything: a pump of 120 l/min limits nothing that the valve asks.
+_CURVED = {"entrained_air": 1.0, "pump_flow_limit": 2.0}
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """An effect's parameter as a cause.
+
+    scale: what one unit of it is [unit]. low, high: plausible range in such units, neutral (zero) included.
+    """
+
+    effect: str
+    parameter: str
+    subsystem: str
+    scale: float
+    unit: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Point:
+    """The model at one point: derivatives of f to state (n, n), causes (n, c), currents (n, 2); y (4,) and its derivatives.
+
+    The arrays are those of the model and change with its next point.
+    """
+
+    f_x: Array
+    f_c: Array
+    f_u: Array
+    y: Array
+    y_x: Array
+    y_c: Array
+
+
+class WatchModel:
+    """A machine in a pose with the effects at almost nothing.
+
+    Args:
+        machine: its own effects stay; those at neutral become suspects.
+        pose: locked joints and load.
+
+    Attributes:
+        plant: the compiled model.
+        tolerated: names of the causes that are within their tolerance, the first columns of the derivatives.
+        suspects: the effects, the columns behind them.
+
+    Raises:
+        BuildError: no C compiler.
+        MachineError: numbers of the machine that cannot be.
+    """
+
+    def __init__(self, machine: Machine, pose: Pose) -> None:
+        given = {name: dict(values) for name, values in machine.effects.items()}
+        self.plant = Plant(machine.with_effects({**_switched_on(machine), **given}), pose)
+        compile_abreast(self.plant)  # now, not when the first alarm is to be named
+        index = {name: i for i, name in enumerate(self.plant.parameter_names)}
+        columns: list[Array] = []
+        names: list[str] = []
+        for name, changes in self._tolerated(machine, pose):
+            columns.append(self._column(index, changes))
+            names.append(name)
+        self.tolerated = tuple(names)
+        self.suspects = tuple(_suspects(machine, index))
+        columns += [self._column(index, {f"effects.{s.effect}.{s.parameter}": s.scale}) for s in self.suspects]
+        self._state, self._currents = np.zeros(len(self.plant.state_names)), np.zeros(2)
+        self._evaluate, self._point = self._compiled(np.array(columns).T)
+
+    @staticmethod
+    def _column(index: Mapping[str, int], changes: Mapping[str, float]) -> Array:
+        column = np.zeros(len(index))
+        for name, change in changes.items():
+            column[index[name]] = change
+        return column
+
+    @staticmethod
+    def _tolerated(machine: Machine, pose: Pose) -> list[tuple[str, dict[str, float]]]:
+        """(name, change of each component for one tolerance)."""
+        result = []
+        for key, parameter in machine.parameters.items():
+            if key.startswith(_CERTAIN):
+                continue
+            precharge = key.startswith("accumulators.p_g0") and not parameter.confidence
+            share = PRECHARGE_TOLERANCE if precharge else parameter.tolerance
+            changes = {
+                c: share * v
+                for c, v in zip(parameter.specification.components, parameter.value, strict=True)
+                if v != 0.0
+            }
+            if changes:
+                result.append((key, changes))
+        masses = {name: TOLERANCES["medium"] * pose.values()[name] for name in ("pose.D0", "pose.Sx", "pose.Sy")}
+        load = {"pose.load": max(LOAD_TOLERANCE, LOAD_SHARE * pose.load)}
+        return [*result, ("masses of the boom", masses), ("load", load)]
+
+    def _compiled(self, directions: Array) -> tuple[Callable[[], None], Point]:
+        """What evaluates the model at the kept state and currents, straight into the arrays of the point."""
+        m = self.plant.equations
+        along = ca.DM(directions)
+        by_cause = ca.densify(ca.mtimes(ca.jacobian(m.derivative, m.p), along))
+        rates = ca.Function("rates", [m.x, m.u, m.p], [m.derivative])
+        for k, suspect in enumerate(self.suspects, start=len(self.tolerated)):
+            if suspect.effect in _CURVED:
+                reach = _CURVED[suspect.effect]
+                by_cause[:, k] = (rates(m.x, m.u, m.p + reach * along[:, k]) - m.derivative) / reach
+        outputs = [
+            ca.jacobian(m.derivative, m.x), by_cause, ca.jacobian(m.derivative, m.u),
+            m.outputs, ca.jacobian(m.outputs, m.x), ca.mtimes(ca.jacobian(m.outputs, m.p), along),
+        ]  # fmt: skip
+        function = ca.Function("watch", [m.x, m.u, m.p], [ca.densify(o) for o in outputs], {"cse": True})
+        arrays = [np.zeros(o.shape, order="F") for o in outputs]
+        buffer: Any
+        buffer, evaluate = function.buffer()
+        for k, array in enumerate((self._state, self._currents, self.plant.p)):
+            buffer.set_arg(k, array.data)
+        for k, array in enumerate(arrays):
+            buffer.set_res(k, array.reshape(-1, order="F").data)
+        f_x, f_c, f_u, y, y_x, y_c = arrays
+        self._buffer = buffer  # holds the addresses that evaluate() uses
+        return evaluate, Point(f_x, f_c, f_u, y.reshape(-1), y_x, y_c)
+
+    def at(self, state: Array, currents: tuple[float, float]) -> Point:
+        """The model with its derivatives at state (n,), currents [A]."""
+        self._state[:] = state
+        self._currents[:] = currents
+        self._evaluate()
+        return self._point
+
+
+def _switched_on(machine: Machine) -> dict[str, dict[str, float]]:
+    return {
+        effect.id: {
+            row.name: _ALMOST_NOTHING.get((effect.id, row.name), row.neutral + _FIRST_ONLY * (row.high - row.low))
+            for row in effect.parameters
+        }
+        for effect in EFFECTS.values()
+        if effect.id not in _LEFT_OUT and machine.structure.has(effect.needs)
+    }
+
+
+def _suspects(machine: Machine, index: Mapping[str, int]) -> list[Suspect]:
+    """The leading parameters of each effect that the machine does not carry itself."""
+    result = []
+    for effect in EFFECTS.values():
+        if effect.id in machine.effects or f"effects.{effect.id}.{effect.parameters[0].name}" not in index:
+            continue
+        for row in effect.leading:
+            scale = (row.high - row.low) / 2
+            low, high = ((limit - row.neutral) / scale for limit in (row.low, row.high))
+            result.append(
+                Suspect(effect.id, row.name, effect.subsystem, scale, row.unit, min(low, 0.0), max(high, 0.0))
+            )
+    return result

@@ -1,0 +1,314 @@
+"""Watches a running machine: says when it leaves the tolerance of its model, and in which subsystem. No ROS.
+
+Samples come in as they are measured, each with its stamp; time goes on in periods of 10 ms. The score is the mean squared
+innovation, in units of its variance, that is left when everything within its tolerance has been allowed for; 1 is noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_estimation.currents import GAP
+from boom_estimation.initial_state import RESTING_RATE, stationary_guess
+from boom_model.errors import SimulationError
+from boom_model.machine import Machine, Pose
+from boom_monitor import naming
+from boom_monitor.filter import CHANNELS, Information, WatchFilter
+from boom_monitor.model import Suspect, WatchModel
+from boom_monitor.naming import Interval
+
+Array = NDArray[np.float64]
+
+PERIOD = 0.01
+CURRENTS = ("retract_current", "extend_current")
+_JUDGED_EVERY = 0.1  # s
+_SETTLING = 1.0  # s after a start, in which the guess of the initial state still shows
+_BEFORE = 0.5  # s before the alarm from which on the cause is sought
+_NAMED_AFTER = (
+    0.5,
+    1.5,
+    3.0,
+)  # s of an alarm, after which the cause is sought; later the mismatch itself bends the answer
+_KEPT = 400  # periods that are kept for that
+_LONGEST_SILENCE = 0.5  # s without a sensor, after which the state is guessed anew
+_START = 0.1  # s of samples from which a start is made
+_PRIOR = 0.2  # information on a suspect's size before anything was measured: two of its units
+_BUFFER = 1000  # samples of a channel that are kept at most
+_EARLIER = 1e-9
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How it judges.
+
+    Attributes:
+        threshold: score above which the machine has left the tolerance.
+        memory: time constant of the score [s].
+        hold: how long the score must be below the threshold for the alarm to end [s].
+        delay: how long samples are waited for, so that late topics are not missed [s].
+    """
+
+    threshold: float = 1.35
+    memory: float = 2.0
+    hold: float = 10.0
+    delay: float = 0.1
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """The machine has left the model's tolerance.
+
+    Attributes:
+        begin: [s]. subsystem: the located one. effect: the one that explains most.
+        share: subsystem -> its share of what the suspects explain, the largest first.
+        size: how large the effect would be, in ``unit``; rough, for orientation only.
+    """
+
+    begin: float
+    subsystem: str
+    effect: str
+    share: Mapping[str, float]
+    size: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Status:
+    """What the watch says now: whether it judges at all (``watching``), time [s], score, and the alarm, if there is one."""
+
+    watching: bool
+    time: float
+    score: float
+    alarm: Alarm | None
+    alarms: int
+    waits_for: str = ""
+
+
+@dataclass
+class _Evidence:
+    """Of an alarm: when it began, when the score was last beyond the threshold, and when it is named next [s]."""
+
+    begin: float
+    last: float
+    due: list[float]
+
+
+class Watch:
+    """A watch over one machine in one pose.
+
+    Args:
+        machine: the model; the file that identification or diagnosis wrote is the one to give.
+        pose: locked joints and load.
+        settings: how it judges.
+
+    Raises:
+        BuildError, MachineError, ModelError: the model cannot be made.
+    """
+
+    def __init__(self, machine: Machine, pose: Pose, settings: Settings | None = None) -> None:
+        self.settings = settings or Settings()
+        self._noise = machine.sensor_noise()
+        self._model = WatchModel(machine, pose)
+        self._samples: dict[str, deque[tuple[float, float]]] = {
+            name: deque(maxlen=_BUFFER) for name in (*CHANNELS, *CURRENTS)
+        }
+        self._filter: WatchFilter | None = None
+        self._from = -math.inf
+        self._judged = -math.inf
+        self._heard = 0.0
+        self._score = math.nan
+        self._evidence: _Evidence | None = None
+        self._recent: deque[Interval] = deque(maxlen=_KEPT)
+        self._alarm: Alarm | None = None
+        self._alarms = 0
+        self._newest = -math.inf
+
+    def add(self, channel: str, time: float, value: float) -> None:
+        """One valid sample: channel of ``CHANNELS`` or ``CURRENTS``, its stamp [s], its value [SI, gauge].
+
+        Samples of one channel come in the order of their stamps; one that does not, or is no number, is left out.
+        """
+        samples = self._samples[channel]
+        if math.isfinite(value) and math.isfinite(time) and not (samples and time <= samples[-1][0]):
+            samples.append((time, value))
+            self._newest = max(self._newest, time)
+
+    def advance(self) -> Status:
+        """Goes on as far as the samples reach, less the delay; gives what there is to say then."""
+        until = self._newest - self.settings.delay
+        if self._filter is None:
+            self._start(until)
+        while self._filter is not None and self._filter.time + PERIOD <= until:
+            self._step(self._filter)
+        return self.status
+
+    @property
+    def status(self) -> Status:
+        """What the watch says now."""
+        time = self._filter.time if self._filter is not None else self._newest
+        watching = self._filter is not None and self._filter.time >= self._from
+        missing = "" if self._filter is not None else ", ".join(n for n, s in self._samples.items() if not s)
+        return Status(watching, time, self._score, self._alarm, self._alarms, missing)
+
+    # ---------------------------------------------------------------------------------------------------------- running
+
+    def _start(self, until: float) -> None:
+        """A new filter from the first stretch in which all channels were measured."""
+        if any(not samples for samples in self._samples.values()):
+            return
+        begin = max(samples[0][0] for samples in self._samples.values())
+        for samples in self._samples.values():
+            while len(samples) > 1 and samples[1][0] <= begin:
+                samples.popleft()
+        end = begin + _START
+        if end > until:
+            return
+        means = {}
+        for name in CHANNELS:
+            values = [v for t, v in self._samples[name] if t <= end]
+            if not values:
+                self._samples[name].clear()
+                return
+            means[name] = float(np.mean(values))
+        current = self._acting(end)
+        plant = self._model.plant
+        moving = abs(means["rate"]) > RESTING_RATE
+        if moving:
+            state = stationary_guess(plant, means, (current[-1][1], current[-1][2]))
+        else:
+            state = plant.rest_state_measured(means["angle"], means["hose_pressure"], means["rod_pressure"])
+        state = np.clip(state, plant.minimum, plant.maximum)
+        self._filter = WatchFilter(self._model, self._noise, state, end, moving=moving, memory=self.settings.memory)
+        self._from = end + _SETTLING
+        self._heard = end
+        for name in CHANNELS:
+            self._drop(name, end)
+
+    def _step(self, filter_: WatchFilter) -> None:
+        begin, end = filter_.time, filter_.time + PERIOD
+        currents = self._acting(begin, end)
+        if begin - currents[0][0] > GAP:
+            self._lose(end)
+            return
+        measured, share = np.full(len(CHANNELS), np.nan), np.ones(len(CHANNELS))
+        for i, name in enumerate(CHANNELS):
+            samples = self._samples[name]
+            while samples and samples[0][0] <= end:
+                time, measured[i] = samples.popleft()
+                share[i] = (time - begin) / PERIOD
+        if np.isfinite(measured).any():
+            self._heard = end
+        elif end - self._heard > _LONGEST_SILENCE:
+            self._lose(end)
+            return
+        state = filter_.state.copy()
+        try:
+            filter_.advance(end, currents, measured, share)
+        except SimulationError:  # the machine is so far from the model that it cannot be followed: from here anew
+            self._lose(end)
+            return
+        self._recent.append(Interval(begin, end, state, currents, measured, share, filter_.gain, filter_.whitening))
+        if end >= self._from and end - self._judged >= _JUDGED_EVERY - _EARLIER:
+            self._judged = end
+            self._judge(filter_.information, end)
+
+    def _acting(self, begin: float, end: float | None = None) -> list[tuple[float, float, float]]:
+        """(from when, retract, extend) of the currents that act from ``begin`` to ``end`` [s]; older ones are dropped."""
+        end = begin if end is None else end
+        both = [self._samples[name] for name in CURRENTS]
+        for samples in both:
+            while len(samples) > 1 and samples[1][0] <= begin:
+                samples.popleft()
+        retract, extend = both
+        times = sorted({t for samples in both for t, _ in samples if begin < t < end})
+        first = min(retract[0][0], extend[0][0])
+        return [(t, _held(retract, max(t, begin)), _held(extend, max(t, begin))) for t in (first, *times)]
+
+    def _drop(self, name: str, until: float) -> None:
+        while self._samples[name] and self._samples[name][0][0] <= until:
+            self._samples[name].popleft()
+
+    def _lose(self, now: float) -> None:
+        """The state is not known any more: what is old is dropped, and a start is made with the next samples."""
+        self._filter = None
+        self._recent.clear()
+        self._score = math.nan
+        for name in (*CHANNELS, *CURRENTS):
+            self._drop(name, now)
+        if not all(self._samples.values()):
+            return
+        self._start(self._newest - self.settings.delay)
+
+    # ---------------------------------------------------------------------------------------------------------- judging
+
+    def _judge(self, info: Information, now: float) -> None:
+        score, gains, sizes = judged(info, self._model.suspects)
+        self._score = score
+        beyond = score > self.settings.threshold
+        if beyond and self._evidence is None:
+            self._evidence = _Evidence(now, now, [now + after for after in _NAMED_AFTER])
+            self._alarms += 1
+            self._alarm = self._first_guess(now, gains, sizes)
+        if self._evidence is None:
+            return
+        if beyond:
+            self._evidence.last = now
+        elif now - self._evidence.last > self.settings.hold:
+            self._evidence = self._alarm = None
+            return
+        while self._evidence.due and now >= self._evidence.due[0]:
+            self._evidence.due.pop(0)
+            self._name(self._evidence.begin)
+
+    def _first_guess(self, now: float, gains: Array, sizes: Array) -> Alarm:
+        """What the linear look of the filter says, until there is more to look at."""
+        suspects = self._model.suspects
+        best: dict[str, float] = {}
+        for suspect, gain in zip(suspects, gains, strict=True):
+            best[suspect.subsystem] = max(best.get(suspect.subsystem, 0.0), float(gain))
+        total = sum(best.values()) or 1.0
+        k = int(np.argmax(gains))
+        share = {name: best[name] / total for name in sorted(best, key=lambda n: -best[n])}
+        size = float(sizes[k]) * suspects[k].scale
+        return Alarm(now, suspects[k].subsystem, suspects[k].effect, share, size, suspects[k].unit)
+
+    def _name(self, begin: float) -> None:
+        """Names the cause from a little before the alarm on; what was said before stays where nothing explains it."""
+        intervals = [i for i in self._recent if i.begin >= begin - _BEFORE]
+        named = naming.name(self._model, intervals) if intervals else None
+        if named is not None:
+            s = named.suspect
+            self._alarm = Alarm(begin, s.subsystem, s.effect, named.share, named.size, s.unit)
+
+
+def judged(info: Information, suspects: Sequence[Suspect]) -> tuple[float, Array, Array]:
+    """Score, and for each suspect what it would explain of the square sum, and its size, beside what is tolerated.
+
+    A suspect's size stays inside its plausible range. J_0 = sum e^T S^-1 e - b_t^T (A_tt + I)^-1 b_t is what is left after
+    the best tolerated change (prior: one tolerance).
+    """
+    a, b = info.matrix, info.vector
+    tolerated = len(b) - len(suspects)
+    t, s = slice(0, tolerated), slice(tolerated, None)
+    solved = np.linalg.solve(a[t, t] + np.eye(tolerated), np.column_stack((b[t], a[t, s])))
+    left = info.square - float(b[t] @ solved[:, 0])
+    score = left / info.count if info.count > 0 else math.nan
+    rest = b[s] - a[s, t] @ solved[:, 0]
+    stiffness = np.diag(a[s, s]) - np.einsum("ij,ji->i", a[s, t], solved[:, 1:]) + _PRIOR
+    size = np.clip(rest / stiffness, [x.low for x in suspects], [x.high for x in suspects])
+    return score, size * (2.0 * rest - size * stiffness), size
+
+
+def _held(samples: deque[tuple[float, float]], time: float) -> float:
+    value = samples[0][1]
+    for at, sample in samples:
+        if at > time:
+            break
+        value = sample
+    return value

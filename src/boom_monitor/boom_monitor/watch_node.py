@@ -1,0 +1,189 @@
+"""Watches live topics: ``/diagnostics`` tells when the machine leaves the tolerance of its model, and in which subsystem.
+
+Topics, parameters and conditions: README.md of the package. The core is :mod:`boom_monitor.watch`.
+"""
+
+# ruff: noqa: I001
+from boom_node import early  # noqa: F401  (first: signals and environment)
+
+import time
+from functools import partial
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from sensor_msgs.msg import FluidPressure, JointState
+
+from boom_monitor import watch, words
+from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
+from boom_model.errors import ModelError
+from boom_model.machine_file import load_machine, shipped_machine
+from boom_node import qos, shell
+from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
+from boom_node.errors import StartError
+from boom_node.node import Node
+from boom_node.input_watch import InputWatch
+from boom_node.parameters import ParameterSpec, declare
+from boom_node.stamps import far, ns_to_seconds, to_ns
+from boom_recording import channels
+
+_DEFAULT = watch.Settings()
+PARAMETERS = (
+    ParameterSpec(
+        "machine", "", "machine file, shipped name or path; empty: the machine that the configuration names", read_only=True
+    ),
+    ParameterSpec("joint_name", channels.DEFAULT_JOINT, "name of the boom's joint in /joint_states", read_only=True),
+    ParameterSpec(
+        "threshold", _DEFAULT.threshold, "score (1 = noise) above which the tolerance is left", "", 1.0, 1000.0, read_only=True
+    ),
+    ParameterSpec("memory", _DEFAULT.memory, "time constant of the score", "s", 0.2, 60.0, read_only=True),
+    ParameterSpec("hold", _DEFAULT.hold, "time below the threshold after which an alarm ends", "s", 0.0, 3600.0, read_only=True),
+    ParameterSpec("delay", _DEFAULT.delay, "how long late samples are waited for", "s", 0.0, 2.0, read_only=True),
+)  # fmt: skip
+_ADVANCE_PERIOD_S = 0.05
+_CLOCK_SET = 100
+"""Samples in a row, a quarter of a second of all topics, that are far from the ones before."""
+
+
+class WatchNode(Node):
+    """Thin shell around :class:`boom_monitor.watch.Watch`."""
+
+    def __init__(self) -> None:
+        super().__init__("boom_diagnosis_watch")
+        self._values = values = declare(self, PARAMETERS)
+        self._settings = watch.Settings(values.threshold, values.memory, values.hold, values.delay)
+        self._machine = None
+        if values.machine:
+            try:
+                self._machine = load_machine(values.machine)
+            except ModelError as error:
+                raise StartError(str(error)) from error
+        self._watch: watch.Watch | None = None
+        self._configuration: tuple[str, float, float, float] | None = None
+        self._failure = ""
+        self._origin_ns: int | None = None
+        self._newest_ns = 0
+        self._strange = 0
+        self._refused = 0
+        self._told: watch.Alarm | None = None
+        self._input = InputWatch(
+            "no /boom/machine_configuration for {age} s: start the crane or replay a bag", time.monotonic(), once=True
+        )
+        sensor = qos.EVERY_SENSOR_SAMPLE
+        self.create_subscription(JointState, channels.JOINT_STATES, self._on_joints, sensor)
+        for topic in (channels.HOSE_PRESSURE, channels.ROD_PRESSURE):
+            self.create_subscription(FluidPressure, topic, partial(self._on_pressure, topic), sensor)
+        self.create_subscription(SolenoidCurrents, channels.SOLENOID_CURRENTS, self._on_currents, sensor)
+        self.create_subscription(
+            MachineConfiguration, channels.MACHINE_CONFIGURATION, self._on_configuration,
+            qos.BY_TOPIC[channels.MACHINE_CONFIGURATION],
+        )  # fmt: skip
+        self._diagnostics = DiagnosticsPublisher(self, self._health, values.machine)
+        self.create_timer(_ADVANCE_PERIOD_S, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    # ----------------------------------------------------------------------------------------------------------- inputs
+
+    def _on_configuration(self, message: MachineConfiguration) -> None:
+        self._input.seen(time.monotonic())
+        load = message.load_mass if message.load_mass == message.load_mass else 0.0
+        asked = (message.machine, message.outer_boom_angle, message.telescope_length, load)
+        if asked == self._configuration:
+            return
+        self._configuration, self._watch, self._failure = asked, None, ""
+        self._begin()
+
+    def _begin(self) -> None:
+        """A new watch over what was configured last."""
+        self._origin_ns = None
+        asked = self._configuration
+        if asked is None:
+            return
+        try:
+            machine = self._machine or shipped_machine(asked[0])
+            self._watch = watch.Watch(machine, machine.pose(*asked[1:]), self._settings)
+            self.get_logger().info(
+                f"watching {machine.name}, q3 = {asked[1]:g} rad, q4 = {asked[2]:g} m, load {asked[3]:g} kg"
+            )
+        except ModelError as error:
+            self._failure = f"the machine cannot be watched: {error}; give its file with the parameter 'machine'"
+            self.get_logger().error(self._failure)
+        self._diagnostics.update()
+
+    def _on_joints(self, message: JointState) -> None:
+        if self._values.joint_name not in message.name:
+            return
+        k = list(message.name).index(self._values.joint_name)
+        if k < len(message.position) and k < len(message.velocity):
+            self._add(message.header.stamp, angle=message.position[k], rate=message.velocity[k])
+
+    def _on_pressure(self, topic: str, message: FluidPressure) -> None:
+        (channel,) = channels.of_topic(topic)
+        self._add(message.header.stamp, **{channel.name: message.fluid_pressure})
+
+    def _on_currents(self, message: SolenoidCurrents) -> None:
+        self._add(message.header.stamp, retract_current=message.retract, extend_current=message.extend)
+
+    def _add(self, stamp, **values: float) -> None:
+        if self._watch is None:
+            return
+        nanoseconds = to_ns(stamp)
+        if self._origin_ns is None:
+            self._origin_ns = self._newest_ns = nanoseconds
+        if not self._believed(nanoseconds):
+            return
+        at = ns_to_seconds(nanoseconds - self._origin_ns)
+        for name, wire in values.items():
+            channel = channels.BY_NAME[name]
+            value = wire - channel.wire_offset
+            if channel.low <= value <= channel.high:
+                self._watch.add(name, at, value)
+            else:
+                self._refused += 1
+
+    def _believed(self, nanoseconds: int) -> bool:
+        """Whether a stamp fits the others, of whatever clock they are; where none fits any more the clock was set."""
+        wrong = far(nanoseconds, self._newest_ns)
+        if not wrong:
+            self._newest_ns, self._strange = nanoseconds, 0
+            return True
+        self.guard.refuse("samples", "stamp far from the one before", wrong)
+        self._strange += 1
+        if self._strange >= _CLOCK_SET:
+            self._strange = 0
+            self._begin()
+        return False
+
+    # ---------------------------------------------------------------------------------------------------------- outputs
+
+    def _on_timer(self) -> None:
+        if self._watch is None:
+            warning = self._input.warning(time.monotonic())
+            if warning:
+                self.get_logger().warning(warning)
+            return
+        alarm = self._watch.advance().alarm
+        if (alarm is None) != (self._told is None):
+            if alarm is not None:
+                self.get_logger().warning(words.alarm(alarm))
+            else:
+                self.get_logger().info("the machine is within the tolerance of its model again")
+        self._told = alarm
+        self._diagnostics.update()
+
+    def _health(self) -> Health:
+        if self._failure:
+            return Health(Level.ERROR, self._failure)
+        if self._watch is None:
+            return Health(Level.WARN, "waits for /boom/machine_configuration")
+        status = self._watch.status
+        values = {**words.values(status), "samples out of range": self._refused}
+        level = Level.OK if status.alarm is None and status.watching else Level.WARN
+        return Health(level, words.message(status), values)
+
+
+def main() -> int:
+    """Runs the node until SIGINT or SIGTERM; returns the exit status."""
+    return shell.run(WatchNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,135 @@
+"""The watch as a process beside a simulated crane that has an effect switched on, seen on /diagnostics."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from boom_interfaces.msg import SolenoidCurrents
+from boom_node import qos
+from boom_node.stamps import to_ns
+
+pytestmark = pytest.mark.process
+PATIENCE = 60.0
+WARN = b"\x01"
+
+
+class Partner:
+    """Drives the crane in lockstep and listens to what the watch says."""
+
+    def __init__(self) -> None:
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)  # in the domain of this worker alone, see conftest.py
+        self.node = rclpy.create_node("partner", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.said: list[Any] = []
+        self.ticks: list[int] = []
+        topic = "/boom/current_command"
+        self.commands = self.node.create_publisher(SolenoidCurrents, topic, qos.BY_TOPIC[topic])
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._hear, qos.BY_TOPIC["/diagnostics"])
+        self.node.create_subscription(Clock, "/clock", lambda m: self.ticks.append(to_ns(m.clock)), qos.EVENTS)
+
+    def _hear(self, message: Any) -> None:
+        self.said += [status for status in message.status if status.name == "boom_diagnosis_watch"]
+
+    def until(self, done: Callable[[], Any]) -> None:
+        end = time.monotonic() + PATIENCE
+        while not done():
+            assert time.monotonic() < end, "what was waited for did not happen"
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def step(self, retract: float, extend: float) -> float:
+        """One period of the crane; gives its time [s]."""
+        ticks = len(self.ticks)
+        self.commands.publish(SolenoidCurrents(retract=retract, extend=extend))
+        self.until(lambda: len(self.ticks) > ticks)
+        return self.ticks[-1] * 1e-9
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+
+@pytest.fixture
+def partner() -> Iterator[Partner]:
+    made = Partner()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    running: list[subprocess.Popen[str]] = []
+
+    def begin(module: str, *parameters: str) -> subprocess.Popen[str]:
+        words = [word for parameter in parameters for word in ("-p", parameter)]
+        command = [sys.executable, "-m", module, "--ros-args", *words]
+        # what this process imports, and not another tree that may be installed
+        environment = dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path))
+        pipe = subprocess.PIPE
+        running.append(subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=pipe, text=True))
+        return running[-1]
+
+    yield begin
+    for process in running:
+        process.kill()
+        process.communicate(timeout=PATIENCE)
+
+
+def drive(partner: Partner, until: float, done: Callable[[], Any]) -> float:
+    """Lifts and lowers in turn, until ``done`` or simulated time ``until`` [s]; gives the simulated time."""
+    at = 0.0
+    while at < until and not done():
+        lifting = at % 4.0 < 1.5
+        at = partner.step(0.0 if lifting else 0.35 * (2.0 < at % 4.0 < 3.5), 0.35 * lifting)
+    return at
+
+
+def test_a_leaking_piston_is_told_with_its_subsystem_within_ten_seconds_of_data(partner: Partner, start: Any) -> None:
+    watch = start("boom_monitor.watch_node", "delay:=0.05")
+    start(
+        "boom_sim.simulation_node", "mode:=lockstep", "effects:='{piston_leakage: {c: 4.0e-12}}'", "initial_angle:=0.4"
+    )
+    partner.until(lambda: partner.commands.get_subscription_count())
+    partner.until(lambda: any("waits for samples" in s.message for s in partner.said))
+
+    # one sample of 2038 among the others: the watch is not led astray
+    joints = partner.node.create_publisher(JointState, "/joint_states", qos.EVENTS)
+    hostile = JointState(name=["inner_boom_joint"], position=[0.4], velocity=[0.0])
+    hostile.header.stamp.sec = 2**31 - 1
+    partner.until(joints.get_subscription_count)
+    drive(partner, 0.5, lambda: False)
+    joints.publish(hostile)
+    partner.node.destroy_publisher(joints)
+
+    def alarms() -> list[Any]:
+        return [s for s in partner.said if s.message.startswith("the machine has left the tolerance")]
+
+    drive(partner, 10.0, alarms)
+    partner.until(alarms)  # without any more data: in lockstep the crane is ahead of who watches it
+    first = alarms()[0]
+    assert first.level == WARN
+    values = {v.key: v.value for v in first.values}
+    assert values["subsystem"] == "cylinder" and float(values["score [1 = noise]"]) > 1.35
+    watch.terminate()
+    assert watch.wait(timeout=PATIENCE) == 0
+
+
+def test_a_machine_without_a_file_is_an_error_that_says_what_to_do(start: Any) -> None:
+    watch = start("boom_monitor.watch_node", "machine:=nosuch")
+    _, error = watch.communicate(timeout=PATIENCE)
+    assert (watch.returncode, error.count("\n")) == (2, 1), error
+    assert "nosuch" in error

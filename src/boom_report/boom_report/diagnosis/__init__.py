@@ -1,0 +1,1 @@
+"""A diagnosis on a page and on a terminal."""

@@ -1,0 +1,216 @@
+"""A diagnosis in words: headline, names of effects and subsystems, numbers with interval and unit for people."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from boom_diagnosis.document import CHANNELS, DiagnosisResult, Estimate, Finding, Fit
+from boom_model.effects import SUBSYSTEM_NAMES, effect_name
+from boom_report.channels import number
+
+# What each effect is, as the subject of a sentence, and what it does or has.
+_EFFECTS = {
+    "payload": ("an unknown load", "hangs at the boom tip"),
+    "payload_change": ("a load", "was grasped or released during the recording"),
+    "swinging_load": ("the load", "swings as a pendulum"),
+    "boom_flexibility": ("the boom", "bends between cylinder and angle sensor"),
+    "stribeck_friction": ("the friction", "breaks away above its sliding value"),
+    "presliding_friction": ("the friction", "gives way elastically before it slides"),
+    "position_dependent_friction": ("the joint", "has a tight spot"),
+    "friction_drift": ("the friction", "changes during the recording"),
+    "piston_leakage": ("the piston seal", "leaks"),
+    "end_cushioning": ("the cylinder", "is cushioned near the end of its stroke"),
+    "entrained_air": ("the oil", "contains air"),
+    "accumulator_precharge": ("the accumulators", "have another pre-charge pressure"),
+    "accumulator_heat_loss": ("the gas of the accumulators", "exchanges heat"),
+    "accumulator_restrictor": ("the orifices of the accumulators", "have another size"),
+    "hose_burst_valve_lag": ("the poppet of the hose burst valve", "needs time to follow"),
+    "hose_burst_valve_setting": ("the hose burst valve", "limits at another flow"),
+    "valve_dead_zone": ("the spool of the main valve", "has another overlap"),
+    "valve_hysteresis": ("the main valve or its pilot stage", "has play"),
+    "flow_force": ("the flow", "pushes the spool of the main valve closed"),
+    "spring_rate": ("the return spring of the main valve, or the pilot gain,", "is another one"),
+    "compensator_droop": ("the pressure compensator", "droops with the flow"),
+    "pilot_lag": ("the pilot valves", "are slower or faster"),
+    "command_delay": ("the command", "arrives late at the pilot valves"),
+    "pump_flow_limit": ("the pump", "cannot deliver the flow that the valve asks for"),
+    "return_line_pressure": ("the pressure of the return line", "rises with the flow"),
+    "angle_offset": ("the angle sensor", "is mounted askew"),
+    "rate_scale": ("the gyro", "has another gain"),
+    "pressure_bias": ("a pressure transducer", "reads with an offset"),
+    "pressure_delay": ("the pressures", "arrive late"),
+}
+
+VERDICTS = {
+    "identified": "identified",
+    "ambiguous": "ambiguous",
+    "unknown_physics": "unknown physics",
+    "parameters_only": "parameters only",
+    "sensor_or_clock": "sensor or clock",
+    "no_mismatch": "no mismatch",
+    "not_enough_excitation": "not enough excitation",
+}
+CHANNEL_NAMES = {"angle": "angle", "rate": "rate", "hose_pressure": "hose pressure", "rod_pressure": "rod pressure"}
+
+_SCALES = {
+    "Pa": (1e-5, "bar"),
+    "rad": (1e3, "mrad"),
+    "rad/s": (1e3, "mrad/s"),
+    "m^3/s": (6e4, "l/min"),
+    "m^3/s/Pa": (6e4 * 1e7, "l/min at 100 bar"),
+    "Pa s^2/m^6": (1e-5 * (100 / 6e4) ** 2, "bar at 100 l/min"),
+    "rad/(N m)": (1e9, "nrad/(N m)"),
+}
+_SURE = (
+    (0.95, "almost certainly", "almost certain"), (0.85, "very probably", "very probable"),
+    (0.65, "probably", "probable"), (0.4, "possibly", "possible"), (0.0, "perhaps", "uncertain"),
+)  # fmt: skip
+_MINUS = "\N{MINUS SIGN}"
+
+
+def what_it_is(effect: str) -> tuple[str, str]:
+    """Subject and predicate of the sentence that states an effect."""
+    return _EFFECTS[effect]
+
+
+def is_sure(confidence: float) -> str:
+    """How a statement of this probability is worded, as an adverb."""
+    return next(adverb for least, adverb, _ in _SURE if confidence >= least)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A number for people: value, interval and unit as text."""
+
+    value: str
+    interval: str
+    unit: str
+
+    @property
+    def text(self) -> str:
+        """Value and interval, e.g. 90.1 ms (90 % interval 84 to 97 ms)."""
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.value}{unit} (90 % interval {self.interval}{unit})"
+
+
+def shown(estimate: Estimate) -> Shown:
+    """An estimate in the unit that people use, with as many digits as its interval deserves."""
+    low, high = estimate.interval_90
+    scale, unit = _SCALES.get(estimate.unit, (1.0, "" if estimate.unit == "-" else estimate.unit))
+    if estimate.unit == "s" and max(abs(estimate.value), abs(high)) < 1.0:
+        scale, unit = 1e3, "ms"
+    value, low, high = (v * scale for v in (estimate.value, low, high))
+    width = high - low
+    if not (math.isfinite(width) and math.isfinite(value)):
+        return Shown(signed(value, 3), "not determined", unit)
+    # two digits of the interval's width: more say nothing
+    decimals = 1 - math.floor(math.log10(width)) if width > 0 else 3
+    decimals = max(0, min(decimals, 6))
+
+    def text(v: float) -> str:
+        return f"{v:.{decimals}f}".replace("-", _MINUS) if abs(v) < 1e6 else f"{v:.3g}"
+
+    return Shown(text(value), f"{text(low)} to {text(high)}", unit)
+
+
+def signed(value: float, digits: int = 3) -> str:
+    """A number with a proper minus sign; an en dash where there is none."""
+    return "\N{EN DASH}" if not math.isfinite(value) else number(value, digits).replace("-", _MINUS)
+
+
+def percent(value: float) -> str:
+    """A share of the signal in percent; an en dash where a run ended early."""
+    return "\N{EN DASH}" if not math.isfinite(value) else f"{number(value * 100, 2)} %"
+
+
+def probability(value: float) -> str:
+    """A probability with two digits that never reads as certainty."""
+    if value > 0.995:
+        return "> 0.99"
+    return "< 0.01" if 0 < value < 0.005 else f"{value:.2f}"
+
+
+def others_text(finding: Finding) -> list[str]:
+    """What the finding could be instead, each with its probability; not what the recordings disproved."""
+    return [f"{effect_name(a.effect)} {probability(a.confidence)}" for a in finding.alternatives if a.confidence > 0]
+
+
+def ranking_title(result: DiagnosisResult) -> str:
+    """The heading of the ranking; beside a first finding a further one has a probability of its own."""
+    several = sum(finding.effect is not None for finding in result.document.findings) > 1
+    return "Ranking: what the first finding could be" if several else "Ranking of the hypotheses"
+
+
+def intervals_text(intervals: tuple[tuple[float, float], ...], most: int = 4) -> str:
+    """Times in words: "12.1 to 13.0 s, 15.0 to 15.8 s and 3 more"."""
+    said = [f"{a:.1f} to {b:.1f} s" for a, b in intervals[:most]]
+    more = f" and {len(intervals) - most} more" if len(intervals) > most else ""
+    return ", ".join(said) + more
+
+
+def best_channel(fit: Fit) -> tuple[str, float, float] | None:
+    """(channel, nominal, explained) held-out error of the channel that the explanation helped most; None without one."""
+    nominal, explained = fit.held_out.get("nominal"), fit.held_out.get("explained")
+    if nominal is None or explained is None:
+        return None
+    known = [(n, e, c) for c, n, e in zip(CHANNELS, nominal, explained, strict=True) if e > 0 and math.isfinite(n + e)]
+    if not known:
+        return None
+    n, e, name = max(known, key=lambda row: row[0] / row[1])
+    return CHANNEL_NAMES[name], n, e
+
+
+def headline(result: DiagnosisResult) -> str:
+    """One sentence with number, interval and confidence, worded as carefully as the confidence asks."""
+    document = result.document
+    kind = document.verdict
+    if kind == "no_mismatch":
+        return f"The model of {result.machine.name} explains {_these(result)}: what differs is within sensor noise."
+    if kind == "not_enough_excitation":
+        return f"Nothing can be said: {_these(result)} do not move the boom enough to tell one cause from another."
+    if not document.findings:
+        moved = ", ".join(list(result.tolerances_used)[:3])
+        return f"Parameters within their tolerance explain the difference{f' ({moved})' if moved else ''}: the physics is right."
+    first = document.findings[0]
+    more = len(document.findings) - 1
+    also = f" {_count(more)} further {'finding' if more == 1 else 'findings'} below." if more else ""
+    return f"{statement(first, kind)}{_proof(document.fit)}{also}"
+
+
+def statement(finding: Finding, kind: str = "identified") -> str:
+    """What was found, as a sentence with number, interval, regime and confidence."""
+    sure, p = is_sure(finding.confidence), probability(finding.confidence)
+    subsystem = SUBSYSTEM_NAMES[finding.subsystem]
+    where = f", seen: {finding.regime}" if finding.regime else ""
+    if finding.effect is None:
+        adjective = next(word for least, _, word in _SURE if finding.confidence >= least)
+        return (
+            f"Something that no catalogue lists acts on the {subsystem} (equation {finding.equation}){where}; this is "
+            f"{adjective} (confidence {p})."
+        )
+    numbers = ", ".join(f"{name} = {shown(e).text}" for name, e in finding.parameters.items())
+    if kind == "ambiguous":
+        others = [effect_name(a.effect) for a in finding.alternatives]
+        either = f"{effect_name(finding.effect)} or {' or '.join(others)}" if others else effect_name(finding.effect)
+        return f"It cannot be told apart from these recordings: {either}{where}. The first fits best (confidence {p})."
+    if finding.effect not in _EFFECTS:
+        return f"{sure.capitalize()} the {subsystem}: {finding.effect}{f', {numbers}' if numbers else ''} (confidence {p})."
+    subject, does = what_it_is(finding.effect)
+    return f"{sure.capitalize()} {subject} {does}{f': {numbers}' if numbers else ''}{where} (confidence {p})."
+
+
+def _proof(fit: Fit) -> str:
+    best = best_channel(fit)
+    if best is None or best[1] <= best[2]:
+        return ""
+    name, nominal, explained = best
+    return f" With it the {name}'s held-out error falls from {percent(nominal)} to {percent(explained)} of the signal."
+
+
+def _these(result: DiagnosisResult) -> str:
+    return "the recordings" if len(result.bags) != 1 else "the recording"
+
+
+def _count(n: int) -> str:
+    return {1: "One", 2: "Two", 3: "Three"}.get(n, str(n))

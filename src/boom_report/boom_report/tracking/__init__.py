@@ -1,0 +1,1 @@
+"""How well a boom followed its reference."""

@@ -1,0 +1,1 @@
+"""Free runs beside a recording: Tables 5.1 and 5.2."""

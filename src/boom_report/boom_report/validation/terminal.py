@@ -1,0 +1,116 @@
+"""The result of a validation on a terminal: Tables 5.1 and 5.2, a verdict per recording, events in short."""
+
+from __future__ import annotations
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from boom_identification.validation import BagValidation, Validation
+from boom_report import events
+from boom_report.channels import CHANNELS, limits_text, number, ratio
+from boom_report.validation.reference import REMARK, beside_short
+from boom_report.validation.tables import load_text
+from boom_report.validation.verdict import verdict
+
+NARROW = 88
+"""Columns below which pose and load are left out: the report shows them."""
+
+_STYLES = {"agrees": "green", "differs": "bold red", "stopped": "bold red", "not compared": "yellow"}
+
+
+def print_validation(validation: Validation, console: Console) -> None:
+    """Prints tables, verdicts and events; on a terminal in colour, elsewhere without blanks at the ends of lines."""
+    if console.is_terminal:
+        _print(validation, console)
+        return
+    with console.capture() as printed:
+        _print(validation, console)
+    console.file.write("".join(line.rstrip() + "\n" for line in printed.get().splitlines()))
+
+
+def _print(validation: Validation, console: Console) -> None:
+    narrow = console.width < NARROW
+    console.print(full_table(validation, narrow=narrow))
+    if validation.bags:
+        console.print(limits_text(validation.bags[0].limits), style="dim")
+    console.print()
+    console.print(reduced_table(validation, narrow=narrow))
+    console.print(REMARK, style="dim")
+    console.print()
+    for bag in validation.bags:
+        _print_bag(bag, console)
+
+
+def full_table(validation: Validation, *, narrow: bool = False) -> Table:
+    """Table 5.1: the full model against the measurement; ``narrow`` without pose and thesis."""
+    table = _table("Table 5.1: full model against the measurement", narrow)
+    table.add_column("angle MAE\n[rad]", justify="right", no_wrap=True)
+    for channel in CHANNELS[1:]:
+        table.add_column(f"{channel.label.split()[0]} rms\n[{channel.error_unit}]", justify="right", no_wrap=True)
+    if not narrow:
+        table.add_column("thesis MAE\n[rad]", no_wrap=True)
+    for bag in validation.bags:
+        cells = [_rad(bag.full.metrics.angle_mae_rad)]
+        for channel in CHANNELS[1:]:
+            value = channel.error(bag.full.metrics)
+            cells.append("-" if value is None else number(value * channel.error_scale))
+        styles = ["red" if (r := ratio(c, bag)) is None or r > 1 else "" for c in CHANNELS]
+        texts = [Text(cell, style) for cell, style in zip(cells, styles, strict=True)]
+        table.add_row(*_row(bag, texts, "5.1", narrow))
+    return table
+
+
+def reduced_table(validation: Validation, *, narrow: bool = False) -> Table:
+    """Table 5.2: the reduced model against the full model; ``narrow`` without pose and thesis."""
+    table = _table("Table 5.2: reduced model against the full model", narrow)
+    table.add_column("angle MAE\n[rad]", justify="right", no_wrap=True)
+    table.add_column("\n[mrad]", justify="right", no_wrap=True)
+    if not narrow:
+        table.add_column("thesis MAE\n[rad]", no_wrap=True)
+    for bag in validation.bags:
+        value = bag.reduced_vs_full_angle_mae_rad
+        shown = "-" if value is None else number(value * 1e3)
+        table.add_row(*_row(bag, [Text(_rad(value)), Text(shown)], "5.2", narrow))
+    return table
+
+
+def _table(title: str, narrow: bool) -> Table:
+    table = Table(
+        title=title,
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        collapse_padding=True,
+        header_style="bold",
+    )
+    table.add_column("recording", overflow="fold", min_width=12)
+    if not narrow:
+        for head in ("q3\n[rad]", "q4\n[m]", "load\n[kg]"):
+            table.add_column(head, justify="right", no_wrap=True)
+    return table
+
+
+def _print_bag(bag: BagValidation, console: Console) -> None:
+    said = verdict(bag)
+    console.print(Text.assemble((bag.recording.name, "bold"), ": ", (said.short, _STYLES[said.kind])))
+    if bag.reduced.stopped:
+        console.print(Text(f"  the reduced model stopped: {bag.reduced.stopped}", "red"))
+    for warning in bag.recording.warnings:
+        console.print(Text(f"  damaged file: {warning}", "yellow"))
+    for line in events.summary(bag.recording.events):
+        console.print(Text(f"  {line}"))
+
+
+def _row(bag: BagValidation, numbers: list[Text], thesis_table: str, narrow: bool) -> list[Text]:
+    c = bag.recording.configuration
+    if narrow:
+        return [Text(bag.recording.name), *numbers]
+    pose = [Text(f"{c.outer_boom_angle:g}"), Text(f"{c.telescope_length:g}"), Text(load_text(c.load_mass))]
+    return [Text(bag.recording.name), *pose, *numbers, Text(beside_short(c, thesis_table) or "-")]
+
+
+def _rad(value: float | None) -> str:
+    return "-" if value is None else f"{value:.5f}"

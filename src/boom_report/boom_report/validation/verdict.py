@@ -1,0 +1,114 @@
+"""What a validation says, in one line per recording: agrees, or what differs most and by how much."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from boom_estimation.free_run import Prediction
+from boom_identification.validation import BagValidation
+from boom_report.channels import CHANNELS, ShownChannel, number, ratio
+
+Kind = Literal["agrees", "differs", "stopped", "not compared"]
+
+WINDOW = 1.0
+"""s. Length of the stretches in which "where it differs" is counted."""
+WINDOW_FACTOR = 2.0
+"""Times the limit: what the rms error of such a stretch must exceed. Noise alone reaches 1.5, in fast stops."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict on one recording.
+
+    Attributes:
+        kind: agrees, differs, stopped (the run left the model's range) or not compared.
+        short: for a terminal, without the recording's name.
+        sentence: for the report: more numbers, and where.
+    """
+
+    kind: Kind
+    short: str
+    sentence: str
+
+
+def verdict(bag: BagValidation) -> Verdict:
+    """Judges the full model against the measurement."""
+    judged = [(c, r) for c in CHANNELS if (r := ratio(c, bag)) is not None]
+    missing = [c.label for c in CHANNELS if c.error(bag.full.metrics) is None]
+    off = sorted((pair for pair in judged if pair[1] > 1), key=lambda pair: -pair[1])
+    numbers = ", ".join(f"{c.label} {c.error_text(c.error(bag.full.metrics))}" for c, _ in judged)
+    if bag.full.stopped:
+        short = f"stopped: {bag.full.stopped}"
+        until = f" Up to there: {numbers}." if judged else ""
+        return Verdict("stopped", short, f"The full model did not get to the end: {bag.full.stopped}.{until}")
+    if off:
+        (worst, times), others = off[0], [c.label for c, _ in off[1:]]
+        most = f"{worst.label} {worst.error_text(worst.error(bag.full.metrics))}, {number(times, 2)} x its noise limit"
+        also = f"; also {_listed(others)}" if others else ""
+        rest = [c for c, r in judged if r <= 1]
+        fine = f" Within noise: {_listed([c.label for c in rest])}." if rest else ""
+        limit = worst.error_text(worst.error(bag.limits)).removesuffix(f" {worst.statistic}")
+        sentence = (
+            f"The full model differs from the measurement, most in {worst.label}: "
+            f"{worst.error_text(worst.error(bag.full.metrics))}, {number(times, 2)} times the {limit} that noise "
+            "explains"
+            f"{' (also beyond it: ' + _listed([_with_number(c, bag) for c, _ in off[1:]]) + ')' if others else ''}."
+            f"{where(bag, worst)}{fine}{_not_compared(missing)}"
+        )
+        return Verdict("differs", f"differs: {most}{also}", sentence)
+    if missing:
+        text = f"no prediction could be compared in {_listed(missing)}"
+        return Verdict("not compared", f"not compared: {text}", f"{text[0].upper()}{text[1:]}.{_why(bag.full)}")
+    if bag.too_little:
+        return Verdict("not compared", f"not compared: {bag.too_little}", f"Nothing can be said: {bag.too_little}.")
+    sentence = f"The full model agrees with the measurement within the sensors' noise: {numbers}."
+    return Verdict("agrees", "agrees within sensor noise", sentence)
+
+
+def where(bag: BagValidation, channel: ShownChannel) -> str:
+    """In which stretches of one second the error of the full model is well beyond its limit; empty if nowhere.
+
+    Returns:
+        A sentence with a leading blank.
+    """
+    signal = bag.recording.signals[channel.name]
+    limit = channel.error(bag.limits)
+    error = np.where(signal.valid, bag.full.values[channel.name] - signal.values, np.nan)
+    known = np.isfinite(error)
+    if limit is None or not known.any():
+        return ""
+    window = np.floor(signal.time[known] / WINDOW).astype(np.int64)
+    windows, of = np.unique(window, return_inverse=True)
+    rms = np.sqrt(np.bincount(of, weights=error[known] ** 2) / np.bincount(of))
+    beyond = windows[rms > WINDOW_FACTOR * limit]
+    if len(beyond) == 0:
+        return ""
+    worst = windows[np.argmax(rms)] * WINDOW
+    return (
+        f" Stretches of {WINDOW:g} s with more than {WINDOW_FACTOR:g} times the limit: {len(beyond)} of "
+        f"{len(windows)}, the first at "
+        f"{beyond[0] * WINDOW:.0f} s, the worst at {worst:.0f} s."
+    )
+
+
+def _with_number(channel: ShownChannel, bag: BagValidation) -> str:
+    return f"{channel.label} {channel.error_text(channel.error(bag.full.metrics))}"
+
+
+def _not_compared(labels: list[str]) -> str:
+    return f" Not compared, for want of valid samples: {_listed(labels)}." if labels else ""
+
+
+def _why(prediction: Prediction) -> str:
+    return (
+        " " + "; ".join(prediction.runs) + "."
+        if prediction.runs
+        else " There are no valid currents to run the model on."
+    )
+
+
+def _listed(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1] if words else ""

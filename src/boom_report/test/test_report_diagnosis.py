@@ -1,0 +1,243 @@
+"""The report of a diagnosis: what it says, in which words, that it stands alone, and that it is written whole or not at all."""
+
+import dataclasses
+import io
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+import report_cases as cases
+from headless_browser import faults
+
+from boom_diagnosis.document import CHANNELS, SUBSYSTEMS, Alternative, Estimate
+from boom_model.effects import EFFECTS
+from boom_recording.recording import Event
+from boom_report.console import console_for
+from boom_report.diagnosis import report, words
+from boom_report.diagnosis.figure import figure
+from boom_report.diagnosis.report import html, write_diagnosis_report
+from boom_report.diagnosis.scheme import colours, scheme
+from boom_report.diagnosis.terminal import print_diagnosis
+from boom_report.diagnosis.where import strip
+from boom_report.diagnosis.words import headline, is_sure, probability, shown, statement, what_it_is
+
+VOID = {"meta", "br"}
+
+
+class Outline(HTMLParser):
+    """Sections, text without scripts, and whether every element is closed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open, self.headings, self.text, self.wrong = [], [], "", []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.wrong.append(tag)
+
+    def handle_data(self, data):
+        if "script" in self.open or "style" in self.open:
+            return
+        self.text += data
+        if self.open and self.open[-1] == "h2":
+            self.headings.append(data.strip())
+
+
+@pytest.fixture(scope="module")
+def page():
+    return html(cases.identified())
+
+
+def test_an_identified_effect_has_every_part_of_the_report(page):
+    outline = Outline(page)
+    assert outline.wrong == [] and outline.open == []
+    for heading in (
+        "The ladder",
+        "What was found",
+        "Where and when",
+        "lag_a",
+        "lag_b",
+        "Ranking",
+        "What remains",
+        "What to record next",
+        "About",
+    ):
+        assert any(h.startswith(heading) for h in outline.headings), heading
+    assert "parameters only" in outline.text and "sensors" in outline.text and "noise floor" in outline.text
+    assert "held out: nothing was fitted to it" in outline.text
+
+
+def test_the_headline_states_number_interval_confidence_and_the_gain():
+    said = headline(cases.identified())
+    assert said.startswith("Almost certainly the poppet of the hose burst valve needs time to follow: tau = 92 ms")
+    assert "90 % interval 86 to 97 ms" in said and "confidence 0.97" in said
+    before, after = (float(v) for v in re.search(r"falls from ([\d.]+) % to ([\d.]+) %", said).groups())
+    assert before > 3 * after
+
+
+@pytest.mark.parametrize(
+    ("confidence", "word"),
+    [(0.97, "almost certainly"), (0.9, "very probably"), (0.7, "probably"), (0.5, "possibly"), (0.2, "perhaps")],
+)
+def test_the_wording_fits_the_confidence(confidence, word):
+    assert is_sure(confidence) == word
+    assert statement(cases.lag_finding(confidence)).lower().startswith(word)
+
+
+@pytest.mark.parametrize(
+    ("result", "said"),
+    [
+        (cases.unknown_physics, "Something that no catalogue lists acts on the hose burst valve"),
+        (lambda: cases.without_finding("no_mismatch"), "what differs is within sensor noise"),
+        (lambda: cases.without_finding("not_enough_excitation"), "do not move the boom enough"),
+        (lambda: cases.changed("parameters_only", ()), "Parameters within their tolerance explain"),
+        (
+            lambda: cases.changed("ambiguous", (cases.lag_finding(0.55),)),
+            "hose burst valve lag or hose burst valve setting",
+        ),
+        (
+            lambda: cases.changed(
+                "sensor_or_clock", (cases.lag_finding(0.9, effect="pressure_delay", subsystem="sensors"),)
+            ),
+            "Very probably the pressures arrive late",
+        ),
+    ],
+)
+def test_every_verdict_has_a_sensible_page(result, said):
+    made = result()
+    text = Outline(html(made)).text
+    assert said in headline(made) and said in text
+    assert words.VERDICTS[made.document.verdict] in text
+    assert "nan" not in re.sub(r"[a-z]*nan[a-z]+", "", text.lower())
+
+
+@pytest.mark.xdist_group("front door")  # whose browser is open already
+@pytest.mark.parametrize(
+    "result",
+    [
+        cases.unknown_physics,
+        lambda: cases.without_finding("not_enough_excitation"),
+        lambda: cases.changed("ambiguous", (cases.lag_finding(0.55),)),
+    ],
+    ids=["unknown_physics", "not_enough_excitation", "ambiguous"],
+)
+def test_every_kind_of_page_is_drawn_fits_a_phone_and_can_be_printed(result, browser, tmp_path):
+    (tmp_path / "report.html").write_text(html(result()), encoding="utf-8")
+    assert faults(browser, tmp_path / "report.html") == []
+
+
+def test_every_effect_of_the_catalogue_has_words_of_its_own():
+    assert len({what_it_is(effect) for effect in EFFECTS}) == len(EFFECTS)
+
+
+def test_the_page_loads_nothing_and_cannot_be_broken_by_a_name():
+    made = cases.identified()
+    evil = "</script><script>alert(1)</script>"
+    bag = dataclasses.replace(made.bags[0], name=evil)
+    text = html(dataclasses.replace(made, bags=(bag,), command=evil, notes=(evil,)))
+    assert "alert(1)</script>" not in text
+    assert "default-src 'none'" in text
+    addresses = re.findall(r"""(?:src|href)=["']?([^"' >]+)""", re.sub(r"<script.*?</script>", "", text, flags=re.S))
+    assert addresses == []
+
+
+def test_the_scheme_shows_all_subsystems_and_colours_them_by_evidence():
+    drawing = scheme({"hose_burst_valve": 0.93, "main_valve": 0.3})
+    assert all(f"id='scheme-{name}'" in drawing for name in SUBSYSTEMS)
+    part = re.search(r"id='scheme-hose_burst_valve'.*?</g>", drawing).group()
+    assert f"--fill:{colours(0.93)[0]}" in part and "0.93" in part
+    assert "0.00" not in re.sub(r"<title>.*?</title>", "", drawing)
+    assert "Hydraulic scheme. hose burst valve 0.93, main valve 0.30." in drawing
+    lightness = [sum(int(colours(p)[0][k : k + 2], 16) for k in (1, 3, 5)) for p in (0.0, 0.1, 0.3, 0.6, 0.9)]
+    assert lightness == sorted(lightness, reverse=True)
+
+
+def test_the_chart_shows_measured_before_and_after_with_noise_band_and_mismatch():
+    bag = cases.identified().bags[0]
+    chart = figure(bag)
+    names = {trace["name"] for trace in chart["data"]}
+    assert {"measured", "model before", "model after", "mismatch"} <= names
+    bands = [s for s in chart["layout"]["shapes"] if s["yref"].startswith("y") and "domain" not in s["yref"]]
+    assert [b["y1"] for b in bands] == pytest.approx(
+        [2 * n * k for n, k in zip(cases.noise(), (1e3, 1e3, 1e-5, 1e-5), strict=True)]
+    )
+    starts = {s["x0"] for s in chart["layout"]["shapes"] if "domain" in s["yref"]}
+    assert starts == {a for a, _ in bag.windows}
+    json.dumps(chart, allow_nan=False)
+
+
+def test_held_out_ends_and_gaps_are_shaded():
+    gap = Event("gap", "/joint_states", 3.0, 4.0, 99, "no sample for 1.00 s")
+    bag = dataclasses.replace(cases.bag("x", 1, held_out=False, events=(gap,)), held_out_from=20.0, windows=())
+    starts = {s["x0"] for s in figure(bag)["layout"]["shapes"] if "domain" in s["yref"]}
+    assert starts == {3.0, 20.0}
+    result = dataclasses.replace(cases.identified(), bags=(bag,))
+    assert "held out from 20.0 s on" in html(result) and "no sample for 1.00 s" in html(result)
+
+
+def test_a_short_unknown_input_is_not_lost_in_the_strip_over_time():
+    bag = cases.identified().bags[0]
+    values = np.zeros(len(bag.time))
+    values[1234] = -9.0
+    spec = strip(dataclasses.replace(bag, equations={"torque": values}), {"torque": "equation of motion"})
+    import base64
+
+    z = np.frombuffer(base64.b64decode(spec["data"][0]["z"]["bdata"]), "<f4")
+    assert z.min() == -9.0 and spec["data"][0]["y"] == ["equation of motion"]
+
+
+@pytest.mark.parametrize(
+    ("estimate", "value", "interval", "unit"),
+    [
+        (Estimate(0.0901, "s", (0.0842, 0.0968)), "90", "84 to 97", "ms"),
+        (Estimate(27.41, "s", (27.3, 27.5)), "27.41", "27.30 to 27.50", "s"),
+        (Estimate(-2.5e5, "Pa", (-2.8e5, -2.2e5)), "−2.50", "−2.80 to −2.20", "bar"),
+        (Estimate(2.0 / 6e11, "m^3/s/Pa", (1.0 / 6e11, 3.0 / 6e11)), "2.0", "1.0 to 3.0", "l/min at 100 bar"),
+        (Estimate(260.0, "kg", (float("nan"), float("nan"))), "260", "not determined", "kg"),
+    ],
+)
+def test_numbers_are_shown_in_peoples_units_with_the_digits_they_deserve(estimate, value, interval, unit):
+    said = shown(estimate)
+    assert (said.value, said.interval, said.unit) == (value, interval, unit)
+
+
+def test_a_probability_never_reads_as_certainty():
+    assert [probability(p) for p in (0.999, 0.97, 0.001, 0.0)] == ["> 0.99", "0.97", "< 0.01", "0.00"]
+
+
+def test_an_interrupted_report_leaves_the_old_one(tmp_path, monkeypatch):
+    path = tmp_path / "report.html"
+    path.write_text("old")
+
+    def interrupted(_result):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(report, "html", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_diagnosis_report(cases.identified(), path)
+    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_report_is_written_whole(tmp_path):
+    path = tmp_path / "report.html"
+    write_diagnosis_report(cases.identified(), path)
+    assert path.read_text(encoding="utf-8").endswith("</html>\n") and list(tmp_path.iterdir()) == [path]
+
+
+def test_the_terminal_table_is_short_plain_and_80_columns_wide():
+    out = io.StringIO()
+    result = cases.changed("ambiguous", (cases.lag_finding(0.6, alternatives=(Alternative(None, 0.3),)),))
+    print_diagnosis(result, console_for(out, 80))
+    printed = out.getvalue()
+    assert max(len(line) for line in printed.splitlines()) <= 80 and len(printed.splitlines()) < 45
+    assert "\x1b" not in printed and "92 ms [86 to 97]" in printed and "physics of no catalogue" in printed
+    floor = re.search(r"noise floor +(.*)", printed).group(1).split()
+    assert [float(v) for v in floor] == pytest.approx([100 * v for v in result.document.fit.noise_floor], rel=0.06)
+    assert len(floor) == len(CHANNELS)

@@ -1,0 +1,187 @@
+"""Runs one function over many cases: in local worker processes, or through a dask cluster somebody else has started.
+
+A result that raises is repeated (``RETRIES``), a worker that dies costs the case it was at, which another one repeats. What is
+finished is told as it comes in. Local workers are told their work through pipes that they inherit: no port is opened, and they end
+with the process that started them, however that ends.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from typing import Any, Protocol
+
+from boom_node.children import die_with_parent
+
+RETRIES = 2
+
+
+class EngineError(RuntimeError):
+    """The workers cannot be had, or a case failed again and again."""
+
+    exit_status = 2
+
+
+class Engine(Protocol):
+    """Workers. Use through :func:`workers`."""
+
+    def each(
+        self, function: Callable[..., Any], cases: Sequence[str], arguments: Callable[[str], tuple[Any, ...]],
+        done: Callable[[str, Any], None],
+    ) -> None:  # fmt: skip
+        """Calls function(*arguments(case)) for every case; done(case, result) here, in the order in which they finish.
+
+        Raises:
+            EngineError: a case failed in every attempt; the others that were running are given up.
+        """
+
+
+@contextmanager
+def workers(scheduler: str | None, count: int, patience: float = 10.0) -> Iterator[Engine]:
+    """``count`` local worker processes, or those of the scheduler at an address (tcp://HOST:PORT), waited for ``patience`` [s].
+
+    Raises:
+        EngineError: nobody answers at that address.
+    """
+    if scheduler is not None:
+        with _cluster(scheduler, patience) as engine:
+            yield engine
+        return
+    local = _Local(count)
+    try:
+        yield local
+    finally:
+        local.close()
+
+
+class _Worker:
+    """A process that is given one call at a time."""
+
+    def __init__(self) -> None:
+        context = get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs, os.getpid()))
+        self._process.start()
+        theirs.close()
+
+    def end(self) -> None:
+        """Ends it, whatever it does."""
+        self._process.kill()
+        self._process.join()
+        self.pipe.close()
+
+
+class _Local:
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._idle: list[_Worker] = []
+
+    def each(
+        self, function: Callable[..., Any], cases: Sequence[str], arguments: Callable[[str], tuple[Any, ...]],
+        done: Callable[[str, Any], None],
+    ) -> None:  # fmt: skip
+        waiting, attempts = deque(cases), Counter[str]()
+        busy: dict[Connection, tuple[_Worker, str]] = {}
+        try:
+            while waiting or busy:
+                while waiting and len(busy) < self._count:
+                    worker = self._idle.pop() if self._idle else _Worker()
+                    busy[worker.pipe] = worker, waiting[0]
+                    with suppress(OSError):  # it has died: its pipe says so below
+                        worker.pipe.send((function, arguments(waiting[0])))
+                    waiting.popleft()
+                ready = wait(list(busy))
+                for pipe in [p for p in busy if p in ready]:
+                    worker, case = busy.pop(pipe)
+                    try:
+                        good, result = worker.pipe.recv()
+                        self._idle.append(worker)
+                    except (EOFError, OSError):
+                        worker.end()
+                        good, result = False, "its worker process ended"
+                    if good:
+                        done(case, result)
+                        continue
+                    attempts[case] += 1
+                    if attempts[case] > RETRIES:
+                        raise EngineError(f"case {case} failed {attempts[case]} times: {result}")
+                    waiting.append(case)
+        finally:
+            for worker, _ in busy.values():
+                worker.end()
+
+    def close(self) -> None:
+        """Ends all workers."""
+        for worker in self._idle:
+            worker.end()
+
+
+def _serve(pipe: Connection, parent: int) -> None:
+    """What a local worker does: calls until the pipe is closed."""
+    die_with_parent(parent)()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the trial, which ends its workers
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    with suppress(EOFError, BrokenPipeError):
+        while True:
+            function, arguments = pipe.recv()
+            try:
+                answer = True, function(*arguments)
+            except Exception as error:
+                answer = False, f"{type(error).__name__}: {error}"
+            pipe.send(answer)
+
+
+class _Dask:
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def each(
+        self, function: Callable[..., Any], cases: Sequence[str], arguments: Callable[[str], tuple[Any, ...]],
+        done: Callable[[str, Any], None],
+    ) -> None:  # fmt: skip
+        from distributed import as_completed
+
+        futures = {
+            self._client.submit(
+                function, *arguments(case), pure=False, retries=RETRIES, key=f"{function.__name__}-{case}"
+            ): case
+            for case in cases
+        }
+        try:
+            for future in as_completed(futures):
+                case = futures[future]
+                try:
+                    result = future.result()
+                except Exception as error:
+                    raise EngineError(
+                        f"case {case} failed {RETRIES + 1} times: {type(error).__name__}: {error}"
+                    ) from error
+                done(case, result)
+        finally:
+            self._client.cancel(list(futures))
+
+
+@contextmanager
+def _cluster(scheduler: str, patience: float) -> Iterator[Engine]:
+    import dask
+    from distributed import Client
+
+    settings = {
+        "distributed.comm.timeouts.connect": f"{patience}s",
+        "distributed.admin.low-level-log-length": 0,
+        "logging.distributed": "error",
+    }
+    with dask.config.set(settings):
+        try:
+            client = Client(scheduler, timeout=f"{patience}s")
+        except (OSError, ValueError) as error:
+            raise EngineError(
+                f"--scheduler {scheduler}: nobody answers ({error}): start `dask scheduler` there, or leave the option out"
+            ) from None
+        with client:
+            yield _Dask(client)

@@ -1,0 +1,125 @@
+"""The trial as a page of the documentation: what was done, every measure, every effect, the worst cases. Markdown."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from boom_trials.blind import scoring, tables
+from boom_trials.blind.outcomes import Row
+from boom_trials.blind.trial import State
+from concealed_plant.concealments import CONCEALMENTS
+
+_INTRODUCTION = """\
+Physics is concealed in a second plant, the diagnosis has to find it blindly, and is scored. Anybody can repeat it:
+
+```
+./boom prove --cases 300
+./boom prove --seed {seed} --cases {count} --output output/prove-{seed}-{count}
+```
+
+The first takes a fresh seed, the second repeats the trial below. How it is kept honest: [proof_method.md](proof_method.md)."""
+
+
+def page(state: State, rows: Sequence[Row], seconds: float) -> str:
+    """The whole page; seconds: how long the run took."""
+    parts = [
+        "# The blind trial",
+        _INTRODUCTION.format(seed=state.seed, count=state.count),
+        f"This page was written by the command: {tables.heading(state)}; {seconds / 60:.0f} minutes.\n"
+        f"SHA-256 of the sealed answers: `{state.sha256}`.",
+        "## What was asked, what was reached",
+        tables.measures_table(rows),
+        _missed(rows),
+        "## Accuracy against detectability",
+        tables.strengths_table(rows),
+        "## Does the confidence mean what it says?",
+        _confidence(rows),
+        "## Held-out errors",
+        _errors(rows),
+        "## Every effect",
+        "Right first of all cases at each multiple of the detectable size; what was said instead at 1 x and above. The size is the "
+        "median of the detectable ones, and depends on what the operator happened to do. The whole confusion matrix "
+        "is in the report.",
+        _effects(rows),
+        "## Everything else",
+        _kinds(rows),
+        "## The worst cases",
+        "Their pictures are in the report that the command writes.",
+        _worst(rows),
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _missed(rows: Sequence[Row]) -> str:
+    measures = scoring.measures(rows)
+    missed, open_ = [m.title for m in measures if m.met is False], [m.title for m in measures if m.too_few]
+    said = [f"Not met: {'; '.join(missed)}. The tables below show where it is lost."] if missed else []
+    if open_:
+        said.append(f"Short of what is asked, by no more than so few cases are by chance: {'; '.join(open_)}.")
+    return " ".join(said) or "Every measure that had cases is met."
+
+
+def _confidence(rows: Sequence[Row]) -> str:
+    lines = ["| stated (mean) | right | cases |", "|---|---|---|"]
+    lines += [f"| {said:.2f} | {right:.2f} | {count} |" for said, right, count in scoring.confidence_bins(rows)]
+    return "\n".join(lines) if len(lines) > 2 else "No finding had a confidence."
+
+
+def _errors(rows: Sequence[Row]) -> str:
+    names = ("angle", "rate", "hose pressure", "rod pressure")
+    lines = [f"| model | {' | '.join(names)} | cases |", "|---|---|---|---|---|---|"]
+    for title, errors in scoring.held_out_stages(rows):
+        medians = " | ".join(tables.percent(float(np.median([e[k] for e in errors]))) for k in range(len(names)))
+        lines.append(f"| {title} | {medians} | {len(errors)} |")
+    if len(lines) == 2:
+        return "No single effect at 1 x and above."
+    return (
+        "Median of the rms error over the measured channel's standard deviation, free runs, single effects at 1 x and above.\n\n"
+        + "\n".join(lines)
+    )
+
+
+def _effects(rows: Sequence[Row]) -> str:
+    """A line per effect of the catalogue and per effect outside it."""
+    lines = [
+        "| concealed | its form here | size at 1 x | 0.5 x | 1 x | 3 x | said instead |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for name, row in CONCEALMENTS.items():
+        cases = [r for r in rows if r.truth.kind in ("effect", "outside") and r.true_effect.effect == name]
+        if not cases:
+            continue
+        sizes = [r.true_effect.detectable for r in cases if r.true_effect.detectable is not None]
+        size = f"{np.median(sizes):.2g} {row.unit}" if sizes else "-"
+        shares = []
+        for strength in (0.5, 1.0, 3.0):
+            of = [r for r in cases if r.true_effect.strength == strength]
+            shares.append(f"{sum(r.right_first for r in of)}/{len(of)}" if of else "")
+        wrong = Counter(scoring.label(r) for r in cases if r.true_effect.strength >= 1.0 and not r.right_first)
+        said = ", ".join(_times(word, n) for word, n in wrong.most_common(4))
+        shown = f"`{name}`" if row.known else f"{name.replace('_', ' ')} (outside)"
+        lines.append(f"| {shown} | {row.form} | {size} | {' | '.join(shares)} | {said} |")
+    return "\n".join(lines)
+
+
+def _kinds(rows: Sequence[Row]) -> str:
+    lines = ["| kind | cases | said |", "|---|---|---|"]
+    table = scoring.confusion(rows)
+    for kind in scoring.KINDS:
+        said = table.get(kind)
+        if said:
+            words = ", ".join(_times(word, n) for word, n in said.most_common())
+            lines.append(f"| {kind} | {said.total()} | {words} |")
+    return "\n".join(lines)
+
+
+def _worst(rows: Sequence[Row]) -> str:
+    listed = scoring.worst(rows)
+    return "\n".join(f"{k}. {what} (case {row.truth.name})" for k, (_, what, row) in enumerate(listed, 1)) or "None."
+
+
+def _times(word: str, count: int) -> str:
+    return word if count == 1 else f"{word} {count} x"

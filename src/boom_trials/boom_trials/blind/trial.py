@@ -1,0 +1,227 @@
+"""A blind trial from seed to score: make and seal all cases, diagnose them blindly, open the seal, judge.
+
+Below the trial's folder:
+
+    state.json              seed, number of cases, machine, version, checksum of the answers
+    blind/CASE/recording    what the diagnosis gets; it works in blind/CASE and cannot open anything else of the trial
+    blind/CASE/diagnosis    what it says
+    sealed/CASE             answer, second recording, row of the score
+
+Every file is written whole or not at all, so that a trial which was stopped goes on where it was.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from boom_input.whole import write_whole
+from boom_node.children import die_with_parent
+from boom_trials import __version__
+from boom_trials.blind import judging
+from boom_trials.blind.engine import Engine
+from boom_trials.blind.outcomes import Row
+from concealed_plant.cases import CaseSpec, cases
+from concealed_plant.generator import ANSWER, RECORDING, make_case
+
+DIAGNOSIS = "boom_bringup.cli"
+"""The program on trial: what a user starts with ./boom, run as a process of its own."""
+PATIENCE = 600.0
+"""s. A diagnosis that takes longer has no answer."""
+_STOPPED = (-signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM)
+STATE = "state.json"
+Progress = Callable[[str, int, int], None]
+"""(what is being done, cases finished, cases in all)"""
+
+
+class TrialError(RuntimeError):
+    """The folder holds another trial, or its answers were changed."""
+
+    exit_status = 2
+
+
+@dataclass(frozen=True)
+class State:
+    """What a trial is; sha256 of the answers is empty until all cases are made, seconds is the time spent on it in all runs."""
+
+    seed: int
+    count: int
+    machine: str
+    version: str
+    begun: str
+    sha256: str = ""
+    seconds: float = 0.0
+
+
+class Trial:
+    """One trial in its folder.
+
+    Raises:
+        TrialError: the folder holds a trial with another seed or number of cases.
+    """
+
+    def __init__(self, folder: Path, seed: int, count: int, machine: Path) -> None:
+        self.folder = folder.resolve()
+        self.blind, self.sealed = self.folder / "blind", self.folder / "sealed"
+        self.machine = machine.resolve()
+        self.specs: dict[str, CaseSpec] = {spec.name: spec for spec in cases(seed, count)}
+        self.state = State(seed, count, self.machine.name, __version__, time.strftime("%Y-%m-%d %H:%M"))
+        known = stored(self.folder)
+        if known is not None:
+            if (known.seed, known.count) != (seed, count):
+                raise TrialError(
+                    f"{folder}: holds a trial with --seed {known.seed} --cases {known.count}: go on with these, "
+                    "or give another --output"
+                )
+            self.state = known
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._keep(self.state)
+
+    def prepare(self, engine: Engine, progress: Progress) -> str:
+        """Makes and seals all cases; returns the checksum of the answers.
+
+        Raises:
+            TrialError: the answers are not those that were sealed before.
+        """
+        missing = [name for name in self.specs if not (self.sealed / name / ANSWER).exists()]
+        self._each(engine, make_case, missing, lambda name: (self.specs[name], self.machine, self.blind, self.sealed),
+                   "making cases", progress)  # fmt: skip
+        checksum = self._checksum()
+        if self.state.sha256 and self.state.sha256 != checksum:
+            raise TrialError(f"{self.folder}: the answers are not those that were sealed: their checksum is {checksum}")
+        self.state = replace(self.state, sha256=checksum)
+        self._keep(self.state)
+        return checksum
+
+    def diagnose(self, engine: Engine, progress: Progress) -> None:
+        """Lets the diagnosis work on every recording that it has not answered yet."""
+        missing = [name for name in self.specs if not (self.blind / name / judging.OUTCOME).exists()]
+        self._each(engine, diagnose, missing, lambda name: (self.blind / name,), "diagnosing", progress)
+
+    def score(self, engine: Engine, progress: Progress) -> list[Row]:
+        """Opens the seal: one row per case, in the trial's order.
+
+        Raises:
+            TrialError: the answers were changed since they were sealed.
+        """
+        if self._checksum() != self.state.sha256:
+            raise TrialError(f"{self.folder}: the answers were changed after they were sealed; this trial says nothing")
+        documents: dict[str, dict[str, Any]] = {}
+        self._each(engine, judging.judge, list(self.specs), lambda name: (name, self.blind, self.sealed, str(self.machine)),
+                   "scoring", progress, documents.__setitem__)  # fmt: skip
+        return [judging.row_of(documents[name]) for name in self.specs]
+
+    def _each(
+        self, engine: Engine, function: Callable[..., Any], names: list[str], arguments: Callable[[str], tuple[Any, ...]],
+        title: str, progress: Progress, keep: Callable[[str, Any], None] | None = None,
+    ) -> None:  # fmt: skip
+        finished = len(self.specs) - len(names)
+        progress(title, finished, len(self.specs))
+
+        def done(name: str, result: Any) -> None:
+            nonlocal finished
+            finished += 1
+            if keep is not None:
+                keep(name, result)
+            progress(title, finished, len(self.specs))
+
+        if names:
+            engine.each(function, names, arguments, done)
+
+    def _checksum(self) -> str:
+        """SHA-256 over all answers in the trial's order."""
+        total = hashlib.sha256()
+        for name in self.specs:
+            total.update((self.sealed / name / ANSWER).read_bytes())
+        return total.hexdigest()
+
+    def spent(self, seconds: float) -> None:
+        """Adds the time of a run, finished or not, unless all that it did was to draw the pages anew."""
+        self.state = replace(self.state, seconds=self.state.seconds + seconds)
+        self._keep(self.state)
+
+    @property
+    def finished(self) -> bool:
+        """Whether every case has its diagnosis."""
+        return all((self.blind / name / judging.OUTCOME).is_file() for name in self.specs)
+
+    def _keep(self, state: State) -> None:
+        write_whole(self.folder / STATE, json.dumps(asdict(state), indent=1) + "\n")
+
+
+def stored(folder: Path) -> State | None:
+    """The state of the trial in a folder; None where there is none.
+
+    Raises:
+        TrialError: the file cannot be understood.
+    """
+    path = folder / STATE
+    if not path.exists():
+        return None
+    try:
+        return State(**json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError) as error:
+        raise TrialError(
+            f"{path}: cannot be understood ({error}): remove the folder or give another --output"
+        ) from None
+
+
+def diagnose(case: Path) -> float:
+    """Runs the diagnosis on case/recording, blindfolded, in that folder; writes case/outcome.json; returns its seconds.
+
+    Whatever goes wrong in the diagnosis is an outcome, not an error: no answer is a wrong answer.
+
+    Raises:
+        InterruptedError: it was stopped from outside; that is no answer, and the case is to be repeated.
+    """
+    output = case / judging.DIAGNOSIS
+    shutil.rmtree(output, ignore_errors=True)
+    command = [
+        sys.executable,
+        "-m",
+        "boom_trials.blind.blindfold",
+        DIAGNOSIS,
+        "diagnose",
+        RECORDING,
+        "--output",
+        judging.DIAGNOSIS,
+        "--no-report",
+    ]
+    begin, failure = time.monotonic(), ""
+    with (case / "diagnose.log").open("wb") as log:
+        try:
+            done = subprocess.run(
+                command,
+                cwd=case,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                timeout=PATIENCE,
+                check=False,
+                start_new_session=True,  # Ctrl-C is for the trial; what it stops there is not to look like an answer
+                preexec_fn=die_with_parent(os.getpid()),
+            )
+            if done.returncode in _STOPPED:
+                raise InterruptedError(f"the diagnosis was stopped with status {done.returncode}")
+            if done.returncode:
+                failure = f"exit status {done.returncode}: {_last_line(case / 'diagnose.log')}"
+        except subprocess.TimeoutExpired:
+            failure = f"no answer within {PATIENCE:.0f} s"
+    seconds = time.monotonic() - begin
+    write_whole(case / judging.OUTCOME, json.dumps({"failure": failure, "seconds": seconds}))
+    return seconds
+
+
+def _last_line(path: Path) -> str:
+    lines = path.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    return lines[-1][:200] if lines else "it said nothing"

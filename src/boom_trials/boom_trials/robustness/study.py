@@ -1,0 +1,236 @@
+"""The robustness test of chapter 6.4: many runs of the closed loop, spread over processes, and their numbers.
+
+Measures of (6.29) are those of ``boom_report.tracking.position_error``. Force oscillation: rms of f_p - f_p^f above 0.8 Hz,
+f_p from the true p_h and p_b, f_p^f the force (6.2) that the reference needs with the load that really hangs on: the same for
+all modes.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_controller.control_model import ControlModel, Point
+from boom_controller.controller import Controller, Reference, make_controller
+from boom_controller.settings import Settings
+from boom_controller.trajectory_generator import TrajectoryGenerator
+from boom_model.machine import Machine
+from boom_model.machine_file import load_machine
+from boom_model.plant import Plant
+from boom_recording.loading import load
+from boom_report.tracking.position_error import errors, piston_positions
+from boom_trials.robustness.loop import Grasp, History, run, start_state
+from boom_trials.robustness.plants import POSE_OF, SUPPLY_PRESSURE, PlantCase
+
+Array = NDArray[np.float64]
+
+OSCILLATION_FROM = 0.8
+"""Hz."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run.
+
+    Attributes:
+        mode: of the controller; bag: name of the trajectory in ``folder``; case: the plant; seed: of the sensors' noise.
+        folder: that holds the bags. machine: name or path of the machine file.
+        limited: supply of 250 bar and 84 l/min. delay: dead time of the valve chain [sample times].
+        keep: also give the history (for pictures).
+        duration: [s] of the trajectory that is run; 0: all of it.
+        settings: of the controller.
+    """
+
+    mode: str
+    bag: str
+    case: PlantCase
+    seed: int = 0
+    folder: str = "bags"
+    machine: str = "tz17"
+    limited: bool = False
+    delay: int = 0
+    keep: bool = False
+    duration: float = 0.0
+    settings: Settings = field(default_factory=Settings)
+    grasp: Grasp | None = None
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came of a run: errors of the piston [m], force oscillation [N] (NaN if it diverged), why it diverged or stopped."""
+
+    job: Job
+    mae: float
+    maxe: float
+    rmse: float
+    oscillation: float
+    final_oscillation: float
+    diverged: str
+    stopped: tuple[float, str] | None
+    history: History | None = None
+
+    @property
+    def finished(self) -> bool:
+        """Neither diverged nor stopped by the controller."""
+        return not self.diverged and self.stopped is None
+
+
+def carry_out(jobs: Sequence[Job], workers: int | None = None, told: Callable[[], None] | None = None) -> list[Result]:
+    """All jobs, in their order, on ``workers`` processes (default: all cores); ``told`` is called after each.
+
+    Raises:
+        RecordingError: a bag is missing or cannot be read. MachineError, ControlError: from the first run that has it.
+    """
+    count = min(workers or os.cpu_count() or 1, len(jobs))
+    results = []
+    if count <= 1:
+        for job in jobs:
+            results.append(carry_out_one(job))
+            if told:
+                told()
+        return results
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__])  # imported once for all workers
+    with ProcessPoolExecutor(count, mp_context=context) as pool:
+        try:
+            for result in pool.map(carry_out_one, jobs, chunksize=1):
+                results.append(result)
+                if told:
+                    told()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return results
+
+
+def carry_out_one(job: Job) -> Result:
+    """One run and its numbers."""
+    nominal = _machine(job.machine)
+    references, pose_key = _references(job.folder, job.bag, job.settings.sample_time, job.settings.generator_pole)
+    if job.duration:
+        references = references[: round(job.duration / job.settings.sample_time)]
+    base = nominal.pose(*pose_key)
+    machine = job.case.machine(nominal, job.limited)
+    plant = _plant(job.machine, job.limited, pose_key).with_numbers(
+        machine, replace(base, load=base.load + job.case.load)
+    )
+    history = run(
+        _controller(job.mode, job.machine, pose_key, job.settings),
+        plant,
+        start_state(plant, machine, base, references[0].angle),
+        references,
+        noise=nominal.sensor_noise(),
+        seed=job.seed,
+        period=job.settings.sample_time,
+        supply_pressure=SUPPLY_PRESSURE if job.limited else float("inf"),
+        delay=job.delay,
+        grasp=job.grasp,
+    )
+    error = piston_positions(nominal, history.reference) - piston_positions(nominal, history.values["angle"])
+    measured = errors(error)
+    wanted = _feedforward(job.machine, pose_key, job.case.load, job.folder, job.bag, job.settings)
+    oscillation, final = _oscillation(
+        force(nominal, history) - wanted[: len(history.time)], history, job.settings.sample_time
+    )
+    return Result(
+        job, measured.mae, measured.maxe, measured.rmse, oscillation, final, history.diverged, history.stopped,
+        history if job.keep else None,
+    )  # fmt: skip
+
+
+def force(machine: Machine, history: History) -> Array:
+    """f_p (n,) [N] from the true p_h and p_b."""
+    area_a, area_b = (machine.parameters[f"cylinder.{k}"].value[0] for k in ("A_a", "A_b"))
+    return np.asarray(history.values["hose_pressure"] * area_a - history.values["rod_pressure"] * area_b)
+
+
+def summary(results: Iterable[Result]) -> dict[str, Any]:
+    """Means over the runs that came to their end, how many diverged, how many the controller stopped (if any): as in the JSON."""
+    every = list(results)
+    good = [r for r in every if r.finished]
+
+    def mean(values: list[float]) -> float | None:
+        return float(np.mean(values)) if values else None
+
+    return {
+        "mae_mm": mean([1e3 * r.mae for r in good]),
+        "maxe_mm": mean([1e3 * r.maxe for r in good]),
+        "rmse_mm": mean([1e3 * r.rmse for r in good]),
+        "diverged": sum(bool(r.diverged) for r in every),
+        "stopped": sum(r.stopped is not None for r in every),
+        "force_oscillation_n": mean([r.oscillation for r in good]),
+    }
+
+
+def with_poses(results: Iterable[Result]) -> dict[str, Any]:
+    """:func:`summary` over all and under ``poses`` over each pose."""
+    every = list(results)
+    poses = list(dict.fromkeys(POSE_OF[r.job.bag] for r in every))
+    return {
+        **summary(every),
+        "poses": {pose: summary([r for r in every if POSE_OF[r.job.bag] == pose]) for pose in poses},
+    }
+
+
+def _oscillation(error: Array, history: History, period: float) -> tuple[float, float]:
+    """(whole run, last three seconds) rms [N] of the force error (n,) [N] above 0.8 Hz."""
+    if history.diverged or history.stopped:
+        return float("nan"), float("nan")
+    spectrum = np.fft.rfft(np.concatenate((error, error[::-1])))  # mirrored: no step where the end meets the beginning
+    spectrum[np.fft.rfftfreq(2 * len(error), period) < OSCILLATION_FROM] = 0.0
+    filtered = np.fft.irfft(spectrum, 2 * len(error))[: len(error)]
+    last = filtered[-round(3.0 / period) :]
+    return float(np.sqrt(np.mean(filtered**2))), float(np.sqrt(np.mean(last**2)))
+
+
+@lru_cache(maxsize=32)
+def _feedforward(
+    machine: str, pose: tuple[float, float, float], load: float, folder: str, bag: str, settings: Settings
+) -> Array:
+    """f_p^f (n,) [N] of (6.2) along the reference, with the load [kg] that really hangs on."""
+    model = ControlModel(_machine(machine), _machine(machine).pose(*pose))
+    references, _ = _references(folder, bag, settings.sample_time, settings.generator_pole)
+    return np.array([
+        model.at(Point(r.angle, 0.0, 0.0, 0.0, r.angle, r.rate, r.acceleration, r.jerk, load)).feedforward_force for r in references
+    ])  # fmt: skip
+
+
+@lru_cache(maxsize=4)
+def _machine(name: str) -> Machine:
+    return load_machine(name)
+
+
+@lru_cache(maxsize=16)
+def _plant(name: str, limited: bool, pose: tuple[float, float, float]) -> Plant:
+    machine = PlantCase("").machine(_machine(name), limited)
+    return Plant(machine, machine.pose(*pose))
+
+
+@lru_cache(maxsize=32)
+def _controller(mode: str, machine: str, pose: tuple[float, float, float], settings: Settings) -> Controller:
+    nominal = _machine(machine)
+    return make_controller(mode, nominal, nominal.pose(*pose), settings)
+
+
+@lru_cache(maxsize=32)
+def _references(
+    folder: str, bag: str, period: float, pole: float
+) -> tuple[list[Reference], tuple[float, float, float]]:
+    """Smooth references of a recorded angle, one a period, and (q_3, q_4, load) of its configuration."""
+    recording = load(Path(folder) / bag)
+    angle = recording.signals["angle"]
+    grid = np.arange(int(recording.duration / period) + 1) * period
+    wanted = np.interp(grid, angle.time[angle.valid], angle.values[angle.valid]).tolist()
+    generator = TrajectoryGenerator(pole, period)
+    references = [generator.reset(wanted[0]), *(generator.step(value) for value in wanted[:-1])]
+    c = recording.configuration
+    return references, (c.outer_boom_angle, c.telescope_length, c.load_mass)

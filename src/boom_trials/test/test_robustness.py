@@ -1,0 +1,168 @@
+"""The robustness test of chapter 6.4 on short runs: what is counted, what is drawn, the limited supply, a grasped load."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from boom_controller.controller import Reference, make_controller
+from boom_model.machine_file import load_machine
+from boom_model.plant import Plant
+from boom_model.variation import BULK_MODULUS, FRICTION, LOAD, PRECHARGE
+from boom_report.tracking.position_error import piston_positions
+from boom_trials.robustness.document import document
+from boom_trials.robustness.loop import Grasp, run, start_state
+from boom_trials.robustness.plants import (
+    CONFIGURATIONS,
+    DEAD_ZONE,
+    POSE_OF,
+    TRAJECTORIES,
+    PlantCase,
+    lag_factors,
+    monte_carlo,
+    off_nominal,
+)
+from boom_trials.robustness.stability import is_stable, stability_document
+from boom_trials.robustness.study import Job, Result, carry_out, carry_out_one, summary, with_poses
+
+FOLDER = str(Path(__file__).parents[3] / "bags")
+MACHINE = load_machine("tz17")
+
+
+def short(mode: str, bag: str, case: PlantCase, duration: float = 10.0, **other: object) -> Result:
+    return carry_out_one(Job(mode, bag, case, folder=FOLDER, duration=duration, **other))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("bag", ["healthy/folded_fast", "healthy/extended", "healthy/extended_log"])
+def test_improved_follows_in_every_pose_nominal_and_loaded(bag: str) -> None:
+    assert short("improved", bag, CONFIGURATIONS["C0"]).mae < 0.4e-3
+    loaded = short("improved", bag, CONFIGURATIONS["C1"])
+    assert not loaded.diverged
+    assert loaded.mae < 5e-3
+
+
+def test_baseline_does_not_diverge_where_the_thesis_does() -> None:
+    assert "mm from its reference" in short("thesis", "healthy/folded_fast", CONFIGURATIONS["C0"], 0.0).diverged
+    assert not short("baseline", "healthy/folded_fast", CONFIGURATIONS["C0"], 0.0).diverged
+
+
+def test_the_same_seed_gives_the_same_run_and_another_one_another() -> None:
+    first, again = (short("improved", "healthy/extended", CONFIGURATIONS["C0"], 4.0) for _ in range(2))
+    assert (first.mae, first.oscillation) == (again.mae, again.oscillation)
+    assert short("improved", "healthy/extended", CONFIGURATIONS["C0"], 4.0, seed=1).mae != first.mae
+
+
+@pytest.mark.parametrize("bag", TRAJECTORIES["extended"])
+def test_700_kg_follow_every_trajectory_within_1_5_mm_with_the_limited_supply(bag: str) -> None:
+    light = short("improved", bag, PlantCase("700 kg", 700.0), duration=0.0, limited=True)
+    assert light.finished
+    assert light.mae < 1.5e-3
+
+
+def test_2000_kg_are_recognised_as_too_much_for_the_limited_supply() -> None:
+    heavy = short("improved", "healthy/extended", PlantCase("2000 kg", 2000.0), limited=True)
+    assert heavy.stopped is not None
+    assert heavy.stopped[0] < 3.0
+    assert "cannot be held" in heavy.stopped[1]
+    assert short("improved", "healthy/extended", PlantCase("2000 kg", 2000.0), 4.0).stopped is None
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_a_load_grasped_while_holding_is_back_within_5_mm_in_2_s(angle: float) -> None:
+    pose = MACHINE.pose(0.28, 2.2)
+    plant = Plant(MACHINE, pose)
+    history = run(
+        make_controller("improved", MACHINE, pose), plant, start_state(plant, MACHINE, pose, angle),
+        [Reference(angle)] * 500, noise=MACHINE.sensor_noise(), grasp=Grasp(1.0, 2000.0),
+    )  # fmt: skip
+    error = np.abs(piston_positions(MACHINE, history.values["angle"]) - piston_positions(MACHINE, history.reference))
+    assert error.max() > 5e-3  # it was noticed
+    assert error[300:].max() < 5e-3
+    assert history.values["estimated_load"][-1] == pytest.approx(2000.0, rel=0.05)
+
+
+def result(mae: float, diverged: str = "", bag: str = "healthy/extended", **job: object) -> Result:
+    number = nan if diverged else 1e3
+    made = Job("improved", bag, CONFIGURATIONS["C0"], **job)  # type: ignore[arg-type]
+    return Result(made, mae, 2 * mae, 1.5 * mae, number, number, diverged, None)
+
+
+def test_a_diverged_run_is_counted_and_not_averaged() -> None:
+    numbers = summary([result(1e-3), result(3e-3), result(9.0, "far away")])
+    assert (numbers["mae_mm"], numbers["maxe_mm"], numbers["rmse_mm"]) == pytest.approx((2.0, 4.0, 3.0))
+    assert numbers["diverged"] == 1
+    assert summary([result(9.0, "far away")])["mae_mm"] is None
+
+
+def test_the_document_has_what_the_contract_names_and_intervals_over_seeds() -> None:
+    bags = [bag for group in TRAJECTORIES.values() for bag in group]
+    results = [result(1e-3 * (1 + seed), bag=bag, seed=seed) for seed in (3, 4) for bag in bags]
+    numbers = document({"configurations": results}, ["improved"], bags, 3)
+    assert set(numbers) == {"modes", "trajectories", "seed"}
+    c0 = numbers["modes"]["improved"]["C0"]
+    assert {"mae_mm", "maxe_mm", "rmse_mm", "diverged", "force_oscillation_n", "poses"} <= set(c0)
+    assert set(c0["poses"]) == {"folded", "extended", "log"}
+    assert c0["interval_90"]["mae_mm"] == pytest.approx([4.05, 4.95])
+    assert with_poses(results)["poses"]["log"]["mae_mm"] == pytest.approx(4.5)
+
+
+def test_monte_carlo_draws_the_whole_of_table_6_1_and_the_valve_within_5_percent() -> None:
+    cases = monte_carlo(400, 0)
+    for name, (low, high) in (
+        ("fluid.beta", BULK_MODULUS),
+        ("accumulators.p_g0_1", PRECHARGE),
+        ("friction.tau_C_pos", FRICTION),
+    ):
+        drawn = [case.factors[name] for case in cases]
+        assert low <= min(drawn) < low + 0.05 * (high - low)
+        assert high - 0.05 * (high - low) < max(drawn) <= high
+    assert max(case.load for case in cases) > 0.95 * LOAD[1]
+    assert all(0.95 <= case.factors[DEAD_ZONE] <= 1.05 for case in cases)
+    unloaded = monte_carlo(5, 0, loaded=False)
+    assert all(case.load == 0.0 and "fluid.beta" not in case.factors for case in unloaded)
+    assert [case.factors[DEAD_ZONE] for case in unloaded] == [case.factors[DEAD_ZONE] for case in cases[:5]]
+
+
+def test_off_nominal_plants_differ_from_the_nominal_machine_by_5_percent_each() -> None:
+    cases = off_nominal()
+    assert len(cases) == 8
+    for case in cases:
+        machine = case.machine(MACHINE, limited=False)
+        for key, factor in case.factors.items():
+            assert machine.parameters[key].value[0] == pytest.approx(factor * MACHINE.parameters[key].value[0])
+    slower = lag_factors(1.05)
+    a1, b0 = (MACHINE.parameters[key].value[0] * slower[key] for key in ("pilot_valves.a1_s", "pilot_valves.b0_s"))
+    assert b0 / a1 == pytest.approx(
+        MACHINE.parameters["pilot_valves.b0_s"].value[0] / MACHINE.parameters["pilot_valves.a1_s"].value[0]
+    )
+
+
+def test_the_stability_map_holds_one_row_a_case_with_the_dead_times_in_order() -> None:
+    stable, swinging = result(1e-3), replace(result(1e-3), final_oscillation=5e4)
+    assert is_stable(stable)
+    assert not is_stable(swinging)
+    assert not is_stable(result(1e-3, "far away"))
+    numbers = stability_document([stable, swinging])
+    assert numbers["maps"]["improved"]["extended"]["C0"] == [True, False]
+    assert numbers["dead_time_ms"] == [0, 20, 40, 60, 80, 100]
+
+
+def test_workers_give_the_results_in_the_order_of_the_jobs() -> None:
+    jobs = [
+        Job("improved", bag, CONFIGURATIONS["C0"], folder=FOLDER, duration=1.5)
+        for bag in ("healthy/extended", "healthy/folded_fast", "healthy/extended")
+    ]
+    told: list[int] = []
+    both = carry_out(jobs, 2, lambda: told.append(1))
+    assert [r.job.bag for r in both] == [job.bag for job in jobs]
+    assert len(told) == 3
+    assert both[0].mae == both[2].mae == carry_out(jobs[:1])[0].mae
+
+
+def test_every_trajectory_is_there_three_in_each_pose() -> None:
+    assert len(POSE_OF) == 9
+    assert all((Path(FOLDER) / bag / "metadata.yaml").is_file() for bag in POSE_OF)
