@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 
 from boom_identification.pilot_valve import identify_pilot_valves
+from boom_model.components.pilot_valve import BAR, static_pressure
 from boom_model.errors import ModelError
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
-from boom_model.pilot_valve import BAR, static_pressure
 from boom_recording.errors import RecordingError
 from boom_recording.oscilloscope import OscilloscopeTrace, load_traces
 from boom_sim.campaigns import pilot_campaign

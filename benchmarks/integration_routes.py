@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_model.compiled import model_source
+from boom_model.codegen.compiled import model_source
 from boom_model.plant import Plant
 
 Array = NDArray[np.float64]

@@ -23,8 +23,8 @@ from boom_diagnosis.bag_samples import Bag, prepare
 from boom_diagnosis.fitting import Problem
 from boom_diagnosis.nuisances import tolerances
 from boom_diagnosis.prediction import Predictor
-from boom_model import hose_burst_valve
-from boom_model.compiled import LANES
+from boom_model.codegen.compiled import LANES
+from boom_model.components import hose_burst_valve
 from boom_model.machine_file import load_machine
 from boom_model.observer import Job, observe, observe_groups
 from boom_model.plant import _catalogued

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from boom_model.compiled import cache_folder
+from boom_model.codegen.compiled import cache_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 300.0

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from boom_identification.pilot_valve import PilotValves, identify_pilot_valves
+from boom_model.components.pilot_valve import BAR, static_pressure
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
-from boom_model.pilot_valve import BAR, static_pressure
 from boom_sim.campaigns import pilot_current
 from boom_sim.pilot_bench import BenchNoise, measure
 

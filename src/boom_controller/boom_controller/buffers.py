@@ -9,7 +9,7 @@ from typing import Any
 
 import casadi as ca
 
-from boom_model.compiled import load_c
+from boom_model.codegen.compiled import load_c
 from boom_model.errors import BuildError
 
 _ROW = ctypes.POINTER(ctypes.c_double)
@@ -44,7 +44,7 @@ def compiled_on_buffers(
 ) -> Callable[[], object]:
     """:func:`on_buffers` through C, ten times as fast again; without a C compiler it is :func:`on_buffers`.
 
-    The library is built once, in less than a second, and kept in the cache folder of ``boom_model.compiled``.
+    The library is built once, in less than a second, and kept in the cache folder of ``boom_model.codegen.compiled``.
     """
     generator = ca.CodeGenerator(function.name())
     generator.add(function)

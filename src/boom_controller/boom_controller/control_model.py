@@ -13,7 +13,7 @@ import casadi as ca
 
 from boom_controller.buffers import on_buffers
 from boom_controller.controller import Reference
-from boom_model import (
+from boom_model.components import (
     accumulator,
     cylinder,
     equation_of_motion,

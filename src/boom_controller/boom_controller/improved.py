@@ -30,7 +30,7 @@ from boom_controller.stall_watch import StallState, reason, stalled, watch_suppl
 from boom_controller.state_feedback import gains, predicted_force
 from boom_controller.valve_follower import ValveFollower, ValveState
 from boom_controller.valve_map import ValveMap
-from boom_model import cylinder
+from boom_model.components import cylinder
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
 

@@ -8,7 +8,7 @@ from boom_controller.control_loop import Cycle
 from boom_controller.joint_trajectory import MOST_POINTS, Code, Point, TrajectoryError
 from boom_input.shown import quoted
 from boom_interfaces.msg import ControllerState, ReferenceState
-from boom_model.oil import AMBIENT_PRESSURE
+from boom_model.components.oil import AMBIENT_PRESSURE
 from boom_node.stamps import set_ns
 
 

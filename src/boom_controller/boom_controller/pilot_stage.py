@@ -15,9 +15,9 @@ import casadi as ca
 
 from boom_controller.errors import ControlError
 from boom_controller.limits import limited
-from boom_model import pilot_valve
+from boom_model.components import pilot_valve
+from boom_model.components.pilot_valve import BAR
 from boom_model.machine import Machine
-from boom_model.pilot_valve import BAR
 from boom_model.regularisation import Expression
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from boom_controller.pilot_stage import PilotState, PilotValve, StaticPilot
-from boom_model import main_valve_spool
+from boom_model.components import main_valve_spool
 from boom_model.regularisation import Expression
 
 

@@ -3,9 +3,9 @@
     extend,  Sigma >  0:  Psi+ A_sa(s_s) + Omega+ A_tb(s_s) = Sigma,   s_s < 0
     retract, Sigma <= 0:  Psi- A_ta(s_s) + Omega- A_sb(s_s) = Sigma,   s_s > 0
 
-The areas come from ``boom_model.main_valve_orifices``. Between the nodes they are straight (thesis Figs. 6.2, 6.3), so the left
-side is too: find the segment that holds Sigma, interpolate. Nodes lie closer where the areas bend, at the edge of the dead
-zone: off by less than 0.5 % of the stroke.
+The areas come from ``boom_model.components.main_valve_orifices``. Between the nodes they are straight (thesis Figs. 6.2,
+6.3), so the left side is too: find the segment that holds Sigma, interpolate. Nodes lie closer where the areas bend, at the
+edge of the dead zone: off by less than 0.5 % of the stroke.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 import casadi as ca
 
-from boom_model import main_valve_orifices
+from boom_model.components import main_valve_orifices
 from boom_model.regularisation import Expression
 
 NODES = (0.0, 0.02, 0.05, 0.1, 0.16, 0.24, 0.34, 0.43, 0.52, 0.6, 0.68, 0.76, 0.84, 0.92, 1.0, 1.25)

@@ -17,7 +17,7 @@ from boom_diagnosis.coordinates import DELAYS, Coordinate
 from boom_diagnosis.nuisances import Nuisance, closed
 from boom_diagnosis.prediction import Predictor
 from boom_diagnosis.recent import Recent
-from boom_model.compiled import LANES
+from boom_model.codegen.compiled import LANES
 
 Array = NDArray[np.float64]
 

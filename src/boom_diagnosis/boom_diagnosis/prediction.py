@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import Bag
 from boom_estimation.free_run import plant_for
-from boom_model.compiled import LANES
+from boom_model.codegen.compiled import LANES
 from boom_model.effects import CATALOGUE, EFFECTS, check_effects
 from boom_model.machine import Machine
 from boom_model.observer import (

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from boom_identification import estimate
 from boom_identification.estimate import Estimate, NotDetermined
 from boom_identification.stationary import Points
-from boom_model import cylinder, friction, hose_burst_valve
-from boom_model.components import component_parameters
+from boom_model.component_numbers import component_parameters
+from boom_model.components import cylinder, friction, hose_burst_valve
 from boom_model.machine import Machine, Pose
 
 Array = NDArray[np.float64]

@@ -20,8 +20,8 @@ from scipy.optimize import minimize_scalar
 from boom_identification import estimate
 from boom_identification.estimate import Estimate, NotDetermined
 from boom_identification.stationary import Points
-from boom_model import friction, hose_burst_valve
-from boom_model.components import component_parameters
+from boom_model.component_numbers import component_parameters
+from boom_model.components import friction, hose_burst_valve
 from boom_model.machine import Machine, Pose
 
 Array = NDArray[np.float64]

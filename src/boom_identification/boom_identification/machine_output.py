@@ -13,7 +13,7 @@ import yaml
 
 from boom_identification.estimate import Estimate
 from boom_input.whole import write_whole
-from boom_model import hose_burst_valve
+from boom_model.components import hose_burst_valve
 from boom_model.machine import TOLERANCES, Machine, check_range, number
 from boom_model.machine_file import STROKE_SLACK, machine_from
 

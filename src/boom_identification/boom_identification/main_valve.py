@@ -22,8 +22,8 @@ from boom_identification import estimate, splines
 from boom_identification.estimate import Estimate, NotDetermined
 from boom_identification.splines import PSpline
 from boom_identification.stationary import Points
-from boom_model import main_valve_orifices
-from boom_model.components import component_parameters
+from boom_model.component_numbers import component_parameters
+from boom_model.components import main_valve_orifices
 from boom_model.machine import Machine, Pose, number
 
 Array = NDArray[np.float64]

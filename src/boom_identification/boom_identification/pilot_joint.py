@@ -20,8 +20,8 @@ from scipy.signal import lfilter
 from boom_identification import estimate
 from boom_identification.pilot_dynamics import GROUP, FirstOrder
 from boom_identification.pilot_static import Averaged, StaticCurve
-from boom_model import pilot_valve
-from boom_model.pilot_valve import BAR
+from boom_model.components import pilot_valve
+from boom_model.components.pilot_valve import BAR
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_identification import estimate, signals
-from boom_model import pilot_valve
-from boom_model.pilot_valve import BAR
+from boom_model.components import pilot_valve
+from boom_model.components.pilot_valve import BAR
 from boom_recording.oscilloscope import OscilloscopeTrace
 
 Array = NDArray[np.float64]

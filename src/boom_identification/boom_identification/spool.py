@@ -14,10 +14,10 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_model import main_valve_spool
-from boom_model.components import component_parameters
+from boom_model.component_numbers import component_parameters
+from boom_model.components import main_valve_spool
+from boom_model.components.pilot_valve import BAR
 from boom_model.machine import Machine, Pose, number
-from boom_model.pilot_valve import BAR
 
 Array = NDArray[np.float64]
 

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_identification import signals
-from boom_model import accumulator, cylinder, equation_of_motion, pilot_valve
-from boom_model.components import component_parameters
+from boom_model.component_numbers import component_parameters
+from boom_model.components import accumulator, cylinder, equation_of_motion, pilot_valve
 from boom_model.machine import Machine, Pose
 from boom_model.plant import Plant
 from boom_recording.recording import Recording

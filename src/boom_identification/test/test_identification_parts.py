@@ -11,9 +11,9 @@ from boom_identification import estimate, hose_burst_valve, pilot_dynamics, sign
 from boom_identification.estimate import Estimate
 from boom_identification.machine_output import document_with, vector_values, write_machine
 from boom_identification.spool import spool_of
-from boom_model import hose_burst_valve as component
-from boom_model import main_valve_spool
-from boom_model.components import component_parameters
+from boom_model.component_numbers import component_parameters
+from boom_model.components import hose_burst_valve as component
+from boom_model.components import main_valve_spool
 from boom_model.errors import MachineError
 from boom_model.machine_file import load_machine, machine_from
 

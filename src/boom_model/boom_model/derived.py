@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from boom_model import cylinder, equation_of_motion, pilot_valve
+from boom_model.components import cylinder, equation_of_motion, pilot_valve
 from boom_model.equations import namespace
 from boom_model.machine import Machine
 

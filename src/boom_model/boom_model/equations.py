@@ -14,7 +14,9 @@ from typing import Any, Literal
 
 import casadi as ca
 
-from boom_model import (
+from boom_model import learned as learned_terms
+from boom_model import sensors
+from boom_model.components import (
     accumulator,
     anti_cavitation,
     boom_flexibility,
@@ -28,11 +30,9 @@ from boom_model import (
     main_valve_spool,
     oil,
     pilot_valve,
-    sensors,
     swinging_load,
     triangle_linkage,
 )
-from boom_model import learned as learned_terms
 from boom_model.effects import EFFECTS
 from boom_model.errors import ModelError
 from boom_model.learned import LearnedTerm

@@ -9,7 +9,7 @@ from math import isfinite
 from types import SimpleNamespace
 from typing import Any, Literal
 
-from boom_model import four_bar_linkage, triangle_linkage
+from boom_model.components import four_bar_linkage, triangle_linkage
 from boom_model.effects import active_effects
 from boom_model.errors import MachineError, nearest
 from boom_model.learned import LearnedTerm

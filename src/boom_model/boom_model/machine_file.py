@@ -20,9 +20,9 @@ from boom_input.files import InputError, read_text
 from boom_input.shown import quoted
 from boom_input.yaml_text import line_of, parse_yaml
 from boom_model import rigid_body, sensors
+from boom_model.components.hose_burst_valve import smooth_node
 from boom_model.effects import active_effects
 from boom_model.errors import MachineError, nearest
-from boom_model.hose_burst_valve import smooth_node
 from boom_model.learned import check_learned
 from boom_model.machine import TOLERANCES, Confidence, Machine, Parameter, Pose, check_overlap, check_range, number
 from boom_model.specification import Specification

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_model.compiled import LANES
+from boom_model.codegen.compiled import LANES
 from boom_model.errors import SimulationError
 from boom_model.plant import PULLED, Plant, _pointer
 from boom_model.sensors import OUTPUTS

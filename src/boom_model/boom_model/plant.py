@@ -18,8 +18,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from boom_model import hose_burst_valve
-from boom_model.compiled import LANES, build
+from boom_model.codegen.compiled import LANES, build
+from boom_model.components import hose_burst_valve
 from boom_model.effects import EFFECTS
 from boom_model.equations import INPUTS, Equations, Kind, full_model, namespace, reduced_model
 from boom_model.errors import ModelError, SimulationError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from boom_model import (
+from boom_model.components import (
     accumulator,
     anti_cavitation,
     cylinder,

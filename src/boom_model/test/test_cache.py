@@ -12,7 +12,7 @@ import pytest
 
 from boom_input.cache import cache_folder, is_whole, keep
 from boom_input.files import InputError
-from boom_model import compiled
+from boom_model.codegen import compiled
 from boom_model.errors import BuildError
 
 SOURCE = "int answer(void) { return 42; }\n"
@@ -26,7 +26,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def answer_of_another_process() -> subprocess.CompletedProcess[str]:
-    code = f"from boom_model.compiled import load_c; print(load_c({SOURCE!r}).answer())"
+    code = f"from boom_model.codegen.compiled import load_c; print(load_c({SOURCE!r}).answer())"
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
 
 

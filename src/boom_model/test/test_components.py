@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from boom_model import (
+from boom_model.components import (
     accumulator,
     anti_cavitation,
     boom_flexibility,

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from boom_model import main_valve_orifices
+from boom_model.components import main_valve_orifices
 from boom_model.equations import namespace
 
 HOLE = 0.65 * sqrt(2 / 870)  # C_d sqrt(2 / rho) of tz17

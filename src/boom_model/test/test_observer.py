@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from boom_model.compiled import LANES
+from boom_model.codegen.compiled import LANES
 from boom_model.effects import CATALOGUE
 from boom_model.machine import Machine
 from boom_model.observer import Job, Observed, Samples, observe, observe_all, observe_groups

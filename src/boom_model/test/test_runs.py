@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from boom_model import accumulator
 from boom_model.batch import run_sets
+from boom_model.components import accumulator
 from boom_model.effects import CATALOGUE
 from boom_model.equations import namespace
 from boom_model.errors import ModelError, SimulationError

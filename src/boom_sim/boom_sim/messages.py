@@ -7,7 +7,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Header
 
 from boom_interfaces.msg import GroundTruth, MachineConfiguration, SolenoidCurrents
-from boom_model.oil import AMBIENT_PRESSURE
+from boom_model.components.oil import AMBIENT_PRESSURE
 from boom_node.stamps import set_ns
 from boom_sim.simulated_crane import Sample
 

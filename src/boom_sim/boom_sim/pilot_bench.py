@@ -2,7 +2,7 @@
 
     L i' = u - R i,  u = PWM_VOLTAGE or 0 at 100 Hz      (solenoid; the driver chooses the duty so that the mean current
                                                            follows the wanted one)
-    lambda' = a_1 lambda + i,  p = h(nu)                  (boom_model.pilot_valve)
+    lambda' = a_1 lambda + i,  p = h(nu)                  (boom_model.components.pilot_valve)
 
 The oscilloscope samples u, i and p at 6.25 kHz and adds white noise to each.
 """
@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from boom_model import pilot_valve
-from boom_model.components import component_parameters
+from boom_model.component_numbers import component_parameters
+from boom_model.components import pilot_valve
 from boom_model.machine import Machine, Pose
 from boom_recording.oscilloscope import OscilloscopeTrace, Stretch
 

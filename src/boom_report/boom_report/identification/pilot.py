@@ -10,7 +10,7 @@ from boom_identification.identify import Identification
 from boom_identification.pilot_dynamics import FirstOrder
 from boom_identification.pilot_static import AveragedTrace
 from boom_identification.pilot_valve import Check, PilotValves, ValveResult
-from boom_model.pilot_valve import BAR
+from boom_model.components.pilot_valve import BAR
 from boom_report.channels import number
 from boom_report.page import chart
 from boom_report.panels import Json, Panels, legend_line, line

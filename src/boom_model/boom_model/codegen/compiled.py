@@ -15,7 +15,7 @@ from pathlib import Path
 
 from boom_input.cache import cache_folder, is_whole, keep
 from boom_input.files import InputError
-from boom_model.codegen import generate
+from boom_model.codegen.source import generate
 from boom_model.equations import Equations
 from boom_model.errors import BuildError
 
@@ -100,4 +100,4 @@ def build(equations: Equations, lanes: int = 1) -> ctypes.CDLL:
 
 
 def _text(name: str) -> str:
-    return files("boom_model").joinpath(name).read_text()
+    return files("boom_model.codegen").joinpath(name).read_text()

@@ -1,0 +1,1 @@
+"""CasADi expressions as C, compiled once, with the integrators and the observer."""

@@ -1,0 +1,1 @@
+"""The components of a boom: one file, one equation of the thesis each."""
