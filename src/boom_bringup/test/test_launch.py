@@ -23,7 +23,7 @@ from boom_node.parameters import ParameterSpec
 PACKAGE = Path(str(resources.files("boom_bringup")))
 SOURCES = PACKAGE.parents[1]
 LAUNCH_FILES = sorted((PACKAGE / "launch").glob("*.launch.py"))
-CONFIG_FILES = sorted((PACKAGE / "config").glob("*.yaml"))
+CONFIG_FILES = sorted(SOURCES.glob("*/*/config/*.yaml"))
 TABLES = {
     ("boom_sim", "simulation"): "boom_sim.settings",
     ("boom_sim", "ecu"): "boom_sim.ecu_node",
@@ -32,7 +32,7 @@ TABLES = {
     ("boom_can_bridge", "enable"): "boom_can_bridge.enable_node",
     ("boom_recording", "recorder"): "boom_recording.recorder_node",
     ("boom_recording", "replay"): "boom_recording.replay_node",
-    ("boom_bringup", "tip_pose"): "boom_description.tip_pose_node",
+    ("boom_description", "tip_pose"): "boom_description.tip_pose_node",
 }
 LAUNCH_MODULES = [
     "ament_index_python",
@@ -75,7 +75,9 @@ def launch(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, type[Noted]]]:
         module.__path__ = []
         monkeypatch.setitem(sys.modules, name, module)
     share = sys.modules["ament_index_python.packages"]
-    monkeypatch.setattr(share, "get_package_share_directory", lambda package: str(PACKAGE), raising=False)
+    monkeypatch.setattr(
+        share, "get_package_share_directory", lambda package: str(resources.files(package)), raising=False
+    )
     yield kinds
 
 

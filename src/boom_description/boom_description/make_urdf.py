@@ -174,7 +174,7 @@ def make_urdf(machine: Mapping[str, Any]) -> str:
 
 def shipped_urdf() -> str:
     """Text of the URDF that this package ships."""
-    return (resources.files("boom_bringup") / "urdf" / f"{ROBOT_NAME}.urdf").read_text(encoding="utf-8")
+    return (resources.files("boom_description") / "urdf" / f"{ROBOT_NAME}.urdf").read_text(encoding="utf-8")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from diagnosis_samples import FOLDED, constant, joystick, simulated, tz17, validated
 
-from boom_estimation.currents import HeldCurrents
+from boom_estimation import free_run
+from boom_estimation.currents import HeldCurrents, held_currents
 from boom_estimation.free_run import Metrics, metrics, plant_for
 from boom_estimation.initial_state import InitialState, initial_state
-from boom_identification import validation
-from boom_identification.validation import noise_limits, validate
+from boom_identification.validation import from_bag, noise_limits, validate
 from boom_model.errors import SimulationError
 from boom_recording.writing import from_columns
 
@@ -146,7 +146,7 @@ def test_a_run_whose_last_step_reaches_out_of_range_behind_the_last_sample_is_cu
 
     held = HeldCurrents(np.array([0.0]), np.zeros((1, 2)))
     begin = InitialState(0.0, np.zeros(11), "given")
-    reached, reason = validation._run(Overshooting(), held, np.arange(200) * 0.0025, begin)
+    reached, reason = free_run._run(Overshooting(), held, np.arange(200) * 0.0025, begin)
     assert reason == "out of range at 0.500 s"
     assert 0.47 < reached[-1] <= 0.49
 
@@ -184,7 +184,7 @@ def test_a_simulated_bag_predicts_nothing_inside_its_own_gaps():
     other = dataclasses.replace(recording, signals=dict(recording.signals))
     angle = other.signals["angle"]
     other.signals["angle"] = dataclasses.replace(angle, valid=(angle.time < 3.0) | (angle.time > 4.0))
-    values = validation.from_bag(recording, other).values["angle"]
+    values = from_bag(recording, other).values["angle"]
     assert not np.isfinite(values[(angle.time >= 3.0) & (angle.time <= 4.0)]).any()
     assert np.isfinite(values[(angle.time < 3.0) | (angle.time > 4.0)]).all()
 
@@ -217,7 +217,7 @@ def test_currents_further_apart_than_50_ms_are_two_stretches():
 def test_the_initial_state_of_a_resting_boom_is_the_mean_of_what_was_measured():
     recording = constant(angle=0.4, hose_pressure=6e6, rod_pressure=1e6)
     plant = plant_for(recording, tz17(), "full")
-    held = validation.held_currents(recording)
+    held = held_currents(recording)
     begin = initial_state(recording, plant, held, 0.0, 2.0)
     state = dict(zip(plant.state_names, begin.state, strict=True))
     assert state["angle"] == pytest.approx(0.4)

@@ -31,7 +31,7 @@ def page(heading: str, body: str, styles: tuple[str, ...] = ("report.css",)) -> 
 
     # The library can send a chart to its maker's server; report.js switches that off, and there is no address either.
     plotly = get_plotlyjs().replace(_CLOUD, "")
-    own = files("boom_diagnosis")
+    own = files("boom_report")
     style = "".join(own.joinpath(name).read_text("utf-8") for name in styles)
     script = own.joinpath("report.js").read_text("utf-8")
     return (
