@@ -102,8 +102,7 @@ def documented() -> list[str]:
     """The lines of docs/integration.md that move the boom."""
     text = (ROOT / "docs" / "integration.md").read_text(encoding="utf-8")
     return [
-        line.split("  #")[0]
-        for line in re.findall(r"^\./boom python -m boom_bringup\.move_node .*$", text, re.MULTILINE)
+        line.split("  #")[0] for line in re.findall(r"^\./boom python -m boom_node\.move_node .*$", text, re.MULTILINE)
     ]
 
 
@@ -136,7 +135,7 @@ def test_move_says_that_nobody_is_there() -> None:
     command = [
         sys.executable,
         "-c",
-        "from boom_bringup import move_node as m; m.PATIENCE_S = 0.2; raise SystemExit(m.main())",
+        "from boom_node import move_node as m; m.PATIENCE_S = 0.2; raise SystemExit(m.main())",
     ]
     result = subprocess.run([*command, "0.4"], capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert result.returncode == 2

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from boom_description.shipped import robot_description
 from boom_input.shown import quoted
 
 if TYPE_CHECKING:
@@ -87,6 +86,8 @@ def simulation_parameters(recording: Recording, bag: str, machine: Machine, sour
     Raises:
         ReplicaError: the boom moves at the beginning.
     """
+    from boom_description.shipped import robot_description
+
     rest, c = rest_of(recording, bag), recording.configuration
     return {
         "machine": source,

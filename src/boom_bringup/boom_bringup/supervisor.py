@@ -20,8 +20,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TextIO
 
-from boom_node.children import die_with_parent
-
 # Longest wait [s] after each signal. A node needs to write its last chunk after SIGINT; a stuck one must not hold us.
 _STOP_SEQUENCE = ((signal.SIGINT, 8.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 5.0))
 _LINE_LIMIT = 1 << 20
@@ -174,6 +172,8 @@ class Supervisor:
     async def _start(self, program: Program) -> asyncio.Task[None]:
         # Not asyncio's own pipe: its wait() would not return while a grandchild keeps the other end open.
         ours, theirs = os.pipe()
+        from boom_node.children import die_with_parent  # here, so that --help needs no other package
+
         try:
             process = await asyncio.create_subprocess_exec(
                 *program.command,
