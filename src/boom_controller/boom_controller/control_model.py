@@ -13,20 +13,11 @@ import casadi as ca
 
 from boom_controller.buffers import on_buffers
 from boom_controller.controller import Reference
-from boom_model.components import (
-    accumulator,
-    cylinder,
-    equation_of_motion,
-    four_bar_linkage,
-    friction,
-    hose_burst_valve,
-    main_valve_orifices,
-    oil,
-    triangle_linkage,
-)
+from boom_model.component_numbers import component_parameters
+from boom_model.components import cylinder, equation_of_motion, friction, oil
 from boom_model.machine import Machine, Pose
-from boom_model.numbers import component_numbers
 from boom_model.regularisation import Expression
+from boom_model.structure import Structure
 
 
 class Point(NamedTuple):
@@ -95,7 +86,7 @@ class ControlModel:
 
     def __init__(self, machine: Machine, pose: Pose) -> None:
         self.machine, self.pose = machine, pose
-        self.p, self.e = component_numbers(machine, pose)
+        self.p, self.e = component_parameters(machine, pose)
         self._in = array("d", [0.0] * len(Point._fields))
         self._out = array("d", [0.0] * len(Quantities._fields))
         self._whole, self._coming = _functions(machine, self.p, self.e)
@@ -129,18 +120,16 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
     a_a = p.cylinder.A_a
     load = equation_of_motion.load_mass(p, e) + v.load
     inertia = equation_of_motion.inertia(load, p)
-    linkage = four_bar_linkage if machine.structure.linkage == "four_bar" else triangle_linkage
+    structure = machine.structure
 
     def kinematics(angle: Any) -> tuple[Any, Any]:
-        position = linkage.piston_position(angle, p)
+        position = structure.linkage.piston_position(angle, p)
         return position, ca.jacobian(position, angle)
 
     def torque(angle: Any, jacobian: Any, rate: Any) -> Any:
         """tau~_f, (5.41)."""
-        result = friction.torque(angle, rate, p, e)
-        if machine.structure.hose_burst_valve:
-            result = result + a_a * jacobian * hose_burst_valve.pressure_drop(jacobian * rate * a_a, p, e)
-        return result
+        drop = structure.hose_burst_valve.pressure_drop(jacobian * rate * a_a, p, e)
+        return friction.torque(angle, rate, p, e) + a_a * jacobian * drop
 
     further: Any = v.load
     position, jacobian = kinematics(v.angle)
@@ -151,13 +140,10 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
     wanted = (inertia * v.reference_acceleration + reference_gravity + reference_friction) / reference_jacobian
     along = ca.vertcat(v.reference_rate, v.reference_acceleration, v.reference_jerk)
     wanted_rate = ca.jtimes(wanted, ca.vertcat(v.reference_angle, v.reference_rate, v.reference_acceleration), along)
-    compliance = cylinder.head_volume(position, p) / oil.bulk_modulus(v.hose_pressure, p, e)
-    if machine.structure.accumulators:
-        for precharge in (p.accumulators.p_g0_1, p.accumulators.p_g0_2):
-            held = precharge * e.accumulator_precharge.r
-            compliance = compliance + accumulator.compliance(v.hose_pressure, held, p.fluid.beta, p)
+    gas = structure.accumulators.compliances(v.hose_pressure, p.fluid.beta, p, e)
+    compliance = sum(gas, cylinder.head_volume(position, p) / oil.bulk_modulus(v.hose_pressure, p, e))
     stiffness_rod = oil.bulk_modulus(v.rod_pressure, p, e) / cylinder.rod_volume(position, p)
-    extend, retract = (_flow_per_area(side, v, p, e) for side in (-1.0, 1.0))
+    extend, retract = (_flow_per_area(structure, side, v, p, e) for side in (-1.0, 1.0))
     values = Quantities(
         force=cylinder.force(v.hose_pressure, v.rod_pressure, p),
         position=position,
@@ -189,10 +175,10 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
     )
 
 
-def _flow_per_area(side: float, v: Point, p: Any, e: Any) -> tuple[Any, Any]:
+def _flow_per_area(structure: Structure, side: float, v: Point, p: Any, e: Any) -> tuple[Any, Any]:
     """Flow per area [m/s] of the supply and of the tank edge at the ports' pressures; side -1 extends, 1 retracts."""
     full = side * p.main_valve_spool.s_max
-    supply_area, tank_area = main_valve_orifices.areas(full, p, e)
-    flows = main_valve_orifices.flows(full, v.hose_pressure, v.rod_pressure, p, e)
+    supply_area, tank_area = structure.metering.areas(full, p, e)
+    flows = structure.metering.flows(full, v.hose_pressure, v.rod_pressure, p, e, structure.supply, 1.0)
     supply, tank = (flows.head, flows.rod) if side < 0 else (flows.rod, flows.head)
     return supply / supply_area, tank / tank_area

@@ -60,7 +60,7 @@ class Improved:
         p, e = self._model.p, self._model.e
         self._area_a, self._area_b = float(p.cylinder.A_a), float(p.cylinder.A_b)
         self._stroke = float(p.main_valve_spool.s_max)
-        self._map = ValveMap(p, e)
+        self._map = ValveMap(machine.structure.metering, p, e)
         dead_zone = max(self._map.dead_extend, self._map.dead_retract)
         self._valve = ValveFollower(p, e, StaticPilot(p, e), dead_zone, settings.sample_time)
         self._settings = settings

@@ -22,10 +22,15 @@ from boom_model.regularisation import Expression
 
 
 def require_pilot_stage(machine: Machine, mode: str) -> None:
-    """Raises ControlError where the machine has no pilot valves."""
-    if not machine.structure.pilot_valves:
+    """Raises ControlError where the machine has no pilot valves, or some that nothing here inverts."""
+    stage, spool = machine.structure.pilot_valves, machine.structure.spool
+    if not stage.present:
         raise ControlError(
             f"mode {mode} commands pilot valves, machine {machine.name} has none: use a machine file with pilot_valves"
+        )
+    if not (stage.invertible and spool.invertible):
+        raise ControlError(
+            f"mode {mode} inverts the valve, but there is no inverse of {spool.meaning}, pushed by {stage.meaning}"
         )
 
 

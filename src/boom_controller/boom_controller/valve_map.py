@@ -3,7 +3,7 @@
     extend,  Sigma >  0:  Psi+ A_sa(s_s) + Omega+ A_tb(s_s) = Sigma,   s_s < 0
     retract, Sigma <= 0:  Psi- A_ta(s_s) + Omega- A_sb(s_s) = Sigma,   s_s > 0
 
-The areas come from ``boom_model.components.main_valve_orifices``. Between the nodes they are straight (thesis Figs. 6.2,
+The areas come from the machine's metering edges. Between the nodes they are straight (thesis Figs. 6.2,
 6.3), so the left side is too: find the segment that holds Sigma, interpolate. Nodes lie closer where the areas bend, at the
 edge of the dead zone: off by less than 0.5 % of the stroke.
 """
@@ -15,8 +15,8 @@ from typing import Any
 
 import casadi as ca
 
-from boom_model.components import main_valve_orifices
 from boom_model.regularisation import Expression
+from boom_model.slots import Metering
 
 NODES = (0.0, 0.02, 0.05, 0.1, 0.16, 0.24, 0.34, 0.43, 0.52, 0.6, 0.68, 0.76, 0.84, 0.92, 1.0, 1.25)
 """Of (x - x_0) / (1 - x_0), x = |s_s| / s_max; the last ones lie beyond the full stroke, up to the largest opening."""
@@ -25,9 +25,9 @@ NODES = (0.0, 0.02, 0.05, 0.1, 0.16, 0.24, 0.34, 0.43, 0.52, 0.6, 0.68, 0.76, 0.
 class ValveMap:
     """The areas' nodes: ``extend`` and ``retract`` hold (|s_s| [m], supply area [m^2], tank area [m^2]) in ascending order."""
 
-    def __init__(self, p: Any, e: Any) -> None:
-        self.extend = _nodes(-1.0, p, e)
-        self.retract = _nodes(1.0, p, e)
+    def __init__(self, metering: Metering, p: Any, e: Any) -> None:
+        self.extend = _nodes(metering, -1.0, p, e)
+        self.retract = _nodes(metering, 1.0, p, e)
         self.dead_extend, self.dead_retract = self.extend[0][0], self.retract[0][0]
 
     def extending(self, wanted: Expression, psi: Expression, omega: Expression) -> Expression:
@@ -45,14 +45,13 @@ class ValveMap:
         return supply, tank
 
 
-def _nodes(side: float, p: Any, e: Any) -> tuple[tuple[float, float, float], ...]:
-    shift = e.valve_dead_zone.d_extend if side < 0 else e.valve_dead_zone.d_retract
-    x0 = p.main_valve_orifices.x0 + shift
+def _nodes(metering: Metering, side: float, p: Any, e: Any) -> tuple[tuple[float, float, float], ...]:
+    x0 = float(metering.overlap(side, p, e))
     result = []
     for share in NODES:
-        x = min(x0 + share * (1 - x0), main_valve_orifices.LARGEST_OPENING)
+        x = min(x0 + share * (1 - x0), metering.largest_opening)
         position = x * p.main_valve_spool.s_max
-        supply, tank = main_valve_orifices.areas(side * position, p, e)
+        supply, tank = metering.areas(side * position, p, e)
         result.append((position, float(supply), float(tank)))
     return tuple(result)
 

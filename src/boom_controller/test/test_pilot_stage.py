@@ -7,12 +7,12 @@ from scipy.integrate import solve_ivp
 
 from boom_controller.errors import ControlError
 from boom_controller.pilot_stage import PilotState, PilotValve, StaticPilot, require_pilot_stage
+from boom_model.component_numbers import component_parameters
 from boom_model.components import pilot_valve
 from boom_model.machine_file import load_machine
-from boom_model.numbers import component_numbers
 
 MACHINE = load_machine("tz17")
-P, E = component_numbers(MACHINE, MACHINE.pose(0.28, 2.2))
+P, E = component_parameters(MACHINE, MACHINE.pose(0.28, 2.2))
 PILOT = StaticPilot(P, E)
 
 

@@ -6,13 +6,13 @@ import pytest
 from scipy.optimize import brentq
 
 from boom_controller.valve_map import ValveMap
+from boom_model.component_numbers import component_parameters
 from boom_model.components import main_valve_orifices
 from boom_model.machine_file import load_machine
-from boom_model.numbers import component_numbers
 
 MACHINE = load_machine("tz17")
-P, E = component_numbers(MACHINE, MACHINE.pose(0.28, 2.2))
-MAP = ValveMap(P, E)
+P, E = component_parameters(MACHINE, MACHINE.pose(0.28, 2.2))
+MAP = ValveMap(MACHINE.structure.metering, P, E)
 STROKE = P.main_valve_spool.s_max
 PSI, OMEGA = 3.1e9, 0.7e9  # effect per area of the supply and of the tank edge
 

@@ -118,7 +118,7 @@ def stationary_guess(plant: Plant, measured: dict[str, float], current: tuple[fl
     state[index["rate"]] = measured["rate"]
     # the valve alone, followed for long enough under the held currents, is stationary; the rest of the state is put
     # back
-    valve = [i for name, i in index.items() if name.startswith(("spool", "pilot"))]
+    valve = [index[name] for name in plant.equations.valve]
     settled = state.copy()
     settled[index["rate"]] = 0.0
     for _ in range(200):

@@ -20,7 +20,7 @@ from boom_identification import estimate
 from boom_identification.estimate import Estimate, NotDetermined
 from boom_identification.stationary import Points
 from boom_model.component_numbers import component_parameters
-from boom_model.components import cylinder, friction, hose_burst_valve
+from boom_model.components import cylinder, friction
 from boom_model.machine import Machine, Pose
 
 Array = NDArray[np.float64]
@@ -51,11 +51,9 @@ class FrictionResult:
 
 def head_pressure(points: Points, machine: Machine, pose: Pose) -> Array:
     """p_a (n,) [Pa] from p_h and the hose burst valve, (5.37), (5.38)."""
-    if not machine.structure.hose_burst_valve:
-        return np.asarray(points.hose_pressure, np.float64)
     p, e = component_parameters(machine, pose)
     flow = points.piston_velocity * p.cylinder.A_a
-    drop = np.asarray(hose_burst_valve.pressure_drop(flow, p, e), float).ravel()
+    drop = np.asarray(machine.structure.hose_burst_valve.pressure_drop(flow, p, e), float).ravel()
     return np.asarray(points.hose_pressure - drop, np.float64)
 
 

@@ -165,13 +165,14 @@ def identify(
         CurveError: the CSV file cannot be used.
     """
     result = Identification(machine, machine, inputs)
-    if inputs.traces and machine.structure.pilot_valves:
+    has = machine.structure.has
+    if inputs.traces and has("pilot_valves"):
         pilot = identify_pilot_valves(inputs.traces, progress)
         result = _with(replace(result, pilot=pilot), pilot.estimates(), pilot.not_determined)
     pose = _any_pose(inputs, machine)
-    if machine.structure.pilot_valves:
+    if machine.structure.spool.invertible:
         result = replace(result, spool=spool_of(result.identified, pose))
-    if curve is not None and machine.structure.hose_burst_valve:
+    if curve is not None and has("hose_burst_valve"):
         drop, flow = hose_burst_valve.read_curve(curve)
         try:
             valve = hose_burst_valve.from_curve(drop, flow, curve.name)
@@ -191,15 +192,16 @@ def _from_recordings(
     progress("stationary points of the recordings")
     points = stationary_points(recordings, known)
     result = replace(result, points=points)
-    if known.structure.hose_burst_valve and result.hose_burst_valve is None:
+    if known.structure.has("hose_burst_valve") and result.hose_burst_valve is None:
         valve = hose_burst_valve.from_recordings(points, known, pose)
         result = _with(replace(result, hose_burst_valve=valve), valve.estimates, valve.not_determined)
     progress("friction")
     friction = identify_friction(points, known, pose)
     result = _with(replace(result, friction=friction), friction.estimates, friction.not_determined)
-    progress("orifice areas of the main valve")
-    areas = identify_main_valve(points, known, pose, smoothing)
-    result = _with(replace(result, main_valve=areas), areas.estimates, areas.not_determined)
+    if known.structure.metering.law:
+        progress("orifice areas of the main valve")
+        areas = identify_main_valve(points, known, pose, smoothing)
+        result = _with(replace(result, main_valve=areas), areas.estimates, areas.not_determined)
     if refiner is not None:
         refined = refiner(recordings, known, progress)
         result = _with(replace(result, refined=refined), refined.estimates, refined.not_determined)

@@ -14,8 +14,10 @@ import yaml
 from boom_identification.estimate import Estimate
 from boom_input.whole import write_whole
 from boom_model.components import hose_burst_valve
-from boom_model.machine import TOLERANCES, Machine, check_range, number
-from boom_model.machine_file import STROKE_SLACK, machine_from
+from boom_model.machine import TOLERANCES, Machine, check_range
+from boom_model.machine_check import STROKE_SLACK
+from boom_model.machine_file import machine_from
+from boom_model.specification import number
 
 _LAW = "main_valve_orifices.A_ta_law"
 _GEOMETRY = ("kinematics.", "cylinder.l_")

@@ -23,8 +23,9 @@ from boom_identification.estimate import Estimate, NotDetermined
 from boom_identification.splines import PSpline
 from boom_identification.stationary import Points
 from boom_model.component_numbers import component_parameters
-from boom_model.components import main_valve_orifices
-from boom_model.machine import Machine, Pose, number
+from boom_model.machine import Machine, Pose
+from boom_model.slots import Supply
+from boom_model.specification import number
 
 Array = NDArray[np.float64]
 
@@ -123,13 +124,13 @@ def identify_main_valve(
     """Areas of all four edges; ``smoothing``: lambda of (5.24), None: cross-validation."""
     p, _ = component_parameters(machine, pose)
     a_0 = number(machine.document["main_valve_orifices"].get("A_0", DEFAULT_A0))
-    points = points.where(np.abs(points.spool) <= main_valve_orifices.LARGEST_OPENING)
+    points = points.where(np.abs(points.spool) <= machine.structure.metering.largest_opening)
     found, missing, values, residual = _law(points, machine, pose)
     dead_zone = values["x0"]
     drop = {"a": points.hose_pressure - p.fluid.p_t, "b": points.rod_pressure - p.fluid.p_t}
     ports, polygons, law = [], {}, {}
     for port in ("a", "b"):
-        area = _areas(points, port, p)
+        area = _areas(points, port, machine.structure.supply, p)
         metered = np.where(_metered_by_tank(points, port), drop[port] > LEAST_DROP, True)
         good = np.isfinite(area) & metered
         chosen = points.where(good)
@@ -146,7 +147,7 @@ def identify_main_valve(
         if edge in polygons:
             x = np.linspace(0.0, 1.0, 101) * (-1.0 if side == "extend" else 1.0)
             law[edge] = (x, _law_area(x, port, values, machine, pose))
-    if machine.structure.pilot_valves:
+    if machine.structure.pilot_valves.present:
         missing = (*missing, *(NotDetermined(key, _RELATIVE, excitation=False) for key in _CATALOGUE))
     return MainValveResult(a_0, dead_zone, (ports[0], ports[1]), polygons, found, missing, law, residual)
 
@@ -155,15 +156,14 @@ def _metered_by_tank(points: Points, port: str) -> NDArray[np.bool_]:
     return (points.spool > 0) if port == "a" else (points.spool < 0)
 
 
-def _areas(points: Points, port: str, p: Any) -> Array:
+def _areas(points: Points, port: str, supply: Supply, p: Any) -> Array:
     """(5.17), with the little flow that is stored: area (n,) [m^2] of the edge that meters here; NaN where it is not small."""
-    f, o, c = p.fluid, p.main_valve_orifices, p.cylinder
+    f, c = p.fluid, p.cylinder
     piston = c.A_a if port == "a" else c.A_b
     pressure = points.hose_pressure if port == "a" else points.rod_pressure
     stored = points.head_storage if port == "a" else -points.rod_storage
     flow = points.piston_velocity * piston + stored
-    supply = np.full(len(points), o.dp_c) if hasattr(o, "dp_c") else f.p_s - pressure
-    drop = np.where(_metered_by_tank(points, port), pressure - f.p_t, supply)
+    drop = np.where(_metered_by_tank(points, port), pressure - f.p_t, supply.drop(pressure, p))
     with np.errstate(invalid="ignore", divide="ignore"):
         area = np.abs(flow) / (f.C_d * np.sqrt(2.0 / f.rho * drop))
         return np.asarray(np.where(np.abs(stored) < LARGEST_STORAGE * np.abs(flow), area, np.nan), np.float64)
@@ -283,7 +283,8 @@ def _predicted(points: Points, machine: Machine, pose: Pose) -> Callable[[dict[s
     symbols = {key: ca.SX.sym(key) for key in LAW}
     _set(p.main_valve_orifices, symbols)
     spool, hose, rod = (ca.SX.sym(name) for name in ("s", "p_h", "p_b"))
-    flows = main_valve_orifices.flows(spool * p.main_valve_spool.s_max, hose, rod, p, e)
+    s = machine.structure
+    flows = s.metering.flows(spool * p.main_valve_spool.s_max, hose, rod, p, e, s.supply, 1.0)
     order = list(LAW)
     function = ca.Function("flows", [spool, hose, rod, *(symbols[key] for key in order)], [flows.head, flows.rod])
     inputs = [points.spool[None, :], points.hose_pressure[None, :], points.rod_pressure[None, :]]
@@ -302,10 +303,10 @@ def _law_area(x: Array, port: str, values: dict[str, float], machine: Machine, p
     p, e = component_parameters(machine, pose)
     _set(p.main_valve_orifices, values)
     pressure = p.fluid.p_t + 1e6
-    supply = p.main_valve_orifices.dp_c if hasattr(p.main_valve_orifices, "dp_c") else p.fluid.p_s - pressure
-    flows = main_valve_orifices.flows(x * p.main_valve_spool.s_max, pressure, pressure, p, e)
+    s = machine.structure
+    flows = s.metering.flows(x * p.main_valve_spool.s_max, pressure, pressure, p, e, s.supply, 1.0)
     flow = np.abs(np.asarray(flows.head if port == "a" else flows.rod, float).ravel())
-    drop = np.where((x > 0) == (port == "a"), 1e6, supply)
+    drop = np.where((x > 0) == (port == "a"), 1e6, s.supply.drop(pressure, p))
     return np.asarray(flow / (p.fluid.C_d * np.sqrt(2.0 / p.fluid.rho * drop)), np.float64)
 
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from boom_model.component_numbers import component_parameters
 from boom_model.components import main_valve_spool
 from boom_model.components.pilot_valve import BAR
-from boom_model.machine import Machine, Pose, number
+from boom_model.machine import Machine, Pose
+from boom_model.specification import number
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from boom_identification import signals
 from boom_model.component_numbers import component_parameters
-from boom_model.components import accumulator, cylinder, equation_of_motion, pilot_valve
+from boom_model.components import accumulator, cylinder, equation_of_motion
 from boom_model.machine import Machine, Pose
 from boom_model.plant import Plant
 from boom_recording.recording import Recording
@@ -150,13 +150,16 @@ def _points(recording: Recording, machine: Machine) -> tuple[dict[str, Array], d
         return result
 
     current = {name: filtered(raw[name]) for name in ("retract_current", "extend_current")}
-    spool, lag = _spool(current["retract_current"], current["extend_current"], p, e)
+    s = machine.structure
+    position = s.spool.position(current["retract_current"], current["extend_current"], p, s.pilot_valves)
+    spool = np.asarray(position / p.main_valve_spool.s_max, np.float64)  # (5.18), (5.27b)
+    lag = s.spool.settling(p, e, s.pilot_valves)
     rate, acceleration = filtered(raw["rate"]), filtered(raw["rate"], 1)
     hose_rate, rod_rate = filtered(raw["hose_pressure"], 1), filtered(raw["rod_pressure"], 1)
     into_gas = np.full(n, np.nan)
     hose = filtered(raw["hose_pressure"])
     for first, end in signals.stretches(np.isfinite(hose)):
-        into_gas[first:end] = _accumulator_flow(hose[first:end], p, e)
+        into_gas[first:end] = _accumulator_flow(hose[first:end], s.accumulators.cells(p, e), p)
     with np.errstate(invalid="ignore"):
         constant = np.abs(hose_rate) < LARGEST_PRESSURE_RATE
         constant &= np.abs(rod_rate) < LARGEST_PRESSURE_RATE
@@ -199,44 +202,23 @@ def _points(recording: Recording, machine: Machine) -> tuple[dict[str, Array], d
     return columns, counted
 
 
-def _accumulator_flow(hose_pressure: Array, p: Any, e: Any) -> Array:
-    """q_o (n,) [m^3/s] into both accumulators behind p_h (n,) [Pa] on the grid, (3.19), (5.39j,k), from rest.
+def _accumulator_flow(hose_pressure: Array, cells: Sequence[tuple[float, float]], p: Any) -> Array:
+    """q_o (n,) [m^3/s] into all accumulators behind p_h (n,) [Pa] on the grid, (3.19), (5.39j,k), from rest.
 
+    cells: pre-charge [Pa] and diameter of the orifice [m] of each.
     Steps of a tenth of the grid; an accumulator that would run past the hose's pressure within one has reached it.
     """
-    if not hasattr(p, "accumulators"):
-        return np.zeros(len(hose_pressure))
     fine = np.interp(np.arange(0.0, len(hose_pressure) - 0.05, 0.1), np.arange(len(hose_pressure)), hose_pressure)
     total = np.zeros(len(hose_pressure))
-    for precharge, diameter in (
-        (p.accumulators.p_g0_1, p.accumulators.d_1),
-        (p.accumulators.p_g0_2, p.accumulators.d_2),
-    ):
-        charge = precharge * e.accumulator_precharge.r
+    for charge, diameter in cells:
         p_h, p_o = ca.SX.sym("p_h"), ca.SX.sym("p_o")
-        flow = accumulator.orifice_flow(p_h, p_o, charge, diameter * e.accumulator_restrictor.r, p)
+        flow = accumulator.orifice_flow(p_h, p_o, charge, diameter, p)
         reached = p_o + 0.1 * PERIOD * accumulator.pressure_rate(p_o, flow, charge, p.fluid.beta, p)
         after = ca.if_else((reached - p_h) * (p_o - p_h) < 0, ca.fmax(p_h, charge), reached)
         step = ca.Function("step", [p_o, p_h], [after, flow])
         _, flows = step.mapaccum(len(fine))(max(float(fine[0]), charge), fine[None, :])
         total += np.asarray(flows, float).ravel()[::10][: len(total)]
     return total
-
-
-def _spool(retract: Array, extend: Array, p: Any, e: Any) -> tuple[Array, float]:
-    """Stationary s_s / s_s^max (n,) for both currents (n,) [A], (5.18), (5.27b), and the time [s] by which it lags behind."""
-    s = p.main_valve_spool
-    if not hasattr(p, "pilot_valves"):
-        return np.asarray(s.K_i * (retract - extend) / s.s_max, np.float64), s.T_s
-    lag = e.pilot_lag.r / -p.pilot_valves.a1_s + (s.d_v + s.f_c / s.sigma_s) / s.k
-    difference = _pilot(retract, p) - _pilot(extend, p)
-    return np.asarray(difference * s.A_s / s.k / s.s_max, np.float64), lag
-
-
-def _pilot(current: Array, p: Any) -> Array:
-    """Stationary pilot pressure [Pa] of currents (n,) [A], not below zero."""
-    pressure = np.asarray(pilot_valve.static_pressure(current, p.pilot_valves.h), np.float64)
-    return np.asarray(np.maximum(pressure, 0.0), np.float64)
 
 
 def _bridged(known: Flags) -> list[tuple[int, int]]:

@@ -9,7 +9,7 @@ key given twice, which would silently drop the first, is an error. Whatever is w
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -96,53 +96,74 @@ class _RefusedError(Exception):
 
 def _build(events: Iterable[Any], places: dict[tuple[str, ...], int] | None = None) -> Any:
     """The document that the events tell of; `places` takes the line of every key, for a message."""
-    root: list[Any] = []
-    # Innermost last: the open collection, and in a mapping the key whose value comes next.
-    stack: list[tuple[Any, str | None]] = []
-    current: Any = root
-    key: str | None = None
-    values = 0
-    for event in events:
-        kind = type(event)
-        values += 1
-        if values > MOST_VALUES:
+    builder = _Builder(places)
+    for count, event in enumerate(events, 1):
+        if count > MOST_VALUES:
             raise _RefusedError(event, f"more than {MOST_VALUES} values")
-        if kind is yaml.ScalarEvent:
-            if type(current) is dict and key is None:
-                key = _key(event, current)
-                if places is not None:
-                    places[(*(k for _, k in stack if k is not None), key)] = event.start_mark.line + 1
-                continue
-            made: Any = _scalar(event)
-        elif kind is yaml.MappingStartEvent or kind is yaml.SequenceStartEvent:
-            if type(current) is dict and key is None:
-                raise _RefusedError(event, "a key must be a single word")
-            if len(stack) >= DEEPEST:
-                raise _RefusedError(event, f"nested deeper than {DEEPEST} levels")
-            made = {} if kind is yaml.MappingStartEvent else []
-            if event.tag not in (None, "!", f"{_TAG}map", f"{_TAG}seq"):
-                raise _RefusedError(event, f"the tag {quoted(event.tag)} is not read: write a plain value")
-        elif kind is yaml.MappingEndEvent or kind is yaml.SequenceEndEvent:
-            current, key = stack.pop()
-            if type(current) is dict:
-                key = None
-            continue
-        elif kind is yaml.AliasEvent:
-            raise _RefusedError(event, f"aliases such as *{quoted(event.anchor)} are not read: write the value out")
-        elif kind is yaml.DocumentStartEvent and root:
+        take = _TAKE.get(type(event))
+        if take is not None:
+            take(builder, event)
+    return builder.root[0] if builder.root else None
+
+
+class _Builder:
+    """A document while it grows: the collection that is open, and in a mapping the key whose value comes next."""
+
+    def __init__(self, places: dict[tuple[str, ...], int] | None) -> None:
+        self.root: list[Any] = []
+        self._places = places
+        self._outer: list[tuple[Any, str | None]] = []  # innermost last
+        self._current: Any = self.root
+        self._key: str | None = None
+
+    def document(self, event: Any) -> None:
+        if self.root:
             raise _RefusedError(event, "a second document begins here: write one in a file")
+
+    def alias(self, event: Any) -> None:
+        raise _RefusedError(event, f"aliases such as *{quoted(event.anchor)} are not read: write the value out")
+
+    def scalar(self, event: Any) -> None:
+        if type(self._current) is not dict or self._key is not None:
+            self._put(_scalar(event))
+            self._key = None
+            return
+        self._key = _key(event, self._current)
+        if self._places is not None:
+            path = (*(key for _, key in self._outer if key is not None), self._key)
+            self._places[path] = event.start_mark.line + 1
+
+    def collection(self, event: Any) -> None:
+        if type(self._current) is dict and self._key is None:
+            raise _RefusedError(event, "a key must be a single word")
+        if len(self._outer) >= DEEPEST:
+            raise _RefusedError(event, f"nested deeper than {DEEPEST} levels")
+        if event.tag not in (None, "!", f"{_TAG}map", f"{_TAG}seq"):
+            raise _RefusedError(event, f"the tag {quoted(event.tag)} is not read: write a plain value")
+        made: Any = {} if type(event) is yaml.MappingStartEvent else []
+        self._put(made)
+        self._outer.append((self._current, self._key))
+        self._current, self._key = made, None
+
+    def end(self, _: Any) -> None:
+        self._current, self._key = self._outer.pop()[0], None
+
+    def _put(self, made: Any) -> None:
+        if type(self._current) is dict:
+            self._current[self._key] = made
         else:
-            continue
-        if type(current) is dict:
-            current[key] = made
-        else:
-            current.append(made)
-        if kind is not yaml.ScalarEvent:
-            stack.append((current, key))
-            current, key = made, None
-        elif type(current) is dict:
-            key = None
-    return root[0] if root else None
+            self._current.append(made)
+
+
+_TAKE: dict[type, Callable[[_Builder, Any], None]] = {
+    yaml.ScalarEvent: _Builder.scalar,
+    yaml.MappingStartEvent: _Builder.collection,
+    yaml.SequenceStartEvent: _Builder.collection,
+    yaml.MappingEndEvent: _Builder.end,
+    yaml.SequenceEndEvent: _Builder.end,
+    yaml.AliasEvent: _Builder.alias,
+    yaml.DocumentStartEvent: _Builder.document,
+}
 
 
 def _key(event: Any, mapping: dict[str, Any]) -> str:

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from boom_model.components import cylinder, equation_of_motion, pilot_valve
+from boom_model.component_numbers import component_parameters
+from boom_model.components import cylinder, equation_of_motion
 from boom_model.equations import namespace
 from boom_model.machine import Machine
 
@@ -30,7 +31,8 @@ class Quantity:
 
 def quantities(machine: Machine) -> list[Quantity]:
     """The quantities of a machine; its effects and learned terms are left out."""
-    p = namespace(machine.values(machine.tabulated[0]))
+    machine = machine.with_effects({})
+    p, e = component_parameters(machine, machine.tabulated[0])
     a, b = p.cylinder.A_a, p.cylinder.A_b
     low, high = machine.angle_limits
     begin, end = machine.piston_position(low), machine.piston_position(high)
@@ -55,13 +57,10 @@ def quantities(machine: Machine) -> list[Quantity]:
             f"{LOAD_PRESSURE * a / 1e3:.0f} kN, {LOAD_PRESSURE * b / 1e3:.0f} kN", "cylinder.A_a, A_b",
         ),
     ]  # fmt: skip
-    if machine.structure.accumulators:
-        gas = p.accumulators
-        value = f"{gas.V_g0 / LITRE:.2f} l each, {gas.p_g0_1 / BAR:.0f} and {gas.p_g0_2 / BAR:.0f} bar"
-        rows.append(Quantity("accumulators: gas and pre-charge", value, "accumulators"))
-    rows.append(Quantity("current: the valve opens .. is open", _currents(machine, p), "pilot_valves, main_valve_*"))
+    rows += [Quantity(*row, part.key[0]) for part in machine.structure for row in part.data(p)]
+    rows.append(Quantity("current: the valve opens .. is open", _currents(machine, p, e), "pilot_valves, main_valve_*"))
     for name, sign, area in (("lift", -1.0, a), ("lower", 1.0, b)):
-        flow = _supply(machine, p, sign, _torque(p, angles[level], 0.0) / levers[level] / a)
+        flow = _supply(machine, p, e, sign, _torque(p, angles[level], 0.0) / levers[level] / a)
         rows += [
             Quantity(f"{name}, valve fully open: flow", f"{flow / LPM:.0f} l/min", "main_valve_orifices, fluid"),
             Quantity(f"{name}: piston", f"{flow / area / MILLIMETRE:.0f} mm/s", "and cylinder"),
@@ -114,23 +113,17 @@ def _load(p: Any, angles: list[float], levers: list[float]) -> str:
     return f"{held:.0f} kg" if held > 0.0 else "none: more pressure is needed without load"
 
 
-def _supply(machine: Machine, p: Any, sign: float, head_pressure: float) -> float:
+def _supply(machine: Machine, p: Any, e: Any, sign: float, head_pressure: float) -> float:
     """Flow [m^3/s] from the supply with the spool at its end; sign as that of s_s: -1 lifts, against the head pressure [Pa]."""
-    area = p.main_valve_orifices.A_sa_max if sign < 0.0 else p.main_valve_orifices.A_sb_max
-    if machine.structure.compensator:
-        drop = p.main_valve_orifices.dp_c
-    else:
-        drop = p.fluid.p_s - (head_pressure if sign < 0.0 else RETURN_PRESSURE)
+    area, _ = machine.structure.metering.areas(sign * p.main_valve_spool.s_max, p, e)
+    drop = machine.structure.supply.drop(head_pressure if sign < 0.0 else RETURN_PRESSURE, p)
     return float(p.fluid.C_d * area * math.sqrt(2.0 / p.fluid.rho * max(drop, 0.0)))
 
 
-def _currents(machine: Machine, p: Any) -> str:
-    spool, x0 = p.main_valve_spool, p.main_valve_orifices.x0
-    if machine.structure.pilot_valves:
-        pressures = [x * spool.s_max * spool.k / spool.A_s for x in (x0, 1.0)]
-        first, last = (float(pilot_valve.static_inverse(pressure, p.pilot_valves.h)) for pressure in pressures)
-    else:
-        first, last = (x * spool.s_max / spool.K_i for x in (x0, 1.0))
+def _currents(machine: Machine, p: Any, e: Any) -> str:
+    s, stroke = machine.structure, p.main_valve_spool.s_max
+    overlap = float(s.metering.overlap(-stroke, p, e))
+    first, last = (s.spool.current(x * stroke, p, s.pilot_valves) for x in (overlap, 1.0))
     return f"{first:.2f} .. {last:.2f} A"
 
 

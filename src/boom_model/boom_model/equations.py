@@ -17,21 +17,13 @@ import casadi as ca
 from boom_model import learned as learned_terms
 from boom_model import sensors
 from boom_model.components import (
-    accumulator,
-    anti_cavitation,
     boom_flexibility,
     cylinder,
-    direct_spool,
     equation_of_motion,
-    four_bar_linkage,
     friction,
-    hose_burst_valve,
     main_valve_orifices,
-    main_valve_spool,
     oil,
-    pilot_valve,
     swinging_load,
-    triangle_linkage,
 )
 from boom_model.effects import EFFECTS
 from boom_model.errors import ModelError
@@ -62,7 +54,12 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """x' = derivative(x, u, p), y = outputs(x, u, p); all symbolic. ``auxiliary`` are named inner quantities."""
+    """x' = derivative(x, u, p), y = outputs(x, u, p); all symbolic.
+
+    Attributes:
+        auxiliary: named inner quantities with their unit.
+        valve: states of pilot stage and spool, which settle within a second under held currents.
+    """
 
     kind: Kind
     structure: Structure
@@ -75,6 +72,7 @@ class Equations:
     derivative: Any
     outputs: Any
     auxiliary: dict[str, tuple[str, Any]]
+    valve: tuple[str, ...]
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -138,6 +136,8 @@ class _Wiring:
         self.states: list[State] = []
         self.symbols: dict[str, Any] = {}
         self.rates: dict[str, Any] = {}
+        self.memories: set[str] = set()
+        self.auxiliary: dict[str, tuple[str, Any]] = {}
         self.u = ca.SX.sym("u", 2)
 
     def add(self, name: str, symbol: str, unit: str, scale: float, low: float = -inf, high: float = inf) -> Any:
@@ -171,21 +171,21 @@ class _Wiring:
     def _memory(self, variable: str, time: float, value: Any) -> Any:
         name = f"memory_{variable}_{time:g}"
         if name not in self.symbols:
+            self.memories.add(name)
             lagging = self.add(name, f"x_{variable}", "-", 1.0)
             self.rates[name] = (value - lagging) / time
         return self.symbols[name]
 
     def kinematics(self) -> None:
-        linkage = four_bar_linkage if self.structure.linkage == "four_bar" else triangle_linkage
         self.angle = self.add("angle", "q_2", "rad", 1.0)
         self.rate = self.add("rate", "w", "rad/s", 0.3, -10.0, 10.0)
-        self.position = linkage.piston_position(self.angle, self.p)
+        self.position = self.structure.linkage.piston_position(self.angle, self.p)
         self.jacobian = ca.jacobian(self.position, self.angle)
         self.velocity = self.jacobian * self.rate
 
     def valve(self, hose_pressure: Any, rod_pressure: Any) -> tuple[Any, Any]:
         """Adds spool and pilot states; flows (q_h, q_b) into hose and rod side, anti-cavitation included."""
-        p, e, u = self.p, self.e, self.u
+        p, e = self.p, self.e
         spool = self.add("spool_position", "s_s", "m", 5e-3, -1.0, 1.0)
         metering = spool
         if self.active("valve_hysteresis"):
@@ -193,27 +193,20 @@ class _Wiring:
             self.rates["metering_position"] = main_valve_orifices.play_rate(follower, spool, p, e)
             metering = main_valve_orifices.metering(follower, spool, e)
         passage = cylinder.cushion(p.cylinder.l_p - self.position, e)
-        flows = main_valve_orifices.flows(metering, hose_pressure, rod_pressure, p, e, passage)
-        if self.structure.pilot_valves:
-            velocity = self.add("spool_velocity", "w_s", "m/s", 0.1, -10.0, 10.0)
-            plus = self.add("pilot_retract", "lambda_+", "A s", 2e-2, -1.0, 1.0)
-            minus = self.add("pilot_extend", "lambda_-", "A s", 2e-2, -1.0, 1.0)
-            self.quantities["spool"] = spool / p.main_valve_spool.s_max
-            difference = pilot_valve.pressure(plus, u[0], p, e) - pilot_valve.pressure(minus, u[1], p, e)
-            difference = difference + self.learnt("spool")
-            self.rates["spool_position"] = velocity
-            self.rates["spool_velocity"] = main_valve_spool.acceleration(spool, velocity, difference, flows.force, p, e)
-            self.rates["pilot_retract"] = pilot_valve.state_rate(plus, u[0], p, e)
-            self.rates["pilot_extend"] = pilot_valve.state_rate(minus, u[1], p, e)
-            self.pilot_difference = difference
-        else:
-            self.rates["spool_position"] = direct_spool.velocity(spool, u[0], u[1], p)
-        self.spool = spool
-        q_h, q_b = flows.head, flows.rod
-        if self.structure.anti_cavitation:
-            q_h = q_h + anti_cavitation.flow(hose_pressure, p)
-            q_b = q_b + anti_cavitation.flow(rod_pressure, p)
-        return q_h, q_b
+        s = self.structure
+        flows = s.metering.flows(metering, hose_pressure, rod_pressure, p, e, s.supply, passage)
+        before = len(self.states)
+        s.spool.motion(self, spool, flows.force)
+        own = [state.name for state in self.states[before:] if state.name not in self.memories]
+        self.valve_states = ("spool_position", *own)
+        return flows.head + s.port_valves.flow(hose_pressure, p), flows.rod + s.port_valves.flow(rod_pressure, p)
+
+    def pilot_difference(self, spool: Any) -> Any:
+        """p_+ - p_- [Pa] of the pilot stage, learnt terms included; adds its states. For the spool, at s_s [m]."""
+        self.quantities["spool"] = spool / self.p.main_valve_spool.s_max
+        difference = self.structure.pilot_valves.difference(self) + self.learnt("spool")
+        self.auxiliary["pilot_pressure_difference"] = ("Pa", difference)
+        return difference
 
     def motion(self, head_pressure: Any, rod_pressure: Any) -> None:
         """Equation of motion from the pressures that act on the piston."""
@@ -261,9 +254,7 @@ class _Wiring:
     def finish(
         self, kind: Kind, hose_pressure: Any, rod_pressure: Any, auxiliary: dict[str, tuple[str, Any]]
     ) -> Equations:
-        if self.structure.pilot_valves:
-            auxiliary["pilot_pressure_difference"] = ("Pa", self.pilot_difference)
-        auxiliary |= {
+        auxiliary |= self.auxiliary | {
             "piston_position": ("m", self.position),
             "jacobian": ("m/rad", self.jacobian),
             "piston_velocity": ("m/s", self.velocity),
@@ -284,6 +275,7 @@ class _Wiring:
             derivative=ca.vertcat(*(self.rates[name] for name in names)),
             outputs=sensors.measured(self.seen_angle, self.seen_rate, hose_pressure, rod_pressure, self.e),
             auxiliary=auxiliary,
+            valve=self.valve_states,
         )
 
 
@@ -297,49 +289,23 @@ def full_model(structure: Structure, effects: Iterable[str] = (), learned: Seque
     p, e = w.p, w.e
     w.kinematics()
     p_a, p_b = w.add_pressure("head_pressure", "p_a"), w.add_pressure("rod_pressure", "p_b")
-    p_h = w.add_pressure("hose_pressure", "p_h") if structure.hose_burst_valve else p_a
+    p_h = w.add_pressure("hose_pressure", "p_h") if structure.hose_burst_valve.separates else p_a
     w.quantities |= {"angle": w.angle, "rate": w.rate, "head_pressure": p_a, "rod_pressure": p_b, "hose_pressure": p_h}
-    q_o: Any = 0
-    if structure.accumulators:
-        for i, precharge, diameter in (
-            (1, p.accumulators.p_g0_1, p.accumulators.d_1),
-            (2, p.accumulators.p_g0_2, p.accumulators.d_2),
-        ):
-            name = f"accumulator_pressure_{i}"
-            p_o = w.add_pressure(name, f"p_o,{i}")
-            precharge = precharge * e.accumulator_precharge.r
-            diameter = diameter * e.accumulator_restrictor.r
-            entropy_rate: Any = 0.0
-            if w.active("accumulator_heat_loss"):
-                entropy = w.add(f"accumulator_entropy_{i}", f"e_{i}", "-", 0.1)
-                ambient = w.add(f"accumulator_ambient_{i}", f"T_a,{i}", "-", 1.0)
-                entropy_rate = accumulator.entropy_rate(p_o, entropy, ambient, precharge, p, e)
-                w.rates[f"accumulator_entropy_{i}"] = entropy_rate
-                w.rates[f"accumulator_ambient_{i}"] = ca.SX(0.0)
-                precharge = precharge * ca.exp(entropy)
-            flow = accumulator.orifice_flow(p_h, p_o, precharge, diameter, p)
-            w.rates[name] = accumulator.pressure_rate(p_o, flow, precharge, p.fluid.beta, p, entropy_rate)
-            q_o = q_o + flow
+    q_o = structure.accumulators.flow(w, p_h)
     q_h, q_b = w.valve(p_h, p_b)
     leakage = cylinder.leakage(p_a, p_b, e)
     w.motion(p_a, p_b)
     w.rod_side(p_b, q_b + leakage)
     beta_a = oil.bulk_modulus(p_a, p, e)
     passage = cylinder.cushion(w.position, e)
-    if structure.hose_burst_valve:
-        if w.active("hose_burst_valve_lag"):
-            g = w.add("hose_burst_valve_conductance", "G", "m^3/s/Pa", 1e-8, 2e-11)
-            stationary = hose_burst_valve.limited_conductance(p_h - p_a, p, e)
-            w.rates["hose_burst_valve_conductance"] = (stationary - g) / e.hose_burst_valve_lag.tau
-            q_a = hose_burst_valve.flow(p_h - p_a, p, e, g)
-        else:
-            q_a = hose_burst_valve.flow(p_h - p_a, p, e)
+    if structure.hose_burst_valve.separates:
+        q_a = structure.hose_burst_valve.flow(w, p_h - p_a)
         q_a = ca.if_else(q_a < 0, q_a * passage, q_a) if w.active("end_cushioning") else q_a
         head, net = cylinder.head_volume(w.position, p), q_a
         w.rates["hose_pressure"] = cylinder.pressure_rate(
             oil.bulk_modulus(p_h, p, e), p.cylinder.V_h, q_h - q_o - q_a + w.learnt("hose_flow")
         )
-    else:
+    else:  # one volume has one state: no null component can take a state and its equation away
         q_a = q_h - q_o + w.learnt("hose_flow")
         head, net = cylinder.head_volume(w.position, p) + p.cylinder.V_h, q_a
     net = net - w.velocity * p.cylinder.A_a - leakage + w.learnt("head_flow")
@@ -364,17 +330,11 @@ def reduced_model(structure: Structure, effects: Iterable[str] = (), learned: Se
     w.quantities |= {"angle": w.angle, "rate": w.rate, "head_pressure": p_a, "rod_pressure": p_b, "hose_pressure": p_a}
     q_a, q_b = w.valve(p_a, p_b)
     leakage = cylinder.leakage(p_a, p_b, e)
-    drop: Any = 0.0
-    if structure.hose_burst_valve:
-        drop = hose_burst_valve.pressure_drop(w.velocity * p.cylinder.A_a, p, e)
+    drop = structure.hose_burst_valve.pressure_drop(w.velocity * p.cylinder.A_a, p, e)
     w.motion(p_a - drop, p_b)
     w.rod_side(p_b, q_b + leakage)
     net = q_a - w.velocity * p.cylinder.A_a - leakage + w.learnt("head_flow") + w.learnt("hose_flow")
     beta = oil.bulk_modulus(p_a, p, e)
-    compliance = cylinder.head_volume(w.position, p) / beta
-    if structure.accumulators:
-        for precharge in (p.accumulators.p_g0_1, p.accumulators.p_g0_2):
-            precharge = precharge * e.accumulator_precharge.r
-            compliance = compliance + accumulator.compliance(p_a, precharge, beta, p)
+    compliance = sum(structure.accumulators.compliances(p_a, beta, p, e), cylinder.head_volume(w.position, p) / beta)
     w.rates["head_pressure"] = net / compliance
     return w.finish("reduced", p_a, p_b, {"head_flow": ("m^3/s", q_a), "rod_flow": ("m^3/s", q_b)})

@@ -131,36 +131,40 @@ def parse(text: str) -> tuple[Factor, ...]:
     Raises:
         MachineError: names what cannot be read.
     """
-    factors = []
     if text.count("*") >= MOST_FACTORS:
         raise MachineError(f"learned: {text!r} has more than {MOST_FACTORS} factors")
-    for part in (p.strip() for p in text.split("*")):
-        match = _FACTOR.match(part)
-        if match is None:
-            raise MachineError(
-                f"learned: {part!r} in {text!r} is no variable or function of one; see docs/diagnosis.md"
-            )
-        function, variable, given, plain, power = match.groups()
-        if function is None:
-            function, variable, given = (f"^{power}" if power else ""), plain, ""
-        elif function not in _ARGUMENTS:
-            raise MachineError(f"learned: no function {function} in {text!r}{nearest(function, _ARGUMENTS)}")
-        if variable not in VARIABLES:
-            raise MachineError(f"learned: no variable {variable} in {text!r}{nearest(variable, VARIABLES)}")
-        try:
-            numbers = tuple(float(v) for v in given.split(",") if v.strip())
-        except ValueError:
-            raise MachineError(f"learned: {part!r} in {text!r}: not all of its numbers can be read") from None
-        if len(numbers) != _ARGUMENTS.get(function, 0):
-            raise MachineError(f"learned: {part!r} in {text!r}: {function} takes {_ARGUMENTS.get(function, 0)} numbers")
-        if not all(abs(v) <= LARGEST for v in numbers):
-            raise MachineError(f"learned: {part!r} in {text!r}: a number is not finite and within +-{LARGEST:g}")
-        if function in ("lag", "bump") and not numbers[-1] >= SMALLEST:
-            raise MachineError(f"learned: {part!r} in {text!r}: its last number must be at least {SMALLEST:g}")
-        if function == "lag" and not VARIABLES[variable].zero_at_rest:
-            raise MachineError(f"learned: {part!r} in {text!r}: {variable} is not zero at rest and cannot lag")
-        factors.append(Factor(function, variable, numbers))
-    return tuple(factors)
+    return tuple(_factor(part.strip(), text) for part in text.split("*"))
+
+
+def _factor(part: str, text: str) -> Factor:
+    match = _FACTOR.match(part)
+    if match is None:
+        raise MachineError(f"learned: {part!r} in {text!r} is no variable or function of one; see docs/diagnosis.md")
+    function, variable, given, plain, power = match.groups()
+    if function is None:
+        function, variable, given = (f"^{power}" if power else ""), plain, ""
+    elif function not in _ARGUMENTS:
+        raise MachineError(f"learned: no function {function} in {text!r}{nearest(function, _ARGUMENTS)}")
+    if variable not in VARIABLES:
+        raise MachineError(f"learned: no variable {variable} in {text!r}{nearest(variable, VARIABLES)}")
+    numbers = _factor_numbers(function, given, f"learned: {part!r} in {text!r}")
+    if function == "lag" and not VARIABLES[variable].zero_at_rest:
+        raise MachineError(f"learned: {part!r} in {text!r}: {variable} is not zero at rest and cannot lag")
+    return Factor(function, variable, numbers)
+
+
+def _factor_numbers(function: str, given: str, where: str) -> tuple[float, ...]:
+    try:
+        numbers = tuple(float(v) for v in given.split(",") if v.strip())
+    except ValueError:
+        raise MachineError(f"{where}: not all of its numbers can be read") from None
+    if len(numbers) != _ARGUMENTS.get(function, 0):
+        raise MachineError(f"{where}: {function} takes {_ARGUMENTS.get(function, 0)} numbers")
+    if not all(abs(v) <= LARGEST for v in numbers):
+        raise MachineError(f"{where}: a number is not finite and within +-{LARGEST:g}")
+    if function in ("lag", "bump") and not numbers[-1] >= SMALLEST:
+        raise MachineError(f"{where}: its last number must be at least {SMALLEST:g}")
+    return numbers
 
 
 def check_learned(given: Any) -> tuple[LearnedTerm, ...]:
@@ -187,26 +191,35 @@ def _term(entry: Any, where: str) -> LearnedTerm:
         raise MachineError(f"{where}.{key}: missing")
     if not isinstance(entry["equation"], str) or entry["equation"] not in PLACES:
         raise MachineError(f"{where}.equation: {entry['equation']!r} is not one of {', '.join(PLACES)}")
-    basis, coefficients = entry["basis"], entry["coefficients"]
-    if not isinstance(basis, list) or not basis or not all(isinstance(b, str) for b in basis):
-        raise MachineError(f"{where}.basis: expected a list of products, e.g. ['sign(rate)']")
-    if len(basis) > MOST_PRODUCTS:
-        raise MachineError(f"{where}.basis: {len(basis)} products, more than {MOST_PRODUCTS}")
-    if not isinstance(coefficients, list) or len(coefficients) != len(basis):
-        raise MachineError(f"{where}.coefficients: expected {len(basis)} numbers, one for each product of the basis")
-    for c in coefficients:
-        if isinstance(c, bool) or not isinstance(c, int | float) or not abs(c) <= 1e12:
-            raise MachineError(f"{where}.coefficients: {c!r} is not a finite number within +-1e12")
+    basis = _basis(entry["basis"], where)
+    coefficients = _coefficients(entry["coefficients"], len(basis), where)
     place = PLACES[entry["equation"]]
     if str(entry["unit"]).strip() != f"{place.scale:g} {place.unit}":
         raise MachineError(f"{where}.unit: {entry['unit']!s}; expected {place.scale:g} {place.unit}")
     used = {f.variable for text in basis for f in parse(text)}
     return LearnedTerm(
         entry["equation"],
-        tuple(basis),
-        tuple(float(c) for c in coefficients),
+        basis,
+        coefficients,
         _validity(entry["validity"], used, where),
     )
+
+
+def _basis(given: Any, where: str) -> tuple[str, ...]:
+    if not isinstance(given, list) or not given or not all(isinstance(b, str) for b in given):
+        raise MachineError(f"{where}.basis: expected a list of products, e.g. ['sign(rate)']")
+    if len(given) > MOST_PRODUCTS:
+        raise MachineError(f"{where}.basis: {len(given)} products, more than {MOST_PRODUCTS}")
+    return tuple(given)
+
+
+def _coefficients(given: Any, count: int, where: str) -> tuple[float, ...]:
+    if not isinstance(given, list) or len(given) != count:
+        raise MachineError(f"{where}.coefficients: expected {count} numbers, one for each product of the basis")
+    for c in given:
+        if isinstance(c, bool) or not isinstance(c, int | float) or not abs(c) <= 1e12:
+            raise MachineError(f"{where}.coefficients: {c!r} is not a finite number within +-1e12")
+    return tuple(float(c) for c in given)
 
 
 def _validity(given: Any, used: set[str], where: str) -> dict[str, tuple[float, float]]:

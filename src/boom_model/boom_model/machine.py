@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from math import isfinite
-from types import SimpleNamespace
 from typing import Any, Literal
 
-from boom_model.components import four_bar_linkage, triangle_linkage
 from boom_model.effects import active_effects
+from boom_model.equations import namespace
 from boom_model.errors import MachineError, nearest
 from boom_model.learned import LearnedTerm
 from boom_model.rigid_body import locked_inertia
@@ -116,8 +116,9 @@ class Machine:
                 raise MachineError(f"{key}: expected {len(parameters[key].value)} numbers, not {len(vector)}")
             check_range(parameters[key].specification, vector)
             parameters[key] = replace(parameters[key], value=vector)
-        check_overlap(parameters, self.effects)
-        return replace(self, parameters=parameters)
+        result = replace(self, parameters=parameters)
+        check_overlap(result)
+        return result
 
     def with_effects(self, effects: Mapping[str, Mapping[str, float]]) -> Machine:
         """A machine with these effects instead of its own; neutral ones are left out.
@@ -125,9 +126,9 @@ class Machine:
         Raises:
             MachineError: unknown effect or parameter, a value outside its limits, or a component that is not there.
         """
-        active = active_effects(dict(effects), self.structure.has)
-        check_overlap(self.parameters, active)
-        return replace(self, effects=active)
+        result = replace(self, effects=active_effects(dict(effects), self.structure.has))
+        check_overlap(result)
+        return result
 
     def pose(self, outer_boom_angle: float, telescope_length: float, load: float = 0.0) -> Pose:
         """D_0, S and tip for locked joints q_3 [rad], q_4 [m] and the load [kg] that hangs at the tip.
@@ -158,13 +159,13 @@ class Machine:
 
     def piston_position(self, angle: float) -> float:
         """s_p [m] at the boom angle [rad] (NaN where the linkage cannot be assembled)."""
-        linkage = four_bar_linkage if self.structure.linkage == "four_bar" else triangle_linkage
-        return float(linkage.piston_position(angle, self._numbers))
+        return float(self.structure.linkage.piston_position(angle, self.numbers))
 
     @cached_property
-    def _numbers(self) -> SimpleNamespace:
-        """All numbers by section and name: made once, for those who ask for thousands of positions."""
-        return _tree(self.parameters)
+    def numbers(self) -> Any:
+        """The machine's numbers by section and name, ``numbers.cylinder.A_a``; made once, for thousands of positions."""
+        values = (zip(p.specification.components, p.value, strict=True) for p in self.parameters.values())
+        return namespace(dict(pair for pairs in values for pair in pairs))
 
     def sensor_noise(self) -> SensorNoise:
         """Noise and quantisation of the machine's sensors; ch. 6.4 where section ``control`` does not say."""
@@ -192,43 +193,18 @@ def check_range(spec: Specification, value: tuple[float, ...], shown: object = N
             raise MachineError(f"{spec.key}: {text} is outside {spec.minimum:g} .. {spec.maximum:g} {spec.unit}")
 
 
-def check_overlap(parameters: Mapping[str, Parameter], effects: Mapping[str, Mapping[str, float]]) -> None:
+def check_overlap(machine: Machine) -> None:
     """Refuses a dead zone x_0 + d that is negative or leaves nothing of the stroke.
 
     Raises:
         MachineError: names the effect's parameter and the range.
     """
-    overlap = parameters["main_valve_orifices.x0"].value[0]
-    for name, change in effects.get("valve_dead_zone", {}).items():
+    for key, (name, change) in product(
+        machine.structure.metering.overlaps, machine.effects.get("valve_dead_zone", {}).items()
+    ):
+        overlap = machine.parameters[key].value[0]
         if not 0.0 <= overlap + change <= LARGEST_OVERLAP:
             raise MachineError(
                 f"effects.valve_dead_zone.{name}: {change:g} is outside {-overlap:g} .. {LARGEST_OVERLAP - overlap:g}, "
-                f"with which main_valve_orifices.x0 = {overlap:g} stays within 0 .. {LARGEST_OVERLAP:g} of the stroke"
+                f"with which {key} = {overlap:g} stays within 0 .. {LARGEST_OVERLAP:g} of the stroke"
             )
-
-
-def number(entry: Any) -> float:
-    """The number of an entry, with or without its wrapper of unit and source; NaN where it is none."""
-    value = entry.get("value") if isinstance(entry, dict) else entry
-    if isinstance(value, str):  # YAML 1.1 takes 2.5e7 for a text
-        try:
-            value = float(value)
-        except ValueError:
-            return float("nan")
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return float("nan")
-    try:
-        return float(value)
-    except OverflowError:
-        return float("inf")
-
-
-def _tree(parameters: Mapping[str, Parameter]) -> SimpleNamespace:
-    root = SimpleNamespace()
-    for key, parameter in parameters.items():
-        section, name = key.split(".")[:2]
-        if not hasattr(root, section):
-            setattr(root, section, SimpleNamespace())
-        value = parameter.value if len(parameter.value) > 1 else parameter.value[0]
-        setattr(getattr(root, section), name, value)
-    return root

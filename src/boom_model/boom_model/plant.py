@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from boom_model.codegen.compiled import LANES, build
-from boom_model.components import hose_burst_valve
 from boom_model.effects import EFFECTS
-from boom_model.equations import INPUTS, Equations, Kind, full_model, namespace, reduced_model
+from boom_model.equations import INPUTS, Equations, Kind, full_model, reduced_model
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine, Pose
 from boom_model.sensors import OUTPUTS
@@ -135,20 +134,12 @@ class Plant:
         angle [rad]; hose_pressure, rod_pressure [Pa gauge]; parameters (NP,) other numbers than the machine's.
         """
         number = self._numbers(parameters)
-        precharge = number["effects.accumulator_precharge.r"]
         values = dict.fromkeys(self.state_names, 0.0)
         values |= {"angle": angle, "head_pressure": hose_pressure, "rod_pressure": rod_pressure}
         if "hose_pressure" in values:
             values["hose_pressure"] = hose_pressure
-        for i in (1, 2):
-            if f"accumulator_pressure_{i}" in values:
-                p_g0 = number[f"accumulators.p_g0_{i}"] * precharge
-                values[f"accumulator_pressure_{i}"] = p_o = max(hose_pressure, p_g0)
-                if f"accumulator_ambient_{i}" in values:  # the gas has rested on the nominal adiabat
-                    kappa = number["accumulators.kappa"]
-                    values[f"accumulator_ambient_{i}"] = (p_o / p_g0) ** ((kappa - 1) / kappa)
-        if "hose_burst_valve_conductance" in values:
-            values["hose_burst_valve_conductance"] = self._conductance_at_rest(number)
+        for component in self.machine.structure:
+            values |= {k: v for k, v in component.rest(number, hose_pressure).items() if k in values}
         return np.array([values[name] for name in self.state_names])
 
     def rest_state_measured(
@@ -321,11 +312,6 @@ class Plant:
         p = self.p if parameters is None else parameters
         neutral = {f"effects.{e.id}.{row.name}": row.neutral for e in EFFECTS.values() for row in e.parameters}
         return neutral | dict(zip(self.parameter_names, (float(v) for v in p), strict=True))
-
-    def _conductance_at_rest(self, number: dict[str, float]) -> float:
-        tree = namespace({k: v for k, v in number.items() if not k.startswith("effects.")})
-        effects = namespace({k.removeprefix("effects."): v for k, v in number.items() if k.startswith("effects.")})
-        return float(hose_burst_valve.limited_conductance(0.0, tree, effects))
 
     def _set_time(self, x: Array, begin: float) -> None:
         """The state ``elapsed_time``, where an effect brings it, is the time of the run itself."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 Shape = Literal["scalar", "pair", "triple"]
 
@@ -21,6 +22,7 @@ class Specification:
         maximum: largest allowed value.
         equation: number of the equation in the thesis in which it stands.
         shape: scalar, pair or triple of numbers.
+        entry: makes ``{value: ..., unit: ...}`` of the section where the file writes it in another form; raises MachineError.
     """
 
     key: str
@@ -31,6 +33,7 @@ class Specification:
     maximum: float
     equation: str
     shape: Shape = "scalar"
+    entry: Callable[[Mapping[str, Any], Specification], Mapping[str, Any]] | None = field(default=None, compare=False)
 
     @property
     def components(self) -> tuple[str, ...]:
@@ -38,3 +41,19 @@ class Specification:
         if self.shape == "scalar":
             return (self.key,)
         return tuple(f"{self.key}.{i}" for i in range(2 if self.shape == "pair" else 3))
+
+
+def number(entry: Any) -> float:
+    """The number of an entry, with or without its wrapper of unit and source; NaN where it is none."""
+    value = entry.get("value") if isinstance(entry, dict) else entry
+    if isinstance(value, str):  # YAML 1.1 takes 2.5e7 for a text
+        try:
+            value = float(value)
+        except ValueError:
+            return float("nan")
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return float("nan")
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf")

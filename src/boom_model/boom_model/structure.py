@@ -2,79 +2,99 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
-from boom_model.components import (
-    accumulator,
-    anti_cavitation,
-    cylinder,
-    direct_spool,
-    equation_of_motion,
-    four_bar_linkage,
-    friction,
-    hose_burst_valve,
-    main_valve_orifices,
-    main_valve_spool,
-    oil,
-    pilot_valve,
-    triangle_linkage,
+from boom_model.components import cylinder, equation_of_motion, friction, oil
+from boom_model.errors import MachineError
+from boom_model.slots import (
+    Accumulators,
+    Component,
+    HoseBurstValve,
+    Linkage,
+    Metering,
+    PilotStage,
+    PortValves,
+    Spool,
+    Supply,
+    component,
+    registered,
 )
 from boom_model.specification import Specification
 
 HOSE = (Specification("cylinder.V_h", "V_h", "m^3", "volume of the head-side hose", 1e-6, 0.1, "5.39i"),)
+SLOTS: tuple[type[Component], ...] = (
+    Linkage, PilotStage, Spool, Supply, PortValves, Metering, Accumulators, HoseBurstValve,
+)  # fmt: skip
+"""In the order in which a machine file is asked for them."""
 
 
 @dataclass(frozen=True)
 class Structure:
-    """Components of a machine.
+    """The component of each slot, ``boom_model.slots``."""
 
-    Attributes:
-        linkage: ``four_bar`` or ``triangle``.
-        accumulators: two accumulators on the head side, or none.
-        hose_burst_valve: between hose and head side; without it p_h = p_a and the hose belongs to the head volume.
-        pilot_valves: pilot stage and spool dynamics (3.21); without it the currents command the spool directly.
-        compensator: pressure-compensated orifices (3.25); without it (3.23) with a supply pressure.
-        anti_cavitation: anti-cavitation valves at both ports.
-    """
+    linkage: Linkage
+    pilot_valves: PilotStage
+    spool: Spool
+    supply: Supply
+    port_valves: PortValves
+    metering: Metering
+    accumulators: Accumulators
+    hose_burst_valve: HoseBurstValve
 
-    linkage: Literal["four_bar", "triangle"] = "four_bar"
-    accumulators: bool = True
-    hose_burst_valve: bool = True
-    pilot_valves: bool = True
-    compensator: bool = True
-    anti_cavitation: bool = True
+    def __iter__(self) -> Iterator[Component]:
+        return (getattr(self, f.name) for f in fields(self))
 
     def specifications(self) -> tuple[Specification, ...]:
         """All parameters that a machine of this structure needs, each once."""
-        linkage = four_bar_linkage if self.linkage == "four_bar" else triangle_linkage
-        groups = [
+        groups = (
             equation_of_motion.SPECIFICATIONS,
-            linkage.SPECIFICATIONS,
+            self.linkage.specifications,
             friction.SPECIFICATIONS,
             oil.SPECIFICATIONS,
             cylinder.SPECIFICATIONS,
             HOSE,
-            main_valve_spool.SPECIFICATIONS if self.pilot_valves else direct_spool.SPECIFICATIONS,
-            main_valve_orifices.SPECIFICATIONS,
-            main_valve_orifices.COMPENSATED if self.compensator else main_valve_orifices.UNCOMPENSATED,
-        ]
-        if self.accumulators:
-            groups.append(accumulator.SPECIFICATIONS)
-        if self.hose_burst_valve:
-            groups.append(hose_burst_valve.SPECIFICATIONS)
-        if self.pilot_valves:
-            groups.append(pilot_valve.SPECIFICATIONS)
-        if self.anti_cavitation:
-            groups.append(anti_cavitation.SPECIFICATIONS)
-        return tuple(spec for group in groups for spec in group)
+            self.spool.specifications,
+            self.metering.specifications,
+            self.supply.specifications,
+            self.accumulators.specifications,
+            self.hose_burst_valve.specifications,
+            self.pilot_valves.specifications,
+            self.port_valves.specifications,
+        )
+        return tuple({spec.key: spec for group in groups for spec in group}.values())
 
-    def has(self, component: str) -> bool:
-        """Whether the component that an effect needs (``Effect.needs``) is there; an empty name always is."""
-        return component == "" or bool(getattr(self, component))
+    def has(self, need: str) -> bool:
+        """Whether a component offers what an effect needs (``Effect.needs``); an empty need always is met."""
+        return need == "" or any(need in c.offers for c in self)
 
-    @property
-    def key(self) -> str:
-        """Short text that tells structures apart."""
-        flags = (self.accumulators, self.hose_burst_valve, self.pilot_valves, self.compensator, self.anti_cavitation)
-        return self.linkage + "-" + "".join("1" if flag else "0" for flag in flags)
+    def with_component(self, new: Component) -> Structure:
+        """The same with another component in its slot; a pilot stage comes and goes with the spool that it pushes."""
+        changed = {new.slot: new}
+        if isinstance(new, Spool):
+            changed["pilot_valves"] = next(c for c in registered(PilotStage) if c.present == new.piloted)
+        elif isinstance(new, PilotStage):
+            changed["spool"] = next(c for c in registered(Spool) if c.piloted == new.present)
+        return replace(self, **changed)  # type: ignore[arg-type]
+
+    def check(self) -> None:
+        """Refuses components that do not go together.
+
+        Raises:
+            MachineError: a piloted spool without pilot stage, or the other way round.
+        """
+        if self.spool.piloted != self.pilot_valves.present:
+            absent = " or ".join(str(c.name) for c in registered(PilotStage) if not c.present)
+            direct = " or ".join(str(c.name) for c in registered(Spool) if not c.piloted)
+            raise MachineError(
+                f"pilot_valves.type: {absent} goes with main_valve_spool.type: {direct}, and only with it"
+            )
+
+
+def structure(**names: Any) -> Structure:
+    """The structure of tz17 with other components in some slots, by name: ``structure(linkage="triangle")``."""
+    chosen: dict[str, Any] = {
+        slot.slot: component(slot, names.get(slot.slot, registered(slot)[0].name)) for slot in SLOTS
+    }
+    return Structure(**chosen)

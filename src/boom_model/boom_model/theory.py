@@ -1,4 +1,4 @@
-"""The tables of docs/theory.md, made from what the model itself reads: specifications, states, effects.
+"""The tables of docs/theory.md, made from what the model itself reads: components, specifications, states, effects.
 
 python -m boom_model.theory docs/theory.md           writes the tables between their markers
 python -m boom_model.theory docs/theory.md --check   exit status 1 if they are not up to date
@@ -18,8 +18,9 @@ from boom_model.equations import INPUTS, State, full_model, reduced_model
 from boom_model.errors import ModelError
 from boom_model.machine_file import load_machine
 from boom_model.sensors import OUTPUT_UNITS, OUTPUTS
+from boom_model.slots import registered
 from boom_model.specification import Specification
-from boom_model.structure import Structure
+from boom_model.structure import SLOTS, structure
 
 _MARK = "<!-- {name}: {end} (made by python -m boom_model.theory) -->"
 
@@ -43,18 +44,20 @@ _AUXILIARY = {
 
 def all_specifications() -> tuple[Specification, ...]:
     """Every parameter of every structure, each once, in the order of the components."""
-    other = Structure("triangle", False, False, False, False, False)
-    found: dict[str, Specification] = {}
-    for structure in (Structure(), other):
-        for spec in structure.specifications():
-            found.setdefault(spec.key, spec)
+    found = {spec.key: spec for spec in structure().specifications()}
+    for spec in (spec for slot in SLOTS for c in registered(slot) for spec in c.specifications):
+        found.setdefault(spec.key, spec)
     return tuple(found.values())
 
 
 def all_states() -> tuple[State, ...]:
-    """Every state that the full model can have."""
+    """Every state that the full model can have, those of the thesis' structure first."""
     lagging = [effect.id for effect in CATALOGUE if effect.states]
-    return full_model(Structure(), lagging).states
+    found = {state.name: state for state in full_model(structure(), lagging).states}
+    for c in (c for slot in SLOTS for c in registered(slot)[1:]):
+        for state in full_model(structure().with_component(c)).states:
+            found.setdefault(state.name, state)
+    return tuple(found.values())
 
 
 def symbols_table() -> str:
@@ -63,7 +66,7 @@ def symbols_table() -> str:
     rows = []
     for name, symbol in zip(INPUTS, _INPUT_SYMBOLS, strict=True):
         rows.append((symbol, f"input `{name}`", "A", "5.39p,s", "measured", ""))
-    reduced = set(reduced_model(Structure()).state_names)
+    reduced = set(reduced_model(structure()).state_names)
     for state in all_states():
         model = "full and reduced" if state.name in reduced else "full"
         rows.append(
@@ -71,14 +74,14 @@ def symbols_table() -> str:
                 state.symbol,
                 f"state `{state.name}`",
                 state.unit,
-                _STATE_EQUATIONS[state.name],
+                _STATE_EQUATIONS.get(state.name, "-"),
                 model,
                 _range(state.minimum, state.maximum),
             )
         )
     for name, symbol, unit in zip(OUTPUTS, _OUTPUT_SYMBOLS, OUTPUT_UNITS, strict=True):
         rows.append((symbol, f"output `{name}`", unit, "ch. 4.2", "measured", ""))
-    units = {k: unit for k, (unit, _) in full_model(Structure()).auxiliary.items()}
+    units = {k: unit for k, (unit, _) in full_model(structure()).auxiliary.items()}
     for name, unit in units.items():
         symbol, equation = _AUXILIARY[name]
         rows.append((symbol, f"inner `{name}`", unit, equation, "computed", ""))
@@ -88,12 +91,23 @@ def symbols_table() -> str:
         elif spec.key in nominal.parameters:
             parameter = nominal.parameters[spec.key]
             source = parameter.source + (f", {parameter.confidence}" if parameter.confidence else "")
-        else:
+        elif spec.key in example.parameters:
             source = f"not in tz17; {example.parameters[spec.key].source} in triangle_direct"
+        else:
+            source = "in no machine that is shipped"
         rows.append(
             (spec.symbol, f"`{spec.key}`", spec.unit, spec.equation, source, _range(spec.minimum, spec.maximum))
         )
     return _table(("symbol", "code name", "unit", "equation", "source", "range"), rows)
+
+
+def components_table() -> str:
+    """One row per component that a machine file can name."""
+    rows = []
+    for c in (c for slot in SLOTS for c in registered(slot)):
+        name = str(c.name).lower() if isinstance(c.name, bool) else c.name
+        rows.append((f"`{'.'.join(c.key)}: {name}`", c.equation, f"`{c.term}`", c.meaning))
+    return _table(("in the machine file", "equation", "term", "component"), rows)
 
 
 def effects_table() -> str:
@@ -110,7 +124,7 @@ def effects_table() -> str:
     return _table(("effect", "subsystem", "equation", "term", "parameters", "shows"), rows)
 
 
-TABLES = {"symbols": symbols_table, "effects": effects_table}
+TABLES = {"symbols": symbols_table, "effects": effects_table, "components": components_table}
 
 
 def updated(text: str) -> str:

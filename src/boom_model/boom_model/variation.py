@@ -43,9 +43,8 @@ def draw(machine: Machine, rng: np.random.Generator, most_effects: int = 2) -> V
     changed = {"fluid.beta": machine.parameters["fluid.beta"].value[0] * factors["beta"]}
     for key in ("tau_C_pos", "tau_C_neg", "k_v_pos", "k_v_neg"):
         changed[f"friction.{key}"] = machine.parameters[f"friction.{key}"].value[0] * factors["tau_f"]
-    if machine.structure.accumulators:
-        for key in ("p_g0_1", "p_g0_2"):
-            changed[f"accumulators.{key}"] = machine.parameters[f"accumulators.{key}"].value[0] * factors["p_g0"]
+    for key in machine.structure.accumulators.precharges:
+        changed[key] = machine.parameters[key].value[0] * factors["p_g0"]
     possible = [effect for effect in CATALOGUE if machine.structure.has(effect.needs)]
     count = int(rng.integers(1, most_effects + 1))
     chosen = rng.choice(len(possible), size=count, replace=False)

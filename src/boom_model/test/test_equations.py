@@ -14,19 +14,19 @@ from boom_model.equations import full_model, parameter_names, reduced_model
 from boom_model.errors import ModelError
 from boom_model.machine import Machine
 from boom_model.plant import Plant
-from boom_model.structure import Structure
+from boom_model.structure import structure
 
 VARIANTS: dict[str, dict[str, Any]] = {
     "thesis": {},
     "triangle": {"linkage": "triangle"},
-    "no_accumulators": {"accumulators": False},
-    "no_hose_burst_valve": {"hose_burst_valve": False},
-    "direct_spool": {"pilot_valves": False},
-    "no_compensator": {"compensator": False},
-    "no_anti_cavitation": {"anti_cavitation": False},
+    "no_accumulators": {"accumulators": "none"},
+    "no_hose_burst_valve": {"hose_burst_valve": "none"},
+    "direct_spool": {"spool": "direct", "pilot_valves": "none"},
+    "no_compensator": {"supply": False},
+    "no_anti_cavitation": {"port_valves": False},
     "other_make": {
-        "linkage": "triangle", "accumulators": False, "hose_burst_valve": False, "pilot_valves": False,
-        "compensator": False,
+        "linkage": "triangle", "accumulators": "none", "hose_burst_valve": "none", "spool": "direct", "pilot_valves": "none",
+        "supply": False,
     },
 }  # fmt: skip
 
@@ -37,17 +37,17 @@ def middle(effect: Any) -> dict[str, float]:
 
 def variant(tz17: Machine, other_make: Machine, changes: dict[str, Any], effects: bool) -> Machine:
     """A machine of any structure: the numbers that tz17 lacks come from the other make."""
-    structure = replace(tz17.structure, **changes)
+    changed = structure(**changes)
     pool = dict(other_make.parameters) | dict(tz17.parameters)
-    keys = [s.key for s in structure.specifications() if not s.key.startswith("pose.")]
-    if structure.linkage == "triangle" or not structure.pilot_valves:
+    keys = [s.key for s in changed.specifications() if not s.key.startswith("pose.")]
+    if {"linkage", "spool"} & set(changes):
         pool |= {
             k: v
             for k, v in other_make.parameters.items()
             if k.startswith(("kinematics", "main_valve_spool", "cylinder.l"))
         }
-    machine = replace(tz17, structure=structure, parameters={k: pool[k] for k in keys})
-    active = {e.id: middle(e) for e in CATALOGUE if structure.has(e.needs)} if effects else {}
+    machine = replace(tz17, structure=changed, parameters={k: pool[k] for k in keys})
+    active = {e.id: middle(e) for e in CATALOGUE if changed.has(e.needs)} if effects else {}
     return machine.with_effects(active)
 
 
@@ -97,7 +97,7 @@ def test_full_model_has_the_eleven_states_of_5_40(folded: Plant) -> None:
 
 
 def test_reduced_model_has_the_eight_states_of_5_46() -> None:
-    assert reduced_model(Structure()).state_names == (
+    assert reduced_model(structure()).state_names == (
         "angle", "rate", "head_pressure", "rod_pressure", "spool_position", "spool_velocity", "pilot_retract",
         "pilot_extend",
     )  # fmt: skip
@@ -130,7 +130,7 @@ def test_terms_at_their_neutral_values_leave_the_equations_as_they_are(tz17: Mac
 
 
 def test_order_of_parameters_is_machine_first_then_effects_by_name() -> None:
-    names = parameter_names(Structure(), ["pilot_lag", "flow_force"])
+    names = parameter_names(structure(), ["pilot_lag", "flow_force"])
     assert names[-2:] == ("effects.flow_force.c", "effects.pilot_lag.r")
     assert len(set(names)) == len(names)
 
@@ -155,7 +155,7 @@ def test_reduced_head_side_is_5_45(tz17: Machine, p: Any) -> None:
 
 
 def test_without_anti_cavitation_the_equations_are_those_of_the_thesis(tz17: Machine, folded: Plant) -> None:
-    printed = replace(tz17, structure=replace(tz17.structure, anti_cavitation=False))
+    printed = replace(tz17, structure=structure(port_valves=False))
     printed = replace(printed, parameters={k: v for k, v in tz17.parameters.items() if "anti_cavitation" not in k})
     plant = Plant(printed, tz17.pose(4.59, 0.0))
     x = folded.equilibrium(0.5)

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from boom_model.components import main_valve_orifices
+from boom_model.components.compensator import COMPENSATED, UNCOMPENSATED
 from boom_model.equations import namespace
 
 HOLE = 0.65 * sqrt(2 / 870)  # C_d sqrt(2 / rho) of tz17
@@ -15,7 +16,7 @@ S_MAX, X0 = 9e-3, 0.28
 
 
 def valve(p: Any, e: Any, x: float, hose: float = 60e5, rod: float = 20e5) -> tuple[float, float, float]:
-    flows = main_valve_orifices.flows(x * S_MAX, hose, rod, p, e)
+    flows = main_valve_orifices.flows(x * S_MAX, hose, rod, p, e, COMPENSATED)
     return float(flows.head), float(flows.rod), float(flows.force)
 
 
@@ -56,10 +57,10 @@ def test_valve_opens_continuously(p: Any, effects: Any) -> None:
 
 def test_flow_follows_supply_and_load_without_compensator(other_make: Any, effects: Any) -> None:
     q = namespace(other_make.values(other_make.pose(4.5, 0.0)))
-    flows = main_valve_orifices.flows(-8e-3, 60e5, 20e5, q, effects())
+    flows = main_valve_orifices.flows(-8e-3, 60e5, 20e5, q, effects(), UNCOMPENSATED)
     assert float(flows.head) == pytest.approx(HOLE * 1.1e-5 * sqrt(150e5), rel=1e-6)
     assert (
-        float(main_valve_orifices.flows(-8e-3, 220e5, 20e5, q, effects()).head) < 0
+        float(main_valve_orifices.flows(-8e-3, 220e5, 20e5, q, effects(), UNCOMPENSATED).head) < 0
     )  # the load is heavier than the supply
 
 

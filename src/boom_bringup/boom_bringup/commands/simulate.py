@@ -223,7 +223,7 @@ def _runs(args: argparse.Namespace, machine: Machine) -> Iterator[tuple[str, Cal
         from boom_recording.oscilloscope import write_trace
         from boom_sim.pilot_bench import SILENT, BenchNoise
 
-        if not machine.structure.pilot_valves:
+        if not machine.structure.has("pilot_valves"):
             raise SimulateError(f"machine {machine.name} has no pilot valves: there is nothing to put on the bench")
         for trace in campaigns.pilot_campaign(machine, seed=args.seed, noise=SILENT if ideal else BenchNoise()):
             yield trace.name, partial(write_trace, trace=trace)

@@ -84,56 +84,57 @@ class _Emitter:
         return "\n".join(lines)
 
 
-def _elimination(pattern: np.ndarray) -> tuple[list[int], str, str, int]:
-    """Minimum-degree order, C of the factorisation and of the solution, number of stored factors.
+def _elimination(pattern: np.ndarray) -> tuple[str, str, int]:
+    """C of the factorisation and of the solution, number of stored factors.
 
     ``pattern``: (n, n) bool, where the matrix may be non-zero (the diagonal always is).
     """
-    n = len(pattern)
-    filled = pattern | np.eye(n, dtype=bool)
+    order, filled = _minimum_degree(pattern)
+    slot = {(int(i), int(j)): k for k, (i, j) in enumerate(zip(*np.nonzero(filled), strict=True))}
+    return _factorisation(order, slot), _solution(order, slot), len(slot)
+
+
+def _minimum_degree(pattern: np.ndarray) -> tuple[list[int], np.ndarray]:
+    """Order of the pivots that makes few new non-zeros, and where they are then."""
+    filled = pattern | np.eye(len(pattern), dtype=bool)
     order: list[int] = []
-    left = set(range(n))
-    work = filled.copy()
+    left = set(range(len(pattern)))
+
+    def cost(k: int) -> tuple[int, int]:
+        others = sorted(left)
+        return (int(filled[others, k].sum()) - 1) * (int(filled[k, others].sum()) - 1), k
+
     while left:
-
-        def cost(k: int) -> tuple[int, int]:
-            rows = sum(work[i, k] for i in left) - 1
-            columns = sum(work[k, j] for j in left) - 1
-            return int(rows * columns), k
-
         k = min(left, key=cost)
         left.remove(k)
         order.append(k)
-        for i in left:
-            if work[i, k]:
-                for j in left:
-                    work[i, j] |= work[k, j]
-    position = {k: m for m, k in enumerate(order)}
-    slot: dict[tuple[int, int], int] = {}
-    for i in range(n):
-        for j in range(n):
-            if work[i, j]:
-                slot[i, j] = len(slot)
-    factor = [f"  real w{slot[i, j]} = -J[{i * n + j}];" for (i, j) in slot if i != j]
-    factor += [f"  real w{slot[i, i]} = R(shift) - J[{i * n + i}];" for i in range(n)]
+        rows = [i for i in left if filled[i, k]]
+        columns = [j for j in left if filled[k, j]]
+        filled[np.ix_(rows, columns)] = True
+    return order, filled
+
+
+def _factorisation(order: list[int], slot: dict[tuple[int, int], int]) -> str:
+    n = len(order)
+    lines = [f"  real w{slot[i, j]} = -J[{i * n + j}];" for (i, j) in slot if i != j]
+    lines += [f"  real w{slot[i, i]} = R(shift) - J[{i * n + i}];" for i in range(n)]
     for m, k in enumerate(order):
-        factor.append(f"  const real r{k} = R(1.0) / w{slot[k, k]}; w{slot[k, k]} = r{k};")
-        for i in order[m + 1 :]:
-            if (i, k) in slot:
-                factor.append(f"  w{slot[i, k]} *= r{k};")
-                for j in order[m + 1 :]:
-                    if (k, j) in slot:
-                        factor.append(f"  w{slot[i, j]} -= w{slot[i, k]} * w{slot[k, j]};")
-    factor += [f"  W[{s}] = w{s};" for s in slot.values()]
-    solve: list[str] = []
+        lines.append(f"  const real r{k} = R(1.0) / w{slot[k, k]}; w{slot[k, k]} = r{k};")
+        columns = [j for j in order[m + 1 :] if (k, j) in slot]
+        for i in (i for i in order[m + 1 :] if (i, k) in slot):
+            lines.append(f"  w{slot[i, k]} *= r{k};")
+            lines += [f"  w{slot[i, j]} -= w{slot[i, k]} * w{slot[k, j]};" for j in columns]
+    return "\n".join([*lines, *(f"  W[{s}] = w{s};" for s in slot.values())])
+
+
+def _solution(order: list[int], slot: dict[tuple[int, int], int]) -> str:
+    lines: list[str] = []
     for m, k in enumerate(order):
-        solve += [f"  b[{i}] -= W[{slot[i, k]}] * b[{k}];" for i in order[m + 1 :] if (i, k) in slot]
-    for k in reversed(order):
-        terms = "".join(
-            f" - W[{slot[k, j]}] * b[{j}]" for j in range(n) if position[j] > position[k] and (k, j) in slot
-        )
-        solve.append(f"  b[{k}] = (b[{k}]{terms}) * W[{slot[k, k]}];")
-    return order, "\n".join(factor), "\n".join(solve), len(slot)
+        lines += [f"  b[{i}] -= W[{slot[i, k]}] * b[{k}];" for i in order[m + 1 :] if (i, k) in slot]
+    for m, k in reversed(list(enumerate(order))):
+        terms = "".join(f" - W[{slot[k, j]}] * b[{j}]" for j in sorted(order[m + 1 :]) if (k, j) in slot)
+        lines.append(f"  b[{k}] = (b[{k}]{terms}) * W[{slot[k, k]}];")
+    return "\n".join(lines)
 
 
 @lru_cache(maxsize=16)
@@ -150,7 +151,7 @@ def generate(m: Equations) -> str:
     y = emitter.function("y", arguments, [m.outputs], ["y"])
     pattern = np.zeros((n, n), dtype=bool)
     pattern[entries[0], entries[1]] = True
-    _, factor, solve, slots = _elimination(pattern)
+    factor, solve, slots = _elimination(pattern)
     scatter = "\n".join(f"  J[{i * n + j}] = nz[{k}];" for k, (i, j) in enumerate(zip(*entries, strict=True)))
     used = "\n".join(f"  const real {name} = c[{k}];" for k, name in enumerate(emitter.prepared.values()))
     prepare = "\n".join(

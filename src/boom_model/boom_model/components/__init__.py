@@ -1,1 +1,7 @@
-"""The components of a boom: one file, one equation of the thesis each."""
+"""The components of a boom: one file, one equation of the thesis each. Every file here is found by itself and registers itself."""
+
+from importlib import import_module
+from pkgutil import iter_modules
+
+for _module in iter_modules(__path__):
+    import_module(f"{__name__}.{_module.name}")

@@ -15,12 +15,14 @@ Effects (neutral value):
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import pi
 from typing import Any
 
 import casadi as ca
 
 from boom_model.regularisation import Expression, power, signed_sqrt
+from boom_model.slots import Accumulators, Wiring, register
 from boom_model.specification import Specification
 
 GATE_WIDTH = 5.0e3
@@ -94,3 +96,69 @@ def compliance(pressure: Expression, precharge: Expression, bulk_modulus: Expres
     stiffness = a.kappa * ca.fmax(pressure, LOWEST_PRESSURE)
     filled = (a.V_g0 - volume) / bulk_modulus + volume / stiffness
     return ca.if_else(pressure > precharge, filled, 0.0)
+
+
+def cells(p: Any, e: Any) -> tuple[tuple[Expression, Expression], ...]:
+    """Pre-charge pressure [Pa] and orifice diameter [m] of both."""
+    a, charge, diameter = p.accumulators, e.accumulator_precharge.r, e.accumulator_restrictor.r
+    return (a.p_g0_1 * charge, a.d_1 * diameter), (a.p_g0_2 * charge, a.d_2 * diameter)
+
+
+def compliances(pressure: Expression, bulk_modulus: Expression, p: Any, e: Any) -> tuple[Expression, ...]:
+    """dV / dp [m^3/Pa] of both, :func:`compliance`."""
+    return tuple(compliance(pressure, precharge, bulk_modulus, p) for precharge, _ in cells(p, e))
+
+
+def _flow(w: Wiring, hose_pressure: Expression) -> Expression:
+    p, e = w.p, w.e
+    total: Any = 0
+    for i, (precharge, diameter) in enumerate(cells(p, e), 1):
+        name = f"accumulator_pressure_{i}"
+        p_o = w.add_pressure(name, f"p_o,{i}")
+        heat: Any = 0.0
+        if w.active("accumulator_heat_loss"):
+            entropy = w.add(f"accumulator_entropy_{i}", f"e_{i}", "-", 0.1)
+            ambient = w.add(f"accumulator_ambient_{i}", f"T_a,{i}", "-", 1.0)
+            heat = entropy_rate(p_o, entropy, ambient, precharge, p, e)
+            w.rates[f"accumulator_entropy_{i}"] = heat
+            w.rates[f"accumulator_ambient_{i}"] = ca.SX(0.0)
+            precharge = precharge * ca.exp(entropy)
+        flow = orifice_flow(hose_pressure, p_o, precharge, diameter, p)
+        w.rates[name] = pressure_rate(p_o, flow, precharge, p.fluid.beta, p, heat)
+        total = total + flow
+    return total
+
+
+def _rest(number: Mapping[str, float], pressure: float) -> dict[str, float]:
+    exponent = (number["accumulators.kappa"] - 1) / number["accumulators.kappa"]
+    result = {}
+    for i in (1, 2):
+        precharge = number[f"accumulators.p_g0_{i}"] * number["effects.accumulator_precharge.r"]
+        result[f"accumulator_pressure_{i}"] = p_o = max(pressure, precharge)
+        result[f"accumulator_ambient_{i}"] = (p_o / precharge) ** exponent  # the gas has rested on the nominal adiabat
+    return result
+
+
+def _data(p: Any) -> tuple[tuple[str, str], ...]:
+    gas = p.accumulators
+    value = f"{gas.V_g0 * 1e3:.2f} l each, {gas.p_g0_1 / 1e5:.0f} and {gas.p_g0_2 / 1e5:.0f} bar"
+    return (("accumulators: gas and pre-charge", value),)
+
+
+register(
+    Accumulators(
+        name="two_diaphragm",
+        meaning="two accumulators behind orifices at the hose of the head side",
+        term="p_o' = kappa beta p_o q_o / (kappa p_o V_g0 + (beta - kappa p_o) V_g)",
+        equation="5.39g,h,j,k",
+        specifications=SPECIFICATIONS,
+        offers=frozenset({"accumulators"}),
+        data=_data,
+        rest=_rest,
+        flow=_flow,
+        compliances=compliances,
+        cells=cells,
+        precharges=("accumulators.p_g0_1", "accumulators.p_g0_2"),
+    )
+)
+register(Accumulators(name="none", meaning="no accumulators", term="q_o = 0"))

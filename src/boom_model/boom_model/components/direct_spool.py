@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 from boom_model.regularisation import Expression
+from boom_model.slots import Spool, Wiring, register
 from boom_model.specification import Specification
 
 SPECIFICATIONS = (
@@ -24,3 +25,21 @@ def velocity(position: Expression, retract: Expression, extend: Expression, p: A
     """s_s' [m/s] for s_s [m] and the two currents [A]."""
     s = p.main_valve_spool
     return (s.K_i * (retract - extend) - position) / s.T_s
+
+
+def _motion(w: Wiring, position: Expression, force: Expression) -> None:
+    w.rates["spool_position"] = velocity(position, w.u[0], w.u[1], w.p)
+
+
+register(
+    Spool(
+        name="direct",
+        meaning="follows its current with a lag",
+        term="T_s s_s' = K_i (i_+ - i_-) - s_s",
+        specifications=SPECIFICATIONS,
+        motion=_motion,
+        position=lambda retract, extend, p, pilot: p.main_valve_spool.K_i * (retract - extend),
+        current=lambda position, p, pilot: position / p.main_valve_spool.K_i,
+        settling=lambda p, e, pilot: p.main_valve_spool.T_s,
+    )
+)

@@ -18,6 +18,7 @@ from typing import Any
 import casadi as ca
 
 from boom_model.regularisation import Expression
+from boom_model.slots import Linkage, register
 from boom_model.specification import Specification
 
 SPECIFICATIONS = (
@@ -44,3 +45,15 @@ def piston_position(angle: Expression, p: Any) -> Expression:
     c_x = k.pivot[0] + along * d_x - across * d_y - k.foot[0]
     c_y = k.pivot[1] + along * d_y + across * d_x - k.foot[1]
     return ca.sqrt(c_x * c_x + c_y * c_y) - p.cylinder.l_min
+
+
+register(
+    Linkage(
+        name="four_bar",
+        meaning="cylinder that acts through a four-bar linkage",
+        term="s_p = |C(q_2) - foot| - l_min",
+        equation="3.13a",
+        specifications=SPECIFICATIONS,
+        piston_position=piston_position,
+    )
+)

@@ -20,12 +20,15 @@ branches; towards the cylinder the check valve opens without delay (neutral tau 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
 
+from boom_model.errors import MachineError
 from boom_model.regularisation import Expression
-from boom_model.specification import Specification
+from boom_model.slots import HoseBurstValve, Wiring, register
+from boom_model.specification import Specification, number
 
 OPENING = 1.0e3
 """Pa. Drop over which the check valve opens; a tenth of a step of the pressure sensors."""
@@ -86,3 +89,50 @@ def pressure_drop(flow: Expression, p: Any, e: Any) -> Expression:
     linear = (q - a30) / a31
     drop = ca.if_else(q >= 0, root**2, ca.if_else(q >= at_node, quadratic, linear))
     return drop * v.unit_pressure
+
+
+def _flow(w: Wiring, drop: Expression) -> Expression:
+    if not w.active("hose_burst_valve_lag"):
+        return flow(drop, w.p, w.e)
+    conductance = w.add("hose_burst_valve_conductance", "G", "m^3/s/Pa", 1e-8, 2e-11)
+    stationary = limited_conductance(drop, w.p, w.e)
+    w.rates["hose_burst_valve_conductance"] = (stationary - conductance) / w.e.hose_burst_valve_lag.tau
+    return flow(drop, w.p, w.e, conductance)
+
+
+def _rest(number: Mapping[str, float], _: float) -> dict[str, float]:
+    v = {name: number[f"hose_burst_valve.{name}"] for name in ("a21", "unit_flow", "unit_pressure")}
+    slope = v["a21"] * number["effects.hose_burst_valve_setting.r"]
+    return {"hose_burst_valve_conductance": slope * (v["unit_flow"] / v["unit_pressure"])}
+
+
+def _check(p: Any, section: Mapping[str, Any]) -> None:
+    """a_22 and the node follow from the other coefficients (5.29); printed ones must agree with them."""
+    v = p.hose_burst_valve
+    if v.a21 <= v.a31:
+        raise MachineError(f"hose_burst_valve.a31: {v.a31:g} must be below a21, {v.a21:g} l/min/bar")
+    a22, node = smooth_node(v.a21, v.a30, v.a31)
+    for key, value in (("a22", a22), ("a22_c1", a22), ("node", node), ("node_c1", node)):
+        if key in section and not abs(number(section[key]) / value - 1) <= 0.02:
+            raise MachineError(
+                f"hose_burst_valve.{key}: {number(section[key]):g} does not fit a21, a30, a31, with which the branches "
+                f"meet smoothly at {value:.4g} (5.29); correct it or leave it out"
+            )
+
+
+register(
+    HoseBurstValve(
+        name="flow_limiting",
+        meaning="limits the flow out of the cylinder",
+        term="q_a = a_11 dp + a_12 sqrt(dp), a_21 dp + a_22 dp^2, a_30 + a_31 dp",
+        equation="5.39e,f",
+        specifications=SPECIFICATIONS,
+        information=frozenset({"a22", "node", "a22_c1", "node_c1"}),
+        offers=frozenset({"hose_burst_valve"}),
+        check=_check,
+        rest=_rest,
+        flow=_flow,
+        pressure_drop=pressure_drop,
+    )
+)
+register(HoseBurstValve(name="none", meaning="hose and head side are one volume", term="p_h = p_a", separates=False))

@@ -23,12 +23,15 @@ In the dead zone x <= x_0 every area is exactly zero. Effects (neutral value):
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
 
+from boom_model.errors import MachineError
 from boom_model.regularisation import Expression, power, signed_sqrt
+from boom_model.slots import Metering, Supply, ValveFlows, register
 from boom_model.specification import Specification
 
 LARGEST_OPENING = 1.2
@@ -41,6 +44,26 @@ SMALLEST_TRAVEL = 1e-9
 """Over full stroke. Keeps 0 / 0 out where there is no hysteresis."""
 Q_REFERENCE = 2.0e-3
 """m^3/s (120 l/min), full flow."""
+_NUMBER = r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
+_METER_OUT = re.compile(rf"^\s*A_sb\s*/\s*\(\s*{_NUMBER}\s*([+-])\s*{_NUMBER}\s*\*\s*u\^2\s*\)\s*$")
+
+
+def _meter_out(section: Mapping[str, Any], spec: Specification) -> dict[str, Any]:
+    """The law of A_ta is a text in the file: A_sb/(c0-c1*u^2)."""
+    if "A_ta_law" not in section:
+        raise MachineError('main_valve_orifices.A_ta_law: missing; expected e.g. {value: "A_sb/(2.27-0.7*u^2)"}')
+    entry = section["A_ta_law"]
+    text = entry.get("value") if isinstance(entry, dict) else entry
+    match = _METER_OUT.match(str(text))
+    if match is None:
+        raise MachineError(f"main_valve_orifices.A_ta_law: {text!r} is not of the form A_sb/(2.27-0.7*u^2)")
+    c0, c1 = float(match[1]), float(match[3]) * (1 if match[2] == "-" else -1)
+    if c0 - max(c1, 0.0) * LARGEST_METER_OUT**2 <= 0.0:
+        raise MachineError(f"main_valve_orifices.A_ta_law: {text!r} is not positive up to u = {LARGEST_METER_OUT}")
+    given = {"conf": "low", **entry} if isinstance(entry, dict) else {"conf": "low"}
+    value = c0 if spec.key.endswith("c0") else c1
+    return {"value": value, "unit": spec.unit, "prov": given.get("prov", ""), "conf": given["conf"]}
+
 
 SPECIFICATIONS = (
     Specification("main_valve_orifices.x0", "x_0", "-", "overlap (dead zone) over full stroke", 0.0, 0.9, "5.17"),
@@ -48,29 +71,25 @@ SPECIFICATIONS = (
     Specification("main_valve_orifices.A_sa_max", "A_sa", "m^2", "largest area supply to a", 1e-8, 1e-2, "3.23"),
     Specification("main_valve_orifices.A_tb_max", "A_tb", "m^2", "largest area b to tank", 1e-8, 1e-2, "3.23"),
     Specification("main_valve_orifices.A_sb_max", "A_sb", "m^2", "largest area supply to b", 1e-8, 1e-2, "3.23"),
-    Specification("main_valve_orifices.A_ta_law.c0", "c_0", "-", "A_ta: constant", 0.05, 100.0, "3.23"),
-    Specification("main_valve_orifices.A_ta_law.c1", "c_1", "-", "A_ta: factor of u^2", -10.0, 10.0, "3.23"),
+    Specification(
+        "main_valve_orifices.A_ta_law.c0", "c_0", "-", "A_ta: constant", 0.05, 100.0, "3.23", entry=_meter_out
+    ),
+    Specification(
+        "main_valve_orifices.A_ta_law.c1", "c_1", "-", "A_ta: factor of u^2", -10.0, 10.0, "3.23", entry=_meter_out
+    ),
 )
-COMPENSATED = (
-    Specification("main_valve_orifices.dp_c", "dp_c", "Pa", "margin of the pressure compensator", 1e4, 1e7, "3.25"),
-)
-UNCOMPENSATED = (Specification("fluid.p_s", "p_s", "Pa", "supply pressure", 1e5, 1e8, "3.23"),)
 
 
-@dataclass(frozen=True)
-class ValveFlows:
-    """Flows out of the valve into the hose of port a and into port b [m^3/s], closing force on the spool [N]."""
-
-    head: Expression
-    rod: Expression
-    force: Expression
+def overlap(position: Expression, p: Any, e: Any) -> Expression:
+    """x_0 [-] on the side of the spool position s_s [m]."""
+    shift = ca.if_else(position < 0, e.valve_dead_zone.d_extend, e.valve_dead_zone.d_retract)
+    return p.main_valve_orifices.x0 + shift
 
 
 def opening(position: Expression, p: Any, e: Any) -> Expression:
     """u [-] at the spool position s_s [m], of the edges that are open on its side."""
     o = p.main_valve_orifices
-    shift = ca.if_else(position < 0, e.valve_dead_zone.d_extend, e.valve_dead_zone.d_retract)
-    x0 = o.x0 + shift
+    x0 = overlap(position, p, e)
     x = ca.fmin(ca.fabs(position) / p.main_valve_spool.s_max, LARGEST_OPENING)
     u = (x - x0) / (1 - x0)
     return ca.if_else(u > 0, power(ca.fmax(u, SMALLEST_OPENING), o.n), 0.0)
@@ -101,19 +120,20 @@ def flows(
     rod_pressure: Expression,
     p: Any,
     e: Any,
+    supply_drop: Supply,
     rod_passage: Expression = 1.0,
 ) -> ValveFlows:
     """Flows and closing force at the spool position s_s [m], p_h and p_b [Pa].
 
-    rod_passage: share of the rod side's return passage that an end cushioning leaves open.
+    supply_drop: over the edge from the supply. rod_passage: share of the rod side's return passage that an end cushioning leaves
+    open.
     """
-    o, f = p.main_valve_orifices, p.fluid
+    f = p.fluid
     gain = f.C_d * ca.sqrt(2 / f.rho)
     extend = position < 0
     supply_area, tank_area = areas(position, p, e)
-    compensated = hasattr(o, "dp_c")
     port_pressure = ca.if_else(extend, hose_pressure, rod_pressure)
-    supply_root = ca.sqrt(o.dp_c) if compensated else signed_sqrt(f.p_s - port_pressure)
+    supply_root = supply_drop.root(port_pressure, p)
     supply = _supply(gain * supply_area * supply_root, e)
     tank_drop = ca.if_else(extend, rod_pressure, hose_pressure) - f.p_t
     tank = _tank_flow(ca.if_else(extend, tank_area * rod_passage, tank_area), tank_drop, gain, e)
@@ -140,3 +160,21 @@ def metering(follower: Expression, spool: Expression, e: Any) -> Expression:
 def _half_travel(e: Any) -> Expression:
     """w over full stroke."""
     return ca.fmax(e.valve_hysteresis.h, e.valve_hysteresis.travel)
+
+
+register(
+    Metering(
+        name="common_overlap",
+        meaning="four edges with one overlap and one exponent",
+        term="q = C_d A(s_s) sqrt(2 / rho) sqrt(dp), A = A_max ((x - x_0) / (1 - x_0))^n",
+        equation="5.39l,m",
+        specifications=SPECIFICATIONS,
+        information=frozenset({"A_0", "A_ta_law_soft", "A_ta_max"}),
+        flows=flows,
+        areas=areas,
+        overlap=overlap,
+        largest_opening=LARGEST_OPENING,
+        overlaps=("main_valve_orifices.x0",),
+        law=True,
+    )
+)

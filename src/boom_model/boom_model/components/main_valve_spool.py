@@ -11,8 +11,10 @@ from __future__ import annotations
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from boom_model.regularisation import Expression
+from boom_model.slots import PilotStage, Spool, Wiring, register
 from boom_model.specification import Specification
 
 SPECIFICATIONS = (
@@ -39,3 +41,46 @@ def friction(velocity: Expression, p: Any) -> Expression:
     """(3.22) [N] at s_s' [m/s]."""
     s = p.main_valve_spool
     return s.d_v * velocity + s.f_c * ca.tanh(velocity / s.sigma_s)
+
+
+def _motion(w: Wiring, position: Expression, force: Expression) -> None:
+    velocity = w.add("spool_velocity", "w_s", "m/s", 0.1, -10.0, 10.0)
+    difference = w.pilot_difference(position)
+    w.rates["spool_position"] = velocity
+    w.rates["spool_velocity"] = acceleration(position, velocity, difference, force, w.p, w.e)
+
+
+def stationary_position(retract: Any, extend: Any, p: Any, pilot: PilotStage) -> Any:
+    """s_s (n,) [m] of the currents i_+, i_- (n,) [A], (5.18); no pilot pressure is below zero."""
+    s = p.main_valve_spool
+    plus, minus = (np.maximum(pilot.pressure(current, p), 0.0) for current in (retract, extend))
+    return (plus - minus) * s.A_s / s.k
+
+
+def holding_current(position: float, p: Any, pilot: PilotStage) -> float:
+    """Current [A] of one pilot valve that holds the spool at |s_s| [m], (6.24), (6.25)."""
+    s = p.main_valve_spool
+    return float(pilot.current(position * s.k / s.A_s, p))
+
+
+def settling(p: Any, e: Any, pilot: PilotStage) -> float:
+    """Time [s] of pilot stage and creep, (d_v + f_c / sigma_s) / k."""
+    s = p.main_valve_spool
+    return float(pilot.settling(p, e) + (s.d_v + s.f_c / s.sigma_s) / s.k)
+
+
+register(
+    Spool(
+        name="pilot_operated",
+        meaning="moved by two pilot pressures against a spring",
+        term="m_s s_s'' + k s_s = (p_+ - p_-) A_s - d_v s_s' - f_c tanh(s_s' / sigma_s)",
+        equation="5.39n,o",
+        specifications=SPECIFICATIONS,
+        piloted=True,
+        invertible=True,
+        motion=_motion,
+        position=stationary_position,
+        current=holding_current,
+        settling=settling,
+    )
+)

@@ -9,15 +9,20 @@ integrator delays its input, see ``boom_model.plant``).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
 
+from boom_model.errors import MachineError
 from boom_model.regularisation import Expression
+from boom_model.slots import PilotStage, Wiring, register
 from boom_model.specification import Specification
 
 BAR = 1.0e5
 """Pa."""
+SMALLEST_CURVATURE = 1e-6
+"""bar/A^2."""
 
 SPECIFICATIONS = (
     Specification("pilot_valves.a1_s", "a_1^s", "1/s", "pole of the first order", -1e4, -1e-2, "3.34a"),
@@ -49,3 +54,39 @@ def static_inverse(pressure: Expression, h: Any) -> Expression:
     """nu = h^-1(p) [A] for p [Pa], (5.6), on the rising branch; the vertex of h below its smallest pressure."""
     discriminant = h[1] ** 2 + 4 * h[0] * (pressure / BAR - h[2])
     return (ca.sqrt(ca.fmax(discriminant, 0.0)) - h[1]) / (2 * h[0])
+
+
+def _difference(w: Wiring) -> Expression:
+    p, e, u = w.p, w.e, w.u
+    plus = w.add("pilot_retract", "lambda_+", "A s", 2e-2, -1.0, 1.0)
+    minus = w.add("pilot_extend", "lambda_-", "A s", 2e-2, -1.0, 1.0)
+    w.rates["pilot_retract"] = state_rate(plus, u[0], p, e)
+    w.rates["pilot_extend"] = state_rate(minus, u[1], p, e)
+    return pressure(plus, u[0], p, e) - pressure(minus, u[1], p, e)
+
+
+def _check(p: Any, _: Mapping[str, Any]) -> None:
+    """(5.6) is the rising branch of h."""
+    if not p.pilot_valves.h[0] >= SMALLEST_CURVATURE:
+        raise MachineError(
+            f"pilot_valves.h: the first number must be at least {SMALLEST_CURVATURE:g} bar/A^2, so that h rises"
+        )
+
+
+register(
+    PilotStage(
+        name="wiener",
+        meaning="two pilot valves: first order, then a static curve",
+        term="lambda' = a_1 lambda + i, p = h(b_0 lambda + b_1 i)",
+        equation="5.39p-u",
+        specifications=SPECIFICATIONS,
+        offers=frozenset({"pilot_valves"}),
+        check=_check,
+        invertible=True,
+        difference=_difference,
+        pressure=lambda current, p: static_pressure(current, p.pilot_valves.h),
+        current=lambda pressure, p: static_inverse(pressure, p.pilot_valves.h),
+        settling=lambda p, e: e.pilot_lag.r / -p.pilot_valves.a1_s,
+    )
+)
+register(PilotStage(name="none", meaning="no pilot stage", term="p_+ = p_- = 0", present=False))

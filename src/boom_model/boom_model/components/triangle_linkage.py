@@ -13,6 +13,7 @@ from typing import Any
 import casadi as ca
 
 from boom_model.regularisation import Expression
+from boom_model.slots import Linkage, register
 from boom_model.specification import Specification
 
 SPECIFICATIONS = (
@@ -27,3 +28,15 @@ def piston_position(angle: Expression, p: Any) -> Expression:
     """s_p(q_2) [m] for the boom angle q_2 [rad]; ``p`` holds the parameters ``kinematics`` and ``cylinder``."""
     k = p.kinematics
     return ca.sqrt(k.a**2 + k.b**2 - 2 * k.a * k.b * ca.cos(angle + k.phi0)) - p.cylinder.l_min
+
+
+register(
+    Linkage(
+        name="triangle",
+        meaning="cylinder pinned directly to column and boom",
+        term="s_p = sqrt(a^2 + b^2 - 2 a b cos(q_2 + phi_0)) - l_min",
+        equation="3.13a",
+        specifications=SPECIFICATIONS,
+        piston_position=piston_position,
+    )
+)

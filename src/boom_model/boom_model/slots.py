@@ -1,0 +1,282 @@
+"""The slots of a machine, one interface each, and the register of the components that can take them.
+
+A component is one file in ``boom_model/components``: its equations as functions, and a call of :func:`register` that says what
+the machine file calls it, which numbers it needs, and which functions stand for the slot's interface. Nothing else names it. A
+function that an interface has by default is neutral: a component that is absent (``type: none``) says its name and no more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol, TypeVar
+
+from boom_model.errors import MachineError
+from boom_model.regularisation import Expression
+from boom_model.specification import Specification
+
+Name = str | bool
+"""What the machine file says, e.g. ``four_bar``, or true and false where a component is there or not."""
+
+
+class Wiring(Protocol):
+    """What the equations of a component may ask of the model that they become part of."""
+
+    p: Any
+    """Parameters by section, ``p.cylinder.A_a``."""
+    e: Any
+    """Parameters of the effects, ``e.pilot_lag.r``; neutral where an effect is not active."""
+    u: Any
+    """u = (i_+, i_-) [A]."""
+    rates: dict[str, Any]
+    """State -> its derivative; every state that a component adds needs one."""
+
+    def add(self, name: str, symbol: str, unit: str, scale: float, low: float = ..., high: float = ...) -> Any:
+        """A new state: name, symbol, unit, size of its usual range, limits outside which a run ends."""
+
+    def add_pressure(self, name: str, symbol: str) -> Any:
+        """A new state that is a pressure [Pa gauge]."""
+
+    def active(self, effect: str) -> bool:
+        """Whether an effect is part of the model."""
+
+    def pilot_difference(self, spool: Expression) -> Expression:
+        """p_+ - p_- [Pa] of the machine's pilot stage, which pushes the spool at s_s [m]; learnt terms included."""
+
+
+def _zero(*_: Any) -> Any:
+    return 0.0
+
+
+def _none(*_: Any) -> Any:
+    return ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Component:
+    """What every slot asks of a component.
+
+    Attributes:
+        name: what the machine file says.
+        meaning: a few words.
+        term: its equation in symbols. equation: number of it in the thesis.
+        specifications: numbers that the machine file must give.
+        information: further keys that the section may hold.
+        offers: what effects may need (``Effect.needs``).
+        check: raises MachineError where numbers do not go together, given the numbers by section and the file's own section.
+        data: rows (meaning, value) of what its numbers mean on a data sheet, given the numbers by section.
+        rest: states that are not zero at rest, given all numbers by dotted name and the head side's pressure [Pa].
+    """
+
+    slot: ClassVar[str]
+    """Field of ``boom_model.structure.Structure``."""
+    key: ClassVar[tuple[str, ...]]
+    """Where the machine file says the name: a section, and the key below it."""
+    default: ClassVar[Name | None] = None
+    """The component that is meant where the file says nothing."""
+    refusal: ClassVar[str] = "{value!r} is not one of {listed}"
+
+    name: Name
+    meaning: str
+    term: str = ""
+    equation: str = "-"
+    specifications: tuple[Specification, ...] = ()
+    information: frozenset[str] = frozenset()
+    offers: frozenset[str] = frozenset()
+    check: Callable[[Any, Mapping[str, Any]], None] = _zero
+    data: Callable[[Any], tuple[tuple[str, str], ...]] = _none
+    rest: Callable[[Mapping[str, float], float], Mapping[str, float]] = field(default=lambda number, pressure: {})
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return component, (type(self), self.name)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Linkage(Component):
+    """From the boom angle to the piston.
+
+    Attributes:
+        piston_position: s_p [m] at q_2 [rad] with the numbers p; it must grow with q_2.
+    """
+
+    slot, key, default = "linkage", ("kinematics", "type"), "four_bar"
+    piston_position: Callable[[Expression, Any], Expression]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Accumulators(Component):
+    """Gas behind orifices at the hose of the head side.
+
+    Attributes:
+        flow: q_o [m^3/s] out of the hose at p_h [Pa]; adds its states to the full model.
+        compliances: dV/dp [m^3/Pa] of each at rest with the line, at the pressure [Pa] and bulk modulus [Pa]; (p, beta, p, e).
+        cells: pre-charge [Pa] and orifice diameter [m] of each, for (p, e).
+        precharges: keys of the pre-charge pressures.
+    """
+
+    slot, key, default = "accumulators", ("accumulators", "type"), "two_diaphragm"
+    flow: Callable[[Wiring, Expression], Expression] = _zero
+    compliances: Callable[[Expression, Expression, Any, Any], tuple[Expression, ...]] = _none
+    cells: Callable[[Any, Any], tuple[tuple[Expression, Expression], ...]] = _none
+    precharges: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HoseBurstValve(Component):
+    """Between the hose and the head side.
+
+    Attributes:
+        separates: hose and head side are two volumes. Without that they are one, whose pressure p_h = p_a is one state.
+        flow: q_a [m^3/s] into the head side at p_h - p_a [Pa]; may add states to the full model.
+        pressure_drop: p_h - p_a [Pa] that drives the flow q_a [m^3/s], for (q_a, p, e): the reduced model's.
+    """
+
+    slot, key, default = "hose_burst_valve", ("hose_burst_valve", "type"), "flow_limiting"
+    separates: bool = True
+    flow: Callable[[Wiring, Expression], Expression] = _zero
+    pressure_drop: Callable[[Expression, Any, Any], Expression] = _zero
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PilotStage(Component):
+    """From the two currents to the pressures that push the spool.
+
+    Attributes:
+        present: there is one.
+        invertible: the controller's inverse (6.25), (6.26) is that of this stage.
+        difference: p_+ - p_- [Pa]; adds its states.
+        pressure: stationary pressure [Pa] of a current [A], for (i, p). current: its inverse, for (pressure, p).
+        settling: time constant [s], for (p, e).
+    """
+
+    slot, key, default = "pilot_valves", ("pilot_valves", "type"), "wiener"
+    present: bool = True
+    invertible: bool = False
+    difference: Callable[[Wiring], Expression] = _zero
+    pressure: Callable[[Expression, Any], Expression] = _zero
+    current: Callable[[Expression, Any], Expression] = _zero
+    settling: Callable[[Any, Any], float] = _zero
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Spool(Component):
+    """Spool of the main valve. Its position s_s is the state ``spool_position``, its stroke ``main_valve_spool.s_max``.
+
+    Attributes:
+        piloted: pushed by a pilot stage, which the machine must have; without, the machine must have none.
+        invertible: the controller's inverse (6.24) is that of this spool.
+        motion: sets the rate of ``spool_position`` from s_s [m] and the force [N] with which the flow closes it; may add states.
+        position: stationary s_s [m] of the currents i_+, i_- (n,) [A], for (i_+, i_-, p, pilot stage).
+        current: current [A] that holds |s_s| [m], for (s_s, p, pilot stage).
+        settling: time [s] by which it lags behind changing currents, for (p, e, pilot stage).
+    """
+
+    slot, key, default = "spool", ("main_valve_spool", "type"), "pilot_operated"
+    piloted: bool = False
+    invertible: bool = False
+    motion: Callable[[Wiring, Expression, Expression], None]
+    position: Callable[[Any, Any, Any, PilotStage], Any]
+    current: Callable[[float, Any, PilotStage], float]
+    settling: Callable[[Any, Any, PilotStage], float]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Supply(Component):
+    """Drop over the edge from the supply to a port.
+
+    Attributes:
+        drop: [Pa] at the pressure of the port [Pa], for (pressure, p). root: its square root [Pa^0.5] with the sign of the drop.
+    """
+
+    slot, key, default = "supply", ("main_valve_orifices", "compensator"), True
+    refusal = "{value!r} is not {either}"
+    drop: Callable[[Expression, Any], Expression]
+    root: Callable[[Expression, Any], Expression]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PortValves(Component):
+    """Valves beside the spool at both ports.
+
+    Attributes:
+        flow: [m^3/s] into the port at its pressure [Pa], for (pressure, p).
+    """
+
+    slot, key = "port_valves", ("main_valve_orifices", "anti_cavitation", "enabled")
+    refusal = "say {either}"
+    flow: Callable[[Expression, Any], Expression] = _zero
+
+
+@dataclass(frozen=True)
+class ValveFlows:
+    """Flows out of the valve into the hose of port a and into port b [m^3/s], closing force on the spool [N]."""
+
+    head: Expression
+    rod: Expression
+    force: Expression
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Metering(Component):
+    """Edges of the spool: s_s < 0 opens supply to a and b to tank, s_s > 0 supply to b and a to tank.
+
+    Attributes:
+        flows: flows and closing force at s_s [m], p_h, p_b [Pa], for (s_s, p_h, p_b, p, e, supply, share of the rod side's
+            return passage that is open).
+        areas: (supply, tank) [m^2] of the edges that are open at s_s [m], for (s_s, p, e).
+        overlap: dead zone over full stroke on the side of s_s [m], for (s_s, p, e).
+        largest_opening: |s_s| over full stroke beyond which no area grows.
+        overlaps: keys of the overlaps, all within the stroke.
+        law: whether the areas follow the law of ch. 5.2, so that its numbers can be identified from stationary points.
+    """
+
+    slot, key, default = "metering", ("main_valve_orifices", "type"), "common_overlap"
+    flows: Callable[[Expression, Expression, Expression, Any, Any, Supply, Expression], ValveFlows]
+    areas: Callable[[Expression, Any, Any], tuple[Expression, Expression]]
+    overlap: Callable[[Expression, Any, Any], Expression]
+    largest_opening: float
+    overlaps: tuple[str, ...] = ()
+    law: bool = False
+
+
+C = TypeVar("C", bound=Component)
+
+_REGISTER: dict[type[Component], list[Component]] = {}
+
+
+def register(new: C) -> C:
+    """Enters a component; whoever names it in a machine file gets it.
+
+    Raises:
+        ValueError: the slot has one of this name.
+    """
+    slot = _REGISTER.setdefault(type(new), [])
+    if any(_same(new.name, other.name) for other in slot):
+        raise ValueError(f"{'.'.join(new.key)}: two components are called {new.name}")
+    slot.append(new)
+    return new
+
+
+def registered(slot: type[C]) -> list[C]:
+    """The components of a slot, the default first."""
+    known: list[Any] = _REGISTER.get(slot, [])
+    return sorted(known, key=lambda c: not _same(c.name, slot.default))
+
+
+def component(slot: type[C], name: Any) -> C:
+    """The component of a slot that has this name.
+
+    Raises:
+        MachineError: there is none; the message tells all names.
+    """
+    for known in registered(slot):
+        if _same(known.name, name):
+            return known
+    names = [str(c.name).lower() if isinstance(c.name, bool) else c.name for c in registered(slot)]
+    listed, either = ", ".join(names), " or ".join(names)
+    raise MachineError(f"{'.'.join(slot.key)}: {slot.refusal.format(value=name, listed=listed, either=either)}")
+
+
+def _same(name: Any, other: Any) -> bool:
+    """1 is not true, nor is the text "true"."""
+    return type(name) is type(other) and bool(name == other)
