@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_controller.control_model import ControlModel, Point
+from boom_controller.blocks.control_model import ControlModel, Point
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load

@@ -47,8 +47,8 @@ from sensor_msgs.msg import JointState
 from boom_bringup import demo_processes, environment
 from boom_bringup.node_command import node_command
 from boom_controller.controller import make_controller
+from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_controller.settings import Settings
-from boom_controller.trajectory_generator import TrajectoryGenerator
 from boom_interfaces.msg import ControllerState, SolenoidCurrents
 from boom_model.machine import Machine
 from boom_model.machine_file import shipped_machine

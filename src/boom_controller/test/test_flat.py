@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from boom_controller.controller import Measurement, Reference
-from boom_controller.flat import FlatLaw, leaves, nested
+from boom_controller.blocks.flat import FlatLaw, leaves, nested
 from boom_controller.settings import Settings
+from boom_controller.types import Measurement, Reference
 
 STILL = Measurement(7.0, 0.25, 0.0, 8e6, 1e6, 0.004)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from boom_controller.node_parameters import PARAMETERS
-from boom_controller.reasons import REASONS
-from boom_controller.supervision import State
+from boom_controller.node.node_parameters import PARAMETERS
+from boom_controller.supervision.reasons import REASONS
+from boom_controller.supervision.state_machine import State
 
 TEXT = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 

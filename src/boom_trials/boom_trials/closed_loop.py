@@ -12,8 +12,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_controller.controller import Controller, Measurement
-from boom_controller.trajectory_generator import TrajectoryGenerator
+from boom_controller.references.trajectory_generator import TrajectoryGenerator
+from boom_controller.types import Controller, Measurement
 from boom_model.errors import SimulationError
 from boom_recording import writing
 from boom_recording.recording import Configuration, Recording

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from boom_controller.controller import Reference, make_controller
+from boom_controller.controller import make_controller
+from boom_controller.types import Reference
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
 from boom_model.variation import BULK_MODULUS, FRICTION, LOAD, PRECHARGE

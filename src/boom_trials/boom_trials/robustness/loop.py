@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_controller.controller import Controller, Measurement, Output, Reference
+from boom_controller.types import Controller, Measurement, Output, Reference
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine, Pose
 from boom_model.plant import Plant, Stepper

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from boom_controller.control_model import Quantities
-from boom_controller.limits import limited
+from boom_controller.blocks.control_model import Quantities
+from boom_controller.blocks.limits import limited
 from boom_model.regularisation import Expression
 
 LEAST_EFFECT = 1e-4

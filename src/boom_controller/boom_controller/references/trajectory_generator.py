@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from boom_controller.controller import Reference
+from boom_controller.types import Reference
 
 ORDER = 4
 

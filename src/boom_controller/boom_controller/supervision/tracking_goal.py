@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from boom_controller.joint_trajectory import Code
-from boom_controller.supervision_settings import SupervisionSettings
+from boom_controller.references.joint_trajectory import Code
+from boom_controller.supervision.supervision_settings import SupervisionSettings
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from boom_controller.control_loop import ControlLoop
-from boom_controller.sensor_set import SensorSet
+from boom_controller.loop.control_loop import ControlLoop
 from boom_controller.settings import Settings
-from boom_controller.supervision_settings import SupervisionSettings
+from boom_controller.supervision.sensor_set import SensorSet
+from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_model.machine import Machine, Pose
 
 

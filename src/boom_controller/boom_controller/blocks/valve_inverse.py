@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from boom_controller.pilot_stage import PilotState, PilotValve, StaticPilot
+from boom_controller.blocks.pilot_stage import PilotState, PilotValve, StaticPilot
 from boom_model.components import main_valve_spool
 from boom_model.regularisation import Expression
 

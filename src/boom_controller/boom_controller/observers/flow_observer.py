@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from boom_controller.limits import limited
+from boom_controller.blocks.limits import limited
 from boom_model.regularisation import Expression
 
 SOFTEST, STIFFEST = 8.0, 0.7

@@ -2,7 +2,7 @@
 
 Sources: a stream of wanted angles through the trajectory generator (6.27), a planned trajectory, and rest. When the source
 changes, what the old one was ahead of the new one (angle, rate, acceleration) fades as a quintic within ``blend`` seconds, so that
-angle, rate and acceleration go on. To rest it comes by a bounded ramp, see :func:`boom_controller.polynomial.to_rest`.
+angle, rate and acceleration go on. To rest it comes by a bounded ramp, see :func:`boom_controller.references.polynomial.to_rest`.
 
 In real time a stream and the cycles each have a clock of their own: between two cycles there may come none or two wanted angles,
 which would double or skip a step. So what counts is the angle wanted one and a half sample times before the sensors' sample, on
@@ -15,10 +15,10 @@ import math
 from collections import deque
 from typing import Literal
 
-from boom_controller.controller import Reference
-from boom_controller.joint_trajectory import JointTrajectory
-from boom_controller.polynomial import Polynomial, quintic, to_rest
-from boom_controller.trajectory_generator import TrajectoryGenerator
+from boom_controller.references.joint_trajectory import JointTrajectory
+from boom_controller.references.polynomial import Polynomial, quintic, to_rest
+from boom_controller.references.trajectory_generator import TrajectoryGenerator
+from boom_controller.types import Reference
 
 Kind = Literal["rest", "stream", "trajectory"]
 _SHORTEST_RAMP = 0.2

@@ -11,19 +11,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
 
-from boom_controller.controller import Measurement, Output, Reference
 from boom_controller.errors import ControlError
-from boom_controller.joint_trajectory import Bounds, Code, Point, TrajectoryError, plan
-from boom_controller.law_in_use import LawInUse
-from boom_controller.reasons import Finding
-from boom_controller.references import References
-from boom_controller.sensor_set import SensorSet
+from boom_controller.loop.law_in_use import LawInUse
+from boom_controller.references.joint_trajectory import Bounds, Code, Point, TrajectoryError, plan
+from boom_controller.references.references import References
+from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_controller.settings import Settings
-from boom_controller.supervision import State, Supervision
-from boom_controller.supervision_settings import SupervisionSettings
-from boom_controller.tracking_goal import Ending, Goals, Tolerances, TrackingGoal
-from boom_controller.trajectory_generator import TrajectoryGenerator
-from boom_controller.watch import Watch
+from boom_controller.supervision.reasons import Finding
+from boom_controller.supervision.sensor_set import SensorSet
+from boom_controller.supervision.state_machine import State, Supervision
+from boom_controller.supervision.supervision_settings import SupervisionSettings
+from boom_controller.supervision.tracking_goal import Ending, Goals, Tolerances, TrackingGoal
+from boom_controller.supervision.watch import Watch
+from boom_controller.types import Measurement, Output, Reference
 from boom_model.machine import Machine, Pose
 
 _NO_OUTPUT = Output(0.0, 0.0)

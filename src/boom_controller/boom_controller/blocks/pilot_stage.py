@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
+from boom_controller.blocks.limits import limited
 from boom_controller.errors import ControlError
-from boom_controller.limits import limited
 from boom_model.components import pilot_valve
 from boom_model.components.pilot_valve import BAR
 from boom_model.machine import Machine

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from boom_controller.buffers import on_buffers
-from boom_controller.controller import Reference
+from boom_controller.blocks.buffers import on_buffers
+from boom_controller.types import Reference
 from boom_model.components import (
     accumulator,
     cylinder,

@@ -14,15 +14,15 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from boom_controller.control_model import ControlModel, Point, Quantities
-from boom_controller.controller import Measurement, Output, Reference
+from boom_controller.blocks.control_model import ControlModel, Point, Quantities
+from boom_controller.blocks.flat import FlatLaw
+from boom_controller.blocks.pilot_stage import StaticPilot, require_pilot_stage
+from boom_controller.blocks.position_feedback import feedback_torque, integral_for, position_gains
+from boom_controller.blocks.valve_inverse import InverseState, ValveInverse
+from boom_controller.blocks.valve_map import ValveMap
 from boom_controller.errors import ControlError
-from boom_controller.flat import FlatLaw
-from boom_controller.pilot_stage import StaticPilot, require_pilot_stage
-from boom_controller.position_feedback import feedback_torque, integral_for, position_gains
 from boom_controller.settings import Settings
-from boom_controller.valve_inverse import InverseState, ValveInverse
-from boom_controller.valve_map import ValveMap
+from boom_controller.types import Measurement, Output, Reference
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
 

@@ -6,7 +6,7 @@ angle, rate and acceleration a quintic, angle and rate a cubic, angle alone a st
 
 from __future__ import annotations
 
-from boom_controller.controller import Reference
+from boom_controller.types import Reference
 
 _SHORTEST = 1e-9
 

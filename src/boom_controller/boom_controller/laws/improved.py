@@ -18,18 +18,18 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from boom_controller.control_model import ControlModel, Point, Quantities
-from boom_controller.controller import Measurement, Output, Reference
+from boom_controller.blocks.control_model import ControlModel, Point, Quantities
+from boom_controller.blocks.flat import FlatLaw
+from boom_controller.blocks.pilot_stage import StaticPilot, require_pilot_stage
+from boom_controller.blocks.state_feedback import gains, predicted_force
+from boom_controller.blocks.valve_follower import ValveFollower, ValveState
+from boom_controller.blocks.valve_map import ValveMap
 from boom_controller.errors import ControlError
-from boom_controller.flat import FlatLaw
-from boom_controller.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
-from boom_controller.load_observer import LoadState, observe_load
-from boom_controller.pilot_stage import StaticPilot, require_pilot_stage
+from boom_controller.observers.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
+from boom_controller.observers.load_observer import LoadState, observe_load
+from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
 from boom_controller.settings import Settings
-from boom_controller.stall_watch import StallState, reason, stalled, watch_supply
-from boom_controller.state_feedback import gains, predicted_force
-from boom_controller.valve_follower import ValveFollower, ValveState
-from boom_controller.valve_map import ValveMap
+from boom_controller.types import Measurement, Output, Reference
 from boom_model.components import cylinder
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression

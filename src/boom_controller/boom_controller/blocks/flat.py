@@ -20,9 +20,9 @@ from typing import Any
 
 import casadi as ca
 
-from boom_controller.buffers import compiled_on_buffers
-from boom_controller.controller import Measurement, Reference
+from boom_controller.blocks.buffers import compiled_on_buffers
 from boom_controller.settings import Settings
+from boom_controller.types import Measurement, Reference
 
 _TUNABLE = tuple(entry.name for entry in fields(Settings) if entry.name != "sample_time")
 _MEASURED = Measurement._fields[1:]  # all but the time

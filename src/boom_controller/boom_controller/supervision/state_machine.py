@@ -17,8 +17,8 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from boom_controller.reasons import REASONS, Finding
-from boom_controller.supervision_settings import SupervisionSettings
+from boom_controller.supervision.reasons import REASONS, Finding
+from boom_controller.supervision.supervision_settings import SupervisionSettings
 
 FAULT_RAMP = 0.05
 """s. Where the program itself has failed the currents are zero within 100 ms, also where the next cycle fails."""

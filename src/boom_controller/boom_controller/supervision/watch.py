@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from boom_controller.controller import Measurement, Output, Reference
-from boom_controller.reasons import Finding
-from boom_controller.supervision_settings import SupervisionSettings
+from boom_controller.supervision.reasons import Finding
+from boom_controller.supervision.supervision_settings import SupervisionSettings
+from boom_controller.types import Measurement, Output, Reference
 
 _OUTWARD_RATE = 0.02  # rad/s. Ten times the noise of the gyro: the boom really moves
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from boom_controller.controller import Measurement
-from boom_controller.reasons import Finding
-from boom_controller.sensors import Agreement, Range, Sensor
-from boom_controller.supervision_settings import SupervisionSettings
+from boom_controller.supervision.reasons import Finding
+from boom_controller.supervision.sensors import Agreement, Range, Sensor
+from boom_controller.supervision.supervision_settings import SupervisionSettings
+from boom_controller.types import Measurement
 
 _BEYOND = (
     0.3  # rad. An IMU may be mounted askew by that much; what is further outside the stroke is no angle of this boom

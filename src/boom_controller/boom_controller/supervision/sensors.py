@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from boom_controller.reasons import Finding
+from boom_controller.supervision.reasons import Finding
 
 
 @dataclass(frozen=True)

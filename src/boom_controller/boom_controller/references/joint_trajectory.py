@@ -16,8 +16,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from boom_controller.controller import Reference
-from boom_controller.polynomial import Polynomial, cubic, linear, quintic
+from boom_controller.references.polynomial import Polynomial, cubic, linear, quintic
+from boom_controller.types import Reference
 
 SETTLING = 1.2
 """s. The generator's four poles at -10 1/s have come within 0.3 % of a straight line's end by then."""

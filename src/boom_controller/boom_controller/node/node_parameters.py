@@ -8,7 +8,7 @@ from typing import Any
 
 from boom_controller.controller import MODES
 from boom_controller.settings import SETTINGS, Settings
-from boom_controller.supervision_settings import SUPERVISION, SupervisionSettings
+from boom_controller.supervision.supervision_settings import SUPERVISION, SupervisionSettings
 from boom_node.parameters import ParameterSpec
 from boom_node.publishers import PARAMETER as SHARED_TOPICS
 

@@ -9,8 +9,8 @@ fading.
 
 from __future__ import annotations
 
-from boom_controller.controller import Controller, Measurement, Output, Reference
 from boom_controller.settings import Settings
+from boom_controller.types import Controller, Measurement, Output, Reference
 
 
 class Handover:

@@ -11,8 +11,8 @@ from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
-from boom_controller.joint_trajectory import Code, TrajectoryError
-from boom_controller.tracking_goal import Ending
+from boom_controller.references.joint_trajectory import Code, TrajectoryError
+from boom_controller.supervision.tracking_goal import Ending
 from boom_interfaces.action import TrackTrajectory
 from boom_node.stamps import seconds_to_ns, set_ns
 

@@ -1,0 +1,1 @@
+"""The control laws: a file each, found by itself."""
