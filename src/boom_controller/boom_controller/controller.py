@@ -1,16 +1,49 @@
-"""Makes the control law of a mode."""
+"""Makes the control law of a mode, for all laws that :mod:`boom_controller.laws` finds."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
+from typing import cast
+
+from boom_controller import laws
 from boom_controller.errors import ControlError
-from boom_controller.laws.cascade import Cascade
-from boom_controller.laws.improved import Improved
-from boom_controller.settings import Settings
+from boom_controller.settings import LawSettings, specifications
 from boom_controller.types import Controller
 from boom_model.machine import Machine, Pose
 
-MODES = ("thesis", "baseline", "improved")
-"""``thesis``: chapter 6 as printed. ``baseline``: the least change of it that is stable. ``improved``: ours."""
+MODES = tuple(laws.described())
+"""Names of the control laws."""
+
+_MODULE_OF = {name: module for module in laws.modules() for name in module.LAWS}
+
+
+def _kinds() -> list[type[LawSettings]]:
+    """The laws' settings, the last first: a dataclass has the fields of its last base first.
+
+    Raises:
+        TypeError: one name means two things.
+    """
+    kinds = list(dict.fromkeys(module.SETTINGS for module in _MODULE_OF.values()))
+    told: dict[str, object] = {}
+    for kind in kinds:
+        for entry in fields(kind):
+            here = (entry.default, entry.metadata)
+            if told.setdefault(entry.name, here) != here:
+                raise TypeError(f"{kind.__module__}: another law has a setting {entry.name}, with another meaning")
+    return [kind for kind in reversed(kinds) if kind is not LawSettings]
+
+
+@dataclass(frozen=True)
+class Settings(*_kinds()):  # type: ignore[misc]
+    """What a controller can be told: the settings of all control laws, SI; ranges and meaning in ``SETTINGS``.
+
+    Raises:
+        ControlError: a number that is not finite or outside its range.
+    """
+
+
+SETTINGS = specifications(Settings)
+"""Name, default, description, unit, range of every field of :class:`Settings`."""
 
 
 def make_controller(mode: str, machine: Machine, pose: Pose, settings: Settings | None = None) -> Controller:
@@ -19,9 +52,6 @@ def make_controller(mode: str, machine: Machine, pose: Pose, settings: Settings 
     Raises:
         ControlError: no such mode, or the machine lacks what the mode needs.
     """
-    chosen = settings if settings is not None else Settings()
-    if mode in ("thesis", "baseline"):
-        return Cascade(mode, machine, pose, chosen)
-    if mode == "improved":
-        return Improved(machine, pose, chosen)
-    raise ControlError(f"mode {mode}: there is {', '.join(MODES)}")
+    if mode not in MODES:
+        raise ControlError(f"mode {mode}: there is {', '.join(MODES)}")
+    return cast(Controller, _MODULE_OF[mode].make(mode, machine, pose, Settings() if settings is None else settings))

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from math import nan
-from typing import NamedTuple, Protocol
-
-from boom_controller.settings import Settings
+from typing import Any, NamedTuple, Protocol
 
 
 class Reference(NamedTuple):
@@ -68,8 +66,8 @@ class Controller(Protocol):
     def step(self, reference: Reference, measurement: Measurement) -> Output:
         """One sample time [s] of the settings; ``measurement`` is the newest, the currents act until the next step."""
 
-    def change(self, settings: Settings) -> None:
-        """Other settings from the next step on, without a jump of the currents beyond the steady change.
+    def change(self, settings: Any) -> None:
+        """Other settings (the law's own among them) from the next step on, without a jump of the currents beyond the steady change.
 
         Raises:
             ControlError: this change needs a new controller (another sample time).

@@ -21,10 +21,9 @@ from typing import Any
 import casadi as ca
 
 from boom_controller.blocks.buffers import compiled_on_buffers
-from boom_controller.settings import Settings
+from boom_controller.settings import LawSettings
 from boom_controller.types import Measurement, Reference
 
-_TUNABLE = tuple(entry.name for entry in fields(Settings) if entry.name != "sample_time")
 _MEASURED = Measurement._fields[1:]  # all but the time
 _INPUTS = Struct(f"{len(Reference._fields) + len(_MEASURED)}d")
 
@@ -44,6 +43,7 @@ class FlatLaw:
         name: of the function.
         states: the states, a NamedTuple of numbers, or of such NamedTuples: the shape counts.
         build: makes the expressions.
+        kind: the law's settings; only its fields are known to ``build``.
         settings: the sample time is built in, all else can change.
         further: names and values of what is derived from the settings outside of the function.
 
@@ -52,16 +52,23 @@ class FlatLaw:
     """
 
     def __init__(
-        self, name: str, states: Any, build: Build, settings: Settings, further: dict[str, float] | None = None
+        self,
+        name: str,
+        states: Any,
+        build: Build,
+        kind: type[LawSettings],
+        settings: LawSettings,
+        further: dict[str, float] | None = None,
     ) -> None:
         self._shape = states
+        self._tunable = tuple(entry.name for entry in fields(kind) if entry.name != "sample_time")
         self._x = array("d", leaves(states))
         self._next = array("d", self._x)
         self._u = array("d", bytes(_INPUTS.size))
-        self._s = array("d", _numbers(settings, further))
+        self._s = array("d", self._numbers(settings, further))
         x, u, s = (ca.SX.sym(k, len(part)) for k, part in (("x", self._x), ("u", self._u), ("s", self._s)))
         given: Any = ca.vertsplit(u)
-        known = dict(zip((*_TUNABLE, *(further or ())), ca.vertsplit(s), strict=True))
+        known = dict(zip((*self._tunable, *(further or ())), ca.vertsplit(s), strict=True))
         after, results = build(
             nested(states, iter(ca.vertsplit(x))),
             Reference(*given[: len(Reference._fields)]),
@@ -85,9 +92,9 @@ class FlatLaw:
         """Other states."""
         self._x[:] = array("d", leaves(states))
 
-    def change(self, settings: Settings, further: dict[str, float] | None = None) -> None:
+    def change(self, settings: LawSettings, further: dict[str, float] | None = None) -> None:
         """Other settings from the next step on; the states stay."""
-        self._s[:] = array("d", _numbers(settings, further))
+        self._s[:] = array("d", self._numbers(settings, further))
 
     def step(self, reference: Reference, measurement: Measurement) -> array[float]:
         """One sample time; gives ``outputs``, which the next step overwrites."""
@@ -95,6 +102,9 @@ class FlatLaw:
         self._evaluate()
         self._x[:] = self._next
         return self.outputs
+
+    def _numbers(self, settings: LawSettings, further: dict[str, float] | None) -> list[float]:
+        return [getattr(settings, name) for name in self._tunable] + list((further or {}).values())
 
 
 def leaves(value: Any) -> list[Any]:
@@ -109,7 +119,3 @@ def nested(shape: Any, values: Iterator[Any]) -> Any:
     if isinstance(shape, tuple):
         return type(shape)(*(nested(part, values) for part in shape))
     return next(values)
-
-
-def _numbers(settings: Settings, further: dict[str, float] | None) -> list[float]:
-    return [getattr(settings, name) for name in _TUNABLE] + list((further or {}).values())

@@ -21,10 +21,28 @@ from boom_controller.blocks.position_feedback import feedback_torque, integral_f
 from boom_controller.blocks.valve_inverse import InverseState, ValveInverse
 from boom_controller.blocks.valve_map import ValveMap
 from boom_controller.errors import ControlError
-from boom_controller.settings import Settings
-from boom_controller.types import Measurement, Output, Reference
+from boom_controller.settings import LawSettings, tunable
+from boom_controller.types import Controller, Measurement, Output, Reference
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
+
+LAWS = {
+    "thesis": "(6.2)-(6.28) as printed, misprints read as in the machine notes, with anti-windup",
+    "baseline": "the least change of it that is stable everywhere",
+}
+
+
+@dataclass(frozen=True)
+class CascadeSettings(LawSettings):
+    """The poles of the cascade."""
+
+    position_pole: float = tunable(
+        -3.0, "1/s", -10.0, -0.1, "triple pole of the position loop (6.9), thesis and baseline"
+    )
+    force_pole: float = tunable(-11.0, "1/s", -40.0, -0.5, "double pole of the force loop (6.15), thesis and baseline")
+
+
+SETTINGS = CascadeSettings
 
 
 @dataclass(frozen=True)
@@ -48,6 +66,11 @@ VARIANTS = {
 }
 
 
+def make(mode: str, machine: Machine, pose: Pose, settings: CascadeSettings) -> Controller:
+    """See :mod:`boom_controller.laws`."""
+    return Cascade(mode, machine, pose, settings)
+
+
 class CascadeState(NamedTuple):
     """x_eI [rad s], integral of the force error [N s]; errors of the last cycle (e, e' [rad, rad/s], f [N]); the valve."""
 
@@ -63,7 +86,7 @@ class Cascade:
     """Modes ``thesis`` and ``baseline``."""
 
     def __init__(
-        self, mode: str, machine: Machine, pose: Pose, settings: Settings, variant: Variant | None = None
+        self, mode: str, machine: Machine, pose: Pose, settings: CascadeSettings, variant: Variant | None = None
     ) -> None:
         require_pilot_stage(machine, mode)
         self.mode = mode
@@ -77,7 +100,7 @@ class Cascade:
         self._gains = position_gains(settings.position_pole, settings.sample_time)
         self._pilot = StaticPilot(p, e)
         self._inverse = ValveInverse(p, e, self._pilot, settings.sample_time, spool=self._variant.spool_inverse)
-        self._law = FlatLaw(mode, CascadeState(), self._after, settings, _named(self._gains))
+        self._law = FlatLaw(mode, CascadeState(), self._after, SETTINGS, settings, _named(self._gains))
 
     def reset(self, measurement: Measurement) -> None:
         """Rest at the measured angle: what the pressures carry beyond gravity becomes the position's integral."""
@@ -90,7 +113,7 @@ class Cascade:
         """(6.2), (6.13), (6.22), (6.23), (6.24)-(6.26), one sample time."""
         return Output._make((*self._law.step(reference, measurement), nan, ""))
 
-    def change(self, settings: Settings) -> None:
+    def change(self, settings: CascadeSettings) -> None:
         """Gains, limits and neutral pressure; integral states go on such that forces and spool keep their values.
 
         Raises:

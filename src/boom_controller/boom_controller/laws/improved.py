@@ -14,6 +14,7 @@ Every sample time (docs/control.md derives it):
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -28,14 +29,65 @@ from boom_controller.errors import ControlError
 from boom_controller.observers.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
 from boom_controller.observers.load_observer import LoadState, observe_load
 from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
-from boom_controller.settings import Settings
-from boom_controller.types import Measurement, Output, Reference
+from boom_controller.settings import LawSettings, tunable
+from boom_controller.types import Controller, Measurement, Output, Reference
 from boom_model.components import cylinder
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
 
+LAWS = {
+    "improved": "the boom as a mass on an oil spring that the valve's flow drives; observers for load, oil and missing flow",
+}
 CAVITATION = 3.0e5
 """Pa. Below it the rod side may draw oil through its anti-cavitation valve, and tells nothing about its compliance."""
+
+
+@dataclass(frozen=True)
+class ImprovedSettings(LawSettings):
+    """Feedback, valve and observers."""
+
+    rest_response: float = tunable(0.05, "s", 0.005, 1.0, "time constant of the spool inside the dead zone, improved")
+    feedback_pole: float = tunable(-5.0, "1/s", -15.0, -0.5, "real pole of the position feedback, improved")
+    feedback_damping: float = tunable(0.7, "-", 0.1, 1.5, "damping wanted of the boom on its oil spring, improved")
+    largest_damping: float = tunable(30.0, "1/s", 1.0, 60.0, "limit of the force feedback K k_d, improved")
+    slowest_frequency: float = tunable(
+        3.0, "rad/s", 0.5, 20.0, "frequency to which a softer oil spring is stiffened, improved"
+    )
+    preview: float = tunable(0.035, "s", 0.0, 0.2, "lead of the reference over the valve's remaining lag, improved")
+    remaining_lag: float = tunable(0.015, "s", 0.0, 0.2, "lag over which the force is predicted, improved")
+    command_delay: float = tunable(
+        0.0, "s", 0.0, 0.05, "dead time from a command to the solenoids, made up for as the samples' age is, improved"
+    )
+    dead_zone_speed: float = tunable(
+        1.0e-3, "m/s", 1e-4, 0.02, "piston speed below which the spool stays inside its dead zone, improved"
+    )
+    dead_zone_preview: float = tunable(
+        0.06, "s", 0.0, 0.3, "how long ahead of the reference the spool crosses its dead zone, improved"
+    )
+    load_pole: float = tunable(-20.0, "1/s", -60.0, -1.0, "double pole of the load observer, improved")
+    load_pole_fast: float = tunable(-60.0, "1/s", -90.0, -1.0, "the same while the rate is a surprise, improved")
+    rate_surprise: float = tunable(
+        6.0e-3, "rad/s", 1e-4, 0.1, "rate error from which the load observer is faster (4 sigma of the gyro)"
+    )
+    largest_load: float = tunable(3000.0, "kg", 0.0, 1e5, "largest load that is estimated, improved")
+    flow_pole: float = tunable(
+        -3.0, "1/s", -10.0, 0.0, "pole with which flow that the valve's model misses is learnt, improved"
+    )
+    compliance_gain: float = tunable(8.0, "1/s", 0.0, 30.0, "how quickly the oil's compliance is learnt, improved")
+    compliance_pressure: float = tunable(
+        1.0e6, "Pa", 1e4, 1e7, "pressure change below which it is not learnt, improved"
+    )
+    stall_time: float = tunable(
+        0.5, "s", 0.1, 5.0, "how long the supply may deliver too little before the load counts as too heavy"
+    )
+
+
+SETTINGS = ImprovedSettings
+
+
+def make(mode: str, machine: Machine, pose: Pose, settings: ImprovedSettings) -> Controller:
+    """See :mod:`boom_controller.laws`."""
+    return Improved(machine, pose, settings)
 
 
 class ImprovedState(NamedTuple):
@@ -54,7 +106,7 @@ class Improved:
 
     mode = "improved"
 
-    def __init__(self, machine: Machine, pose: Pose, settings: Settings) -> None:
+    def __init__(self, machine: Machine, pose: Pose, settings: ImprovedSettings) -> None:
         require_pilot_stage(machine, self.mode)
         self._model = ControlModel(machine, pose)
         p, e = self._model.p, self._model.e
@@ -64,7 +116,7 @@ class Improved:
         dead_zone = max(self._map.dead_extend, self._map.dead_retract)
         self._valve = ValveFollower(p, e, StaticPilot(p, e), dead_zone, settings.sample_time)
         self._settings = settings
-        self._law = FlatLaw(self.mode, ImprovedState(), self._after, settings)
+        self._law = FlatLaw(self.mode, ImprovedState(), self._after, SETTINGS, settings)
         self._reason = ""
 
     def reset(self, measurement: Measurement) -> None:
@@ -87,7 +139,7 @@ class Improved:
             self._reason = reason(quantities[-1], measurement.hose_pressure)
         return Output._make((*quantities, self._reason))
 
-    def change(self, settings: Settings) -> None:
+    def change(self, settings: ImprovedSettings) -> None:
         """Everything but the sample time; the observers' states stay.
 
         Raises:

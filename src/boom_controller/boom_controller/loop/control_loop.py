@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
 
+from boom_controller.controller import Settings
 from boom_controller.errors import ControlError
 from boom_controller.loop.law_in_use import LawInUse
 from boom_controller.references.joint_trajectory import Bounds, Code, Point, TrajectoryError, plan
 from boom_controller.references.references import References
 from boom_controller.references.trajectory_generator import TrajectoryGenerator
-from boom_controller.settings import Settings
 from boom_controller.supervision.reasons import Finding
 from boom_controller.supervision.sensor_set import SensorSet
 from boom_controller.supervision.state_machine import State, Supervision
@@ -83,12 +83,13 @@ class ControlLoop:
         self, mode: str, settings: Settings, supervision: SupervisionSettings, *, watch_cycles: bool = True
     ) -> None:
         self.law = LawInUse(mode, settings)
+        self._period: float = settings.sample_time
         self.supervision = Supervision(supervision)
         self.sensors = SensorSet()
         self._watch_cycles = watch_cycles
         self._watch: Watch | None = None
         self.references = References(
-            TrajectoryGenerator(settings.generator_pole, settings.sample_time), settings.sample_time,
+            TrajectoryGenerator(settings.generator_pole, self._period), self._period,
             supervision.stop_deceleration, supervision.largest_rate, supervision.blend,
         )  # fmt: skip
         self._emergency = False
@@ -179,16 +180,15 @@ class ControlLoop:
 
     def due(self, now: float) -> bool:
         """True where a cycle is to run now because the sensors are complete; two never follow within a quarter period."""
-        period = self.law.settings.sample_time
-        return self.sensors.complete(MOST_APART * period) and (
-            self._last_cycle is None or now - self._last_cycle >= 0.25 * period
+        return self.sensors.complete(MOST_APART * self._period) and (
+            self._last_cycle is None or now - self._last_cycle >= 0.25 * self._period
         )
 
     def overdue(self, now: float) -> bool:
         """True where a cycle is to run although samples are missing: one of a set is late, or all are."""
         if self._last_cycle is None:
             return True
-        return now - self._last_cycle >= (1.3 if self.sensors.begun else 1.7) * self.law.settings.sample_time
+        return now - self._last_cycle >= (1.3 if self.sensors.begun else 1.7) * self._period
 
     # ----------------------------------------------------------------------------------------------------------- requests
 
@@ -421,7 +421,7 @@ class ControlLoop:
     def _cycles_missed(self, gap: float, now: float) -> Finding | None:
         if self._watch is None or not self._watch_cycles:
             return None
-        return self._watch.cycle(gap, self.law.settings.sample_time, now)
+        return self._watch.cycle(gap, self._period, now)
 
     def _not_ready(self, now: float) -> str:
         if self.law.controller is None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 
-from boom_controller.settings import Settings
+from boom_controller.controller import Settings
 
 
 class GradualSettings:
@@ -36,7 +36,7 @@ class GradualSettings:
         w = self._done / self._steps
         part = w * w * (3.0 - 2.0 * w)
         changed = {}
-        for entry in fields(Settings):
+        for entry in fields(self._old):
             old, new = getattr(self._old, entry.name), getattr(self.new, entry.name)
             if old != new:
                 changed[entry.name] = old + part * (new - old)

@@ -9,7 +9,7 @@ fading.
 
 from __future__ import annotations
 
-from boom_controller.settings import Settings
+from boom_controller.controller import Settings
 from boom_controller.types import Controller, Measurement, Output, Reference
 
 

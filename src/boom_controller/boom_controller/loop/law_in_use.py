@@ -6,11 +6,10 @@ made while it stands, when the machine is told.
 
 from __future__ import annotations
 
-from boom_controller.controller import MODES, make_controller
+from boom_controller.controller import MODES, Settings, make_controller
 from boom_controller.errors import ControlError
 from boom_controller.loop.gradual import GradualSettings
 from boom_controller.loop.handover import Handover
-from boom_controller.settings import Settings
 from boom_controller.types import Controller, Measurement, Output, Reference
 from boom_model.machine import Machine, Pose
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from boom_controller.controller import Settings
 from boom_controller.loop.control_loop import ControlLoop
-from boom_controller.settings import Settings
 from boom_controller.supervision.sensor_set import SensorSet
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_model.machine import Machine, Pose

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from boom_controller.controller import MODES
-from boom_controller.settings import SETTINGS, Settings
+from boom_controller import laws
+from boom_controller.controller import MODES, SETTINGS, Settings
 from boom_controller.supervision.supervision_settings import SUPERVISION, SupervisionSettings
 from boom_node.parameters import ParameterSpec
 from boom_node.publishers import PARAMETER as SHARED_TOPICS
 
 OWN = (
-    ParameterSpec("mode", "improved", "control law: thesis, baseline (its least stable change) or improved", choices=MODES),
+    ParameterSpec("mode", laws.DEFAULT, "control law: " + ", ".join(MODES), choices=MODES),
     ParameterSpec("machine", "", "machine file, name or path; empty: the one that the configuration names", read_only=True),
     ParameterSpec("joint_name", "inner_boom_joint", "name of the boom's joint in all messages", read_only=True),
     ParameterSpec("time", "real_time", "time base", choices=("real_time", "lockstep"), read_only=True),

@@ -20,9 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_controller.blocks.control_model import ControlModel, Point
-from boom_controller.controller import make_controller
+from boom_controller.controller import Settings, make_controller
 from boom_controller.references.trajectory_generator import TrajectoryGenerator
-from boom_controller.settings import Settings
 from boom_controller.types import Controller, Reference
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
