@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_controller.control_model import ControlModel, Point
+from boom_controller.blocks.control_model import ControlModel, Point
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
 from boom_report.tracking.position_error import piston_positions
-from boom_trials.robustness.loop import History
+from boom_trials.robustness.crane import History
 from boom_trials.robustness.plants import CONFIGURATIONS
 from boom_trials.robustness.study import Job, carry_out_one
 

@@ -12,9 +12,8 @@ import argparse
 import math
 from pathlib import Path
 
-from boom_controller.controller import MODES, make_controller
-from boom_controller.settings import Settings
-from boom_controller.trajectory_generator import TrajectoryGenerator
+from boom_controller.controller import MODES, Settings, make_controller
+from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_model.errors import SimulationError
 from boom_model.machine_file import shipped_machine
 from boom_recording.loading import load

@@ -46,9 +46,8 @@ from sensor_msgs.msg import JointState
 
 from boom_bringup import demo_processes, environment
 from boom_bringup.node_command import node_command
-from boom_controller.controller import make_controller
-from boom_controller.settings import Settings
-from boom_controller.trajectory_generator import TrajectoryGenerator
+from boom_controller.controller import MODES, Settings, make_controller
+from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_interfaces.msg import ControllerState, SolenoidCurrents
 from boom_model.machine import Machine
 from boom_model.machine_file import shipped_machine
@@ -263,7 +262,7 @@ def main() -> None:
     """Measures and prints."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=70.0, help="how long to run [s] (default: 70)")
-    parser.add_argument("--mode", default="improved", choices=("thesis", "baseline", "improved"), help="control law")
+    parser.add_argument("--mode", default="improved", choices=MODES, help="control law")
     parser.add_argument(
         "--bag", default=str(Path(__file__).parents[1] / "bags" / "healthy" / "extended"), help="the reference"
     )

@@ -21,7 +21,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from boom_controller import cascade
+from boom_controller.laws import cascade
 from boom_trials.robustness.plants import CONFIGURATIONS, TRAJECTORIES
 from boom_trials.robustness.study import Job, Result, carry_out, carry_out_one, summary, with_poses
 

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from boom_controller.control_loop import ControlLoop, Cycle
-from boom_controller.settings import Settings
-from boom_controller.supervision import State
-from boom_controller.supervision_settings import SupervisionSettings
+from boom_controller.controller import Settings
+from boom_controller.loop.control_loop import ControlLoop, Cycle
+from boom_controller.supervision.state_machine import State
+from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.sensors import IDEAL

@@ -32,7 +32,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from boom_bringup.environment import private_domain
-from boom_controller.reasons import REASONS
+from boom_controller.supervision.reasons import REASONS
 from boom_interfaces.action import TrackTrajectory
 from boom_interfaces.msg import ControllerState, MachineConfiguration, SolenoidCurrents
 from boom_interfaces.srv import SetPayload

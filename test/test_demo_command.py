@@ -14,9 +14,8 @@ import pytest
 from fresh_clone import children
 
 from boom_bringup import environment
-from boom_controller.controller import make_controller
-from boom_controller.settings import Settings
-from boom_controller.trajectory_generator import TrajectoryGenerator
+from boom_controller.controller import Settings, make_controller
+from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
 from boom_report.tracking import position_error

@@ -22,7 +22,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from boom_bringup import cli, supervisor
 from boom_bringup.commands import sim
-from boom_controller.node_parameters import PARAMETERS
+from boom_controller.node.node_parameters import PARAMETERS
 from boom_node import qos
 from boom_sim.settings import NODE_PARAMETERS
 

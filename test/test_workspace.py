@@ -217,6 +217,7 @@ class TestLauncher:
             "src/boom_bringup/boom_bringup",
             "src/boom_interfaces",
             "src/boom_model/boom_input",
+            "src/boom_controller/boom_controller",
         ):
             shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
         return tmp_path

@@ -27,7 +27,7 @@ CONFIG_FILES = sorted(SOURCES.glob("*/*/config/*.yaml"))
 TABLES = {
     ("boom_sim", "simulation"): "boom_sim.settings",
     ("boom_sim", "ecu"): "boom_sim.ecu_node",
-    ("boom_controller", "controller"): "boom_controller.node_parameters",
+    ("boom_controller", "controller"): "boom_controller.node.node_parameters",
     ("boom_can_bridge", "bridge"): "boom_can_bridge.settings",
     ("boom_can_bridge", "enable"): "boom_can_bridge.enable_node",
     ("boom_recording", "recorder"): "boom_recording.recorder_node",

@@ -1,84 +1,49 @@
-"""What all control laws share: reference and measurement in, two currents and the inner quantities out."""
+"""Makes the control law of a mode, for all laws that :mod:`boom_controller.laws` finds."""
 
 from __future__ import annotations
 
-from math import nan
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass, fields
+from typing import cast
 
+from boom_controller import laws
 from boom_controller.errors import ControlError
-from boom_controller.settings import Settings
+from boom_controller.settings import LawSettings, specifications
+from boom_controller.types import Controller
 from boom_model.machine import Machine, Pose
 
-MODES = ("thesis", "baseline", "improved")
-"""``thesis``: chapter 6 as printed. ``baseline``: the least change of it that is stable. ``improved``: ours."""
+MODES = tuple(laws.described())
+"""Names of the control laws."""
+
+_MODULE_OF = {name: module for module in laws.modules() for name in module.LAWS}
 
 
-class Reference(NamedTuple):
-    """Wanted motion of the boom: q_2* [rad] and its first three derivatives [rad/s, rad/s^2, rad/s^3]."""
+def _kinds() -> list[type[LawSettings]]:
+    """The laws' settings, the last first: a dataclass has the fields of its last base first.
 
-    angle: float
-    rate: float = 0.0
-    acceleration: float = 0.0
-    jerk: float = 0.0
-
-
-class Measurement(NamedTuple):
-    """What the sensors show: time [s], q_2 [rad], its rate [rad/s], p_h and p_b [Pa gauge]; age [s] when the currents go out."""
-
-    time: float
-    angle: float
-    rate: float
-    hose_pressure: float
-    rod_pressure: float
-    age: float = 0.0
+    Raises:
+        TypeError: one name means two things.
+    """
+    kinds = list(dict.fromkeys(module.SETTINGS for module in _MODULE_OF.values()))
+    told: dict[str, object] = {}
+    for kind in kinds:
+        for entry in fields(kind):
+            here = (entry.default, entry.metadata)
+            if told.setdefault(entry.name, here) != here:
+                raise TypeError(f"{kind.__module__}: another law has a setting {entry.name}, with another meaning")
+    return [kind for kind in reversed(kinds) if kind is not LawSettings]
 
 
-class Output(NamedTuple):
-    """Currents [A] and what led to them, SI; NaN where a mode has no such quantity.
+@dataclass(frozen=True)
+class Settings(*_kinds()):  # type: ignore[misc]
+    """What a controller can be told: the settings of all control laws, SI; ranges and meaning in ``SETTINGS``.
 
-    Attributes:
-        retract, extend: i_+^c and i_-^c [A].
-        angle_error, piston_position_error, force_error: reference - measurement [rad, m, N].
-        feedforward_force, feedback_force, force_set_point, force: f_p^f, f_p^c, f_p^* and f_p [N], positive lifts.
-        spool_position: s_s^* [m], positive lowers.
-        pilot_pressure_retract, pilot_pressure_extend: p_+^*, p_-^* [Pa].
-        estimated_load: at the tip, beyond what the configuration tells [kg].
-        reason: why the motion has to be stopped, in words for the operator (a load that cannot be held); empty while all is well.
+    Raises:
+        ControlError: a number that is not finite or outside its range.
     """
 
-    retract: float
-    extend: float
-    angle_error: float = nan
-    piston_position_error: float = nan
-    force_error: float = nan
-    feedforward_force: float = nan
-    feedback_force: float = nan
-    force_set_point: float = nan
-    force: float = nan
-    spool_position: float = nan
-    pilot_pressure_retract: float = nan
-    pilot_pressure_extend: float = nan
-    estimated_load: float = nan
-    reason: str = ""
 
-
-class Controller(Protocol):
-    """One control law, called once a sample time."""
-
-    mode: str
-
-    def reset(self, measurement: Measurement) -> None:
-        """Starts from rest here, bumpless: the integral states are such that the boom holds."""
-
-    def step(self, reference: Reference, measurement: Measurement) -> Output:
-        """One sample time [s] of the settings; ``measurement`` is the newest, the currents act until the next step."""
-
-    def change(self, settings: Settings) -> None:
-        """Other settings from the next step on, without a jump of the currents beyond the steady change.
-
-        Raises:
-            ControlError: this change needs a new controller (another sample time).
-        """
+SETTINGS = specifications(Settings)
+"""Name, default, description, unit, range of every field of :class:`Settings`."""
 
 
 def make_controller(mode: str, machine: Machine, pose: Pose, settings: Settings | None = None) -> Controller:
@@ -87,13 +52,6 @@ def make_controller(mode: str, machine: Machine, pose: Pose, settings: Settings 
     Raises:
         ControlError: no such mode, or the machine lacks what the mode needs.
     """
-    chosen = settings if settings is not None else Settings()
-    if mode in ("thesis", "baseline"):
-        from boom_controller.cascade import Cascade
-
-        return Cascade(mode, machine, pose, chosen)
-    if mode == "improved":
-        from boom_controller.improved import Improved
-
-        return Improved(machine, pose, chosen)
-    raise ControlError(f"mode {mode}: there is {', '.join(MODES)}")
+    if mode not in MODES:
+        raise ControlError(f"mode {mode}: there is {', '.join(MODES)}")
+    return cast(Controller, _MODULE_OF[mode].make(mode, machine, pose, Settings() if settings is None else settings))

@@ -36,15 +36,15 @@ from std_msgs.msg import Bool, Float64
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from boom_controller import messages
-from boom_controller.control_loop import ControlLoop, Cycle
+from boom_controller.node import messages
+from boom_controller.loop.control_loop import ControlLoop, Cycle
 from boom_controller.errors import ControlError
-from boom_controller.joint_trajectory import TrajectoryError
-from boom_controller.lockstep import Lockstep
-from boom_controller.node_parameters import PARAMETERS, settings_of, supervision_of
-from boom_controller.rehearsal import Rehearsal
-from boom_controller.tracking_goal import Tolerances
-from boom_controller.trajectory_action import TrajectoryAction
+from boom_controller.references.joint_trajectory import TrajectoryError
+from boom_controller.node.lockstep import Lockstep
+from boom_controller.node.node_parameters import PARAMETERS, settings_of, supervision_of
+from boom_controller.loop.rehearsal import Rehearsal
+from boom_controller.supervision.tracking_goal import Tolerances
+from boom_controller.node.trajectory_action import TrajectoryAction
 
 _LOOK_EVERY = 0.25  # sample times between two looks for samples that are late
 _NUMBER = re.compile(r"[-+.\d]+")
@@ -52,7 +52,7 @@ _LEVEL = {"ok": Level.OK, "warning": Level.WARN, "error": Level.ERROR, "stopped"
 
 
 class ControllerNode(LifecycleNode):
-    """Thin shell around :class:`boom_controller.control_loop.ControlLoop`."""
+    """Thin shell around :class:`boom_controller.loop.control_loop.ControlLoop`."""
 
     def __init__(self) -> None:
         super().__init__("boom_controller")

@@ -7,8 +7,8 @@ from array import array
 import casadi as ca
 import pytest
 
-from boom_controller import buffers
-from boom_controller.buffers import compiled_on_buffers, on_buffers
+from boom_controller.blocks import buffers
+from boom_controller.blocks.buffers import compiled_on_buffers, on_buffers
 from boom_model.errors import BuildError
 
 

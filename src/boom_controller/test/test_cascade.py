@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from boom_controller.cascade import Cascade, Variant
-from boom_controller.control_model import ControlModel, Point
-from boom_controller.controller import MODES, Measurement, Reference, make_controller
+from boom_controller.blocks.control_model import ControlModel, Point
+from boom_controller.controller import MODES, Settings, make_controller
 from boom_controller.errors import ControlError
-from boom_controller.settings import Settings
+from boom_controller.laws.cascade import Cascade, Variant
+from boom_controller.types import Measurement, Reference
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant

@@ -9,15 +9,15 @@ from itertools import pairwise
 
 import pytest
 
-from boom_controller import law_in_use
-from boom_controller.control_loop import ControlLoop, Cycle
-from boom_controller.controller import Measurement, Output, Reference
+from boom_controller.controller import Settings
 from boom_controller.errors import ControlError
-from boom_controller.joint_trajectory import Code, Point, TrajectoryError
-from boom_controller.settings import Settings
-from boom_controller.supervision import State
-from boom_controller.supervision_settings import SupervisionSettings
-from boom_controller.tracking_goal import Tolerances
+from boom_controller.loop import law_in_use
+from boom_controller.loop.control_loop import ControlLoop, Cycle
+from boom_controller.references.joint_trajectory import Code, Point, TrajectoryError
+from boom_controller.supervision.state_machine import State
+from boom_controller.supervision.supervision_settings import SupervisionSettings
+from boom_controller.supervision.tracking_goal import Tolerances
+from boom_controller.types import Measurement, Output, Reference
 from boom_model.machine import Machine, Pose
 from boom_model.machine_file import load_machine
 

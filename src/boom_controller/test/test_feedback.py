@@ -8,9 +8,9 @@ from math import exp
 import numpy as np
 import pytest
 
-from boom_controller.position_feedback import ackermann, feedback_torque, integral_for, position_gains
-from boom_controller.settings import Settings
-from boom_controller.state_feedback import gains, predicted_force
+from boom_controller.blocks.position_feedback import ackermann, feedback_torque, integral_for, position_gains
+from boom_controller.blocks.state_feedback import gains, predicted_force
+from boom_controller.controller import Settings
 
 T = 0.01
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from boom_controller.controller import Measurement, Reference
-from boom_controller.flat import FlatLaw, leaves, nested
-from boom_controller.settings import Settings
+from boom_controller.blocks.flat import FlatLaw, leaves, nested
+from boom_controller.controller import Settings
+from boom_controller.types import Measurement, Reference
 
 STILL = Measurement(7.0, 0.25, 0.0, 8e6, 1e6, 0.004)
 
@@ -35,7 +35,7 @@ def test_nested_states_survive_being_flat() -> None:
 
 
 def test_a_step_gives_outputs_of_the_states_before_and_moves_them_on() -> None:
-    law = FlatLaw("test", Outer(), build, Settings(), {"gain": 2.0})
+    law = FlatLaw("test", Outer(), build, Settings, Settings(), {"gain": 2.0})
     assert list(law.step(Reference(0.75), STILL)) == [0.035 * 0.5, 0.0, 0.004]
     assert list(law.step(Reference(0.25), STILL)) == [2.0 * 0.005, 0.5, 0.004]
     assert law.states == Outer(2.0, Inner(0.005, 0.0))
@@ -44,7 +44,7 @@ def test_a_step_gives_outputs_of_the_states_before_and_moves_them_on() -> None:
 
 
 def test_settings_and_what_is_derived_from_them_count_from_the_next_step_on() -> None:
-    law = FlatLaw("test", Outer(), build, Settings(), {"gain": 2.0})
+    law = FlatLaw("test", Outer(), build, Settings, Settings(), {"gain": 2.0})
     law.step(Reference(0.75), STILL)
     law.change(replace(Settings(), preview=0.1), {"gain": 0.0})
     assert law.step(Reference(0.75), STILL)[0] == 0.1 * 0.5

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from boom_controller.controller import Reference
-from boom_controller.joint_trajectory import (
+from boom_controller.node.messages import points_of
+from boom_controller.references.joint_trajectory import (
     MOST_POINTS,
     SETTLING,
     Bounds,
@@ -19,8 +19,8 @@ from boom_controller.joint_trajectory import (
     TrajectoryError,
     plan,
 )
-from boom_controller.messages import points_of
-from boom_controller.polynomial import Polynomial, cubic, quintic, to_rest
+from boom_controller.references.polynomial import Polynomial, cubic, quintic, to_rest
+from boom_controller.types import Reference
 
 BOUNDS = Bounds(-0.02, 1.5, 0.6, 0.05)
 REST = Reference(0.3)

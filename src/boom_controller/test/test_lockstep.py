@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from boom_controller.lockstep import Lockstep
+from boom_controller.node.lockstep import Lockstep
 
 TICK = 10_000_000
 

@@ -7,13 +7,13 @@ from math import sin
 
 import pytest
 
-from boom_controller.control_model import ControlModel, Point
-from boom_controller.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
-from boom_controller.load_observer import LoadState, observe_load
-from boom_controller.pilot_stage import StaticPilot
-from boom_controller.settings import Settings
-from boom_controller.stall_watch import StallState, reason, stalled, watch_supply
-from boom_controller.valve_follower import ValveFollower, ValveState
+from boom_controller.blocks.control_model import ControlModel, Point
+from boom_controller.blocks.pilot_stage import StaticPilot
+from boom_controller.blocks.valve_follower import ValveFollower, ValveState
+from boom_controller.controller import Settings
+from boom_controller.observers.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
+from boom_controller.observers.load_observer import LoadState, observe_load
+from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant

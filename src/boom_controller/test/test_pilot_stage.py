@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from scipy.integrate import solve_ivp
 
+from boom_controller.blocks.pilot_stage import PilotState, PilotValve, StaticPilot, require_pilot_stage
 from boom_controller.errors import ControlError
-from boom_controller.pilot_stage import PilotState, PilotValve, StaticPilot, require_pilot_stage
 from boom_model.component_numbers import component_parameters
 from boom_model.components import pilot_valve
 from boom_model.machine_file import load_machine

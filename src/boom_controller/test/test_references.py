@@ -7,10 +7,10 @@ import math
 
 import pytest
 
-from boom_controller.controller import Reference
-from boom_controller.joint_trajectory import Bounds, Point, plan
-from boom_controller.references import References
-from boom_controller.trajectory_generator import TrajectoryGenerator
+from boom_controller.references.joint_trajectory import Bounds, Point, plan
+from boom_controller.references.references import References
+from boom_controller.references.trajectory_generator import TrajectoryGenerator
+from boom_controller.types import Reference
 
 TS = 0.01
 BOUNDS = Bounds(-1.0, 2.0, 2.0, 0.1)

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from boom_controller.control_loop import ControlLoop, Cycle
-from boom_controller.rehearsal import Rehearsal
-from boom_controller.settings import Settings
-from boom_controller.supervision import State
-from boom_controller.supervision_settings import SupervisionSettings
+from boom_controller.controller import Settings
+from boom_controller.loop.control_loop import ControlLoop, Cycle
+from boom_controller.loop.rehearsal import Rehearsal
+from boom_controller.supervision.state_machine import State
+from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_model.machine import Machine, Pose
 from boom_model.machine_file import load_machine
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from boom_controller.sensors import Agreement, Range, Sensor
+from boom_controller.supervision.sensors import Agreement, Range, Sensor
 
 
 def sensor() -> Sensor:

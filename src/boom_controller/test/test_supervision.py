@@ -7,12 +7,12 @@ from itertools import pairwise
 
 import pytest
 
-from boom_controller.controller import Measurement, Output, Reference
 from boom_controller.errors import ControlError
-from boom_controller.reasons import REASONS, Finding
-from boom_controller.supervision import State, Supervision
-from boom_controller.supervision_settings import SUPERVISION, SupervisionSettings
-from boom_controller.watch import Watch
+from boom_controller.supervision.reasons import REASONS, Finding
+from boom_controller.supervision.state_machine import State, Supervision
+from boom_controller.supervision.supervision_settings import SUPERVISION, SupervisionSettings
+from boom_controller.supervision.watch import Watch
+from boom_controller.types import Measurement, Output, Reference
 
 SETTINGS = SupervisionSettings()
 BY_CURRENTS = Finding("divergence", "far away")

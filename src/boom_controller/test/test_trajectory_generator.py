@@ -6,7 +6,7 @@ from math import exp
 
 import pytest
 
-from boom_controller.trajectory_generator import TrajectoryGenerator
+from boom_controller.references.trajectory_generator import TrajectoryGenerator
 
 POLE, T = 10.0, 0.01
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from scipy.optimize import brentq
 
-from boom_controller.valve_map import ValveMap
+from boom_controller.blocks.valve_map import ValveMap
 from boom_model.component_numbers import component_parameters
 from boom_model.components import main_valve_orifices
 from boom_model.machine_file import load_machine

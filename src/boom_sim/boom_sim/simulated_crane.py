@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,14 +62,14 @@ class Start:
         return plant.equilibrium(self.angle, rod)
 
 
-@dataclass(frozen=True)
-class Sample:
+class Sample(NamedTuple):
     """What the sensors show; SI, pressures gauge.
 
     Attributes:
         time: of angle, rate and pressures [s].
         current_time: from when the measured currents act [s]: the beginning of the period that ended at ``time``, or, if the
             command came inside it, then. NaN in the first sample, before which no current acted.
+        retract_current, extend_current: measured [A]; NaN where nobody measures.
     """
 
     time: float
@@ -76,9 +77,9 @@ class Sample:
     rate: float
     hose_pressure: float
     rod_pressure: float
-    current_time: float
-    retract_current: float
-    extend_current: float
+    current_time: float = math.nan
+    retract_current: float = math.nan
+    extend_current: float = math.nan
 
 
 @dataclass
@@ -104,6 +105,8 @@ class SimulatedCrane:
         BuildError: no C compiler.
         ModelError: a start outside the stroke.
     """
+
+    period = PERIOD
 
     def __init__(self, machine: Machine, pose: Pose, start: Start, noise: SensorNoise, seed: int = 0) -> None:
         low, high = machine.angle_limits

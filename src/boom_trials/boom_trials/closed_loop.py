@@ -1,31 +1,123 @@
-"""The closed loop in one process: wanted angles -> generator -> control law -> simulated crane -> recording. No ROS.
+"""The closed loop in one process: reference -> control law -> crane with its sensors, one sample time after the other. No ROS.
 
-The same cores as the nodes use, without supervision: what the loop itself does, at 100 Hz, each command acting at once or after
-a dead time.
+The same cores as the nodes use, without supervision: what the loop itself does. The crane is the simulated one of ``boom_sim``
+(:func:`follow` makes a recording of it), or that of a study (``boom_trials.robustness.crane``).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_controller.controller import Controller, Measurement
-from boom_controller.trajectory_generator import TrajectoryGenerator
+from boom_controller.references.trajectory_generator import TrajectoryGenerator
+from boom_controller.types import Controller, Measurement, Output, Reference
 from boom_model.errors import SimulationError
 from boom_recording import writing
 from boom_recording.recording import Configuration, Recording
-from boom_sim.simulated_crane import PERIOD, EndedEarlyError, SimulatedCrane
+from boom_sim.simulated_crane import PERIOD, EndedEarlyError, Sample, SimulatedCrane
 
 Array = NDArray[np.float64]
 
-_COLUMNS = (
-    "angle", "rate", "hose_pressure", "rod_pressure", "retract_current", "extend_current", "retract_current_command",
-    "extend_current_command", "reference_angle", "smooth_reference_angle", "smooth_reference_rate",
-    "smooth_reference_acceleration", "smooth_reference_jerk",
-)  # fmt: skip
+
+class Crane(Protocol):
+    """What is controlled."""
+
+    period: float
+    """Sample time [s]."""
+
+    @property
+    def sample(self) -> Sample:
+        """What the sensors show now."""
+
+    def command(self, retract: float, extend: float, at: float | None = None) -> None:
+        """Both currents [A] from ``at`` [s] on, within the period that follows."""
+
+    def advance(self) -> Sample:
+        """One period. Raises SimulationError where a state leaves its range."""
+
+
+@dataclass
+class Run:
+    """What happened, period by period.
+
+    Attributes:
+        samples: what the sensors showed at the beginning of each period, and after the last one that came to its end.
+        outputs: of the control law, one a period, the last one included.
+        failed: a state left its range in the last period; None if none did.
+        stopped: (time [s], reason) where the control law asked to stop, with which the run ended.
+        ended: why ``over`` ended the run; empty if it did not.
+    """
+
+    samples: list[Sample]
+    outputs: list[Output] = field(default_factory=list)
+    failed: SimulationError | None = None
+    stopped: tuple[float, str] | None = None
+    ended: str = ""
+
+
+def run(
+    controller: Controller,
+    crane: Crane,
+    references: Sequence[Reference],
+    *,
+    dead_time: float = 0.0,
+    age: float = 0.0,
+    heed: bool = False,
+    over: Callable[[float, Reference], str] | None = None,
+    told: Callable[[float], None] | None = None,
+) -> Run:
+    """Runs the loop along the references, one each period.
+
+    Args:
+        controller: reset here, from what the sensors show at the beginning; its sample time is the crane's.
+        crane: at time zero.
+        references: one a period, the first at time zero.
+        dead_time: from a sample until the command that answers it acts [s]; no current before.
+        age: of the samples, as the control law is told [s].
+        heed: the run ends where the control law asks to stop, as the supervision would.
+        over: asked after each period with the time of its beginning [s] and its reference; says why the run ends, or nothing.
+        told: called with the simulated time [s] once a second.
+    """
+    periods = int(dead_time / crane.period + 1e-9)
+    rest = dead_time - periods * crane.period
+    waiting = deque([(0.0, 0.0)] * periods)
+    sample = crane.sample
+    result = Run([sample])
+    outputs, samples = result.outputs, result.samples
+    every = round(1.0 / crane.period)
+    controller.reset(_measured(sample, age))
+    for k, reference in enumerate(references):
+        output = controller.step(reference, _measured(sample, age))
+        outputs.append(output)
+        if heed and output.reason:
+            result.stopped = (sample.time, output.reason)
+            return result
+        waiting.append((output.retract, output.extend))
+        crane.command(*waiting.popleft(), sample.time + rest)
+        begin = sample.time
+        try:
+            sample = crane.advance()
+        except SimulationError as error:
+            result.failed = error
+            return result
+        samples.append(sample)
+        if over is not None:
+            result.ended = over(begin, reference)
+            if result.ended:
+                return result
+        if told is not None and k % every == 0:
+            told(begin)
+    return result
+
+
+def _measured(sample: Sample, age: float) -> Measurement:
+    return Measurement(sample.time, sample.angle, sample.rate, sample.hose_pressure, sample.rod_pressure, age)
 
 
 def follow(
@@ -49,9 +141,9 @@ def follow(
         wanted: (n,) [rad], one for every period.
         configuration: what the recording shall say.
         name: of the recording.
-        told: called with the simulated time [s] once a second.
-        dead_time: from a sample until the command that answers it acts [s], less than a period.
-        age: of the samples, as the control law is told [s].
+        told: as in :func:`run`.
+        dead_time: as in :func:`run`.
+        age: as in :func:`run`.
 
     Returns:
         A recording with all signals of the machine, the commands, the wanted and the smooth reference.
@@ -59,39 +151,33 @@ def follow(
     Raises:
         SimulationError: a state left its range; the loop has diverged. An EndedEarlyError where something ran before.
     """
-    generator.reset(float(wanted[0]))
-    rows = np.empty((len(wanted), len(_COLUMNS)))
+    angles = wanted.tolist()
+    generator.reset(angles[0])
+    references = [generator.step(angle) for angle in angles]
+    done = run(controller, crane, references, dead_time=dead_time, age=age, told=told)
+    if done.failed is not None and len(done.samples) < 3:
+        raise done.failed
+    recording = _recording(name, done, angles, references, configuration)
+    if done.failed is not None:
+        raise EndedEarlyError(done.failed, recording)
+    return recording
 
-    def recorded(count: int) -> Recording:
-        time: Array = np.arange(count, dtype=np.float64) * PERIOD
-        columns = {column: rows[:count, i].copy() for i, column in enumerate(_COLUMNS)}
-        return writing.from_columns(name, time, columns, configuration)
 
-    sample = crane.sample
-    for k, angle in enumerate(wanted.tolist()):
-        measurement = Measurement(
-            sample.time, sample.angle, sample.rate, sample.hose_pressure, sample.rod_pressure, age
-        )
-        if k == 0:
-            controller.reset(measurement)
-        reference = generator.step(angle)
-        output = controller.step(reference, measurement)
-        crane.command(output.retract, output.extend, sample.time + dead_time)
-        try:
-            after = crane.advance()
-        except SimulationError as error:
-            if k < 2:
-                raise
-            raise EndedEarlyError(error, recorded(k)) from None
-        rows[k] = (
-            sample.angle, sample.rate, sample.hose_pressure, sample.rod_pressure, after.retract_current,
-            after.extend_current, output.retract, output.extend, angle, reference.angle, reference.rate,
-            reference.acceleration, reference.jerk,
-        )  # fmt: skip
-        sample = after
-        if told is not None and k % round(1 / PERIOD) == 0:
-            told(k * PERIOD)
-    return recorded(len(wanted))
+def _recording(
+    name: str, done: Run, angles: list[float], references: list[Reference], configuration: Configuration
+) -> Recording:
+    """Every period that came to its end; measured currents are those at its end."""
+    begins, ends = done.samples[:-1], done.samples[1:]
+    n = len(ends)
+    shown = {key: [getattr(s, key) for s in begins] for key in ("angle", "rate", "hose_pressure", "rod_pressure")}
+    currents = {key: [getattr(s, key) for s in ends] for key in ("retract_current", "extend_current")}
+    commands = {
+        f"{side}_current_command": [getattr(o, side) for o in done.outputs[:n]] for side in ("retract", "extend")
+    }
+    smooth = {f"smooth_reference_{key}": [getattr(r, key) for r in references[:n]] for key in Reference._fields}
+    columns = shown | currents | commands | {"reference_angle": angles[:n]} | smooth
+    time: Array = np.arange(n, dtype=np.float64) * PERIOD
+    return writing.from_columns(name, time, {key: np.array(v) for key, v in columns.items()}, configuration)
 
 
 def wanted_angles(recording: Recording) -> Array:

@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from boom_controller.controller import Reference, make_controller
+from boom_controller.controller import make_controller
+from boom_controller.types import Reference
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
 from boom_model.variation import BULK_MODULUS, FRICTION, LOAD, PRECHARGE
 from boom_report.tracking.position_error import piston_positions
+from boom_trials.robustness.crane import Grasp, TrialCrane, carried_out, start_state
 from boom_trials.robustness.document import document
-from boom_trials.robustness.loop import Grasp, run, start_state
 from boom_trials.robustness.plants import (
     CONFIGURATIONS,
     DEAD_ZONE,
@@ -75,10 +76,10 @@ def test_2000_kg_are_recognised_as_too_much_for_the_limited_supply() -> None:
 def test_a_load_grasped_while_holding_is_back_within_5_mm_in_2_s(angle: float) -> None:
     pose = MACHINE.pose(0.28, 2.2)
     plant = Plant(MACHINE, pose)
-    history = run(
-        make_controller("improved", MACHINE, pose), plant, start_state(plant, MACHINE, pose, angle),
-        [Reference(angle)] * 500, noise=MACHINE.sensor_noise(), grasp=Grasp(1.0, 2000.0),
-    )  # fmt: skip
+    crane = TrialCrane(
+        plant, start_state(plant, MACHINE, pose, angle), 500, noise=MACHINE.sensor_noise(), grasp=Grasp(1.0, 2000.0)
+    )
+    history = carried_out(make_controller("improved", MACHINE, pose), crane, [Reference(angle)] * 500)
     error = np.abs(piston_positions(MACHINE, history.values["angle"]) - piston_positions(MACHINE, history.reference))
     assert error.max() > 5e-3  # it was noticed
     assert error[300:].max() < 5e-3

@@ -66,9 +66,8 @@ def simulate_reference(
 
     from rich.progress import BarColumn, Progress, TextColumn
 
-    from boom_controller.controller import make_controller
-    from boom_controller.settings import Settings
-    from boom_controller.trajectory_generator import TrajectoryGenerator
+    from boom_controller.controller import Settings, make_controller
+    from boom_controller.references.trajectory_generator import TrajectoryGenerator
     from boom_report.console import console_for
     from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
     from boom_trials.closed_loop import follow, wanted_angles

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from boom_bringup import arguments, demo_processes, environment
 from boom_bringup.demo_processes import DemoError
+from boom_controller import laws
 
 if TYPE_CHECKING:
     from boom_bringup.demo_folder import DemoFolder
@@ -50,8 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="open: recorded currents, validated; closed: the controller follows the recorded angle (default: both)",
     )  # fmt: skip
     parser.add_argument(
-        "--mode", choices=("thesis", "baseline", "improved"), default="improved",
-        help="control law of the closed loop (default: improved)",
+        "--mode", choices=tuple(laws.described()), default=laws.DEFAULT,
+        help=f"control law of the closed loop (default: {laws.DEFAULT})",
     )  # fmt: skip
     parser.add_argument(
         "--closed-duration", type=_seconds, default=CLOSED_DURATION_S, metavar="S",

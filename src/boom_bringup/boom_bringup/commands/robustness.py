@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import checked, write, write_json
 from boom_bringup.showing import progress
+from boom_controller import laws
 
 if TYPE_CHECKING:
     from boom_trials.robustness.plants import PlantCase
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 HELP = "test the closed loop under varied plants: Table 6.3 of the thesis, all control modes"
 
-ALL_MODES = ("thesis", "baseline", "improved")
 PICTURED = "explained/payload_change_b"
 
 
@@ -37,10 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--modes",
         nargs="+",
-        choices=ALL_MODES,
-        default=list(ALL_MODES),
+        choices=tuple(laws.described()),
+        default=list(laws.described()),
         metavar="MODE",
-        help=f"control modes: {', '.join(ALL_MODES)}",
+        help=f"control modes: {', '.join(laws.described())} (default: all)",
     )
     parser.add_argument(
         "--bags", default="bags", metavar="FOLDER", help="folder of the recorded trajectories (default: bags)"

@@ -17,6 +17,7 @@ import os
 from boom_bringup import arguments, environment
 from boom_bringup.commands.simulate import parse_effects
 from boom_bringup.node_command import node_command
+from boom_controller import laws
 
 _PRIORITY = 10
 
@@ -45,9 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--lockstep", action="store_true", help="own /clock: one period per command, as fast as they come"
     )
     parser.add_argument(
-        "--control", nargs="?", const="improved", choices=("thesis", "baseline", "improved"), metavar="LAW",
-        help="run the controller, too: control law thesis, baseline or improved (default). It knows what the machine file holds; "
-        "--effect is of the crane alone",
+        "--control", nargs="?", const=laws.DEFAULT, choices=tuple(laws.described()), metavar="LAW",
+        help=f"run the controller, too: control law {', '.join(laws.described())} (default: {laws.DEFAULT}). "
+        "It knows what the machine file holds; --effect is of the crane alone",
     )  # fmt: skip
     parser.add_argument(
         "--realtime-priority", type=int, metavar="N",

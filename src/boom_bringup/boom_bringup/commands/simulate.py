@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING
 
 from boom_bringup import arguments
 from boom_bringup.outputs import held, new_bag
+from boom_controller import laws
 
 if TYPE_CHECKING:
     import numpy as np
@@ -69,8 +70,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="INPUT is a bag whose reference, else angle, the controller follows in the closed loop",
     )  # fmt: skip
     parser.add_argument(
-        "--mode", choices=("thesis", "baseline", "improved"), default="improved",
-        help="control law of --reference (default: improved)",
+        "--mode", choices=tuple(laws.described()), default=laws.DEFAULT,
+        help=f"control law of --reference (default: {laws.DEFAULT})",
     )  # fmt: skip
     parser.add_argument("--seed", type=arguments.seed, default=0, help="seed of the sensor noise (default: 0)")
     parser.add_argument(

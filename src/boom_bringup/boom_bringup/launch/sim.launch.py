@@ -14,6 +14,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from boom_bringup import environment
+from boom_controller import laws
 
 # Arguments that are handed to the simulation as parameters of the same name: type, default, what it is.
 ARGUMENTS = {
@@ -54,7 +55,9 @@ def generate_launch_description() -> LaunchDescription:
                 description="true: start the controller too, with the same machine file",
             ),
             DeclareLaunchArgument(
-                "control_law", default_value="improved", description="of the controller: thesis, baseline or improved"
+                "control_law",
+                default_value=laws.DEFAULT,
+                description=f"of the controller: {', '.join(laws.described())}",
             ),
             DeclareLaunchArgument(
                 "urdf",

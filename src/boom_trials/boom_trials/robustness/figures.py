@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_controller.controller import MODES
 from boom_model.machine_file import load_machine
 from boom_report.panels import packed
 from boom_report.tracking.position_error import piston_positions
@@ -15,7 +17,7 @@ from boom_trials.robustness.study import Result, force
 
 Json = dict[str, Any]
 
-COLOURS = {"thesis": "#d9720a", "baseline": "#7a3e9d", "improved": "#1257a6"}
+COLOURS = dict(zip(MODES, cycle(("#d9720a", "#7a3e9d", "#1257a6", "#2a7f3f", "#b3273b", "#5f5f5f")), strict=False))
 _EVERY = 2  # samples: half of them are finer than a pixel
 _ROWS = (
     ("piston position s_p [m]", 190), ("error s_p - s_p* [mm]", 150), ("piston force f_p [kN]", 190), ("p_h [bar]", 130),

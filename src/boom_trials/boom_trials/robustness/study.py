@@ -19,16 +19,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_controller.control_model import ControlModel, Point
-from boom_controller.controller import Controller, Reference, make_controller
-from boom_controller.settings import Settings
-from boom_controller.trajectory_generator import TrajectoryGenerator
+from boom_controller.blocks.control_model import ControlModel, Point
+from boom_controller.controller import Settings, make_controller
+from boom_controller.references.trajectory_generator import TrajectoryGenerator
+from boom_controller.types import Controller, Reference
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
 from boom_recording.loading import load
 from boom_report.tracking.position_error import errors, piston_positions
-from boom_trials.robustness.loop import Grasp, History, run, start_state
+from boom_trials.robustness.crane import Grasp, History, TrialCrane, carried_out, start_state
 from boom_trials.robustness.plants import POSE_OF, SUPPLY_PRESSURE, PlantCase
 
 Array = NDArray[np.float64]
@@ -123,18 +123,18 @@ def carry_out_one(job: Job) -> Result:
     plant = _plant(job.machine, job.limited, pose_key).with_numbers(
         machine, replace(base, load=base.load + job.case.load)
     )
-    history = run(
-        _controller(job.mode, job.machine, pose_key, job.settings),
+    crane = TrialCrane(
         plant,
         start_state(plant, machine, base, references[0].angle),
-        references,
+        len(references),
         noise=nominal.sensor_noise(),
         seed=job.seed,
         period=job.settings.sample_time,
         supply_pressure=SUPPLY_PRESSURE if job.limited else float("inf"),
-        delay=job.delay,
         grasp=job.grasp,
     )
+    controller = _controller(job.mode, job.machine, pose_key, job.settings)
+    history = carried_out(controller, crane, references, delay=job.delay)
     error = piston_positions(nominal, history.reference) - piston_positions(nominal, history.values["angle"])
     measured = errors(error)
     wanted = _feedforward(job.machine, pose_key, job.case.load, job.folder, job.bag, job.settings)

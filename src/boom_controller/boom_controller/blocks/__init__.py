@@ -1,0 +1,1 @@
+"""What control laws are made of: model, valve, feedback, and the one function that a cycle calls."""

@@ -1,0 +1,184 @@
+"""What the control laws know of the machine, at one measured and one reference point: the components of ``boom_model``, wired once.
+
+Expressions, of which the control laws are made; ``at`` gives numbers. The reduced model (5.47) is the base:
+tau~_f = tau_f + A_a J dp_ha(J q_2' A_a) of (5.41), chamber stiffness with the accumulators as in (6.18).
+"""
+
+from __future__ import annotations
+
+from array import array
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from boom_controller.blocks.buffers import on_buffers
+from boom_controller.types import Reference
+from boom_model.component_numbers import component_parameters
+from boom_model.components import cylinder, equation_of_motion, friction, oil
+from boom_model.machine import Machine, Pose
+from boom_model.regularisation import Expression
+from boom_model.structure import Structure
+
+
+class Point(NamedTuple):
+    """Inputs: measured q_2 [rad], q_2' [rad/s], p_h, p_b [Pa]; reference q_2* and derivatives; load beyond the pose's [kg]."""
+
+    angle: float
+    rate: float
+    hose_pressure: float
+    rod_pressure: float
+    reference_angle: float
+    reference_rate: float
+    reference_acceleration: float
+    reference_jerk: float
+    load: float
+
+
+class Quantities(NamedTuple):
+    """What the model says at a point; SI.
+
+    Attributes:
+        force: f_p [N] from p_h and p_b.
+        position, jacobian, inertia, gravity: s_p [m], J [m/rad], D [kg m^2], g(q_2) [N m].
+        friction: tau~_f(q_2, q_2') [N m]; friction_wanted: tau~_f(q_2, q_2*'), at the measured angle and the wanted rate.
+        stiffness_head, stiffness_rod: dp/dV of both chambers [Pa/m^3], hose excluded as in (5.47).
+        stiffness_line: the head side's with its hose.
+        extend_supply, extend_tank, retract_supply, retract_tank: flow per orifice area [m/s], positive into the port.
+        reference_position, reference_jacobian, reference_gravity, reference_friction: s_p(q_2*), J(q_2*), g(q_2*), tau~_f(*).
+        feedforward_force, feedforward_force_rate: f_p^f of (6.2) [N] and its time derivative along the reference [N/s].
+        tip_gravity: dg/dm at q_2 [N m/kg]; tip_inertia: dD/dm [m^2].
+    """
+
+    force: float
+    position: float
+    jacobian: float
+    inertia: float
+    gravity: float
+    friction: float
+    friction_wanted: float
+    stiffness_head: float
+    stiffness_rod: float
+    stiffness_line: float
+    extend_supply: float
+    extend_tank: float
+    retract_supply: float
+    retract_tank: float
+    reference_position: float
+    reference_jacobian: float
+    reference_gravity: float
+    reference_friction: float
+    feedforward_force: float
+    feedforward_force_rate: float
+    tip_gravity: float
+    tip_inertia: float
+
+
+class Coming(NamedTuple):
+    """What the reference needs at a point of it: J(q_2*) [m/rad], f_p^f of (6.2) [N], its time derivative [N/s]."""
+
+    jacobian: float
+    force: float
+    force_rate: float
+
+
+class ControlModel:
+    """The model of a machine in a pose, for control. The pose's load is part of it; a further load is an input."""
+
+    def __init__(self, machine: Machine, pose: Pose) -> None:
+        self.machine, self.pose = machine, pose
+        self.p, self.e = component_parameters(machine, pose)
+        self._in = array("d", [0.0] * len(Point._fields))
+        self._out = array("d", [0.0] * len(Quantities._fields))
+        self._whole, self._coming = _functions(machine, self.p, self.e)
+        self._evaluate = on_buffers(self._whole, [self._in], [self._out])
+
+    def at(self, point: Point) -> Quantities:
+        """All quantities at a point, numbers."""
+        self._in[:] = array("d", point)
+        self._evaluate()
+        return Quantities(*self._out)
+
+    def expressions(self, point: Point) -> Quantities:
+        """:meth:`at` for a point of expressions."""
+        return Quantities(*ca.vertsplit(self._whole(ca.vertcat(*point))))
+
+    def coming(self, reference: Reference, load: Expression) -> Coming:
+        """What a point of the reference needs, with a load [kg] beyond the pose's: the part of :meth:`at` that needs no sensor.
+
+        Expressions in, expressions out.
+        """
+        return Coming(*ca.vertsplit(self._coming(ca.vertcat(*reference, load))))
+
+
+_COMING_INPUTS = 5
+
+
+def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
+    x = ca.SX.sym("x", len(Point._fields))
+    elements: Any = ca.vertsplit(x)
+    v = Point(*elements)
+    a_a = p.cylinder.A_a
+    load = equation_of_motion.load_mass(p, e) + v.load
+    inertia = equation_of_motion.inertia(load, p)
+    structure = machine.structure
+
+    def kinematics(angle: Any) -> tuple[Any, Any]:
+        position = structure.linkage.piston_position(angle, p)
+        return position, ca.jacobian(position, angle)
+
+    def torque(angle: Any, jacobian: Any, rate: Any) -> Any:
+        """tau~_f, (5.41)."""
+        drop = structure.hose_burst_valve.pressure_drop(jacobian * rate * a_a, p, e)
+        return friction.torque(angle, rate, p, e) + a_a * jacobian * drop
+
+    further: Any = v.load
+    position, jacobian = kinematics(v.angle)
+    reference_position, reference_jacobian = kinematics(v.reference_angle)
+    gravity = equation_of_motion.gravity_torque(v.angle, load, p)
+    reference_gravity = equation_of_motion.gravity_torque(v.reference_angle, load, p)
+    reference_friction = torque(v.reference_angle, reference_jacobian, v.reference_rate)
+    wanted = (inertia * v.reference_acceleration + reference_gravity + reference_friction) / reference_jacobian
+    along = ca.vertcat(v.reference_rate, v.reference_acceleration, v.reference_jerk)
+    wanted_rate = ca.jtimes(wanted, ca.vertcat(v.reference_angle, v.reference_rate, v.reference_acceleration), along)
+    gas = structure.accumulators.compliances(v.hose_pressure, p.fluid.beta, p, e)
+    compliance = sum(gas, cylinder.head_volume(position, p) / oil.bulk_modulus(v.hose_pressure, p, e))
+    stiffness_rod = oil.bulk_modulus(v.rod_pressure, p, e) / cylinder.rod_volume(position, p)
+    extend, retract = (_flow_per_area(structure, side, v, p, e) for side in (-1.0, 1.0))
+    values = Quantities(
+        force=cylinder.force(v.hose_pressure, v.rod_pressure, p),
+        position=position,
+        jacobian=jacobian,
+        inertia=inertia,
+        gravity=gravity,
+        friction=torque(v.angle, jacobian, v.rate),
+        friction_wanted=torque(v.angle, jacobian, v.reference_rate),
+        stiffness_head=1 / compliance,
+        stiffness_rod=stiffness_rod,
+        stiffness_line=1 / (compliance + p.cylinder.V_h / oil.bulk_modulus(v.hose_pressure, p, e)),
+        extend_supply=extend[0],
+        extend_tank=extend[1],
+        retract_supply=retract[0],
+        retract_tank=retract[1],
+        reference_position=reference_position,
+        reference_jacobian=reference_jacobian,
+        reference_gravity=reference_gravity,
+        reference_friction=reference_friction,
+        feedforward_force=wanted,
+        feedforward_force_rate=wanted_rate,
+        tip_gravity=ca.jacobian(gravity, further),
+        tip_inertia=ca.jacobian(inertia, further),
+    )
+    coming = Coming(reference_jacobian, wanted, wanted_rate)
+    return (
+        ca.Function("control_model", [x], [ca.cse(ca.densify(ca.vertcat(*values)))]),
+        ca.Function("coming", [x[-_COMING_INPUTS:]], [ca.cse(ca.densify(ca.vertcat(*coming)))]),
+    )
+
+
+def _flow_per_area(structure: Structure, side: float, v: Point, p: Any, e: Any) -> tuple[Any, Any]:
+    """Flow per area [m/s] of the supply and of the tank edge at the ports' pressures; side -1 extends, 1 retracts."""
+    full = side * p.main_valve_spool.s_max
+    supply_area, tank_area = structure.metering.areas(full, p, e)
+    flows = structure.metering.flows(full, v.hose_pressure, v.rod_pressure, p, e, structure.supply, 1.0)
+    supply, tank = (flows.head, flows.rod) if side < 0 else (flows.rod, flows.head)
+    return supply / supply_area, tank / tank_area

@@ -1,0 +1,92 @@
+"""The valve as the controller follows it: pilot stage and spool, from the commanded currents. Inverted for a wanted position.
+
+Nothing of the valve is measured. Pilot stage (5.7c) exactly; spool (3.21) without its mass, whose time constant is below 2 ms:
+
+    A_s (p_+ - p_-) = k s_s + d_v s_s' + f_c tanh(s_s' / sigma_s)
+
+Inverse: the set point goes through a first-order filter of time constant ``spool_response``, which gives a position and a velocity
+and so a pressure; the current brings nu nearer to what that pressure needs by the share 1 - exp(-T_s / pilot_response). Inside
+the dead zone, where nothing flows and noise would only make the solenoids hum, the slower ``rest_response`` counts.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from boom_controller.blocks.pilot_stage import PilotState, PilotValve, StaticPilot
+from boom_model.components import main_valve_spool
+from boom_model.regularisation import Expression
+
+SUBSTEPS = 4
+_NEWTON = 3
+_LEAST_SLOPE = 0.02
+"""Of tanh in the Newton iteration: keeps its step finite where the friction is saturated."""
+
+
+class ValveState(NamedTuple):
+    """s_s now and a sample time ago [m] and s_s' [m/s] as followed, filtered set point [m]; both pilot valves.
+
+    As it begins: no current for long.
+    """
+
+    position: Expression = 0.0
+    before: Expression = 0.0
+    velocity: Expression = 0.0
+    target: Expression = 0.0
+    retract: PilotState = PilotState()
+    extend: PilotState = PilotState()
+
+
+class ValveFollower:
+    """Two pilot valves and the spool."""
+
+    def __init__(self, p: Any, e: Any, pilot: StaticPilot, dead_zone: float, sample_time: float) -> None:
+        self._p, self._pilot, self._dead_zone = p, pilot, dead_zone
+        self._area = float(p.main_valve_spool.A_s)
+        self._spring = self._area * pilot.stiffness
+        self._valve = PilotValve(p, e, sample_time)
+        self._step = sample_time
+
+    def step(self, x: ValveState, wanted: Expression, s: Any) -> tuple[ValveState, Expression, Expression]:
+        """For the wanted s_s [m], one sample time: the state, whose currents are (i_+, i_-), and (p_+*, p_-*) [Pa] for it."""
+        t = self._step
+        resting = ca.logic_and(ca.fabs(wanted) <= self._dead_zone, ca.fabs(x.position) <= self._dead_zone)
+        response = ca.if_else(resting, s.rest_response, s.spool_response)
+        velocity = (wanted - x.target) * ((1.0 - ca.exp(-t / response)) / t)
+        target = x.target + velocity * t
+        needed = self._spring * target + main_valve_spool.friction(velocity, self._p)
+        plus, minus = self._pilot.split(needed / self._area, s.neutral_pressure)
+        retract = self._valve.drive(x.retract, self._pilot.current(plus), s)
+        extend = self._valve.drive(x.extend, self._pilot.current(minus), s)
+        position, moving = self._moved(
+            x.position,
+            x.velocity,
+            self._valve.pressure(x.retract) - self._valve.pressure(x.extend),
+            self._valve.pressure(retract) - self._valve.pressure(extend),
+        )
+        return ValveState(position, x.position, moving, target, retract, extend), plus, minus
+
+    def position_before(self, x: ValveState, dead_time: Expression) -> Expression:
+        """s_s [m] when the sample was taken; what is followed is ahead by the ``dead_time`` [s] of commands."""
+        return x.position - ca.fmin(dead_time / self._step, 1.0) * (x.position - x.before)
+
+    def _moved(
+        self, position: Expression, v: Expression, before: Expression, after: Expression
+    ) -> tuple[Expression, Expression]:
+        """(s_s [m], s_s' [m/s]) one sample time later, while p_+ - p_- goes from ``before`` to ``after`` [Pa].
+
+        Implicit Euler steps, Newton's iteration written out.
+        """
+        s = self._p.main_valve_spool
+        h = self._step / SUBSTEPS
+        stiff, steepness = s.d_v + self._spring * h, s.f_c / s.sigma_s
+        for k in range(SUBSTEPS):
+            driving = (before + (after - before) * (k + 0.5) / SUBSTEPS) * s.A_s - self._spring * position
+            for _ in range(_NEWTON):
+                residual = self._spring * h * v + main_valve_spool.friction(v, self._p) - driving
+                slope = ca.fmax(1.0 - ca.tanh(v / s.sigma_s) ** 2, _LEAST_SLOPE)
+                v = v - residual / (stiff + steepness * slope)
+            position = position + h * v
+        return position, v

@@ -1,0 +1,229 @@
+"""Mode ``improved``: the boom as a mass on an oil spring that the valve's flow drives; no force loop.
+
+Every sample time (docs/control.md derives it):
+
+1. observers: load at the tip (``load_observer``), compliance of both chambers, flow that the valve's model misses
+   (``flow_observer``); they see the valve where it was when the sample was taken;
+2. speed wanted of the oil, v = J(q*) q*' ahead by ``preview`` - k_p e - k_v e' - k_d f~ - d^, with gains by pole placement for the
+   estimated stiffness and mass and f~ predicted over the valve's remaining lag (``state_feedback``); further ahead by the dead
+   time, which is the sample's age and ``command_delay``;
+3. flow map: Sigma = K v + d/dt f_ff, solved for the spool position by (6.23) (``valve_map``);
+4. dead zone: below ``dead_zone_speed`` the spool moves through it in proportion, ahead of a reference that starts or turns;
+5. currents through the inverse of spool and pilot stage (``valve_follower``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from boom_controller.blocks.control_model import ControlModel, Point, Quantities
+from boom_controller.blocks.flat import FlatLaw
+from boom_controller.blocks.pilot_stage import StaticPilot, require_pilot_stage
+from boom_controller.blocks.state_feedback import gains, predicted_force
+from boom_controller.blocks.valve_follower import ValveFollower, ValveState
+from boom_controller.blocks.valve_map import ValveMap
+from boom_controller.errors import ControlError
+from boom_controller.observers.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
+from boom_controller.observers.load_observer import LoadState, observe_load
+from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
+from boom_controller.settings import LawSettings, tunable
+from boom_controller.types import Controller, Measurement, Output, Reference
+from boom_model.components import cylinder
+from boom_model.machine import Machine, Pose
+from boom_model.regularisation import Expression
+
+LAWS = {
+    "improved": "the boom as a mass on an oil spring that the valve's flow drives; observers for load, oil and missing flow",
+}
+CAVITATION = 3.0e5
+"""Pa. Below it the rod side may draw oil through its anti-cavitation valve, and tells nothing about its compliance."""
+
+
+@dataclass(frozen=True)
+class ImprovedSettings(LawSettings):
+    """Feedback, valve and observers."""
+
+    rest_response: float = tunable(0.05, "s", 0.005, 1.0, "time constant of the spool inside the dead zone, improved")
+    feedback_pole: float = tunable(-5.0, "1/s", -15.0, -0.5, "real pole of the position feedback, improved")
+    feedback_damping: float = tunable(0.7, "-", 0.1, 1.5, "damping wanted of the boom on its oil spring, improved")
+    largest_damping: float = tunable(30.0, "1/s", 1.0, 60.0, "limit of the force feedback K k_d, improved")
+    slowest_frequency: float = tunable(
+        3.0, "rad/s", 0.5, 20.0, "frequency to which a softer oil spring is stiffened, improved"
+    )
+    preview: float = tunable(0.035, "s", 0.0, 0.2, "lead of the reference over the valve's remaining lag, improved")
+    remaining_lag: float = tunable(0.015, "s", 0.0, 0.2, "lag over which the force is predicted, improved")
+    command_delay: float = tunable(
+        0.0, "s", 0.0, 0.05, "dead time from a command to the solenoids, made up for as the samples' age is, improved"
+    )
+    dead_zone_speed: float = tunable(
+        1.0e-3, "m/s", 1e-4, 0.02, "piston speed below which the spool stays inside its dead zone, improved"
+    )
+    dead_zone_preview: float = tunable(
+        0.06, "s", 0.0, 0.3, "how long ahead of the reference the spool crosses its dead zone, improved"
+    )
+    load_pole: float = tunable(-20.0, "1/s", -60.0, -1.0, "double pole of the load observer, improved")
+    load_pole_fast: float = tunable(-60.0, "1/s", -90.0, -1.0, "the same while the rate is a surprise, improved")
+    rate_surprise: float = tunable(
+        6.0e-3, "rad/s", 1e-4, 0.1, "rate error from which the load observer is faster (4 sigma of the gyro)"
+    )
+    largest_load: float = tunable(3000.0, "kg", 0.0, 1e5, "largest load that is estimated, improved")
+    flow_pole: float = tunable(
+        -3.0, "1/s", -10.0, 0.0, "pole with which flow that the valve's model misses is learnt, improved"
+    )
+    compliance_gain: float = tunable(8.0, "1/s", 0.0, 30.0, "how quickly the oil's compliance is learnt, improved")
+    compliance_pressure: float = tunable(
+        1.0e6, "Pa", 1e4, 1e7, "pressure change below which it is not learnt, improved"
+    )
+    stall_time: float = tunable(
+        0.5, "s", 0.1, 5.0, "how long the supply may deliver too little before the load counts as too heavy"
+    )
+
+
+SETTINGS = ImprovedSettings
+
+
+def make(mode: str, machine: Machine, pose: Pose, settings: ImprovedSettings) -> Controller:
+    """See :mod:`boom_controller.laws`."""
+    return Improved(machine, pose, settings)
+
+
+class ImprovedState(NamedTuple):
+    """What the law remembers. As it begins: valve centred, nominal oil, no load beyond the configuration's."""
+
+    valve: ValveState = ValveState()
+    load: LoadState = LoadState()
+    head: ChamberState = ChamberState()
+    rod: ChamberState = ChamberState()
+    missed: MissedState = MissedState()
+    stall: StallState = StallState()
+
+
+class Improved:
+    """See the module."""
+
+    mode = "improved"
+
+    def __init__(self, machine: Machine, pose: Pose, settings: ImprovedSettings) -> None:
+        require_pilot_stage(machine, self.mode)
+        self._model = ControlModel(machine, pose)
+        p, e = self._model.p, self._model.e
+        self._area_a, self._area_b = float(p.cylinder.A_a), float(p.cylinder.A_b)
+        self._stroke = float(p.main_valve_spool.s_max)
+        self._map = ValveMap(machine.structure.metering, p, e)
+        dead_zone = max(self._map.dead_extend, self._map.dead_retract)
+        self._valve = ValveFollower(p, e, StaticPilot(p, e), dead_zone, settings.sample_time)
+        self._settings = settings
+        self._law = FlatLaw(self.mode, ImprovedState(), self._after, SETTINGS, settings)
+        self._reason = ""
+
+    def reset(self, measurement: Measurement) -> None:
+        """Rest: valve centred, nominal oil, no load beyond the configuration's."""
+        hose, rod = measurement.hose_pressure, measurement.rod_pressure
+        self._law.start(
+            ImprovedState(
+                head=ChamberState(pressure=hose),
+                rod=ChamberState(pressure=rod),
+                missed=MissedState(force=float(cylinder.force(hose, rod, self._model.p))),
+                stall=StallState(force=hose * self._area_a),
+            )
+        )
+        self._reason = ""
+
+    def step(self, reference: Reference, measurement: Measurement) -> Output:
+        """One sample time."""
+        *quantities, is_stalled = self._law.step(reference, measurement)
+        if is_stalled and not self._reason:
+            self._reason = reason(quantities[-1], measurement.hose_pressure)
+        return Output._make((*quantities, self._reason))
+
+    def change(self, settings: ImprovedSettings) -> None:
+        """Everything but the sample time; the observers' states stay.
+
+        Raises:
+            ControlError: another sample time.
+        """
+        if settings.sample_time != self._settings.sample_time:
+            raise ControlError("sample_time cannot change while running: stop the controller and start it again")
+        self._law.change(settings)
+        self._settings = settings
+
+    def _after(self, x: ImprovedState, r: Reference, m: Measurement, s: Any) -> tuple[ImprovedState, list[Expression]]:
+        """The law as expressions: states one sample time later; ``Output`` up to the load, and whether the supply stalls."""
+        q = self._model.expressions(
+            Point(
+                m.angle, m.rate, m.hose_pressure, m.rod_pressure,
+                r.angle, r.rate, r.acceleration, r.jerk, x.load.load,
+            )
+        )  # fmt: skip
+        load = observe_load(x.load, q, m.rate, s)
+        velocity = q.jacobian * m.rate
+        delay = m.age + s.command_delay
+        head_flow, rod_flow = self._flows(q, self._valve.position_before(x.valve, delay))
+        head = observe_chamber(x.head, m.hose_pressure, q.stiffness_line * (head_flow - self._area_a * velocity), s)
+        rod = observe_chamber(
+            x.rod, m.rod_pressure, q.stiffness_rod * (rod_flow + self._area_b * velocity), s,
+            trusted=m.rod_pressure > CAVITATION,
+        )  # fmt: skip
+        a = self._area_a * q.stiffness_line / head.ratio
+        b = self._area_b * q.stiffness_rod / rod.ratio
+        stiffness = a * self._area_a + b * self._area_b
+        modelled = (a * head_flow - b * rod_flow) / stiffness
+        missed = observe_missed_flow(x.missed, velocity, modelled, q.force, stiffness, s)
+        stall = watch_supply(
+            x.stall, velocity, head_flow / self._area_a, m.hose_pressure * self._area_a, a * self._area_a, s
+        )
+
+        ahead = _ahead(r, s.preview + delay)
+        future = self._model.coming(ahead, load.load)
+        k = gains(stiffness, q.inertia / q.jacobian**2, s)
+        e1 = q.position - q.reference_position
+        e2 = velocity - q.reference_jacobian * r.rate
+        driving = modelled - future.force_rate / stiffness - velocity
+        force = predicted_force(q.force - q.feedforward_force, driving, stiffness, k.frequency, s.remaining_lag)
+        wanted = (future.jacobian * ahead.rate - k.position * e1 - k.velocity * e2 - k.force * force
+                  - missed.speed)  # fmt: skip
+        sigma = stiffness * wanted + future.force_rate
+        coming = future.jacobian * _ahead(r, s.dead_zone_preview + delay).rate
+        spool = self._through_dead_zone(self._spool(q, sigma, a, b, s), sigma / stiffness + coming, s)
+        valve, plus, minus = self._valve.step(x.valve, spool, s)
+        return ImprovedState(valve, load, head, rod, missed, stall), [
+            valve.retract.current, valve.extend.current, r.angle - m.angle, -e1, q.feedforward_force - q.force,
+            q.feedforward_force, 0.0, q.feedforward_force, q.force, spool, plus, minus, load.load, stalled(stall, s),
+        ]  # fmt: skip
+
+    def _flows(self, q: Quantities, position: Expression) -> tuple[Expression, Expression]:
+        """(q_h, q_b) [m^3/s] into the ports, at the spool position s_s [m] that is followed."""
+        supply, tank = self._map.areas(position)
+        return (
+            ca.if_else(position < 0, q.extend_supply * supply, q.retract_tank * tank),
+            ca.if_else(position < 0, q.extend_tank * tank, q.retract_supply * supply),
+        )
+
+    def _spool(self, q: Quantities, sigma: Expression, a: Expression, b: Expression, s: Any) -> Expression:
+        """s_s* [m] of (6.23) for Sigma [N/s]; a, b [N/m^3] are force per volume of both chambers."""
+        largest = s.largest_spool_position * self._stroke
+        return ca.if_else(
+            sigma > 0,
+            -ca.fmin(self._map.extending(sigma, a * q.extend_supply, -b * q.extend_tank), largest),
+            ca.fmin(self._map.retracting(sigma, a * q.retract_tank, -b * q.retract_supply), largest),
+        )
+
+    def _through_dead_zone(self, spool: Expression, speed: Expression, s: Any) -> Expression:
+        """s_s* [m] with its jump across the dead zone made a ramp over ``speed`` [m/s], positive lifts."""
+        share = ca.fmin(ca.fabs(speed) / s.dead_zone_speed, 1.0)
+        edge = ca.if_else(speed > 0, -self._map.dead_extend, self._map.dead_retract)
+        agree = ca.if_else(speed > 0, spool < 0, spool >= 0)
+        return ca.if_else(agree, spool, edge) * share
+
+
+def _ahead(r: Reference, t: Expression) -> Reference:
+    """The reference t [s] later, as its derivatives tell."""
+    return Reference(
+        r.angle + t * (r.rate + t / 2 * (r.acceleration + t / 3 * r.jerk)),
+        r.rate + t * (r.acceleration + t / 2 * r.jerk),
+        r.acceleration + t * r.jerk,
+        r.jerk,
+    )

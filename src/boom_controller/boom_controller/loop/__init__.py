@@ -1,0 +1,1 @@
+"""Sensors, reference, control law and supervision together, without ROS."""

@@ -1,0 +1,455 @@
+"""The whole controller without ROS: samples and requests in, once a period a cycle with currents, state and reason out.
+
+Two clocks. ``now`` [s] is the one that supervises: steady, or the simulation's in lockstep. References and the control law run on
+the stamps of the angle, so that the error compares the reference of a moment with the angle of that moment, however late it came.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+from boom_controller.controller import Settings
+from boom_controller.errors import ControlError
+from boom_controller.loop.law_in_use import LawInUse
+from boom_controller.references.joint_trajectory import Bounds, Code, Point, TrajectoryError, plan
+from boom_controller.references.references import References
+from boom_controller.references.trajectory_generator import TrajectoryGenerator
+from boom_controller.supervision.reasons import Finding
+from boom_controller.supervision.sensor_set import SensorSet
+from boom_controller.supervision.state_machine import State, Supervision
+from boom_controller.supervision.supervision_settings import SupervisionSettings
+from boom_controller.supervision.tracking_goal import Ending, Goals, Tolerances, TrackingGoal
+from boom_controller.supervision.watch import Watch
+from boom_controller.types import Measurement, Output, Reference
+from boom_model.machine import Machine, Pose
+
+_NO_OUTPUT = Output(0.0, 0.0)
+MOST_APART = 0.75
+"""Sample times between the stamps of one set. Three sensors that each keep their own time are at most two thirds apart."""
+
+LATEST_BEGIN = 60.0
+"""s. A trajectory whose stamp lies further ahead is of another clock."""
+
+
+@dataclass(slots=True)
+class Cycle:
+    """What one cycle knew, wanted and did.
+
+    Attributes:
+        time: stamp of the angle that was used [s].
+        state: of the motion.
+        retract, extend: commanded currents [A].
+        reference, measurement, output: as in ``controller``; the output's quantities are NaN while nothing is controlled.
+        status: ok, warning, error or stopped. reason: one sentence, empty while ok.
+        load: estimated load at the tip [kg], NaN where it is not known.
+        endings: trajectories that ended, by their number.
+        duration: wall time of the computation [s].
+    """
+
+    time: float
+    state: State
+    retract: float
+    extend: float
+    reference: Reference
+    measurement: Measurement
+    output: Output
+    status: str
+    reason: str
+    load: float
+    endings: list[tuple[int, Ending]]
+    duration: float
+
+
+class ControlLoop:
+    """References, control law and supervision of one boom.
+
+    Args:
+        mode: of the control law, see ``controller.MODES``.
+        settings: of the control law.
+        supervision: limits and times.
+        watch_cycles: False where time is simulated and cycles cannot come late.
+
+    Attributes:
+        supervision: the state machine.
+        sensors: their newest samples.
+        references: the reference.
+        law: the control law.
+    """
+
+    def __init__(
+        self, mode: str, settings: Settings, supervision: SupervisionSettings, *, watch_cycles: bool = True
+    ) -> None:
+        self.law = LawInUse(mode, settings)
+        self._period: float = settings.sample_time
+        self.supervision = Supervision(supervision)
+        self.sensors = SensorSet()
+        self._watch_cycles = watch_cycles
+        self._watch: Watch | None = None
+        self.references = References(
+            TrajectoryGenerator(settings.generator_pole, self._period), self._period,
+            supervision.stop_deceleration, supervision.largest_rate, supervision.blend,
+        )  # fmt: skip
+        self._emergency = False
+        self._conflict = ""
+        self._note = ""
+        self._last_cycle: float | None = None
+        self._last_reference = -math.inf
+        self._refused_stream = ""
+        self._time = 0.0
+        self._last_output = (0.0, 0.0)
+        self._goals = Goals()
+
+    # ---------------------------------------------------------------------------------------------------- configuration
+
+    def configure(self, machine: Machine, pose: Pose) -> None:
+        """The machine in its pose; not while it moves.
+
+        Raises:
+            ControlError, ModelError: the control law cannot be made for it, or the boom moves.
+        """
+        if self.supervision.moving:
+            raise ControlError("the boom moves: stop it before the configuration changes")
+        self.law.configure(machine, pose)
+        self.sensors.set_stroke(*machine.angle_limits)
+        self._watch = Watch(self.supervision.settings, machine.angle_limits)
+        self._use_supervision(self.supervision.settings)
+
+    def configuration_changes(self, now: float) -> None:
+        """Another machine, pose or load was told: a boom in motion is stopped, then ``configure`` can be called."""
+        if self.supervision.moving:
+            self._stop(
+                Finding("configuration_changed", "another machine, pose or load was told during the motion"), now
+            )
+
+    @property
+    def configuration(self) -> tuple[Machine, Pose] | None:
+        """Machine and pose in use."""
+        return self.law.configuration
+
+    def change(
+        self,
+        *,
+        mode: str | None = None,
+        settings: Settings | None = None,
+        supervision: SupervisionSettings | None = None,
+    ) -> None:
+        """Other numbers from the next cycle on, without a jump of the currents.
+
+        Raises:
+            ControlError: no such mode, or the change needs a new start.
+        """
+        controlled = self.supervision.closed_loop
+        blend = self.supervision.settings.blend if controlled else 0.0
+        if settings is not None:
+            self.law.change_settings(settings, blend)
+            self.references.change(self.law.settings.generator_pole)
+        if supervision is not None:
+            self._use_supervision(supervision)
+        if mode is not None:
+            self.law.change_mode(mode, self.sensors.newest() if controlled else None, self.supervision.settings.blend)
+
+    def _use_supervision(self, new: SupervisionSettings) -> None:
+        self.supervision.settings = new
+        r = self.references
+        r.deceleration, r.fastest, r.blend = new.stop_deceleration, new.largest_rate, new.blend
+        if self._watch is not None and self.configuration is not None:
+            low, high = new.angles(self.configuration[0].angle_limits)
+            self._watch.settings, self._watch.angles = new, (low, high)
+            self._angles = (low + new.angle_margin, high - new.angle_margin)
+
+    # ------------------------------------------------------------------------------------------------------------ samples
+
+    def joint(self, angle: float, rate: float, stamp: float, measured: float) -> None:
+        """Angle [rad] and rate [rad/s], stamped [s], measured at the supervising clock's time [s]."""
+        self.sensors.take_joint(angle, rate, stamp, measured)
+
+    def hose_pressure(self, pressure: float, stamp: float, measured: float) -> None:
+        """p_h [Pa gauge], like ``joint``."""
+        self.sensors.hose.take((pressure,), stamp, measured)
+
+    def rod_pressure(self, pressure: float, stamp: float, measured: float) -> None:
+        """p_b [Pa gauge], like ``joint``."""
+        self.sensors.rod.take((pressure,), stamp, measured)
+
+    def currents(self, retract: float, extend: float, stamp: float, measured: float) -> None:
+        """Measured currents [A], like ``joint``. They need not be there."""
+        self.sensors.currents.take((retract, extend), stamp, measured)
+
+    def due(self, now: float) -> bool:
+        """True where a cycle is to run now because the sensors are complete; two never follow within a quarter period."""
+        return self.sensors.complete(MOST_APART * self._period) and (
+            self._last_cycle is None or now - self._last_cycle >= 0.25 * self._period
+        )
+
+    def overdue(self, now: float) -> bool:
+        """True where a cycle is to run although samples are missing: one of a set is late, or all are."""
+        if self._last_cycle is None:
+            return True
+        return now - self._last_cycle >= (1.3 if self.sensors.begun else 1.7) * self._period
+
+    # ----------------------------------------------------------------------------------------------------------- requests
+
+    def emergency_stop(self, wanted: bool, now: float) -> None:
+        """The topic's state: true stops, false allows to resume."""
+        self._emergency = wanted
+        if wanted:
+            self._stop(Finding("emergency_stop", "emergency stop"), now)
+
+    def stop_now(self, now: float) -> None:
+        """The emergency stop by service: once."""
+        self._stop(Finding("emergency_stop", "emergency stop by service"), now)
+
+    def conflict(self, text: str) -> None:
+        """What stands against moving from outside the loop, in a sentence; empty: nothing. More than one drives the boom."""
+        self._conflict = text
+
+    def fault(self, text: str, now: float) -> bool:
+        """This program failed. Ramps to zero, the second time at once: the cycle itself may be what fails. True while it ramps."""
+        again = self.supervision.finding is not None and self.supervision.finding.reason == "internal_error"
+        self._stop(Finding("internal_error", text), now)
+        if again or not self._watch_cycles:
+            self.supervision.drop()
+            self._last_output = (0.0, 0.0)
+        return self.supervision.moving
+
+    def resume(self, now: float) -> tuple[bool, str]:
+        """The explicit command to go on after a stop. Success, and a line for the operator."""
+        return self.supervision.resume(self._standing(now))
+
+    def stream(self, wanted: float, now: float) -> None:
+        """A wanted angle [rad] of /boom/reference."""
+        if not math.isfinite(wanted):
+            self._refuse_stream(f"the reference is {wanted}: it is not used")
+            return
+        self._last_reference = now
+        low, high = self._angles if self.configuration else (-math.inf, math.inf)
+        clamped = min(max(wanted, low), high)
+        came = now if self._watch_cycles else None
+        state = self.supervision.state
+        if state is State.TRACK:
+            if self.references.kind == "stream":
+                self.references.stream(clamped, came)
+                self._note = (
+                    "" if clamped == wanted else f"the reference of {wanted:.3f} rad is beyond {clamped:.3f} rad"
+                )
+            return  # a trajectory on its way goes first
+        if state not in (State.IDLE, State.HOLD):
+            return
+        missing = self._not_ready(now)
+        if missing:
+            self._refuse_stream(missing)
+            return
+        present = self.references.present.angle if state is State.HOLD else self.sensors.joint.values[0]
+        tolerance = self.supervision.settings.start_tolerance
+        if abs(wanted - present) > tolerance:
+            self._refuse_stream(
+                f"the reference of {wanted:.3f} rad is not followed, the boom is at {present:.3f} rad: "
+                f"bring it within {tolerance:g} rad to begin"
+            )
+            return
+        self._begin()
+        self._refused_stream = self._note = ""
+        self.references.stream(clamped, came)
+        self.supervision.track()
+
+    def start(
+        self, points: Sequence[Point], now: float, *, begin: float | None = None, tolerances: Tolerances | None = None
+    ) -> int:
+        """A planned motion, from the next cycle on, or from the stamp `begin` [s]. Returns its number, for ``Cycle.endings``.
+
+        Raises:
+            TrajectoryError: it is refused; says why.
+        """
+        state = self.supervision.state
+        if state in (State.STOPPING, State.STOPPED):
+            why = self.supervision.finding.text if self.supervision.finding else ""
+            raise TrajectoryError(f"the boom is {state.value}: {why}; call ~/resume first")
+        missing = self._not_ready(now)
+        if missing:
+            raise TrajectoryError(missing)
+        measured = self.sensors.joint.values[0]
+        present = Reference(measured) if state is State.IDLE else self.references.present
+        limits = self.supervision.settings
+        if begin is not None and points and begin + points[-1].time < self.sensors.joint.stamp:
+            raise TrajectoryError(
+                f"the trajectory ended {self.sensors.joint.stamp - begin - points[-1].time:.1f} s ago by its stamp: "
+                "stamp it with the present, or with zero for at once",
+                Code.OLD_HEADER_TIMESTAMP,
+            )
+        if begin is not None and begin - self.sensors.joint.stamp > LATEST_BEGIN:
+            raise TrajectoryError(
+                f"the trajectory begins in {begin - self.sensors.joint.stamp:.0f} s by its stamp: at most {LATEST_BEGIN:g} s ahead "
+                "are waited for",
+                Code.OLD_HEADER_TIMESTAMP,
+            )
+        trajectory = plan(points, present, measured, Bounds(*self._angles, limits.largest_rate, limits.start_tolerance))
+        from_now = begin if begin is not None else max(self.sensors.joint.stamp, self._time)
+        first = trajectory.at(self.sensors.joint.stamp - from_now).angle
+        if abs(first - present.angle) > limits.start_tolerance:
+            raise TrajectoryError(
+                f"the trajectory is at {first:.3f} rad now and the boom at {present.angle:.3f} rad: "
+                f"begin within {limits.start_tolerance:g} rad"
+            )
+        self._goals.end(Code.INVALID_GOAL, "replaced by a new trajectory")
+        if state is State.IDLE:
+            self._begin()
+        self.references.start(trajectory, from_now)
+        self.supervision.track()
+        self._note = ""
+        asked = tolerances or Tolerances.asked(0.0, 0.0, 0.0, limits)
+        return self._goals.start(TrackingGoal(asked, trajectory.duration, trajectory.goal))
+
+    def cancel(self, number: int | None = None) -> bool:
+        """End a trajectory (that of this number, or whatever moves): the boom comes to rest and is held."""
+        if number is not None and not self._goals.runs(number):
+            return False
+        self._goals.end(Code.SUCCESSFUL, "cancelled: the boom holds its position")
+        if self.supervision.state is State.TRACK:
+            self._to_hold("")
+        return True
+
+    def drop(self) -> tuple[float, float]:
+        """End control (deactivation). Returns the currents [A] that the caller has to bring to zero."""
+        self._goals.end(Code.INVALID_GOAL, "the controller was deactivated")
+        self.supervision.drop()
+        last, self._last_output = self._last_output, (0.0, 0.0)
+        self._last_cycle = None
+        self.sensors.forget()
+        return last
+
+    # -------------------------------------------------------------------------------------------------------------- cycle
+
+    def cycle(self, now: float) -> Cycle:
+        """One period."""
+        begin = perf_counter()
+        sensors, supervision = self.sensors, self.supervision
+        gap = 0.0 if self._last_cycle is None else now - self._last_cycle
+        self._last_cycle = now
+        self._time = sensors.joint.stamp if sensors.joint.fresh else self._time + gap
+        measurement = sensors.use(now)
+        if supervision.moving:
+            finding = self._cycles_missed(gap, now)
+            # what stood still itself finds old samples; that a cycle was late is the cause then
+            if finding is None or gap <= supervision.settings.longest_cycle:
+                finding = self._standing(now) or finding
+            if finding is not None:
+                self._stop(finding, now)
+        if supervision.state is State.TRACK and self.references.kind == "stream":
+            self._listen(now)
+        reference, output = self._act(measurement, now)
+        left = supervision.advance(now, self.references.resting)
+        retract, extend = self._last_output[0] * left, self._last_output[1] * left
+        if supervision.state is State.STOPPED:
+            self._last_output = (0.0, 0.0)
+        elif supervision.state is State.TRACK:
+            self._look_at_goal(reference, measurement)
+        status, reason = self._status(now)
+        load = output.estimated_load + self.configuration[1].load if self.configuration else math.nan
+        return Cycle(
+            self._time, supervision.state, retract, extend, reference, measurement, output, status, reason, load,
+            self._goals.pop_endings(), perf_counter() - begin,
+        )  # fmt: skip
+
+    def _act(self, measurement: Measurement, now: float) -> tuple[Reference, Output]:
+        watch = self._watch
+        if not self.supervision.closed_loop or watch is None:
+            if self.supervision.state is State.STOPPING:
+                return self.references.present, _NO_OUTPUT
+            return Reference(measurement.angle), _NO_OUTPUT
+        if self.law.glide():
+            self.references.change(self.law.settings.generator_pole)
+        reference = self.references.advance(self._time, now - measurement.age)
+        output = self.law.step(reference, measurement)
+        finding = watch.motion(measurement, reference, output, now)
+        if finding is None:
+            seen = self.sensors.measured_currents(now, self.supervision.settings.sensor_timeout)
+            finding = watch.currents(self._last_output, seen, now)
+        if math.isfinite(output.retract) and math.isfinite(output.extend):
+            self._last_output = (output.retract, output.extend)
+        if finding is not None:
+            self._stop(finding, now)
+        return reference, output
+
+    def _begin(self) -> None:
+        """From idle into the closed loop."""
+        if self.supervision.state is not State.IDLE:
+            return
+        assert self.law.controller is not None and self._watch is not None  # readiness was checked
+        measurement = self.sensors.newest()
+        self.law.controller.reset(measurement)
+        self._time = measurement.time
+        self.references.reset(measurement.angle, self._time)
+        self._watch.reset()
+        self._last_output = (0.0, 0.0)
+
+    def _listen(self, now: float) -> None:
+        silence = now - self._last_reference
+        if silence > self.supervision.settings.reference_timeout:
+            self._to_hold(f"no reference for {1e3 * silence:.0f} ms: the boom holds its position")
+
+    def _to_hold(self, note: str) -> None:
+        self.references.rest()
+        self.supervision.hold()
+        self._note = note
+
+    def _look_at_goal(self, reference: Reference, measurement: Measurement) -> None:
+        ending = self._goals.look(self.references.elapsed, reference.angle, measurement.angle)
+        if ending is not None:
+            failed = ending.code is not Code.SUCCESSFUL
+            self._to_hold(f"trajectory aborted: {ending.text}; the boom holds its position" if failed else "")
+
+    # ------------------------------------------------------------------------------------------------------- supervision
+
+    def _stop(self, finding: Finding, now: float) -> None:
+        if self.supervision.stop(finding, now):
+            self._note = ""
+            self._goals.end(Code.INVALID_GOAL, f"stopped: {finding.text}")
+            if self.supervision.closed_loop:
+                self.references.rest()
+
+    def _standing(self, now: float) -> Finding | None:
+        """A reason that holds now, whatever the state."""
+        if self._emergency:
+            return Finding("emergency_stop", "emergency stop")
+        if self._conflict:
+            return Finding("two_publishers", self._conflict)
+        return self.sensors.finding(now, self.supervision.settings)
+
+    def _cycles_missed(self, gap: float, now: float) -> Finding | None:
+        if self._watch is None or not self._watch_cycles:
+            return None
+        return self._watch.cycle(gap, self._period, now)
+
+    def _not_ready(self, now: float) -> str:
+        if self.law.controller is None:
+            return "not ready: no /boom/machine_configuration yet"
+        finding = self._standing(now)
+        return f"not ready: {finding.text}" if finding is not None else ""
+
+    def _refuse_stream(self, text: str) -> None:
+        self._refused_stream = self._note = text
+
+    def _status(self, now: float) -> tuple[str, str]:
+        finding = self.supervision.finding
+        if finding is not None:
+            return "stopped", f"{finding.reason}: {finding.text}"
+        if self.supervision.state is State.IDLE:
+            missing = self._not_ready(now)
+            if missing:
+                return "warning", missing
+            if self._refused_stream and now - self._last_reference > 1.0:
+                self._refused_stream = self._note = ""
+        return ("warning", self._note) if self._note else ("ok", "")
+
+    def pop_endings(self) -> list[tuple[int, Ending]]:
+        """Trajectories that ended since this was asked last, by their number; ``cycle`` asks."""
+        return self._goals.pop_endings()
+
+    def goal_progress(self, number: int) -> tuple[float, float, float] | None:
+        """Of the running trajectory of that number: wanted and measured angle [rad], time since its start [s]."""
+        if not self._goals.runs(number):
+            return None
+        return self.references.present.angle, self.sensors.joint.values[0], self.references.elapsed

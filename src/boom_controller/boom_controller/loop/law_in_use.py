@@ -1,0 +1,99 @@
+"""The control law that commands: its mode and settings, changed in motion without a jump of the currents. No ROS.
+
+To make a law takes a tenth of a second, and ten times that where it has to be compiled: too long for a boom that moves. So all are
+made while it stands, when the machine is told.
+"""
+
+from __future__ import annotations
+
+from boom_controller.controller import MODES, Settings, make_controller
+from boom_controller.errors import ControlError
+from boom_controller.loop.gradual import GradualSettings
+from boom_controller.loop.handover import Handover
+from boom_controller.types import Controller, Measurement, Output, Reference
+from boom_model.machine import Machine, Pose
+
+
+class LawInUse:
+    """One control law for one machine in one pose.
+
+    Args:
+        mode: see ``controller.MODES``.
+        settings: of the law.
+
+    Attributes:
+        mode, settings: as they count now; settings that glide are on their way.
+        configuration: machine and pose; None before :meth:`configure`.
+        controller: the law; while two hand over, both of them.
+    """
+
+    def __init__(self, mode: str, settings: Settings) -> None:
+        self.mode, self.settings = mode, settings
+        self.configuration: tuple[Machine, Pose] | None = None
+        self.controller: Controller | None = None
+        self._laws: dict[str, Controller] = {}
+        self._gradual: GradualSettings | None = None
+
+    def configure(self, machine: Machine, pose: Pose) -> None:
+        """The machine in its pose.
+
+        Raises:
+            ControlError, ModelError: a law cannot be made for it; the old ones stay.
+        """
+        wanted_first = sorted(MODES, key=lambda mode: mode != self.mode)
+        self._laws = {mode: make_controller(mode, machine, pose, self.settings) for mode in wanted_first}
+        self.controller = self._laws[self.mode]
+        self.configuration = (machine, pose)
+
+    def change_settings(self, settings: Settings, seconds: float) -> None:
+        """Other settings, reached within so many seconds [s]; 0: at once.
+
+        Raises:
+            ControlError: another sample time.
+        """
+        if settings == (self._gradual.new if self._gradual else self.settings):
+            return
+        if settings.sample_time != self.settings.sample_time:
+            raise ControlError("sample_time cannot change while running: stop the controller and start it again")
+        self._gradual = GradualSettings(self.settings, settings, round(seconds / settings.sample_time))
+        self.glide()
+
+    def glide(self) -> bool:
+        """One step further where settings are on their way. True where they have changed."""
+        if self._gradual is None:
+            return False
+        self.settings = self._gradual.next()
+        if self._gradual.finished:
+            self._gradual = None
+        if self.controller is not None:
+            self.controller.change(self.settings)
+        return True
+
+    def change_mode(self, mode: str, present: Measurement | None, seconds: float) -> None:
+        """Another law. ``present``: what the sensors show, from which it takes over within ``seconds`` [s]; None: at once.
+
+        Raises:
+            ControlError: no such mode.
+        """
+        if mode not in MODES:
+            raise ControlError(f"mode {mode}: there is {', '.join(MODES)}")
+        if mode == self.mode:
+            return
+        if self._laws:
+            new, old = self._laws[mode], self.controller
+            new.change(self.settings)
+            if present is not None and old is not None:
+                new.reset(present)
+                law = old.new if isinstance(old, Handover) else old
+                new = Handover(law, new, round(seconds / self.settings.sample_time))
+            self.controller = new
+        self.mode = mode
+
+    def step(self, reference: Reference, measurement: Measurement) -> Output:
+        """One sample time of a law that is configured."""
+        controller = self.controller
+        assert controller is not None  # nothing is tracked or held before
+        output = controller.step(reference, measurement)
+        if isinstance(controller, Handover) and controller.finished:
+            self.controller = controller.new
+        return output

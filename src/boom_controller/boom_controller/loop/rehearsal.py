@@ -1,0 +1,45 @@
+"""A cycle for nobody, run between two cycles: what it touches is in the processor's caches then. No ROS.
+
+Between two cycles of 10 ms the processor forgets code and data of the control law: other programs, and other tenants of the
+computer, use the same caches. A cycle takes five times as long then as in a loop without pauses. So a second loop with states of
+its own goes the way of a cycle just before. Nothing of it goes anywhere.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from boom_controller.controller import Settings
+from boom_controller.loop.control_loop import ControlLoop
+from boom_controller.supervision.sensor_set import SensorSet
+from boom_controller.supervision.supervision_settings import SupervisionSettings
+from boom_model.machine import Machine, Pose
+
+
+class Rehearsal:
+    """The second loop. Arguments, :meth:`configure` and :meth:`change`: as of the :class:`ControlLoop` that it goes before."""
+
+    def __init__(self, mode: str, settings: Settings, supervision: SupervisionSettings) -> None:
+        self._loop = ControlLoop(mode, settings, supervision)
+
+    def configure(self, machine: Machine, pose: Pose) -> None:
+        """The machine in its pose."""
+        self._loop.configure(machine, pose)
+
+    def change(self, **changes: Any) -> None:
+        """Other numbers."""
+        self._loop.change(**changes)
+
+    def run(self, sensors: SensorSet, now: float) -> str:
+        """One cycle from rest with the newest samples; ``now`` [s]. Returns the state that it ended in."""
+        loop, newest = self._loop, sensors.newest()
+        retract, extend = sensors.currents.values
+        loop.joint(newest.angle, newest.rate, newest.time, now)
+        loop.hose_pressure(newest.hose_pressure, newest.time, now)
+        loop.rod_pressure(newest.rod_pressure, newest.time, now)
+        loop.currents(retract, extend, newest.time, now)
+        loop.resume(now)  # after whatever stopped the one before
+        loop.stream(newest.angle, now)
+        state = loop.cycle(now).state
+        loop.drop()
+        return state.value

@@ -1,0 +1,126 @@
+"""The action TrackTrajectory: goals in, feedback and a result that says why. A goal that is refused is answered by its result.
+
+rclpy tells a client of a rejected goal nothing but that it was rejected; so every goal is accepted, and one that cannot be tracked
+is aborted at once with code and sentence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+
+from boom_controller.references.joint_trajectory import Code, TrajectoryError
+from boom_controller.supervision.tracking_goal import Ending
+from boom_interfaces.action import TrackTrajectory
+from boom_node.stamps import seconds_to_ns, set_ns
+
+
+class _Server(ActionServer):
+    """rclpy's action server, but a goal that is on its way is no task.
+
+    rclpy executes a goal as a coroutine that waits until it is over. The EventsExecutor runs a task that waits again and again, at
+    the cost of a whole core, and whatever brings samples has to fight for the queue that it turns: they came up to 100 ms late.
+    Here the task begins where the goal has ended, and ends at once.
+    """
+
+    begin: Callable[[Any], None]
+
+    def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
+        """A goal was accepted."""
+        self.begin(goal_handle)
+
+    def end(self, goal_handle: Any, ending: Ending) -> None:
+        """It has ended: tell the client."""
+
+        def result(_: Any) -> Any:
+            if goal_handle.is_cancel_requested:
+                goal_handle.canceled()
+            elif ending.code is Code.SUCCESSFUL and not ending.text:
+                goal_handle.succeed()
+            else:
+                goal_handle.abort()
+            return TrackTrajectory.Result(
+                error_code=int(ending.code), error_string=ending.text, max_error=float(ending.largest_error)
+            )
+
+        super().notify_execute(goal_handle, result)
+
+
+class TrajectoryAction:
+    """The server of one node, once it is offered.
+
+    Args:
+        node: the node.
+        start: starts a goal and returns its number; raises TrajectoryError.
+        cancel: ends the trajectory of a number; False where it does not run.
+    """
+
+    def __init__(self, node: Any, start: Callable[[Any], int], cancel: Callable[[int], bool]) -> None:
+        self._node, self._start, self._cancel = node, start, cancel
+        self._running: dict[int, Any] = {}
+        self._server: _Server | None = None
+
+    @property
+    def offered(self) -> bool:
+        """Whether there is a server."""
+        return self._server is not None
+
+    def offer(self) -> None:
+        """Make the server."""
+        self._server = _Server(
+            self._node,
+            TrackTrajectory,
+            "~/track_trajectory",
+            execute_callback=self._begin,
+            goal_callback=lambda _: GoalResponse.ACCEPT,
+            cancel_callback=self._on_cancel,
+            result_timeout=60,
+        )
+        self._server.begin = self._begin
+
+    @property
+    def running(self) -> list[int]:
+        """Numbers of the goals on their way."""
+        return list(self._running)
+
+    def end(self, number: int, ending: Ending) -> bool:
+        """A trajectory has ended. False where it was no goal of the action."""
+        handle = self._running.pop(number, None)
+        if handle is None or self._server is None:
+            return False
+        self._server.end(handle, ending)
+        return True
+
+    def feed_back(self, number: int, stamp_ns: int, progress: tuple[float, float, float]) -> None:
+        """Wanted and measured angle [rad] and time since the start [s] of a trajectory."""
+        handle = self._running.get(number)
+        if handle is None:
+            return
+        wanted, actual, elapsed = progress
+        message = TrackTrajectory.Feedback(desired_angle=wanted, actual_angle=actual, error_angle=wanted - actual)
+        set_ns(message.header.stamp, stamp_ns)
+        set_ns(message.time_from_start, seconds_to_ns(max(elapsed, 0.0)))
+        handle.publish_feedback(message)
+
+    def _begin(self, handle: Any) -> None:
+        assert self._server is not None  # who calls
+        try:
+            self._running[self._start(handle.request)] = handle
+        except TrajectoryError as error:
+            self._server.end(handle, Ending(error.code, str(error), 0.0))
+        except Exception:
+            self._server.end(handle, Ending(Code.INVALID_GOAL, "internal error: see the log of the controller", 0.0))
+            raise
+
+    def _on_cancel(self, handle: Any) -> CancelResponse:
+        number = next((number for number, running in self._running.items() if running is handle), None)
+        if number is None or not self._cancel(number):
+            return CancelResponse.REJECT
+        return CancelResponse.ACCEPT
+
+    def destroy(self) -> None:
+        """Take the server away."""
+        if self._server is not None:
+            self._server.destroy()

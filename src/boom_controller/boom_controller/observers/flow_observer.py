@@ -1,0 +1,64 @@
+"""What the oil does, learnt while running: how soft each chamber is, and how much flow the valve's model misses.
+
+Compliance of a chamber, against the nominal one:  int k (q - A v) dt = kappa (p - p_0), k the nominal dp/dV. Both
+sides pass the same high-pass filter; kappa follows by a normalised gradient, only while the pressure
+moves. The regression is on the pressure, which is measured, so that an error of the modelled flow does not bias kappa.
+
+Flow that the model misses, as a piston speed:  d^' = w (v + f_p' / K - Q - d^), Q the speed that the modelled flows would give.
+"""
+
+from __future__ import annotations
+
+from math import exp
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from boom_controller.blocks.limits import limited
+from boom_model.regularisation import Expression
+
+SOFTEST, STIFFEST = 8.0, 0.7
+"""Limits of kappa: air in the oil (beta x 0.2, Table 6.1) with a margin."""
+FORGETTING = 2.0
+"""1/s, of the high-pass filter."""
+LARGEST_MISSED = 0.05
+"""m/s."""
+
+
+class ChamberState(NamedTuple):
+    """kappa [-]; both sides of the regression behind the high-pass filter [Pa], and p [Pa] of the sample before."""
+
+    ratio: Expression = 1.0
+    volume: Expression = 0.0
+    moved: Expression = 0.0
+    pressure: Expression = 0.0
+
+
+class MissedState(NamedTuple):
+    """d^ [m/s], and f_p [N] of the sample before."""
+
+    speed: Expression = 0.0
+    force: Expression = 0.0
+
+
+def observe_chamber(
+    x: ChamberState, pressure: Expression, expected_rate: Expression, s: Any, trusted: Expression = 1.0
+) -> ChamberState:
+    """One sample time: p [Pa], k (q - A v) [Pa/s] of the nominal chamber; ``trusted``: 0 only filters. ``s``: settings."""
+    t = s.sample_time
+    keep = exp(-FORGETTING * t)
+    volume = keep * x.volume + t * expected_rate
+    moved = keep * x.moved + pressure - x.pressure
+    y, size = moved, s.compliance_pressure
+    change = s.compliance_gain * t * y * (volume - x.ratio * y) / (size * size + y * y)
+    learnt = limited(x.ratio + change, STIFFEST, SOFTEST)
+    return ChamberState(ca.if_else(trusted, learnt, x.ratio), volume, moved, pressure)
+
+
+def observe_missed_flow(
+    x: MissedState, velocity: Expression, modelled: Expression, force: Expression, stiffness: Expression, s: Any
+) -> MissedState:
+    """One sample time: v and Q [m/s], f_p [N], K [N/m], settings ``s``."""
+    gained = s.sample_time * (velocity - modelled - x.speed) + (force - x.force) / stiffness
+    speed = x.speed - s.flow_pole * gained
+    return MissedState(limited(speed, -LARGEST_MISSED, LARGEST_MISSED), force)

@@ -1,0 +1,1 @@
+"""Where the boom shall be, over time."""

@@ -1,0 +1,183 @@
+"""A planned motion: points with times become a reference over time. No ROS.
+
+The fields of the points decide, as in ros2_controllers: accelerations give quintics, rates alone cubics, angles alone straight
+lines. Straight lines have corners that no crane can follow, so they are led through the trajectory generator (6.27), which
+delays them by some 0.4 s. All points have the same fields. A first point later than zero is reached from the present reference.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from itertools import pairwise
+
+import numpy as np
+
+from boom_controller.references.polynomial import Polynomial, cubic, linear, quintic
+from boom_controller.types import Reference
+
+SETTLING = 1.2
+"""s. The generator's four poles at -10 1/s have come within 0.3 % of a straight line's end by then."""
+MOST_POINTS = 1000
+"""More would hold up the cycles while they are read and checked: some 10 us a point."""
+_SAMPLES = 25
+_REST_RATE = 1e-3
+
+
+class Code(IntEnum):
+    """Error codes of boom_interfaces/TrackTrajectory."""
+
+    SUCCESSFUL = 0
+    INVALID_GOAL = -1
+    INVALID_JOINTS = -2
+    OLD_HEADER_TIMESTAMP = -3
+    PATH_TOLERANCE_VIOLATED = -4
+    GOAL_TOLERANCE_VIOLATED = -5
+
+
+class TrajectoryError(ValueError):
+    """A trajectory that is refused; the message is one line that says why. ``code``: as the action tells it."""
+
+    exit_status = 2
+
+    def __init__(self, message: str, code: Code = Code.INVALID_GOAL) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where the boom shall be at `time` [s] after the start: angle [rad], rate [rad/s], acceleration [rad/s^2] or None."""
+
+    time: float
+    angle: float
+    rate: float | None = None
+    acceleration: float | None = None
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a trajectory may ask for: angle [rad] between low and high, at most `rate` [rad/s]; the start may be off [rad]."""
+
+    low: float
+    high: float
+    rate: float
+    start: float
+
+
+class JointTrajectory:
+    """A checked trajectory.
+
+    Attributes:
+        duration: [s] from the start until the goal shall be reached.
+        goal: angle of the last point [rad].
+        smoothed: True where only angles were given: what ``at`` gives has to go through the trajectory generator.
+    """
+
+    def __init__(self, times: Sequence[float], pieces: Sequence[Polynomial], goal: float, smoothed: bool) -> None:
+        self._begins = tuple(times[:-1])
+        self._pieces = tuple(pieces)
+        self._planned = times[-1]
+        self.goal = goal
+        self.smoothed = smoothed
+        self.duration = self._planned + (SETTLING if smoothed else 0.0)
+
+    def at(self, time: float) -> Reference:
+        """The reference at `time` [s] since the start: before it the first point, behind the end the last one, at rest."""
+        if time >= self._planned:
+            return Reference(self.goal, 0.0, 0.0, 0.0)
+        if time < 0.0:
+            return Reference(self._pieces[0].at(0.0).angle, 0.0, 0.0, 0.0)
+        k = max(bisect_right(self._begins, time) - 1, 0)
+        return self._pieces[k].at(time - self._begins[k])
+
+
+def plan(points: Sequence[Point], present: Reference, measured: float, bounds: Bounds) -> JointTrajectory:
+    """A trajectory from `points`, beginning at the `present` reference of a boom at the `measured` angle [rad].
+
+    Raises:
+        TrajectoryError: no points, times that do not ascend, fields that are missing or not finite, a motion at the end, a
+            start away from the boom, angles or rates beyond the bounds.
+    """
+    _check_fields(points)
+    last = points[-1]
+    if last.rate is not None and abs(last.rate) > _REST_RATE:
+        raise TrajectoryError(
+            f"the last point has a rate of {last.rate:g} rad/s: the boom holds there, so give a rate of 0"
+        )
+    first = points[0]
+    if first.time <= 0.0 and abs(first.angle - measured) > bounds.start:
+        raise TrajectoryError(
+            f"the first point is {abs(first.angle - measured):.3f} rad away from the boom at {measured:.3f} rad: begin within "
+            f"{bounds.start:g} rad, or give the first point a time above 0 to move there"
+        )
+    if first.time > 0.0:
+        begin = Point(
+            0.0,
+            present.angle,
+            None if first.rate is None else present.rate,
+            None if first.acceleration is None else present.acceleration,
+        )
+        points = [begin, *points]
+    pieces = [_piece(a, b) for a, b in pairwise(points)]
+    if not pieces:  # one point at time zero: be there
+        pieces, points = [Polynomial(first.angle)], [first, first]
+    result = JointTrajectory([point.time for point in points], pieces, last.angle, smoothed=last.rate is None)
+    _check_bounds(points, pieces, bounds)
+    return result
+
+
+def _check_fields(points: Sequence[Point]) -> None:
+    if not points:
+        raise TrajectoryError("the trajectory has no points: give at least one")
+    before = -math.inf
+    for k, point in enumerate(points):
+        numbers = [point.time, point.angle, point.rate or 0.0, point.acceleration or 0.0]
+        if not all(math.isfinite(number) for number in numbers):
+            raise TrajectoryError(f"point {k}: a number is not finite")
+        if point.time < 0.0 or point.time <= before:
+            raise TrajectoryError(f"point {k} is at {point.time:g} s: times have to ascend strictly, from 0 s on")
+        before = point.time
+        if (point.rate is None, point.acceleration is None) != (points[0].rate is None, points[0].acceleration is None):
+            raise TrajectoryError(
+                f"point {k} has other fields than the first one: give rates and accelerations for all"
+            )
+        if point.rate is None and point.acceleration is not None:
+            raise TrajectoryError(f"point {k} has an acceleration but no rate: give the rate too")
+
+
+def _piece(a: Point, b: Point) -> Polynomial:
+    duration = b.time - a.time
+    if a.rate is None or b.rate is None:
+        return linear(a.angle, b.angle, duration)
+    if a.acceleration is None or b.acceleration is None:
+        return cubic((a.angle, a.rate), (b.angle, b.rate), duration)
+    return quintic((a.angle, a.rate, a.acceleration), (b.angle, b.rate, b.acceleration), duration)
+
+
+def _check_bounds(points: Sequence[Point], pieces: Sequence[Polynomial], bounds: Bounds) -> None:
+    count = max(2, min(_SAMPLES, 20_000 // len(pieces)))
+    begins = np.array([point.time for point in points])
+    t = np.diff(begins)[:, None] * np.linspace(0.0, 1.0, count)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is no number any more is out of bounds, too
+        c0, c1, c2, c3, c4, c5 = np.array([piece.coefficients for piece in pieces]).T[:, :, None]
+        angle = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
+        rate = c1 + t * (2 * c2 + t * (3 * c3 + t * (4 * c4 + t * 5 * c5)))
+        inside = (bounds.low <= angle) & (angle <= bounds.high)
+        wrong = ~(inside & (np.abs(rate) <= bounds.rate))
+    if not wrong.any():
+        return
+    k, i = (int(index) for index in np.unravel_index(np.argmax(wrong), wrong.shape))
+    when = begins[k] + t[k, i]
+    if not inside[k, i]:
+        raise TrajectoryError(
+            f"at {when:.2f} s the trajectory is at {angle[k, i]:.3f} rad: the boom moves between "
+            f"{bounds.low:.3f} and {bounds.high:.3f} rad"
+        )
+    raise TrajectoryError(
+        f"at {when:.2f} s the trajectory moves at {rate[k, i]:.3f} rad/s: at most {bounds.rate:g} rad/s is "
+        "allowed; give it more time"
+    )

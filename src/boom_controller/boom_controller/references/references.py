@@ -1,0 +1,178 @@
+"""Where the boom shall be: the one reference that the control law sees, whatever it comes from, without a jump.
+
+Sources: a stream of wanted angles through the trajectory generator (6.27), a planned trajectory, and rest. When the source
+changes, what the old one was ahead of the new one (angle, rate, acceleration) fades as a quintic within ``blend`` seconds, so that
+angle, rate and acceleration go on. To rest it comes by a bounded ramp, see :func:`boom_controller.references.polynomial.to_rest`.
+
+In real time a stream and the cycles each have a clock of their own: between two cycles there may come none or two wanted angles,
+which would double or skip a step. So what counts is the angle wanted one and a half sample times before the sensors' sample, on
+the straight line between the two that came around then.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Literal
+
+from boom_controller.references.joint_trajectory import JointTrajectory
+from boom_controller.references.polynomial import Polynomial, quintic, to_rest
+from boom_controller.references.trajectory_generator import TrajectoryGenerator
+from boom_controller.types import Reference
+
+Kind = Literal["rest", "stream", "trajectory"]
+_SHORTEST_RAMP = 0.2
+_MOST_STEPS = 10
+_REMEMBERED = 4
+_BEHIND = 1.5  # sample times: the newest wanted angle is up to one old, and comes early or late
+
+
+class References:
+    """The reference over time. All times in seconds of one clock, angles in rad.
+
+    Args:
+        generator: the trajectory generator; it steps every `sample_time` [s].
+        sample_time: [s].
+        deceleration: of the ramp to rest [rad/s^2].
+        fastest: rate [rad/s] to which a stream of wanted angles is limited.
+        blend: time in which a change of source fades [s].
+
+    Attributes:
+        present: the reference now.
+        kind: what it comes from.
+    """
+
+    def __init__(
+        self, generator: TrajectoryGenerator, sample_time: float, deceleration: float, fastest: float, blend: float
+    ) -> None:
+        self._generator = generator
+        self._sample_time = sample_time
+        self.deceleration, self.fastest, self.blend = deceleration, fastest, blend
+        self.reset(0.0, 0.0)
+
+    def reset(self, angle: float, now: float) -> None:
+        """Rest at the angle from `now` on, whatever was before."""
+        self.kind: Kind = "rest"
+        self.present = Reference(angle)
+        self._now = self._begin = now
+        self._piece = Polynomial(angle)
+        self._length = 0.0
+        self._fading: Polynomial | None = None
+        self._faded_from = now
+        self._trajectory: JointTrajectory | None = None
+        self._wanted = angle
+        self._heard: deque[tuple[float, float]] = deque(maxlen=_REMEMBERED)
+        self._limited = angle
+
+    @property
+    def resting(self) -> bool:
+        """True once the reference stands still."""
+        return self.kind == "rest" and self._fading is None and self._now >= self._begin + self._length
+
+    @property
+    def wanted(self) -> float:
+        """The angle that a stream asks for [rad], as it came in last."""
+        return self._wanted
+
+    def rest(self) -> None:
+        """Come to rest by the ramp, from whatever motion."""
+        before = self.present
+        self.kind = "rest"
+        self._fading = None
+        self._begin = self._now
+        self._length = max(1.5 * abs(before.rate) / self.deceleration, _SHORTEST_RAMP)
+        self._piece = to_rest(before, self._length)
+
+    def stream(self, wanted: float, came: float | None = None) -> None:
+        """From now on follow wanted angles [rad] through the generator; call again with every new one.
+
+        ``came``: when, by the clock of ``sampled`` in :meth:`advance` [s]; None where each cycle has its own.
+        """
+        self._wanted = wanted
+        if self.kind != "stream":
+            self.kind = "stream"
+            self._heard.clear()
+            self._limited = self.present.angle
+            self._fade(self._generator.reset(self.present.angle))
+        if came is not None:
+            self._heard.append((came, wanted))
+
+    def start(self, trajectory: JointTrajectory, begin: float) -> None:
+        """Follow a trajectory whose start is at the time `begin` [s]; one that lies in the past is joined on its way."""
+        self._trajectory = trajectory
+        self.kind = "trajectory"
+        self._begin = begin
+        angle = trajectory.at(self._now - begin)
+        self._fade(self._generator.reset(angle.angle) if trajectory.smoothed else angle)
+
+    @property
+    def elapsed(self) -> float:
+        """Time since the start of the trajectory [s]; negative before it."""
+        return self._now - self._begin
+
+    def advance(self, now: float, sampled: float = math.inf) -> Reference:
+        """The reference at the time `now` [s]; ``sampled``: when the sensors' sample was taken, by the clock of :meth:`stream`."""
+        before, self._now = self._now, max(now, self._now)
+        if self.kind == "rest":
+            passed = self._now - self._begin
+            reached = self._piece.at(min(passed, self._length))
+            source = reached if passed < self._length else Reference(reached.angle)
+        elif self.kind == "stream":
+            source = self._stepped(
+                self._wanted_at(sampled - _BEHIND * self._sample_time), self._now - before, self.fastest
+            )
+        else:
+            assert self._trajectory is not None  # set together with the kind
+            source = self._trajectory.at(self.elapsed)
+            if self._trajectory.smoothed:
+                self._limited = source.angle
+                source = self._stepped(source.angle, self._now - before, None)
+        self.present = self._faded(source)
+        return self.present
+
+    def change(self, pole: float) -> None:
+        """Another pole of the generator [1/s], without a jump."""
+        self._generator.change(pole)
+
+    def _wanted_at(self, time: float) -> float:
+        later: tuple[float, float] | None = None
+        for came, wanted in reversed(self._heard):
+            if came <= time:
+                if later is None:
+                    return wanted
+                return wanted + (time - came) / (later[0] - came) * (later[1] - wanted)
+            later = came, wanted
+        return self._wanted if later is None else later[1]
+
+    def _stepped(self, wanted: float, passed: float, fastest: float | None) -> Reference:
+        # one step a sample time, also where cycles were missed
+        late = passed > 1.5 * self._sample_time
+        for _ in range(min(round(passed / self._sample_time), _MOST_STEPS) if late else 1):
+            if fastest is None:
+                self._limited = wanted
+            else:
+                most = fastest * self._sample_time
+                self._limited += min(max(wanted - self._limited, -most), most)
+            result = self._generator.step(self._limited)
+        return result
+
+    def _fade(self, new: Reference) -> None:
+        old = self.present
+        ahead = (old.angle - new.angle, old.rate - new.rate, old.acceleration - new.acceleration)
+        self._faded_from = self._now
+        self._fading = quintic(ahead, (0.0, 0.0, 0.0), self.blend) if any(ahead) else None
+
+    def _faded(self, source: Reference) -> Reference:
+        if self._fading is None:
+            return source
+        passed = self._now - self._faded_from
+        if passed >= self.blend:
+            self._fading = None
+            return source
+        off = self._fading.at(passed)
+        return Reference(
+            source.angle + off.angle,
+            source.rate + off.rate,
+            source.acceleration + off.acceleration,
+            source.jerk + off.jerk,
+        )

@@ -1,0 +1,1 @@
+"""What is watched, every reason to stop, and how a stop goes."""

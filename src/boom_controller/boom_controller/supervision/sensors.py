@@ -1,0 +1,120 @@
+"""Are the sensors to be believed: age, range, finite numbers, and whether angle and rate tell the same motion. No ROS.
+
+A sample that is wrong is not used. Three wrong ones in a row of one sensor, or a good one that has become too old, stop the boom:
+one bad sample among good ones does not. Times are seconds of the clock that supervises (steady, or simulated in lockstep).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from boom_controller.supervision.reasons import Finding
+
+
+@dataclass(frozen=True)
+class Range:
+    """What a sensor can show: name, unit, lowest and highest value [unit]."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+
+
+class Sensor:
+    """One sensor topic and its newest good sample.
+
+    Args:
+        label: how the operator knows it.
+        ranges: of its values, in order.
+
+    Attributes:
+        values: newest good sample; NaN before the first.
+        stamp: its time [s] by the sender's clock.
+        measured: when the newest good sample was measured, by our clock [s]; minus infinity before the first.
+        bad: samples in a row that were not used.
+        fresh: a good sample came since ``fresh`` was cleared.
+    """
+
+    def __init__(self, label: str, ranges: tuple[Range, ...]) -> None:
+        self.label = label
+        self._ranges = ranges
+        self.values: tuple[float, ...] = (math.nan,) * len(ranges)
+        self.stamp = -math.inf
+        self.fresh = False
+        self.measured = -math.inf
+        self.bad = 0
+        self._last_bad: Finding | None = None
+
+    def take(self, values: tuple[float, ...], stamp: float, measured: float) -> bool:
+        """A sample arrives: its stamp [s] and when it was measured by our clock [s]. False where it is not used."""
+        finding = self._wrong(values)
+        if finding is None:
+            if stamp <= self.stamp:
+                return False  # the same again, or overtaken: it makes nothing younger
+            self.values, self.stamp, self.measured = values, stamp, measured
+            self.fresh, self.bad = True, 0
+            return True
+        self.bad += 1
+        self._last_bad = finding
+        return False
+
+    def forget(self) -> None:
+        """Begin again: the next sample is taken whatever its stamp."""
+        self.__init__(self.label, self._ranges)  # type: ignore[misc]
+
+    def finding(self, now: float, timeout: float, most_bad: int) -> Finding | None:
+        """What is wrong with it at the time `now` [s], or None."""
+        if self.bad >= most_bad:
+            return self._last_bad
+        age = now - self.measured
+        if age > timeout:
+            text = f"no {self.label} yet" if age == math.inf else f"the {self.label} is {1e3 * age:.0f} ms old"
+            return Finding("sensor_old", f"{text}, more than {1e3 * timeout:.0f} ms: is the sensor or the bus gone?")
+        return None
+
+    def _wrong(self, values: tuple[float, ...]) -> Finding | None:
+        for value, known in zip(values, self._ranges, strict=True):
+            if not math.isfinite(value):
+                return Finding("sensor_not_a_number", f"the {known.name} is {value}: check the sensor")
+            if not known.low <= value <= known.high:
+                return Finding(
+                    "sensor_out_of_range",
+                    f"the {known.name} of {value:.4g} {known.unit} is outside {known.low:.4g} .. {known.high:.4g} {known.unit}: "
+                    "check the sensor",
+                )
+        return None
+
+
+class Agreement:
+    """Angle against rate.
+
+        r' = q_2' - d q_2 / dt - r / T
+
+    r [rad] is how far both have drifted apart within about the last T seconds; zero for two good sensors. Discretised per
+    sample: r <- (r + rate dt - change of angle) exp(-dt / T).
+    """
+
+    T = 1.0
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin again."""
+        self.apart = 0.0
+        self._last: tuple[float, float, float] | None = None
+
+    def update(self, time: float, angle: float, rate: float) -> float:
+        """A sample: time [s], angle [rad], rate [rad/s]. Returns r [rad]."""
+        if self._last is not None:
+            before, angle_before, rate_before = self._last
+            dt = time - before
+            if dt <= 0.0:
+                return self.apart
+            # beyond T nothing is left of what was
+            moved = 0.5 * (rate + rate_before) * dt
+            self.apart = (self.apart + moved - (angle - angle_before)) * math.exp(-dt / self.T)
+        self._last = (time, angle, rate)
+        return self.apart

@@ -1,0 +1,128 @@
+"""The state of the motion, and how a stop goes. No ROS; times are seconds of the clock that supervises.
+
+| state | event | next |
+|---|---|---|
+| idle | a reference is accepted | track |
+| track | end, abort or cancel of a trajectory; the stream of references falls silent | hold |
+| hold | a reference is accepted | track |
+| idle | a reason to stop that is asked for (emergency stop) | stopped |
+| hold, track | a reason to stop | stopping |
+| stopping | the currents have come to zero | stopped |
+| stopped | ~/resume, and no reason stands any more | idle |
+
+In idle and stopped both currents are zero: the centred spool holds the boom.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from boom_controller.supervision.reasons import REASONS, Finding
+from boom_controller.supervision.supervision_settings import SupervisionSettings
+
+FAULT_RAMP = 0.05
+"""s. Where the program itself has failed the currents are zero within 100 ms, also where the next cycle fails."""
+
+
+class State(StrEnum):
+    """See the module's table."""
+
+    IDLE = "idle"
+    HOLD = "hold"
+    TRACK = "track"
+    STOPPING = "stopping"
+    STOPPED = "stopped"
+
+
+class Supervision:
+    """The state machine.
+
+    Attributes:
+        state: of the motion.
+        finding: why it is stopped or stopping; None otherwise.
+    """
+
+    def __init__(self, settings: SupervisionSettings) -> None:
+        self.settings = settings
+        self.state = State.IDLE
+        self.finding: Finding | None = None
+        self._since = 0.0
+        self._ramp_from: float | None = None
+        self._ramp = settings.current_ramp
+        self._rested_since: float | None = None
+
+    @property
+    def closed_loop(self) -> bool:
+        """True while the control law commands: holding, tracking, or coming to rest by the reference."""
+        return self.state in (State.HOLD, State.TRACK) or (self.state is State.STOPPING and self._ramp_from is None)
+
+    @property
+    def moving(self) -> bool:
+        """True while currents may flow."""
+        return self.state in (State.HOLD, State.TRACK, State.STOPPING)
+
+    def track(self) -> None:
+        """A reference was accepted."""
+        self.state = State.TRACK
+
+    def hold(self) -> None:
+        """The motion ended; the boom is held where it is."""
+        self.state = State.HOLD
+
+    def stop(self, finding: Finding, now: float) -> bool:
+        """Bring the boom to rest for this reason. True where that is news.
+
+        A stop by the reference becomes one by the currents where the new reason asks for it; the first reason is told.
+        """
+        if self.state is State.STOPPED:
+            return False
+        by_currents = REASONS[finding.reason].reaction == "currents"
+        if self.state is not State.STOPPING:
+            self._ramp = self.settings.current_ramp
+        if finding.reason == "internal_error":
+            self._ramp = min(self.settings.current_ramp, FAULT_RAMP)
+        if self.state is State.STOPPING:
+            if by_currents and self._ramp_from is None:
+                self._ramp_from = now
+            return False
+        was_moving = self.moving
+        self.finding, self._since = finding, now
+        self._rested_since = None
+        self._ramp_from = now if by_currents else None
+        self.state = State.STOPPING if was_moving else State.STOPPED
+        return True
+
+    def advance(self, now: float, resting: bool) -> float:
+        """Go on to the time `now` [s]; `resting`: the reference stands still. Returns the part 0 .. 1 of the currents left."""
+        if self.state is not State.STOPPING:
+            return 1.0 if self.moving else 0.0
+        if self._ramp_from is None:
+            self._rested_since = (self._rested_since if self._rested_since is not None else now) if resting else None
+            settled = self._rested_since is not None and now - self._rested_since >= self.settings.stop_settling
+            if settled or now - self._since >= self.settings.longest_stop:
+                self._ramp_from = now
+        if self._ramp_from is None:
+            return 1.0
+        left = 1.0 - (now - self._ramp_from) / self._ramp
+        if left <= 0.0:
+            self.state = State.STOPPED
+            return 0.0
+        return left
+
+    def resume(self, standing: Finding | None) -> tuple[bool, str]:
+        """The explicit command to go on; `standing`: a reason that still holds. Success, and a line for the operator."""
+        if self.state is State.STOPPING:
+            return False, "the boom is still coming to rest: call again"
+        if self.state is not State.STOPPED:
+            return True, f"nothing to resume: {self.state.value}"
+        if standing is not None:
+            return False, f"still stopped, {standing.text}: {REASONS[standing.reason].remedy}"
+        self.state, self.finding = State.IDLE, None
+        return True, "ready: waiting for a reference"
+
+    def drop(self) -> None:
+        """To idle at once (deactivation): the caller takes the currents away. A stop that stands stays."""
+        if self.state is State.STOPPING:
+            self.state = State.STOPPED
+        elif self.state is not State.STOPPED:
+            self.state = State.IDLE

@@ -1,0 +1,74 @@
+"""What all control laws share: reference and measurement in, two currents and the inner quantities out."""
+
+from __future__ import annotations
+
+from math import nan
+from typing import Any, NamedTuple, Protocol
+
+
+class Reference(NamedTuple):
+    """Wanted motion of the boom: q_2* [rad] and its first three derivatives [rad/s, rad/s^2, rad/s^3]."""
+
+    angle: float
+    rate: float = 0.0
+    acceleration: float = 0.0
+    jerk: float = 0.0
+
+
+class Measurement(NamedTuple):
+    """What the sensors show: time [s], q_2 [rad], its rate [rad/s], p_h and p_b [Pa gauge]; age [s] when the currents go out."""
+
+    time: float
+    angle: float
+    rate: float
+    hose_pressure: float
+    rod_pressure: float
+    age: float = 0.0
+
+
+class Output(NamedTuple):
+    """Currents [A] and what led to them, SI; NaN where a mode has no such quantity.
+
+    Attributes:
+        retract, extend: i_+^c and i_-^c [A].
+        angle_error, piston_position_error, force_error: reference - measurement [rad, m, N].
+        feedforward_force, feedback_force, force_set_point, force: f_p^f, f_p^c, f_p^* and f_p [N], positive lifts.
+        spool_position: s_s^* [m], positive lowers.
+        pilot_pressure_retract, pilot_pressure_extend: p_+^*, p_-^* [Pa].
+        estimated_load: at the tip, beyond what the configuration tells [kg].
+        reason: why the motion has to be stopped, in words for the operator (a load that cannot be held); empty while all is well.
+    """
+
+    retract: float
+    extend: float
+    angle_error: float = nan
+    piston_position_error: float = nan
+    force_error: float = nan
+    feedforward_force: float = nan
+    feedback_force: float = nan
+    force_set_point: float = nan
+    force: float = nan
+    spool_position: float = nan
+    pilot_pressure_retract: float = nan
+    pilot_pressure_extend: float = nan
+    estimated_load: float = nan
+    reason: str = ""
+
+
+class Controller(Protocol):
+    """One control law, called once a sample time."""
+
+    mode: str
+
+    def reset(self, measurement: Measurement) -> None:
+        """Starts from rest here, bumpless: the integral states are such that the boom holds."""
+
+    def step(self, reference: Reference, measurement: Measurement) -> Output:
+        """One sample time [s] of the settings; ``measurement`` is the newest, the currents act until the next step."""
+
+    def change(self, settings: Any) -> None:
+        """Other settings (the law's own among them) from the next step on, without a jump of the currents beyond the steady change.
+
+        Raises:
+            ControlError: this change needs a new controller (another sample time).
+        """
