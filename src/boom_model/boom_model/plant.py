@@ -110,13 +110,11 @@ class Plant(CompiledModel):
         angle [rad]; hose_pressure, rod_pressure [Pa gauge]; parameters (NP,) other numbers than the machine's.
         """
         number = self._numbers(parameters)
-        values = dict.fromkeys(self.state_names, 0.0)
-        values |= {"angle": angle, "head_pressure": hose_pressure, "rod_pressure": rod_pressure}
-        if "hose_pressure" in values:
-            values["hose_pressure"] = hose_pressure
+        values = {"angle": angle, "rod_pressure": rod_pressure}
+        values |= dict.fromkeys(("head_pressure", "hose_pressure"), hose_pressure)
         for component in self.machine.structure:
-            values |= {k: v for k, v in component.rest(number, hose_pressure).items() if k in values}
-        return np.array([values[name] for name in self.state_names])
+            values |= component.rest(number, hose_pressure)
+        return np.array([values.get(name, 0.0) for name in self.state_names])
 
     def rest_state_measured(
         self, angle: float, hose_pressure: float, rod_pressure: float, parameters: Array | None = None

@@ -20,16 +20,17 @@ Name = str | bool
 
 
 class Wiring(Protocol):
-    """What the equations of a component may ask of the model that they become part of."""
+    """What the equations of a component may ask of the model that they become part of.
+
+    Attributes:
+        p, e: numbers of the machine by section, ``p.cylinder.A_a``, and of the effects. u: (i_+, i_-) [A].
+        rates: state -> its derivative; every state that a component adds needs one.
+    """
 
     p: Any
-    """Parameters by section, ``p.cylinder.A_a``."""
     e: Any
-    """Parameters of the effects, ``e.pilot_lag.r``; neutral where an effect is not active."""
     u: Any
-    """u = (i_+, i_-) [A]."""
     rates: dict[str, Any]
-    """State -> its derivative; every state that a component adds needs one."""
 
     def add(self, name: str, symbol: str, unit: str, scale: float, low: float = ..., high: float = ...) -> Any:
         """A new state: name, symbol, unit, size of its usual range, limits outside which a run ends."""

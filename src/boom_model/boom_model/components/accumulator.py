@@ -145,20 +145,10 @@ def _data(p: Any) -> tuple[tuple[str, str], ...]:
     return (("accumulators: gas and pre-charge", value),)
 
 
-register(
-    Accumulators(
-        name="two_diaphragm",
-        meaning="two accumulators behind orifices at the hose of the head side",
-        term="p_o' = kappa beta p_o q_o / (kappa p_o V_g0 + (beta - kappa p_o) V_g)",
-        equation="5.39g,h,j,k",
-        specifications=SPECIFICATIONS,
-        offers=frozenset({"accumulators"}),
-        data=_data,
-        rest=_rest,
-        flow=_flow,
-        compliances=compliances,
-        cells=both,
-        precharges=("accumulators.p_g0_1", "accumulators.p_g0_2"),
-    )
-)
+register(Accumulators(
+    name="two_diaphragm", meaning="two accumulators behind orifices at the hose of the head side",
+    term="p_o' = kappa beta p_o q_o / (kappa p_o V_g0 + (beta - kappa p_o) V_g)", equation="5.39g,h,j,k",
+    specifications=SPECIFICATIONS, offers=frozenset({"accumulators"}), data=_data, rest=_rest, flow=_flow,
+    compliances=compliances, cells=both, precharges=("accumulators.p_g0_1", "accumulators.p_g0_2"),
+))  # fmt: skip
 register(Accumulators(name="none", meaning="no accumulators", term="q_o = 0"))
