@@ -76,6 +76,8 @@ class Component:
     default: ClassVar[Name | None] = None
     """The component that is meant where the file says nothing."""
     refusal: ClassVar[str] = "{value!r} is not one of {listed}"
+    asked: ClassVar[tuple[str, ...]] = ()
+    """Numbers that every component of the slot must specify, because others use them."""
 
     name: Name
     meaning: str
@@ -173,6 +175,7 @@ class Spool(Component):
     """
 
     slot, key, default = "spool", ("main_valve_spool", "type"), "pilot_operated"
+    asked = ("main_valve_spool.s_max",)
     piloted: bool = False
     invertible: bool = False
     motion: Callable[[Wiring, Expression, Expression], None]
@@ -247,8 +250,10 @@ def register(new: C) -> C:
     """Enters a component; whoever names it in a machine file gets it.
 
     Raises:
-        ValueError: the slot has one of this name.
+        ValueError: the slot has one of this name, or a number is not specified that the slot asks for.
     """
+    for key in set(new.asked) - {spec.key for spec in new.specifications}:
+        raise ValueError(f"{'.'.join(new.key)}: {new.name} does not specify {key}")
     slot = _REGISTER.setdefault(type(new), [])
     if any(_same(new.name, other.name) for other in slot):
         raise ValueError(f"{'.'.join(new.key)}: two components are called {new.name}")

@@ -18,6 +18,7 @@ from boom_model.slots import (
     Linkage,
     PilotStage,
     PortValves,
+    Spool,
     Supply,
     component,
     register,
@@ -33,6 +34,11 @@ def test_a_name_can_be_taken_once() -> None:
     with pytest.raises(ValueError, match=r"kinematics\.type: two components are called triangle"):
         register(twin)
     assert twin not in registered(Linkage)
+
+
+def test_a_spool_must_have_a_stroke() -> None:
+    with pytest.raises(ValueError, match=r"main_valve_spool\.type: short does not specify main_valve_spool\.s_max"):
+        register(replace(component(Spool, "direct"), name="short", specifications=()))
 
 
 @pytest.mark.parametrize(
