@@ -24,10 +24,10 @@ from boom_diagnosis.fitting import Problem
 from boom_diagnosis.nuisances import tolerances
 from boom_diagnosis.prediction import Predictor
 from boom_model.codegen.compiled import LANES
+from boom_model.compiled_model import _catalogued
 from boom_model.components import hose_burst_valve
 from boom_model.machine_file import load_machine
 from boom_model.observer import Job, observe, observe_groups
-from boom_model.plant import _catalogued
 from boom_recording.loading import load
 
 Array = NDArray[np.float64]

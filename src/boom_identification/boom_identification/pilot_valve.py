@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import product
 
@@ -152,12 +153,6 @@ def identify_pilot_valves(traces: Sequence[OscilloscopeTrace], progress: Progres
         # Without h there is no nu, and without nu no linear part.
         missing = [NotDetermined(key, str(error)) for key in PARAMETERS]
         return PilotValves(prepared, None, not_determined=tuple(missing))
-    curves = {}
-    for valve in VALVES:
-        try:
-            curves[valve] = fit_curve([t for t in prepared if t.trace.valve == valve])
-        except ValueError:
-            continue  # the common curve serves; there is just nothing to compare
     results: list[ValveResult] = []
     checks: list[Check] = []
     reasons = []
@@ -181,7 +176,16 @@ def identify_pilot_valves(traces: Sequence[OscilloscopeTrace], progress: Progres
         checks = [_check(trace, *used, results) for trace in prepared]
     if joint is None:
         missing += [NotDetermined(key, "; ".join(reasons)) for key in PARAMETERS[:3]]
-    return PilotValves(prepared, curve, curves, tuple(results), joint, tuple(checks), tuple(missing))
+    return PilotValves(prepared, curve, _own_curves(prepared), tuple(results), joint, tuple(checks), tuple(missing))
+
+
+def _own_curves(traces: Sequence[AveragedTrace]) -> dict[str, StaticCurve]:
+    """The curve of each valve by itself, to be compared with the common one; without those that cannot be fitted."""
+    curves = {}
+    for valve in VALVES:
+        with suppress(ValueError):
+            curves[valve] = fit_curve([t for t in traces if t.trace.valve == valve])
+    return curves
 
 
 def _joint(

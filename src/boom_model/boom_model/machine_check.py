@@ -98,10 +98,11 @@ def check(document: Any) -> tuple[Machine | None, list[str]]:
         document,
         learned,
     )
-    for step in (_check_positions, _check_areas, _check_links, check_overlap):
+    for step in (_check_positions, _check_areas, _check_links):
         faults.of(step, machine)
     for part in structure:
         faults.of(part.check, machine.numbers, document.get(part.key[0], {}))
+    faults.of(check_overlap, machine.parameters, machine.effects)
     return (None if faults else machine), faults
 
 

@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_model.codegen.compiled import LANES
+from boom_model.compiled_model import pointer
 from boom_model.errors import SimulationError
-from boom_model.plant import PULLED, Plant, _pointer
+from boom_model.plant import PULLED, Plant
 from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
@@ -204,11 +205,11 @@ def _arguments(
     minimum[0], maximum[0] = minimum[0] - BEYOND_STOPS, maximum[0] + BEYOND_STOPS
     minimum[plant.state_names.index("head_pressure")] = PULLED
     return (
-        _pointer(p), _pointer(x), _pointer(samples.grid), ctypes.c_long(len(samples.grid) - 1),
-        _pointer(samples.input_time), _pointer(currents), ctypes.c_long(len(samples.input_time)),
-        _pointer(samples.share), _pointer(samples.measured), _pointer(gain), _pointer(innovations), _pointer(states),
-        ctypes.c_double(tolerance), ctypes.c_int(3), _pointer(plant.scale), _pointer(minimum),
-        _pointer(maximum), ctypes.c_double(1e-4), _pointer(report),
+        pointer(p), pointer(x), pointer(samples.grid), ctypes.c_long(len(samples.grid) - 1),
+        pointer(samples.input_time), pointer(currents), ctypes.c_long(len(samples.input_time)),
+        pointer(samples.share), pointer(samples.measured), pointer(gain), pointer(innovations), pointer(states),
+        ctypes.c_double(tolerance), ctypes.c_int(3), pointer(plant.scale), pointer(minimum),
+        pointer(maximum), ctypes.c_double(1e-4), pointer(report),
     )  # fmt: skip
 
 
@@ -224,9 +225,7 @@ def linearise(plant: Plant, states: Array, currents: Array, parameters: Array | 
     n, nx = x.shape
     p = plant.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
     f, jacobian = np.empty((n, nx)), np.empty((n, nx, nx))
-    plant._library.boom_derivatives(
-        _pointer(p), _pointer(x), _pointer(u), ctypes.c_long(n), _pointer(f), _pointer(jacobian)
-    )
+    plant._library.boom_derivatives(pointer(p), pointer(x), pointer(u), ctypes.c_long(n), pointer(f), pointer(jacobian))
     return f, jacobian
 
 
@@ -317,9 +316,9 @@ def riccati(
     gain, innovation = np.empty((n, nx, len(OUTPUTS))), np.empty((n, len(OUTPUTS), len(OUTPUTS)))
     measured = np.ascontiguousarray(valid, dtype=np.uint8)
     plant._library.boom_riccati(
-        ctypes.c_long(n), _pointer(np.ascontiguousarray(transition)), _pointer(np.ascontiguousarray(process)),
-        _pointer(np.ascontiguousarray(output)), measured.ctypes.data_as(ctypes.POINTER(ctypes.c_ubyte)),
-        _pointer(np.ascontiguousarray(variance)), _pointer(np.array(covariance)), _pointer(gain), _pointer(innovation),
+        ctypes.c_long(n), pointer(np.ascontiguousarray(transition)), pointer(np.ascontiguousarray(process)),
+        pointer(np.ascontiguousarray(output)), measured.ctypes.data_as(ctypes.POINTER(ctypes.c_ubyte)),
+        pointer(np.ascontiguousarray(variance)), pointer(np.array(covariance)), pointer(gain), pointer(innovation),
     )  # fmt: skip
     return gain, innovation
 
@@ -339,5 +338,5 @@ def _outputs(plant: Plant, state: Array, parameters: Array | None) -> Array:
     y, u = np.empty(len(OUTPUTS)), np.zeros(2)
     p = plant.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
     x = np.ascontiguousarray(state, dtype=float)
-    plant._library.boom_outputs(_pointer(p), _pointer(x), _pointer(u), _pointer(y))
+    plant._library.boom_outputs(pointer(p), pointer(x), pointer(u), pointer(y))
     return y

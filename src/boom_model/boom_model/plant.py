@@ -9,22 +9,16 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from copy import copy
-from ctypes import CDLL
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from boom_model.codegen.compiled import LANES, build
-from boom_model.effects import EFFECTS
-from boom_model.equations import INPUTS, Equations, Kind, full_model, reduced_model
+from boom_model.compiled_model import CompiledModel, pointer
+from boom_model.equations import INPUTS, Kind
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine, Pose
 from boom_model.sensors import OUTPUTS
-from boom_model.structure import Structure
 
 Array = NDArray[np.float64]
 
@@ -37,7 +31,6 @@ PULLED = -1.0e7
 behind such a moment can still be compared."""
 LARGEST_SPOOL = 4.0
 """Times s_max: beyond, a run ends with an error. The spool has no end stop in the equations; 0.7 A push it to 1.6 s_max."""
-_DOUBLE = ctypes.POINTER(ctypes.c_double)
 
 
 @dataclass(frozen=True)
@@ -62,34 +55,17 @@ class Trajectory:
         return self.outputs[:, OUTPUTS.index(name)]
 
 
-class Plant:
-    """The compiled full (5.39) or reduced (5.47) model of a machine in a pose.
-
-    Args:
-        machine: the machine, its active effects included. The reduced model leaves out effects that bring states.
-        pose: locked joints and load.
-        kind: ``full`` or ``reduced``.
-
-    Raises:
-        BuildError: no C compiler.
-        ModelError: an effect that this machine cannot have.
-    """
+class Plant(CompiledModel):
+    """Runs and single steps of a compiled model."""
 
     def __init__(self, machine: Machine, pose: Pose, kind: Kind = "full") -> None:
-        self.machine = machine
-        self.pose = pose
-        self._kind: Kind = kind
-        self.equations, self._library = _compiled(machine, kind)
-        self.state_names = self.equations.state_names
-        self.parameter_names = self.equations.parameters
-        values = machine.values(pose)
-        self.p: Array = np.array([values[name] for name in self.parameter_names])
+        super().__init__(machine, pose, kind)
         states = self.equations.states
         self.scale: Array = np.array([s.scale for s in states])
         self.minimum: Array = np.array([s.minimum for s in states])
         self.maximum: Array = np.array([s.maximum for s in states])
         self.minimum[0], self.maximum[0] = machine.angle_limits
-        stroke = LARGEST_SPOOL * values["main_valve_spool.s_max"]
+        stroke = LARGEST_SPOOL * machine.numbers.main_valve_spool.s_max
         for name in {"spool_position", "metering_position"} & set(self.state_names):
             k = self.state_names.index(name)
             self.minimum[k], self.maximum[k] = -stroke, stroke
@@ -134,13 +110,11 @@ class Plant:
         angle [rad]; hose_pressure, rod_pressure [Pa gauge]; parameters (NP,) other numbers than the machine's.
         """
         number = self._numbers(parameters)
-        values = dict.fromkeys(self.state_names, 0.0)
-        values |= {"angle": angle, "head_pressure": hose_pressure, "rod_pressure": rod_pressure}
-        if "hose_pressure" in values:
-            values["hose_pressure"] = hose_pressure
+        values = {"angle": angle, "rod_pressure": rod_pressure}
+        values |= dict.fromkeys(("head_pressure", "hose_pressure"), hose_pressure)
         for component in self.machine.structure:
-            values |= {k: v for k, v in component.rest(number, hose_pressure).items() if k in values}
-        return np.array([values[name] for name in self.state_names])
+            values |= component.rest(number, hose_pressure)
+        return np.array([values.get(name, 0.0) for name in self.state_names])
 
     def rest_state_measured(
         self, angle: float, hose_pressure: float, rod_pressure: float, parameters: Array | None = None
@@ -252,66 +226,7 @@ class Plant:
         """Single steps from a state, for real time and lockstep."""
         return Stepper(self, np.array(initial_state, dtype=float), tolerance)
 
-    # ------------------------------------------------------------------------------------------------ points of the model
-
-    def derivative(self, state: ArrayLike, current: ArrayLike, parameters: Array | None = None) -> tuple[Array, Array]:
-        """x' (NX,) and the Jacobian dx'/dx (NX, NX) at one point."""
-        n = len(self.state_names)
-        f, jacobian = np.empty(n), np.empty((n, n))
-        x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
-        p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
-        self._library.boom_derivative(_pointer(p), _pointer(x), _pointer(u), _pointer(f), _pointer(jacobian))
-        return f, jacobian
-
-    def outputs(self, state: ArrayLike, current: ArrayLike = (0.0, 0.0), parameters: Array | None = None) -> Array:
-        """y (4,) = angle, rate, p_h, p_b at one point, without delay."""
-        y = np.empty(len(OUTPUTS))
-        x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
-        p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
-        self._library.boom_outputs(_pointer(p), _pointer(x), _pointer(u), _pointer(y))
-        return y
-
-    def auxiliary(self, states: ArrayLike, currents: ArrayLike) -> dict[str, Array]:
-        """Inner quantities over time by name (flows, force, friction, ...), SI: states (n, NX), currents (n, 2)."""
-        x, u = np.asarray(states, dtype=float).T, np.asarray(currents, dtype=float).T
-        values = self._auxiliary_function.map(x.shape[1])(x, u, ca.repmat(ca.DM(self.p), 1, x.shape[1]))
-        return dict(zip(self.equations.auxiliary, np.asarray(values, dtype=float), strict=True))
-
-    @cached_property
-    def abreast(self) -> CDLL:
-        """The observer for ``LANES`` parameter vectors at once, compiled when first asked for."""
-        return _catalogued_abreast(self.machine.structure, tuple(sorted(self.machine.effects)), self._kind)
-
-    @cached_property
-    def _auxiliary_function(self) -> Any:
-        m = self.equations
-        return ca.Function("auxiliary", [m.x, m.u, m.p], [ca.vertcat(*(e for _, e in m.auxiliary.values()))])
-
-    def linearise(self, states: ArrayLike, currents: ArrayLike, parameters: Array | None = None) -> tuple[Array, Array]:
-        """Dx'/dx (n, NX, NX) and dx'/du (n, NX, 2) at the points: states (n, NX), currents (n, 2)."""
-        x, u = np.ascontiguousarray(states, dtype=float), np.ascontiguousarray(currents, dtype=float)
-        p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
-        n, size = x.shape
-        by_state, by_input = np.empty((n, size, size)), np.empty((n, size, len(INPUTS)))
-        self._library.boom_linearise(
-            _pointer(p), _pointer(x), _pointer(u), ctypes.c_long(n), _pointer(by_state), _pointer(by_input)
-        )
-        return by_state, by_input
-
-    def output_matrix(self, parameters: Array | None = None) -> Array:
-        """Dy/dx (4, NX); the outputs are linear in the states."""
-        origin = np.zeros(len(self.state_names))
-        zero = self.outputs(origin, parameters=parameters)
-        columns = [self.outputs(unit, parameters=parameters) - zero for unit in np.eye(len(origin))]
-        return np.column_stack(columns)
-
     # ------------------------------------------------------------------------------------------------------ internals
-
-    def _numbers(self, parameters: Array | None = None) -> dict[str, float]:
-        """Every component by name, inactive effects at their neutral values."""
-        p = self.p if parameters is None else parameters
-        neutral = {f"effects.{e.id}.{row.name}": row.neutral for e in EFFECTS.values() for row in e.parameters}
-        return neutral | dict(zip(self.parameter_names, (float(v) for v in p), strict=True))
 
     def _set_time(self, x: Array, begin: float) -> None:
         """The state ``elapsed_time``, where an effect brings it, is the time of the run itself."""
@@ -349,11 +264,11 @@ class Plant:
         method = order or (3 if tolerance > _ORDER_3_ABOVE else 4)
         end = float(t_out[-1]) if len(t_out) else begin
         self._library.boom_run(
-            _pointer(p), _pointer(x), ctypes.c_double(begin), ctypes.c_double(end), _pointer(t_in), _pointer(u),
-            ctypes.c_long(len(t_in)), _pointer(t_out), ctypes.c_long(len(t_out)), _pointer(states), _pointer(outputs),
-            ctypes.c_double(tolerance), ctypes.c_int(method), _pointer(self.scale), _pointer(self.minimum),
-            _pointer(self.maximum), ctypes.c_double(_FIRST_STEP), ctypes.byref(stop) if stop is not None else None,
-            _pointer(report),
+            pointer(p), pointer(x), ctypes.c_double(begin), ctypes.c_double(end), pointer(t_in), pointer(u),
+            ctypes.c_long(len(t_in)), pointer(t_out), ctypes.c_long(len(t_out)), pointer(states), pointer(outputs),
+            ctypes.c_double(tolerance), ctypes.c_int(method), pointer(self.scale), pointer(self.minimum),
+            pointer(self.maximum), ctypes.c_double(_FIRST_STEP), ctypes.byref(stop) if stop is not None else None,
+            pointer(report),
         )  # fmt: skip
         return states, outputs, report
 
@@ -394,11 +309,11 @@ class Stepper:
         self._tolerance = ctypes.c_double(tolerance)
         self._order = ctypes.c_int(3 if tolerance > _ORDER_3_ABOVE else 4)
         function = plant._library.boom_step
-        plant._library.boom_prepare(_pointer(plant.p), _pointer(self._c))
-        head = (_pointer(self._c), _pointer(self.state), _pointer(self._u))
+        plant._library.boom_prepare(pointer(plant.p), pointer(self._c))
+        head = (pointer(self._c), pointer(self.state), pointer(self._u))
         tail = (
-            _pointer(self._y), self._tolerance, self._order, _pointer(plant.scale), _pointer(plant.minimum),
-            _pointer(plant.maximum), _pointer(self._h), _pointer(self._report),
+            pointer(self._y), self._tolerance, self._order, pointer(plant.scale), pointer(plant.minimum),
+            pointer(plant.maximum), pointer(self._h), pointer(self._report),
         )  # fmt: skip
 
         def call(duration: float) -> int:
@@ -420,29 +335,4 @@ class Stepper:
 
     def change_parameters(self, values: Array) -> None:
         """Goes on with other parameters (NP,), e.g. when a log is grasped."""
-        self.plant._library.boom_prepare(_pointer(np.ascontiguousarray(values, dtype=float)), _pointer(self._c))
-
-
-def _pointer(array: Array) -> Any:
-    return array.ctypes.data_as(_DOUBLE)
-
-
-def _compiled(machine: Machine, kind: Kind) -> tuple[Equations, CDLL]:
-    """The model's equations and its integrator; the numbers are not in them."""
-    if not machine.learned:
-        return _catalogued(machine.structure, tuple(sorted(machine.effects)), kind)
-    model = full_model if kind == "full" else reduced_model
-    equations = model(machine.structure, machine.effects, machine.learned)
-    return equations, build(equations)
-
-
-@lru_cache(maxsize=64)
-def _catalogued(structure: Structure, effects: tuple[str, ...], kind: Kind) -> tuple[Equations, CDLL]:
-    """Kept: writing the source costs as much as a run of a minute."""
-    equations = (full_model if kind == "full" else reduced_model)(structure, effects)
-    return equations, build(equations)
-
-
-@lru_cache(maxsize=64)
-def _catalogued_abreast(structure: Structure, effects: tuple[str, ...], kind: Kind) -> CDLL:
-    return build(_catalogued(structure, effects, kind)[0], LANES)
+        self.plant._library.boom_prepare(pointer(np.ascontiguousarray(values, dtype=float)), pointer(self._c))

@@ -20,16 +20,17 @@ Name = str | bool
 
 
 class Wiring(Protocol):
-    """What the equations of a component may ask of the model that they become part of."""
+    """What the equations of a component may ask of the model that they become part of.
+
+    Attributes:
+        p, e: numbers of the machine by section, ``p.cylinder.A_a``, and of the effects. u: (i_+, i_-) [A].
+        rates: state -> its derivative; every state that a component adds needs one.
+    """
 
     p: Any
-    """Parameters by section, ``p.cylinder.A_a``."""
     e: Any
-    """Parameters of the effects, ``e.pilot_lag.r``; neutral where an effect is not active."""
     u: Any
-    """u = (i_+, i_-) [A]."""
     rates: dict[str, Any]
-    """State -> its derivative; every state that a component adds needs one."""
 
     def add(self, name: str, symbol: str, unit: str, scale: float, low: float = ..., high: float = ...) -> Any:
         """A new state: name, symbol, unit, size of its usual range, limits outside which a run ends."""
@@ -75,6 +76,8 @@ class Component:
     default: ClassVar[Name | None] = None
     """The component that is meant where the file says nothing."""
     refusal: ClassVar[str] = "{value!r} is not one of {listed}"
+    asked: ClassVar[tuple[str, ...]] = ()
+    """Numbers that every component of the slot must specify, because others use them."""
 
     name: Name
     meaning: str
@@ -172,6 +175,7 @@ class Spool(Component):
     """
 
     slot, key, default = "spool", ("main_valve_spool", "type"), "pilot_operated"
+    asked = ("main_valve_spool.s_max",)
     piloted: bool = False
     invertible: bool = False
     motion: Callable[[Wiring, Expression, Expression], None]
@@ -226,7 +230,6 @@ class Metering(Component):
         areas: (supply, tank) [m^2] of the edges that are open at s_s [m], for (s_s, p, e).
         overlap: dead zone over full stroke on the side of s_s [m], for (s_s, p, e).
         largest_opening: |s_s| over full stroke beyond which no area grows.
-        overlaps: keys of the overlaps, all within the stroke.
         law: whether the areas follow the law of ch. 5.2, so that its numbers can be identified from stationary points.
     """
 
@@ -235,7 +238,6 @@ class Metering(Component):
     areas: Callable[[Expression, Any, Any], tuple[Expression, Expression]]
     overlap: Callable[[Expression, Any, Any], Expression]
     largest_opening: float
-    overlaps: tuple[str, ...] = ()
     law: bool = False
 
 
@@ -248,8 +250,10 @@ def register(new: C) -> C:
     """Enters a component; whoever names it in a machine file gets it.
 
     Raises:
-        ValueError: the slot has one of this name.
+        ValueError: the slot has one of this name, or a number is not specified that the slot asks for.
     """
+    for key in set(new.asked) - {spec.key for spec in new.specifications}:
+        raise ValueError(f"{'.'.join(new.key)}: {new.name} does not specify {key}")
     slot = _REGISTER.setdefault(type(new), [])
     if any(_same(new.name, other.name) for other in slot):
         raise ValueError(f"{'.'.join(new.key)}: two components are called {new.name}")

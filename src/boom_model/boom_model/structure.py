@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from boom_model.components import cylinder, equation_of_motion, friction, oil
@@ -44,25 +44,17 @@ class Structure:
     hose_burst_valve: HoseBurstValve
 
     def __iter__(self) -> Iterator[Component]:
-        return (getattr(self, f.name) for f in fields(self))
+        return (getattr(self, slot.slot) for slot in SLOTS)
 
     def specifications(self) -> tuple[Specification, ...]:
         """All parameters that a machine of this structure needs, each once."""
+        parts = (
+            self.spool, self.metering, self.supply, self.accumulators, self.hose_burst_valve, self.pilot_valves, self.port_valves,
+        )  # fmt: skip
         groups = (
-            equation_of_motion.SPECIFICATIONS,
-            self.linkage.specifications,
-            friction.SPECIFICATIONS,
-            oil.SPECIFICATIONS,
-            cylinder.SPECIFICATIONS,
-            HOSE,
-            self.spool.specifications,
-            self.metering.specifications,
-            self.supply.specifications,
-            self.accumulators.specifications,
-            self.hose_burst_valve.specifications,
-            self.pilot_valves.specifications,
-            self.port_valves.specifications,
-        )
+            equation_of_motion.SPECIFICATIONS, self.linkage.specifications, friction.SPECIFICATIONS, oil.SPECIFICATIONS,
+            cylinder.SPECIFICATIONS, HOSE, *(part.specifications for part in parts),
+        )  # fmt: skip
         return tuple({spec.key: spec for group in groups for spec in group}.values())
 
     def has(self, need: str) -> bool:

@@ -45,13 +45,8 @@ def flow(pressure: Expression, p: Any) -> Expression:
     return p.fluid.C_d * a.A_ac * ca.sqrt(2 / p.fluid.rho) * signed_sqrt(positive(a.p_open - pressure))
 
 
-register(
-    PortValves(
-        name=True,
-        meaning="anti-cavitation valves at both ports of the main valve",
-        term="q = C_d A_ac sqrt(2 / rho) sqrt(max(0, p_open - p))",
-        specifications=SPECIFICATIONS,
-        flow=flow,
-    )
-)
+register(PortValves(
+    name=True, meaning="anti-cavitation valves at both ports of the main valve",
+    term="q = C_d A_ac sqrt(2 / rho) sqrt(max(0, p_open - p))", specifications=SPECIFICATIONS, flow=flow,
+))  # fmt: skip
 register(PortValves(name=False, meaning="no anti-cavitation valves", term="q = 0"))

@@ -31,15 +31,10 @@ def _motion(w: Wiring, position: Expression, force: Expression) -> None:
     w.rates["spool_position"] = velocity(position, w.u[0], w.u[1], w.p)
 
 
-register(
-    Spool(
-        name="direct",
-        meaning="follows its current with a lag",
-        term="T_s s_s' = K_i (i_+ - i_-) - s_s",
-        specifications=SPECIFICATIONS,
-        motion=_motion,
-        position=lambda retract, extend, p, pilot: p.main_valve_spool.K_i * (retract - extend),
-        current=lambda position, p, pilot: position / p.main_valve_spool.K_i,
-        settling=lambda p, e, pilot: p.main_valve_spool.T_s,
-    )
-)
+register(Spool(
+    name="direct", meaning="follows its current with a lag", term="T_s s_s' = K_i (i_+ - i_-) - s_s",
+    specifications=SPECIFICATIONS, motion=_motion,
+    position=lambda retract, extend, p, pilot: p.main_valve_spool.K_i * (retract - extend),
+    current=lambda position, p, pilot: position / p.main_valve_spool.K_i,
+    settling=lambda p, e, pilot: p.main_valve_spool.T_s,
+))  # fmt: skip

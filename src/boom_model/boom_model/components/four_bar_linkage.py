@@ -47,13 +47,7 @@ def piston_position(angle: Expression, p: Any) -> Expression:
     return ca.sqrt(c_x * c_x + c_y * c_y) - p.cylinder.l_min
 
 
-register(
-    Linkage(
-        name="four_bar",
-        meaning="cylinder that acts through a four-bar linkage",
-        term="s_p = |C(q_2) - foot| - l_min",
-        equation="3.13a",
-        specifications=SPECIFICATIONS,
-        piston_position=piston_position,
-    )
-)
+register(Linkage(
+    name="four_bar", meaning="cylinder that acts through a four-bar linkage", term="s_p = |C(q_2) - foot| - l_min",
+    equation="3.13a", specifications=SPECIFICATIONS, piston_position=piston_position,
+))  # fmt: skip

@@ -120,19 +120,10 @@ def _check(p: Any, section: Mapping[str, Any]) -> None:
             )
 
 
-register(
-    HoseBurstValve(
-        name="flow_limiting",
-        meaning="limits the flow out of the cylinder",
-        term="q_a = a_11 dp + a_12 sqrt(dp), a_21 dp + a_22 dp^2, a_30 + a_31 dp",
-        equation="5.39e,f",
-        specifications=SPECIFICATIONS,
-        information=frozenset({"a22", "node", "a22_c1", "node_c1"}),
-        offers=frozenset({"hose_burst_valve"}),
-        check=_check,
-        rest=_rest,
-        flow=_flow,
-        pressure_drop=pressure_drop,
-    )
-)
+register(HoseBurstValve(
+    name="flow_limiting", meaning="limits the flow out of the cylinder",
+    term="q_a = a_11 dp + a_12 sqrt(dp), a_21 dp + a_22 dp^2, a_30 + a_31 dp", equation="5.39e,f",
+    specifications=SPECIFICATIONS, information=frozenset({"a22", "node", "a22_c1", "node_c1"}),
+    offers=frozenset({"hose_burst_valve"}), check=_check, rest=_rest, flow=_flow, pressure_drop=pressure_drop,
+))  # fmt: skip
 register(HoseBurstValve(name="none", meaning="hose and head side are one volume", term="p_h = p_a", separates=False))

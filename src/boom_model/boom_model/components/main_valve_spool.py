@@ -69,18 +69,9 @@ def settling(p: Any, e: Any, pilot: PilotStage) -> float:
     return float(pilot.settling(p, e) + (s.d_v + s.f_c / s.sigma_s) / s.k)
 
 
-register(
-    Spool(
-        name="pilot_operated",
-        meaning="moved by two pilot pressures against a spring",
-        term="m_s s_s'' + k s_s = (p_+ - p_-) A_s - d_v s_s' - f_c tanh(s_s' / sigma_s)",
-        equation="5.39n,o",
-        specifications=SPECIFICATIONS,
-        piloted=True,
-        invertible=True,
-        motion=_motion,
-        position=stationary_position,
-        current=holding_current,
-        settling=settling,
-    )
-)
+register(Spool(
+    name="pilot_operated", meaning="moved by two pilot pressures against a spring",
+    term="m_s s_s'' + k s_s = (p_+ - p_-) A_s - d_v s_s' - f_c tanh(s_s' / sigma_s)", equation="5.39n,o",
+    specifications=SPECIFICATIONS, piloted=True, invertible=True, motion=_motion, position=stationary_position,
+    current=holding_current, settling=settling,
+))  # fmt: skip

@@ -73,20 +73,12 @@ def _check(p: Any, _: Mapping[str, Any]) -> None:
         )
 
 
-register(
-    PilotStage(
-        name="wiener",
-        meaning="two pilot valves: first order, then a static curve",
-        term="lambda' = a_1 lambda + i, p = h(b_0 lambda + b_1 i)",
-        equation="5.39p-u",
-        specifications=SPECIFICATIONS,
-        offers=frozenset({"pilot_valves"}),
-        check=_check,
-        invertible=True,
-        difference=_difference,
-        pressure=lambda current, p: static_pressure(current, p.pilot_valves.h),
-        current=lambda pressure, p: static_inverse(pressure, p.pilot_valves.h),
-        settling=lambda p, e: e.pilot_lag.r / -p.pilot_valves.a1_s,
-    )
-)
+register(PilotStage(
+    name="wiener", meaning="two pilot valves: first order, then a static curve",
+    term="lambda' = a_1 lambda + i, p = h(b_0 lambda + b_1 i)", equation="5.39p-u", specifications=SPECIFICATIONS,
+    offers=frozenset({"pilot_valves"}), check=_check, invertible=True, difference=_difference,
+    pressure=lambda current, p: static_pressure(current, p.pilot_valves.h),
+    current=lambda pressure, p: static_inverse(pressure, p.pilot_valves.h),
+    settling=lambda p, e: e.pilot_lag.r / -p.pilot_valves.a1_s,
+))  # fmt: skip
 register(PilotStage(name="none", meaning="no pilot stage", term="p_+ = p_- = 0", present=False))

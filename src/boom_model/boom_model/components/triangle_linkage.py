@@ -30,13 +30,8 @@ def piston_position(angle: Expression, p: Any) -> Expression:
     return ca.sqrt(k.a**2 + k.b**2 - 2 * k.a * k.b * ca.cos(angle + k.phi0)) - p.cylinder.l_min
 
 
-register(
-    Linkage(
-        name="triangle",
-        meaning="cylinder pinned directly to column and boom",
-        term="s_p = sqrt(a^2 + b^2 - 2 a b cos(q_2 + phi_0)) - l_min",
-        equation="3.13a",
-        specifications=SPECIFICATIONS,
-        piston_position=piston_position,
-    )
-)
+register(Linkage(
+    name="triangle", meaning="cylinder pinned directly to column and boom",
+    term="s_p = sqrt(a^2 + b^2 - 2 a b cos(q_2 + phi_0)) - l_min", equation="3.13a", specifications=SPECIFICATIONS,
+    piston_position=piston_position,
+))  # fmt: skip

@@ -1,0 +1,130 @@
+"""The equations of a machine in a pose, compiled: their values and derivatives at single points."""
+
+from __future__ import annotations
+
+import ctypes
+from ctypes import CDLL
+from functools import cached_property, lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from boom_model.codegen.compiled import LANES, build
+from boom_model.effects import EFFECTS
+from boom_model.equations import INPUTS, Equations, Kind, full_model, reduced_model
+from boom_model.machine import Machine, Pose
+from boom_model.sensors import OUTPUTS
+from boom_model.structure import Structure
+
+Array = NDArray[np.float64]
+
+_DOUBLE = ctypes.POINTER(ctypes.c_double)
+
+
+class CompiledModel:
+    """The compiled full (5.39) or reduced (5.47) model of a machine in a pose.
+
+    Args:
+        machine: the machine, its active effects included. The reduced model leaves out effects that bring states.
+        pose: locked joints and load.
+        kind: ``full`` or ``reduced``.
+
+    Raises:
+        BuildError: no C compiler.
+        ModelError: an effect that this machine cannot have.
+    """
+
+    def __init__(self, machine: Machine, pose: Pose, kind: Kind = "full") -> None:
+        self.machine = machine
+        self.pose = pose
+        self._kind: Kind = kind
+        self.equations, self._library = _compiled(machine, kind)
+        self.state_names = self.equations.state_names
+        self.parameter_names = self.equations.parameters
+        values = machine.values(pose)
+        self.p: Array = np.array([values[name] for name in self.parameter_names])
+
+    def derivative(self, state: ArrayLike, current: ArrayLike, parameters: Array | None = None) -> tuple[Array, Array]:
+        """x' (NX,) and the Jacobian dx'/dx (NX, NX) at one point."""
+        n = len(self.state_names)
+        f, jacobian = np.empty(n), np.empty((n, n))
+        x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
+        p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
+        self._library.boom_derivative(pointer(p), pointer(x), pointer(u), pointer(f), pointer(jacobian))
+        return f, jacobian
+
+    def outputs(self, state: ArrayLike, current: ArrayLike = (0.0, 0.0), parameters: Array | None = None) -> Array:
+        """y (4,) = angle, rate, p_h, p_b at one point, without delay."""
+        y = np.empty(len(OUTPUTS))
+        x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
+        p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
+        self._library.boom_outputs(pointer(p), pointer(x), pointer(u), pointer(y))
+        return y
+
+    def auxiliary(self, states: ArrayLike, currents: ArrayLike) -> dict[str, Array]:
+        """Inner quantities over time by name (flows, force, friction, ...), SI: states (n, NX), currents (n, 2)."""
+        x, u = np.asarray(states, dtype=float).T, np.asarray(currents, dtype=float).T
+        values = self._auxiliary_function.map(x.shape[1])(x, u, ca.repmat(ca.DM(self.p), 1, x.shape[1]))
+        return dict(zip(self.equations.auxiliary, np.asarray(values, dtype=float), strict=True))
+
+    @cached_property
+    def abreast(self) -> CDLL:
+        """The observer for ``LANES`` parameter vectors at once, compiled when first asked for."""
+        return _catalogued_abreast(self.machine.structure, tuple(sorted(self.machine.effects)), self._kind)
+
+    @cached_property
+    def _auxiliary_function(self) -> Any:
+        m = self.equations
+        return ca.Function("auxiliary", [m.x, m.u, m.p], [ca.vertcat(*(e for _, e in m.auxiliary.values()))])
+
+    def linearise(self, states: ArrayLike, currents: ArrayLike, parameters: Array | None = None) -> tuple[Array, Array]:
+        """Dx'/dx (n, NX, NX) and dx'/du (n, NX, 2) at the points: states (n, NX), currents (n, 2)."""
+        x, u = np.ascontiguousarray(states, dtype=float), np.ascontiguousarray(currents, dtype=float)
+        p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
+        n, size = x.shape
+        by_state, by_input = np.empty((n, size, size)), np.empty((n, size, len(INPUTS)))
+        self._library.boom_linearise(
+            pointer(p), pointer(x), pointer(u), ctypes.c_long(n), pointer(by_state), pointer(by_input)
+        )
+        return by_state, by_input
+
+    def output_matrix(self, parameters: Array | None = None) -> Array:
+        """Dy/dx (4, NX); the outputs are linear in the states."""
+        origin = np.zeros(len(self.state_names))
+        zero = self.outputs(origin, parameters=parameters)
+        columns = [self.outputs(unit, parameters=parameters) - zero for unit in np.eye(len(origin))]
+        return np.column_stack(columns)
+
+    def _numbers(self, parameters: Array | None = None) -> dict[str, float]:
+        """Every component by name, inactive effects at their neutral values."""
+        p = self.p if parameters is None else parameters
+        neutral = {f"effects.{e.id}.{row.name}": row.neutral for e in EFFECTS.values() for row in e.parameters}
+        return neutral | dict(zip(self.parameter_names, (float(v) for v in p), strict=True))
+
+
+def pointer(array: Array) -> Any:
+    """Where C finds the numbers of an array."""
+    return array.ctypes.data_as(_DOUBLE)
+
+
+def _compiled(machine: Machine, kind: Kind) -> tuple[Equations, CDLL]:
+    """The model's equations and its integrator; the numbers are not in them."""
+    if not machine.learned:
+        return _catalogued(machine.structure, tuple(sorted(machine.effects)), kind)
+    model = full_model if kind == "full" else reduced_model
+    equations = model(machine.structure, machine.effects, machine.learned)
+    return equations, build(equations)
+
+
+@lru_cache(maxsize=64)
+def _catalogued(structure: Structure, effects: tuple[str, ...], kind: Kind) -> tuple[Equations, CDLL]:
+    """Kept: writing the source costs as much as a run of a minute."""
+    equations = (full_model if kind == "full" else reduced_model)(structure, effects)
+    return equations, build(equations)
+
+
+@lru_cache(maxsize=64)
+def _catalogued_abreast(structure: Structure, effects: tuple[str, ...], kind: Kind) -> CDLL:
+    return build(_catalogued(structure, effects, kind)[0], LANES)
