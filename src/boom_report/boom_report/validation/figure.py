@@ -1,13 +1,20 @@
-"""The chart of one recording: each channel measured and predicted, its residual below, the currents, events shaded."""
+"""The chart of one recording: each channel measured and predicted, its residual below, the currents, events shaded.
+
+A channel that the model does not predict is drawn as it was measured, where the recording has it.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from boom_identification.validation import BagValidation
+from boom_input.channels import CURRENTS, PREDICTED, SENSORS, Sensor, of_topic
 from boom_recording.recording import Event
-from boom_report.channels import CHANNELS, ShownChannel, ratio
+from boom_report.channels import error_text, heading, judging, ratio, statistic
 from boom_report.panels import QUIET, RED, Json, Panels, band, legend_area, legend_line, line, shaded
+
+Array = NDArray[np.float64]
 
 MEASURED, FULL, REDUCED = "#a3a9b3", "#1257a6", "#d9720a"
 _RETRACT, _EXTEND = "#7a3e9d", "#0b8a74"
@@ -24,23 +31,30 @@ def figure(bag: BagValidation) -> Json:
     """The chart as plotly.js takes it: ``data`` and ``layout``."""
     panels = Panels()
     traces: list[Json] = []
-    for channel in CHANNELS:
-        traces += _channel(bag, channel, panels)
+    for sensor in SENSORS:
+        if sensor.name in bag.recording.signals:
+            traces += _channel(bag, sensor, panels)
     traces += _currents(bag, panels)
     traces += _legend()
     return {"data": traces, "layout": panels.layout(_shapes(bag, panels), bag.recording.duration)}
 
 
-def _channel(bag: BagValidation, channel: ShownChannel, panels: Panels) -> list[Json]:
-    signal = bag.recording.signals[channel.name]
+def _channel(bag: BagValidation, sensor: Sensor, panels: Panels) -> list[Json]:
+    signal = bag.recording.signals[sensor.name]
     measured = np.where(signal.valid, signal.values, np.nan)
-    upper = panels.add(channel.name, _CHANNEL_HEIGHT, _OUTER_GAP)
-    error, limit, times = channel.error(bag.full.metrics), channel.error(bag.limits), ratio(channel, bag)
-    label = f"<b>{channel.label.capitalize()}</b> {channel.symbol} [{channel.unit}]"
-    panels.write(channel.name, label, x=0, xanchor="left", yanchor="bottom", yshift=3, font={"size": 13})
-    said = channel.error_text(error)
+    upper = panels.add(sensor.name, _CHANNEL_HEIGHT, _OUTER_GAP)
+    panels.write(sensor.name, heading(sensor), x=0, xanchor="left", yanchor="bottom", yshift=3, font={"size": 13})
+    traces = [line(signal.time, measured * sensor.shown.scale, upper, "measured", MEASURED, 2.6)]
+    return traces + _compared(bag, sensor, panels, measured) if sensor.predicted else traces
+
+
+def _compared(bag: BagValidation, channel: Sensor, panels: Panels, measured: Array) -> list[Json]:
+    """Both models in the panel of a channel, and their residuals in one below."""
+    upper, time = panels.suffix(channel.name), bag.recording.signals[channel.name].time
+    error, limit, times = bag.full.metrics[judging(channel)], bag.limits[judging(channel)], ratio(channel, bag)
+    said = error_text(channel, error)
     if times is not None and limit is not None:
-        said += f" (limit {channel.error_text(limit).removesuffix(' ' + channel.statistic)})"
+        said += f" (limit {error_text(channel, limit).removesuffix(' ' + statistic(channel))})"
     color = RED if times is None or times > 1 else QUIET
     panels.write(
         channel.name, f"full: {said}", x=1, xanchor="right", yanchor="bottom", yshift=3,
@@ -50,17 +64,17 @@ def _channel(bag: BagValidation, channel: ShownChannel, panels: Panels) -> list[
     below = f"{channel.name} residual"
     lower = panels.add(below, _RESIDUAL_HEIGHT, _INNER_GAP)
     panels.write(
-        below, f"model − measured [{channel.error_unit}]", x=0, xanchor="left", yanchor="top", xshift=4, yshift=-1,
+        below, f"model − measured [{channel.error.name}]", x=0, xanchor="left", yanchor="top", xshift=4, yshift=-1,
         font={"size": 10, "color": QUIET}, bgcolor="rgba(255,255,255,0.8)",
     )  # fmt: skip
-    traces = [line(signal.time, measured * channel.scale, upper, "measured", MEASURED, 2.6)]
+    traces = []
     models = ((bag.reduced, "reduced model", REDUCED, 1.2), (bag.full, "full model", FULL, 1.3))
     for prediction, name, colour, width in models:
         values = prediction.values[channel.name]
-        traces.append(line(signal.time, values * channel.scale, upper, name, colour, width))
+        traces.append(line(time, values * channel.shown.scale, upper, name, colour, width))
     for prediction, name, colour, _ in models:
-        residual = (prediction.values[channel.name] - measured) * channel.error_scale
-        trace = line(signal.time, residual, lower, name, colour, 0.9)
+        residual = (prediction.values[channel.name] - measured) * channel.error.scale
+        trace = line(time, residual, lower, name, colour, 0.9)
         if name == _HIDDEN_OF:
             trace |= {"legendgroup": _HIDDEN, "visible": "legendonly"}
         traces.append(trace)
@@ -102,19 +116,20 @@ def _legend() -> list[Json]:
 
 def _shapes(bag: BagValidation, panels: Panels) -> list[Json]:
     shapes: list[Json] = []
-    for channel in CHANNELS:
-        limit = channel.error(bag.limits)
+    for sensor in PREDICTED:
+        limit = bag.limits[judging(sensor)]
         if limit is None:
             continue
-        n, height = panels.suffix(f"{channel.name} residual"), limit * channel.error_scale
+        n, height = panels.suffix(f"{sensor.name} residual"), limit * sensor.error.scale
         shapes.append(band(n, height, _BAND, _BAND_EDGE))
     for event in [e for e in bag.recording.events if e.kind != "loss"][:_SHAPES]:
-        suffixes = [panels.suffix(name) for name in _panels_of(bag, event)]
+        suffixes = [panels.suffix(name) for name in _panels_of(panels, event)]
         shapes += [shaded(n, event.start_s, event.end_s, _EVENT, _EVENT_EDGE) for n in suffixes]
     return shapes
 
 
-def _panels_of(bag: BagValidation, event: Event) -> list[str]:
-    names = [c.name for c in CHANNELS if bag.recording.signals[c.name].topic == event.topic]
-    shown = [panel for name in names for panel in (name, f"{name} residual")]
-    return ["currents"] if event.topic == bag.recording.signals["retract_current"].topic else shown
+def _panels_of(panels: Panels, event: Event) -> list[str]:
+    if event.topic == CURRENTS[0].topic:
+        return ["currents"]
+    names = [channel.name for channel in of_topic(event.topic)]
+    return [panel for name in names for panel in (name, f"{name} residual") if panel in panels.names]
