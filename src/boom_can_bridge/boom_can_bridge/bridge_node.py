@@ -12,7 +12,7 @@ from boom_node import early  # noqa: F401  (first: signals and environment)
 import time
 from typing import Any
 
-from boom_input.channels import SENSORS, MEASURED_TOPICS
+from boom_input.channels import MEASURED_TOPICS, SENSORS
 from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
