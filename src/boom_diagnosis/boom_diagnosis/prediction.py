@@ -185,7 +185,7 @@ class Predictor:
             gain = self._gain[i, plant.state_names]
         return plant, samples, self.bags[i].initial_state(plant, p), gain, p
 
-    def noise(self) -> tuple[float, float, float, float]:
+    def noise(self) -> tuple[float, ...]:
         """Standard deviations of the measured channels that the observer assumes [SI]."""
         return noise_model(self.base[0], self.machine, self.base[0].p).outputs
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 from boom_estimation.free_run import Metrics
 from boom_identification.validation import NOISE_FACTOR, BagValidation
 from boom_input.channels import PREDICTED, Sensor
@@ -20,12 +18,6 @@ def judging(sensor: Sensor) -> str:
 def statistic(sensor: Sensor) -> str:
     """What that error is, in a word."""
     return STATISTICS[sensor.statistics[0]]
-
-
-def heading(sensor: Sensor) -> str:
-    """HTML above a panel: name, symbol and unit."""
-    symbol = re.sub(r"_(\w)", r"<sub>\1</sub>", sensor.symbol)
-    return f"<b>{sensor.label.capitalize()}</b> {symbol} [{sensor.shown.name}]"
 
 
 def short(sensor: Sensor) -> str:
