@@ -130,9 +130,8 @@ def noise_limits(machine: Machine, *, both: bool = False) -> Metrics:
     factor = NOISE_FACTOR * (math.sqrt(2.0) if both else 1.0)
     limits: dict[str, float | None] = {}
     for sensor in PREDICTED:
-        judging, *others = (sensor.metric(statistic) for statistic in sensor.statistics)
-        limits[judging] = ANGLE_LIMIT if sensor.name == "angle" else factor * noise.deviation(sensor)
-        limits |= dict.fromkeys(others)
+        limits |= dict.fromkeys(sensor.metric(statistic) for statistic in sensor.statistics)
+        limits[sensor.judging] = ANGLE_LIMIT if sensor.name == "angle" else factor * noise.deviation(sensor)
     return Metrics(limits)
 
 

@@ -7,6 +7,7 @@ message in ``boom_recording.channels``.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 AMBIENT_PRESSURE_PA = 101_325.0
 """What ``sensor_msgs/FluidPressure``, which is absolute, is larger by than the gauge pressures inside."""
@@ -33,7 +34,7 @@ class Channel:
 
     @property
     def is_pressure(self) -> bool:
-        """True where the wire carries absolute pressure."""
+        """Whether it is a pressure: absolute on the wire, gauge inside."""
         return self.unit == "Pa"
 
     @property
@@ -42,8 +43,7 @@ class Channel:
         return AMBIENT_PRESSURE_PA if self.is_pressure else 0.0
 
 
-@dataclass(frozen=True)
-class Unit:
+class Unit(NamedTuple):
     """A unit for people: its name, and how many of it one SI unit is."""
 
     name: str
@@ -88,6 +88,11 @@ class Sensor(Channel):
     def frame(self) -> str:
         """``frame_id`` of its messages: where on the machine it is measured, "hose"."""
         return self.name.removesuffix("_pressure")
+
+    @property
+    def judging(self) -> str:
+        """Key of the error that judges a prediction."""
+        return self.metric(self.statistics[0])
 
     def metric(self, statistic: str) -> str:
         """Key of an error in the documents: "hose_pressure_rmse_pa"."""

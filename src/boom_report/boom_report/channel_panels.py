@@ -52,15 +52,9 @@ def measured(panels: Panels, sensor: Sensor, time: Array, values: Array) -> list
 
 
 def compared(
-    panels: Panels,
-    sensor: Sensor,
-    time: Array,
-    values: Array,
-    curves: list[Curve],
-    said: str,
-    height: int,
+    panels: Panels, sensor: Sensor, time: Array, values: Array, curves: list[Curve], said: str, height: int,
     colour: str = QUIET,
-) -> list[Json]:
+) -> list[Json]:  # fmt: skip
     """Predictions in the panel of a measured channel, ``said`` above it, and what is left in a panel of this height below."""
     panels.write(
         sensor.name, said, x=1, xanchor="right", yanchor="bottom", yshift=3, font={"size": 11, "color": colour}, name="error"
@@ -71,7 +65,5 @@ def compared(
         font={"size": 10, "color": QUIET}, bgcolor="rgba(255,255,255,0.8)",
     )  # fmt: skip
     traces = [line(time, c.values * sensor.shown.scale, upper, c.name, c.colour, c.width) | c.above for c in curves]
-    left = [
-        line(time, (c.values - values) * sensor.error.scale, lower, c.name, c.colour, 0.9) | c.below for c in curves
-    ]
-    return traces + left
+    scale = sensor.error.scale
+    return traces + [line(time, (c.values - values) * scale, lower, c.name, c.colour, 0.9) | c.below for c in curves]

@@ -10,11 +10,6 @@ STATISTICS = {"mae": "mean", "rmse": "rms"}
 """What a statistic of errors is, in a word."""
 
 
-def judging(sensor: Sensor) -> str:
-    """The key of the error that judges a predicted channel."""
-    return sensor.metric(sensor.statistics[0])
-
-
 def statistic(sensor: Sensor) -> str:
     """What that error is, in a word."""
     return STATISTICS[sensor.statistics[0]]
@@ -48,7 +43,7 @@ def number(value: float, digits: int = 3) -> str:
 
 def ratio(sensor: Sensor, bag: BagValidation) -> float | None:
     """Error of the full model over its limit: above 1 noise does not explain it. None where it was not compared."""
-    value, limit = bag.full.metrics[judging(sensor)], bag.limits[judging(sensor)]
+    value, limit = bag.full.metrics[sensor.judging], bag.limits[sensor.judging]
     if value is None or limit is None:
         return None
     return value / limit if limit > 0 else (float("inf") if value > 0 else 0.0)
@@ -56,7 +51,7 @@ def ratio(sensor: Sensor, bag: BagValidation) -> float | None:
 
 def limits_text(limits: Metrics) -> str:
     """One sentence on what counts as right."""
-    known = [(sensor, limits[judging(sensor)]) for sensor in PREDICTED]
+    known = [(sensor, limits[sensor.judging]) for sensor in PREDICTED]
     parts = [f"{sensor.label} {error_text(sensor, limit)}" for sensor, limit in known if limit is not None]
     return (
         f"Limits, up to which noise explains an error: {', '.join(parts)} (rate and pressures: {NOISE_FACTOR:g} times "

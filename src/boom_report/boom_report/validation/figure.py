@@ -12,7 +12,7 @@ from boom_input.channels import CURRENTS, PREDICTED, SENSORS, Sensor
 from boom_recording.recording import Event
 from boom_report import channel_panels as common
 from boom_report.channel_panels import Curve, compared, measured, rest, title
-from boom_report.channels import error_text, judging, ratio, statistic
+from boom_report.channels import error_text, ratio, statistic
 from boom_report.panels import QUIET, RED, Json, Panels, band, legend_area, legend_line, line, shaded
 
 FULL, REDUCED = "#1257a6", "#d9720a"
@@ -40,8 +40,8 @@ def _channel(bag: BagValidation, sensor: Sensor, panels: Panels) -> list[Json]:
     traces = measured(panels, sensor, signal.time, values)
     if not sensor.predicted:
         return traces
-    limit, times = bag.limits[judging(sensor)], ratio(sensor, bag)
-    said = f"full: {error_text(sensor, bag.full.metrics[judging(sensor)])}"
+    limit, times = bag.limits[sensor.judging], ratio(sensor, bag)
+    said = f"full: {error_text(sensor, bag.full.metrics[sensor.judging])}"
     if times is not None and limit is not None:
         said += f" (limit {error_text(sensor, limit).removesuffix(' ' + statistic(sensor))})"
     colour = RED if times is None or times > 1 else QUIET
@@ -80,7 +80,7 @@ def _legend() -> list[Json]:
 def _shapes(bag: BagValidation, panels: Panels) -> list[Json]:
     shapes: list[Json] = []
     for sensor in PREDICTED:
-        limit = bag.limits[judging(sensor)]
+        limit = bag.limits[sensor.judging]
         if limit is None:
             continue
         n, height = panels.suffix(rest(sensor)), limit * sensor.error.scale

@@ -7,7 +7,7 @@ from html import escape
 from boom_estimation.free_run import Prediction
 from boom_identification.validation import BagValidation, Validation
 from boom_input.channels import PREDICTED, Sensor
-from boom_report.channels import STATISTICS, judging, limits_text, number, ratio, statistic
+from boom_report.channels import STATISTICS, limits_text, number, ratio, statistic
 from boom_report.validation.reference import REMARK, beside
 from boom_report.validation.verdict import verdict
 
@@ -57,11 +57,11 @@ def errors(bag: BagValidation) -> str:
     for sensor in PREDICTED:
         times = ratio(sensor, bag)
         off = times is None or times > 1
-        limit, scale = bag.limits[judging(sensor)], sensor.error.scale
+        limit, scale = bag.limits[sensor.judging], sensor.error.scale
         rows.append(
             f"<tr><td>{sensor.label}, {statistic(sensor)} [{sensor.error.name}]</td><td "
-            f"class=n>{_scaled(bag.full, judging(sensor), scale)}</td>"
-            f"<td class=n>{_scaled(bag.reduced, judging(sensor), scale)}</td>"
+            f"class=n>{_scaled(bag.full, sensor.judging, scale)}</td>"
+            f"<td class=n>{_scaled(bag.reduced, sensor.judging, scale)}</td>"
             f"<td class=n>{'–' if limit is None else number(limit * scale)}</td>"
             f"<td class='n{' off' if off else ''}'>{'–' if times is None else number(times, 2)}</td></tr>"
         )
@@ -94,7 +94,7 @@ def _pose(bag: BagValidation, index: int) -> str:
 def _error_cell(bag: BagValidation, sensor: Sensor) -> str:
     times = ratio(sensor, bag)
     off = " off" if times is None or times > 1 else ""
-    return f"<td class='n{off}'>{_scaled(bag.full, judging(sensor), sensor.error.scale)}</td>"
+    return f"<td class='n{off}'>{_scaled(bag.full, sensor.judging, sensor.error.scale)}</td>"
 
 
 def _scaled(prediction: Prediction, metric: str, scale: float) -> str:

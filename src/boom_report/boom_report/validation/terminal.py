@@ -10,7 +10,7 @@ from rich.text import Text
 from boom_identification.validation import BagValidation, Validation
 from boom_input.channels import PREDICTED
 from boom_report import events
-from boom_report.channels import judging, limits_text, number, ratio, statistic
+from boom_report.channels import limits_text, number, ratio, statistic
 from boom_report.validation.reference import REMARK, beside_short
 from boom_report.validation.tables import load_text
 from boom_report.validation.verdict import verdict
@@ -57,7 +57,7 @@ def full_table(validation: Validation, *, narrow: bool = False) -> Table:
     for bag in validation.bags:
         cells = [_rad(bag.full.metrics["angle_mae_rad"])]
         for sensor in _BESIDE_THE_ANGLE:
-            value = bag.full.metrics[judging(sensor)]
+            value = bag.full.metrics[sensor.judging]
             cells.append("-" if value is None else number(value * sensor.error.scale))
         styles = ["red" if (r := ratio(s, bag)) is None or r > 1 else "" for s in (_ANGLE, *_BESIDE_THE_ANGLE)]
         texts = [Text(cell, style) for cell, style in zip(cells, styles, strict=True)]

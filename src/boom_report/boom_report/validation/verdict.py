@@ -10,7 +10,7 @@ import numpy as np
 from boom_estimation.free_run import Prediction
 from boom_identification.validation import BagValidation
 from boom_input.channels import PREDICTED, Sensor
-from boom_report.channels import error_text, judging, number, ratio, statistic
+from boom_report.channels import error_text, number, ratio, statistic
 
 Kind = Literal["agrees", "differs", "stopped", "not compared"]
 
@@ -38,7 +38,7 @@ class Verdict:
 def verdict(bag: BagValidation) -> Verdict:
     """Judges the full model against the measurement."""
     judged = [(c, r) for c in PREDICTED if (r := ratio(c, bag)) is not None]
-    missing = [c.label for c in PREDICTED if bag.full.metrics[judging(c)] is None]
+    missing = [c.label for c in PREDICTED if bag.full.metrics[c.judging] is None]
     off = sorted((pair for pair in judged if pair[1] > 1), key=lambda pair: -pair[1])
     numbers = ", ".join(_with_number(c, bag) for c, _ in judged)
     if bag.full.stopped:
@@ -51,10 +51,10 @@ def verdict(bag: BagValidation) -> Verdict:
         also = f"; also {_listed(others)}" if others else ""
         rest = [c for c, r in judged if r <= 1]
         fine = f" Within noise: {_listed([c.label for c in rest])}." if rest else ""
-        limit = error_text(worst, bag.limits[judging(worst)]).removesuffix(f" {statistic(worst)}")
+        limit = error_text(worst, bag.limits[worst.judging]).removesuffix(f" {statistic(worst)}")
         sentence = (
             f"The full model differs from the measurement, most in {worst.label}: "
-            f"{error_text(worst, bag.full.metrics[judging(worst)])}, {number(times, 2)} times the {limit} that noise "
+            f"{error_text(worst, bag.full.metrics[worst.judging])}, {number(times, 2)} times the {limit} that noise "
             "explains"
             f"{' (also beyond it: ' + _listed([_with_number(c, bag) for c, _ in off[1:]]) + ')' if others else ''}."
             f"{where(bag, worst)}{fine}{_not_compared(missing)}"
@@ -76,7 +76,7 @@ def where(bag: BagValidation, channel: Sensor) -> str:
         A sentence with a leading blank.
     """
     signal = bag.recording.signals[channel.name]
-    limit = bag.limits[judging(channel)]
+    limit = bag.limits[channel.judging]
     error = np.where(signal.valid, bag.full.values[channel.name] - signal.values, np.nan)
     known = np.isfinite(error)
     if limit is None or not known.any():
@@ -96,7 +96,7 @@ def where(bag: BagValidation, channel: Sensor) -> str:
 
 
 def _with_number(channel: Sensor, bag: BagValidation) -> str:
-    return f"{channel.label} {error_text(channel, bag.full.metrics[judging(channel)])}"
+    return f"{channel.label} {error_text(channel, bag.full.metrics[channel.judging])}"
 
 
 def _not_compared(labels: list[str]) -> str:
