@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import filecmp
 import json
 import os
@@ -14,6 +15,7 @@ from typing import Any
 import pytest
 
 from boom_identification.validation import validate
+from boom_input.channels import PREDICTED
 from boom_model.machine_file import load_machine
 from boom_recording import recorder
 from boom_recording.loading import load
@@ -39,6 +41,7 @@ from boom_can_bridge.mapping import OPTIONAL_FIELDS
 from boom_diagnosis import proof
 from boom_diagnosis.document import STAGES, BagResult
 from boom_identification.validation import validate
+from boom_input.channels import PREDICTED
 from boom_model.machine_file import load_machine
 from boom_recording import loading, recorder, writing
 from boom_report.diagnosis import figure as diagnosis
@@ -125,3 +128,8 @@ def test_recordings_without_it_are_as_good_as_before(used: dict[str, Any]) -> No
     assert "/boom/supply_pressure" not in recorder.DEFAULT_TOPICS  # here, where the table does not have it
     before = validate(load(BAG), load_machine("tz17")).document()
     assert used["without"] == json.loads(json.dumps(before))
+
+
+def test_what_the_model_predicts_cannot_be_optional() -> None:
+    with pytest.raises(ValueError, match="rod_pressure: what the model predicts"):
+        dataclasses.replace(PREDICTED[-1], required=False)

@@ -1,7 +1,7 @@
 """The channels of a recording, one table: what is measured, its unit and range, where it comes from, how it is shown.
 
-Everything above goes over this table. To add a measured channel is a row in :data:`CHANNELS`, and the type of its
-message in ``boom_recording.channels``.
+Everything above goes over this table. A measured channel is added with a row in :data:`SENSORS` and
+the type of its topic's messages in ``boom_recording.channels``.
 """
 
 from __future__ import annotations
@@ -75,9 +75,7 @@ class Sensor(Channel):
 
     def __post_init__(self) -> None:
         if self.predicted and not self.required:
-            raise ValueError(
-                f"{self.name}: what the model predicts is compared in every recording and cannot be optional"
-            )
+            raise ValueError(f"{self.name}: what the model predicts cannot be optional")
 
     @property
     def label(self) -> str:

@@ -122,12 +122,12 @@ def _encode(
         )
     if len(stamps) and (stamps.min() < 0 or stamps.max() >= 2**31 * 10**9):
         raise RecordingError(f"stamps of {topic} lie outside what a ROS stamp can hold")
-    template = _template(topic, joint, [channel.name in own for channel in of_topic(topic)])
+    template = _template(topic, joint, {channel.field for channel in of_topic(topic) if channel.name in own})
     layout = cdr_layout.locate(template, TYPES[topic], definitions.typestore().fielddefs)
     rows = np.tile(layout.template, (len(stamps), 1))
     layout.store(rows, "header.stamp.sec", stamps // 10**9)
     layout.store(rows, "header.stamp.nanosec", stamps % 10**9)
-    if "variance" in layout.numbers:
+    if TYPES[topic].endswith("/FluidPressure"):
         layout.store(rows, "variance", np.full(len(stamps), variance))
     for channel in of_topic(topic):
         path = channel.field if channel.field in layout.numbers else f"{channel.field}[0]"
@@ -138,21 +138,19 @@ def _encode(
     return stamps, rows
 
 
-def _template(topic: str, joint: str, present: list[bool]) -> bytes:
-    definitions.ensure(TYPES[topic])
+def _template(topic: str, joint: str, fields: set[str]) -> bytes:
+    """A message of the topic with zeros, and with an element in those of a joint's lists that are ``fields``."""
+    name = TYPES[topic]
+    definitions.ensure(name)
     store = definitions.typestore()
-    header = _header(0)
-    if TYPES[topic].endswith("/JointState"):
-        lists = [np.zeros(1) if there else np.zeros(0) for there in [*present, False][:2]]
-        message: Any = store.types[TYPES[topic]](
-            header=header, name=[joint], position=lists[0], velocity=lists[1], effort=np.zeros(0)
-        )
-    elif TYPES[topic].endswith("/FluidPressure"):
-        message = store.types[TYPES[topic]](header=header, fluid_pressure=0.0, variance=0.0)
+    values: dict[str, Any] = {"header": _header(0)}
+    if name.endswith("/JointState"):
+        values |= {"name": [joint]} | {
+            part: np.zeros(int(part in fields)) for part in ("position", "velocity", "effort")
+        }
     else:
-        numbers = {channel.field: 0.0 for channel in of_topic(topic)}
-        message = store.types[TYPES[topic]](header=header, **numbers)
-    return bytes(store.serialize_cdr(message, TYPES[topic]))
+        values |= {field: 0.0 for field, _ in store.fielddefs[name][1] if field != "header"}
+    return bytes(store.serialize_cdr(store.types[name](**values), name))
 
 
 def _header(nanoseconds: int) -> Any:
