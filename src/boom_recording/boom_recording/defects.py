@@ -11,7 +11,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_recording.channels import SENSOR_TOPICS, Channel, FaultKind
+from boom_input.channels import MEASURED_TOPICS, PREDICTED, Channel
+from boom_recording.channels import FaultKind
 from boom_recording.recording import Event, Flags, Floats, Stamps
 
 _SECOND = 1e9
@@ -347,7 +348,7 @@ def check_stuck(topics: dict[str, TopicSamples], limits: Thresholds = THRESHOLDS
     witness = _Motion(topics)
     stuck_rate: list[tuple[float, float]] = []
     # The rate first: it tells of the angle, and when the IMU hangs both repeat.
-    names = [name for samples in topics.values() if samples.topic in SENSOR_TOPICS for name in samples.values]
+    names = [name for samples in topics.values() if samples.topic in MEASURED_TOPICS for name in samples.values]
     names.sort(key=lambda name: name != "rate")
     for name in names:
         samples = next(s for s in topics.values() if name in s.values)
@@ -397,6 +398,10 @@ def _believable(values: Floats, clipped: bool, limits: Thresholds) -> float | No
     return max(limits.stuck_factor * float(np.log(max(len(values), 2)) / -np.log(repeats)), 20.0)
 
 
+_FOLLOW = {sensor.name for sensor in PREDICTED if sensor.is_pressure}
+"""Pressures of the cylinder: they cannot stay as they are while the boom moves; that of a pump can."""
+
+
 class _Motion:
     """What the IMU says of the boom's motion, to judge the other signals by."""
 
@@ -423,7 +428,7 @@ class _Motion:
         if name == "rate":
             drift = angles - angles[0] - value * (times - times[0]) / _SECOND
             return start if float(np.abs(drift).max()) > limits.moving_rate else None
-        if name.endswith("pressure"):
+        if name in _FOLLOW:
             return start if float(np.ptp(angles)) > limits.moving_angle else None
         return None
 

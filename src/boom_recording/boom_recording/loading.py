@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_input.channels import CHANNELS, MEASURED_TOPICS, SENSOR_TOPICS, of_topic
 from boom_input.shown import quoted
-from boom_recording import bag_folder, cdr_layout, channels, defects, definitions
-from boom_recording.channels import MACHINE_CONFIGURATION, OSCILLOSCOPE, SENSOR_TOPICS, TYPES
+from boom_recording import bag_folder, cdr_layout, defects, definitions
+from boom_recording.channels import DEFAULT_JOINT, MACHINE_CONFIGURATION, OSCILLOSCOPE, TYPES
 from boom_recording.defects import TopicSamples
 from boom_recording.errors import RecordingError
 from boom_recording.mcap_file import Batch, Damage, Topic, opened_mcap
@@ -37,7 +38,7 @@ class _Column:
 
 
 def load(
-    path: str | Path, *, require: Iterable[str] = REQUIRED, joint: str = channels.DEFAULT_JOINT, check: bool = True
+    path: str | Path, *, require: Iterable[str] = REQUIRED, joint: str = DEFAULT_JOINT, check: bool = True
 ) -> Recording:
     """Load the bag at `path`: a rosbag2 directory or a bare .mcap file.
 
@@ -83,7 +84,7 @@ def _load(path: Path, bag: bag_folder.BagFiles, require: tuple[str, ...], joint:
     start_ns, end_ns = _span(sensors)
     if check:
         for samples in topics.values():
-            if samples.topic in SENSOR_TOPICS:
+            if samples.topic in MEASURED_TOPICS:
                 raw[samples.topic] += defects.check_missing(samples, start_ns, end_ns, raw[samples.topic])
             raw[samples.topic] += defects.check_values(samples)
         for topic, found in defects.check_stuck(topics).items():
@@ -105,7 +106,7 @@ def _load(path: Path, bag: bag_folder.BagFiles, require: tuple[str, ...], joint:
 
 def _signals(topics: dict[str, TopicSamples], start_ns: int) -> dict[str, Signal]:
     result: dict[str, Signal] = {}
-    for channel in channels.CHANNELS:
+    for channel in CHANNELS:
         samples = topics.get(channel.topic)
         if samples is None or channel.name not in samples.values:
             continue
@@ -269,7 +270,7 @@ class _Reader:
                 values = {name: column[order] for name, column in values.items()}
             timed = np.ones(len(stamps), bool)
             valid = {name: np.ones(len(stamps), bool) for name in values}
-            result[topic] = TopicSamples(topic, channels.of_topic(topic), stamps, log, values, timed, valid)
+            result[topic] = TopicSamples(topic, of_topic(topic), stamps, log, values, timed, valid)
         return result
 
     def configuration(self, *, required: bool) -> Configuration | None:
@@ -300,7 +301,7 @@ class _Reader:
                 self._walks += 1
                 self._configure(topic, column, _bytes(batch, i))
             return
-        names = [channel.name for channel in channels.of_topic(topic.topic)]
+        names = [channel.name for channel in of_topic(topic.topic)]
         stamps = np.zeros(len(which), np.int64)
         values = {name: np.zeros(len(which)) for name in names}
         done = np.zeros(len(which), bool)
@@ -350,7 +351,7 @@ class _Reader:
                 rows = cdr_layout.gather(batch.data, batch.offset[which[fits]], size)
                 seconds, nanoseconds = (layout.column(rows, f"header.stamp.{name}") for name in ("sec", "nanosec"))
                 stamps[fits] = seconds.astype(np.int64) * 10**9 + nanoseconds.astype(np.int64)
-                for channel in channels.of_topic(topic.topic):
+                for channel in of_topic(topic.topic):
                     values[channel.name][fits] = layout.column(rows, paths[channel.name]) - channel.wire_offset
                 done[fits] = True
             part = rest
@@ -384,7 +385,7 @@ class _Reader:
     def _layout(self, topic: Topic, data: bytes) -> _Found:
         layout = cdr_layout.locate(data, topic.type, self._types(topic))
         paths = {}
-        for channel in channels.of_topic(topic.topic):
+        for channel in of_topic(topic.topic):
             path = channel.field
             if topic.type.endswith("/JointState"):
                 names = [layout.texts[f"name[{i}]"] for i in range(layout.lengths.get("name", 0))]

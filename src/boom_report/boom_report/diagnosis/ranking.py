@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping
 from html import escape
 
-from boom_diagnosis.document import CHANNELS, DiagnosisResult, Estimate, LadderStep, RankingRow
+from boom_diagnosis.document import DiagnosisResult, Estimate, LadderStep, RankingRow
+from boom_input.channels import PREDICTED
 from boom_model.effects import SUBSYSTEM_NAMES, effect_name
 from boom_report.diagnosis.words import (
-    CHANNEL_NAMES,
     intervals_text,
     others_text,
     percent,
@@ -113,8 +113,8 @@ def ladder(result: DiagnosisResult) -> str:
 def rungs(result: DiagnosisResult) -> str:
     """HTML: the bars of the ladder alone."""
     floor = LadderStep("noise floor", (), result.document.fit.noise_floor)
-    steps = [*result.ladder, *([floor] if len(floor.held_out) == len(CHANNELS) else [])]
-    return f"<div class=ladder>{''.join(_channel(steps, i) for i in range(len(CHANNELS)))}</div>"
+    steps = [*result.ladder, *([floor] if len(floor.held_out) == len(PREDICTED) else [])]
+    return f"<div class=ladder>{''.join(_channel(steps, i) for i in range(len(PREDICTED)))}</div>"
 
 
 def _channel(steps: list[LadderStep], index: int) -> str:
@@ -132,12 +132,12 @@ def _channel(steps: list[LadderStep], index: int) -> str:
             f"<div class='rung{kind}'><span>{escape(step.label)}</span><span class=track><i style='width:{width:.0f}%'></i></span>"
             f"<span>{shown_as}</span></div>"
         )
-    return f"<div><h3>{CHANNEL_NAMES[CHANNELS[index]].capitalize()}</h3>{''.join(bars)}</div>"
+    return f"<div><h3>{PREDICTED[index].label.capitalize()}</h3>{''.join(bars)}</div>"
 
 
 def _table(result: DiagnosisResult) -> str:
     heads = "".join(
-        f"<th class=n>{CHANNEL_NAMES[c]}<br>{used}</th>" for used in ("fitted", "held out") for c in CHANNELS
+        f"<th class=n>{sensor.label}<br>{used}</th>" for used in ("fitted", "held out") for sensor in PREDICTED
     )
     rows = "".join(
         f"<tr><td>{escape(step.label)}</td>{''.join(f'<td class=n>{percent(v)}</td>' for v in step.training)}"

@@ -6,7 +6,8 @@ from datetime import datetime
 from html import escape
 from pathlib import Path
 
-from boom_diagnosis.document import CHANNELS, BagResult, DiagnosisResult, Fit
+from boom_diagnosis.document import BagResult, DiagnosisResult, Fit
+from boom_input.channels import PREDICTED
 from boom_input.whole import write_whole
 from boom_model.effects import SUBSYSTEM_NAMES, effect_name
 from boom_report import __version__
@@ -15,7 +16,6 @@ from boom_report.diagnosis import next, ranking, where
 from boom_report.diagnosis.figure import figure
 from boom_report.diagnosis.scheme import scheme
 from boom_report.diagnosis.words import (
-    CHANNEL_NAMES,
     VERDICTS,
     headline,
     intervals_text,
@@ -120,12 +120,12 @@ def _proof(fit: Fit) -> str:
     columns = [("before" if "explained" in fit.held_out else "model", fit.held_out["nominal"])]
     if "explained" in fit.held_out:
         columns.append(("after", fit.held_out["explained"]))
-    if len(fit.noise_floor) == len(CHANNELS):
+    if len(fit.noise_floor) == len(PREDICTED):
         columns.append(("noise floor", fit.noise_floor))
     heads = "".join(f"<th class=n>{head}</th>" for head, _ in columns)
     rows = "".join(
-        f"<tr><td>{CHANNEL_NAMES[name]}</td>{''.join(f'<td class=n>{percent(values[i])}</td>' for _, values in columns)}</tr>"
-        for i, name in enumerate(CHANNELS)
+        f"<tr><td>{sensor.label}</td>{''.join(f'<td class=n>{percent(values[i])}</td>' for _, values in columns)}</tr>"
+        for i, sensor in enumerate(PREDICTED)
     )
     return f"<table class=proof><thead><tr><th>held-out error</th>{heads}</tr></thead><tbody>{rows}</tbody></table>"
 

@@ -8,11 +8,12 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.document import CHANNELS, BagResult, DiagnosisResult, Regime
+from boom_diagnosis.document import BagResult, DiagnosisResult, Regime
+from boom_input.channels import PREDICTED
 from boom_model.effects import SUBSYSTEM_NAMES
 from boom_report.channels import number
 from boom_report.diagnosis.scheme import colours
-from boom_report.diagnosis.words import CHANNEL_NAMES, intervals_text
+from boom_report.diagnosis.words import intervals_text
 from boom_report.page import chart
 from boom_report.panels import QUIET, Json, packed
 
@@ -125,7 +126,7 @@ def _bytes(z: Array) -> Json:
 def _map(result: DiagnosisResult) -> str:
     if not result.regimes:
         return ""
-    heads = "".join(f"<th class=n>{CHANNEL_NAMES[c]}</th>" for c in CHANNELS)
+    heads = "".join(f"<th class=n>{sensor.label}</th>" for sensor in PREDICTED)
     rows = "".join(_regime(r) for r in result.regimes)
     return (
         "<h3>In which regime: mismatch over noise, before → after</h3><div class=scroll><table class=map><thead><tr>"
@@ -137,8 +138,8 @@ def _map(result: DiagnosisResult) -> str:
 
 def _regime(regime: Regime) -> str:
     cells = []
-    for channel in CHANNELS:
-        before, after = regime.mismatch.get(channel, math.nan), regime.explained.get(channel, math.nan)
+    for sensor in PREDICTED:
+        before, after = (side.get(sensor.name, math.nan) for side in (regime.mismatch, regime.explained))
         if not math.isfinite(before):
             cells.append("<td class=heat>–</td>")
             continue

@@ -8,9 +8,10 @@ from pathlib import Path
 
 from boom_identification.identify import Identification
 from boom_identification.validation import BagValidation, Validation
+from boom_input.channels import PREDICTED
 from boom_input.whole import write_whole
 from boom_report import __version__, inputs
-from boom_report.channels import number
+from boom_report.channels import number, short
 from boom_report.identification import cylinder, pilot
 from boom_report.page import chart, page
 from boom_report.validation import figure, tables
@@ -92,11 +93,14 @@ def _held_out(result: Identification) -> str:
     check = document.get("held_out")
     if not check:
         return ""
-    channels = {"angle": "angle", "rate": "rate", "hose_pressure": "p_h", "rod_pressure": "p_b"}
-    head = "".join(f"<th class=n>{short} before</th><th class=n>after</th>" for short in channels.values())
+    head = "".join(f"<th class=n>{short(sensor)} before</th><th class=n>after</th>" for sensor in PREDICTED)
     rows = "".join(
         f"<tr><td {_WHOLE}>{escape(row['bag'])}</td>"
-        + "".join(f"<td class=n>{100 * row[side][key]:.2f}</td>" for key in channels for side in ("before", "after"))
+        + "".join(
+            f"<td class=n>{100 * row[side][sensor.name]:.2f}</td>"
+            for sensor in PREDICTED
+            for side in ("before", "after")
+        )
         + "</tr>"
         for row in check
     )

@@ -6,7 +6,8 @@ from html import escape
 
 from boom_estimation.free_run import Prediction
 from boom_identification.validation import BagValidation, Validation
-from boom_report.channels import CHANNELS, limits_text, number, ratio
+from boom_input.channels import PREDICTED, Sensor
+from boom_report.channels import STATISTICS, limits_text, number, ratio, statistic
 from boom_report.validation.reference import REMARK, beside
 from boom_report.validation.verdict import verdict
 
@@ -16,11 +17,11 @@ def summary(validation: Validation) -> str:
     rows_full, rows_reduced = [], []
     for index, bag in enumerate(validation.bags):
         pose = _pose(bag, index)
-        errors = "".join(_error_cell(bag, k) for k in range(len(CHANNELS)))
+        errors = "".join(_error_cell(bag, sensor) for sensor in PREDICTED)
         kind = verdict(bag).kind
         judged = f"<td><span class='pill {kind.replace(' ', '-')}'>{kind}</span></td>"
         rows_full.append(
-            f"<tr>{pose}<td class=n>{_rad(bag.full.metrics.angle_mae_rad)}</td>{errors}"
+            f"<tr>{pose}<td class=n>{_rad(bag.full.metrics['angle_mae_rad'])}</td>{errors}"
             f"<td class=quiet>{_beside(bag, '5.1')}</td>{judged}</tr>"
         )
         difference = bag.reduced_vs_full_angle_mae_rad
@@ -34,7 +35,7 @@ def summary(validation: Validation) -> str:
         "<th>recording</th><th class=n>q<sub>3</sub><br>[rad]</th><th class=n>q<sub>4</sub><br>[m]</th>"
         "<th class=n>load<br>[kg]</th>"
     )
-    heads = "".join(f"<th class=n>{c.label}<br>{c.statistic} [{c.error_unit}]</th>" for c in CHANNELS)
+    heads = "".join(f"<th class=n>{s.label}<br>{statistic(s)} [{s.error.name}]</th>" for s in PREDICTED)
     limits = limits_text(validation.bags[0].limits) if validation.bags else ""
     return (
         "<h2>Table 5.1: full model against the measurement</h2><div class=scroll><table>"
@@ -53,21 +54,22 @@ def summary(validation: Validation) -> str:
 def errors(bag: BagValidation) -> str:
     """The numbers of one recording: both models against the measurement, channel by channel."""
     rows = []
-    for channel in CHANNELS:
-        times = ratio(channel, bag)
+    for sensor in PREDICTED:
+        times = ratio(sensor, bag)
         off = times is None or times > 1
-        limit = channel.error(bag.limits)
+        limit, scale = bag.limits[sensor.judging], sensor.error.scale
         rows.append(
-            f"<tr><td>{channel.label}, {channel.statistic} [{channel.error_unit}]</td><td "
-            f"class=n>{_scaled(bag.full, channel.metric, channel.error_scale)}</td>"
-            f"<td class=n>{_scaled(bag.reduced, channel.metric, channel.error_scale)}</td>"
-            f"<td class=n>{'–' if limit is None else number(limit * channel.error_scale)}</td>"
+            f"<tr><td>{sensor.label}, {statistic(sensor)} [{sensor.error.name}]</td><td "
+            f"class=n>{_scaled(bag.full, sensor.judging, scale)}</td>"
+            f"<td class=n>{_scaled(bag.reduced, sensor.judging, scale)}</td>"
+            f"<td class=n>{'–' if limit is None else number(limit * scale)}</td>"
             f"<td class='n{' off' if off else ''}'>{'–' if times is None else number(times, 2)}</td></tr>"
         )
-        if channel.name == "angle":
+        for other in sensor.statistics[1:]:
             rows.append(
-                f"<tr><td>angle, rms [mrad]</td><td class=n>{_scaled(bag.full, 'angle_rmse_rad', 1e3)}</td>"
-                f"<td class=n>{_scaled(bag.reduced, 'angle_rmse_rad', 1e3)}</td><td class=n>–</td><td "
+                f"<tr><td>{sensor.label}, {STATISTICS[other]} [{sensor.error.name}]</td>"
+                f"<td class=n>{_scaled(bag.full, sensor.metric(other), scale)}</td>"
+                f"<td class=n>{_scaled(bag.reduced, sensor.metric(other), scale)}</td><td class=n>–</td><td "
                 "class=n>–</td></tr>"
             )
     return (
@@ -89,15 +91,14 @@ def _pose(bag: BagValidation, index: int) -> str:
     )
 
 
-def _error_cell(bag: BagValidation, index: int) -> str:
-    channel = CHANNELS[index]
-    times = ratio(channel, bag)
+def _error_cell(bag: BagValidation, sensor: Sensor) -> str:
+    times = ratio(sensor, bag)
     off = " off" if times is None or times > 1 else ""
-    return f"<td class='n{off}'>{_scaled(bag.full, channel.metric, channel.error_scale)}</td>"
+    return f"<td class='n{off}'>{_scaled(bag.full, sensor.judging, sensor.error.scale)}</td>"
 
 
 def _scaled(prediction: Prediction, metric: str, scale: float) -> str:
-    value = getattr(prediction.metrics, metric)
+    value = prediction.metrics[metric]
     return "–" if value is None else number(value * scale)
 
 

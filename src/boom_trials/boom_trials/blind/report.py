@@ -7,6 +7,7 @@ from html import escape
 
 import numpy as np
 
+from boom_input.channels import PREDICTED
 from boom_trials.blind import drawing, judging, scoring, tables
 from boom_trials.blind.outcomes import Row
 from boom_trials.blind.trial import Trial
@@ -32,7 +33,6 @@ code{overflow-wrap:anywhere}
 @media(max-width:600px){main{padding:16px 8px}.card{padding:12px 8px}th,td{padding:4px}table{font-size:.8rem}}
 @media print{.card{break-inside:avoid;border:none;padding:8px 0 0;margin:16px 0 0}main{padding:0}:root{background:#fff}}
 """
-_UNITS = {"angle": ("rad", 1.0), "rate": ("rad/s", 1.0), "hose_pressure": ("bar", 1e-5), "rod_pressure": ("bar", 1e-5)}
 _MEANING = (
     "A second plant, written apart from the model and with other functional forms for every effect, was given cranes drawn "
     "around the machine file within its tolerances, so that the nominal model is never exactly right. One detectability is the "
@@ -89,14 +89,15 @@ def _errors(rows: Sequence[Row]) -> str:
     lines = []
     for title, errors in scoring.held_out_stages(rows):
         medians = "".join(
-            f"<td class=n>{tables.percent(float(np.median([e[k] for e in errors])))}</td>" for k in range(len(_UNITS))
+            f"<td class=n>{tables.percent(float(np.median([e[k] for e in errors])))}</td>"
+            for k in range(len(PREDICTED))
         )
         lines.append(f"<tr><td>{escape(title)}</td>{medians}<td class=n>{len(errors)}</td></tr>")
     if not lines:
         return "<p>No cases.</p>"
     return (
         "<p class=quiet>Median of the rms error over the measured channel's standard deviation, free runs, single effects at 1 x "
-        f"detectability and above.</p><table><tr><th>model<th>{'<th>'.join(n.replace('_', ' ') for n in _UNITS)}<th>cases</tr>"
+        f"detectability and above.</p><table><tr><th>model<th>{'<th>'.join(sensor.label for sensor in PREDICTED)}<th>cases</tr>"
         f"{''.join(lines)}</table>"
     )
 
@@ -131,8 +132,8 @@ def _worst(trial: Trial, rows: Sequence[Row]) -> str:
     for _, what, row in scoring.worst(rows):
         pictures = ""
         for trace in judging.traces(row.truth.name, trial.blind, trial.sealed, str(trial.machine)):
-            unit, factor = _UNITS[trace.name]
-            pictures += drawing.lines(trace.name.replace("_", " "), unit, factor, trace.time, trace.lines)
+            sensor = next(sensor for sensor in PREDICTED if sensor.name == trace.name)
+            pictures += drawing.lines(sensor.label, sensor.shown.name, sensor.shown.scale, trace.time, trace.lines)
         sizes = ", ".join(f"{e.effect}: {e.size:.3g} {e.unit}".removesuffix(" -") for e in row.truth.effects)
         wrong = ", ".join(f"{key} by {off:.1f} standard deviations" for key, off in row.truth.wrong.items())
         parts.append(
