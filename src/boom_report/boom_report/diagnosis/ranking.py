@@ -8,7 +8,7 @@ from html import escape
 
 from boom_diagnosis.document import DiagnosisResult, Estimate, LadderStep, RankingRow
 from boom_input.channels import PREDICTED
-from boom_model.effects import SUBSYSTEM_NAMES, effect_name
+from boom_model.catalogue import SUBSYSTEM_NAMES, effect_name
 from boom_report.diagnosis.words import (
     intervals_text,
     others_text,

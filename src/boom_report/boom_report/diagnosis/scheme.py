@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from html import escape
 
 from boom_diagnosis.document import SUBSYSTEMS
-from boom_model.effects import SUBSYSTEM_NAMES
+from boom_model.catalogue import SUBSYSTEM_NAMES
 from boom_report.diagnosis.words import probability
 
 _STEPS = ((0.05, "#ffffff", "#8793a0"), (0.2, "#fff3cf", "#b98a14"), (0.5, "#ffd98a", "#b36b00"),
