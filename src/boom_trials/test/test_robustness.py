@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from boom_controller.controller import make_controller
-from boom_controller.types import Reference
+from boom_controller.types import Measurement, Reference
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
+from boom_model.sensors import OUTPUTS
 from boom_model.variation import BULK_MODULUS, FRICTION, LOAD, PRECHARGE
 from boom_report.tracking.position_error import piston_positions
+from boom_sim.simulated_crane import Sample
 from boom_trials.robustness.crane import Grasp, TrialCrane, carried_out, start_state
 from boom_trials.robustness.document import document
 from boom_trials.robustness.plants import (
@@ -162,6 +164,11 @@ def test_workers_give_the_results_in_the_order_of_the_jobs() -> None:
     assert [r.job.bag for r in both] == [job.bag for job in jobs]
     assert len(told) == 3
     assert both[0].mae == both[2].mae == carry_out(jobs[:1])[0].mae
+
+
+def test_a_sample_begins_with_the_outputs_of_the_model_and_these_with_what_the_law_sees() -> None:
+    assert Sample._fields[: len(OUTPUTS) + 1] == ("time", *OUTPUTS)
+    assert Measurement._fields[:-1] == Sample._fields[: len(Measurement._fields) - 1]
 
 
 def test_every_trajectory_is_there_three_in_each_pose() -> None:
