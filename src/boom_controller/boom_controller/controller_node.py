@@ -38,7 +38,8 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from boom_controller.node import messages
-from boom_controller.loop.control_loop import ControlLoop, Cycle
+from boom_controller.loop.control_loop import ControlLoop
+from boom_controller.loop.cycle import Cycle
 from boom_controller.errors import ControlError
 from boom_controller.references.joint_trajectory import TrajectoryError
 from boom_controller.node.lockstep import Lockstep
