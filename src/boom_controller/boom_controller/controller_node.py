@@ -67,9 +67,8 @@ class ControllerNode(LifecycleNode):
         self._told: tuple[str, float, float, float] | None = None
         self._pending = False
         self._emergency = False
-        self._times = SampleTimes(
-            self._lockstep, self._values, lambda: self.get_clock().now().nanoseconds, self.guard.refuse
-        )
+        clock = self.get_clock()
+        self._times = SampleTimes(self._lockstep, self._values, lambda: clock.now().nanoseconds, self.guard.refuse)
         self._last: Cycle | None = None
         self._cycles = self._late = 0
         self._garbage, self._wake_up_latency = Garbage(), WakeUpLatency()
