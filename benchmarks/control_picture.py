@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_controller.blocks.control_model import ControlModel, Point
+from boom_controller.blocks.control_model import ControlModel, OperatingPoint
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
@@ -40,7 +40,7 @@ def torques(machine: Machine, history: History) -> tuple[Array, Array]:
     wanted = np.gradient(history.reference, PERIOD)
     values = history.values
     rows = [
-        model.at(Point(angle, rate, hose, rod, reference, speed, 0.0, 0.0, 0.0))
+        model.at(OperatingPoint(angle, rate, hose, rod, reference, speed, 0.0, 0.0, 0.0))
         for angle, rate, hose, rod, reference, speed in zip(
             values["angle"], values["rate"], values["hose_pressure"], values["rod_pressure"], history.reference, wanted, strict=True
         )

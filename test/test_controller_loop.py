@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from boom_controller.controller import Settings
-from boom_controller.loop.control_loop import ControlLoop, Cycle
+from boom_controller.loop.control_loop import ControlLoop
+from boom_controller.loop.cycle import Cycle
 from boom_controller.supervision.state_machine import State
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_model.machine import Machine

@@ -49,14 +49,17 @@ WIDE = {
 SENSORS = "/joint_states,/boom/hose_pressure,/boom/rod_pressure,/boom/solenoid_currents"
 CONTROLLER = """
 from boom_controller.controller_node import ControllerNode, shell
+from boom_controller.node.trajectory_requests import TrajectoryRequests
 
-class WithAMistake(ControllerNode):
-    def _on_trajectory(self, message):
-        if list(message.joint_names) == ["a mistake"]:
-            raise ZeroDivisionError("planted")
-        super()._on_trajectory(message)
+received = TrajectoryRequests._on_message
 
-raise SystemExit(shell.run(WithAMistake))
+def with_a_mistake(self, message):
+    if list(message.joint_names) == ["a mistake"]:
+        raise ZeroDivisionError("planted")
+    received(self, message)
+
+TrajectoryRequests._on_message = with_a_mistake
+raise SystemExit(shell.run(ControllerNode))
 """
 WAITING = qos.SENSOR_DATA.depth
 MANY = QoSProfile(depth=2000, reliability=QoSReliabilityPolicy.BEST_EFFORT)

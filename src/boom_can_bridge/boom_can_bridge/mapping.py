@@ -1,33 +1,20 @@
-"""Reads a DBC file and the mapping beside it into frame descriptions; what does not fit ends in one plain line."""
+"""Makes frame descriptions of a DBC file and the mapping beside it; what does not fit ends in one plain line."""
 
-import difflib
-import logging
 import math
-import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import cantools
-
 from boom_input.channels import REQUIRED, SENSORS
-from boom_input.files import InputError, read_bytes
 from boom_input.shown import quoted
-from boom_input.yaml_text import read_yaml
 
 from . import crc
 from .errors import CanConfigurationError
 from .layout import FieldSpec, SignalLayout
+from .mapping_files import closest, find_files, read_dbc, read_mapping
 
-DBC_LIMIT = 2_000_000
-"""Largest DBC file [bytes]: cantools takes seconds for one of that size."""
-MOST_BYTES = 1785
-"""Bytes of a message in a DBC file: a CAN FD frame has 64, what ISO 11783 and J1939 share out over frames has this."""
-MOST_SIGNALS = 1000
-"""Of one message, on all its pages: cantools compares each with each."""
 LONGEST_MESSAGE = 500
-logging.getLogger("cantools").setLevel(logging.ERROR)
-SHIPPED = Path(__file__).with_name("dbc")
 Direction = Literal["from_ecu", "to_ecu"]
 
 SENSOR_FIELDS = tuple(channel.name for channel in REQUIRED)
@@ -36,7 +23,6 @@ STATUS_FIELDS = ("mode", "faults", "uptime_s")
 COMMAND_FIELDS = ("retract_current", "extend_current", "enable")
 TOGETHER = (("angle", "rate"), ("retract_current", "extend_current"))
 
-_LENGTHS = re.compile(r"\bBO_\s+\d+\s+\w+\s*:\s*(\d+)|(\d+)\s*\|\s*(\d+)\s*@")
 _FRAME_KEYS = ("message", "direction", "fields", "select", "crc", "counter", "period")
 _FIELD_KEYS = ("signal", "factor", "offset", "sign", "minimum", "maximum", "rate_limit")
 
@@ -77,85 +63,6 @@ class FrameSpec:
         return 0 if self.counter is None else 1 << self.counter.bits
 
 
-def shipped_names() -> list[str]:
-    """Machines whose DBC file and mapping come with the package."""
-    return sorted(path.stem for path in SHIPPED.glob("*.dbc"))
-
-
-def _closest(name: str, known: Any) -> str:
-    known = sorted(str(k) for k in known)
-    found = difflib.get_close_matches(name, known, 1)
-    return f"did you mean {found[0]}?" if found else f"there are {', '.join(known) or 'none'}"
-
-
-def find_files(dbc: str | Path, mapping: str | Path | None) -> tuple[Path, Path]:
-    """Paths of the DBC file and of its mapping, from shipped names or paths.
-
-    Raises:
-        CanConfigurationError: one of them does not exist
-    """
-    path = Path(dbc)
-    if not path.suffix and not path.exists():
-        path = SHIPPED / f"{dbc}.dbc"
-        if not path.is_file():
-            raise CanConfigurationError(
-                f"no DBC {dbc}: give a path to a .dbc file or one of {', '.join(shipped_names())}"
-            )
-    elif not path.is_file():
-        raise CanConfigurationError(f"{path}: no such DBC file")
-    if mapping is None or not str(mapping):
-        beside = path.with_suffix(".yaml")
-        if not beside.is_file():
-            raise CanConfigurationError(
-                f"{path}: no mapping {beside.name} beside it: write one or give its path as mapping"
-            )
-        return path, beside
-    where = Path(mapping)
-    if not where.suffix and not where.exists():
-        where = SHIPPED / f"{mapping}.yaml"
-    if not where.is_file():
-        raise CanConfigurationError(f"{mapping}: no such mapping file")
-    return path, where
-
-
-def _read_yaml(path: Path) -> dict[str, Any]:
-    try:
-        document = read_yaml(path)
-    except InputError as error:
-        raise CanConfigurationError(str(error)) from None
-    if not isinstance(document, dict) or not isinstance(document.get("frames"), dict):
-        raise CanConfigurationError(f"{path}: a mapping needs a section frames")
-    return document
-
-
-def _read_dbc(path: Path) -> Any:
-    try:
-        text = read_bytes(path, DBC_LIMIT).decode("cp1252", "replace")  # as DBC editors write it
-    except InputError as error:
-        raise CanConfigurationError(str(error)) from None
-    if max(part.count("SG_ ") for part in text.split("BO_ ")) > MOST_SIGNALS:
-        raise CanConfigurationError(f"{path}: not a usable DBC file: a message with more than {MOST_SIGNALS} signals")
-    # cantools makes a list of all bits of a message and of a signal before it looks whether one fits into the other.
-    lengths = _LENGTHS.findall(text)
-    if any(int(number.lstrip("0")[:9] or "0") > 8 * MOST_BYTES for found in lengths for number in found if number):
-        raise CanConfigurationError(
-            f"{path}: not a usable DBC file: a message of more than {MOST_BYTES} bytes, or a signal beyond its end"
-        )
-    try:
-        database: Any = cantools.database.load_string(text, database_format="dbc", strict=True)
-    except Exception as error:  # the parser raises what its parts raise
-        raise CanConfigurationError(f"{path}: not a usable DBC file: {quoted(error)}") from None
-    seen: set[object] = set()
-    for message in database.messages:  # cantools takes the last one and says so in a log only
-        for told in (message.name, (message.frame_id, message.is_extended_frame)):
-            if told in seen:
-                raise CanConfigurationError(
-                    f"{path}: message {quoted(message.name)}: its name or its identifier 0x{message.frame_id:x} is there twice"
-                )
-            seen.add(told)
-    return database
-
-
 class _Reader:
     """Builds the frames of one mapping; `where` prefixes every complaint."""
 
@@ -184,7 +91,7 @@ class _Reader:
             raise self.fail(f"must have the keys {', '.join(needed)}")
         for key in entry:
             if key not in keys:
-                raise self.fail(f"unknown key {key}: {_closest(str(key), keys)}")
+                raise self.fail(f"unknown key {key}: {closest(str(key), keys)}")
         for key in needed:
             if key not in entry:
                 raise self.fail(f"the key {key} is missing")
@@ -194,7 +101,7 @@ class _Reader:
             if signal.name == name:
                 return signal
         names = [signal.name for signal in message.signals]
-        raise self.fail(f"message {message.name} of {self.dbc.name} has no signal {name}: {_closest(str(name), names)}")
+        raise self.fail(f"message {message.name} of {self.dbc.name} has no signal {name}: {closest(str(name), names)}")
 
     def layout(self, message: Any, name: Any) -> tuple[SignalLayout, Any]:
         signal = self.signal(message, name)
@@ -254,23 +161,37 @@ class _Reader:
         direction = entry["direction"]
         if direction not in ("from_ecu", "to_ecu"):
             raise self.fail(f"direction is from_ecu or to_ecu, not {direction}")
-        messages = {message.name: message for message in self.database.messages}
-        if not isinstance(entry["message"], str) or entry["message"] not in messages:
-            raise self.fail(
-                f"{self.dbc.name} has no message {entry['message']}: {_closest(str(entry['message']), messages)}"
-            )
-        message = messages[entry["message"]]
-        if message.length > 8:
-            raise self.fail(f"message {message.name} has {message.length} bytes: CAN FD is not supported")
-        allowed = COMMAND_FIELDS if direction == "to_ecu" else SENSOR_FIELDS + OPTIONAL_FIELDS + STATUS_FIELDS
+        message = self.message(entry["message"])
         if not isinstance(entry["fields"], dict) or not entry["fields"]:
             raise self.fail("fields is empty")
-        fields: dict[str, FieldSpec] = {}
         select, chosen = self.select(message, entry)
-        used: dict[str, str] = {layout.name: "select" for layout, _ in select}
-        for field, description in entry["fields"].items():
+        allowed = COMMAND_FIELDS if direction == "to_ecu" else SENSOR_FIELDS + OPTIONAL_FIELDS + STATUS_FIELDS
+        fields = self.fields(message, entry["fields"], allowed, chosen)
+        crc_byte, crc_start = self.checksum(message, entry.get("crc"))
+        counter = self.counter(message, entry.get("counter"), in_pages=bool(select))
+        return FrameSpec(
+            name, message.name, message.frame_id, message.is_extended_frame, message.length, fields,
+            self.period(entry, message), direction, select, self.template(message, select), crc_byte, crc_start, counter,
+        )  # fmt: skip
+
+    def message(self, name: Any) -> Any:
+        messages = {message.name: message for message in self.database.messages}
+        if not isinstance(name, str) or name not in messages:
+            raise self.fail(f"{self.dbc.name} has no message {name}: {closest(str(name), messages)}")
+        message = messages[name]
+        if message.length > 8:
+            raise self.fail(f"message {message.name} has {message.length} bytes: CAN FD is not supported")
+        return message
+
+    def fields(
+        self, message: Any, entries: dict[str, Any], allowed: tuple[str, ...], chosen: dict[str, int]
+    ) -> dict[str, FieldSpec]:
+        """Of the page that the multiplexer values ``chosen`` select; each signal is used once."""
+        fields: dict[str, FieldSpec] = {}
+        used = set(chosen)
+        for field, description in entries.items():
             if field not in allowed:
-                raise self.fail(f"unknown field {field}: {_closest(str(field), allowed)}")
+                raise self.fail(f"unknown field {field}: {closest(str(field), allowed)}")
             spec, signal = self.field(message, field, description)
             if signal.multiplexer_signal and chosen.get(signal.multiplexer_signal) not in signal.multiplexer_ids:
                 raise self.fail(
@@ -279,21 +200,20 @@ class _Reader:
                 )
             if signal.name in used:
                 raise self.fail(f"signal {signal.name} is used twice")
-            used[signal.name] = field
+            used.add(signal.name)
             fields[field] = spec
-        crc_byte, crc_start = self.checksum(message, entry.get("crc"))
-        counter = None
-        if entry.get("counter") is not None:
-            if select:
-                # Whether such a counter runs per page or per message is not told by a DBC file.
-                raise self.fail("a counter in a message with pages is not supported: leave it out")
-            counter, signal = self.layout(message, entry["counter"])
-            if counter.is_float or counter.signed or not 2 <= counter.bits <= 16 or signal.multiplexer_signal:
-                raise self.fail(f"counter {counter.name} must be an unsigned number of 2 to 16 bits, not multiplexed")
-        return FrameSpec(
-            name, message.name, message.frame_id, message.is_extended_frame, message.length, fields,
-            self.period(entry, message), direction, select, self.template(message, select), crc_byte, crc_start, counter,
-        )  # fmt: skip
+        return fields
+
+    def counter(self, message: Any, name: Any, *, in_pages: bool) -> SignalLayout | None:
+        if name is None:
+            return None
+        if in_pages:
+            # Whether such a counter runs per page or per message is not told by a DBC file.
+            raise self.fail("a counter in a message with pages is not supported: leave it out")
+        counter, signal = self.layout(message, name)
+        if counter.is_float or counter.signed or not 2 <= counter.bits <= 16 or signal.multiplexer_signal:
+            raise self.fail(f"counter {counter.name} must be an unsigned number of 2 to 16 bits, not multiplexed")
+        return counter
 
     def select(self, message: Any, entry: Any) -> tuple[tuple[tuple[SignalLayout, int], ...], dict[str, int]]:
         chosen = entry.get("select") or {}
@@ -337,15 +257,16 @@ class _Reader:
     def frames(self) -> dict[str, FrameSpec]:
         for key in self.document:
             if key not in ("dbc", "period", "frames"):
-                raise self.fail(f"unknown key {key}: {_closest(str(key), ('dbc', 'period', 'frames'))}")
+                raise self.fail(f"unknown key {key}: {closest(str(key), ('dbc', 'period', 'frames'))}")
         frames = {str(name): self.frame(str(name), entry) for name, entry in self.document["frames"].items()}
         self.where = str(self.path)
-        self.check_whole(frames)
+        self.check_sensors([frame for frame in frames.values() if frame.direction == "from_ecu"])
+        self.check_command([frame for frame in frames.values() if frame.direction == "to_ecu"])
+        self.check_identifiers(frames.values())
         return frames
 
-    def check_whole(self, frames: dict[str, FrameSpec]) -> None:
-        incoming = [frame for frame in frames.values() if frame.direction == "from_ecu"]
-        outgoing = [frame for frame in frames.values() if frame.direction == "to_ecu"]
+    def check_sensors(self, incoming: Sequence[FrameSpec]) -> None:
+        """Every field of a sensor comes once, and with what makes one message with it."""
         home: dict[str, str] = {}
         for frame in incoming:
             for field in frame.fields:
@@ -358,6 +279,9 @@ class _Reader:
         for first, second in TOGETHER:
             if home[first] != home[second]:
                 raise self.fail(f"{first} and {second} make one message and must come in one frame")
+
+    def check_command(self, outgoing: Sequence[FrameSpec]) -> None:
+        """One frame commands, and it can close the valve."""
         if len(outgoing) != 1:
             raise self.fail(f"exactly one frame goes to the ECU, there are {len(outgoing)}")
         for field in COMMAND_FIELDS:
@@ -366,8 +290,11 @@ class _Reader:
                 raise self.fail(f"frame {outgoing[0].name} to the ECU needs the field {field}")
             if not spec.minimum <= 0 <= spec.maximum:
                 raise self.fail(f"field {field} of {outgoing[0].name} cannot be zero: the valve could not be closed")
+
+    def check_identifiers(self, frames: Iterable[FrameSpec]) -> None:
+        """Frames of one identifier are pages of one message, which their multiplexer values tell apart."""
         ids: dict[tuple[bool, int], list[FrameSpec]] = {}
-        for frame in frames.values():
+        for frame in frames:
             same = ids.setdefault((frame.is_extended, frame.arbitration_id), [])
             for other in same:
                 mine, theirs = dict(frame.select), dict(other.select)
@@ -389,5 +316,5 @@ def read(dbc: str | Path, mapping: str | Path | None) -> dict[str, FrameSpec]:
         CanConfigurationError: a file is missing or the two do not fit together
     """
     dbc_path, mapping_path = find_files(dbc, mapping)
-    document = _read_yaml(mapping_path)
-    return _Reader(_read_dbc(dbc_path), document, dbc_path, mapping_path).frames()
+    document = read_mapping(mapping_path)
+    return _Reader(read_dbc(dbc_path), document, dbc_path, mapping_path).frames()

@@ -16,7 +16,7 @@ from typing import Any
 import can
 
 from .clock_map import ClockMap
-from .codec import Codec, CounterCheck
+from .codec import Codec, CounterCheck, Decoded
 from .connection import BackOff, BusSettings, BusUnavailableError, close_bus, open_bus
 from .errors import CanConfigurationError, FrameError
 from .lockstep import Lockstep
@@ -157,19 +157,13 @@ class FrameChecker:
 
     def _check(self, message: can.Message, received: float) -> Reading | None:
         if message.is_error_frame:
-            kind = message.arbitration_id
-            overrun = kind & OVERRUN and len(message.data) > 1 and message.data[1] & 1
-            self.counts.bad["bus_off" if kind & BUS_OFF else "overrun" if overrun else "error"] += 1
-            if kind & BUS_OFF:
-                self.restart()
+            self._count_error(message)
             return None
         if message.is_remote_frame:
             self.counts.bad["remote"] += 1
             return None
         if not self.codec.knows(message.arbitration_id, bool(message.is_extended_id)):
-            self.counts.bad["unknown_id"] += 1
-            if len(self.counts.unknown) < Counts.UNKNOWN_IDS or message.arbitration_id in self.counts.unknown:
-                self.counts.unknown[message.arbitration_id] += 1
+            self._count_unknown(message.arbitration_id)
             return None
         decoded = self.codec.decode(message.arbitration_id, bytes(message.data), extended=bool(message.is_extended_id))
         name = decoded.frame
@@ -178,14 +172,7 @@ class FrameChecker:
             self.crowd.seen(name, received)
             return None
         try:
-            self.crowd.seen(name, received)
-            lost = self._counters.accept(name, decoded.counter, received)
-            self.counts.lost[name] += lost
-            if self._lockstep is not None:
-                steady = self._lockstep.frame_time(name, lost)
-            else:
-                steady = self.clock.to_steady(float(message.timestamp), received)
-            self._rates.accept(name, decoded.values, steady)
+            steady = self._accept(decoded, float(message.timestamp), received)
         except FrameError as error:
             if error.reason == "counter":
                 self.crowd.contradicted(name)
@@ -194,11 +181,38 @@ class FrameChecker:
             raise
         self.counts.good[name] += 1
         if self.proving:
-            self._proven[name] += 1
-            if all(self._proven[needed] >= self._proof for needed in self._needed):
-                self.proving = False
+            self._prove(name)
             return None
         return Reading(name, decoded.values, steady, received)
+
+    def _count_error(self, message: can.Message) -> None:
+        kind = message.arbitration_id
+        overrun = kind & OVERRUN and len(message.data) > 1 and message.data[1] & 1
+        self.counts.bad["bus_off" if kind & BUS_OFF else "overrun" if overrun else "error"] += 1
+        if kind & BUS_OFF:
+            self.restart()
+
+    def _count_unknown(self, arbitration_id: int) -> None:
+        self.counts.bad["unknown_id"] += 1
+        if len(self.counts.unknown) < Counts.UNKNOWN_IDS or arbitration_id in self.counts.unknown:
+            self.counts.unknown[arbitration_id] += 1
+
+    def _accept(self, decoded: Decoded, stamp: float, received: float) -> float:
+        """Counter and values go on from the frame before. Returns when it was on the bus [s]; raises FrameError."""
+        name = decoded.frame
+        self.crowd.seen(name, received)
+        lost = self._counters.accept(name, decoded.counter, received)
+        self.counts.lost[name] += lost
+        told = self._lockstep
+        steady = told.frame_time(name, lost) if told is not None else self.clock.to_steady(stamp, received)
+        self._rates.accept(name, decoded.values, steady)
+        return steady
+
+    def _prove(self, name: str) -> None:
+        """One more good frame after a connection; enough of each that is needed, and they are believed."""
+        self._proven[name] += 1
+        if all(self._proven[needed] >= self._proof for needed in self._needed):
+            self.proving = False
 
 
 class Receiver:

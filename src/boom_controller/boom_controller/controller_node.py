@@ -10,14 +10,12 @@ from __future__ import annotations
 
 from boom_node import early  # noqa: F401  (first: signals and environment)
 
-import math
-import re
 import time
 from functools import partial
 from typing import Any
 
 from boom_input.channels import MEASURED_TOPICS
-from boom_interfaces.msg import ControllerState, MachineConfiguration, ReferenceState, SolenoidCurrents
+from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_model.errors import ModelError
 from boom_model.machine_file import load_machine, shipped_machine
 from boom_node import parameters, qos, shell
@@ -26,29 +24,28 @@ from boom_node.errors import StartError
 from boom_node.node import LifecycleNode
 from boom_node.publishers import COMMANDS, SolePublishers
 from boom_node.realtime import Garbage, WakeUpLatency, use_core, use_priority
-from boom_node.stamps import far, ns_to_seconds, seconds_to_ns, set_ns, to_ns
+from boom_node.stamps import far, seconds_to_ns, to_ns
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Bool, Float64
+from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory
 
 from boom_controller.node import messages
-from boom_controller.loop.control_loop import ControlLoop, Cycle
+from boom_controller.loop.control_loop import ControlLoop
+from boom_controller.loop.cycle import Cycle
 from boom_controller.errors import ControlError
-from boom_controller.references.joint_trajectory import TrajectoryError
 from boom_controller.node.lockstep import Lockstep
+from boom_controller.node.outputs import Log, Outputs
+from boom_controller.node.sample_times import SampleTimes
 from boom_controller.node.node_parameters import PARAMETERS, settings_of, supervision_of
 from boom_controller.loop.rehearsal import Rehearsal
-from boom_controller.supervision.tracking_goal import Tolerances
-from boom_controller.node.trajectory_action import TrajectoryAction
+from boom_controller.node.trajectory_requests import TrajectoryRequests
 
 _LOOK_EVERY = 0.25  # sample times between two looks for samples that are late
-_NUMBER = re.compile(r"[-+.\d]+")
 _LEVEL = {"ok": Level.OK, "warning": Level.WARN, "error": Level.ERROR, "stopped": Level.ERROR}
 
 
@@ -70,11 +67,10 @@ class ControllerNode(LifecycleNode):
         self._told: tuple[str, float, float, float] | None = None
         self._pending = False
         self._emergency = False
-        self._origin_ns: int | None = None
-        self._joint_stamp_ns = 0
+        clock = self.get_clock()
+        self._times = SampleTimes(self._lockstep, self._values, lambda: clock.now().nanoseconds, self.guard.refuse)
         self._last: Cycle | None = None
-        self._said = ("", "")
-        self._cycles, self._late, self._feedback_at = 0, 0, 0
+        self._cycles = self._late = 0
         self._garbage, self._wake_up_latency = Garbage(), WakeUpLatency()
         self._failure = ""
         self._sole = SolePublishers(self, (*COMMANDS, *MEASURED_TOPICS), self._values["shared_topics"])
@@ -95,21 +91,12 @@ class ControllerNode(LifecycleNode):
                 raise StartError(f"boom_controller: {self._failure}")
 
     def _make_topics(self) -> None:
-        def publisher(kind: Any, topic: str, profile: Any = None) -> Any:
-            return self.create_publisher(kind, topic, profile or qos.BY_TOPIC[topic])
-
         def subscribe(kind: Any, topic: str, callback: Any, *, sensor: bool = False) -> None:
             profile = qos.EVERY_SAMPLE if sensor and self._lockstep else qos.BY_TOPIC[topic]
             self.create_subscription(kind, topic, callback, profile)
 
-        self._commands = publisher(SolenoidCurrents, "/boom/current_command")
-        state = qos.EVERY_SAMPLE if self._lockstep else None
-        self._states = publisher(ControllerState, "/boom/controller_state", state)
-        self._references = publisher(ReferenceState, "/boom/reference_state", state or qos.SENSOR_DATA)
-        self._loads = publisher(Float64, "/boom/estimated_load", qos.SENSOR_DATA)
-        self._command_message = SolenoidCurrents()
-        self._state_message, self._reference_message = ControllerState(), ReferenceState()
-        self._load_message = Float64()
+        self._outputs = Outputs(self.create_publisher, self._times.now_ns, bool(self._lockstep))
+        self._log = Log(self.get_logger())
         subscribe(JointState, "/joint_states", self._on_joint, sensor=True)
         subscribe(FluidPressure, "/boom/hose_pressure", partial(self._on_pressure, "hose"), sensor=True)
         subscribe(FluidPressure, "/boom/rod_pressure", partial(self._on_pressure, "rod"), sensor=True)
@@ -121,13 +108,9 @@ class ControllerNode(LifecycleNode):
             self.create_subscription(ClockMessage, "/clock", self._on_clock, qos.EVERY_SAMPLE)
         self.create_service(Trigger, "~/resume", self._on_resume)
         self.create_service(Trigger, "~/emergency_stop", self._on_emergency_service)
-        self._action = TrajectoryAction(self, self._start_goal, self._cancel_goal)
-
-    def _offer_trajectories(self) -> None:
-        """Topic and action, from the first cycle on that could track one: who finds them there can use them."""
-        topic = "/boom/joint_trajectory"
-        self.create_subscription(JointTrajectory, topic, self._on_trajectory, qos.BY_TOPIC[topic])
-        self._action.offer()
+        self._trajectories = TrajectoryRequests(
+            self, self._values, self._times, lambda: self._loop if self._active else None
+        )
 
     # ------------------------------------------------------------------------------------------------------- lifecycle
 
@@ -142,7 +125,7 @@ class ControllerNode(LifecycleNode):
         except (ControlError, ModelError) as error:
             self._failure, self._loop = str(error), None
             return TransitionCallbackReturn.FAILURE
-        self._loop.emergency_stop(self._emergency, self._now())
+        self._loop.emergency_stop(self._emergency, self._times.now())
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -180,7 +163,7 @@ class ControllerNode(LifecycleNode):
     def close(self) -> None:
         """Currents to zero before the node goes."""
         self._end_motion()
-        self._action.destroy()
+        self._trajectories.destroy()
 
     def _end_motion(self) -> None:
         if not self._active or self._loop is None:
@@ -191,23 +174,22 @@ class ControllerNode(LifecycleNode):
         retract, extend = self._loop.drop()
         steps = round(self._loop.supervision.settings.current_ramp / 0.01)
         for k in range(1, steps if (retract or extend) and not self._lockstep else 1):
-            self._command(retract * (1 - k / steps), extend * (1 - k / steps))
+            self._outputs.command(retract * (1 - k / steps), extend * (1 - k / steps))
             time.sleep(0.01)
-        self._command(0.0, 0.0)
-        self._finish_goals()
+        self._outputs.command(0.0, 0.0)
+        self._trajectories.finish(self._loop)
 
     def stop_safely(self, reason: str) -> None:
         """A callback raised: the currents come to zero by the loop's ramp, or at once where the loop cannot be relied on."""
-        if self._loop is not None and not self._loop.fault(reason, self._now()) and self._active:
-            self._command(0.0, 0.0)
+        if self._loop is not None and not self._loop.fault(reason, self._times.now()) and self._active:
+            self._outputs.command(0.0, 0.0)
 
     # ------------------------------------------------------------------------------------------------------ parameters
 
     def _check_parameters(self, changed: list[Any]) -> Any:
         values = self._values | {p.name: p.value for p in changed}
         try:
-            settings, supervision = settings_of(values), supervision_of(values)
-            del settings, supervision
+            settings_of(values), supervision_of(values)
         except (ControlError, KeyError, TypeError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -230,31 +212,6 @@ class ControllerNode(LifecycleNode):
 
     # --------------------------------------------------------------------------------------------------------- samples
 
-    def _now(self) -> float:
-        return ns_to_seconds(self._lockstep.tick_ns) if self._lockstep else time.monotonic()
-
-    def _times(self, topic: str, message: Any) -> tuple[float, float] | None:
-        """Stamp counted from the first one, and when it was measured by the supervising clock [s]; None: far from now, refused.
-
-        A stamp from the future would make every later sample look overtaken, so it is not believed either.
-        """
-        stamp_ns = to_ns(message.header.stamp)
-        if self._lockstep:
-            now_ns, most_ahead = max(self._lockstep.tick_ns, 0), math.inf
-        else:
-            now_ns, most_ahead = self.get_clock().now().nanoseconds, self._values["sensor_timeout"]
-        delay = ns_to_seconds(now_ns - stamp_ns)
-        wrong = far(stamp_ns, now_ns) or (
-            "" if -delay <= most_ahead else f"{-1e3 * delay:.0f} ms ahead of the clock here"
-        )
-        if wrong and (not self._lockstep or self._lockstep.tick_ns >= 0):
-            self.guard.refuse(topic, "stamp far from now", f"{wrong}: synchronise the clocks")
-            return None
-        if self._origin_ns is None:
-            self._origin_ns = stamp_ns
-        stamp = ns_to_seconds(stamp_ns - self._origin_ns)
-        return stamp, ns_to_seconds(stamp_ns) if self._lockstep else time.monotonic() - delay
-
     def _on_joint(self, message: JointState) -> None:
         if self._loop is None:
             return
@@ -263,22 +220,25 @@ class ControllerNode(LifecycleNode):
             angle, rate = message.position[k], message.velocity[k]
         except (ValueError, IndexError):
             return  # of other joints, or without the rate: it grows old, which is told
-        times = self._times("/joint_states", message)
+        times = self._times.of("/joint_states", message)
         if times is not None:
-            self._joint_stamp_ns = to_ns(message.header.stamp)
             self._loop.joint(angle, rate, *times)
-            self._arrived("joint", self._joint_stamp_ns)
+            self._arrived("joint", to_ns(message.header.stamp))
 
     def _on_pressure(self, name: str, message: FluidPressure) -> None:
-        times = self._times(f"/boom/{name}_pressure", message) if self._loop is not None else None
-        if self._loop is not None and times is not None:
+        if self._loop is None:
+            return
+        times = self._times.of(f"/boom/{name}_pressure", message)
+        if times is not None:
             take = self._loop.hose_pressure if name == "hose" else self._loop.rod_pressure
             take(messages.gauge(message), *times)
             self._arrived(name, to_ns(message.header.stamp))
 
     def _on_currents(self, message: SolenoidCurrents) -> None:
-        times = self._times("/boom/solenoid_currents", message) if self._loop is not None else None
-        if self._loop is not None and times is not None:
+        if self._loop is None:
+            return
+        times = self._times.of("/boom/solenoid_currents", message)
+        if times is not None:
             self._loop.currents(message.retract, message.extend, *times)
 
     def _arrived(self, name: str, stamp_ns: int) -> None:
@@ -309,9 +269,12 @@ class ControllerNode(LifecycleNode):
         """The first command, without which the simulation stands, once everybody listens."""
         if not self._active or not self._lockstep.may_begin():
             return
-        if self._commands.get_subscription_count() >= self._values["wait_for"] and self._configuration is not None:
+        if (
+            self._outputs.commands.get_subscription_count() >= self._values["wait_for"]
+            and self._configuration is not None
+        ):
             self._lockstep.begun = True
-            self._command(0.0, 0.0)
+            self._outputs.command(0.0, 0.0)
 
     def _on_clock(self, message: ClockMessage) -> None:
         tick_ns, before = to_ns(message.clock), self._lockstep.tick_ns
@@ -336,55 +299,16 @@ class ControllerNode(LifecycleNode):
         if self._pending:
             self._configure()
         loop.conflict(self._sole.look())
-        cycle = loop.cycle(self._now())
-        self._command(cycle.retract, cycle.extend)
+        cycle = loop.cycle(self._times.now())
+        self._outputs.command(cycle.retract, cycle.extend)
         self._last = cycle
         self._cycles += 1
-        stamp_ns = (self._origin_ns or 0) + seconds_to_ns(cycle.time)
-        if cycle.status != "warning" and not self._action.offered:
-            self._offer_trajectories()
-        self._states.publish(messages.fill_state(self._state_message, cycle, stamp_ns))
-        self._references.publish(messages.fill_reference(self._reference_message, cycle, stamp_ns))
-        if cycle.load == cycle.load:
-            self._load_message.data = cycle.load
-            self._loads.publish(self._load_message)
-        for number, ending in cycle.endings:
-            if not self._action.end(number, ending) and ending.text:
-                self.get_logger().warning(f"trajectory: {ending.text}")
-        self._feed_back(loop, stamp_ns)
-        if (cycle.state.value, cycle.reason) != self._said:
-            self._tell(cycle)
+        stamp_ns = self._times.stamp_ns(cycle.time)
+        self._outputs.cycle(cycle, stamp_ns)
+        self._trajectories.answer(cycle, loop, stamp_ns)
+        if self._log.tell(cycle):
+            self._diagnostics.update()
         self._garbage.cycle_is_over()
-
-    def _command(self, retract: float, extend: float) -> None:
-        message = self._command_message
-        stamp_ns = max(self._lockstep.tick_ns, 0) if self._lockstep else self.get_clock().now().nanoseconds
-        set_ns(message.header.stamp, stamp_ns)
-        message.retract, message.extend = retract, extend
-        self._commands.publish(message)
-
-    def _feed_back(self, loop: ControlLoop, stamp_ns: int) -> None:
-        running = self._action.running
-        if running and stamp_ns - self._feedback_at >= 1e9 / self._values["feedback_rate"]:
-            self._feedback_at = stamp_ns
-            for number in running:
-                progress = loop.goal_progress(number)
-                if progress is not None:
-                    self._action.feed_back(number, stamp_ns, progress)
-
-    def _tell(self, cycle: Cycle) -> None:
-        before, self._said = self._said, (cycle.state.value, cycle.reason)
-        if before[0] == self._said[0] and _NUMBER.sub("", before[1]) == _NUMBER.sub("", cycle.reason):
-            return  # the same with another age or angle in it
-        text = cycle.state.value + (f": {cycle.reason}" if cycle.reason else "")
-        logger = self.get_logger()
-        if cycle.status == "stopped":
-            logger.error(text)
-        elif cycle.status == "warning":
-            logger.warning(text)
-        else:
-            logger.info(text)
-        self._diagnostics.update()
 
     # -------------------------------------------------------------------------------------------------------- requests
 
@@ -394,7 +318,7 @@ class ControllerNode(LifecycleNode):
             return  # a publisher that joined anew says it again
         self._told, self._configuration = said, message
         if self._loop is not None:
-            self._loop.configuration_changes(self._now())
+            self._loop.configuration_changes(self._times.now())
             self._configure()
 
     def _configure(self) -> None:
@@ -425,51 +349,18 @@ class ControllerNode(LifecycleNode):
             return
         k = list(message.name).index(joint)
         if k < len(message.position):
-            self._loop.stream(message.position[k], self._now())
+            self._loop.stream(message.position[k], self._times.now())
             if self._lockstep:
                 self._arrived("reference", to_ns(message.header.stamp))
-
-    def _on_trajectory(self, message: JointTrajectory) -> None:
-        if self._loop is None or not self._active:
-            return
-        if not message.points:
-            self._loop.cancel()
-            return
-        try:
-            self._start(message, None)
-        except TrajectoryError as error:
-            self.get_logger().warning(f"trajectory refused: {error}")
-
-    def _start(self, message: JointTrajectory, tolerances: Tolerances | None) -> int:
-        loop = self._loop
-        if loop is None or not self._active:
-            raise TrajectoryError("the controller is not active: activate it first")
-        points = messages.points_of(message, self._values["joint_name"])
-        stamp_ns = to_ns(message.header.stamp)
-        begin = ns_to_seconds(stamp_ns - (self._origin_ns or 0)) if stamp_ns else None
-        return loop.start(points, self._now(), begin=begin, tolerances=tolerances)
-
-    def _start_goal(self, request: Any) -> int:
-        tolerances = Tolerances.asked(
-            request.path_tolerance, request.goal_tolerance, request.goal_time_tolerance, supervision_of(self._values)
-        )
-        return self._start(request.trajectory, tolerances)
-
-    def _cancel_goal(self, number: int) -> bool:
-        return self._loop is not None and self._loop.cancel(number)
-
-    def _finish_goals(self) -> None:
-        for number, ending in self._loop.pop_endings() if self._loop is not None else ():
-            self._action.end(number, ending)
 
     def _on_emergency(self, message: Bool) -> None:
         self._emergency = bool(message.data)
         if self._loop is not None:
-            self._loop.emergency_stop(self._emergency, self._now())
+            self._loop.emergency_stop(self._emergency, self._times.now())
 
     def _on_emergency_service(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._loop is not None:
-            self._loop.stop_now(self._now())
+            self._loop.stop_now(self._times.now())
         response.success, response.message = True, "stopping; call ~/resume to go on"
         return response
 
@@ -477,7 +368,7 @@ class ControllerNode(LifecycleNode):
         if self._loop is None or not self._active:
             response.success, response.message = False, "the controller is not active: activate it first"
         else:
-            response.success, response.message = self._loop.resume(self._now())
+            response.success, response.message = self._loop.resume(self._times.now())
         self.get_logger().info(response.message)
         return response
 

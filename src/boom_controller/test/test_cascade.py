@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from boom_controller.blocks.control_model import ControlModel, Point
+from boom_controller.blocks.control_model import ControlModel, OperatingPoint
 from boom_controller.controller import MODES, Settings, make_controller
 from boom_controller.errors import ControlError
 from boom_controller.laws.cascade import Cascade, Variant
@@ -79,7 +79,7 @@ def test_only_the_baseline_compensates_friction_at_the_wanted_rate(machine: Mach
     pose = machine.pose(0.28, 2.2)
     moving = rest._replace(rate=0.05)
     model = ControlModel(machine, pose)
-    q = model.at(Point(rest.angle, 0.05, rest.hose_pressure, rest.rod_pressure, ANGLE, 0.0, 0.0, 0.0, 0.0))
+    q = model.at(OperatingPoint(rest.angle, 0.05, rest.hose_pressure, rest.rod_pressure, ANGLE, 0.0, 0.0, 0.0, 0.0))
     assert q.friction > 100.0 > abs(q.friction_wanted)
     found = {}
     for name, variant in (("printed", Variant()), ("wanted", Variant(friction_at_reference=True))):
@@ -91,7 +91,7 @@ def test_only_the_baseline_compensates_friction_at_the_wanted_rate(machine: Mach
 
 def test_the_feedforward_force_is_what_the_equation_of_motion_needs(machine: Machine) -> None:
     model = ControlModel(machine, machine.pose(0.28, 2.2))
-    q = model.at(Point(ANGLE, 0.0, 0.0, 0.0, ANGLE, 0.1, 0.3, 0.0, 0.0))
+    q = model.at(OperatingPoint(ANGLE, 0.0, 0.0, 0.0, ANGLE, 0.1, 0.3, 0.0, 0.0))
     needed = q.inertia * 0.3 + q.reference_gravity + q.reference_friction
     assert q.feedforward_force * q.reference_jacobian == pytest.approx(needed, rel=1e-9)
     coming = model.coming(Reference(ANGLE, 0.1, 0.3, 0.0), 0.0)

@@ -12,7 +12,8 @@ import pytest
 from boom_controller.controller import Settings
 from boom_controller.errors import ControlError
 from boom_controller.loop import law_in_use
-from boom_controller.loop.control_loop import ControlLoop, Cycle
+from boom_controller.loop.control_loop import ControlLoop
+from boom_controller.loop.cycle import Cycle
 from boom_controller.references.joint_trajectory import Code, Point, TrajectoryError
 from boom_controller.supervision.state_machine import State
 from boom_controller.supervision.supervision_settings import SupervisionSettings

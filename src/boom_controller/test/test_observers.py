@@ -7,7 +7,7 @@ from math import sin
 
 import pytest
 
-from boom_controller.blocks.control_model import ControlModel, Point
+from boom_controller.blocks.control_model import ControlModel, OperatingPoint
 from boom_controller.blocks.pilot_stage import StaticPilot
 from boom_controller.blocks.valve_follower import ValveFollower, ValveState
 from boom_controller.controller import Settings
@@ -32,7 +32,7 @@ def test_a_load_that_is_carried_at_rest_is_known_within_a_second(machine: Machin
     pose = machine.pose(0.28, 2.2)
     model, x = ControlModel(machine, pose), LoadState()
     truth = ControlModel(machine, replace(pose, load=load))
-    at_rest = Point(0.4, 0.0, 0.0, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0)
+    at_rest = OperatingPoint(0.4, 0.0, 0.0, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0)
     q = truth.at(at_rest)
     pressure = q.gravity / q.jacobian / truth.p.cylinder.A_a
     for _ in range(round(1.0 / T)):

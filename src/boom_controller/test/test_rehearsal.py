@@ -8,7 +8,8 @@ from dataclasses import replace
 import pytest
 
 from boom_controller.controller import Settings
-from boom_controller.loop.control_loop import ControlLoop, Cycle
+from boom_controller.loop.control_loop import ControlLoop
+from boom_controller.loop.cycle import Cycle
 from boom_controller.loop.rehearsal import Rehearsal
 from boom_controller.supervision.state_machine import State
 from boom_controller.supervision.supervision_settings import SupervisionSettings

@@ -143,37 +143,51 @@ def _run_initialised(make_node: Callable[[], "Node | LifecycleNode"], kind: str 
     node: Node | LifecycleNode | None = None
     executor = None
     try:
-        try:
-            _state.interruptible = True
-            if not _state.stop:
-                node = make_node()
-        except _Interrupted:
-            return 0
-        finally:
-            _state.interruptible = False
+        node = _made(make_node)
         if node is None:
             return 0
         if not isinstance(node, Guarded):
             raise TypeError(f"{type(node).__name__} has to derive from boom_node.node.Node or LifecycleNode")
         executor = make_executor(kind)
         executor.add_node(node)
-        while not _state.stop:
-            try:
-                executor.spin_once(timeout_sec=SPIN_TIMEOUT_S)
-            except StartError:
-                raise
-            except Exception as error:
-                node.guard.caught("the executor", error)
+        _spin(executor, node)
         return fail(_state.message, _state.exit_status) if _state.message else _state.exit_status
     finally:
         _state.stop = True
         if node is not None:
-            try:
-                close = getattr(node, "close", None)
-                if close is not None:
-                    close()
-            finally:
-                if executor is not None:
-                    executor.remove_node(node)
-                    executor.shutdown()
-                node.destroy_node()
+            _close(node, executor)
+
+
+def _made(make_node: Callable[[], "Node | LifecycleNode"]) -> "Node | LifecycleNode | None":
+    """The node, or None where a signal asked for the end before it was there."""
+    try:
+        _state.interruptible = True
+        return None if _state.stop else make_node()
+    except _Interrupted:
+        return None
+    finally:
+        _state.interruptible = False
+
+
+def _spin(executor: Any, node: "Node | LifecycleNode") -> None:
+    """Until a signal or `finish` asks for the end; a StartError ends it too, any other exception is the guard's."""
+    while not _state.stop:
+        try:
+            executor.spin_once(timeout_sec=SPIN_TIMEOUT_S)
+        except StartError:
+            raise
+        except Exception as error:
+            node.guard.caught("the executor", error)
+
+
+def _close(node: "Node | LifecycleNode", executor: Any) -> None:
+    """The node's own end first, with publishers still working."""
+    try:
+        close = getattr(node, "close", None)
+        if close is not None:
+            close()
+    finally:
+        if executor is not None:
+            executor.remove_node(node)
+            executor.shutdown()
+        node.destroy_node()

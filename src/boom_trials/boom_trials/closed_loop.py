@@ -26,6 +26,8 @@ from boom_sim.simulated_crane import PERIOD, EndedEarlyError, Sample, SimulatedC
 
 Array = NDArray[np.float64]
 
+_MEASURED = len(Measurement._fields) - 1  # a sample begins with what the control law sees of it
+
 
 class Crane(Protocol):
     """What is controlled."""
@@ -53,14 +55,14 @@ class Run:
         outputs: of the control law, one a period, the last one included.
         failed: a state left its range in the last period; None if none did.
         stopped: (time [s], reason) where the control law asked to stop, with which the run ended.
-        ended: why ``over`` ended the run; empty if it did not.
+        astray: beginning of the period [s] after which the crane was too far from its reference; None if it never was.
     """
 
     samples: list[Sample]
     outputs: list[Output] = field(default_factory=list)
     failed: SimulationError | None = None
     stopped: tuple[float, str] | None = None
-    ended: str = ""
+    astray: float | None = None
 
 
 def run(
@@ -71,7 +73,7 @@ def run(
     dead_time: float = 0.0,
     age: float = 0.0,
     heed: bool = False,
-    over: Callable[[float, Reference], str] | None = None,
+    astray: Callable[[float], bool] | None = None,
     told: Callable[[float], None] | None = None,
 ) -> Run:
     """Runs the loop along the references, one each period.
@@ -83,7 +85,7 @@ def run(
         dead_time: from a sample until the command that answers it acts [s]; no current before.
         age: of the samples, as the control law is told [s].
         heed: the run ends where the control law asks to stop, as the supervision would.
-        over: asked after each period with the time of its beginning [s] and its reference; says why the run ends, or nothing.
+        astray: whether the crane is too far from a wanted angle [rad] after a period, with which the run ends.
         told: called with the simulated time [s] once a second.
     """
     periods = int(dead_time / crane.period + 1e-9)
@@ -92,34 +94,35 @@ def run(
     sample = crane.sample
     result = Run([sample])
     outputs, samples = result.outputs, result.samples
+    step, command, advance = controller.step, crane.command, crane.advance
     every = round(1.0 / crane.period)
-    controller.reset(_measured(sample, age))
+    measurement = Measurement._make((*sample[:_MEASURED], age))
+    controller.reset(measurement)
     for k, reference in enumerate(references):
-        output = controller.step(reference, _measured(sample, age))
+        output = step(reference, measurement)
         outputs.append(output)
         if heed and output.reason:
             result.stopped = (sample.time, output.reason)
             return result
-        waiting.append((output.retract, output.extend))
-        crane.command(*waiting.popleft(), sample.time + rest)
+        retract, extend = output.retract, output.extend
+        if waiting:
+            waiting.append((retract, extend))
+            retract, extend = waiting.popleft()
         begin = sample.time
+        command(retract, extend, begin + rest)
         try:
-            sample = crane.advance()
+            sample = advance()
         except SimulationError as error:
             result.failed = error
             return result
         samples.append(sample)
-        if over is not None:
-            result.ended = over(begin, reference)
-            if result.ended:
-                return result
+        measurement = Measurement._make((*sample[:_MEASURED], age))
+        if astray is not None and astray(reference.angle):
+            result.astray = begin
+            return result
         if told is not None and k % every == 0:
             told(begin)
     return result
-
-
-def _measured(sample: Sample, age: float) -> Measurement:
-    return Measurement(sample.time, sample.angle, sample.rate, sample.hose_pressure, sample.rod_pressure, age)
 
 
 def follow(

@@ -10,11 +10,16 @@ import numpy as np
 import pytest
 
 from boom_controller.controller import make_controller
-from boom_controller.types import Reference
+from boom_controller.references.trajectory_generator import TrajectoryGenerator
+from boom_controller.types import Measurement, Reference
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
+from boom_model.sensors import IDEAL, OUTPUTS
 from boom_model.variation import BULK_MODULUS, FRICTION, LOAD, PRECHARGE
 from boom_report.tracking.position_error import piston_positions
+from boom_sim.simulated_crane import PERIOD, Sample, SimulatedCrane, Start
+from boom_trials.closed_loop import Crane
+from boom_trials.closed_loop import run as drive
 from boom_trials.robustness.crane import Grasp, TrialCrane, carried_out, start_state
 from boom_trials.robustness.document import document
 from boom_trials.robustness.plants import (
@@ -84,6 +89,24 @@ def test_a_load_grasped_while_holding_is_back_within_5_mm_in_2_s(angle: float) -
     assert error.max() > 5e-3  # it was noticed
     assert error[300:].max() < 5e-3
     assert history.values["estimated_load"][-1] == pytest.approx(2000.0, rel=0.05)
+
+
+@pytest.mark.parametrize("dead_time", [0.0, 0.004, 0.024])
+def test_both_cranes_are_driven_alike_also_with_dead_times_that_are_no_whole_periods(dead_time: float) -> None:
+    pose = MACHINE.pose(0.28, 2.2)
+    plant, generator = Plant(MACHINE, pose), TrajectoryGenerator(-10.0, PERIOD)
+    generator.reset(0.3)
+    references = [generator.step(0.35) for _ in range(100)]
+    cranes: tuple[Crane, Crane] = (
+        TrialCrane(plant, start_state(plant, MACHINE, pose, 0.3), 100, noise=IDEAL),
+        SimulatedCrane(MACHINE, pose, Start(0.3), IDEAL),
+    )
+    first, second = (
+        [s.angle for s in drive(make_controller("improved", MACHINE, pose), crane, references, dead_time=dead_time).samples]
+        for crane in cranes
+    )  # fmt: skip
+    assert first == pytest.approx(second, abs=1e-9)
+    assert first[-1] - first[0] > 0.03
 
 
 def result(mae: float, diverged: str = "", bag: str = "healthy/extended", **job: object) -> Result:
@@ -162,6 +185,11 @@ def test_workers_give_the_results_in_the_order_of_the_jobs() -> None:
     assert [r.job.bag for r in both] == [job.bag for job in jobs]
     assert len(told) == 3
     assert both[0].mae == both[2].mae == carry_out(jobs[:1])[0].mae
+
+
+def test_a_sample_begins_with_the_outputs_of_the_model_and_these_with_what_the_law_sees() -> None:
+    assert Sample._fields[: len(OUTPUTS) + 1] == ("time", *OUTPUTS)
+    assert Measurement._fields[:-1] == Sample._fields[: len(Measurement._fields) - 1]
 
 
 def test_every_trajectory_is_there_three_in_each_pose() -> None:

@@ -20,7 +20,7 @@ from boom_model.regularisation import Expression
 from boom_model.structure import Structure
 
 
-class Point(NamedTuple):
+class OperatingPoint(NamedTuple):
     """Inputs: measured q_2 [rad], q_2' [rad/s], p_h, p_b [Pa]; reference q_2* and derivatives; load beyond the pose's [kg]."""
 
     angle: float
@@ -87,18 +87,18 @@ class ControlModel:
     def __init__(self, machine: Machine, pose: Pose) -> None:
         self.machine, self.pose = machine, pose
         self.p, self.e = component_parameters(machine, pose)
-        self._in = array("d", [0.0] * len(Point._fields))
+        self._in = array("d", [0.0] * len(OperatingPoint._fields))
         self._out = array("d", [0.0] * len(Quantities._fields))
         self._whole, self._coming = _functions(machine, self.p, self.e)
         self._evaluate = on_buffers(self._whole, [self._in], [self._out])
 
-    def at(self, point: Point) -> Quantities:
+    def at(self, point: OperatingPoint) -> Quantities:
         """All quantities at a point, numbers."""
         self._in[:] = array("d", point)
         self._evaluate()
         return Quantities(*self._out)
 
-    def expressions(self, point: Point) -> Quantities:
+    def expressions(self, point: OperatingPoint) -> Quantities:
         """:meth:`at` for a point of expressions."""
         return Quantities(*ca.vertsplit(self._whole(ca.vertcat(*point))))
 
@@ -114,9 +114,9 @@ _COMING_INPUTS = 5
 
 
 def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
-    x = ca.SX.sym("x", len(Point._fields))
+    x = ca.SX.sym("x", len(OperatingPoint._fields))
     elements: Any = ca.vertsplit(x)
-    v = Point(*elements)
+    v = OperatingPoint(*elements)
     a_a = p.cylinder.A_a
     load = equation_of_motion.load_mass(p, e) + v.load
     inertia = equation_of_motion.inertia(load, p)
@@ -175,7 +175,7 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
     )
 
 
-def _flow_per_area(structure: Structure, side: float, v: Point, p: Any, e: Any) -> tuple[Any, Any]:
+def _flow_per_area(structure: Structure, side: float, v: OperatingPoint, p: Any, e: Any) -> tuple[Any, Any]:
     """Flow per area [m/s] of the supply and of the tank edge at the ports' pressures; side -1 extends, 1 retracts."""
     full = side * p.main_valve_spool.s_max
     supply_area, tank_area = structure.metering.areas(full, p, e)

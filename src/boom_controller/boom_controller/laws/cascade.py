@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from boom_controller.blocks.control_model import ControlModel, Point, Quantities
+from boom_controller.blocks.control_model import ControlModel, OperatingPoint, Quantities
 from boom_controller.blocks.flat import FlatLaw
 from boom_controller.blocks.pilot_stage import StaticPilot, require_pilot_stage
 from boom_controller.blocks.position_feedback import feedback_torque, integral_for, position_gains
@@ -105,7 +105,7 @@ class Cascade:
     def reset(self, measurement: Measurement) -> None:
         """Rest at the measured angle: what the pressures carry beyond gravity becomes the position's integral."""
         m = measurement
-        q = self._model.at(Point(m.angle, 0.0, m.hose_pressure, m.rod_pressure, m.angle, 0.0, 0.0, 0.0, 0.0))
+        q = self._model.at(OperatingPoint(m.angle, 0.0, m.hose_pressure, m.rod_pressure, m.angle, 0.0, 0.0, 0.0, 0.0))
         carried = q.jacobian * q.force - q.gravity
         self._law.start(CascadeState(integral_for(carried, self._gains, 0.0, 0.0, q.inertia)))
 
@@ -134,7 +134,7 @@ class Cascade:
     def _after(self, x: CascadeState, r: Reference, m: Measurement, s: Any) -> tuple[CascadeState, list[Expression]]:
         """The law as expressions: states one sample time later, and all of ``Output`` up to the pilot pressures."""
         q = self._model.expressions(
-            Point(
+            OperatingPoint(
                 m.angle, m.rate, m.hose_pressure, m.rod_pressure,
                 r.angle, r.rate, r.acceleration, r.jerk, 0.0,
             )

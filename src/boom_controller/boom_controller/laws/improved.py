@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from boom_controller.blocks.control_model import ControlModel, Point, Quantities
+from boom_controller.blocks.control_model import ControlModel, OperatingPoint, Quantities
 from boom_controller.blocks.flat import FlatLaw
 from boom_controller.blocks.pilot_stage import StaticPilot, require_pilot_stage
 from boom_controller.blocks.state_feedback import gains, predicted_force
@@ -153,7 +153,7 @@ class Improved:
     def _after(self, x: ImprovedState, r: Reference, m: Measurement, s: Any) -> tuple[ImprovedState, list[Expression]]:
         """The law as expressions: states one sample time later; ``Output`` up to the load, and whether the supply stalls."""
         q = self._model.expressions(
-            Point(
+            OperatingPoint(
                 m.angle, m.rate, m.hose_pressure, m.rod_pressure,
                 r.angle, r.rate, r.acceleration, r.jerk, x.load.load,
             )

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from time import perf_counter
 
 from boom_controller.controller import Settings
 from boom_controller.errors import ControlError
+from boom_controller.loop.cycle import Cycle
 from boom_controller.loop.law_in_use import LawInUse
-from boom_controller.references.joint_trajectory import Bounds, Code, Point, TrajectoryError, plan
+from boom_controller.loop.readiness import Readiness
+from boom_controller.loop.request import Request
+from boom_controller.references.joint_trajectory import Bounds, Code, Point, TrajectoryError
 from boom_controller.references.references import References
 from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_controller.supervision.reasons import Finding
@@ -29,38 +31,6 @@ from boom_model.machine import Machine, Pose
 _NO_OUTPUT = Output(0.0, 0.0)
 MOST_APART = 0.75
 """Sample times between the stamps of one set. Three sensors that each keep their own time are at most two thirds apart."""
-
-LATEST_BEGIN = 60.0
-"""s. A trajectory whose stamp lies further ahead is of another clock."""
-
-
-@dataclass(slots=True)
-class Cycle:
-    """What one cycle knew, wanted and did.
-
-    Attributes:
-        time: stamp of the angle that was used [s].
-        state: of the motion.
-        retract, extend: commanded currents [A].
-        reference, measurement, output: as in ``controller``; the output's quantities are NaN while nothing is controlled.
-        status: ok, warning, error or stopped. reason: one sentence, empty while ok.
-        load: estimated load at the tip [kg], NaN where it is not known.
-        endings: trajectories that ended, by their number.
-        duration: wall time of the computation [s].
-    """
-
-    time: float
-    state: State
-    retract: float
-    extend: float
-    reference: Reference
-    measurement: Measurement
-    output: Output
-    status: str
-    reason: str
-    load: float
-    endings: list[tuple[int, Ending]]
-    duration: float
 
 
 class ControlLoop:
@@ -92,8 +62,7 @@ class ControlLoop:
             TrajectoryGenerator(settings.generator_pole, self._period), self._period,
             supervision.stop_deceleration, supervision.largest_rate, supervision.blend,
         )  # fmt: skip
-        self._emergency = False
-        self._conflict = ""
+        self._readiness = Readiness(self.law, self.sensors, self.supervision)
         self._note = ""
         self._last_cycle: float | None = None
         self._last_reference = -math.inf
@@ -194,7 +163,7 @@ class ControlLoop:
 
     def emergency_stop(self, wanted: bool, now: float) -> None:
         """The topic's state: true stops, false allows to resume."""
-        self._emergency = wanted
+        self._readiness.emergency = wanted
         if wanted:
             self._stop(Finding("emergency_stop", "emergency stop"), now)
 
@@ -204,7 +173,7 @@ class ControlLoop:
 
     def conflict(self, text: str) -> None:
         """What stands against moving from outside the loop, in a sentence; empty: nothing. More than one drives the boom."""
-        self._conflict = text
+        self._readiness.conflict = text
 
     def fault(self, text: str, now: float) -> bool:
         """This program failed. Ramps to zero, the second time at once: the cycle itself may be what fails. True while it ramps."""
@@ -217,7 +186,7 @@ class ControlLoop:
 
     def resume(self, now: float) -> tuple[bool, str]:
         """The explicit command to go on after a stop. Success, and a line for the operator."""
-        return self.supervision.resume(self._standing(now))
+        return self.supervision.resume(self._readiness.standing(now))
 
     def stream(self, wanted: float, now: float) -> None:
         """A wanted angle [rad] of /boom/reference."""
@@ -238,7 +207,7 @@ class ControlLoop:
             return  # a trajectory on its way goes first
         if state not in (State.IDLE, State.HOLD):
             return
-        missing = self._not_ready(now)
+        missing = self._readiness.missing(now)
         if missing:
             self._refuse_stream(missing)
             return
@@ -267,32 +236,14 @@ class ControlLoop:
         if state in (State.STOPPING, State.STOPPED):
             why = self.supervision.finding.text if self.supervision.finding else ""
             raise TrajectoryError(f"the boom is {state.value}: {why}; call ~/resume first")
-        missing = self._not_ready(now)
+        missing = self._readiness.missing(now)
         if missing:
             raise TrajectoryError(missing)
-        measured = self.sensors.joint.values[0]
-        present = Reference(measured) if state is State.IDLE else self.references.present
-        limits = self.supervision.settings
-        if begin is not None and points and begin + points[-1].time < self.sensors.joint.stamp:
-            raise TrajectoryError(
-                f"the trajectory ended {self.sensors.joint.stamp - begin - points[-1].time:.1f} s ago by its stamp: "
-                "stamp it with the present, or with zero for at once",
-                Code.OLD_HEADER_TIMESTAMP,
-            )
-        if begin is not None and begin - self.sensors.joint.stamp > LATEST_BEGIN:
-            raise TrajectoryError(
-                f"the trajectory begins in {begin - self.sensors.joint.stamp:.0f} s by its stamp: at most {LATEST_BEGIN:g} s ahead "
-                "are waited for",
-                Code.OLD_HEADER_TIMESTAMP,
-            )
-        trajectory = plan(points, present, measured, Bounds(*self._angles, limits.largest_rate, limits.start_tolerance))
-        from_now = begin if begin is not None else max(self.sensors.joint.stamp, self._time)
-        first = trajectory.at(self.sensors.joint.stamp - from_now).angle
-        if abs(first - present.angle) > limits.start_tolerance:
-            raise TrajectoryError(
-                f"the trajectory is at {first:.3f} rad now and the boom at {present.angle:.3f} rad: "
-                f"begin within {limits.start_tolerance:g} rad"
-            )
+        sensor, limits = self.sensors.joint, self.supervision.settings
+        angle = sensor.values[0]
+        request = Request(points, begin, present=Reference(angle) if state is State.IDLE else self.references.present)
+        bounds = Bounds(*self._angles, limits.largest_rate, limits.start_tolerance)
+        trajectory, from_now = request.planned(angle, sensor.stamp, max(sensor.stamp, self._time), bounds)
         self._goals.end(Code.INVALID_GOAL, "replaced by a new trajectory")
         if state is State.IDLE:
             self._begin()
@@ -334,7 +285,7 @@ class ControlLoop:
             finding = self._cycles_missed(gap, now)
             # what stood still itself finds old samples; that a cycle was late is the cause then
             if finding is None or gap <= supervision.settings.longest_cycle:
-                finding = self._standing(now) or finding
+                finding = self._readiness.standing(now) or finding
             if finding is not None:
                 self._stop(finding, now)
         if supervision.state is State.TRACK and self.references.kind == "stream":
@@ -410,24 +361,10 @@ class ControlLoop:
             if self.supervision.closed_loop:
                 self.references.rest()
 
-    def _standing(self, now: float) -> Finding | None:
-        """A reason that holds now, whatever the state."""
-        if self._emergency:
-            return Finding("emergency_stop", "emergency stop")
-        if self._conflict:
-            return Finding("two_publishers", self._conflict)
-        return self.sensors.finding(now, self.supervision.settings)
-
     def _cycles_missed(self, gap: float, now: float) -> Finding | None:
         if self._watch is None or not self._watch_cycles:
             return None
         return self._watch.cycle(gap, self._period, now)
-
-    def _not_ready(self, now: float) -> str:
-        if self.law.controller is None:
-            return "not ready: no /boom/machine_configuration yet"
-        finding = self._standing(now)
-        return f"not ready: {finding.text}" if finding is not None else ""
 
     def _refuse_stream(self, text: str) -> None:
         self._refused_stream = self._note = text
@@ -437,7 +374,7 @@ class ControlLoop:
         if finding is not None:
             return "stopped", f"{finding.reason}: {finding.text}"
         if self.supervision.state is State.IDLE:
-            missing = self._not_ready(now)
+            missing = self._readiness.missing(now)
             if missing:
                 return "warning", missing
             if self._refused_stream and now - self._last_reference > 1.0:

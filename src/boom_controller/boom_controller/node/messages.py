@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from boom_controller.loop.control_loop import Cycle
+from boom_controller.loop.cycle import Cycle
 from boom_controller.references.joint_trajectory import MOST_POINTS, Code, Point, TrajectoryError
 from boom_input.shown import quoted
 from boom_interfaces.msg import ControllerState, ReferenceState

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,13 +95,14 @@ class TrialCrane:
         self._step = _Supply(plant, self._stepper, supply_pressure).step if limited else self._stepper.step
         self._draws = _draws(noise, np.random.default_rng(seed), periods + 1)
         self._quanta = tuple(noise.quantum(sensor) for sensor in PREDICTED)
-        self._acting, self._next = (0.0, 0.0), (0.0, 0.0, 0.0)
+        self._acting = self._next = (0.0, 0.0)
+        self._from = -math.inf
         self.true: list[list[float]] = [[float(v) for v in plant.outputs(start)]]
-        self.sample = self._measure()
+        self.sample = self._measure(0, self.true[0])
 
     def command(self, retract: float, extend: float, at: float | None = None) -> None:
         """Both currents [A] from ``at`` [s] on, within the period that follows; without it at once."""
-        self._next = (retract, extend, 0.0 if at is None else at - self.sample.time)
+        self._next, self._from = (retract, extend), -math.inf if at is None else at
 
     def advance(self) -> Sample:
         """One period.
@@ -112,21 +114,20 @@ class TrialCrane:
         if self._grasp and self._grasp.time <= now < self._grasp.time + period:
             pose = replace(self._plant.pose, load=self._plant.pose.load + self._grasp.load)
             self._stepper.change_parameters(self._plant.with_numbers(self._plant.machine, pose).p)
-        retract, extend, later = self._next
-        if later > 0.0:
-            self._step(*self._acting, later)
-        self._acting = (retract, extend)
-        self.true.append(self._step(retract, extend, period - later).tolist())
-        self.sample = self._measure()
-        return self.sample
+        if self._from > now:
+            self._step(*self._acting, self._from - now)
+            period -= self._from - now
+        self._acting = self._next
+        y = self._step(*self._acting, period).tolist()
+        self.true.append(y)
+        self.sample = sample = self._measure(len(self.true) - 1, y)
+        return sample
 
-    def _measure(self) -> Sample:
-        k = len(self.true) - 1
+    def _measure(self, k: int, y: list[float]) -> Sample:
         shown = [
-            round((v + d) / s) * s if s else v + d
-            for v, d, s in zip(self.true[k], self._draws[k], self._quanta, strict=True)
+            round((v + d) / s) * s if s else v + d for v, d, s in zip(y, self._draws[k], self._quanta, strict=True)
         ]
-        return Sample(k * self.period, **dict(zip(OUTPUTS, shown, strict=True)))
+        return Sample(k * self.period, *shown)  # it begins with the outputs, in their order
 
 
 def carried_out(
@@ -140,19 +141,17 @@ def carried_out(
         references: one a period.
         delay: dead time of the valve chain, in periods.
     """
-    length = _position_scale(crane.machine)
-
-    def over(time: float, reference: Reference) -> str:
-        if abs(crane.true[-1][0] - reference.angle) * length > DIVERGED:
-            return f"at {time:.2f} s the piston was {DIVERGED * 1e3:.0f} mm from its reference"
-        return ""
-
-    done = closed_loop.run(controller, crane, references, dead_time=delay * crane.period, heed=True, over=over)
+    length, true = _position_scale(crane.machine), crane.true
+    done = closed_loop.run(
+        controller, crane, references, dead_time=delay * crane.period, heed=True,
+        astray=lambda wanted: abs(true[-1][0] - wanted) * length > DIVERGED,
+    )  # fmt: skip
     n = len(done.outputs)
-    true = np.array(crane.true[:n])
-    values = {name: true[:, i] for i, name in enumerate(OUTPUTS)}
-    values |= {name: np.array([getattr(output, name) for output in done.outputs]) for name in GIVEN}
-    diverged = str(done.failed) if done.failed is not None else done.ended
+    rows = np.hstack([true[:n], list(map(attrgetter(*GIVEN), done.outputs))])
+    values = dict(zip((*OUTPUTS, *GIVEN), rows.T, strict=True))
+    diverged = str(done.failed or "")
+    if done.astray is not None:
+        diverged = f"at {done.astray:.2f} s the piston was {DIVERGED * 1e3:.0f} mm from its reference"
     wanted = np.array([reference.angle for reference in references[:n]])
     return History(np.arange(n, dtype=np.float64) * crane.period, wanted, values, diverged, done.stopped)
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_controller.blocks.control_model import ControlModel, Point
+from boom_controller.blocks.control_model import ControlModel, OperatingPoint
 from boom_controller.controller import Settings, make_controller
 from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_controller.types import Controller, Reference
@@ -199,9 +199,8 @@ def _feedforward(
     """f_p^f (n,) [N] of (6.2) along the reference, with the load [kg] that really hangs on."""
     model = ControlModel(_machine(machine), _machine(machine).pose(*pose))
     references, _ = _references(folder, bag, settings.sample_time, settings.generator_pole)
-    return np.array([
-        model.at(Point(r.angle, 0.0, 0.0, 0.0, r.angle, r.rate, r.acceleration, r.jerk, load)).feedforward_force for r in references
-    ])  # fmt: skip
+    points = (OperatingPoint(r.angle, 0.0, 0.0, 0.0, *r, load) for r in references)
+    return np.array([model.at(point).feedforward_force for point in points])
 
 
 @lru_cache(maxsize=4)

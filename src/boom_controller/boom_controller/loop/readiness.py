@@ -1,0 +1,42 @@
+"""What stands against moving now, from outside and from the sensors."""
+
+from __future__ import annotations
+
+from boom_controller.loop.law_in_use import LawInUse
+from boom_controller.supervision.reasons import Finding
+from boom_controller.supervision.sensor_set import SensorSet
+from boom_controller.supervision.state_machine import Supervision
+
+
+class Readiness:
+    """Asked before a motion begins, before it is resumed, and in every cycle of it.
+
+    Args:
+        law: the control law.
+        sensors: the sensors.
+        supervision: its settings count.
+
+    Attributes:
+        emergency: the emergency stop stands.
+        conflict: what stands against moving from outside, in a sentence; empty: nothing.
+    """
+
+    def __init__(self, law: LawInUse, sensors: SensorSet, supervision: Supervision) -> None:
+        self._law, self._sensors, self._supervision = law, sensors, supervision
+        self.emergency = False
+        self.conflict = ""
+
+    def standing(self, now: float) -> Finding | None:
+        """A reason to stop that holds at the time ``now`` [s], whatever the state."""
+        if self.emergency:
+            return Finding("emergency_stop", "emergency stop")
+        if self.conflict:
+            return Finding("two_publishers", self.conflict)
+        return self._sensors.finding(now, self._supervision.settings)
+
+    def missing(self, now: float) -> str:
+        """Why no motion can begin at the time ``now`` [s], in a sentence; empty: it can."""
+        if self._law.controller is None:
+            return "not ready: no /boom/machine_configuration yet"
+        finding = self.standing(now)
+        return f"not ready: {finding.text}" if finding is not None else ""
