@@ -157,7 +157,7 @@ class BagReader:
         if topic.topic == MACHINE_CONFIGURATION:
             for i in which[: max(_MANY_WALKS - self._walks, 0)].tolist():
                 self._walks += 1
-                self._configure(topic, column, _bytes(batch, i))
+                self._configure(topic, column, batch.message(i))
             return
         names = [channel.name for channel in channels.of_topic(topic.topic)]
         stamps = np.zeros(len(which), np.int64)
@@ -217,7 +217,7 @@ class BagReader:
     def _layout_or_none(self, topic: Topic, batch: Batch, index: int, column: _Column) -> _Found | None:
         self._walks += 1
         try:
-            return self._layout(topic, _bytes(batch, index))
+            return self._layout(topic, batch.message(index))
         except cdr_layout.LayoutError as error:
             column.unreadable += 1
             column.reason = str(error)
@@ -271,8 +271,3 @@ class BagReader:
             column.reason = str(error)
             return
         self.configurations.append(Configuration(machine, angle, length, load_mass, note))
-
-
-def _bytes(batch: Batch, index: int) -> bytes:
-    start = int(batch.offset[index])
-    return batch.data[start : start + int(batch.size[index])].tobytes()

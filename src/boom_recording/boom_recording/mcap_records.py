@@ -47,6 +47,11 @@ class Batch:
     log_ns: NDArray[np.int64]
     publish_ns: NDArray[np.int64]
 
+    def message(self, index: int) -> bytes:
+        """The bytes of one message."""
+        start = int(self.offset[index])
+        return self.data[start : start + int(self.size[index])].tobytes()
+
 
 @dataclass(frozen=True)
 class Damage:
