@@ -2,77 +2,37 @@
 
 from __future__ import annotations
 
-from html import escape
+from markupsafe import Markup
 
 from boom_estimation.free_run import Prediction
 from boom_identification.validation import BagValidation, Validation
-from boom_report.channels import CHANNELS, limits_text, number, ratio
+from boom_report.channels import CHANNELS, ShownChannel, limits_text, number, ratio
+from boom_report.templates import render
 from boom_report.validation.reference import REMARK, beside
 from boom_report.validation.verdict import verdict
 
 
-def summary(validation: Validation) -> str:
+def summary(validation: Validation) -> Markup:
     """Tables 5.1 and 5.2."""
-    rows_full, rows_reduced = [], []
-    for index, bag in enumerate(validation.bags):
-        pose = _pose(bag, index)
-        errors = "".join(_error_cell(bag, k) for k in range(len(CHANNELS)))
-        kind = verdict(bag).kind
-        judged = f"<td><span class='pill {kind.replace(' ', '-')}'>{kind}</span></td>"
-        rows_full.append(
-            f"<tr>{pose}<td class=n>{_rad(bag.full.metrics.angle_mae_rad)}</td>{errors}"
-            f"<td class=quiet>{_beside(bag, '5.1')}</td>{judged}</tr>"
-        )
-        difference = bag.reduced_vs_full_angle_mae_rad
-        shown = "–" if difference is None else number(difference * 1e3)
-        stop = " <span class='pill stopped'>stopped</span>" if bag.reduced.stopped else ""
-        rows_reduced.append(
-            f"<tr>{pose}<td class=n>{_rad(difference)}</td><td class=n>{shown}{stop}</td>"
-            f"<td class=quiet>{_beside(bag, '5.2')}</td></tr>"
-        )
-    head = (
-        "<th>recording</th><th class=n>q<sub>3</sub><br>[rad]</th><th class=n>q<sub>4</sub><br>[m]</th>"
-        "<th class=n>load<br>[kg]</th>"
-    )
-    heads = "".join(f"<th class=n>{c.label}<br>{c.statistic} [{c.error_unit}]</th>" for c in CHANNELS)
-    limits = limits_text(validation.bags[0].limits) if validation.bags else ""
-    return (
-        "<h2>Table 5.1: full model against the measurement</h2><div class=scroll><table>"
-        f"<thead><tr>{head}<th class=n>MAE<br>[rad]</th>{heads}<th>thesis MAE [rad]<br>(trajectory)</th>"
-        "<th>verdict</th></tr></thead>"
-        f"<tbody>{''.join(rows_full)}</tbody></table></div><p class=note>MAE is (5.48), the mean absolute error "
-        "of the angle; the other "
-        f"columns are its value in mrad and root mean square errors. {escape(limits)}</p>"
-        "<h2>Table 5.2: reduced model against the full model</h2><div class=scroll><table>"
-        f"<thead><tr>{head}<th class=n>MAE<br>[rad]</th><th class=n>angle<br>mean [mrad]</th><th>thesis MAE [rad]"
-        "<br>(trajectory)</th></tr></thead>"
-        f"<tbody>{''.join(rows_reduced)}</tbody></table></div><p class=note>{escape(REMARK)}</p>"
+    return render(
+        "boom_report/validation/summary.html",
+        bags=validation.bags,
+        channels=CHANNELS,
+        verdict=verdict,
+        load_text=load_text,
+        off=_off,
+        scaled=_scaled,
+        rad=_rad,
+        beside=_beside,
+        limits=limits_text(validation.bags[0].limits) if validation.bags else "",
+        remark=REMARK,
     )
 
 
-def errors(bag: BagValidation) -> str:
+def errors(bag: BagValidation) -> Markup:
     """The numbers of one recording: both models against the measurement, channel by channel."""
-    rows = []
-    for channel in CHANNELS:
-        times = ratio(channel, bag)
-        off = times is None or times > 1
-        limit = channel.error(bag.limits)
-        rows.append(
-            f"<tr><td>{channel.label}, {channel.statistic} [{channel.error_unit}]</td><td "
-            f"class=n>{_scaled(bag.full, channel.metric, channel.error_scale)}</td>"
-            f"<td class=n>{_scaled(bag.reduced, channel.metric, channel.error_scale)}</td>"
-            f"<td class=n>{'–' if limit is None else number(limit * channel.error_scale)}</td>"
-            f"<td class='n{' off' if off else ''}'>{'–' if times is None else number(times, 2)}</td></tr>"
-        )
-        if channel.name == "angle":
-            rows.append(
-                f"<tr><td>angle, rms [mrad]</td><td class=n>{_scaled(bag.full, 'angle_rmse_rad', 1e3)}</td>"
-                f"<td class=n>{_scaled(bag.reduced, 'angle_rmse_rad', 1e3)}</td><td class=n>–</td><td "
-                "class=n>–</td></tr>"
-            )
-    return (
-        "<div class=scroll><table class=compact><thead><tr><th>error</th><th class=n>full</th><th class=n>reduced</th>"
-        f"<th class=n>limit</th><th class=n>full / limit</th></tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
+    return render(
+        "boom_report/validation/errors.html", bag=bag, channels=CHANNELS, ratio=ratio, off=_off, scaled=_scaled
     )
 
 
@@ -81,19 +41,9 @@ def load_text(mass: float) -> str:
     return "unknown" if mass != mass else f"{mass:g}"
 
 
-def _pose(bag: BagValidation, index: int) -> str:
-    c = bag.recording.configuration
-    return (
-        f"<td><a href='#bag-{index + 1}'>{escape(bag.recording.name)}</a></td><td class=n>{c.outer_boom_angle:g}</td>"
-        f"<td class=n>{c.telescope_length:g}</td><td class=n>{load_text(c.load_mass)}</td>"
-    )
-
-
-def _error_cell(bag: BagValidation, index: int) -> str:
-    channel = CHANNELS[index]
+def _off(channel: ShownChannel, bag: BagValidation) -> bool:
     times = ratio(channel, bag)
-    off = " off" if times is None or times > 1 else ""
-    return f"<td class='n{off}'>{_scaled(bag.full, channel.metric, channel.error_scale)}</td>"
+    return times is None or times > 1
 
 
 def _scaled(prediction: Prediction, metric: str, scale: float) -> str:
