@@ -34,7 +34,7 @@ def write_report(
     machine: Machine | None = None,
     machine_source: str | Path | None = None,
     notes: tuple[str, ...] = (),
-    sections: tuple[Markup, ...] = (),
+    sections: tuple[str, ...] = (),
 ) -> None:
     """Writes the report of a validation.
 
@@ -70,7 +70,7 @@ def write_report(
         figure=figure.figure,
         not_run=_not_run,
         events=events.section,
-        sections=sections,
+        sections=[Markup(section) for section in sections],
         method=_METHOD,
         inputs=inputs.section(validation, machine, machine_source),
     )
