@@ -293,16 +293,20 @@ class McapFile:
         Returns where it stopped, and how many records are of a kind that lies in no chunk.
         """
         odd = 0
-        append = starts.append
-        while position + 9 <= end and len(starts) < _BATCH_MESSAGES:
+        append, length_at = starts.append, LENGTH  # every message passes here
+        while position + 9 <= end:
             opcode = data[position]
-            following = position + 9 + LENGTH(data, position + 1)[0]
-            if following > end or not opcode:  # garbage in a chunk without a checksum
+            following = position + 9 + length_at(data, position + 1)[0]
+            if following > end:  # garbage in a chunk without a checksum
                 break
             if opcode == 5:
                 append(position)
+                if len(starts) == _BATCH_MESSAGES:
+                    return following, odd
             elif opcode in DECLARING:
                 self._declare(opcode, data[position + 9 : following])
+            elif not opcode:
+                break
             elif opcode < 0x80:  # its length may be right all the same
                 odd += 1
             position = following
