@@ -38,7 +38,7 @@ def page(heading: str, body: str, styles: tuple[str, ...] = ("report.css",)) -> 
         style=Markup("".join(own.joinpath(name).read_text("utf-8") for name in styles)),
         plotly=Markup(plotly),
         script=Markup(own.joinpath("report.js").read_text("utf-8")),
-    ) + "\n"
+    )
 
 
 def chart(figure: dict[str, Any]) -> Markup:

@@ -30,6 +30,7 @@ def _environment(package: str) -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        keep_trailing_newline=True,
     )
     environment.filters.update(number=number, fixed=_fixed, general=_general, finite=isfinite)
     return environment

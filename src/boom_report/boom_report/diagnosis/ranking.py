@@ -8,16 +8,7 @@ from markupsafe import Markup
 
 from boom_diagnosis.document import CHANNELS, DiagnosisResult, LadderStep
 from boom_model.effects import SUBSYSTEM_NAMES, effect_name
-from boom_report.diagnosis.words import (
-    CHANNEL_NAMES,
-    intervals_text,
-    others_text,
-    percent,
-    probability,
-    ranking_title,
-    shown,
-    signed,
-)
+from boom_report.diagnosis import words
 from boom_report.templates import render
 
 _KINDS = {
@@ -37,10 +28,7 @@ def findings(result: DiagnosisResult) -> Markup:
         findings=result.document.findings,
         effect_name=effect_name,
         subsystem_names=SUBSYSTEM_NAMES,
-        shown=shown,
-        others_text=others_text,
-        intervals_text=intervals_text,
-        probability=probability,
+        words=words,
     )
 
 
@@ -48,14 +36,12 @@ def ranking(result: DiagnosisResult) -> Markup:
     """HTML: every hypothesis with probability, gain on data used and not used, and its numbers."""
     return render(
         "boom_report/diagnosis/ranking.html",
-        title=ranking_title(result),
+        title=words.ranking_title(result),
         rows=result.document.ranking,
         most=_MOST,
         kinds=_KINDS,
         subsystem_names=SUBSYSTEM_NAMES,
-        shown=shown,
-        probability=probability,
-        signed=signed,
+        words=words,
         width=_width,
     )
 
@@ -71,8 +57,8 @@ def ladder(result: DiagnosisResult) -> Markup:
         steps=result.ladder,
         rungs=rungs(result),
         bags=", ".join(result.document.fit.held_out_bags) or "none",
-        channels=[CHANNEL_NAMES[c] for c in CHANNELS],
-        percent=percent,
+        channels=[words.CHANNEL_NAMES[c] for c in CHANNELS],
+        words=words,
     )
 
 
@@ -80,7 +66,7 @@ def rungs(result: DiagnosisResult) -> Markup:
     """HTML: the bars of the ladder alone."""
     floor = LadderStep("noise floor", (), result.document.fit.noise_floor)
     steps = [*result.ladder, *([floor] if len(floor.held_out) == len(CHANNELS) else [])]
-    channels = [(CHANNEL_NAMES[c].capitalize(), _bars(steps, i)) for i, c in enumerate(CHANNELS)]
+    channels = [(words.CHANNEL_NAMES[c].capitalize(), _bars(steps, i)) for i, c in enumerate(CHANNELS)]
     return render("boom_report/diagnosis/rungs.html", channels=channels)
 
 
@@ -95,5 +81,5 @@ def _bars(steps: list[LadderStep], index: int) -> list[tuple[str, str, float, st
         floor = step.label == "noise floor"
         last = k == len(steps) - 1 - (steps[-1].label == "noise floor")
         kind = " floor" if floor else " explained" if last and k > 0 else ""
-        bars.append((step.label, kind, width, percent(value) if math.isfinite(value) else "stopped"))
+        bars.append((step.label, kind, width, words.percent(value) if math.isfinite(value) else "stopped"))
     return bars

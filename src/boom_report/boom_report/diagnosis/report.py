@@ -10,19 +10,9 @@ from boom_input.whole import write_whole
 from boom_model.effects import SUBSYSTEM_NAMES, effect_name
 from boom_report import __version__
 from boom_report import events as report_events
-from boom_report.diagnosis import next, ranking, where
+from boom_report.diagnosis import next, ranking, where, words
 from boom_report.diagnosis.figure import figure
 from boom_report.diagnosis.scheme import scheme
-from boom_report.diagnosis.words import (
-    CHANNEL_NAMES,
-    VERDICTS,
-    headline,
-    intervals_text,
-    others_text,
-    percent,
-    probability,
-    shown,
-)
 from boom_report.inputs import files_table, machine_section
 from boom_report.page import chart, page
 from boom_report.templates import render
@@ -51,35 +41,25 @@ def write_diagnosis_report(result: DiagnosisResult, path: str | Path) -> None:
 
 def html(result: DiagnosisResult) -> str:
     """The whole page."""
-    verdict = VERDICTS[result.document.verdict]
+    verdict = words.VERDICTS[result.document.verdict]
     inputs = [("input", name, checksum) for name, checksum in result.document.inputs_sha256.items()]
     body = render(
         "boom_report/diagnosis/report.html",
         result=result,
         when=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z"),
         version=__version__,
-        verdicts=VERDICTS,
-        headline=headline,
-        probability=probability,
+        words=words,
         scheme=scheme,
-        shown=shown,
         effect_name=effect_name,
         subsystem_names=SUBSYSTEM_NAMES,
         channels=CHANNELS,
-        channel_names=CHANNEL_NAMES,
-        intervals_text=intervals_text,
-        others_text=others_text,
-        percent=percent,
         proof=_proof(result.document.fit),
-        ladder=ranking.ladder,
-        findings=ranking.findings,
+        ranking=ranking,
         where=where.section,
         chart=chart,
         figure=figure,
         events=report_events.section,
-        ranking=ranking.ranking,
-        learned=next.learned,
-        experiment=next.experiment,
+        next=next,
         method=_METHOD,
         files=files_table(inputs),
         machine=machine_section(result.explained),

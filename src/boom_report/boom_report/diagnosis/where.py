@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.document import CHANNELS, BagResult, DiagnosisResult
 from boom_model.effects import SUBSYSTEM_NAMES
+from boom_report.diagnosis import words
 from boom_report.diagnosis.scheme import colours
-from boom_report.diagnosis.words import CHANNEL_NAMES, intervals_text
 from boom_report.page import chart
 from boom_report.panels import QUIET, Json, packed
 from boom_report.templates import render
@@ -38,9 +38,8 @@ def section(result: DiagnosisResult) -> Markup:
         strip=lambda bag: chart(strip(bag, titles)),
         fill=_fill,
         channels=CHANNELS,
-        channel_names=CHANNEL_NAMES,
+        words=words,
         subsystem_names=SUBSYSTEM_NAMES,
-        intervals_text=intervals_text,
         nan=math.nan,
     )
 
