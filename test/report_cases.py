@@ -11,7 +11,6 @@ import numpy as np
 from diagnosis_samples import PERIOD, tz17
 
 from boom_diagnosis.document import (
-    CHANNELS,
     SUBSYSTEMS,
     Alternative,
     BagResult,
@@ -28,9 +27,10 @@ from boom_diagnosis.document import (
     RankingRow,
     Regime,
 )
+from boom_input.channels import BY_NAME
 from boom_model.machine import Machine
 from boom_model.plant import Plant
-from boom_model.sensors import OUTPUT_UNITS
+from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Event
 
 TAU = 0.09
@@ -100,10 +100,10 @@ def bag(name: str, seed: int, *, held_out: bool, events: tuple[Event, ...] = ())
     series = {"nominal": r["nominal"], "parameters_only": r["nominal"], "explained": r["explained"]}
     channels = {
         c: Channel(
-            c, OUTPUT_UNITS[i], r["time"], r["measured"][:, i], np.ones(len(r["time"]), bool), noise()[i],
+            c, BY_NAME[c].unit, r["time"], r["measured"][:, i], np.ones(len(r["time"]), bool), noise()[i],
             {stage: series[stage][:, i] for stage in stages},
         )
-        for i, c in enumerate(CHANNELS)
+        for i, c in enumerate(OUTPUTS)
     }  # fmt: skip
     off = np.abs(r["nominal"][:, 3] - r["measured"][:, 3]) > 6 * noise()[3]
     edges = np.flatnonzero(np.diff(np.concatenate(([0], off.astype(int), [0]))))
@@ -132,8 +132,8 @@ def regimes() -> tuple[Regime, ...]:
             step = np.diff(r[stage][:, i] - r["measured"][:, i])[chosen[1:]]
             return float(np.mean(step**2) / (2 * noise()[i] ** 2))
 
-        before = {c: ratio("nominal", i) for i, c in enumerate(CHANNELS)}
-        after = {c: ratio("explained", i) for i, c in enumerate(CHANNELS)}
+        before = {c: ratio("nominal", i) for i, c in enumerate(OUTPUTS)}
+        after = {c: ratio("explained", i) for i, c in enumerate(OUTPUTS)}
         rows.append(Regime(label, kind, "", float(chosen.sum() * PERIOD), before, after))
     return tuple(rows)
 

@@ -12,12 +12,13 @@ from boom_node import early  # noqa: F401  (first: signals and environment)
 import time
 from typing import Any
 
+from boom_input.channels import MEASURED_TOPICS, SENSORS
 from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
 from boom_node.node import LifecycleNode
-from boom_node.publishers import COMMANDS, SENSORS, SolePublishers
+from boom_node.publishers import COMMANDS, SolePublishers
 from boom_node.stamps import far, ns_to_seconds, seconds_to_ns, set_ns, to_ns
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -35,7 +36,7 @@ from boom_can_bridge.errors import CanConfigurationError
 from boom_can_bridge.prepared_message import PreparedMessage
 from boom_can_bridge.receiver import Reading
 
-AMBIENT_PRESSURE_PA = 101_325.0  # sensor_msgs/FluidPressure is absolute; inside, pressures are gauge
+_PRESSURES = tuple(sensor for sensor in SENSORS if sensor.is_pressure)
 LOOK_S = 0.05
 
 
@@ -55,15 +56,14 @@ class BridgeNode(LifecycleNode):
             values.dbc, values.mapping, values.log, values.good_frames, values.watchdog, values.largest_current,
             values.rise_rate, values.command_timeout, values.revoke_after, values.lockstep, values.filter_foreign,
         )  # fmt: skip
-        self._sole = SolePublishers(self, (*COMMANDS, *SENSORS), values.shared_topics)
+        self._sole = SolePublishers(self, (*COMMANDS, *MEASURED_TOPICS), values.shared_topics)
         self._make_messages()
 
         def publisher(kind: Any, topic: str) -> Any:
             return self.create_publisher(kind, topic, qos.EVERY_SAMPLE if values.lockstep else qos.BY_TOPIC[topic])
 
         self._joints = publisher(JointState, "/joint_states")
-        self._hose = publisher(FluidPressure, "/boom/hose_pressure")
-        self._rod = publisher(FluidPressure, "/boom/rod_pressure")
+        self._pressures = {sensor.name: publisher(FluidPressure, sensor.topic) for sensor in _PRESSURES}
         self._currents = publisher(SolenoidCurrents, "/boom/solenoid_currents")
         self._clock_publisher = publisher(ClockMessage, "/clock") if values.lockstep else None
         self._configuration = self.create_publisher(
@@ -93,10 +93,10 @@ class BridgeNode(LifecycleNode):
         joints = JointState(name=[values.joint_name, *names], position=[0.0, *fixed], velocity=[0.0] * (1 + len(fixed)))
         self._joint_message = PreparedMessage(joints, ("position.0", "velocity.0"), serialize_message)
         self._pressure_messages = {}
-        for field, frame in (("hose_pressure", "hose"), ("rod_pressure", "rod")):
+        for sensor in _PRESSURES:
             pressure = FluidPressure(variance=values.pressure_variance)
-            pressure.header.frame_id = frame
-            self._pressure_messages[field] = PreparedMessage(pressure, ("fluid_pressure",), serialize_message)
+            pressure.header.frame_id = sensor.frame
+            self._pressure_messages[sensor.name] = PreparedMessage(pressure, ("fluid_pressure",), serialize_message)
         self._current_message = PreparedMessage(SolenoidCurrents(), ("retract", "extend"), serialize_message)
 
     # ------------------------------------------------------------------------------------------------------- lifecycle
@@ -184,10 +184,10 @@ class BridgeNode(LifecycleNode):
         values = reading.values
         if "angle" in values:
             self._joints.publish(self._joint_message.fill(stamp_ns, values["angle"], values["rate"]))
-        for field, topic in (("hose_pressure", self._hose), ("rod_pressure", self._rod)):
-            if field in values:
-                absolute = values[field] + AMBIENT_PRESSURE_PA
-                topic.publish(self._pressure_messages[field].fill(stamp_ns, absolute))
+        for sensor in _PRESSURES:
+            if sensor.name in values:
+                absolute = values[sensor.name] + sensor.wire_offset
+                self._pressures[sensor.name].publish(self._pressure_messages[sensor.name].fill(stamp_ns, absolute))
         if "retract_current" in values:
             currents = self._current_message.fill(stamp_ns, values["retract_current"], values["extend_current"])
             self._currents.publish(currents)

@@ -1,8 +1,8 @@
 """Frames to values and back, one at a time for the live bus and in bulk for logs, with one and the same arithmetic.
 
 The DBC file says where the bits are, the mapping beside it what they mean to the bridge. All values are SI, pressures above
-ambient (gauge). Field names: angle [rad], rate [rad/s], hose_pressure, rod_pressure [Pa], retract_current,
-extend_current [A], mode, faults (bit field), uptime_s [s]; of the command retract_current, extend_current [A], enable (0, 1).
+ambient (gauge). Field names: the measured channels and the currents of ``boom_input.channels``, mode, faults (bit field),
+uptime_s [s]; of the command retract_current, extend_current [A], enable (0, 1).
 """
 
 from collections.abc import Mapping

@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import cantools
 
+from boom_input.channels import REQUIRED, SENSORS
 from boom_input.files import InputError, read_bytes
 from boom_input.shown import quoted
 from boom_input.yaml_text import read_yaml
@@ -29,7 +30,8 @@ logging.getLogger("cantools").setLevel(logging.ERROR)
 SHIPPED = Path(__file__).with_name("dbc")
 Direction = Literal["from_ecu", "to_ecu"]
 
-SENSOR_FIELDS = ("angle", "rate", "hose_pressure", "rod_pressure", "retract_current", "extend_current")
+SENSOR_FIELDS = tuple(channel.name for channel in REQUIRED)
+OPTIONAL_FIELDS = tuple(sensor.name for sensor in SENSORS if sensor.is_pressure and not sensor.required)
 STATUS_FIELDS = ("mode", "faults", "uptime_s")
 COMMAND_FIELDS = ("retract_current", "extend_current", "enable")
 TOGETHER = (("angle", "rate"), ("retract_current", "extend_current"))
@@ -260,7 +262,7 @@ class _Reader:
         message = messages[entry["message"]]
         if message.length > 8:
             raise self.fail(f"message {message.name} has {message.length} bytes: CAN FD is not supported")
-        allowed = COMMAND_FIELDS if direction == "to_ecu" else SENSOR_FIELDS + STATUS_FIELDS
+        allowed = COMMAND_FIELDS if direction == "to_ecu" else SENSOR_FIELDS + OPTIONAL_FIELDS + STATUS_FIELDS
         if not isinstance(entry["fields"], dict) or not entry["fields"]:
             raise self.fail("fields is empty")
         fields: dict[str, FieldSpec] = {}

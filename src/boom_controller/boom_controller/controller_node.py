@@ -16,6 +16,7 @@ import time
 from functools import partial
 from typing import Any
 
+from boom_input.channels import MEASURED_TOPICS
 from boom_interfaces.msg import ControllerState, MachineConfiguration, ReferenceState, SolenoidCurrents
 from boom_model.errors import ModelError
 from boom_model.machine_file import load_machine, shipped_machine
@@ -23,7 +24,7 @@ from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
 from boom_node.node import LifecycleNode
-from boom_node.publishers import COMMANDS, SENSORS, SolePublishers
+from boom_node.publishers import COMMANDS, SolePublishers
 from boom_node.realtime import Garbage, WakeUpLatency, use_core, use_priority
 from boom_node.stamps import far, ns_to_seconds, seconds_to_ns, set_ns, to_ns
 from rcl_interfaces.msg import SetParametersResult
@@ -76,7 +77,7 @@ class ControllerNode(LifecycleNode):
         self._cycles, self._late, self._feedback_at = 0, 0, 0
         self._garbage, self._wake_up_latency = Garbage(), WakeUpLatency()
         self._failure = ""
-        self._sole = SolePublishers(self, (*COMMANDS, *SENSORS), self._values["shared_topics"])
+        self._sole = SolePublishers(self, (*COMMANDS, *MEASURED_TOPICS), self._values["shared_topics"])
         self._make_topics()
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._use_parameters)

@@ -26,7 +26,7 @@ from boom_diagnosis.document import (
 )
 from boom_diagnosis.experiment import propose
 from boom_diagnosis.fitting import Point, rho
-from boom_diagnosis.freerun import free_run
+from boom_diagnosis.freerun import UNKNOWN, free_run
 from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import LINKS, locate
@@ -51,7 +51,6 @@ if TYPE_CHECKING:
     from boom_diagnosis.case import Case
 
 Array = NDArray[np.float64]
-NAN4 = (float("nan"),) * 4
 
 NAMED_FROM = 0.55
 """Probability from which on a finding counts as identified, not as one of several."""
@@ -95,7 +94,7 @@ def not_enough_excitation(recordings: Sequence[Recording], machine: Machine, abo
         "Record at least 45 s of joystick work: full and half current in both directions, reversals, stops, "
         "and 1 s of rest at the beginning."
     )
-    fit = Fit({}, {}, NAN4, ())
+    fit = Fit({}, {}, UNKNOWN, ())
     document = Document(
         "not_enough_excitation",
         (),

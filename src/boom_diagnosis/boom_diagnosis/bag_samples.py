@@ -13,7 +13,7 @@ from boom_estimation.initial_state import resting_start, stationary_guess
 from boom_model.machine import Machine
 from boom_model.observer import Gains, Linearised, Samples
 from boom_model.plant import Plant
-from boom_model.sensors import OUTPUTS
+from boom_model.sensors import OUTPUTS, PRESSURES
 from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ class Bag:
     """One recording, prepared.
 
     Attributes:
-        counted: (n, 4), True where an innovation tells about the machine: measured, not in or just behind a gap, oil all liquid.
+        counted: (n, NY), True where an innovation tells about the machine: measured, not in or just behind a gap, oil all liquid.
         cavitating: (n,), where the oil of the head side evaporates, and until the observer has found the state again.
         start: first valid values of the channels, for the initial state.
         plants: of a machine with some effects with states, built so far: building one costs as much as two passes.
@@ -71,10 +71,11 @@ class Bag:
 
         A pressure that arrives late tells of the state before: its sample moves to an earlier time.
         """
-        share, measured = np.zeros((len(self.grid) - 1, 4)), np.full((len(self.grid) - 1, 4), np.nan)
+        shape = (len(self.grid) - 1, len(OUTPUTS))
+        share, measured = np.zeros(shape), np.full(shape, np.nan)
         for j, name in enumerate(OUTPUTS):
             signal = self.recording.signals[name]
-            time = signal.time[signal.valid] - (pressure_delay if j >= 2 else 0.0)
+            time = signal.time[signal.valid] - (pressure_delay if PRESSURES[j] else 0.0)
             k = _intervals(time)
             inside = (k >= 0) & (k < len(measured))
             k, time = k[inside], time[inside]
@@ -96,7 +97,7 @@ class Bag:
 
     def moving(self) -> Flags:
         """(n,) Whether the boom moves."""
-        rate = self.samples().measured[:, 1]
+        rate = self.samples().measured[:, OUTPUTS.index("rate")]
         return np.asarray(np.abs(np.nan_to_num(rate)) > MOVING)
 
     def pressure_shift(self, delay: float) -> int:
@@ -124,7 +125,7 @@ def prepare(recording: Recording) -> Bag | None:
     count = int(np.floor(recording.duration / PERIOD + 1e-9))
     grid = np.asarray(np.arange(count + 1) * PERIOD, dtype=np.float64)
     time = grid[:-1]
-    counted = np.ones((count, 4), dtype=bool)
+    counted = np.ones((count, len(OUTPUTS)), dtype=bool)
     counted[time < BEGINNING] = False
     gaps = np.flatnonzero(np.diff(currents.time) > GAP)
     for begin, end in zip(currents.time[gaps], currents.time[gaps + 1], strict=True):

@@ -17,6 +17,7 @@ from boom_diagnosis.nuisances import Nuisance
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.weighing import COLDEST, Weighed
 from boom_model.machine import Machine, Pose
+from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -54,7 +55,7 @@ class Case:
     seed: int
     floor: float = 0.0
     healthy: list[Bag] = field(default_factory=list)
-    healthy_squares: Array = field(default_factory=lambda: np.ones(4))
+    healthy_squares: Array = field(default_factory=lambda: np.ones(len(OUTPUTS)))
     rounds: list[Round] = field(default_factory=list)
     weighed: list[list[Weighed]] = field(default_factory=list)
     taken: list[Weighed] = field(default_factory=list)

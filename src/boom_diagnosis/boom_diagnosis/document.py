@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_model.machine import Machine
+from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Event
 
 Array = NDArray[np.float64]
@@ -33,7 +34,6 @@ SUBSYSTEMS = (
     "load", "structure", "friction", "cylinder", "oil", "accumulators", "hose_burst_valve", "main_valve", "pilot_valves",
     "supply", "return_line", "sensors",
 )  # fmt: skip
-CHANNELS = ("angle", "rate", "hose_pressure", "rod_pressure")
 STAGES = ("nominal", "parameters_only", "explained")
 
 
@@ -101,7 +101,7 @@ class Finding:
 class Fit:
     """Normalised rms errors of free runs, one per channel (rms error / standard deviation of the measured channel).
 
-    Median over the bags. ``training`` and ``held_out``: stage -> 4 numbers; NaN where a run ended early.
+    Median over the bags. ``training`` and ``held_out``: stage -> one number per channel; NaN where a run ended early.
     """
 
     training: Mapping[str, tuple[float, ...]]
@@ -112,7 +112,7 @@ class Fit:
     def document(self) -> dict[str, Any]:
         """As in ``diagnosis.json``."""
         return {
-            "channels": list(CHANNELS),
+            "channels": list(OUTPUTS),
             "training": {stage: list(self.training[stage]) for stage in STAGES if stage in self.training},
             "held_out": {
                 "bags": list(self.held_out_bags),
@@ -227,7 +227,7 @@ class BagResult:
     Attributes:
         held_out: True where nothing was fitted to it; ``held_out_from`` [s]: from there on, if only its end was held out
             (None: all or nothing of it).
-        channels: by name, in the order of CHANNELS.
+        channels: by name, in the order of ``boom_input.channels.SENSORS``; those that the model does not predict have no stages.
         windows: (start, end) [s] in which the nominal model differs from the recording by more than noise.
         equations: equation key -> (n,) smoothed unknown input over ``time``, in units of its own 1-sigma.
         time: (n,) [s] of ``equations`` and ``regime``.
@@ -312,7 +312,7 @@ class LearnedCurve:
 class Experiment:
     """A proposed recording: currents (n, 2) [A] at ``time`` (n,) [s], and the pairs of hypotheses it would separate.
 
-    expected: (n, 4) what the likeliest hypothesis would measure [SI].
+    expected: (n, NY) what the likeliest hypothesis would measure [SI].
     separation: (hypothesis, hypothesis, standard deviations apart now, standard deviations apart then).
     """
 

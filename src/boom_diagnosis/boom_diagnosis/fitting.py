@@ -56,7 +56,7 @@ class Point:
         z: standard deviations of the tolerances. effects: values of its effects by dotted name.
         w: (rows,) whitened innovations, used: (rows,) which of them are fitted; the others are held out.
         loss: of the rows used, and of the tolerances' prior.
-        parts: (n, 4) whitened innovations, states: (n, NX), per recording.
+        parts: (n, NY) whitened innovations, states: (n, NX), per recording.
     """
 
     z: Array
@@ -106,7 +106,7 @@ class _Tried:
 class Problem:
     """Tolerances and recordings; hypotheses are fitted in it.
 
-    select: for each recording (n, 4) flags of the samples that are fitted; judged: of those that are only predicted.
+    select: for each recording (n, NY) flags of the samples that are fitted; judged: of those that are only predicted.
     """
 
     def __init__(

@@ -17,7 +17,9 @@ from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]
-Floats4 = tuple[float, float, float, float]
+Errors = tuple[float, ...]
+"""One per output."""
+UNKNOWN: Errors = (float("nan"),) * len(OUTPUTS)
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ def free_run(recording: Recording, machine: Machine) -> Prediction:
     return predict(recording, machine, "full", through_evaporation=True)
 
 
-def errors(span: Span, run: Prediction) -> Floats4:
+def errors(span: Span, run: Prediction) -> Errors:
     """Root mean square error over the standard deviation of the measured channel, one per channel."""
     result = []
     for name in OUTPUTS:
@@ -47,10 +49,10 @@ def errors(span: Span, run: Prediction) -> Floats4:
             result.append(float("nan"))
             continue
         result.append(float(np.sqrt(np.mean((said[known] - measured[known]) ** 2))) / spread)
-    return result[0], result[1], result[2], result[3]
+    return tuple(result)
 
 
-def noise_floor(span: Span, machine: Machine, seed: int) -> Floats4:
+def noise_floor(span: Span, machine: Machine, seed: int) -> Errors:
     """The errors that the sensors' noise and that of the currents would leave if the model were exactly right."""
     recording = span.recording
     currents = held_currents(recording)
@@ -65,19 +67,18 @@ def noise_floor(span: Span, machine: Machine, seed: int) -> Floats4:
         exact = plant.run(currents.time, currents.values, grid, x0).outputs
         other = plant.run(currents.time, noisy, grid, x0).outputs
     except SimulationError:
-        return (float("nan"),) * 4
+        return UNKNOWN
     measured = machine.sensor_noise().outputs(other, rng)
     inside = grid >= span.start
     spread = np.std(measured[inside], axis=0)
     error = np.sqrt(np.mean((measured[inside] - exact[inside]) ** 2, axis=0)) / np.maximum(spread, 1e-12)
-    return float(error[0]), float(error[1]), float(error[2]), float(error[3])
+    return tuple(error.tolist())
 
 
-def median(rows: Sequence[Floats4]) -> Floats4:
+def median(rows: Sequence[Errors]) -> Errors:
     """Channel by channel, over recordings; NaN where none is known."""
     if not rows:
-        return (float("nan"),) * 4
+        return UNKNOWN
     table = np.array(rows)
     known = [column[np.isfinite(column)] for column in table.T]
-    m = [float(np.median(k)) if len(k) == len(table) else float("nan") for k in known]
-    return m[0], m[1], m[2], m[3]
+    return tuple(float(np.median(k)) if len(k) == len(table) else float("nan") for k in known)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import Bag
 from boom_estimation.free_run import plant_for
+from boom_input.channels import PREDICTED
 from boom_model.codegen.compiled import LANES
 from boom_model.effects import CATALOGUE, EFFECTS, check_effects
 from boom_model.machine import Machine
@@ -33,6 +34,7 @@ from boom_model.observer import (
     observe_groups,
 )
 from boom_model.plant import Plant
+from boom_model.sensors import OUTPUTS, PRESSURES
 
 Array = NDArray[np.float64]
 
@@ -81,7 +83,7 @@ def carrying(machine: Machine, stateful: Iterable[str] = ()) -> Machine:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Whitened innovations (n, 4) of a hypothesis for one recording, and the states (n, NX) it assumed."""
+    """Whitened innovations (n, NY) of a hypothesis for one recording, and the states (n, NX) it assumed."""
 
     whitened: Array
     states: Array
@@ -150,7 +152,7 @@ class Predictor:
         return [rows[k : k + len(self.bags)] for k in range(0, len(rows), len(self.bags))]
 
     def changes(self, base: Values, moved: Sequence[Values]) -> list[list[Array]]:
-        """For each of ``moved`` the change (n, 4) of the whitened innovations against ``base``, of every recording.
+        """For each of ``moved`` the change (n, NY) of the whitened innovations against ``base``, of every recording.
 
         Each is predicted together with ``base``, with the same steps of the integrator, so that small changes are not lost in
         its errors; one that moves a delay, and with it the samples, alone.
@@ -183,7 +185,7 @@ class Predictor:
             gain = self._gain[i, plant.state_names]
         return plant, samples, self.bags[i].initial_state(plant, p), gain, p
 
-    def noise(self) -> tuple[float, float, float, float]:
+    def noise(self) -> tuple[float, ...]:
         """Standard deviations of the measured channels that the observer assumes [SI]."""
         return noise_model(self.base[0], self.machine, self.base[0].p).outputs
 
@@ -234,7 +236,6 @@ def noise_model(
     torque, flow = looseness * TORQUE_NOISE, looseness * FLOW_NOISE
     sensors = machine.sensor_noise()
     number = dict(zip(plant.parameter_names, p, strict=True))
-    pressure = float(np.hypot(sensors.pressure_sigma, sensors.pressure_quantum / np.sqrt(12.0)))
     disturbance = {
         name: (torque if name == "rate" else flow) / capacity for name, capacity in capacities(number).items()
     }
@@ -249,8 +250,9 @@ def noise_model(
         "accumulator_pressure_1": 5e5, "accumulator_pressure_2": 5e5,
     }  # fmt: skip
     angle = max(0.5 * sensors.angle_quantum, 1e-5)
+    outputs = tuple(angle if sensor.name == "angle" else sensors.deviation(sensor) for sensor in PREDICTED)
     return NoiseModel(
-        (angle, sensors.rate_sigma, pressure, pressure), CURRENT_NOISE, TIMING_NOISE, disturbance, initial,
+        outputs, CURRENT_NOISE, TIMING_NOISE, disturbance, initial,
         {"hose_burst_valve_conductance": POPPET_NOISE, "bristle_torque": BRISTLE_NOISE},
     )  # fmt: skip
 
@@ -269,11 +271,11 @@ def capacities(number: Values) -> dict[str, float]:
 def _nudging(plant: Plant, n: int) -> Array:
     """Gains that follow any machine: each measured state is pulled to its measurement."""
     names = plant.state_names
-    gain = np.zeros((len(names), 4))
-    for j, (name, share) in enumerate((("angle", 0.2), ("rate", 0.2), ("hose_pressure", 0.4), ("rod_pressure", 0.4))):
-        if name in names:
-            gain[names.index(name), j] = share
-    gain[names.index("head_pressure"), 2] = 0.3
+    gain = np.zeros((len(names), len(OUTPUTS)))
+    for j, sensor in enumerate(PREDICTED):
+        if sensor.name in names:
+            gain[names.index(sensor.name), j] = 0.4 if sensor.is_pressure else 0.2
+    gain[names.index("head_pressure"), OUTPUTS.index("hose_pressure")] = 0.3
     return np.broadcast_to(gain, (n, *gain.shape)).copy()
 
 
@@ -292,7 +294,7 @@ def _for(plant: Plant, base: Plant, gain: Array) -> Array:
     """Gains of a plant with other states than those of ``base``: what ``base`` does not have is not corrected."""
     if plant.state_names == base.state_names:
         return gain
-    result = np.zeros((len(gain), len(plant.state_names), 4))
+    result = np.zeros((len(gain), len(plant.state_names), len(OUTPUTS)))
     for i, name in enumerate(plant.state_names):
         if name in base.state_names:
             result[:, i] = gain[:, base.state_names.index(name)]
@@ -303,7 +305,7 @@ def _whiten(observed: Observed, gains: Gains, bag: Bag, late: int) -> Array:
     """Whitened innovations; those of pressures that arrive ``late`` intervals go back to the interval of their stamp."""
     e = np.where(np.isfinite(observed.innovations), observed.innovations, 0.0)
     if late:
-        e[late:, 2:] = e[:-late, 2:]
+        e[late:] = np.where(PRESSURES, e[:-late], e[late:])
     w: Array = np.einsum("nij,nj->ni", gains.whitening, e)
     if not observed.complete:
         failed = ~np.isfinite(observed.states).all(axis=1)

@@ -20,9 +20,9 @@ from boom_diagnosis.learning import Learned
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.weighing import Z90, posterior
 from boom_estimation.free_run import Prediction
+from boom_input.channels import SENSORS
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine
-from boom_model.sensors import OUTPUT_UNITS, OUTPUTS
 from boom_recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -161,14 +161,16 @@ def fit_and_ladder(
 def _channels(
     recording: Recording, machine: Machine, i: int, runs: Mapping[str, list[Prediction]]
 ) -> dict[str, Channel]:
-    sensors = machine.sensor_noise()
-    pressure = float(np.hypot(sensors.pressure_sigma, sensors.pressure_quantum / sqrt(12.0)))
-    noise = (sensors.angle_quantum / sqrt(12.0), sensors.rate_sigma, pressure, pressure)
+    noise = machine.sensor_noise()
     result = {}
-    for name, unit, sigma in zip(OUTPUTS, OUTPUT_UNITS, noise, strict=True):
-        signal = recording.signals[name]
-        stages = {stage: runs[stage][i].values[name] for stage in STAGES}
-        result[name] = Channel(name, unit, signal.time, signal.values, signal.valid, sigma, stages)
+    for sensor in SENSORS:
+        signal = recording.signals.get(sensor.name)
+        if signal is None:
+            continue
+        stages = {stage: runs[stage][i].values[sensor.name] for stage in STAGES} if sensor.predicted else {}
+        result[sensor.name] = Channel(
+            sensor.name, sensor.unit, signal.time, signal.values, signal.valid, noise.deviation(sensor), stages
+        )
     return result
 
 
@@ -176,7 +178,7 @@ def bag_result(
     case: Case, i: int, cells: list[NDArray[np.int64]], inputs: list[dict[str, Array]], nominal: Array,
     machines: Mapping[str, Machine], runs: Mapping[str, list[Prediction]], spans: Spans,
 ) -> BagResult:  # fmt: skip
-    """A recording that was fitted. nominal: (n, 4) its whitened innovations under the nominal machine."""
+    """A recording that was fitted. nominal: (n, NY) its whitened innovations under the nominal machine."""
     bag = case.bags[i]
     rest = 0.5 * np.sum(np.minimum(np.abs(nominal), 8.0) ** 2 - case.healthy_squares, axis=1)
     width = 50

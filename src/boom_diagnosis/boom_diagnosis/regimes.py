@@ -43,7 +43,7 @@ class Where:
 
 def classify(bag: Bag) -> Index:
     """(n,) index into CELLS; -1 where the rate was not measured."""
-    rate = bag.samples().measured[:, 1]
+    rate = bag.samples().measured[:, OUTPUTS.index("rate")]
     known = np.isfinite(rate)
     filled = np.interp(bag.time, bag.time[known], rate[known]) if known.any() else np.zeros(len(rate))
     kernel = np.ones(9) / 9
@@ -68,7 +68,7 @@ def classify(bag: Bag) -> Index:
 
 
 def table(cells: list[Index], nominal: list[Array], explained: list[Array], healthy: Array) -> tuple[Regime, ...]:
-    """The map over regimes. nominal, explained: whitened innovations (n, 4) per recording; healthy: (4,) mean squares."""
+    """The map over regimes. nominal, explained: whitened innovations (n, NY) per recording; healthy: (NY,) mean squares."""
     index, before, after = np.concatenate(cells), np.concatenate(nominal), np.concatenate(explained)
     regimes = []
     for k, (label, direction, detail) in enumerate(CELLS):
@@ -76,7 +76,7 @@ def table(cells: list[Index], nominal: list[Array], explained: list[Array], heal
         count = int(inside.sum())
 
         def mean(w: Array, inside: NDArray[np.bool_] = inside, count: int = count) -> dict[str, float]:
-            squares = np.mean(w[inside] ** 2, axis=0) / healthy if count else np.full(4, np.nan)
+            squares = np.mean(w[inside] ** 2, axis=0) / healthy if count else np.full(len(OUTPUTS), np.nan)
             return {name: float(v) for name, v in zip(OUTPUTS, squares, strict=True)}
 
         regimes.append(Regime(label, direction, detail, count * PERIOD, mean(before), mean(after)))  # type: ignore[arg-type]

@@ -90,7 +90,7 @@ def regress(
     Taken one after the other, corners anywhere in the range of the angle. None where nothing explains anything.
 
     number: every component of the parameter vector. term: that the observer had already.
-    select: (n, 4) per recording, samples that it is fitted to; others: that are predicted, too.
+    select: (n, NY) per recording, samples that it is fitted to; others: that are predicted, too.
     """
     scale = capacities(number)[state] / PERIOD / PLACES[equation].scale
     variables = [_scaled(f.states, number.get("main_valve_spool.s_max", 1.0)) for f in found]

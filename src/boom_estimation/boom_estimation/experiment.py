@@ -20,7 +20,7 @@ from boom_model.batch import Job
 from boom_model.machine import Machine
 from boom_model.observer import Samples
 from boom_model.plant import Plant
-from boom_model.sensors import OUTPUTS
+from boom_model.sensors import OUTPUTS, PRESSURES
 from boom_recording.recording import Recording, Signal
 
 Array = NDArray[np.float64]
@@ -37,12 +37,12 @@ class Segment:
 
     Attributes:
         start, end: [s].
-        rest: means of the four channels where the boom rests at the beginning, else None.
+        rest: means of the outputs (``boom_model.sensors.OUTPUTS``) where the boom rests at the beginning, else None.
         moving_state: (NX,) state at ``start``, where the boom does not rest there.
         times: (n,) [s] stamps at which the model is sampled.
         nodes: (K,) [s] the stamps of the currents, filled up to one a period.
-        where: (K, 4) index into ``times`` of the sample of each channel at each node, -1 where there is none.
-        measured: (K, 4) what was measured there, SI; NaN where there is nothing.
+        where: (K, NY) index into ``times`` of the sample of each channel at each node, -1 where there is none.
+        measured: (K, NY) what was measured there, SI; NaN where there is nothing.
         training: (K,) whether the samples of a node are used in a fit (else they are held out).
     """
 
@@ -58,16 +58,16 @@ class Segment:
 
     @property
     def stamps(self) -> Array:
-        """(K, 4) [s] when it was measured; NaN where there is nothing."""
+        """(K, NY) [s] when it was measured; NaN where there is nothing."""
         return np.where(self.valid, self.times[np.maximum(self.where, 0)], np.nan)
 
     @property
     def valid(self) -> Flags:
-        """(K, 4) whether there is a sample."""
+        """(K, NY) whether there is a sample."""
         return self.where >= 0
 
     def at_nodes(self, outputs: Array) -> Array:
-        """(K, 4) the model's outputs (n, 4) at the nodes' samples, NaN where there is none."""
+        """(K, NY) the model's outputs (n, NY) at the nodes' samples, NaN where there is none."""
         channel = np.arange(len(OUTPUTS))[None, :]
         return np.where(self.valid, outputs[np.maximum(self.where, 0), channel], np.nan)
 
@@ -100,9 +100,12 @@ class Experiment:
             return segment.moving_state
         rest = self.plant.rest_state
         angle, hose, rod = segment.rest["angle"], segment.rest["hose_pressure"], segment.rest["rod_pressure"]
-        seen = self.plant.outputs(rest(angle, hose, rod, parameters), parameters=parameters)
+        outputs = self.plant.outputs(rest(angle, hose, rod, parameters), parameters=parameters)
+        seen = dict(zip(OUTPUTS, outputs.tolist(), strict=True))
         # a biased sensor is seen through
-        return rest(2 * angle - seen[0], 2 * hose - seen[2], 2 * rod - seen[3], parameters)
+        return rest(
+            2 * angle - seen["angle"], 2 * hose - seen["hose_pressure"], 2 * rod - seen["rod_pressure"], parameters
+        )
 
     def initial_spread(self, segment: Segment) -> Array:
         """Standard deviation (NX,) of that state."""
@@ -130,8 +133,8 @@ class Experiment:
             n = len(measured)
             late = np.minimum(np.arange(n) + periods, n - 1)
             lost = np.arange(n) + periods >= n
-            measured[:, 2:] = np.where(lost[:, None], np.nan, measured[late, 2:])
-            share[:, 2:] = share[late, 2:] - (pressure_delay / self.period - periods)
+            measured = np.where(PRESSURES, np.where(lost[:, None], np.nan, measured[late]), measured)
+            share = np.where(PRESSURES, share[late] - (pressure_delay / self.period - periods), share)
         share = np.where(np.isfinite(measured), share, 1.0)
         return Samples(segment.nodes, share, measured, self.currents.time + command_delay, self.currents.values)
 

@@ -62,7 +62,7 @@ class Fit:
         level: how far the best model's error exceeds what the currents' noise explains (1: not at all).
         information: (m, m) of z, the data's and the priors'; ``data_information`` without the priors.
         samples: number of samples that were used.
-        innovations: per segment (n, 4), unit variance where the model is right; derivatives: (n, 4, m) by z.
+        innovations: per segment (n, NY), unit variance where the model is right; derivatives: (n, NY, m) by z.
         gains: per segment, of the observer that predicted.
         iterations: that were needed. converged: whether the last step was small.
     """

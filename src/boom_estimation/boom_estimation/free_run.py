@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from boom_estimation.currents import HeldCurrents, held_currents
 from boom_estimation.initial_state import InitialState, initial_state
+from boom_input.channels import PREDICTED
 from boom_model.equations import Kind
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine
@@ -25,21 +25,29 @@ from boom_recording.recording import Recording
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-5
+STATISTICS: dict[str, Callable[[Array], float]] = {
+    "mae": lambda e: float(np.mean(np.abs(e))),
+    "rmse": lambda e: float(np.sqrt(np.mean(e**2))),
+}
+"""What is said of errors (n,): mean absolute (5.48) and root mean square."""
 
 
 @dataclass(frozen=True)
 class Metrics:
-    """Errors of a prediction against a measurement, SI; None where nothing could be compared."""
+    """Errors of a prediction against a measurement by key ("angle_mae_rad"), SI; None where nothing could be compared.
 
-    angle_mae_rad: float | None
-    angle_rmse_rad: float | None
-    rate_rmse_rad_s: float | None
-    hose_pressure_rmse_pa: float | None
-    rod_pressure_rmse_pa: float | None
+    The keys are those of the predicted channels (``boom_input.channels.Sensor.metric``), in their order.
+    """
+
+    values: Mapping[str, float | None]
+
+    def __getitem__(self, key: str) -> float | None:
+        """The error with this key."""
+        return self.values[key]
 
     def document(self) -> dict[str, float | None]:
         """As in ``validate --json``."""
-        return dict(self.__dict__)
+        return dict(self.values)
 
 
 @dataclass(frozen=True)
@@ -119,17 +127,12 @@ def metrics(recording: Recording, values: Mapping[str, Array]) -> Metrics:
         error = np.where(signal.valid, values[name] - signal.values, np.nan)
         return error[np.isfinite(error)]
 
-    def over(name: str, what: Callable[[Array], Any]) -> float | None:
-        e = errors(name)
-        return float(what(e)) if len(e) else None
-
-    def rms(e: Array) -> Any:
-        return np.sqrt(np.mean(e**2))
-
-    return Metrics(
-        over("angle", lambda e: np.mean(np.abs(e))), over("angle", rms), over("rate", rms),
-        over("hose_pressure", rms), over("rod_pressure", rms),
-    )  # fmt: skip
+    result: dict[str, float | None] = {}
+    for sensor in PREDICTED:
+        e = errors(sensor.name)
+        for statistic in sensor.statistics:
+            result[sensor.metric(statistic)] = STATISTICS[statistic](e) if len(e) else None
+    return Metrics(result)
 
 
 def plant_for(recording: Recording, machine: Machine, kind: Kind) -> Plant:

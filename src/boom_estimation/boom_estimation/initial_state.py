@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_estimation.currents import HeldCurrents, held_currents
+from boom_input.channels import BY_NAME
 from boom_model.errors import SimulationError
 from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS
@@ -30,8 +31,8 @@ RESTING_RATE = 5e-3
 """rad/s. Mean rate below which the boom rests."""
 FIT_WINDOW = 1.0
 
-NOISE = {"angle": 4e-4, "rate": 1.5e-3, "hose_pressure": 2e4, "rod_pressure": 2e4}
-"""rad, rad/s, Pa: weights of the four channels in the fit (sensors of ch. 6.4)."""
+NOISE = {"rad": 4e-4, "rad/s": 1.5e-3, "Pa": 2e4}
+"""By unit: weights of the channels in the fit (sensors of ch. 6.4)."""
 UNCERTAINTY = {
     "angle": 1e-3, "rate": 1e-2, "head_pressure": 5e5, "rod_pressure": 5e5, "hose_pressure": 3e5,
     "accumulator_pressure_1": 1e6, "accumulator_pressure_2": 1e6, "spool_position": 1e-3, "spool_velocity": 1e-3,
@@ -62,7 +63,7 @@ def initial_state(
 
 
 def resting_start(recording: Recording) -> dict[str, float] | None:
-    """Mean of the four channels [SI] while the boom rests at the beginning of a recording; None if it does not."""
+    """Mean of each output [SI] while the boom rests at the beginning of a recording; None if it does not."""
     currents = held_currents(recording)
     return means_at_rest(recording, 0.0, rest_end(currents, 0.0, recording.duration))
 
@@ -73,7 +74,7 @@ def rest_end(currents: HeldCurrents, start: float, end: float) -> float:
 
 
 def means_at_rest(recording: Recording, start: float, end: float) -> dict[str, float] | None:
-    """Means of the four channels [SI] over [start, end] [s]; None where the boom moves or the time is too short."""
+    """Means of the outputs [SI] over [start, end] [s]; None where the boom moves or the time is too short."""
     if end - start < SHORTEST_REST:
         return None
     means = {name: _mean(recording, name, start, end) for name in OUTPUTS}
@@ -104,7 +105,7 @@ def _in_motion(
             run = plant.run(currents.time, currents.values, times, x0, start=start, tolerance=1e-6)
         except SimulationError:
             return np.full(sum(len(t) for t, _ in samples.values()) + len(z), 1e3)
-        parts = [(run.output(n)[where[n]] - v) / NOISE[n] for n, (_, v) in samples.items()]
+        parts = [(run.output(n)[where[n]] - v) / NOISE[BY_NAME[n].unit] for n, (_, v) in samples.items()]
         return np.concatenate([*parts, z])
 
     fit = least_squares(residuals, np.zeros(len(guess)), diff_step=[1e-4], max_nfev=30)

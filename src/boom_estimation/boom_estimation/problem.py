@@ -53,7 +53,7 @@ class Problem:
         return np.array([u.value(float(v)) for u, v in zip(self.unknowns, z, strict=True)])
 
     def free_errors(self, z: Array) -> list[Array]:
-        """Measured minus model (K, 4) [SI] of the free run of every segment; NaN without sample or behind a failure."""
+        """Measured minus model (K, NY) [SI] of the free run of every segment; NaN without sample or behind a failure."""
         jobs = [e.free_run(s, self.parameters(e, z)) for e, s in self.segments]
         outputs = run_jobs(jobs, tolerance=FREE_TOLERANCE, stop=self.stop)
         return [s.measured - s.at_nodes(y) for (_, s), y in zip(self.segments, outputs, strict=True)]
@@ -71,7 +71,7 @@ class Problem:
         steps: Array | None = None,
         tolerance: float = FINE,
     ) -> tuple[list[Array], list[Array]]:
-        """Innovations (n, 4) [SI] and their derivatives by z (n, 4, m), zero for unknowns that a segment does not have.
+        """Innovations (n, NY) [SI] and their derivatives by z (n, NY, m), zero for unknowns that a segment does not have.
 
         columns: the unknowns wanted, by index; all by default. steps: (m,) of z, of the finite differences.
         """

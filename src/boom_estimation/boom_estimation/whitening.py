@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_estimation.experiment import Experiment, Segment
+from boom_input.channels import PREDICTED
 from boom_model.observer import riccati
 from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS, SensorNoise
@@ -44,8 +45,8 @@ class Gains:
     """Gains of the observer of one segment, and the size of its innovations; n intervals between the nodes.
 
     Attributes:
-        gain: (n, NX, 4). root: (n, 4, 4), L_k^-1.
-        used: (n, 4) samples that count.
+        gain: (n, NX, NY). root: (n, NY, NY), L_k^-1.
+        used: (n, NY) samples that count.
     """
 
     gain: Array
@@ -53,14 +54,14 @@ class Gains:
     used: NDArray[np.bool_]
 
     def whiten(self, innovations: Array) -> Array:
-        """(n, 4, m) of unit variance, of innovations (n, 4, m) [SI]; zero where there is no sample."""
+        """(n, NY, m) of unit variance, of innovations (n, NY, m) [SI]; zero where there is no sample."""
         e = np.where(self.used[:, :, None] & np.isfinite(innovations), innovations, 0.0)
         return np.asarray(np.matmul(self.root, e), dtype=float)
 
 
 @dataclass(frozen=True)
 class _Line:
-    """The linearised model along one run, in scaled states: A (k, n, n), G G' w + v (k, n, n), H, R (n, 4), P_0."""
+    """The linearised model along one run, in scaled states: A (k, n, n), G G' w + v (k, n, n), H, R (n, NY), P_0."""
 
     a: Array
     q: Array
@@ -122,18 +123,18 @@ def _line(experiment: Experiment, segment: Segment, parameters: Array, states: A
 
 
 def sensor_variance(noise: SensorNoise, rate: Array, period: float) -> Array:
-    """Variances (n, 4) of the channels' noise [SI^2] along a run with the angular velocity ``rate`` (n,) [rad/s].
+    """Variances (n, NY) of the channels' noise [SI^2] along a run with the angular velocity ``rate`` (n,) [rad/s].
 
     The angle's rounding error stays the same as long as the boom moves less than a quantum: q / |w| is how long. So many
     samples count as one.
     """
     quantum = noise.angle_quantum
     still = quantum / np.maximum(np.abs(np.nan_to_num(rate)) * period, quantum / _LONGEST_STILL)
-    pressure = noise.pressure_sigma**2 + noise.pressure_quantum**2 / 12
-    result = np.empty((len(rate), len(OUTPUTS)))
-    result[:, 0] = quantum**2 / 12 * np.maximum(1.0, still) + 1e-12
-    result[:, 1] = noise.rate_sigma**2 + 1e-12
-    result[:, 2:] = pressure + 1.0
+    result = np.empty((len(rate), len(PREDICTED)))
+    for i, sensor in enumerate(PREDICTED):
+        result[:, i] = noise.variance(sensor) + (1.0 if sensor.is_pressure else 1e-12)
+    angle = OUTPUTS.index("angle")
+    result[:, angle] = quantum**2 / 12 * np.maximum(1.0, still) + 1e-12
     return result
 
 

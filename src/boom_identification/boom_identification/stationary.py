@@ -18,10 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_identification import signals
+from boom_input.channels import CURRENTS
 from boom_model.component_numbers import component_parameters
 from boom_model.components import accumulator, cylinder, equation_of_motion
 from boom_model.machine import Machine, Pose
 from boom_model.plant import Plant
+from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -43,7 +45,7 @@ LARGEST_SPOOL_RATE = 0.1
 """1/s, of s_s / s_s^max."""
 SMALLEST_RATE = 0.01
 """rad/s. Below it the boom counts as resting: friction has no direction there, and flows are within noise."""
-_CHANNELS = ("angle", "rate", "hose_pressure", "rod_pressure", "retract_current", "extend_current")
+_CHANNELS = (*OUTPUTS, *(channel.name for channel in CURRENTS))
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_estimation.free_run import Metrics, Prediction, metrics, predict
+from boom_input.channels import PREDICTED
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
@@ -41,7 +42,7 @@ class BagValidation:
         if self.full.stopped:
             names.append("stopped")
         for name, limit in self.limits.document().items():
-            value = self.full.metrics.document()[name]
+            value = self.full.metrics[name]
             if limit is not None and (value is None or value > limit):
                 names.append(name)
         return names
@@ -127,9 +128,11 @@ def noise_limits(machine: Machine, *, both: bool = False) -> Metrics:
     """
     noise = machine.sensor_noise()
     factor = NOISE_FACTOR * (math.sqrt(2.0) if both else 1.0)
-    rate = factor * noise.rate_sigma
-    pressure = factor * math.hypot(noise.pressure_sigma, noise.pressure_quantum / math.sqrt(12))
-    return Metrics(ANGLE_LIMIT, None, rate, pressure, pressure)
+    limits: dict[str, float | None] = {}
+    for sensor in PREDICTED:
+        limits |= dict.fromkeys(sensor.metric(statistic) for statistic in sensor.statistics)
+        limits[sensor.judging] = ANGLE_LIMIT if sensor.name == "angle" else factor * noise.deviation(sensor)
+    return Metrics(limits)
 
 
 def from_bag(recording: Recording, simulated: Recording) -> Prediction:

@@ -9,7 +9,7 @@ from diagnosis_samples import FOLDED, constant, joystick, simulated, tz17, valid
 
 from boom_estimation import free_run
 from boom_estimation.currents import HeldCurrents, held_currents
-from boom_estimation.free_run import Metrics, metrics, plant_for
+from boom_estimation.free_run import metrics, plant_for
 from boom_estimation.initial_state import InitialState, initial_state
 from boom_identification.validation import from_bag, noise_limits, validate
 from boom_model.errors import SimulationError
@@ -23,9 +23,9 @@ UNEXPLAINED = ("crane_2_a", "crane_3_a", "crane_4_a")
 @pytest.mark.parametrize("name", HEALTHY)
 def test_healthy_recordings_agree_with_the_full_model_within_noise(name):
     errors = validated(f"healthy/{name}").full.metrics
-    assert errors.angle_mae_rad <= 1.0e-3
-    assert errors.hose_pressure_rmse_pa <= 0.35e5
-    assert errors.rod_pressure_rmse_pa <= 0.35e5
+    assert errors["angle_mae_rad"] <= 1.0e-3
+    assert errors["hose_pressure_rmse_pa"] <= 0.35e5
+    assert errors["rod_pressure_rmse_pa"] <= 0.35e5
     assert validated(f"healthy/{name}").mismatches == []
 
 
@@ -38,7 +38,7 @@ def test_the_reduced_model_follows_the_full_one_as_in_table_5_2(name):
 def test_recordings_that_hide_something_differ(name):
     bag = validated(f"explained/{name}")
     assert "rod_pressure_rmse_pa" in bag.mismatches
-    assert bag.full.metrics.rod_pressure_rmse_pa > 2 * bag.limits.rod_pressure_rmse_pa
+    assert bag.full.metrics["rod_pressure_rmse_pa"] > 2 * bag.limits["rod_pressure_rmse_pa"]
 
 
 @pytest.mark.parametrize("name", UNEXPLAINED)
@@ -83,9 +83,9 @@ def test_a_recording_made_by_the_model_is_reproduced_by_it():
     recording = simulated(8.0, joystick(np.arange(800) * 0.01))
     errors = validate(recording, tz17()).full.metrics
     assert np.ptp(recording.signals["angle"].values) > 0.05
-    assert errors.angle_mae_rad < 1e-6
-    assert errors.rate_rmse_rad_s < 1e-5
-    assert max(errors.hose_pressure_rmse_pa, errors.rod_pressure_rmse_pa) < 1e3
+    assert errors["angle_mae_rad"] < 1e-6
+    assert errors["rate_rmse_rad_s"] < 1e-5
+    assert max(errors["hose_pressure_rmse_pa"], errors["rod_pressure_rmse_pa"]) < 1e3
 
 
 def test_errors_are_what_the_definitions_say():
@@ -99,11 +99,11 @@ def test_errors_are_what_the_definitions_say():
         "rod_pressure": np.full(4, np.nan),
     }
     found = metrics(recording, predicted)
-    assert found.angle_mae_rad == pytest.approx(0.004 / 3)
-    assert found.angle_rmse_rad == pytest.approx(math.sqrt(1e-5 / 3))
-    assert found.rate_rmse_rad_s == pytest.approx(0.1)
-    assert found.hose_pressure_rmse_pa == pytest.approx(0.25e5)
-    assert found.rod_pressure_rmse_pa is None
+    assert found["angle_mae_rad"] == pytest.approx(0.004 / 3)
+    assert found["angle_rmse_rad"] == pytest.approx(math.sqrt(1e-5 / 3))
+    assert found["rate_rmse_rad_s"] == pytest.approx(0.1)
+    assert found["hose_pressure_rmse_pa"] == pytest.approx(0.25e5)
+    assert found["rod_pressure_rmse_pa"] is None
 
 
 def test_a_masked_sample_counts_nowhere():
@@ -112,13 +112,16 @@ def test_a_masked_sample_counts_nowhere():
     spoilt = dataclasses.replace(signal, values=np.array([0.5, 99.0, 0.5]), valid=np.array([True, False, True]))
     recording.signals["angle"] = spoilt
     values = {name: np.zeros(3) for name in ("rate", "hose_pressure", "rod_pressure")} | {"angle": np.full(3, 0.6)}
-    assert metrics(recording, values).angle_mae_rad == pytest.approx(0.1)
+    assert metrics(recording, values)["angle_mae_rad"] == pytest.approx(0.1)
 
 
 def test_limits_are_one_milliradian_and_twice_the_noise_of_chapter_6_4():
     pressure = 2 * math.hypot(math.sqrt(3e6 / 0.01), 1e4 / math.sqrt(12))
-    expected = Metrics(1e-3, None, 3e-3, pytest.approx(pressure), pytest.approx(pressure))
-    assert noise_limits(tz17()) == expected
+    expected = {
+        "angle_mae_rad": 1e-3, "angle_rmse_rad": None, "rate_rmse_rad_s": 3e-3,
+        "hose_pressure_rmse_pa": pytest.approx(pressure), "rod_pressure_rmse_pa": pytest.approx(pressure),
+    }  # fmt: skip
+    assert noise_limits(tz17()).document() == expected
     assert pressure == pytest.approx(0.351e5, abs=50)
 
 
@@ -154,7 +157,7 @@ def test_a_run_whose_last_step_reaches_out_of_range_behind_the_last_sample_is_cu
 def test_a_recording_outside_the_machines_range_is_no_crash():
     bag = validate(constant(angle=-1.2), tz17())
     assert bag.full.stopped
-    assert bag.full.metrics.angle_mae_rad is None
+    assert bag.full.metrics["angle_mae_rad"] is None
 
 
 @pytest.mark.parametrize("name", ["rod_pressure", "angle", "retract_current"])
@@ -163,7 +166,7 @@ def test_a_channel_without_a_valid_sample_gives_no_number_and_no_crash(name):
     signal = recording.signals[name]
     recording.signals[name] = dataclasses.replace(signal, valid=np.zeros(len(signal.time), bool))
     bag = validate(recording, tz17())
-    assert bag.full.metrics == Metrics(None, None, None, None, None)
+    assert set(bag.full.metrics.document().values()) == {None}
     assert bag.reduced_vs_full_angle_mae_rad is None
     assert not bag.document()["agrees"]
 
@@ -174,7 +177,7 @@ def test_a_simulated_bag_stands_for_the_full_model():
     angle = other.signals["angle"]
     other.signals["angle"] = dataclasses.replace(angle, values=angle.values + 0.002)
     bag = validate(recording, tz17(), simulated=other)
-    assert bag.full.metrics.angle_mae_rad == pytest.approx(0.002)
+    assert bag.full.metrics["angle_mae_rad"] == pytest.approx(0.002)
     assert bag.full.runs == ("simulated by other processes: other",)
     assert bag.mismatches == ["angle_mae_rad"]
 

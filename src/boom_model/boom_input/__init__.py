@@ -1,1 +1,1 @@
-"""Files: what somebody else wrote, read within limits, and what we write, whole or not at all. Knows no other package."""
+"""What all share: files read within limits and written whole, and the table of channels. Knows no other package."""

@@ -43,7 +43,7 @@ class Job:
 def run_jobs(
     jobs: Sequence[Job], *, tolerance: float = 1e-4, workers: int | None = None, stop: ctypes.c_int | None = None
 ) -> list[Array]:
-    """Outputs (n, 4) of every job, NaN from where a run failed on.
+    """Outputs (n, NY) of every job, NaN from where a run failed on.
 
     stop: set to non-zero from another thread to end all runs; an exception such as Ctrl-C in this one does it, too.
 
@@ -81,7 +81,7 @@ def run_sets(
     tolerance: float = 1e-4,
     workers: int | None = None,
 ) -> Array:
-    """Outputs (M, n, 4) of runs of one plant with M parameter sets (M, NP); NaN from where a run failed on.
+    """Outputs (M, n, NY) of runs of one plant with M parameter sets (M, NP); NaN from where a run failed on.
 
     The other arguments are those of `Plant.run`; runs that differ in more than their parameters: `run_jobs`.
     """

@@ -56,7 +56,7 @@ class CompiledModel:
         return f, jacobian
 
     def outputs(self, state: ArrayLike, current: ArrayLike = (0.0, 0.0), parameters: Array | None = None) -> Array:
-        """y (4,) = angle, rate, p_h, p_b at one point, without delay."""
+        """y (NY,), in the order of ``OUTPUTS``, at one point, without delay."""
         y = np.empty(len(OUTPUTS))
         x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
         p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
@@ -91,7 +91,7 @@ class CompiledModel:
         return by_state, by_input
 
     def output_matrix(self, parameters: Array | None = None) -> Array:
-        """Dy/dx (4, NX); the outputs are linear in the states."""
+        """Dy/dx (NY, NX); the outputs are linear in the states."""
         origin = np.zeros(len(self.state_names))
         zero = self.outputs(origin, parameters=parameters)
         columns = [self.outputs(unit, parameters=parameters) - zero for unit in np.eye(len(origin))]

@@ -267,7 +267,6 @@ CATALOGUE: tuple[Effect, ...] = (
             _p("d_retract", "-", 0.0, (-0.1, 0.1), (-0.25, 0.5), "added overlap over full stroke, lowering"),
         ),
         "start delay, creep speed",
-        needs="common_overlap",
         independent=True,
         changes=("main_valve_orifices.x0",),
     ),

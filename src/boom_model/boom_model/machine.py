@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from math import isfinite
 from typing import Any, Literal
 
@@ -115,8 +116,9 @@ class Machine:
                 raise MachineError(f"{key}: expected {len(parameters[key].value)} numbers, not {len(vector)}")
             check_range(parameters[key].specification, vector)
             parameters[key] = replace(parameters[key], value=vector)
-        check_overlap(parameters, self.effects)
-        return replace(self, parameters=parameters)
+        result = replace(self, parameters=parameters)
+        check_overlap(result)
+        return result
 
     def with_effects(self, effects: Mapping[str, Mapping[str, float]]) -> Machine:
         """A machine with these effects instead of its own; neutral ones are left out.
@@ -124,9 +126,9 @@ class Machine:
         Raises:
             MachineError: unknown effect or parameter, a value outside its limits, or a component that is not there.
         """
-        active = active_effects(dict(effects), self.structure.has)
-        check_overlap(self.parameters, active)
-        return replace(self, effects=active)
+        result = replace(self, effects=active_effects(dict(effects), self.structure.has))
+        check_overlap(result)
+        return result
 
     def pose(self, outer_boom_angle: float, telescope_length: float, load: float = 0.0) -> Pose:
         """D_0, S and tip for locked joints q_3 [rad], q_4 [m] and the load [kg] that hangs at the tip.
@@ -191,16 +193,18 @@ def check_range(spec: Specification, value: tuple[float, ...], shown: object = N
             raise MachineError(f"{spec.key}: {text} is outside {spec.minimum:g} .. {spec.maximum:g} {spec.unit}")
 
 
-def check_overlap(parameters: Mapping[str, Parameter], effects: Mapping[str, Mapping[str, float]]) -> None:
+def check_overlap(machine: Machine) -> None:
     """Refuses a dead zone x_0 + d that is negative or leaves nothing of the stroke.
 
     Raises:
         MachineError: names the effect's parameter and the range.
     """
-    for name, change in effects.get("valve_dead_zone", {}).items():
-        overlap = parameters["main_valve_orifices.x0"].value[0]
+    for key, (name, change) in product(
+        machine.structure.metering.overlaps, machine.effects.get("valve_dead_zone", {}).items()
+    ):
+        overlap = machine.parameters[key].value[0]
         if not 0.0 <= overlap + change <= LARGEST_OVERLAP:
             raise MachineError(
                 f"effects.valve_dead_zone.{name}: {change:g} is outside {-overlap:g} .. {LARGEST_OVERLAP - overlap:g}, "
-                f"with which main_valve_orifices.x0 = {overlap:g} stays within 0 .. {LARGEST_OVERLAP:g} of the stroke"
+                f"with which {key} = {overlap:g} stays within 0 .. {LARGEST_OVERLAP:g} of the stroke"
             )

@@ -98,11 +98,10 @@ def check(document: Any) -> tuple[Machine | None, list[str]]:
         document,
         learned,
     )
-    for step in (_check_positions, _check_areas, _check_links):
+    for step in (_check_positions, _check_areas, _check_links, check_overlap):
         faults.of(step, machine)
     for part in structure:
         faults.of(part.check, machine.numbers, document.get(part.key[0], {}))
-    faults.of(check_overlap, machine.parameters, machine.effects)
     return (None if faults else machine), faults
 
 

@@ -41,8 +41,8 @@ class Samples:
 
     Attributes:
         grid: (n + 1,) [s], between which the model predicts.
-        share: (n, 4) when in the interval a channel was sampled, 0 = beginning .. 1 = end.
-        measured: (n, 4) [SI], NaN where it was not.
+        share: (n, NY) when in the interval a channel was sampled, 0 = beginning .. 1 = end.
+        measured: (n, NY) [SI], NaN where it was not.
         input_time: (m,) [s], from when each current acts. currents: (m, 2) [A].
     """
 
@@ -60,7 +60,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class Observed:
-    """Innovations (n, 4) [SI], NaN where nothing was measured or the run failed; states (n, NX) at interval starts."""
+    """Innovations (n, NY) [SI], NaN where nothing was measured or the run failed; states (n, NX) at interval starts."""
 
     innovations: Array
     states: Array
@@ -69,7 +69,7 @@ class Observed:
 
 @dataclass(frozen=True)
 class Gains:
-    """Kalman gains (n, NX, 4) and W (n, 4, 4): W e has unit variance if the noise is as assumed."""
+    """Kalman gains (n, NX, NY) and W (n, NY, NY): W e has unit variance if the noise is as assumed."""
 
     gain: Array
     whitening: Array
@@ -80,14 +80,14 @@ class NoiseModel:
     """What the filter assumes.
 
     Attributes:
-        outputs: (4,) standard deviation of the measured channels [SI].
+        outputs: (NY,) standard deviation of the measured channels [SI].
         currents: of both currents [A], new with each sample. timing: of the moment at which a current changes [s].
         disturbance: state name -> intensity of white noise on its derivative [unit/s * sqrt(s)].
         resting: the same, added while the boom stands still: what a part does that nothing flows through is not known.
         initial: state name -> uncertainty of the initial state.
     """
 
-    outputs: tuple[float, float, float, float]
+    outputs: tuple[float, ...]
     currents: float
     timing: float
     disturbance: dict[str, float]
@@ -104,7 +104,7 @@ def observe(
     parameters: Array | None = None,
     tolerance: float = 1e-5,
 ) -> Observed:
-    """One pass of the observer over ``samples`` with given gains (n, NX, 4)."""
+    """One pass of the observer over ``samples`` with given gains (n, NX, NY)."""
     n, nx = len(samples.grid) - 1, len(plant.state_names)
     x = np.array(initial_state, dtype=float)
     if "elapsed_time" in plant.state_names:
@@ -244,7 +244,7 @@ class Linearised:
     Attributes:
         middle, transition: (n, NX, NX) of half an interval and of the whole.
         drive: (n, NX, NX) covariance that the noise of the currents adds in an interval.
-        still: (n,) whether the boom stands. output: (4, NX) dy/dx.
+        still: (n,) whether the boom stands. output: (NY, NX) dy/dx.
     """
 
     middle: Array
@@ -301,15 +301,15 @@ def riccati(
     variance: Array,
     covariance: Array,
 ) -> tuple[Array, Array]:
-    """Kalman gains (n, NX, 4) and covariances of the innovations (n, 4, 4) by the recursion of Riccati.
+    """Kalman gains (n, NX, NY) and covariances of the innovations (n, NY, NY) by the recursion of Riccati.
 
     Args:
         plant: whose states these are, scaled or not.
         transition: (n, NX, NX) of each interval.
         process: (n, NX, NX) covariance of what is added in it.
-        output: (4, NX) dy/dx.
-        valid: (n, 4) what was measured.
-        variance: (n, 4) of its noise.
+        output: (NY, NX) dy/dx.
+        valid: (n, NY) what was measured.
+        variance: (n, NY) of its noise.
         covariance: (NX, NX) of the state at the beginning.
     """
     n, nx = len(transition), len(plant.state_names)
@@ -324,7 +324,7 @@ def riccati(
 
 
 def output_jacobian(plant: Plant, state: Array, parameters: Array | None = None) -> Array:
-    """dy/dx (4, NX): the outputs are linear in the states."""
+    """dy/dx (NY, NX): the outputs are linear in the states."""
     base = _outputs(plant, state, parameters)
     columns = []
     for i, scale in enumerate(plant.scale):

@@ -18,7 +18,7 @@ from boom_model.compiled_model import CompiledModel, pointer
 from boom_model.equations import INPUTS, Kind
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine, Pose
-from boom_model.sensors import OUTPUTS
+from boom_model.sensors import OUTPUTS, PRESSURES
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ LARGEST_SPOOL = 4.0
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A run: time (n,) [s], states (n, NX), outputs (n, 4) = angle, rate, p_h, p_b; SI. ``steps`` of the integrator."""
+    """A run: time (n,) [s], states (n, NX), outputs (n, NY) in the order of ``OUTPUTS``; SI. ``steps`` of the integrator."""
 
     time: Array
     states: Array
@@ -51,7 +51,7 @@ class Trajectory:
         return self.states[:, self.state_names.index(name)]
 
     def output(self, name: str) -> Array:
-        """One output over time: angle, rate, hose_pressure or rod_pressure."""
+        """One of ``OUTPUTS`` over time."""
         return self.outputs[:, OUTPUTS.index(name)]
 
 
@@ -192,7 +192,7 @@ class Plant(CompiledModel):
         """As :meth:`run`, but a run that fails is no error: what lies behind the failure is NaN.
 
         Returns:
-            States (n, NX), outputs (n, 4), final state (NX,) and the integrator's report: status (0: good), time [s]
+            States (n, NX), outputs (n, NY), final state (NX,) and the integrator's report: status (0: good), time [s]
             and state of the failure, steps, rejected ones, evaluations.
 
         Raises:
@@ -213,8 +213,7 @@ class Plant(CompiledModel):
             reached = int(report[7])
             states[reached:], outputs[reached:] = np.nan, np.nan
         if late is not None:
-            outputs[late[0], 2:] = outputs[late[1], 2:]
-            states, outputs = states[late[0]], outputs[late[0]]
+            states, outputs = states[late[0]], np.where(PRESSURES, outputs[late[1]], outputs[late[0]])
         return states, outputs, x, report
 
     def delays(self, parameters: Array) -> tuple[float, float]:
@@ -322,7 +321,7 @@ class Stepper:
         self._call: Callable[[float], int] = call
 
     def step(self, retract: float, extend: float, duration: float = 0.01) -> Array:
-        """Advances by ``duration`` [s] with both currents [A] held; returns y (4,), overwritten by the next step.
+        """Advances by ``duration`` [s] with both currents [A] held; returns y (NY,), overwritten by the next step.
 
         Raises:
             SimulationError: a state left its range; the state stays as it was at the failure.

@@ -8,13 +8,14 @@ noise of ch. 6.4; PSD_p is read as 3e6 Pa^2/Hz (machine notes): sigma = sqrt(PSD
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import hypot, pi, sqrt
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_input.channels import PREDICTED, Sensor
 from boom_model.regularisation import Expression
 from boom_model.specification import Specification
 
@@ -26,18 +27,21 @@ SPECIFICATIONS = (
 )
 """What a machine file may say of its sensors; without it the numbers of :class:`SensorNoise` hold."""
 
-OUTPUTS = ("angle", "rate", "hose_pressure", "rod_pressure")
-OUTPUT_UNITS = ("rad", "rad/s", "Pa", "Pa")
+OUTPUTS = tuple(sensor.name for sensor in PREDICTED)
+"""y: the channels of ``boom_input.channels`` that the model predicts, NY of them."""
+PRESSURES = np.array([sensor.is_pressure for sensor in PREDICTED])
+"""(NY,) which of them are pressures: these may arrive late."""
 
 
 def measured(angle: Expression, rate: Expression, hose_pressure: Expression, rod_pressure: Expression, e: Any) -> Any:
-    """y = (angle [rad], rate [rad/s], p_h [Pa gauge], p_b [Pa gauge]) without noise."""
-    return ca.vertcat(
-        angle + e.angle_offset.b,
-        rate * e.rate_scale.a,
-        hose_pressure + e.pressure_bias.hose,
-        rod_pressure + e.pressure_bias.rod,
-    )
+    """y in the order of ``OUTPUTS`` [SI, pressures gauge], without noise."""
+    y = {
+        "angle": angle + e.angle_offset.b,
+        "rate": rate * e.rate_scale.a,
+        "hose_pressure": hose_pressure + e.pressure_bias.hose,
+        "rod_pressure": rod_pressure + e.pressure_bias.rod,
+    }
+    return ca.vertcat(*(y[name] for name in OUTPUTS))
 
 
 @dataclass(frozen=True)
@@ -56,13 +60,26 @@ class SensorNoise:
     current_sigma: float = 0.8e-3
     current_quantum: float = 1.0e-3
 
+    def sigma(self, sensor: Sensor) -> float:
+        """Standard deviation of a sensor's white noise [its unit]."""
+        return float(getattr(self, sensor.sigma)) if sensor.sigma else 0.0
+
+    def quantum(self, sensor: Sensor) -> float:
+        """Resolution of a sensor [its unit]."""
+        return float(getattr(self, sensor.quantum)) if sensor.quantum else 0.0
+
+    def deviation(self, sensor: Sensor) -> float:
+        """Standard deviation of noise and rounding together [its unit]."""
+        return hypot(self.sigma(sensor), self.quantum(sensor) / sqrt(12.0))
+
+    def variance(self, sensor: Sensor) -> float:
+        """The square of that."""
+        return self.sigma(sensor) ** 2 + self.quantum(sensor) ** 2 / 12
+
     def outputs(self, y: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
-        """Measured y, shape (..., 4), of the true y; four draws of ``rng`` per sample."""
-        draws = rng.standard_normal(y.shape)
-        draws[..., 0] = 0.0
-        noisy = y + draws * np.array([0.0, self.rate_sigma, self.pressure_sigma, self.pressure_sigma])
-        quanta = (self.angle_quantum, 0.0, self.pressure_quantum, self.pressure_quantum)
-        return np.stack([_quantise(noisy[..., i], quanta[i]) for i in range(4)], axis=-1)
+        """Measured y, shape (..., NY), of the true y; as many draws of ``rng`` per sample."""
+        noisy = y + rng.standard_normal(y.shape) * np.array([self.sigma(sensor) for sensor in PREDICTED])
+        return np.stack([_quantise(noisy[..., i], self.quantum(sensor)) for i, sensor in enumerate(PREDICTED)], axis=-1)
 
     def currents(self, u: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
         """Measured currents, shape (..., 2), of the true ones; clipped at zero as the recordings are."""

@@ -230,6 +230,7 @@ class Metering(Component):
         areas: (supply, tank) [m^2] of the edges that are open at s_s [m], for (s_s, p, e).
         overlap: dead zone over full stroke on the side of s_s [m], for (s_s, p, e).
         largest_opening: |s_s| over full stroke beyond which no area grows.
+        overlaps: keys of the overlaps, all within the stroke.
         law: whether the areas follow the law of ch. 5.2, so that its numbers can be identified from stationary points.
     """
 
@@ -238,6 +239,7 @@ class Metering(Component):
     areas: Callable[[Expression, Any, Any], tuple[Expression, Expression]]
     overlap: Callable[[Expression, Any, Any], Expression]
     largest_opening: float
+    overlaps: tuple[str, ...] = ()
     law: bool = False
 
 

@@ -13,11 +13,11 @@ from collections.abc import Iterable
 from math import isfinite
 from pathlib import Path
 
+from boom_input.channels import PREDICTED
 from boom_model.effects import CATALOGUE
 from boom_model.equations import INPUTS, State, full_model, reduced_model
 from boom_model.errors import ModelError
 from boom_model.machine_file import load_machine
-from boom_model.sensors import OUTPUT_UNITS, OUTPUTS
 from boom_model.slots import registered
 from boom_model.specification import Specification
 from boom_model.structure import SLOTS, structure
@@ -32,7 +32,6 @@ _STATE_EQUATIONS = {
     "bend_rate": "-", "bristle_torque": "5.39b", "metering_position": "5.39l,m", "accumulator_entropy_1": "5.39g",
     "accumulator_ambient_1": "5.39g", "accumulator_entropy_2": "5.39h", "accumulator_ambient_2": "5.39h",
 }  # fmt: skip
-_OUTPUT_SYMBOLS = ("q_2", "q_2'", "p_h", "p_b")
 _INPUT_SYMBOLS = ("i_+", "i_-")
 _AUXILIARY = {
     "head_flow": ("q_a", "5.39f"), "hose_flow": ("q_h", "5.39l"), "rod_flow": ("q_b", "5.39m"),
@@ -79,8 +78,7 @@ def symbols_table() -> str:
                 _range(state.minimum, state.maximum),
             )
         )
-    for name, symbol, unit in zip(OUTPUTS, _OUTPUT_SYMBOLS, OUTPUT_UNITS, strict=True):
-        rows.append((symbol, f"output `{name}`", unit, "ch. 4.2", "measured", ""))
+    rows += [(sensor.symbol, f"output `{sensor.name}`", sensor.unit, "ch. 4.2", "measured", "") for sensor in PREDICTED]
     units = {k: unit for k, (unit, _) in full_model(structure()).auxiliary.items()}
     for name, unit in units.items():
         symbol, equation = _AUXILIARY[name]

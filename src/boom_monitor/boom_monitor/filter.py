@@ -14,14 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_estimation.initial_state import UNCERTAINTY
+from boom_input.channels import PREDICTED
 from boom_model.plant import Stepper
 from boom_model.sensors import OUTPUTS, SensorNoise
 from boom_monitor.model import Point, WatchModel
 
 Array = NDArray[np.float64]
 
-CHANNELS = OUTPUTS
-"""Order of ``measured``."""
 TOLERANCE = 1e-5
 # White noise on the derivatives, unit/s sqrt(s): what keeps the filter awake; below what the sensors resolve.
 _DISTURBANCE = {"rate": 2e-3, "head_pressure": 1e4, "rod_pressure": 1e4, "hose_pressure": 1e4}
@@ -54,7 +53,7 @@ class WatchFilter:
         memory: time constant [s] with which the past is forgotten.
 
     Attributes:
-        gain: (n, 4) of the last correction. whitening: (4, 4) W, W e has unit variance; zero where nothing was measured.
+        gain: (n, NY) of the last correction. whitening: (NY, NY) W, W e has unit variance; zero where nothing was measured.
     """
 
     def __init__(
@@ -68,14 +67,14 @@ class WatchFilter:
         spread = np.array([UNCERTAINTY.get(n, 1e-2 * s) for n, s in zip(names, model.plant.scale, strict=True)])
         self._covariance: Array = np.diag((share * spread) ** 2)
         self._disturbance = np.array([_DISTURBANCE.get(n, 0.0) ** 2 for n in names])
-        pressure = noise.pressure_sigma**2 + noise.pressure_quantum**2 / 12
-        self._noise = np.array([noise.angle_quantum**2 / 12 + _JITTER**2, noise.rate_sigma**2, pressure, pressure])
+        self._noise = np.array([noise.variance(sensor) for sensor in PREDICTED])
+        self._noise[OUTPUTS.index("angle")] += _JITTER**2
         self._current_variance = noise.current_sigma**2 + noise.current_quantum**2 / 12
         self._point: Point = model.at(self.state, (0.0, 0.0))
         self._output = self._point.y.copy()
         causes = len(model.tolerated) + len(model.suspects)
         self._effect = np.zeros((len(names), causes))
-        self.gain, self.whitening = np.zeros((len(names), len(CHANNELS))), np.zeros((len(CHANNELS), len(CHANNELS)))
+        self.gain, self.whitening = np.zeros((len(names), len(OUTPUTS))), np.zeros((len(OUTPUTS), len(OUTPUTS)))
         self.information = Information(np.zeros((causes, causes)), np.zeros(causes))
 
     @property
@@ -89,8 +88,8 @@ class WatchFilter:
         Args:
             end: [s].
             currents: (from when [s], retract, extend [A]), ascending; the first acts from the beginning on.
-            measured: (4,) [SI], NaN where nothing was measured.
-            share: (4,) when in the interval each was measured, 0 = beginning .. 1 = end.
+            measured: (NY,) [SI], NaN where nothing was measured.
+            share: (NY,) when in the interval each was measured, 0 = beginning .. 1 = end.
 
         Raises:
             SimulationError: the state left its range.

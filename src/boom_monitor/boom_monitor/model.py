@@ -70,7 +70,7 @@ class Suspect:
 
 @dataclass(frozen=True)
 class Point:
-    """The model at one point: derivatives of f to state (n, n), causes (n, c), currents (n, 2); y (4,) and its derivatives.
+    """The model at one point: derivatives of f to state (n, n), causes (n, c), currents (n, 2); y (NY,) and its derivatives.
 
     The arrays are those of the model and change with its next point.
     """

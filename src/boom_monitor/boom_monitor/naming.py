@@ -31,7 +31,7 @@ class Interval:
 
     Attributes:
         begin, end: [s]. state: (n,) at its beginning. currents: (from when, retract, extend) that acted.
-        measured, share: (4,) as `WatchFilter.advance` got them. gain: (n, 4). whitening: (4, 4), zero rows where
+        measured, share: (NY,) as `WatchFilter.advance` got them. gain: (n, NY). whitening: (NY, NY), zero rows where
             nothing was measured.
     """
 

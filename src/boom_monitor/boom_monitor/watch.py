@@ -16,17 +16,19 @@ from numpy.typing import NDArray
 
 from boom_estimation.currents import GAP
 from boom_estimation.initial_state import RESTING_RATE, stationary_guess
+from boom_input import channels
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine, Pose
+from boom_model.sensors import OUTPUTS
 from boom_monitor import naming
-from boom_monitor.filter import CHANNELS, Information, WatchFilter
+from boom_monitor.filter import Information, WatchFilter
 from boom_monitor.model import Suspect, WatchModel
 from boom_monitor.naming import Interval
 
 Array = NDArray[np.float64]
 
 PERIOD = 0.01
-CURRENTS = ("retract_current", "extend_current")
+CURRENTS = tuple(channel.name for channel in channels.CURRENTS)
 _JUDGED_EVERY = 0.1  # s
 _SETTLING = 1.0  # s after a start, in which the guess of the initial state still shows
 _BEFORE = 0.5  # s before the alarm from which on the cause is sought
@@ -116,7 +118,7 @@ class Watch:
         self._noise = machine.sensor_noise()
         self._model = WatchModel(machine, pose)
         self._samples: dict[str, deque[tuple[float, float]]] = {
-            name: deque(maxlen=_BUFFER) for name in (*CHANNELS, *CURRENTS)
+            name: deque(maxlen=_BUFFER) for name in (*OUTPUTS, *CURRENTS)
         }
         self._filter: WatchFilter | None = None
         self._from = -math.inf
@@ -130,7 +132,7 @@ class Watch:
         self._newest = -math.inf
 
     def add(self, channel: str, time: float, value: float) -> None:
-        """One valid sample: channel of ``CHANNELS`` or ``CURRENTS``, its stamp [s], its value [SI, gauge].
+        """One valid sample: channel of ``OUTPUTS`` or ``CURRENTS``, its stamp [s], its value [SI, gauge].
 
         Samples of one channel come in the order of their stamps; one that does not, or is no number, is left out.
         """
@@ -170,7 +172,7 @@ class Watch:
         if end > until:
             return
         means = {}
-        for name in CHANNELS:
+        for name in OUTPUTS:
             values = [v for t, v in self._samples[name] if t <= end]
             if not values:
                 self._samples[name].clear()
@@ -187,7 +189,7 @@ class Watch:
         self._filter = WatchFilter(self._model, self._noise, state, end, moving=moving, memory=self.settings.memory)
         self._from = end + _SETTLING
         self._heard = end
-        for name in CHANNELS:
+        for name in OUTPUTS:
             self._drop(name, end)
 
     def _step(self, filter_: WatchFilter) -> None:
@@ -196,8 +198,8 @@ class Watch:
         if begin - currents[0][0] > GAP:
             self._lose(end)
             return
-        measured, share = np.full(len(CHANNELS), np.nan), np.ones(len(CHANNELS))
-        for i, name in enumerate(CHANNELS):
+        measured, share = np.full(len(OUTPUTS), np.nan), np.ones(len(OUTPUTS))
+        for i, name in enumerate(OUTPUTS):
             samples = self._samples[name]
             while samples and samples[0][0] <= end:
                 time, measured[i] = samples.popleft()
@@ -239,7 +241,7 @@ class Watch:
         self._filter = None
         self._recent.clear()
         self._score = math.nan
-        for name in (*CHANNELS, *CURRENTS):
+        for name in (*OUTPUTS, *CURRENTS):
             self._drop(name, now)
         if not all(self._samples.values()):
             return

@@ -14,6 +14,7 @@ from rclpy.clock_type import ClockType
 from sensor_msgs.msg import FluidPressure, JointState
 
 from boom_monitor import watch, words
+from boom_input.channels import BY_NAME, PREDICTED
 from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_model.errors import ModelError
 from boom_model.machine_file import load_machine, shipped_machine
@@ -70,8 +71,10 @@ class WatchNode(Node):
         )
         sensor = qos.EVERY_SENSOR_SAMPLE
         self.create_subscription(JointState, channels.JOINT_STATES, self._on_joints, sensor)
-        for topic in (channels.HOSE_PRESSURE, channels.ROD_PRESSURE):
-            self.create_subscription(FluidPressure, topic, partial(self._on_pressure, topic), sensor)
+        for channel in PREDICTED:
+            if channel.is_pressure:
+                on_pressure = partial(self._on_pressure, channel.name)
+                self.create_subscription(FluidPressure, channel.topic, on_pressure, sensor)
         self.create_subscription(SolenoidCurrents, channels.SOLENOID_CURRENTS, self._on_currents, sensor)
         self.create_subscription(
             MachineConfiguration, channels.MACHINE_CONFIGURATION, self._on_configuration,
@@ -115,9 +118,8 @@ class WatchNode(Node):
         if k < len(message.position) and k < len(message.velocity):
             self._add(message.header.stamp, angle=message.position[k], rate=message.velocity[k])
 
-    def _on_pressure(self, topic: str, message: FluidPressure) -> None:
-        (channel,) = channels.of_topic(topic)
-        self._add(message.header.stamp, **{channel.name: message.fluid_pressure})
+    def _on_pressure(self, name: str, message: FluidPressure) -> None:
+        self._add(message.header.stamp, **{name: message.fluid_pressure})
 
     def _on_currents(self, message: SolenoidCurrents) -> None:
         self._add(message.header.stamp, retract_current=message.retract, extend_current=message.extend)
@@ -132,7 +134,7 @@ class WatchNode(Node):
             return
         at = ns_to_seconds(nanoseconds - self._origin_ns)
         for name, wire in values.items():
-            channel = channels.BY_NAME[name]
+            channel = BY_NAME[name]
             value = wire - channel.wire_offset
             if channel.low <= value <= channel.high:
                 self._watch.add(name, at, value)

@@ -8,9 +8,10 @@ import pytest
 import report_cases
 from diagnosis_samples import BAGS, simulated, tz17
 
+from boom_model.sensors import OUTPUTS
 from boom_monitor.filter import Information
 from boom_monitor.model import Suspect, WatchModel
-from boom_monitor.watch import CHANNELS, CURRENTS, Alarm, Settings, Status, Watch, judged
+from boom_monitor.watch import CURRENTS, Alarm, Settings, Status, Watch, judged
 from boom_monitor.words import message, values
 from boom_recording.loading import load
 from boom_recording.recording import Recording
@@ -25,7 +26,7 @@ def watched(
     c = recording.configuration
     watch = Watch(tz17(), tz17().pose(c.outer_boom_angle, c.telescope_length, c.load_mass), settings)
     samples = []
-    for name in (*CHANNELS, *CURRENTS):
+    for name in (*OUTPUTS, *CURRENTS):
         signal = recording.signals[name]
         samples += [(t, name, v) for t, v in zip(signal.time[signal.valid], signal.values[signal.valid], strict=True)]
     said, due = [], EVERY
@@ -117,7 +118,7 @@ def test_samples_that_are_no_numbers_or_out_of_order_are_left_out():
     c = recording.configuration
     watch = Watch(tz17(), tz17().pose(c.outer_boom_angle, c.telescope_length, 0.0))
     for k in range(400):
-        for name in (*CHANNELS, *CURRENTS):
+        for name in (*OUTPUTS, *CURRENTS):
             watch.add(name, k * 0.01, recording.signals[name].values[k])
             watch.add(name, k * 0.01 - 0.005, 1e9)
             watch.add(name, k * 0.01 + 0.002, math.nan)

@@ -21,6 +21,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from sensor_msgs.msg import FluidPressure, JointState
 
+from boom_input.channels import PREDICTED
 from boom_interfaces.msg import SolenoidCurrents
 from boom_node import parameters, qos, shell, stamps
 from boom_node.node import Node
@@ -28,8 +29,7 @@ from boom_node.parameters import ParameterSpec
 
 TOPICS: dict[str, Any] = {
     "/joint_states": JointState,
-    "/boom/hose_pressure": FluidPressure,
-    "/boom/rod_pressure": FluidPressure,
+    **{sensor.topic: FluidPressure for sensor in PREDICTED if sensor.is_pressure},
     "/boom/solenoid_currents": SolenoidCurrents,
     "/boom/tip_pose": PoseStamped,
 }

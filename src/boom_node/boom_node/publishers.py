@@ -13,7 +13,6 @@ from boom_input.shown import quoted
 from boom_node.parameters import ParameterSpec
 
 LOOK_EVERY_S = 0.05
-SENSORS = ("/joint_states", "/boom/hose_pressure", "/boom/rod_pressure", "/boom/solenoid_currents")
 COMMANDS = ("/boom/current_command",)
 PARAMETER = ParameterSpec(
     "shared_topics",

@@ -3,6 +3,8 @@
 from rclpy.duration import Duration
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 
+from boom_input.channels import MEASURED_TOPICS
+
 COMMAND_DEADLINE_S = 0.05
 
 
@@ -30,10 +32,7 @@ EVERY_SENSOR_SAMPLE = _profile(1000, reliable=False)
 CLOCK = _profile(10, reliable=True)  # to publish with: it serves subscribers of either kind, and lockstep loses no tick
 
 BY_TOPIC: dict[str, QoSProfile] = {
-    "/joint_states": SENSOR_DATA,
-    "/boom/hose_pressure": SENSOR_DATA,
-    "/boom/rod_pressure": SENSOR_DATA,
-    "/boom/solenoid_currents": SENSOR_DATA,
+    **dict.fromkeys(MEASURED_TOPICS, SENSOR_DATA),
     "/boom/controller_state": SENSOR_DATA,
     "/boom/current_command": COMMAND,
     "/boom/machine_configuration": LATCHED,

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_input.channels import of_topic
 from boom_input.shown import quoted
-from boom_recording import cdr_layout, channels, definitions
+from boom_recording import cdr_layout, definitions
 from boom_recording.channels import MACHINE_CONFIGURATION, OSCILLOSCOPE, TYPES
 from boom_recording.defects import TopicSamples
 from boom_recording.errors import RecordingError
@@ -128,7 +129,7 @@ class BagReader:
                 values = {name: column[order] for name, column in values.items()}
             timed = np.ones(len(stamps), bool)
             valid = {name: np.ones(len(stamps), bool) for name in values}
-            result[topic] = TopicSamples(topic, channels.of_topic(topic), stamps, log, values, timed, valid)
+            result[topic] = TopicSamples(topic, of_topic(topic), stamps, log, values, timed, valid)
         return result
 
     def configuration(self, *, required: bool) -> Configuration | None:
@@ -159,7 +160,7 @@ class BagReader:
                 self._walks += 1
                 self._configure(topic, column, batch.message(i))
             return
-        names = [channel.name for channel in channels.of_topic(topic.topic)]
+        names = [channel.name for channel in of_topic(topic.topic)]
         stamps = np.zeros(len(which), np.int64)
         values = {name: np.zeros(len(which)) for name in names}
         done = np.zeros(len(which), bool)
@@ -209,7 +210,7 @@ class BagReader:
                 rows = cdr_layout.gather(batch.data, batch.offset[which[fits]], size)
                 seconds, nanoseconds = (layout.column(rows, f"header.stamp.{name}") for name in ("sec", "nanosec"))
                 stamps[fits] = seconds.astype(np.int64) * 10**9 + nanoseconds.astype(np.int64)
-                for channel in channels.of_topic(topic.topic):
+                for channel in of_topic(topic.topic):
                     values[channel.name][fits] = layout.column(rows, paths[channel.name]) - channel.wire_offset
                 done[fits] = True
             part = rest
@@ -243,7 +244,7 @@ class BagReader:
     def _layout(self, topic: Topic, data: bytes) -> _Found:
         layout = cdr_layout.locate(data, topic.type, self._types(topic))
         paths = {}
-        for channel in channels.of_topic(topic.topic):
+        for channel in of_topic(topic.topic):
             path = channel.field
             if topic.type.endswith("/JointState"):
                 names = [layout.texts[f"name[{i}]"] for i in range(layout.lengths.get("name", 0))]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_can_bridge.codec import REASONS, BulkFrame, Codec, CounterCheck, FrameSpec
-from boom_recording import channels
+from boom_input.channels import BY_NAME, CURRENTS, SENSORS
 from boom_recording.can_log import CanFrames
 from boom_recording.errors import RecordingError
 from boom_recording.recording import Configuration, Recording, Signal
@@ -85,7 +85,7 @@ def convert(
         used[spec.name] = (int(good.sum()), lost, int((~good).sum()))
         for signal, column in _signals(spec, values).items():
             columns[signal] = (stamps[index[good]], column[good])
-    measured = [c.name for t in channels.SENSOR_TOPICS for c in channels.of_topic(t) if c.name in columns]
+    measured = [c.name for c in (*SENSORS, *CURRENTS) if c.name in columns]
     if not any(len(columns[signal][0]) for signal in measured):
         raise RecordingError(
             f"{name}: none of the {len(frames.ids)} frames carries a measured value that the mapping knows: "
@@ -95,7 +95,7 @@ def convert(
     signals = {}
     for signal, (times, column) in columns.items():
         if len(times):
-            channel = channels.BY_NAME[signal]
+            channel = BY_NAME[signal]
             seconds = (times - start) / 1e9
             signals[signal] = Signal(signal, channel.unit, channel.topic, times, seconds, column, np.isfinite(column))
     duration = max(float(signals[signal].time.max()) for signal in measured if signal in signals)
@@ -120,7 +120,7 @@ def _joined(
 def _signals(spec: FrameSpec, values: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
     """The columns of `spec` that a recording has, by the signal's name."""
     if spec.direction == "from_ecu":
-        return {name: column for name, column in values.items() if name in channels.BY_NAME}
+        return {name: column for name, column in values.items() if name in BY_NAME}
     enabled = values["enable"] >= 0.5 if "enable" in values else True
     return {signal: np.where(enabled, values[name], 0.0) for name, signal in _OF_COMMAND.items()}
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_recording.channels import Channel, FaultKind
+from boom_input.channels import Channel
+from boom_recording.channels import FaultKind
 from boom_recording.recording import Event, Flags, Floats, Stamps
 
 SECOND = 1e9

@@ -5,9 +5,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_recording.channels import SENSOR_TOPICS
+from boom_input.channels import MEASURED_TOPICS, PREDICTED
 from boom_recording.defects import SECOND, THRESHOLDS, StampedEvent, Thresholds, TopicSamples
 from boom_recording.recording import Floats
+
+_FOLLOW = {sensor.name for sensor in PREDICTED if sensor.is_pressure}
+"""Pressures of the cylinder: they cannot stay as they are while the boom moves; that of a pump can."""
 
 
 def check_stuck(topics: dict[str, TopicSamples], limits: Thresholds = THRESHOLDS) -> dict[str, list[StampedEvent]]:
@@ -19,7 +22,7 @@ def check_stuck(topics: dict[str, TopicSamples], limits: Thresholds = THRESHOLDS
     found: dict[str, list[StampedEvent]] = {topic: [] for topic in topics}
     witness = _Motion(topics, limits)
     # The rate first: it tells of the angle, and when the IMU hangs both repeat.
-    names = [name for samples in topics.values() if samples.topic in SENSOR_TOPICS for name in samples.values]
+    names = [name for samples in topics.values() if samples.topic in MEASURED_TOPICS for name in samples.values]
     for name in sorted(names, key=lambda name: name != "rate"):
         samples = next(s for s in topics.values() if name in s.values)
         found[samples.topic] += _stuck(samples, name, witness, limits)
@@ -114,7 +117,7 @@ class _Motion:
         if name == "rate":
             drift = angles - angles[0] - value * (times - times[0]) / SECOND
             return start if float(np.abs(drift).max()) > limits.moving_rate else None
-        if name.endswith("pressure"):
+        if name in _FOLLOW:
             return start if float(np.ptp(angles)) > limits.moving_angle else None
         return None
 

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from boom_input.channels import CHANNELS, MEASURED_TOPICS, SENSOR_TOPICS
 from boom_input.shown import quoted
-from boom_recording import bag_folder, channels, defects, defects_stamps, defects_stuck
+from boom_recording import bag_folder, defects, defects_stamps, defects_stuck
 from boom_recording.bag_reader import BagReader
-from boom_recording.channels import MACHINE_CONFIGURATION, SENSOR_TOPICS
+from boom_recording.channels import DEFAULT_JOINT, MACHINE_CONFIGURATION
 from boom_recording.defects import StampedEvent, TopicSamples
 from boom_recording.errors import RecordingError
 from boom_recording.mcap_records import Damage
@@ -20,7 +21,7 @@ _UNRELATED_NS = 3600 * 10**9
 
 
 def load(
-    path: str | Path, *, require: Iterable[str] = REQUIRED, joint: str = channels.DEFAULT_JOINT, check: bool = True
+    path: str | Path, *, require: Iterable[str] = REQUIRED, joint: str = DEFAULT_JOINT, check: bool = True
 ) -> Recording:
     """Load the bag at `path`: a rosbag2 directory or a bare .mcap file.
 
@@ -95,7 +96,7 @@ def _check_values(
 ) -> None:
     """Add to `raw` what is missing, impossible or stuck."""
     for samples in topics.values():
-        if samples.topic in SENSOR_TOPICS:
+        if samples.topic in MEASURED_TOPICS:
             raw[samples.topic] += defects.check_missing(samples, start_ns, end_ns, raw[samples.topic])
         raw[samples.topic] += defects.check_values(samples)
     for topic, found in defects_stuck.check_stuck(topics).items():
@@ -104,7 +105,7 @@ def _check_values(
 
 def _signals(topics: dict[str, TopicSamples], start_ns: int) -> dict[str, Signal]:
     result: dict[str, Signal] = {}
-    for channel in channels.CHANNELS:
+    for channel in CHANNELS:
         samples = topics.get(channel.topic)
         if samples is None or channel.name not in samples.values:
             continue

@@ -4,11 +4,12 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
+from boom_input.channels import MEASURED_TOPICS
 from boom_input.shown import quoted
 from boom_recording.bag_writer import OfferedQos
-from boom_recording.channels import CURRENT_COMMAND, MACHINE_CONFIGURATION, OSCILLOSCOPE, SENSOR_TOPICS, TYPES
+from boom_recording.channels import CURRENT_COMMAND, MACHINE_CONFIGURATION, OSCILLOSCOPE, TYPES
 
-DEFAULT_TOPICS = (*SENSOR_TOPICS, MACHINE_CONFIGURATION, CURRENT_COMMAND)
+DEFAULT_TOPICS = (*MEASURED_TOPICS, MACHINE_CONFIGURATION, CURRENT_COMMAND)
 QUEUE_DEPTH = 1000  # samples; a second of 1 kHz while the disk is busy
 FLUSH_PERIOD_S = 0.4  # a killed recorder loses what came since
 SETTLE_S = 0.2  # the two ends of a connection learn of each other one after the other

@@ -21,6 +21,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from std_msgs.msg import Bool
 
+from boom_input.channels import SENSOR_TOPICS
 from boom_input.shown import quoted
 from boom_node import qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
@@ -30,7 +31,6 @@ from boom_node.input_watch import InputWatch
 from boom_node.parameters import ParameterSpec, declare
 from boom_recording import definitions, recorder
 from boom_recording.bag_writer import CHUNK_BYTES, BagWriter, OfferedQos
-from boom_recording.channels import SENSOR_TOPICS
 from boom_recording.errors import RecordingError
 
 PARAMETERS = (

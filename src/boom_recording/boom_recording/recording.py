@@ -21,7 +21,7 @@ _HALF_PERIOD_MARGIN = 1.1  # samples jitter by a few percent of the period; one 
 class Signal:
     """One measured quantity over time, in the order in which it was recorded.
 
-    name, unit   of `boom_recording.channels` (angle rad, rate rad/s, pressures Pa gauge, currents A)
+    name, unit   of `boom_input.channels` (angle rad, rate rad/s, pressures Pa gauge, currents A)
     topic        where it came from
     stamps_ns    (n,) measurement time of each sample [ns], as the sender wrote it
     time         (n,) the same in seconds since `Recording.start_ns`

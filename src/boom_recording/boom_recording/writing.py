@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_recording import cdr_layout, channels, definitions
+from boom_input.channels import BY_NAME, of_topic
+from boom_recording import cdr_layout, definitions
 from boom_recording.bag_writer import CHUNK_BYTES, LATCHED_QOS, SENSOR_QOS, BagWriter, OfferedQos
 from boom_recording.channels import CURRENT_COMMAND, DEFAULT_JOINT, MACHINE_CONFIGURATION, REFERENCE, TYPES
 from boom_recording.errors import RecordingError
@@ -33,32 +34,28 @@ def from_columns(
     """A recording of signals that were computed on one grid.
 
     time      (n,) [s], strictly increasing
-    columns   signal name (see `boom_recording.channels`) -> (n,) values [SI, pressures gauge]; NaN = no sample of this
+    columns   signal name (see `boom_input.channels`) -> (n,) values [SI, pressures gauge]; NaN = no sample of this
               topic at that time
     phase_s   topic -> how much later than `time` its samples are stamped [s]
 
     Raises RecordingError for an unknown signal or an array of another length.
     """
-    unknown = sorted(set(columns) - set(channels.BY_NAME))
+    unknown = sorted(set(columns) - set(BY_NAME))
     if unknown:
-        raise RecordingError(
-            f"no topic carries the signal {', '.join(unknown)}: known are {', '.join(channels.BY_NAME)}"
-        )
+        raise RecordingError(f"no topic carries the signal {', '.join(unknown)}: known are {', '.join(BY_NAME)}")
     ticks = np.rint(np.asarray(time, float) * 1e9).astype(np.int64)
     if len(ticks) == 0 or (np.diff(ticks) <= 0).any():
         raise RecordingError("the times of a recording have to increase, and there has to be at least one")
     signals = {}
     for signal, values in columns.items():
-        channel = channels.BY_NAME[signal]
+        channel = BY_NAME[signal]
         column = np.asarray(values, float)
         if column.shape != ticks.shape:
             raise RecordingError(
                 f"signal {signal} has shape {column.shape}, the times have {ticks.shape}: they have to agree"
             )
         siblings = [
-            np.asarray(columns[other.name], float)
-            for other in channels.of_topic(channel.topic)
-            if other.name in columns
+            np.asarray(columns[other.name], float) for other in of_topic(channel.topic) if other.name in columns
         ]
         there = ~np.logical_and.reduce([np.isnan(sibling) for sibling in siblings])
         stamps = start_ns + ticks[there] + round((phase_s or {}).get(channel.topic, 0.0) * 1e9)
@@ -125,14 +122,14 @@ def _encode(
         )
     if len(stamps) and (stamps.min() < 0 or stamps.max() >= 2**31 * 10**9):
         raise RecordingError(f"stamps of {topic} lie outside what a ROS stamp can hold")
-    template = _template(topic, joint, [channel.name in own for channel in channels.of_topic(topic)])
+    template = _template(topic, joint, {channel.field for channel in of_topic(topic) if channel.name in own})
     layout = cdr_layout.locate(template, TYPES[topic], definitions.typestore().fielddefs)
     rows = np.tile(layout.template, (len(stamps), 1))
     layout.store(rows, "header.stamp.sec", stamps // 10**9)
     layout.store(rows, "header.stamp.nanosec", stamps % 10**9)
-    if "variance" in layout.numbers:
+    if TYPES[topic].endswith("/FluidPressure"):
         layout.store(rows, "variance", np.full(len(stamps), variance))
-    for channel in channels.of_topic(topic):
+    for channel in of_topic(topic):
         path = channel.field if channel.field in layout.numbers else f"{channel.field}[0]"
         if channel.name in own:
             layout.store(rows, path, own[channel.name].values + channel.wire_offset)
@@ -141,21 +138,19 @@ def _encode(
     return stamps, rows
 
 
-def _template(topic: str, joint: str, present: list[bool]) -> bytes:
-    definitions.ensure(TYPES[topic])
+def _template(topic: str, joint: str, fields: set[str]) -> bytes:
+    """A message of the topic with zeros, and with an element in those of a joint's lists that are ``fields``."""
+    name = TYPES[topic]
+    definitions.ensure(name)
     store = definitions.typestore()
-    header = _header(0)
-    if TYPES[topic].endswith("/JointState"):
-        lists = [np.zeros(1) if there else np.zeros(0) for there in [*present, False][:2]]
-        message: Any = store.types[TYPES[topic]](
-            header=header, name=[joint], position=lists[0], velocity=lists[1], effort=np.zeros(0)
-        )
-    elif TYPES[topic].endswith("/FluidPressure"):
-        message = store.types[TYPES[topic]](header=header, fluid_pressure=0.0, variance=0.0)
+    values: dict[str, Any] = {"header": _header(0)}
+    if name.endswith("/JointState"):
+        values |= {"name": [joint]} | {
+            part: np.zeros(int(part in fields)) for part in ("position", "velocity", "effort")
+        }
     else:
-        numbers = {channel.field: 0.0 for channel in channels.of_topic(topic)}
-        message = store.types[TYPES[topic]](header=header, **numbers)
-    return bytes(store.serialize_cdr(message, TYPES[topic]))
+        values |= {field: 0.0 for field, _ in store.fielddefs[name][1] if field != "header"}
+    return bytes(store.serialize_cdr(store.types[name](**values), name))
 
 
 def _header(nanoseconds: int) -> Any:

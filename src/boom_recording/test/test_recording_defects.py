@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recording_samples import CONFIGURATION, columns, recording
 
+from boom_input.channels import of_topic
 from boom_recording import defects, defects_stamps
-from boom_recording.channels import of_topic
 from boom_recording.defects import TopicSamples
 from boom_recording.loading import load
 from boom_recording.recording import Event, Recording

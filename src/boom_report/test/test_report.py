@@ -106,8 +106,8 @@ def test_the_report_holds_tables_command_checksums_and_provenance(tmp_path):
     checksums = [row[-1] for row in page.rows if re.fullmatch("[0-9a-f]{64}", row[-1])]
     assert len(checksums) == 2
     first = next(row for row in page.rows if row[0] == "payload_change_a")
-    assert first[4] == f"{bag.full.metrics.angle_mae_rad:.5f}"
-    assert first[7] == number(bag.full.metrics.hose_pressure_rmse_pa * 1e-5)
+    assert first[4] == f"{bag.full.metrics['angle_mae_rad']:.5f}"
+    assert first[7] == number(bag.full.metrics["hose_pressure_rmse_pa"] * 1e-5)
     assert first[-2:] == ["0.035 (3)", "differs"]
 
 
@@ -222,7 +222,7 @@ def test_charts_hold_the_samples_themselves():
 def test_the_verdict_names_what_differs_most_in_multiples_of_its_limit():
     bag = validated("explained/payload_change_a")
     said = verdict(bag)
-    times = bag.full.metrics.hose_pressure_rmse_pa / bag.limits.hose_pressure_rmse_pa
+    times = bag.full.metrics["hose_pressure_rmse_pa"] / bag.limits["hose_pressure_rmse_pa"]
     assert said.short.startswith(f"differs: hose pressure 14.9 bar rms, {times:.0f} x its noise limit")
     assert "the first at 27 s" in said.sentence
 

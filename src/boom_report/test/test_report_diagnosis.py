@@ -11,8 +11,9 @@ import pytest
 import report_cases as cases
 from headless_browser import faults
 
-from boom_diagnosis.document import CHANNELS, SUBSYSTEMS, Alternative, Estimate
+from boom_diagnosis.document import SUBSYSTEMS, Alternative, Estimate
 from boom_model.effects import EFFECTS
+from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Event
 from boom_report.console import console_for
 from boom_report.diagnosis import report, words
@@ -240,4 +241,4 @@ def test_the_terminal_table_is_short_plain_and_80_columns_wide():
     assert "\x1b" not in printed and "92 ms [86 to 97]" in printed and "physics of no catalogue" in printed
     floor = re.search(r"noise floor +(.*)", printed).group(1).split()
     assert [float(v) for v in floor] == pytest.approx([100 * v for v in result.document.fit.noise_floor], rel=0.06)
-    assert len(floor) == len(CHANNELS)
+    assert len(floor) == len(OUTPUTS)

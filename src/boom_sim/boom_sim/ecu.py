@@ -215,8 +215,7 @@ class Ecu:
                 self.failure = str(error)
             else:
                 values = self._values(ahead.retract_current, ahead.extend_current, now)
-                values |= {"angle": shown.angle, "rate": shown.rate}
-                values |= {"hose_pressure": shown.hose_pressure, "rod_pressure": shown.rod_pressure}
+                values |= shown.outputs
         if not values:  # what stands still is not measured: the status alone says so
             values = {"mode": float(self.mode), "faults": float(self.faults), "uptime_s": now - self._started}
         result = []
@@ -239,9 +238,7 @@ class Ecu:
     def _values(self, retract: float, extend: float, now: float) -> dict[str, float]:
         sample, pose = self.crane.sample, self.crane.pose
         return {
-            "angle": sample.angle, "rate": sample.rate,
-            "hose_pressure": sample.hose_pressure, "rod_pressure": sample.rod_pressure,
-            "retract_current": retract, "extend_current": extend,
+            **sample.outputs, "retract_current": retract, "extend_current": extend,
             "mode": float(self.mode), "faults": float(self.faults), "uptime_s": now - self._started,
             "outer_boom_angle": pose.outer_boom_angle, "telescope_length": pose.telescope_length, "load_mass": pose.load,
         }  # fmt: skip

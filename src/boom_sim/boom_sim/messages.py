@@ -6,8 +6,8 @@ from builtin_interfaces.msg import Time
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Header
 
+from boom_input.channels import AMBIENT_PRESSURE_PA
 from boom_interfaces.msg import GroundTruth, MachineConfiguration, SolenoidCurrents
-from boom_model.components.oil import AMBIENT_PRESSURE
 from boom_node.stamps import set_ns
 from boom_sim.simulated_crane import Sample
 
@@ -29,7 +29,7 @@ def joint_state(sample: Sample, joint: str, fixed: dict[str, float], stamp_ns: i
 
 def pressure(gauge: float, frame: str, variance: float, stamp_ns: int) -> FluidPressure:
     """Absolute pressure [Pa] from gauge pressure [Pa]; variance [Pa^2], 0 = unknown."""
-    return FluidPressure(header=header(stamp_ns, frame), fluid_pressure=gauge + AMBIENT_PRESSURE, variance=variance)
+    return FluidPressure(header=header(stamp_ns, frame), fluid_pressure=gauge + AMBIENT_PRESSURE_PA, variance=variance)
 
 
 def currents(sample: Sample, stamp_ns: int) -> SolenoidCurrents:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine, Pose
 from boom_model.plant import Plant
-from boom_model.sensors import SensorNoise
+from boom_model.sensors import OUTPUTS, PRESSURES, SensorNoise
 from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -81,6 +81,11 @@ class Sample(NamedTuple):
     retract_current: float = math.nan
     extend_current: float = math.nan
 
+    @property
+    def outputs(self) -> dict[str, float]:
+        """What the model predicts of it, by channel."""
+        return {name: getattr(self, name) for name in OUTPUTS}
+
 
 @dataclass
 class _Commands:
@@ -124,9 +129,8 @@ class SimulatedCrane:
         self._rng = np.random.default_rng(self._seed)
         self._commands = _Commands()
         self._ticks = 0
-        self._pressures: deque[tuple[float, float, float]] = deque()
         y = self._plant.outputs(self._stepper.state)
-        self._pressures.append((-math.inf, float(y[2]), float(y[3])))
+        self._past = deque([(-math.inf, y.copy())])  # (time [s], outputs), as far back as the pressures' delay reaches
         self._sample = self._measure(y)
 
     @property
@@ -215,19 +219,19 @@ class SimulatedCrane:
             y = self._stepper.step(*commands.acting, until - time)
             time = until
             if delay > 0 and abs(time - recorded) <= _COINCIDENT:
-                self._pressures.append((time, float(y[2]), float(y[3])))
+                self._past.append((time, y.copy()))
             if time >= end - _COINCIDENT:
                 return y
 
     def _measure(self, y: Array) -> Sample:
-        true = y.copy()
+        true = y
         if self._plant.pressure_delay > 0:
             wanted = self.time - self._plant.pressure_delay + _COINCIDENT
-            while len(self._pressures) > 1 and self._pressures[1][0] <= wanted:
-                self._pressures.popleft()
-            true[2:] = self._pressures[0][1:]
-        a, w, p_h, p_b = (float(v) for v in self._noise.outputs(true, self._rng))
+            while len(self._past) > 1 and self._past[1][0] <= wanted:
+                self._past.popleft()
+            true = np.where(PRESSURES, self._past[0][1], y)
+        shown = dict(zip(OUTPUTS, self._noise.outputs(true, self._rng).tolist(), strict=True))
         since, *given = self._commands.given
         i_r, i_e = (float(v) for v in self._noise.currents(np.array(given), self._rng))
         current_time = max(since, self.time - PERIOD) if self._ticks else math.nan
-        return Sample(self.time, a, w, p_h, p_b, current_time, i_r, i_e)
+        return Sample(time=self.time, current_time=current_time, retract_current=i_r, extend_current=i_e, **shown)

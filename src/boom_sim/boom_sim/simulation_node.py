@@ -13,6 +13,7 @@ from boom_node import early  # noqa: F401  (first: signals and environment)
 import time
 from typing import Any
 
+from boom_input.channels import MEASURED_TOPICS, PREDICTED
 from boom_interfaces.msg import GroundTruth, MachineConfiguration, SolenoidCurrents
 from boom_interfaces.srv import SetPayload
 from boom_model.errors import ModelError, SimulationError
@@ -20,7 +21,7 @@ from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
 from boom_node.node import Node
-from boom_node.publishers import COMMANDS, SENSORS, SolePublishers
+from boom_node.publishers import COMMANDS, SolePublishers
 from boom_node.realtime import Garbage, use_priority
 from boom_node.stamps import far, ns_to_seconds, seconds_to_ns, set_ns, to_ns
 from rclpy.clock import Clock
@@ -52,7 +53,7 @@ class SimulationNode(Node):
         self._failure = ""
         self._refused = ""
         self._watch = WatchedCommand()
-        self._sole = SolePublishers(self, (*COMMANDS, *SENSORS), self._values.shared_topics)
+        self._sole = SolePublishers(self, (*COMMANDS, *MEASURED_TOPICS), self._values.shared_topics)
         known = (self._crane.pose.outer_boom_angle, self._crane.pose.telescope_length)
         self._fixed = {name: float(value) for name, value in zip(self._values.fixed_joints, known, strict=False)}
         self._variance = (
@@ -64,8 +65,7 @@ class SimulationNode(Node):
             return self.create_publisher(kind, topic, profile)
 
         self._joints = publisher(JointState, "/joint_states")
-        self._hose = publisher(FluidPressure, "/boom/hose_pressure")
-        self._rod = publisher(FluidPressure, "/boom/rod_pressure")
+        self._pressures = [(s, publisher(FluidPressure, s.topic)) for s in PREDICTED if s.is_pressure]
         self._currents = publisher(SolenoidCurrents, "/boom/solenoid_currents")
         self._truth = publisher(GroundTruth, "/boom/ground_truth") if self._values.ground_truth else None
         self._clock_publisher = publisher(ClockMessage, "/clock") if self._lockstep else None
@@ -203,8 +203,8 @@ class SimulationNode(Node):
         if sample.current_time == sample.current_time:
             self._currents.publish(messages.currents(sample, self._origin_ns + seconds_to_ns(sample.current_time)))
         self._joints.publish(messages.joint_state(sample, self._values.joint_name, self._fixed, stamp))
-        self._hose.publish(messages.pressure(sample.hose_pressure, "hose", self._variance, stamp))
-        self._rod.publish(messages.pressure(sample.rod_pressure, "rod", self._variance, stamp))
+        for sensor, publisher in self._pressures:
+            publisher.publish(messages.pressure(getattr(sample, sensor.name), sensor.frame, self._variance, stamp))
         if self._truth is not None:
             names, values, units = self._crane.truth
             self._truth.publish(messages.ground_truth(names, values.tolist(), units, stamp))

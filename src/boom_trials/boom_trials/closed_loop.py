@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_controller.types import Controller, Measurement, Output, Reference
+from boom_input.channels import CURRENTS
 from boom_model.errors import SimulationError
+from boom_model.sensors import OUTPUTS
 from boom_recording import writing
 from boom_recording.recording import Configuration, Recording
 from boom_sim.simulated_crane import PERIOD, EndedEarlyError, Sample, SimulatedCrane
@@ -169,8 +171,8 @@ def _recording(
     """Every period that came to its end; measured currents are those at its end."""
     begins, ends = done.samples[:-1], done.samples[1:]
     n = len(ends)
-    shown = {key: [getattr(s, key) for s in begins] for key in ("angle", "rate", "hose_pressure", "rod_pressure")}
-    currents = {key: [getattr(s, key) for s in ends] for key in ("retract_current", "extend_current")}
+    shown = {key: [getattr(s, key) for s in begins] for key in OUTPUTS}
+    currents = {channel.name: [getattr(s, channel.name) for s in ends] for channel in CURRENTS}
     commands = {
         f"{side}_current_command": [getattr(o, side) for o in done.outputs[:n]] for side in ("retract", "extend")
     }

@@ -117,7 +117,7 @@ class Detectability:
     @property
     def detectable(self) -> float:
         """d at which an effect counts as detectable in this recording: signature and noise have the same energy."""
-        return float(np.sqrt(4 * (len(self.plain) // SPACING)))
+        return float(np.sqrt(len(sensing.SEEN) * (len(self.plain) // SPACING)))
 
     def seen(self, hidden: Hidden) -> Array:
         """What ideal sensors show with the effect in place: (n, 4) by millisecond."""
@@ -258,7 +258,7 @@ class Detectability:
     def _weights(self) -> Array:
         """(4, f) weights on the spectrum of a signature: 1 / sqrt of the noise's power per frequency."""
         count = len(self.plain) // SPACING
-        power = np.zeros((4, count // 2 + 1))
+        power = np.zeros((len(sensing.SEEN), count // 2 + 1))
         for _ in range(ENSEMBLE):
             noise = sensing.CURRENT_SIGMA * self._rng.standard_normal(self._setting.currents.shape)
             measured = np.maximum(self._setting.currents + noise, 0.0)
@@ -368,7 +368,7 @@ def together(parts: list[Hidden]) -> Hidden:
 def _spectrum(difference: Array) -> Array:
     """(4, f) spectrum of (n, 4) outputs by millisecond, averaged over ``SPACING``."""
     count = len(difference) // SPACING
-    coarse = np.einsum("csk->ck", difference[: count * SPACING].reshape(count, SPACING, 4)) / SPACING
+    coarse = np.einsum("csk->ck", difference[: count * SPACING].reshape(count, SPACING, -1)) / SPACING
     return np.asarray(np.fft.rfft(coarse, axis=0).T)
 
 

@@ -35,7 +35,7 @@ from concealed_plant.machine import (
 )
 from concealed_plant.operator import Operator
 from concealed_plant.plant import RunError, Start, per_millisecond, run
-from concealed_plant.sensing import Bus, record
+from concealed_plant.sensing import SEEN, Bus, record
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,6 @@ ATTEMPTS = 400
 PAIR_ATTEMPTS = 50
 """Of a pair, before another one is drawn: a spring that is off by half keeps most booms from ever reaching the cushion."""
 RECORDING, HOLD_OUT, ANSWER = "recording", "hold_out", "answer.json"
-CHANNELS = ("angle", "rate", "hose_pressure", "rod_pressure")
 _POSES = ((4.59, 0.0), (0.28, 2.2), (0.28, 2.8))
 # Numbers that are an effect of the catalogue when they are far off: wrong by no more than their tolerance.
 _TWINS = (
@@ -308,7 +307,7 @@ def _as_measured(recording: Recording) -> Array:
 def _errors(predicted: Array, recording: Recording) -> tuple[float | None, ...]:
     """Normalised rms error per channel: rms(predicted - measured) / standard deviation of the measured; None: it stood still."""
     result: list[float | None] = []
-    for k, name in enumerate(CHANNELS):
+    for k, name in enumerate(SEEN):
         signal = recording.signals[name]
         at = np.interp(signal.time, np.arange(1, len(predicted) + 1) / 1000.0, predicted[:, k])
         spread = float(np.std(signal.values))

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_recording.channels import BY_NAME
+from boom_input.channels import BY_NAME, SENSOR_TOPICS, of_topic
 from boom_recording.recording import Configuration, Recording, Signal
 from boom_recording.writing import START_NS
 from concealed_plant.hidden import Sensing
@@ -25,7 +25,9 @@ RATE_SIGMA = 1.5e-3
 PRESSURE_SIGMA, PRESSURE_QUANTUM = float(np.sqrt(3.0e6 / 0.01)), 1.0e4
 CURRENT_SIGMA, CURRENT_QUANTUM = 0.8e-3, 1.0e-3
 PERIOD = 10  # ms
-_TOPICS = (("angle", "rate"), ("hose_pressure",), ("rod_pressure",), ("retract_current", "extend_current"))
+SEEN = ("angle", "rate", "hose_pressure", "rod_pressure")
+"""What this plant shows; of its own, like all its physics."""
+_TOPICS = tuple(tuple(channel.name for channel in of_topic(topic)) for topic in SENSOR_TOPICS)
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class Bus:
 
 
 def seen(outputs: Array, sensing: Sensing) -> Array:
-    """The four channels (n, 4) of every millisecond as the sensors see them, before noise."""
+    """``SEEN`` (n, 4) of every millisecond as the sensors see them, before noise."""
     angle, rate, hose, rod = outputs.T
     drift = 1.0 + sensing.bias_drift * np.linspace(0.0, 1.0, len(angle))
     hose, rod = hose + sensing.hose_bias * drift, rod + sensing.rod_bias * drift
@@ -51,7 +53,7 @@ def record(
     name: str, outputs: Array, currents: Array, configuration: Configuration, bus: Bus, rng: np.random.Generator
 ) -> Recording:
     """A recording of what the sensors see, outputs (n, 4), and of true currents (n, 2) [A], in every millisecond."""
-    table = dict(zip(("angle", "rate", "hose_pressure", "rod_pressure"), outputs.T, strict=True))
+    table = dict(zip(SEEN, outputs.T, strict=True))
     table |= {"retract_current": currents[:, 0], "extend_current": currents[:, 1]}
     duration = len(outputs) / 1000.0
     signals = {}

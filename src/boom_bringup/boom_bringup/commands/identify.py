@@ -159,20 +159,22 @@ def _show(result: Identification, console: Console) -> None:
 def _show_held_out(result: Identification, console: Console) -> None:
     from rich.table import Table
 
+    from boom_input.channels import PREDICTED
+    from boom_report.channels import short
+
     check = result.refined.document().get("held_out") if result.refined else None
     if not check:
         return
-    channels = {"angle": "angle", "rate": "rate", "hose_pressure": "p_h", "rod_pressure": "p_b"}
     title = (
         "Free runs over the end of each recording, which the search has not seen: rms error / standard deviation [%]"
     )
     table = Table(title=title, title_justify="left")
     table.add_column("recording")
-    for short in channels.values():
-        table.add_column(f"{short} before", justify="right")
+    for sensor in PREDICTED:
+        table.add_column(f"{short(sensor)} before", justify="right")
         table.add_column("after", justify="right")
     for row in check:
-        cells = [f"{100 * row[side][key]:.2f}" for key in channels for side in ("before", "after")]
+        cells = [f"{100 * row[side][sensor.name]:.2f}" for sensor in PREDICTED for side in ("before", "after")]
         table.add_row(row["bag"], *cells)
     console.print(table)
 

@@ -40,12 +40,6 @@ SPECIFICATIONS = (
 )
 
 
-def both(p: Any, e: Any) -> tuple[tuple[Expression, Expression], tuple[Expression, Expression]]:
-    """(p_g0 [Pa], d [m]) of both accumulators."""
-    a, charge, diameter = p.accumulators, e.accumulator_precharge.r, e.accumulator_restrictor.r
-    return (a.p_g0_1 * charge, a.d_1 * diameter), (a.p_g0_2 * charge, a.d_2 * diameter)
-
-
 def gas_volume(pressure: Expression, precharge: Expression, p: Any) -> Expression:
     """V_g = (zeta_0 / p_o)^(1/kappa) [m^3] at the pressure p_o [Pa], (3.16)."""
     return p.accumulators.V_g0 * power(precharge / ca.fmax(pressure, LOWEST_PRESSURE), 1 / p.accumulators.kappa)
@@ -104,15 +98,21 @@ def compliance(pressure: Expression, precharge: Expression, bulk_modulus: Expres
     return ca.if_else(pressure > precharge, filled, 0.0)
 
 
+def cells(p: Any, e: Any) -> tuple[tuple[Expression, Expression], ...]:
+    """Pre-charge pressure [Pa] and orifice diameter [m] of both."""
+    a, charge, diameter = p.accumulators, e.accumulator_precharge.r, e.accumulator_restrictor.r
+    return (a.p_g0_1 * charge, a.d_1 * diameter), (a.p_g0_2 * charge, a.d_2 * diameter)
+
+
 def compliances(pressure: Expression, bulk_modulus: Expression, p: Any, e: Any) -> tuple[Expression, ...]:
     """dV / dp [m^3/Pa] of both, :func:`compliance`."""
-    return tuple(compliance(pressure, precharge, bulk_modulus, p) for precharge, _ in both(p, e))
+    return tuple(compliance(pressure, precharge, bulk_modulus, p) for precharge, _ in cells(p, e))
 
 
 def _flow(w: Wiring, hose_pressure: Expression) -> Expression:
     p, e = w.p, w.e
     total: Any = 0
-    for i, (precharge, diameter) in enumerate(both(p, e), 1):
+    for i, (precharge, diameter) in enumerate(cells(p, e), 1):
         name = f"accumulator_pressure_{i}"
         p_o = w.add_pressure(name, f"p_o,{i}")
         heat: Any = 0.0
@@ -149,6 +149,6 @@ register(Accumulators(
     name="two_diaphragm", meaning="two accumulators behind orifices at the hose of the head side",
     term="p_o' = kappa beta p_o q_o / (kappa p_o V_g0 + (beta - kappa p_o) V_g)", equation="5.39g,h,j,k",
     specifications=SPECIFICATIONS, offers=frozenset({"accumulators"}), data=_data, rest=_rest, flow=_flow,
-    compliances=compliances, cells=both, precharges=("accumulators.p_g0_1", "accumulators.p_g0_2"),
+    compliances=compliances, cells=cells, precharges=("accumulators.p_g0_1", "accumulators.p_g0_2"),
 ))  # fmt: skip
 register(Accumulators(name="none", meaning="no accumulators", term="q_o = 0"))

@@ -165,7 +165,6 @@ def _half_travel(e: Any) -> Expression:
 register(Metering(
     name="common_overlap", meaning="four edges with one overlap and one exponent",
     term="q = C_d A(s_s) sqrt(2 / rho) sqrt(dp), A = A_max ((x - x_0) / (1 - x_0))^n", equation="5.39l,m",
-    specifications=SPECIFICATIONS, offers=frozenset({"common_overlap"}),
-    information=frozenset({"A_0", "A_ta_law_soft", "A_ta_max"}), flows=flows, areas=areas, overlap=overlap,
-    largest_opening=LARGEST_OPENING, law=True,
+    specifications=SPECIFICATIONS, information=frozenset({"A_0", "A_ta_law_soft", "A_ta_max"}), flows=flows, areas=areas,
+    overlap=overlap, largest_opening=LARGEST_OPENING, overlaps=("main_valve_orifices.x0",), law=True,
 ))  # fmt: skip

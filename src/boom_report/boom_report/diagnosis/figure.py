@@ -1,114 +1,102 @@
-"""The chart of one recording: four channels measured, before and after, what is left of the difference below each."""
+"""The chart of one recording: each channel measured, before and after, what is left of the difference below each."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from boom_diagnosis.document import BagResult, Channel
-from boom_report.channels import CHANNELS, ShownChannel
-from boom_report.panels import QUIET, Json, Panels, band, legend_area, legend_line, line, shaded
+from boom_input.channels import PREDICTED, SENSORS, Sensor
+from boom_report import channel_panels as common
+from boom_report.channel_panels import Curve, compared, measured, rest
+from boom_report.panels import Json, Panels, band, legend_area, legend_line, shaded
 
-MEASURED, BEFORE, PARAMETERS, AFTER = "#a3a9b3", "#d9720a", "#8a63b8", "#1257a6"
+BEFORE, PARAMETERS, AFTER = "#d9720a", "#8a63b8", "#1257a6"
 STAGES = (
     ("nominal", "model before", BEFORE),
     ("parameters_only", "parameters only", PARAMETERS),
     ("explained", "model after", AFTER),
 )
-_NOISE, _NOISE_EDGE = "rgba(46,133,64,0.16)", "rgba(46,133,64,0.55)"
 _WINDOW, _WINDOW_EDGE = "rgba(240,173,32,0.20)", "rgba(190,130,10,0.45)"
-_EVENT, _EVENT_EDGE = "rgba(214,69,65,0.13)", "rgba(190,40,40,0.55)"
 _HELD_OUT, _HELD_OUT_EDGE = "rgba(18,87,166,0.06)", "rgba(18,87,166,0.35)"
 _BAND = 2.0  # standard deviations of sensor noise that the band is wide
-_CHANNEL_HEIGHT, _REST_HEIGHT = 150, 96
-_INNER_GAP, _OUTER_GAP = 12, 46
-_SHAPES = 150  # more shaded stretches than that make a page slow and say nothing more
+_REST_HEIGHT = 96
 
 
 def figure(bag: BagResult) -> Json:
     """The chart as plotly.js takes it: ``data`` and ``layout``."""
     panels = Panels()
     traces: list[Json] = []
-    for shown in CHANNELS:
-        traces += _channel(bag.channels[shown.name], shown, panels)
+    for sensor in SENSORS:
+        if sensor.name in bag.channels:
+            traces += _channel(bag.channels[sensor.name], sensor, panels)
     traces += _legend(bag)
     return {"data": traces, "layout": panels.layout(_shapes(bag, panels), bag.duration)}
 
 
-def _channel(channel: Channel, shown: ShownChannel, panels: Panels) -> list[Json]:
-    measured = np.where(channel.valid, channel.measured, np.nan)
-    upper = panels.add(channel.name, _CHANNEL_HEIGHT, _OUTER_GAP)
-    label = f"<b>{shown.label.capitalize()}</b> {shown.symbol} [{shown.unit}]"
-    panels.write(channel.name, label, x=0, xanchor="left", yanchor="bottom", yshift=3, font={"size": 13})
-    panels.write(
-        channel.name, _said(channel, shown), x=1, xanchor="right", yanchor="bottom", yshift=3,
-        font={"size": 11, "color": QUIET}, name="error",
-    )  # fmt: skip
-    below = f"{channel.name} rest"
-    lower = panels.add(below, _REST_HEIGHT, _INNER_GAP)
-    panels.write(
-        below, f"model − measured [{shown.error_unit}]", x=0, xanchor="left", yanchor="top", xshift=4, yshift=-1,
-        font={"size": 10, "color": QUIET}, bgcolor="rgba(255,255,255,0.8)",
-    )  # fmt: skip
-    traces = [line(channel.time, measured * shown.scale, upper, "measured", MEASURED, 2.6)]
-    for stage, name, colour in STAGES:
-        if stage in channel.stages:
-            traces.append(
-                _hidden(line(channel.time, channel.stages[stage] * shown.scale, upper, name, colour, 1.3), stage)
-            )
-    for stage, name, colour in STAGES:
-        if stage in channel.stages:
-            rest = (channel.stages[stage] - measured) * shown.error_scale
-            traces.append(_hidden(line(channel.time, rest, lower, name, colour, 0.9), stage))
-    return traces
+def _channel(channel: Channel, sensor: Sensor, panels: Panels) -> list[Json]:
+    values = np.where(channel.valid, channel.measured, np.nan)
+    traces = measured(panels, sensor, channel.time, values)
+    if not sensor.predicted:
+        return traces
+    curves = [
+        Curve(name, colour, 1.3, channel.stages[stage], _hidden(stage), _hidden(stage))
+        for stage, name, colour in STAGES
+        if stage in channel.stages
+    ]
+    return traces + compared(panels, sensor, channel.time, values, curves, _said(channel, sensor), _REST_HEIGHT)
 
 
-def _hidden(trace: Json, stage: str) -> Json:
+def _hidden(stage: str) -> Json:
     """The stage in between only where its entry in the legend is clicked: three lines on one another say nothing."""
-    return trace | {"visible": "legendonly"} if stage == "parameters_only" else trace
+    return {"visible": "legendonly"} if stage == "parameters_only" else {}
 
 
-def _said(channel: Channel, shown: ShownChannel) -> str:
+def _said(channel: Channel, sensor: Sensor) -> str:
     """Root mean square errors before and after, in the unit of the channel's errors."""
     said = []
     for stage in ("nominal", "explained"):
         if stage in channel.stages:
             error = np.where(channel.valid, channel.stages[stage] - channel.measured, np.nan)
             known = error[np.isfinite(error)]
-            said.append(f"{np.sqrt(np.mean(known**2)) * shown.error_scale:.3g}" if len(known) else "–")
+            said.append(f"{np.sqrt(np.mean(known**2)) * sensor.error.scale:.3g}" if len(known) else "–")
     what = "rms before → after" if len(said) > 1 else "rms"
     return (
-        f"{' → '.join(said)} {shown.error_unit} ({what}; noise {channel.noise * shown.error_scale:.2g})" if said else ""
+        f"{' → '.join(said)} {sensor.error.name} ({what}; noise {channel.noise * sensor.error.scale:.2g})"
+        if said
+        else ""
     )
 
 
 def _legend(bag: BagResult) -> list[Json]:
-    entries = [legend_line("measured", MEASURED)]
-    present = bag.channels[CHANNELS[0].name].stages
+    entries = [legend_line("measured", common.MEASURED)]
+    present = bag.channels[PREDICTED[0].name].stages
     for stage, name, colour in STAGES:
         if stage in present:
-            entry = _hidden(legend_line(name, colour), stage)
+            entry = legend_line(name, colour) | _hidden(stage)
             entries.append(entry | {"name": f"{name} (click)"} if stage == "parameters_only" else entry)
-    entries.append(legend_area(f"noise, ±{_BAND:g} sigma", _NOISE, _NOISE_EDGE))
+    entries.append(legend_area(f"noise, ±{_BAND:g} sigma", common.NOISE, common.NOISE_EDGE))
     if bag.windows:
         entries.append(legend_area("mismatch", _WINDOW, _WINDOW_EDGE))
     if bag.held_out_from is not None:
         entries.append(legend_area("held out", _HELD_OUT, _HELD_OUT_EDGE))
     if any(event.kind != "loss" for event in bag.events):
-        entries.append(legend_area("gap or fault", _EVENT, _EVENT_EDGE))
+        entries.append(legend_area("gap or fault", common.EVENT, common.EVENT_EDGE))
     return entries
 
 
 def _shapes(bag: BagResult, panels: Panels) -> list[Json]:
     shapes: list[Json] = []
-    for shown in CHANNELS:
-        upper, lower = panels.suffix(shown.name), panels.suffix(f"{shown.name} rest")
-        shapes.append(band(lower, _BAND * bag.channels[shown.name].noise * shown.error_scale, _NOISE, _NOISE_EDGE))
+    for sensor in PREDICTED:
+        upper, lower = panels.suffix(sensor.name), panels.suffix(rest(sensor))
+        shapes.append(
+            band(lower, _BAND * bag.channels[sensor.name].noise * sensor.error.scale, common.NOISE, common.NOISE_EDGE)
+        )
         for n in (upper, lower):
             if bag.held_out_from is not None:
                 shapes.append(shaded(n, bag.held_out_from, bag.duration, _HELD_OUT, _HELD_OUT_EDGE))
-            shapes += [shaded(n, a, b, _WINDOW, _WINDOW_EDGE) for a, b in bag.windows[: _SHAPES // 8]]
-    topics = [event for event in bag.events if event.kind != "loss"][: _SHAPES // 8]
+            shapes += [shaded(n, a, b, _WINDOW, _WINDOW_EDGE) for a, b in bag.windows[: common.SHAPES // 8]]
+    topics = [event for event in bag.events if event.kind != "loss"][: common.SHAPES // 8]
     for event in topics:
-        for n in (panels.suffix(name) for shown in CHANNELS for name in (shown.name, f"{shown.name} rest")):
-            shapes.append(shaded(n, event.start_s, event.end_s, _EVENT, _EVENT_EDGE))
+        for n in (panels.suffix(name) for name in panels.names):
+            shapes.append(shaded(n, event.start_s, event.end_s, common.EVENT, common.EVENT_EDGE))
     return shapes

@@ -6,7 +6,8 @@ import math
 
 from markupsafe import Markup
 
-from boom_diagnosis.document import CHANNELS, DiagnosisResult, LadderStep
+from boom_diagnosis.document import DiagnosisResult, LadderStep
+from boom_input.channels import PREDICTED
 from boom_model.effects import SUBSYSTEM_NAMES, effect_name
 from boom_report.diagnosis import words
 from boom_report.templates import render
@@ -57,7 +58,7 @@ def ladder(result: DiagnosisResult) -> Markup:
         steps=result.ladder,
         rungs=rungs(result),
         bags=", ".join(result.document.fit.held_out_bags) or "none",
-        channels=[words.CHANNEL_NAMES[c] for c in CHANNELS],
+        channels=[c.label for c in PREDICTED],
         words=words,
     )
 
@@ -65,8 +66,8 @@ def ladder(result: DiagnosisResult) -> Markup:
 def rungs(result: DiagnosisResult) -> Markup:
     """HTML: the bars of the ladder alone."""
     floor = LadderStep("noise floor", (), result.document.fit.noise_floor)
-    steps = [*result.ladder, *([floor] if len(floor.held_out) == len(CHANNELS) else [])]
-    channels = [(words.CHANNEL_NAMES[c].capitalize(), _bars(steps, i)) for i, c in enumerate(CHANNELS)]
+    steps = [*result.ladder, *([floor] if len(floor.held_out) == len(PREDICTED) else [])]
+    channels = [(c.label.capitalize(), _bars(steps, i)) for i, c in enumerate(PREDICTED)]
     return render("boom_report/diagnosis/rungs.html", channels=channels)
 
 

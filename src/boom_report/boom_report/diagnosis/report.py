@@ -5,7 +5,8 @@ from __future__ import annotations
 from datetime import datetime
 from pathlib import Path
 
-from boom_diagnosis.document import CHANNELS, DiagnosisResult, Fit
+from boom_diagnosis.document import DiagnosisResult, Fit
+from boom_input.channels import PREDICTED
 from boom_input.whole import write_whole
 from boom_model.effects import SUBSYSTEM_NAMES, effect_name
 from boom_report import __version__
@@ -52,7 +53,7 @@ def html(result: DiagnosisResult) -> str:
         scheme=scheme,
         effect_name=effect_name,
         subsystem_names=SUBSYSTEM_NAMES,
-        channels=CHANNELS,
+        channels=PREDICTED,
         proof=_proof(result.document.fit),
         ranking=ranking,
         where=where.section,
@@ -74,6 +75,6 @@ def _proof(fit: Fit) -> list[tuple[str, tuple[float, ...]]]:
     columns = [("before" if "explained" in fit.held_out else "model", fit.held_out["nominal"])]
     if "explained" in fit.held_out:
         columns.append(("after", fit.held_out["explained"]))
-    if len(fit.noise_floor) == len(CHANNELS):
+    if len(fit.noise_floor) == len(PREDICTED):
         columns.append(("noise floor", fit.noise_floor))
     return columns

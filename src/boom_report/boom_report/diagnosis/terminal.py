@@ -7,10 +7,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from boom_diagnosis.document import CHANNELS, DiagnosisResult
+from boom_diagnosis.document import DiagnosisResult
+from boom_input.channels import PREDICTED
 from boom_model.effects import SUBSYSTEM_NAMES, effect_name
 from boom_report.diagnosis.words import (
-    CHANNEL_NAMES,
     VERDICTS,
     headline,
     intervals_text,
@@ -81,8 +81,8 @@ def proof_table(result: DiagnosisResult) -> Table:
     """Held-out errors of each step of the ladder, in percent of the signal."""
     table = _table("Held-out error of free runs [% of the signal]")
     table.add_column("model", overflow="fold")
-    for channel in CHANNELS:
-        table.add_column(CHANNEL_NAMES[channel], justify="right")
+    for sensor in PREDICTED:
+        table.add_column(sensor.label, justify="right")
     fit = result.document.fit
     steps = [(step.label, step.held_out) for step in result.ladder] or list(fit.held_out.items())
     for label, values in [*steps, ("noise floor", fit.noise_floor)]:

@@ -8,7 +8,8 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from boom_diagnosis.document import CHANNELS, BagResult, DiagnosisResult
+from boom_diagnosis.document import BagResult, DiagnosisResult
+from boom_input.channels import PREDICTED
 from boom_model.effects import SUBSYSTEM_NAMES
 from boom_report.diagnosis import words
 from boom_report.diagnosis.scheme import colours
@@ -37,7 +38,7 @@ def section(result: DiagnosisResult) -> Markup:
         bags=bags,
         strip=lambda bag: chart(strip(bag, titles)),
         fill=_fill,
-        channels=CHANNELS,
+        channels=PREDICTED,
         words=words,
         subsystem_names=SUBSYSTEM_NAMES,
         nan=math.nan,

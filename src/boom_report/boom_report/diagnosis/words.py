@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from boom_diagnosis.document import CHANNELS, DiagnosisResult, Estimate, Finding, Fit
+from boom_diagnosis.document import DiagnosisResult, Estimate, Finding, Fit
+from boom_input.channels import PREDICTED
 from boom_model.effects import SUBSYSTEM_NAMES, effect_name
 from boom_report.channels import number
 
@@ -51,7 +52,6 @@ VERDICTS = {
     "no_mismatch": "no mismatch",
     "not_enough_excitation": "not enough excitation",
 }
-CHANNEL_NAMES = {"angle": "angle", "rate": "rate", "hose_pressure": "hose pressure", "rod_pressure": "rod pressure"}
 
 _SCALES = {
     "Pa": (1e-5, "bar"),
@@ -154,11 +154,11 @@ def best_channel(fit: Fit) -> tuple[str, float, float] | None:
     nominal, explained = fit.held_out.get("nominal"), fit.held_out.get("explained")
     if nominal is None or explained is None:
         return None
-    known = [(n, e, c) for c, n, e in zip(CHANNELS, nominal, explained, strict=True) if e > 0 and math.isfinite(n + e)]
+    known = [(n, e, c) for c, n, e in zip(PREDICTED, nominal, explained, strict=True) if e > 0 and math.isfinite(n + e)]
     if not known:
         return None
-    n, e, name = max(known, key=lambda row: row[0] / row[1])
-    return CHANNEL_NAMES[name], n, e
+    n, e, sensor = max(known, key=lambda row: row[0] / row[1])
+    return sensor.label, n, e
 
 
 def headline(result: DiagnosisResult) -> str:

@@ -9,16 +9,17 @@ from markupsafe import Markup
 
 from boom_identification.identify import Identification
 from boom_identification.validation import Validation
+from boom_input.channels import PREDICTED
 from boom_input.whole import write_whole
 from boom_model.machine import Machine
 from boom_report import __version__, inputs
+from boom_report.channels import short
 from boom_report.identification import cylinder, pilot
 from boom_report.page import chart, page
 from boom_report.templates import render
 from boom_report.validation import figure, tables
 from boom_report.validation.verdict import verdict
 
-_CHANNELS = (("angle", "angle"), ("rate", "rate"), ("hose_pressure", "p_h"), ("rod_pressure", "p_b"))
 _METHOD = (
     "Each number is given with its 90 % interval. Residuals that lie close together in time are alike; the intervals count "
     "stretches of data, not samples. An interval covers the noise of the recordings, not an error of the model's structure or "
@@ -54,7 +55,7 @@ def write_identification_report(
         pilot=pilot.section,
         cylinder=cylinder.sections,
         refined=refined,
-        channels=_CHANNELS,
+        channels=[(sensor.name, short(sensor)) for sensor in PREDICTED],
         summary=tables.summary(Validation(result.machine.name, list(result.validation))),
         verdict=verdict,
         errors=tables.errors,

@@ -8,11 +8,12 @@ import numpy as np
 from markupsafe import Markup
 
 from boom_recording.recording import Recording
+from boom_report.channel_panels import MEASURED
 from boom_report.page import chart
 from boom_report.panels import Json, Panels, line
 from boom_report.templates import render
 from boom_report.tracking.position_error import THESIS, Errors, Tracking
-from boom_report.validation.figure import FULL, MEASURED
+from boom_report.validation.figure import FULL
 
 _RETRACT, _EXTEND = "#7a3e9d", "#0b8a74"
 _HEADS = ("mean |e| (MAE)", "largest |e| (MAXE)", "rms e (RMSE)")

@@ -6,7 +6,8 @@ from markupsafe import Markup
 
 from boom_estimation.free_run import Prediction
 from boom_identification.validation import BagValidation, Validation
-from boom_report.channels import CHANNELS, ShownChannel, limits_text, number, ratio
+from boom_input.channels import PREDICTED, Sensor
+from boom_report.channels import STATISTICS, limits_text, number, ratio, statistic
 from boom_report.templates import render
 from boom_report.validation.reference import REMARK, beside
 from boom_report.validation.verdict import verdict
@@ -17,8 +18,9 @@ def summary(validation: Validation) -> Markup:
     return render(
         "boom_report/validation/summary.html",
         bags=validation.bags,
-        channels=CHANNELS,
+        channels=PREDICTED,
         verdict=verdict,
+        statistic=statistic,
         load_text=load_text,
         off=_off,
         scaled=_scaled,
@@ -32,7 +34,13 @@ def summary(validation: Validation) -> Markup:
 def errors(bag: BagValidation) -> Markup:
     """The numbers of one recording: both models against the measurement, channel by channel."""
     return render(
-        "boom_report/validation/errors.html", bag=bag, channels=CHANNELS, ratio=ratio, off=_off, scaled=_scaled
+        "boom_report/validation/errors.html",
+        bag=bag,
+        channels=PREDICTED,
+        names=STATISTICS,
+        ratio=ratio,
+        off=_off,
+        scaled=_scaled,
     )
 
 
@@ -41,13 +49,13 @@ def load_text(mass: float) -> str:
     return "unknown" if mass != mass else f"{mass:g}"
 
 
-def _off(channel: ShownChannel, bag: BagValidation) -> bool:
+def _off(channel: Sensor, bag: BagValidation) -> bool:
     times = ratio(channel, bag)
     return times is None or times > 1
 
 
 def _scaled(prediction: Prediction, metric: str, scale: float) -> str:
-    value = getattr(prediction.metrics, metric)
+    value = prediction.metrics[metric]
     return "–" if value is None else number(value * scale)
 
 

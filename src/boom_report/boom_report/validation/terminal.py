@@ -8,8 +8,9 @@ from rich.table import Table
 from rich.text import Text
 
 from boom_identification.validation import BagValidation, Validation
+from boom_input.channels import PREDICTED
 from boom_report import events
-from boom_report.channels import CHANNELS, limits_text, number, ratio
+from boom_report.channels import limits_text, number, ratio, statistic
 from boom_report.validation.reference import REMARK, beside_short
 from boom_report.validation.tables import load_text
 from boom_report.validation.verdict import verdict
@@ -17,6 +18,7 @@ from boom_report.validation.verdict import verdict
 NARROW = 88
 """Columns below which pose and load are left out: the report shows them."""
 
+_ANGLE, *_BESIDE_THE_ANGLE = PREDICTED
 _STYLES = {"agrees": "green", "differs": "bold red", "stopped": "bold red", "not compared": "yellow"}
 
 
@@ -47,16 +49,17 @@ def full_table(validation: Validation, *, narrow: bool = False) -> Table:
     """Table 5.1: the full model against the measurement; ``narrow`` without pose and thesis."""
     table = _table("Table 5.1: full model against the measurement", narrow)
     table.add_column("angle MAE\n[rad]", justify="right", no_wrap=True)
-    for channel in CHANNELS[1:]:
-        table.add_column(f"{channel.label.split()[0]} rms\n[{channel.error_unit}]", justify="right", no_wrap=True)
+    for sensor in _BESIDE_THE_ANGLE:
+        head = f"{sensor.label.split()[0]} {statistic(sensor)}\n[{sensor.error.name}]"
+        table.add_column(head, justify="right", no_wrap=True)
     if not narrow:
         table.add_column("thesis MAE\n[rad]", no_wrap=True)
     for bag in validation.bags:
-        cells = [_rad(bag.full.metrics.angle_mae_rad)]
-        for channel in CHANNELS[1:]:
-            value = channel.error(bag.full.metrics)
-            cells.append("-" if value is None else number(value * channel.error_scale))
-        styles = ["red" if (r := ratio(c, bag)) is None or r > 1 else "" for c in CHANNELS]
+        cells = [_rad(bag.full.metrics["angle_mae_rad"])]
+        for sensor in _BESIDE_THE_ANGLE:
+            value = bag.full.metrics[sensor.judging]
+            cells.append("-" if value is None else number(value * sensor.error.scale))
+        styles = ["red" if (r := ratio(s, bag)) is None or r > 1 else "" for s in (_ANGLE, *_BESIDE_THE_ANGLE)]
         texts = [Text(cell, style) for cell, style in zip(cells, styles, strict=True)]
         table.add_row(*_row(bag, texts, "5.1", narrow))
     return table

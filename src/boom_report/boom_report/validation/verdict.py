@@ -9,7 +9,8 @@ import numpy as np
 
 from boom_estimation.free_run import Prediction
 from boom_identification.validation import BagValidation
-from boom_report.channels import CHANNELS, ShownChannel, number, ratio
+from boom_input.channels import PREDICTED, Sensor
+from boom_report.channels import error_text, number, ratio, statistic
 
 Kind = Literal["agrees", "differs", "stopped", "not compared"]
 
@@ -36,24 +37,24 @@ class Verdict:
 
 def verdict(bag: BagValidation) -> Verdict:
     """Judges the full model against the measurement."""
-    judged = [(c, r) for c in CHANNELS if (r := ratio(c, bag)) is not None]
-    missing = [c.label for c in CHANNELS if c.error(bag.full.metrics) is None]
+    judged = [(c, r) for c in PREDICTED if (r := ratio(c, bag)) is not None]
+    missing = [c.label for c in PREDICTED if bag.full.metrics[c.judging] is None]
     off = sorted((pair for pair in judged if pair[1] > 1), key=lambda pair: -pair[1])
-    numbers = ", ".join(f"{c.label} {c.error_text(c.error(bag.full.metrics))}" for c, _ in judged)
+    numbers = ", ".join(_with_number(c, bag) for c, _ in judged)
     if bag.full.stopped:
         short = f"stopped: {bag.full.stopped}"
         until = f" Up to there: {numbers}." if judged else ""
         return Verdict("stopped", short, f"The full model did not get to the end: {bag.full.stopped}.{until}")
     if off:
         (worst, times), others = off[0], [c.label for c, _ in off[1:]]
-        most = f"{worst.label} {worst.error_text(worst.error(bag.full.metrics))}, {number(times, 2)} x its noise limit"
+        most = f"{_with_number(worst, bag)}, {number(times, 2)} x its noise limit"
         also = f"; also {_listed(others)}" if others else ""
         rest = [c for c, r in judged if r <= 1]
         fine = f" Within noise: {_listed([c.label for c in rest])}." if rest else ""
-        limit = worst.error_text(worst.error(bag.limits)).removesuffix(f" {worst.statistic}")
+        limit = error_text(worst, bag.limits[worst.judging]).removesuffix(f" {statistic(worst)}")
         sentence = (
             f"The full model differs from the measurement, most in {worst.label}: "
-            f"{worst.error_text(worst.error(bag.full.metrics))}, {number(times, 2)} times the {limit} that noise "
+            f"{error_text(worst, bag.full.metrics[worst.judging])}, {number(times, 2)} times the {limit} that noise "
             "explains"
             f"{' (also beyond it: ' + _listed([_with_number(c, bag) for c, _ in off[1:]]) + ')' if others else ''}."
             f"{where(bag, worst)}{fine}{_not_compared(missing)}"
@@ -68,14 +69,14 @@ def verdict(bag: BagValidation) -> Verdict:
     return Verdict("agrees", "agrees within sensor noise", sentence)
 
 
-def where(bag: BagValidation, channel: ShownChannel) -> str:
+def where(bag: BagValidation, channel: Sensor) -> str:
     """In which stretches of one second the error of the full model is well beyond its limit; empty if nowhere.
 
     Returns:
         A sentence with a leading blank.
     """
     signal = bag.recording.signals[channel.name]
-    limit = channel.error(bag.limits)
+    limit = bag.limits[channel.judging]
     error = np.where(signal.valid, bag.full.values[channel.name] - signal.values, np.nan)
     known = np.isfinite(error)
     if limit is None or not known.any():
@@ -94,8 +95,8 @@ def where(bag: BagValidation, channel: ShownChannel) -> str:
     )
 
 
-def _with_number(channel: ShownChannel, bag: BagValidation) -> str:
-    return f"{channel.label} {channel.error_text(channel.error(bag.full.metrics))}"
+def _with_number(channel: Sensor, bag: BagValidation) -> str:
+    return f"{channel.label} {error_text(channel, bag.full.metrics[channel.judging])}"
 
 
 def _not_compared(labels: list[str]) -> str:

@@ -8,13 +8,13 @@ from functools import partial
 import numpy as np
 from markupsafe import Markup
 
+from boom_input.channels import PREDICTED
 from boom_report.templates import render
 from boom_trials.blind import drawing, judging, scoring, tables
 from boom_trials.blind.outcomes import Row
 from boom_trials.blind.trial import Trial
 from concealed_plant.concealments import KNOWN
 
-_UNITS = {"angle": ("rad", 1.0), "rate": ("rad/s", 1.0), "hose_pressure": ("bar", 1e-5), "rod_pressure": ("bar", 1e-5)}
 _MEANING = (
     "A second plant, written apart from the model and with other functional forms for every effect, was given cranes drawn "
     "around the machine file within its tolerances, so that the nominal model is never exactly right. One detectability is the "
@@ -36,7 +36,7 @@ def report(trial: Trial, rows: Sequence[Row], seconds: float) -> str:
         accuracy=_accuracy(rows),
         calibration=drawing.calibration(scoring.confidence_bins(rows)),
         stages=_stages(rows),
-        units=_UNITS,
+        channels=PREDICTED,
         confusion=_confusion(rows),
         worst=[(what, row) for _, what, row in scoring.worst(rows)],
         concealed=_concealed,
@@ -57,7 +57,7 @@ def _accuracy(rows: Sequence[Row]) -> Markup:
 def _stages(rows: Sequence[Row]) -> list[tuple[str, list[float], int]]:
     """Model, median normalised error per channel, cases: single effects at 1 x and above."""
     return [
-        (title, [float(np.median([e[k] for e in errors])) for k in range(len(_UNITS))], len(errors))
+        (title, [float(np.median([e[k] for e in errors])) for k in range(len(PREDICTED))], len(errors))
         for title, errors in scoring.held_out_stages(rows)
     ]
 
@@ -89,5 +89,5 @@ def _concealed(row: Row) -> str:
 
 def _pictures(trial: Trial, row: Row) -> Iterator[Markup]:
     for trace in judging.traces(row.truth.name, trial.blind, trial.sealed, str(trial.machine)):
-        unit, factor = _UNITS[trace.name]
-        yield drawing.lines(trace.name.replace("_", " "), unit, factor, trace.time, trace.lines)
+        sensor = next(sensor for sensor in PREDICTED if sensor.name == trace.name)
+        yield drawing.lines(sensor.label, sensor.shown.name, sensor.shown.scale, trace.time, trace.lines)

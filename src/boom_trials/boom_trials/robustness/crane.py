@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_controller.types import Controller, Reference
+from boom_input.channels import PREDICTED
 from boom_model.machine import Machine, Pose
 from boom_model.plant import Plant, Stepper
 from boom_model.sensors import OUTPUTS, SensorNoise
@@ -69,7 +70,7 @@ class TrialCrane:
 
     Attributes:
         machine: the plant's.
-        true: (angle, rate, p_h, p_b) without noise, at time zero and after each period.
+        true: the outputs without noise, at time zero and after each period.
         sample: what the sensors show now.
     """
 
@@ -92,7 +93,7 @@ class TrialCrane:
         limited = not math.isinf(supply_pressure)
         self._step = _Supply(plant, self._stepper, supply_pressure).step if limited else self._stepper.step
         self._draws = _draws(noise, np.random.default_rng(seed), periods + 1)
-        self._quanta = (noise.angle_quantum, 0.0, noise.pressure_quantum, noise.pressure_quantum)
+        self._quanta = tuple(noise.quantum(sensor) for sensor in PREDICTED)
         self._acting, self._next = (0.0, 0.0), (0.0, 0.0, 0.0)
         self.true: list[list[float]] = [[float(v) for v in plant.outputs(start)]]
         self.sample = self._measure()
@@ -125,7 +126,7 @@ class TrialCrane:
             round((v + d) / s) * s if s else v + d
             for v, d, s in zip(self.true[k], self._draws[k], self._quanta, strict=True)
         ]
-        return Sample(k * self.period, *shown)
+        return Sample(k * self.period, **dict(zip(OUTPUTS, shown, strict=True)))
 
 
 def carried_out(
@@ -184,9 +185,9 @@ class _Supply:
 
 
 def _draws(noise: SensorNoise, rng: np.random.Generator, n: int) -> list[list[float]]:
-    """Noise to be added before quantisation, (n, 4): the sensors' own noise at y = 0 without quanta."""
+    """Noise to be added before quantisation, (n, NY): the sensors' own noise at y = 0 without quanta."""
     smooth = replace(noise, angle_quantum=0.0, pressure_quantum=0.0)
-    draws: list[list[float]] = smooth.outputs(np.zeros((n, 4)), rng).tolist()
+    draws: list[list[float]] = smooth.outputs(np.zeros((n, len(OUTPUTS))), rng).tolist()
     return draws
 
 
