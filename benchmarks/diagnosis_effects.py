@@ -23,7 +23,7 @@ from boom_diagnosis.coordinates import coordinates
 from boom_diagnosis.document import DiagnosisResult
 from boom_diagnosis.run import diagnose
 from boom_estimation.currents import held_currents
-from boom_model.effects import CATALOGUE, EFFECTS
+from boom_model.catalogue import CATALOGUE, EFFECTS
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
@@ -45,7 +45,7 @@ def middle(effect: str, duration: float) -> dict[str, float]:
     """
     result = {}
     for row, coordinate in zip(EFFECTS[effect].parameters, coordinates(EFFECTS[effect]), strict=True):
-        if row.name == "t_g":
+        if row.name == EFFECTS[effect].onset:
             result[row.name] = ONSET * duration
         elif coordinate.positive and not row.low < row.neutral < row.high:
             result[row.name] = float(np.sqrt(row.low * row.high))

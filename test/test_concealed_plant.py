@@ -69,7 +69,7 @@ def test_the_locked_body_is_that_of_the_model(q3, q4, load):
 
 
 def test_it_conceals_all_effects_of_the_catalogue_and_no_other_under_their_names():
-    from boom_model.effects import EFFECTS
+    from boom_model.catalogue import EFFECTS
 
     assert set(KNOWN) == set(EFFECTS)
     assert len(KNOWN) == 29

@@ -183,8 +183,9 @@ def test_a_component_in_one_new_file_is_checked_simulated_validated_and_document
     poor = document | {section: {k: v for k, v in document[section].items() if k != key}}
     (tmp_path / "lacking.yaml").write_text(yaml.safe_dump(poor))
     (tmp_path / "steps.csv").write_text("time_s,retract_a,extend_a\n0,0,0\n0.5,0,0.42\n1.5,0,0\n2.0,0.42,0\n2.6,0,0\n")
+    path = os.pathsep.join(filter(None, (str(package), os.environ.get("PYTHONPATH"))))
     ended = subprocess.run(
-        [sys.executable, "-c", SCRIPT], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(package)}, capture_output=True,
+        [sys.executable, "-c", SCRIPT], cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}, capture_output=True,
         text=True, check=False, timeout=60,
     )  # fmt: skip
     assert ended.returncode == 2, ended.stderr

@@ -41,7 +41,7 @@ from boom_diagnosis.proof import (
     spans_of,
 )
 from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, posterior, probabilities, unknown_probability
-from boom_model.effects import EFFECTS
+from boom_model.catalogue import EFFECTS
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
@@ -294,7 +294,7 @@ def _short(numbers: Mapping[str, Estimate], effect: str) -> dict[str, Estimate]:
 
 def _inside(w: Weighed) -> bool:
     values = w.fitted.point.effects
-    own = [c for c in w.fitted.coordinates if c.name.split(".")[1] == w.fitted.effect and not c.name.endswith("t_g")]
+    own = [c for c in w.fitted.coordinates if c.name.split(".")[1] == w.fitted.effect and not c.onset]
     return all(c.plausible[0] <= values[c.name] <= c.plausible[1] for c in own)
 
 

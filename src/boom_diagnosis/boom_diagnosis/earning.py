@@ -13,7 +13,7 @@ from boom_diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.hypotheses import Round, noticed, problem_at
 from boom_diagnosis.nuisances import TWIN_Z
-from boom_diagnosis.onset import TIME, onset
+from boom_diagnosis.onset import onset, onset_of, time_in
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.proof import worsening
 from boom_diagnosis.search import Fitted, lasting
@@ -28,7 +28,7 @@ from boom_diagnosis.weighing import (
     predictive_loss,
     split_loss,
 )
-from boom_model.effects import EFFECTS
+from boom_model.catalogue import EFFECTS
 
 WORSE, LATER, LATER_CLEAR = 1.1, 1.0, 1.5
 """Factor by which the free runs over data not used may err more with an effect than without, for the first one and for one beside
@@ -169,23 +169,23 @@ def weigh(case: Case, found: Round) -> list[Weighed]:
 def _lasting(case: Case, found: Round) -> list[Fitted]:
     """What was fitted; a load that comes before the boom has moved was there all along, and is fitted so where it was not yet."""
     early = [f for f in found.fitted if _early(case, f)]
-    if not early or "payload" in found.accepted:
+    if not early or (twin := EFFECTS[early[0].effect].lasting) in found.accepted:
         return list(found.fitted)
     others = [f for f in found.fitted if not _early(case, f)]
-    if any(f.effect == "payload" for f in others):
+    if any(f.effect == twin for f in others):
         return others
-    point, names = early[0].point, all_coordinates([*found.accepted, "payload"])
-    values = {**point.effects, **lasting(point.effects)}
+    point, names = early[0].point, all_coordinates([*found.accepted, twin])
+    values = {**point.effects, **lasting(early[0].effect, point.effects)}
     start = found.problem.points([(point.z, {c.name: values[c.name] for c in names})])[0]
     fitted, jacobian = found.problem.fit(start, early[0].jacobian[:, : len(point.z)], names)
-    return [*others, Fitted("payload", fitted, names, jacobian, found.base.loss - fitted.loss, (fitted.loss,))]
+    return [*others, Fitted(twin, fitted, names, jacobian, found.base.loss - fitted.loss, (fitted.loss,))]
 
 
 def _early(case: Case, f: Fitted) -> bool:
     """Whether an effect is a load that comes before the boom has moved."""
-    if f.effect != "payload_change":
+    if not EFFECTS[f.effect].lasting:
         return False
-    return f.point.effects[TIME] < min(float(bag.time[bag.moving()][0]) for bag in case.bags)
+    return f.point.effects[onset_of(f.effect)] < min(float(bag.time[bag.moving()][0]) for bag in case.bags)
 
 
 def _hardly_beyond(case: Case, f: Fitted) -> bool:
@@ -222,7 +222,7 @@ def _held_out(
         found.problem.predictor.looseness,
     )  # fmt: skip
     effects = [_own_onset(others, p) for p, _ in hypotheses]
-    case.onset = effects[1].get(TIME, case.onset)
+    case.onset = effects[1].get(time_in(effects[1]), case.onset)
     points = others.points([(p.z, e) for (p, _), e in zip(hypotheses, effects, strict=True)])
     tolerances = others.nuisance_jacobian(points[1])
     losses = []
@@ -236,8 +236,8 @@ def _held_out(
 def _own_onset(problem: Problem, point: Point) -> dict[str, float]:
     """Effects of a point as they are in the recordings held out: when a load came is their own."""
     effects = dict(point.effects)
-    if TIME in effects:
-        effects[TIME] = onset(problem, point.z, effects)
+    if time := time_in(effects):
+        effects[time] = onset(problem, point.z, effects)
     return effects
 
 

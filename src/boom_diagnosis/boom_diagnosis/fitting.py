@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.coordinates import DELAYS, Coordinate
+from boom_diagnosis.coordinates import Coordinate
 from boom_diagnosis.nuisances import Nuisance, closed
 from boom_diagnosis.prediction import Predictor
 from boom_diagnosis.recent import Recent
@@ -263,7 +263,7 @@ class Problem:
         step = gauss_newton(at, jacobian, names, self.limits)
         ends = [self._moved(at, step, names, size) for size in SIZES]
         (z, effects), begin = ends[0], (at.z, at.effects)
-        c = names[0] if len(names) == 1 and not _is_delay(names[0]) else None
+        c = names[0] if len(names) == 1 and not names[0].delay else None
         values = _around(c, effects[c.name], True)[:2] if c else []
         beside = [(z, {**effects, c.name: there}) for there in values] if c else []
         first = LANES - 1 - len(beside)
@@ -296,18 +296,13 @@ class Problem:
         return np.clip(at.z + size * step[:m], *self.limits), effects
 
 
-def _is_delay(c: Coordinate) -> bool:
-    """Whether it moves samples between the observer's intervals."""
-    return c.name.split(".")[1] in DELAYS
-
-
 def _around(c: Coordinate, here: float, several: bool) -> list[float]:
     """Values to either side of one and further away, inside the limits; where not ``several``, and of a delay, the last only."""
     for shares in (AROUND, AROUND_AT_END, tuple(-m for m in AROUND_AT_END)):
         values = [here * (1.0 + m * c.step) if c.positive else here + m * c.step for m in shares]
         if c.low <= min(values) and max(values) <= c.high:
             break
-    if _is_delay(c):
+    if c.delay:
         return values[:1]
     return values if several else values[-1:]
 

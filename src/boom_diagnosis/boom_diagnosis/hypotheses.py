@@ -21,7 +21,7 @@ from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.prediction import Predictor, with_states
 from boom_diagnosis.search import FURTHER, GLANCE, Candidate, Fitted, Scanner, possible_effects, refine
 from boom_diagnosis.weighing import NEGLIGIBLE
-from boom_model.effects import EFFECTS
+from boom_model.catalogue import EFFECTS
 from boom_model.machine import Machine
 
 Array = NDArray[np.float64]
@@ -193,8 +193,8 @@ def run_round(
     progress("fitting effects", 0.5)
     most = min(refined, LOOSELY) if searching.predictor.looseness == LOOSENESS[-1] else refined
     promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING * least][:most]
-    if "payload_change" in promising and "payload" in grouped:  # they may be one and the same
-        promising = list(dict.fromkeys([*promising, "payload"]))
+    twins = [EFFECTS[effect].lasting for effect in promising]  # they may be one and the same
+    promising = list(dict.fromkeys([*promising, *(twin for twin in twins if twin in grouped)]))
 
     def tried(effect: str, at_least: float, level: float) -> Fitted:
         return refine(scanner, jacobian, _starts(grouped[effect]), kept, at_least=at_least, level=level)

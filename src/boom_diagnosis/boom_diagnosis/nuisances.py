@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import exp, isfinite, log, sqrt
 
-from boom_model.effects import CATALOGUE
+from boom_model.catalogue import CATALOGUE
 from boom_model.machine import TOLERANCES, Machine, Pose
 
 LARGEST_Z = 4.0

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from boom_diagnosis.bag_samples import Bag
 from boom_estimation.free_run import plant_for
 from boom_input.channels import PREDICTED
+from boom_model.catalogue import CATALOGUE, EFFECTS, check_effects
 from boom_model.codegen.compiled import LANES
-from boom_model.effects import CATALOGUE, EFFECTS, check_effects
 from boom_model.machine import Machine
 from boom_model.observer import (
     Gains,
@@ -54,14 +54,6 @@ CURRENT_NOISE = 0.85e-3
 """A. Noise and quantisation of the measured currents, which drive the model."""
 SPOOL_NOISE = 2e-4
 """1/s sqrt(s), of the full stroke: white disturbance of the spool where one is allowed."""
-POPPET_NOISE = 4e-9
-"""m^3/s/Pa/sqrt(s). White disturbance of a lagging poppet while the boom stands still: with nothing flowing through it, a
-valve stays where it likes, and how far open a lowering finds it is not known."""
-BRISTLE_NOISE = 5e3
-"""N m/sqrt(s). White disturbance of the bristles' torque while the boom stands still: how far they are bent when it came to rest
-decides with which force it starts, and a form that is not the machine's does not know."""
-BRISTLES = {"effects.presliding_friction.compliance": 1e-6}
-"""rad/(N m). With it the gains of an observer are computed that has bristles, where nothing is known of them yet."""
 TIMING_NOISE = 1e-3
 """s. When between two samples a current changed is not known."""
 
@@ -195,12 +187,12 @@ class Predictor:
             return self._samples[i](*plant.delays(p))
 
     def _gain_for(self, i: int, plant: Plant) -> Array:
-        """Of a plant with other states: as they are, and what is new is not corrected; bristles are, or they would be lost."""
+        """Of a plant with other states: as they are, and what is new is not corrected, but for what would be lost without."""
         base = self.plant(i, with_states(self.tuned))
-        if "bristle_torque" not in set(plant.state_names) - set(base.state_names):
+        if not any(state.corrected for state in plant.equations.states if state.name not in base.state_names):
             return _for(plant, base, self.gains[i].gain)
         known = {name: value for name, value in self.tuned.items() if name in plant.parameter_names}
-        return self._gains(i, plant, known | BRISTLES).gain
+        return self._gains(i, plant, known | _at_first(plant)).gain
 
     def _gains(self, i: int, plant: Plant, values: Values) -> Gains:
         p = self.parameters(plant, values)
@@ -229,6 +221,12 @@ def with_states(values: Values) -> frozenset[str]:
     return frozenset(effect for effect in named if EFFECTS[effect].states)
 
 
+def _at_first(plant: Plant) -> dict[str, float]:
+    """Numbers of the plant's effects of which nothing is known yet, for the gains of an observer."""
+    rows = ((effect, row) for effect in plant.equations.effects for row in EFFECTS[effect].parameters)
+    return {f"effects.{effect}.{row.name}": row.gains for effect, row in rows if row.gains is not None}
+
+
 def noise_model(
     plant: Plant, machine: Machine, p: Array, looseness: float = 1.0, boost: Mapping[str, float] | None = None
 ) -> NoiseModel:
@@ -253,7 +251,7 @@ def noise_model(
     outputs = tuple(angle if sensor.name == "angle" else sensors.deviation(sensor) for sensor in PREDICTED)
     return NoiseModel(
         outputs, CURRENT_NOISE, TIMING_NOISE, disturbance, initial,
-        {"hose_burst_valve_conductance": POPPET_NOISE, "bristle_torque": BRISTLE_NOISE},
+        {state.name: state.standstill_noise for state in plant.equations.states if state.standstill_noise},
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.weighing import Z90, posterior
 from boom_estimation.free_run import Prediction
 from boom_input.channels import SENSORS
+from boom_model.catalogue import beginning
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine
 from boom_recording.recording import Recording
@@ -83,11 +84,10 @@ class Spans:
 def placed(machine: Machine, case: Case, span: Span) -> Machine:
     """The machine in a recording: a load that changes does so at that recording's own time."""
     held = any(bag.recording is span.recording for bag in case.proving)
-    if case.onset is None or not held or "payload_change" not in machine.effects:
+    if case.onset is None or not held:
         return machine
-    effects = {k: dict(v) for k, v in machine.effects.items()}
-    effects["payload_change"]["t_g"] = case.onset
-    return machine.with_effects(effects)
+    effects = beginning(machine.effects, case.onset)
+    return machine if effects == machine.effects else machine.with_effects(effects)
 
 
 def spans_of(case: Case) -> Spans:

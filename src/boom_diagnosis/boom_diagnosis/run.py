@@ -19,11 +19,11 @@ from boom_diagnosis.healthy import simulated
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, problem_at, rebased, run_round
 from boom_diagnosis.learning import learn_plainly
 from boom_diagnosis.nuisances import tolerances
-from boom_diagnosis.onset import TIME, near_onset
+from boom_diagnosis.onset import near_onset, time_in
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT
 from boom_estimation.free_run import plant_for
-from boom_model.effects import EFFECTS
+from boom_model.catalogue import EFFECTS
 from boom_model.learned import PLACES
 from boom_model.machine import Machine
 from boom_recording.recording import Recording
@@ -111,7 +111,7 @@ def _finish(case: Case) -> None:
     at, names = case.last, fitted.coordinates
     problem = case.problem(at.z, at.effects, case.rounds[k - 1].problem.predictor.looseness)
     start = problem.points([(at.z, at.effects)])[0]
-    if TIME in start.effects:  # found beside other numbers than those it has now
+    if time_in(start.effects):  # found beside other numbers than those it has now
         start = near_onset(problem, start)
     columns = problem.nuisance_jacobian(start)
     jacobian = np.concatenate([columns, problem.effect_jacobian(start, names, exact=True)], axis=1)

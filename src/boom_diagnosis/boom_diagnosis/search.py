@@ -13,14 +13,13 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.coordinates import DELAYS, LOADS, Coordinate, coordinates, starts
+from boom_diagnosis.coordinates import Coordinate, coordinates, starts
 from boom_diagnosis.fitting import WHITE, Point, Problem, weights
-from boom_diagnosis.onset import TIME, near_onset
-from boom_model.effects import CATALOGUE, EFFECTS
+from boom_diagnosis.onset import near_onset, onset_of, time_in
+from boom_model.catalogue import CATALOGUE, EFFECTS, Effect
 
 Array = NDArray[np.float64]
 
-MASS = "effects.payload_change.mass"
 TIMED = 100.0
 """Nats from which on the time of a load is looked for once more."""
 STEPS, GLANCE = 5, 2
@@ -29,15 +28,10 @@ FURTHER = 6
 """Steps beyond those while each still gains much: from the nominal machine it is far to a large effect."""
 STARTS = (1.0, 0.5, 0.2, 0.05)
 """Shares of the linear look's size from which an effect is fitted."""
-SETS_IN = {"pump_flow_limit": (1.0, 0.96, 0.92, 0.88, 0.84)}
-"""Shares of its probe, too, of an effect that does nothing up to some size and soon far too much: probes are 15 to 20 % apart."""
 PROBES = 16
 """Predicted at once."""
 NEARER = 0.5
 """Share of a probe below which it is taken once more."""
-AS_THEY_ARE = ("payload_change", "pump_flow_limit", *DELAYS)
-"""Effects whose probes are taken once only: a load's time is searched for apart, a limit of the pump does nothing in proportion,
-and a delay moves samples between intervals."""
 LEAST_MISFIT = 50.0
 """Nats that there may always be to explain."""
 ONSET_STEP = 10
@@ -132,11 +126,11 @@ class Scanner:
         """
         duration = max(bag.recording.duration for bag in self.problem.predictor.bags)
         tried = [(effect, start) for effect in wanted for start in starts(EFFECTS[effect], duration)]
-        tried.sort(key=lambda t: EFFECTS[t[0]].states)  # those of one plant go side by side
+        tried = side_by_side(tried)
         seen = self._probed(tried)
         misfit = max(self.at.over(WHITE), LEAST_MISFIT)
         shares = [sqrt(2.0 * misfit) / max(size, 1e-9) for _, size in seen]
-        large = [k for k, share in enumerate(shares) if share < NEARER and tried[k][0] not in AS_THEY_ARE]
+        large = [k for k, share in enumerate(shares) if share < NEARER and not _as_it_is(EFFECTS[tried[k][0]])]
         nearer = self._probed([(tried[k][0], _scaled(*tried[k], shares[k])) for k in large])
         best = [candidate for candidate, _ in seen]
         for k, (candidate, _) in zip(large, nearer, strict=True):
@@ -151,21 +145,21 @@ class Scanner:
             points = self.problem.points([(self.at.z, {**self.at.effects, **self._probe(*t)}) for t in part])
             for (effect, start), point in zip(part, points, strict=True):
                 column = point.w - self.at.w
-                timed = effect == "payload_change"
-                candidate = self._onset(start, column) if timed else self._candidate(effect, start, column)
+                timed = EFFECTS[effect].onset
+                candidate = self._onset(effect, start, column) if timed else self._candidate(effect, start, column)
                 found.append((candidate, float(np.linalg.norm(column))))
         return found
 
     def _probe(self, effect: str, start: dict[str, float]) -> dict[str, float]:
         """What is predicted: of a load that comes, one that has always been there."""
-        return lasting(start) if effect == "payload_change" else start
+        return lasting(effect, start) if EFFECTS[effect].lasting else start
 
     def _candidate(self, effect: str, start: dict[str, float], column: Array) -> Candidate:
         gain, size = self.gain(column[:, None])
         leading = _leading(effect, start)
         neutral = _neutral(leading.name)
         value = neutral + float(size[0]) * (start[leading.name] - neutral)
-        low = max(leading.low, -self.load) if effect in LOADS else leading.low
+        low = max(leading.low, -self.load) if EFFECTS[effect].load else leading.low
         clipped = float(np.clip(value, low, leading.high))
         share = (clipped - neutral) / (start[leading.name] - neutral)
         if abs(share) <= 0.02 < abs(size[0]):  # it would have to leave its limits
@@ -191,7 +185,7 @@ class Scanner:
             result.append(Candidate(effect, values, sum(c.gain for c in own)))
         return result
 
-    def _onset(self, start: dict[str, float], column: Array) -> Candidate:
+    def _onset(self, effect: str, start: dict[str, float], column: Array) -> Candidate:
         """A mass that comes at t_g: ``column``, what a lasting one changes, from t_g on (the observer forgets in a second)."""
         times = np.concatenate(
             [np.broadcast_to(bag.time[:, None], s.shape)[s] for bag, s in zip(
@@ -208,10 +202,11 @@ class Scanner:
         c = cross[pick]
         projected = power[pick] - np.einsum("ij,jk,ik->i", c, self._factor, c)
         g = score[pick] - c @ self._factor @ self._score
-        masses = -start[MASS] * g / np.maximum(projected, 1e-9)
+        mass = coordinates(EFFECTS[effect])[0].name
+        masses = -start[mass] * g / np.maximum(projected, 1e-9)
         gains = np.where(masses < -self.load, 0.0, 0.5 * g * g / np.maximum(projected, 1e-9))
         k = int(np.argmax(gains))
-        return Candidate("payload_change", {MASS: float(masses[k]), TIME: float(t[pick[k]])}, float(gains[k]))
+        return Candidate(effect, {mass: float(masses[k]), onset_of(effect): float(t[pick[k]])}, float(gains[k]))
 
     def follow(self, columns: Array, size: Array) -> Array:
         """z that the tolerances would take if the innovations changed by columns @ size."""
@@ -250,7 +245,7 @@ def refine(
         enough = at.loss - point.loss + (before.loss - point.loss) > at_least or point.loss <= level
         if leading and enough:
             point, own = problem.fit(point, own, names, iterations=STEPS - GLANCE, further=FURTHER)
-            if TIME in candidate.values and at.loss - point.loss > TIMED:  # the loss over a time has many valleys
+            if time_in(candidate.values) and at.loss - point.loss > TIMED:  # the loss over a time has many valleys
                 point, own = problem.fit(near_onset(problem, point), own[:, :count], names, iterations=STEPS)
         reached.append((point, own))
     point, final = min(reached, key=lambda r: r[0].loss)
@@ -272,8 +267,7 @@ def _start(scanner: Scanner, candidate: Candidate) -> Point:
         }
         wanted.append((at.z, {**at.effects, **values}))
     if candidate.probe:
-        shares = SETS_IN.get(candidate.effect, (1.0,))
-        probes = [_scaled(candidate.effect, candidate.probe, share) for share in shares]
+        probes = [_scaled(candidate.effect, candidate.probe, share) for share in EFFECTS[candidate.effect].sets_in]
         wanted += [(at.z, {**at.effects, **probe}) for probe in probes]
     points = scanner.problem.points(wanted)
     followed = scanner.problem.points(
@@ -286,14 +280,29 @@ def _start(scanner: Scanner, candidate: Candidate) -> Point:
     return min(points + followed, key=lambda p: p.loss)
 
 
-def lasting(values: Mapping[str, float]) -> dict[str, float]:
+def lasting(effect: str, values: Mapping[str, float]) -> dict[str, float]:
     """The load that has always been there, of one that comes; values by dotted name."""
-    return {"effects.payload.mass": values[MASS]}
+    twin = EFFECTS[EFFECTS[effect].lasting]
+    return {f"effects.{twin.id}.{row.name}": values[f"effects.{effect}.{row.name}"] for row in twin.parameters}
 
 
 def possible_effects(has: Callable[[str], bool], without: Sequence[str] = ()) -> list[str]:
     """Effects that a machine can have and does not have yet."""
     return [effect.id for effect in CATALOGUE if has(effect.needs) and effect.id not in without]
+
+
+def side_by_side(tried: Sequence[tuple[str, dict[str, float]]]) -> list[tuple[str, dict[str, float]]]:
+    """Probes in the order in which they are predicted: those of one plant go side by side."""
+    return sorted(tried, key=lambda t: [min(state.name, state.symbol) for state in EFFECTS[t[0]].states])
+
+
+def _as_it_is(effect: Effect) -> bool:
+    """Whether its probes are taken once only.
+
+    A load's time is searched for apart, what sets in at some size does nothing in proportion, and a delay moves samples between
+    intervals.
+    """
+    return bool(effect.onset or effect.delays or len(effect.sets_in) > 1)
 
 
 def _leading(effect: str, start: Mapping[str, float]) -> Coordinate:

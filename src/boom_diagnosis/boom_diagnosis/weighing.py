@@ -14,10 +14,11 @@ from math import exp, log, pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.coordinates import LOADS, Coordinate
+from boom_diagnosis.coordinates import Coordinate
 from boom_diagnosis.document import Estimate
 from boom_diagnosis.fitting import Point, huber_weights, rho, weights
 from boom_diagnosis.search import Fitted
+from boom_model.catalogue import EFFECTS
 
 Array = NDArray[np.float64]
 
@@ -35,8 +36,6 @@ UNEXPLAINED_WEIGHT = 0.1
 """Share of the unexplained nats that adds to the temperature."""
 UNKNOWN_FROM, UNKNOWN_STEEPNESS = 0.78, 8.0
 """Share of the misfit's amplitude that remains where unknown physics becomes as likely as not, and how sharply."""
-ANOTHER_FORM = 2.0
-"""Factor beyond its plausible range up to which the compliance of bristles may be fitted to friction of another form."""
 SLIGHT = 0.04
 """Loss per innovation over that of a healthy machine at which what nothing explains is as likely nothing unknown."""
 CLEAR = 0.1
@@ -47,13 +46,6 @@ Z90 = 1.645
 FORM = 2.5
 """Factor of intervals that the recordings decide: a machine's effect never has exactly the catalogue's form. From blind trials
 (docs/proof_method.md)."""
-MEANING = {
-    "effects.position_dependent_friction.q_c": 0.02,  # rad, of a tight spot whose outline is not known
-    "effects.pilot_lag.r": 0.06,  # the pilot's rise is no first-order lag
-    "effects.hose_burst_valve_setting.r": 0.15,  # a set spring moves the knee, and not the slope before it
-}
-"""Standard deviation (of the logarithm for a factor) to which a number means anything, where an effect's form in the machine is not
-the catalogue's, however sharply the recordings tell it. From blind trials, too."""
 DERIVATIVES = 1e-3
 GRASP = 0.15
 """s. A load is not taken up in an instant: half the least width of the interval of its time."""
@@ -160,7 +152,7 @@ def occam(fitted: Fitted, new: Sequence[Coordinate]) -> float:
     for c in new:
         k = count + fitted.coordinates.index(c)
         width = sqrt(2 * pi * max(float(covariance[k, k]), 1e-300))
-        room = log(60.0) if c.name.endswith(".t_g") else log(max(c.width, 1e-300))
+        room = log(60.0) if c.onset else log(max(c.width, 1e-300))
         cost += max(0.0, room - log(width))
     return cost
 
@@ -186,7 +178,8 @@ def trusted(point: Point, jacobian: Array, count: int, prior: Sequence[float], d
 def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
     """Numbers of all its effects with 90 % intervals, dotted names: the wider of two, posterior and scatter.
 
-    What the recordings tell counts ``FORM`` times less sharply, and to ``MEANING`` at best; how far a tolerance reaches stays.
+    What the recordings tell counts ``FORM`` times less sharply, and to the ``form`` of a coordinate at best; how far a tolerance
+    reaches stays.
     """
     count = len(fitted.point.z)
     prior = [c.precision for c in fitted.coordinates]
@@ -195,8 +188,8 @@ def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
     result = {}
     for k, c in enumerate(fitted.coordinates, start=count):
         value = fitted.point.effects[c.name]
-        spread = Z90 * sqrt(max(float(covariance[k]), 0.0) + MEANING.get(c.name, 0.0) ** 2)
-        if c.name.endswith(".t_g"):
+        spread = Z90 * sqrt(max(float(covariance[k]), 0.0) + c.form**2)
+        if c.onset:
             spread = max(spread, GRASP)
         if c.positive:
             low, high = value * exp(-min(spread, 5.0)), value * exp(min(spread, 5.0))
@@ -237,19 +230,15 @@ def _unexplained(before: float, after: float) -> float:
 def possible(fitted: Fitted, load: float) -> bool:
     """Whether a boom with a ``load`` [kg] told can have an effect as it was fitted; if not, it stands in for something else.
 
-    A load that lifts is none. What is slower or more damped than the modes of a steel boom, as far as its intervals tell, is the
-    mode of another body. Bristles far softer than plausible are a spring, not friction; far stiffer ones do nothing, but an
-    observer that corrects them follows other torques, too.
+    A load that lifts is none; of others the catalogue says what a machine can have.
     """
-    plausible, own = {c.name: c.plausible for c in fitted.coordinates}, f"effects.{fitted.effect}."
-    if fitted.effect in LOADS:
-        return fitted.point.effects[own + "mass"] >= -load
-    if fitted.effect == "presliding_friction":
-        low, high = plausible[own + "compliance"]
-        return low / ANOTHER_FORM <= fitted.point.effects[own + "compliance"] <= high * ANOTHER_FORM
-    if fitted.effect == "boom_flexibility":
-        found = estimates(fitted, 1.0)
-        slow = found[own + "f"].interval_90[1] < plausible[own + "f"][0]
-        damped = found[own + "zeta"].interval_90[0] > plausible[own + "zeta"][1]
-        return not (slow or damped)
+    effect, own = EFFECTS[fitted.effect], f"effects.{fitted.effect}."
+    if effect.load:
+        return fitted.point.effects[own + effect.parameters[0].name] >= -load
+    intervals = estimates(fitted, 1.0) if any(row.surely for row in effect.parameters) else {}
+    for row in effect.parameters:
+        value = fitted.point.effects[own + row.name]
+        low, high = intervals[own + row.name].interval_90 if row.surely else (value, value)
+        if high < row.possible[0] or low > row.possible[1]:
+            return False
     return True

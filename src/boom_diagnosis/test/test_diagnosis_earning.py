@@ -154,7 +154,7 @@ def test_a_load_that_comes_before_the_boom_has_moved_was_there_all_along(
         weighed("payload_change", 300.0, 300.0, 1000.0).fitted,
         weighed("payload", 290.0, 300.0, 1000.0).fitted,
     )
-    change.point.effects.update({"effects.payload_change.mass": 5.0, earning.TIME: onset})
+    change.point.effects.update({"effects.payload_change.mass": 5.0, "effects.payload_change.t_g": onset})
     load.point.effects["effects.payload.mass"] = 5.0
     found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (change, load), {}, Any)
     assert [w.fitted.effect for w in earning.weigh(moving, found)] == kept
@@ -165,7 +165,7 @@ def test_a_load_that_was_there_all_along_is_fitted_where_only_one_that_comes_so_
     moving: Any, onset: float, kept: list[str]
 ) -> None:
     change = weighed("payload_change", 300.0, 300.0, 1000.0).fitted
-    change.point.effects.update({"effects.payload_change.mass": 5.0, earning.TIME: onset})
+    change.point.effects.update({"effects.payload_change.mass": 5.0, "effects.payload_change.t_g": onset})
 
     class Fits:
         def points(self, wanted: Any) -> list[Point]:

@@ -15,7 +15,7 @@ from boom_diagnosis.fitting import WHITE, Point
 from boom_diagnosis.hypotheses import FOLLOWED, GLANCED, Nominal, Round
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.weighing import Weighed
-from boom_model.effects import CATALOGUE
+from boom_model.catalogue import CATALOGUE
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from math import exp, inf, log
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_model.effects import EFFECTS
+from boom_model.catalogue import EFFECTS
 from boom_model.errors import MachineError, nearest
 from boom_model.machine import Machine
 from boom_model.plant import Plant

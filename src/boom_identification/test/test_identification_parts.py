@@ -1,7 +1,6 @@
 """The parts of chapter 5, each on data whose answer is known exactly."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -186,15 +185,14 @@ class TestSpool:
 
     def test_friction_is_that_of_the_model_and_the_step_ends_at_the_spring(self) -> None:
         machine = tz17()
-        p, _ = component_parameters(machine, machine.pose(4.59, 0.0))
+        p, e = component_parameters(machine, machine.pose(4.59, 0.0))
         spool = spool_of(machine, machine.pose(4.59, 0.0))
         s = p.main_valve_spool
         assert spool.friction[-1] == pytest.approx(
             s.d_v * spool.speed[-1] + s.f_c * np.tanh(spool.speed[-1] / s.sigma_s)
         )
         assert spool.position[-1] == pytest.approx(1e5 * s.A_s / s.k, rel=0.01)
-        still = main_valve_spool.acceleration(spool.position[-1], 0.0, 1e5, 0.0, p, SimpleNamespace(
-            spring_rate=SimpleNamespace(r=1.0)))  # fmt: skip
+        still = main_valve_spool.acceleration(spool.position[-1], 0.0, 1e5, 0.0, p, e)
         assert abs(float(still)) < 1.0
 
 

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from boom_model.codegen.compiled import LANES, build
-from boom_model.effects import EFFECTS
 from boom_model.equations import INPUTS, Equations, Kind, full_model, reduced_model
 from boom_model.machine import Machine, Pose
 from boom_model.sensors import OUTPUTS
@@ -96,12 +95,6 @@ class CompiledModel:
         zero = self.outputs(origin, parameters=parameters)
         columns = [self.outputs(unit, parameters=parameters) - zero for unit in np.eye(len(origin))]
         return np.column_stack(columns)
-
-    def _numbers(self, parameters: Array | None = None) -> dict[str, float]:
-        """Every component by name, inactive effects at their neutral values."""
-        p = self.p if parameters is None else parameters
-        neutral = {f"effects.{e.id}.{row.name}": row.neutral for e in EFFECTS.values() for row in e.parameters}
-        return neutral | dict(zip(self.parameter_names, (float(v) for v in p), strict=True))
 
 
 def pointer(array: Array) -> Any:

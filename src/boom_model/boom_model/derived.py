@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from boom_model.catalogue.terms import Terms
 from boom_model.component_numbers import component_parameters
 from boom_model.components import cylinder, equation_of_motion
 from boom_model.equations import namespace
@@ -97,7 +98,7 @@ def _lever(machine: Machine, angle: float) -> float:
 
 
 def _torque(p: Any, angle: float, load: float) -> float:
-    return float(equation_of_motion.gravity_torque(angle, load, p))
+    return float(equation_of_motion.gravity_torque(angle, load, p, Terms({})))
 
 
 def _load(p: Any, angles: list[float], levers: list[float]) -> str:

@@ -16,18 +16,17 @@ import casadi as ca
 
 from boom_model import learned as learned_terms
 from boom_model import sensors
+from boom_model.catalogue import EFFECTS
+from boom_model.catalogue.terms import Terms
 from boom_model.components import (
-    boom_flexibility,
     cylinder,
     equation_of_motion,
     friction,
-    main_valve_orifices,
     oil,
-    swinging_load,
 )
-from boom_model.effects import EFFECTS
 from boom_model.errors import ModelError
 from boom_model.learned import LearnedTerm
+from boom_model.state import State
 from boom_model.structure import Structure
 
 Kind = Literal["full", "reduced"]
@@ -38,18 +37,6 @@ INPUTS = ("retract_current", "extend_current")
 LOWEST_PRESSURE = -1.0e5
 HIGHEST_PRESSURE = 1.0e8
 """Pa gauge: outside, a run ends with an error. Steel bursts long before the upper one; the fluid boils at the lower."""
-
-
-@dataclass(frozen=True)
-class State:
-    """One state: name, symbol, unit, size of its usual range (scales the error control), limits of meaning."""
-
-    name: str
-    symbol: str
-    unit: str
-    scale: float
-    minimum: float = -inf
-    maximum: float = inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,12 +114,11 @@ class _Wiring:
             [symbols[f"learned.{k}.{j}"] for j in range(len(entry.basis))] for k, entry in enumerate(self.learned)
         ]
         self.quantities: dict[str, Any] = {}
-        values = {
-            f"{effect.id}.{row.name}": symbols.get(f"effects.{effect.id}.{row.name}", row.neutral)
-            for effect in EFFECTS.values()
-            for row in effect.parameters
+        numbers = {
+            name: {row.name: symbols[f"effects.{name}.{row.name}"] for row in EFFECTS[name].parameters}
+            for name in self.effects
         }
-        self.e = namespace(values)
+        self.e = Terms(numbers, self)
         self.states: list[State] = []
         self.symbols: dict[str, Any] = {}
         self.rates: dict[str, Any] = {}
@@ -141,24 +127,17 @@ class _Wiring:
         self.u = ca.SX.sym("u", 2)
 
     def add(self, name: str, symbol: str, unit: str, scale: float, low: float = -inf, high: float = inf) -> Any:
-        self.states.append(State(name, symbol, unit, scale, low, high))
-        self.symbols[name] = ca.SX.sym(name)
-        return self.symbols[name]
+        return self.add_state(State(name, symbol, unit, scale, low, high))
+
+    def add_state(self, state: State) -> Any:
+        """The symbol of a state, which joins the equations if it is not there yet."""
+        if state.name not in self.symbols:
+            self.states.append(state)
+            self.symbols[state.name] = ca.SX.sym(state.name)
+        return self.symbols[state.name]
 
     def add_pressure(self, name: str, symbol: str) -> Any:
         return self.add(name, symbol, "Pa", 1e7, LOWEST_PRESSURE, HIGHEST_PRESSURE)
-
-    def active(self, effect: str) -> bool:
-        return effect in self.effects
-
-    def elapsed(self) -> Any:
-        """Time since the start of the run [s], a state that exists only where an effect needs it."""
-        if not any("elapsed_time" in dict(EFFECTS[name].states) for name in self.effects):
-            return 0.0
-        if "elapsed_time" not in self.symbols:
-            self.add("elapsed_time", "t", "s", 10.0)
-            self.rates["elapsed_time"] = ca.SX(1.0)
-        return self.symbols["elapsed_time"]
 
     def learnt(self, equation: str) -> Any:
         """Sum of the terms learnt from data for an equation, in its unit; 0 without any."""
@@ -187,12 +166,8 @@ class _Wiring:
         """Adds spool and pilot states; flows (q_h, q_b) into hose and rod side, anti-cavitation included."""
         p, e = self.p, self.e
         spool = self.add("spool_position", "s_s", "m", 5e-3, -1.0, 1.0)
-        metering = spool
-        if self.active("valve_hysteresis"):
-            follower = self.add("metering_position", "x", "m", 5e-3, -1.0, 1.0)
-            self.rates["metering_position"] = main_valve_orifices.play_rate(follower, spool, p, e)
-            metering = main_valve_orifices.metering(follower, spool, e)
-        passage = cylinder.cushion(p.cylinder.l_p - self.position, e)
+        metering = e.through("metering_position", spool, p=p)
+        passage = e.through("rod_passage", 1.0, distance=p.cylinder.l_p - self.position)
         s = self.structure
         flows = s.metering.flows(metering, hose_pressure, rod_pressure, p, e, s.supply, passage)
         before = len(self.states)
@@ -212,38 +187,18 @@ class _Wiring:
         """Equation of motion from the pressures that act on the piston."""
         p, e = self.p, self.e
         self.force = cylinder.force(head_pressure, rod_pressure, p)
-        self.friction = self.friction_torque() - self.learnt("torque")
-        load = equation_of_motion.load_mass(p, e, self.elapsed())
+        self.friction = friction.torque(self.angle, self.rate, p, e) - self.learnt("torque")
+        load = equation_of_motion.load_mass(p, e)
         inertia = equation_of_motion.inertia(load, p)
-        self.gravity = equation_of_motion.gravity_torque(self.angle, load, p)
+        self.gravity = equation_of_motion.gravity_torque(self.angle, load, p, e)
+        torque = equation_of_motion.torque(self.gravity, self.jacobian, self.force, self.friction)
         self.rates["angle"] = self.rate
-        if self.active("swinging_load"):
-            swing = self.add("swing_angle", "theta", "rad", 0.1, -1.5, 1.5)
-            swing_rate = self.add("swing_rate", "theta'", "rad/s", 0.3)
-            torque = self.jacobian * self.force - self.friction - self.gravity
-            self.rates["swing_angle"] = swing_rate
-            self.rates["rate"], self.rates["swing_rate"] = swinging_load.accelerations(
-                self.angle, self.rate, swing, swing_rate, inertia, torque, p, e
-            )
-        else:
-            self.rates["rate"] = equation_of_motion.acceleration(
-                inertia, self.gravity, self.jacobian, self.force, self.friction
-            )
-        self.seen_angle, self.seen_rate = self.angle, self.rate
-        if self.active("boom_flexibility"):
-            bend = self.add("bend", "x", "rad", 1e-2, -1.0, 1.0)
-            bend_rate = self.add("bend_rate", "x'", "rad/s", 0.1)
-            self.rates["bend"] = bend_rate
-            self.rates["bend_rate"] = boom_flexibility.acceleration(bend, bend_rate, self.rates["rate"], e)
-            self.seen_angle, self.seen_rate = self.angle + bend, self.rate + bend_rate
-
-    def friction_torque(self) -> Any:
-        p, e = self.p, self.e
-        bristle = None
-        if self.active("presliding_friction"):
-            bristle = self.add("bristle_torque", "z", "N m", 4e3)
-            self.rates["bristle_torque"] = friction.bristle_rate(self.angle, self.rate, bristle, p, e)
-        return friction.drift(self.elapsed(), e) * friction.torque(self.angle, self.rate, p, e, bristle)
+        self.rates["rate"] = e.through(
+            "angular_acceleration", torque / inertia,
+            angle=self.angle, rate=self.rate, inertia=inertia, torque=torque, p=p,
+        )  # fmt: skip
+        self.seen_angle = e.through("seen_angle", self.angle, acceleration=self.rates["rate"])
+        self.seen_rate = e.through("seen_rate", self.rate)
 
     def rod_side(self, rod_pressure: Any, inflow: Any) -> None:
         beta = oil.bulk_modulus(rod_pressure, self.p, self.e)
@@ -297,10 +252,8 @@ def full_model(structure: Structure, effects: Iterable[str] = (), learned: Seque
     w.motion(p_a, p_b)
     w.rod_side(p_b, q_b + leakage)
     beta_a = oil.bulk_modulus(p_a, p, e)
-    passage = cylinder.cushion(w.position, e)
     if structure.hose_burst_valve.separates:
-        q_a = structure.hose_burst_valve.flow(w, p_h - p_a)
-        q_a = ca.if_else(q_a < 0, q_a * passage, q_a) if w.active("end_cushioning") else q_a
+        q_a = e.through("head_flow", structure.hose_burst_valve.flow(w, p_h - p_a), position=w.position)
         head, net = cylinder.head_volume(w.position, p), q_a
         w.rates["hose_pressure"] = cylinder.pressure_rate(
             oil.bulk_modulus(p_h, p, e), p.cylinder.V_h, q_h - q_o - q_a + w.learnt("hose_flow")

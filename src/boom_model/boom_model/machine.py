@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import product
 from math import isfinite
 from typing import Any, Literal
 
-from boom_model.effects import active_effects
+from boom_model.catalogue import EFFECTS, active_effects
 from boom_model.equations import namespace
 from boom_model.errors import MachineError, nearest
 from boom_model.learned import LearnedTerm
@@ -21,8 +20,6 @@ from boom_model.structure import Structure
 Confidence = Literal["high", "medium", "low", ""]
 TOLERANCES = {"high": 0.03, "medium": 0.10, "low": 0.30, "": 0.15}
 """How far a number may be off before it is no longer the same machine (machine notes)."""
-LARGEST_OVERLAP = 0.95
-"""Of the stroke: largest dead zone, x_0 + d."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +114,7 @@ class Machine:
             check_range(parameters[key].specification, vector)
             parameters[key] = replace(parameters[key], value=vector)
         result = replace(self, parameters=parameters)
-        check_overlap(result)
+        check_together(result)
         return result
 
     def with_effects(self, effects: Mapping[str, Mapping[str, float]]) -> Machine:
@@ -127,7 +124,7 @@ class Machine:
             MachineError: unknown effect or parameter, a value outside its limits, or a component that is not there.
         """
         result = replace(self, effects=active_effects(dict(effects), self.structure.has))
-        check_overlap(result)
+        check_together(result)
         return result
 
     def pose(self, outer_boom_angle: float, telescope_length: float, load: float = 0.0) -> Pose:
@@ -193,18 +190,13 @@ def check_range(spec: Specification, value: tuple[float, ...], shown: object = N
             raise MachineError(f"{spec.key}: {text} is outside {spec.minimum:g} .. {spec.maximum:g} {spec.unit}")
 
 
-def check_overlap(machine: Machine) -> None:
-    """Refuses a dead zone x_0 + d that is negative or leaves nothing of the stroke.
+def check_together(machine: Machine) -> None:
+    """Refuses an effect that does not go together with the numbers of the machine.
 
     Raises:
         MachineError: names the effect's parameter and the range.
     """
-    for key, (name, change) in product(
-        machine.structure.metering.overlaps, machine.effects.get("valve_dead_zone", {}).items()
-    ):
-        overlap = machine.parameters[key].value[0]
-        if not 0.0 <= overlap + change <= LARGEST_OVERLAP:
-            raise MachineError(
-                f"effects.valve_dead_zone.{name}: {change:g} is outside {-overlap:g} .. {LARGEST_OVERLAP - overlap:g}, "
-                f"with which {key} = {overlap:g} stays within 0 .. {LARGEST_OVERLAP:g} of the stroke"
-            )
+    for name, values in machine.effects.items():
+        check = EFFECTS[name].check
+        if check:
+            check(values, machine)

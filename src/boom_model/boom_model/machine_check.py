@@ -8,10 +8,10 @@ from math import isfinite
 from typing import Any, cast
 
 from boom_model import rigid_body, sensors
-from boom_model.effects import active_effects
+from boom_model.catalogue import active_effects
 from boom_model.errors import MachineError, nearest
 from boom_model.learned import check_learned
-from boom_model.machine import TOLERANCES, Confidence, Machine, Parameter, Pose, check_overlap, check_range
+from boom_model.machine import TOLERANCES, Confidence, Machine, Parameter, Pose, check_range, check_together
 from boom_model.slots import C, component, registered
 from boom_model.specification import Specification, number
 from boom_model.structure import SLOTS, Structure
@@ -98,7 +98,7 @@ def check(document: Any) -> tuple[Machine | None, list[str]]:
         document,
         learned,
     )
-    for step in (_check_positions, _check_areas, _check_links, check_overlap):
+    for step in (_check_positions, _check_areas, _check_links, check_together):
         faults.of(step, machine)
     for part in structure:
         faults.of(part.check, machine.numbers, document.get(part.key[0], {}))

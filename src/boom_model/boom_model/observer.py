@@ -107,8 +107,7 @@ def observe(
     """One pass of the observer over ``samples`` with given gains (n, NX, NY)."""
     n, nx = len(samples.grid) - 1, len(plant.state_names)
     x = np.array(initial_state, dtype=float)
-    if "elapsed_time" in plant.state_names:
-        x[plant.state_names.index("elapsed_time")] = samples.grid[0]
+    plant.set_time(x, samples.grid[0])
     p = plant.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
     innovations, states, report = np.full((n, len(OUTPUTS)), np.nan), np.full((n, nx), np.nan), np.zeros(8)
     g = np.ascontiguousarray(gain)
@@ -182,8 +181,7 @@ def _side_by_side(group: Sequence[Job], tolerance: float) -> list[Observed] | No
     n, nx = len(samples.grid) - 1, len(plant.state_names)
     lanes = [group[min(i, len(group) - 1)] for i in range(LANES)]
     x = np.stack([job[2] for job in lanes], axis=-1)
-    if "elapsed_time" in plant.state_names:
-        x[plant.state_names.index("elapsed_time")] = samples.grid[0]
+    plant.set_time(x, samples.grid[0])
     p = np.stack([job[4] for job in lanes], axis=-1)
     currents = np.repeat(samples.currents[:, :, None], LANES, axis=2)
     innovations, states = np.full((n, len(OUTPUTS), LANES), np.nan), np.empty((n, nx, LANES))

@@ -1,7 +1,7 @@
 """A machine in a pose, compiled: runs, single steps, batches of parameter sets. The numerical face of the package.
 
-Currents are held: u[k] acts from its time to the next one's, before the first and behind the last the nearest. Effect
-``command_delay`` shifts the input's times, ``pressure_delay`` the times at which the pressures are sampled.
+Currents are held: u[k] acts from its time to the next one's, before the first and behind the last the nearest. Effects that delay
+the command shift the input's times, those that delay the pressures the times at which these are sampled.
 """
 
 from __future__ import annotations
@@ -10,15 +10,20 @@ import ctypes
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from boom_model.catalogue import EFFECTS
+from boom_model.catalogue.terms import Terms
 from boom_model.compiled_model import CompiledModel, pointer
+from boom_model.component_numbers import components_of
 from boom_model.equations import INPUTS, Kind
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine, Pose
 from boom_model.sensors import OUTPUTS, PRESSURES
+from boom_model.state import ELAPSED_TIME
 
 Array = NDArray[np.float64]
 
@@ -66,14 +71,10 @@ class Plant(CompiledModel):
         self.maximum: Array = np.array([s.maximum for s in states])
         self.minimum[0], self.maximum[0] = machine.angle_limits
         stroke = LARGEST_SPOOL * machine.numbers.main_valve_spool.s_max
-        for name in {"spool_position", "metering_position"} & set(self.state_names):
-            k = self.state_names.index(name)
-            self.minimum[k], self.maximum[k] = -stroke, stroke
-        names = self.parameter_names
-        self._delay_index = tuple(
-            names.index(name) if name in names else -1
-            for name in ("effects.command_delay.T", "effects.pressure_delay.T")
-        )
+        for k, state in enumerate(states):
+            if "spool_position" in (state.name, state.like):
+                self.minimum[k], self.maximum[k] = -stroke, stroke
+        self._delay_index = tuple(self._delaying(what) for what in ("command", "pressures"))
         self.command_delay, self.pressure_delay = self.delays(self.p)
 
     def with_numbers(self, machine: Machine, pose: Pose) -> Plant:
@@ -109,20 +110,26 @@ class Plant(CompiledModel):
 
         angle [rad]; hose_pressure, rod_pressure [Pa gauge]; parameters (NP,) other numbers than the machine's.
         """
-        number = self._numbers(parameters)
+        return self._at_rest(angle, hose_pressure, rod_pressure, *self._components(parameters))
+
+    def _at_rest(self, angle: float, hose_pressure: float, rod_pressure: float, p: Any, e: Terms) -> Array:
         values = {"angle": angle, "rod_pressure": rod_pressure}
         values |= dict.fromkeys(("head_pressure", "hose_pressure"), hose_pressure)
         for component in self.machine.structure:
-            values |= component.rest(number, hose_pressure)
+            values |= component.rest(p, e, hose_pressure)
+        for effect in (EFFECTS[name] for name in self.equations.effects):
+            if effect.at_rest:
+                values |= effect.at_rest(values, p, e)
         return np.array([values.get(name, 0.0) for name in self.state_names])
 
     def rest_state_measured(
         self, angle: float, hose_pressure: float, rod_pressure: float, parameters: Array | None = None
     ) -> Array:
         """:meth:`rest_state` from what the sensors show [rad, Pa gauge]: offsets that the machine has are taken off."""
-        number = self._numbers(parameters)
-        b, hose, rod = (number[f"effects.{n}"] for n in ("angle_offset.b", "pressure_bias.hose", "pressure_bias.rod"))
-        return self.rest_state(angle - b, hose_pressure - hose, rod_pressure - rod, parameters)
+        p, e = self._components(parameters)
+        shown = {"angle": angle, "hose_pressure": hose_pressure, "rod_pressure": rod_pressure}
+        angle, hose, rod = (value - e.through(f"measured_{name}", 0.0) for name, value in shown.items())
+        return self._at_rest(angle, hose, rod, p, e)
 
     def equilibrium(self, angle: float, rod_pressure: float = 1.0e6) -> Array:
         """Rest state in which the pressures carry the boom without friction: p_a A_a = g / J + p_b A_b."""
@@ -206,7 +213,7 @@ class Plant(CompiledModel):
         u = np.ascontiguousarray(currents, dtype=float)
         x = np.array(initial_state, dtype=float)
         self._check(t_in, u, output_time, x, start)
-        self._set_time(x, start)
+        self.set_time(x, start)
         sampled, late = self._sampling(output_time, pressure_delay)
         states, outputs, report = self._call(t_in, u, sampled, x, p, start, tolerance, order, stop)
         if report[0] != 0:
@@ -217,9 +224,9 @@ class Plant(CompiledModel):
         return states, outputs, x, report
 
     def delays(self, parameters: Array) -> tuple[float, float]:
-        """(``command_delay``, ``pressure_delay``) [s] of a parameter vector (NP,)."""
-        command, pressure = (float(parameters[k]) if k >= 0 else 0.0 for k in self._delay_index)
-        return command, pressure
+        """Dead times of command and pressures [s] of a parameter vector (NP,)."""
+        command, pressures = (sum(float(parameters[k]) for k in index) for index in self._delay_index)
+        return command, pressures
 
     def stepper(self, initial_state: ArrayLike, *, tolerance: float = 1e-5) -> Stepper:
         """Single steps from a state, for real time and lockstep."""
@@ -227,10 +234,20 @@ class Plant(CompiledModel):
 
     # ------------------------------------------------------------------------------------------------------ internals
 
-    def _set_time(self, x: Array, begin: float) -> None:
-        """The state ``elapsed_time``, where an effect brings it, is the time of the run itself."""
-        if "elapsed_time" in self.state_names:
-            x[self.state_names.index("elapsed_time")] = begin
+    def _delaying(self, what: str) -> tuple[int, ...]:
+        """Where the dead times of ``what`` stand in the parameter vector."""
+        delays = (EFFECTS[name] for name in self.equations.effects if EFFECTS[name].delays == what)
+        return tuple(self.parameter_names.index(f"effects.{e.id}.{e.parameters[0].name}") for e in delays)
+
+    def _components(self, parameters: Array | None = None) -> tuple[Any, Terms]:
+        """(p, e) as the components take them."""
+        p = self.p if parameters is None else parameters
+        return components_of(dict(zip(self.parameter_names, (float(v) for v in p), strict=True)))
+
+    def set_time(self, x: Array, begin: float) -> None:
+        """The elapsed time, where an effect needs it as a state, is the time of the run itself."""
+        if ELAPSED_TIME.name in self.state_names:
+            x[self.state_names.index(ELAPSED_TIME.name)] = begin
 
     def _sampling(self, t_out: Array, delay: float) -> tuple[Array, tuple[NDArray[np.int64], NDArray[np.int64]] | None]:
         """Times at which the run is sampled, and where among them the outputs and the delayed pressures are."""

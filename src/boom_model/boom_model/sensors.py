@@ -1,7 +1,6 @@
 """What the machine measures, and how (ch. 4.2 and 6.4): angle, angular velocity, p_h and p_b.
 
-Effects: ``angle_offset`` y = q_2 + b, ``rate_scale`` y = a q_2', ``pressure_bias`` y = p + b; ``pressure_delay``
-y = p(t - T) is applied where the outputs are sampled (``boom_model.plant``). :class:`SensorNoise` holds the quantisation and
+:class:`SensorNoise` holds the quantisation and
 noise of ch. 6.4; PSD_p is read as 3e6 Pa^2/Hz (machine notes): sigma = sqrt(PSD / T_s), 0.17 bar at 100 Hz.
 """
 
@@ -35,13 +34,8 @@ PRESSURES = np.array([sensor.is_pressure for sensor in PREDICTED])
 
 def measured(angle: Expression, rate: Expression, hose_pressure: Expression, rod_pressure: Expression, e: Any) -> Any:
     """y in the order of ``OUTPUTS`` [SI, pressures gauge], without noise."""
-    y = {
-        "angle": angle + e.angle_offset.b,
-        "rate": rate * e.rate_scale.a,
-        "hose_pressure": hose_pressure + e.pressure_bias.hose,
-        "rod_pressure": rod_pressure + e.pressure_bias.rod,
-    }
-    return ca.vertcat(*(y[name] for name in OUTPUTS))
+    y = {"angle": angle, "rate": rate, "hose_pressure": hose_pressure, "rod_pressure": rod_pressure}
+    return ca.vertcat(*(e.through(f"measured_{name}", y[name]) for name in OUTPUTS))
 
 
 @dataclass(frozen=True)

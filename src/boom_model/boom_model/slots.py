@@ -23,7 +23,8 @@ class Wiring(Protocol):
     """What the equations of a component may ask of the model that they become part of.
 
     Attributes:
-        p, e: numbers of the machine by section, ``p.cylinder.A_a``, and of the effects. u: (i_+, i_-) [A].
+        p: numbers of the machine by section, ``p.cylinder.A_a``. e: terms of the active effects, through which goes what they may
+            change. u: (i_+, i_-) [A].
         rates: state -> its derivative; every state that a component adds needs one.
     """
 
@@ -37,9 +38,6 @@ class Wiring(Protocol):
 
     def add_pressure(self, name: str, symbol: str) -> Any:
         """A new state that is a pressure [Pa gauge]."""
-
-    def active(self, effect: str) -> bool:
-        """Whether an effect is part of the model."""
 
     def pilot_difference(self, spool: Expression) -> Expression:
         """p_+ - p_- [Pa] of the machine's pilot stage, which pushes the spool at s_s [m]; learnt terms included."""
@@ -66,7 +64,7 @@ class Component:
         offers: what effects may need (``Effect.needs``).
         check: raises MachineError where numbers do not go together, given the numbers by section and the file's own section.
         data: rows (meaning, value) of what its numbers mean on a data sheet, given the numbers by section.
-        rest: states that are not zero at rest, given all numbers by dotted name and the head side's pressure [Pa].
+        rest: its states that are not zero at rest, for (p, e, pressure of the head side [Pa]).
     """
 
     slot: ClassVar[str]
@@ -88,7 +86,7 @@ class Component:
     offers: frozenset[str] = frozenset()
     check: Callable[[Any, Mapping[str, Any]], None] = _zero
     data: Callable[[Any], tuple[tuple[str, str], ...]] = _none
-    rest: Callable[[Mapping[str, float], float], Mapping[str, float]] = field(default=lambda number, pressure: {})
+    rest: Callable[[Any, Any, float], Mapping[str, float]] = field(default=lambda p, e, pressure: {})
 
     def __reduce__(self) -> tuple[Any, ...]:
         return component, (type(self), self.name)

@@ -14,12 +14,13 @@ from math import isfinite
 from pathlib import Path
 
 from boom_input.channels import PREDICTED
-from boom_model.effects import CATALOGUE
-from boom_model.equations import INPUTS, State, full_model, reduced_model
+from boom_model.catalogue import CATALOGUE
+from boom_model.equations import INPUTS, full_model, reduced_model
 from boom_model.errors import ModelError
 from boom_model.machine_file import load_machine
 from boom_model.slots import registered
 from boom_model.specification import Specification
+from boom_model.state import State
 from boom_model.structure import SLOTS, structure
 
 _MARK = "<!-- {name}: {end} (made by python -m boom_model.theory) -->"
@@ -28,9 +29,6 @@ _STATE_EQUATIONS = {
     "angle": "5.39a", "rate": "5.39a", "head_pressure": "5.39c, 5.47c", "rod_pressure": "5.39d, 5.47d",
     "hose_pressure": "5.39i", "accumulator_pressure_1": "5.39g", "accumulator_pressure_2": "5.39h",
     "spool_position": "5.39n", "spool_velocity": "5.39n,o", "pilot_retract": "5.39p", "pilot_extend": "5.39s",
-    "hose_burst_valve_conductance": "5.39f", "elapsed_time": "-", "swing_angle": "-", "swing_rate": "-", "bend": "-",
-    "bend_rate": "-", "bristle_torque": "5.39b", "metering_position": "5.39l,m", "accumulator_entropy_1": "5.39g",
-    "accumulator_ambient_1": "5.39g", "accumulator_entropy_2": "5.39h", "accumulator_ambient_2": "5.39h",
 }  # fmt: skip
 _INPUT_SYMBOLS = ("i_+", "i_-")
 _AUXILIARY = {
@@ -73,7 +71,7 @@ def symbols_table() -> str:
                 state.symbol,
                 f"state `{state.name}`",
                 state.unit,
-                _STATE_EQUATIONS.get(state.name, "-"),
+                _STATE_EQUATIONS.get(state.name, state.equation),
                 model,
                 _range(state.minimum, state.maximum),
             )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from boom_model.effects import CATALOGUE
+from boom_model.catalogue import CATALOGUE
 from boom_model.machine import Machine, Pose
 
 PRECHARGE, BULK_MODULUS, FRICTION, LOAD = (0.76, 1.1), (0.2, 1.0), (0.5, 1.5), (0.0, 2000.0)

@@ -6,18 +6,19 @@ import copy
 from collections.abc import Callable
 from functools import cache
 from importlib import resources
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 
-from boom_model.effects import EFFECTS
+from boom_model.catalogue import check_effects
+from boom_model.catalogue.terms import Terms
 from boom_model.equations import namespace
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
+from boom_model.state import State
 
 
 @pytest.fixture(scope="session")
@@ -44,20 +45,29 @@ def p(tz17: Machine) -> Any:
     return namespace(tz17.values(tz17.pose(4.59, 0.0)))
 
 
-@pytest.fixture(scope="session")
-def effects() -> Callable[..., SimpleNamespace]:
-    """Parameters of all effects, neutral but for what is given: effects(piston_leakage={"c": 1e-12})."""
+class HeldStates:
+    """Numbers for the states of effects: what a term makes of them is in ``rates``."""
 
-    def make(**given: dict[str, float]) -> SimpleNamespace:
-        return namespace(
-            {
-                f"{x.id}.{row.name}": given.get(x.id, {}).get(row.name, row.neutral)
-                for x in EFFECTS.values()
-                for row in x.parameters
-            }
-        )
+    def __init__(self, **numbers: float) -> None:
+        self.numbers, self.rates = numbers, dict[str, Any]()
+
+    def add_state(self, state: State) -> float:
+        return self.numbers[state.name]
+
+
+@pytest.fixture(scope="session")
+def effects() -> Callable[..., Terms]:
+    """Terms of the active effects: effects(piston_leakage={"c": 1e-12}), others of their numbers neutral."""
+
+    def make(states: HeldStates | None = None, **given: dict[str, float]) -> Terms:
+        return Terms(check_effects(given), states)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def held() -> type[HeldStates]:
+    return HeldStates
 
 
 @pytest.fixture(scope="session")

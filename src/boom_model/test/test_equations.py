@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from boom_model.effects import CATALOGUE, EFFECTS
+from boom_model.catalogue import CATALOGUE, EFFECTS
 from boom_model.equations import full_model, parameter_names, reduced_model
 from boom_model.errors import ModelError
 from boom_model.machine import Machine

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from boom_model.effects import CATALOGUE
+from boom_model.catalogue import CATALOGUE
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine
 from boom_model.plant import Plant

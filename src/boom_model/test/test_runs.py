@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from boom_model.batch import run_sets
+from boom_model.catalogue import CATALOGUE
 from boom_model.components import accumulator
-from boom_model.effects import CATALOGUE
 from boom_model.equations import namespace
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine

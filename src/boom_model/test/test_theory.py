@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from boom_model import theory
-from boom_model.effects import CATALOGUE
+from boom_model.catalogue import CATALOGUE
 from boom_model.errors import ModelError
 from boom_model.machine import Machine
 

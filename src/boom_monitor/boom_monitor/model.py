@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_estimation.unknown import PRECHARGE_TOLERANCE
-from boom_model.effects import EFFECTS
+from boom_model.catalogue import EFFECTS
 from boom_model.machine import TOLERANCES, Machine, Pose
 from boom_model.observer import compile_abreast
 from boom_model.plant import Plant
@@ -36,20 +36,8 @@ _CERTAIN = (
     "main_valve_orifices.n",
     "accumulators.kappa",
 )
-# Act on the times of inputs and samples, begin at a time, or bring fast states of their own: not in these equations.
-_LEFT_OUT = (
-    "command_delay", "pressure_delay", "payload_change", "friction_drift", "presliding_friction", "valve_hysteresis",
-    "accumulator_heat_loss",
-)  # fmt: skip
-# What is as good as nothing where a millionth of the plausible range is not: too stiff, or without a derivative.
-_ALMOST_NOTHING = {
-    ("hose_burst_valve_lag", "tau"): 3e-4, ("swinging_load", "mass"): 1.0, ("boom_flexibility", "gain"): 1e-3,
-    ("pump_flow_limit", "inverse_q_max"): 60_000 / 400,
-}  # fmt: skip
+# Share of the plausible range that is as good as nothing, where an effect says no other value.
 _FIRST_ONLY = 1e-6
-# The derivative at nothing says little about half of the range: here a difference stands for it, to half of the range or as far as
-# it takes to see anything: a pump of 120 l/min limits nothing that the valve asks.
-_CURVED = {"entrained_air": 1.0, "pump_flow_limit": 2.0}
 
 
 @dataclass(frozen=True)
@@ -150,8 +138,8 @@ class WatchModel:
         by_cause = ca.densify(ca.mtimes(ca.jacobian(m.derivative, m.p), along))
         rates = ca.Function("rates", [m.x, m.u, m.p], [m.derivative])
         for k, suspect in enumerate(self.suspects, start=len(self.tolerated)):
-            if suspect.effect in _CURVED:
-                reach = _CURVED[suspect.effect]
+            reach = EFFECTS[suspect.effect].reach
+            if reach:
                 by_cause[:, k] = (rates(m.x, m.u, m.p + reach * along[:, k]) - m.derivative) / reach
         outputs = [
             ca.jacobian(m.derivative, m.x), by_cause, ca.jacobian(m.derivative, m.u),
@@ -180,11 +168,13 @@ class WatchModel:
 def _switched_on(machine: Machine) -> dict[str, dict[str, float]]:
     return {
         effect.id: {
-            row.name: _ALMOST_NOTHING.get((effect.id, row.name), row.neutral + _FIRST_ONLY * (row.high - row.low))
+            row.name: row.neutral + _FIRST_ONLY * (row.high - row.low)
+            if row.almost_nothing is None
+            else row.almost_nothing
             for row in effect.parameters
         }
         for effect in EFFECTS.values()
-        if effect.id not in _LEFT_OUT and machine.structure.has(effect.needs)
+        if effect.watched and machine.structure.has(effect.needs)
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from boom_model.effects import SUBSYSTEM_NAMES, effect_name
+from boom_model.catalogue import SUBSYSTEM_NAMES, effect_name
 from boom_monitor.watch import Alarm, Status
 
 _MENTIONED = 0.15  # share from which another subsystem is named too

@@ -12,7 +12,7 @@ import report_cases as cases
 from headless_browser import faults
 
 from boom_diagnosis.document import SUBSYSTEMS, Alternative, Estimate
-from boom_model.effects import EFFECTS
+from boom_model.catalogue import EFFECTS
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Event
 from boom_report.console import console_for

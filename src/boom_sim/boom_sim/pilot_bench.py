@@ -67,7 +67,7 @@ def measure(
     current = _from_rest(voltage / RESISTANCE, float(wanted[0]), decay)
     p, e = component_parameters(machine, pose)
     pole = float(pilot_valve.state_rate(1.0, 0.0, p, e))
-    delay = round(e.command_delay.T / _STEP)
+    delay = round(e.delay("command") / _STEP)
     acting = np.concatenate((np.full(delay, current[0]), current[: len(current) - delay]))
     state = _from_rest(-acting / pole, -float(wanted[0]) / pole, np.exp(pole * _STEP))
     pressure = np.asarray(pilot_valve.pressure(state, acting, p, e), float)

@@ -26,6 +26,7 @@ def piston_leakage(size: float, r: Array, scene: Scene) -> Hidden:
     (1e7, 1e12),
     "a laminar gap whose resistance grows with the overlap",
     manner="ends",
+    stretched=True,
 )
 def end_cushioning(size: float, r: Array, scene: Scene) -> Hidden:
     """A spear enters before the end of stroke."""
@@ -142,6 +143,7 @@ def flow_force(size: float, r: Array, scene: Scene) -> Hidden:
     "a spring that hardens",
     twins=("main_valve_spool.k", "pilot_valves.h.0"),
     tolerance=0.212,
+    met="spring_factor",
 )
 def spring_rate(size: float, r: Array, scene: Scene) -> Hidden:
     """Return spring, or pilot gain."""

@@ -40,6 +40,7 @@ def payload_change(size: float, r: Array, scene: Scene) -> Hidden:
     "kg",
     (2.0, 2500.0),
     "a pendulum of any swing with a drag that grows with it, pulling along its rope",
+    stretched=True,
 )
 def swinging_load(size: float, r: Array, scene: Scene) -> Hidden:
     """A load on a rope."""

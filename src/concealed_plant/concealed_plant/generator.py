@@ -207,7 +207,7 @@ def _manner(spec: CaseSpec) -> str:
 def _crane(spec: CaseSpec, file: MachineFile, rng: np.random.Generator) -> _Crane:
     """A specimen in a pose that suits the case."""
     names = [name for name, _ in spec.effects]
-    if "swinging_load" in names or "end_cushioning" in names or rng.uniform() < 0.5:
+    if any(CONCEALMENTS[name].stretched for name in names) or rng.uniform() < 0.5:
         q3, q4 = _POSES[int(rng.integers(1, 3))]
     elif rng.uniform() < 0.5:
         q3, q4 = _POSES[0]
@@ -244,10 +244,8 @@ def _halfway(spec: CaseSpec) -> dict[str, float]:
 
     The undisturbed and the affected crane are run on his currents; he keeps both in range by steering what lies between.
     """
-    factors = [
-        0.75 * CONCEALMENTS[name].tolerance * strength for name, strength in spec.effects if name == "spring_rate"
-    ]
-    return {"spring_factor": 1.0 + factors[0]} if factors else {}
+    rows = ((CONCEALMENTS[name], strength) for name, strength in spec.effects)
+    return {row.met: 1.0 + 0.75 * row.tolerance * strength for row, strength in rows if row.met}
 
 
 def _at_work(crane: _Crane, rng: np.random.Generator, manner: str, changes: Mapping[str, float]) -> Setting:

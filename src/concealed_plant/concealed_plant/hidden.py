@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +100,8 @@ class Concealment:
         manner: kind of work that shows it ("" any, see ``operator``).
         twins: numbers of the machine that it is, once they are out of tolerance.
         tolerance: size at which these leave their tolerance, 0 without them.
+        stretched: only a crane with its outer boom stretched out shows it.
+        met: quantity, neutral at 1, of which the operator of the first recording meets half already, because every motion shows it.
     """
 
     id: str
@@ -112,21 +115,20 @@ class Concealment:
     manner: str = ""
     twins: tuple[str, ...] = ()
     tolerance: float = 0.0
+    stretched: bool = False
+    met: str = ""
 
 
 REGISTER: dict[str, Concealment] = {}
 
 
 def conceals(
-    name: str, subsystems: str, unit: str, sizes: tuple[float, float], form: str, *, known: bool = True, manner: str = "",
-    twins: tuple[str, ...] = (), tolerance: float = 0.0,
-) -> Callable[[Builder], Builder]:  # fmt: skip
-    """Registers a builder; ``subsystems`` separated by blanks."""
+    name: str, subsystems: str, unit: str, sizes: tuple[float, float], form: str, **further: Any
+) -> Callable[[Builder], Builder]:
+    """Registers a builder; ``subsystems`` separated by blanks, ``further``: of :class:`Concealment`, by name."""
 
     def register(build: Builder) -> Builder:
-        REGISTER[name] = Concealment(
-            name, tuple(subsystems.split()), unit, *sizes, form, build, known, manner, twins, tolerance
-        )
+        REGISTER[name] = Concealment(name, tuple(subsystems.split()), unit, *sizes, form, build, **further)
         return build
 
     return register

@@ -134,8 +134,8 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
     further: Any = v.load
     position, jacobian = kinematics(v.angle)
     reference_position, reference_jacobian = kinematics(v.reference_angle)
-    gravity = equation_of_motion.gravity_torque(v.angle, load, p)
-    reference_gravity = equation_of_motion.gravity_torque(v.reference_angle, load, p)
+    gravity = equation_of_motion.gravity_torque(v.angle, load, p, e)
+    reference_gravity = equation_of_motion.gravity_torque(v.reference_angle, load, p, e)
     reference_friction = torque(v.reference_angle, reference_jacobian, v.reference_rate)
     wanted = (inertia * v.reference_acceleration + reference_gravity + reference_friction) / reference_jacobian
     along = ca.vertcat(v.reference_rate, v.reference_acceleration, v.reference_jerk)

@@ -15,7 +15,7 @@ import casadi as ca
 
 from boom_controller.blocks.limits import limited
 from boom_controller.errors import ControlError
-from boom_model.components import pilot_valve
+from boom_model.components import main_valve_spool, pilot_valve
 from boom_model.components.pilot_valve import BAR
 from boom_model.machine import Machine
 from boom_model.regularisation import Expression
@@ -44,7 +44,7 @@ class StaticPilot:
     def __init__(self, p: Any, e: Any) -> None:
         self._h: tuple[float, float, float] = p.pilot_valves.h
         s = p.main_valve_spool
-        self.stiffness = float(s.k * e.spring_rate.r / s.A_s)
+        self.stiffness = float(main_valve_spool.spring(p, e) / s.A_s)
         self.largest = self.stiffness * float(s.s_max)
 
     def current(self, pressure: Expression) -> Expression:
@@ -72,12 +72,11 @@ class PilotValve:
     """One pilot valve, followed from the commanded currents: exact for held currents, (5.7c)."""
 
     def __init__(self, p: Any, e: Any, sample_time: float) -> None:
-        v = p.pilot_valves
-        a1 = v.a1_s / e.pilot_lag.r
+        a1 = pilot_valve.pole(p, e)
         self._p, self._e = p, e
         self.phi = exp(a1 * sample_time)
         self.gamma = (self.phi - 1.0) / a1
-        self.b0, self.b1 = v.b0_s / e.pilot_lag.r, v.b1_s
+        self.b0, self.b1 = pilot_valve.gain(p, e), p.pilot_valves.b1_s
 
     def output(self, x: PilotState) -> Expression:
         """nu [A] now, under the current of the last interval."""

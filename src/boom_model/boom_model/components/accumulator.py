@@ -5,17 +5,10 @@
 
 The gate of (5.39j,k) is smoothed: the outflow is multiplied by u / sqrt(1 + u^2), u = max(0, p_o - p_g0) / GATE_WIDTH;
 as a jump it overshoots and costs ten times the steps. Valid for p_o > 0.
-Effects (neutral value):
-
-* ``accumulator_precharge`` multiplies both pre-charge pressures by r (1), ``accumulator_restrictor`` both orifice diameters (1).
-* ``accumulator_heat_loss``: the gas exchanges heat with its surroundings. Its entropy, as e = ln(p V_g^kappa / zeta_0), is a
-  state, e' = -(1 - T_a / T) / tau with T ~ p V_g, and (3.19) holds with the pre-charge p_g0 exp(e) and the further term p e'. T_a
-  is the temperature at the start of the run, where the gas is taken to have rested (1 / tau = 0: no states, adiabatic).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import pi
 from typing import Any
 
@@ -67,15 +60,6 @@ def pressure_rate(
     return bulk_modulus * driven / (stiffness * a.V_g0 + (bulk_modulus - stiffness) * volume)
 
 
-def entropy_rate(
-    pressure: Expression, entropy: Expression, ambient: Expression, precharge: Expression, p: Any, e: Any
-) -> Expression:
-    """e' [1/s]; ``ambient`` is T_a relative to the temperature at pre-charge, on the nominal adiabat."""
-    volume = gas_volume(pressure, precharge * ca.exp(entropy), p)
-    temperature = ca.fmax(pressure, LOWEST_PRESSURE) * volume / (precharge * p.accumulators.V_g0)
-    return -(1 - ambient / temperature) * e.accumulator_heat_loss.inverse_tau
-
-
 def orifice_flow(
     hose_pressure: Expression, pressure: Expression, precharge: Expression, diameter: Expression, p: Any
 ) -> Expression:
@@ -100,8 +84,9 @@ def compliance(pressure: Expression, precharge: Expression, bulk_modulus: Expres
 
 def cells(p: Any, e: Any) -> tuple[tuple[Expression, Expression], ...]:
     """Pre-charge pressure [Pa] and orifice diameter [m] of both."""
-    a, charge, diameter = p.accumulators, e.accumulator_precharge.r, e.accumulator_restrictor.r
-    return (a.p_g0_1 * charge, a.d_1 * diameter), (a.p_g0_2 * charge, a.d_2 * diameter)
+    a = p.accumulators
+    numbers = (a.p_g0_1, a.d_1), (a.p_g0_2, a.d_2)
+    return tuple((e.through("precharge", precharge), e.through("throat", diameter)) for precharge, diameter in numbers)
 
 
 def compliances(pressure: Expression, bulk_modulus: Expression, p: Any, e: Any) -> tuple[Expression, ...]:
@@ -115,28 +100,16 @@ def _flow(w: Wiring, hose_pressure: Expression) -> Expression:
     for i, (precharge, diameter) in enumerate(cells(p, e), 1):
         name = f"accumulator_pressure_{i}"
         p_o = w.add_pressure(name, f"p_o,{i}")
-        heat: Any = 0.0
-        if w.active("accumulator_heat_loss"):
-            entropy = w.add(f"accumulator_entropy_{i}", f"e_{i}", "-", 0.1)
-            ambient = w.add(f"accumulator_ambient_{i}", f"T_a,{i}", "-", 1.0)
-            heat = entropy_rate(p_o, entropy, ambient, precharge, p, e)
-            w.rates[f"accumulator_entropy_{i}"] = heat
-            w.rates[f"accumulator_ambient_{i}"] = ca.SX(0.0)
-            precharge = precharge * ca.exp(entropy)
-        flow = orifice_flow(hose_pressure, p_o, precharge, diameter, p)
-        w.rates[name] = pressure_rate(p_o, flow, precharge, p.fluid.beta, p, heat)
+        adiabat = e.through("adiabat", precharge, number=i, pressure=p_o, p=p)
+        heat = e.through("entropy_rate", 0.0, number=i)
+        flow = orifice_flow(hose_pressure, p_o, adiabat, diameter, p)
+        w.rates[name] = pressure_rate(p_o, flow, adiabat, p.fluid.beta, p, heat)
         total = total + flow
     return total
 
 
-def _rest(number: Mapping[str, float], pressure: float) -> dict[str, float]:
-    exponent = (number["accumulators.kappa"] - 1) / number["accumulators.kappa"]
-    result = {}
-    for i in (1, 2):
-        precharge = number[f"accumulators.p_g0_{i}"] * number["effects.accumulator_precharge.r"]
-        result[f"accumulator_pressure_{i}"] = p_o = max(pressure, precharge)
-        result[f"accumulator_ambient_{i}"] = (p_o / precharge) ** exponent  # the gas has rested on the nominal adiabat
-    return result
+def _rest(p: Any, e: Any, pressure: float) -> dict[str, float]:
+    return {f"accumulator_pressure_{i}": max(pressure, precharge) for i, (precharge, _) in enumerate(cells(p, e), 1)}
 
 
 def _data(p: Any) -> tuple[tuple[str, str], ...]:

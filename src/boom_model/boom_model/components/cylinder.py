@@ -4,16 +4,13 @@
     p_b' = beta / (V_0b + (l_p - s_p) A_b) (q_b + w_p A_b + q_l)
     f_p = p_a A_a - p_b A_b
 
-a is the head side (extends, lifts), b the rod side. Effect ``piston_leakage``: laminar flow past the piston seal
-q_l = c (p_a - p_b), neutral c = 0. Effect ``end_cushioning``: within ``length`` of an end of stroke the outflow of the chamber
-that shrinks passes a throttle, which takes up to the share k of its passage (neutral k = 0). Valid for 0 <= s_p <= l_p.
+a is the head side (extends, lifts), b the rod side; q_l, the flow past the piston seal, is zero but for effects. Valid for
+0 <= s_p <= l_p.
 """
 
 from __future__ import annotations
 
 from typing import Any
-
-import casadi as ca
 
 from boom_model.regularisation import Expression
 from boom_model.specification import Specification
@@ -49,10 +46,4 @@ def force(head_pressure: Expression, rod_pressure: Expression, p: Any) -> Expres
 
 def leakage(head_pressure: Expression, rod_pressure: Expression, e: Any) -> Expression:
     """q_l [m^3/s] from the head to the rod side."""
-    return e.piston_leakage.c * (head_pressure - rod_pressure)
-
-
-def cushion(distance: Expression, e: Any) -> Expression:
-    """Share of the passage [-] that is left for the outflow, ``distance`` [m] before the end of stroke."""
-    c = e.end_cushioning
-    return 1 - c.k * ca.fmin(ca.fmax(1 - distance / c.length, 0.0), 1.0)
+    return e.through("leakage", 0.0, head_pressure=head_pressure, rod_pressure=rod_pressure)

@@ -6,8 +6,7 @@
 
 D_0 and (S_x, S_y) are inertia and first moment about the boom joint of everything that moves, in the boom's frame
 (x along the boom), without the load; tip = (t_x, t_y) is the tip hinge, at which the load m hangs as a point mass
-(machine notes; the thesis has D and g as MATLAB functions only). m is the mass that the configuration tells plus those of
-the effects ``payload`` and ``payload_change`` (neutral: 0 kg); the latter is attached within some 10 ms at t_g, at the tip's speed.
+(machine notes; the thesis has D and g as MATLAB functions only). m is the mass that the configuration tells.
 """
 
 from __future__ import annotations
@@ -18,9 +17,6 @@ import casadi as ca
 
 from boom_model.regularisation import Expression
 from boom_model.specification import Specification
-
-GRASP_TIME = 0.01
-"""s. Width of the tanh with which a load is grasped or released."""
 
 SPECIFICATIONS = (
     Specification("constants.g", "g_0", "m/s^2", "gravity", 9.7, 9.9, "3.4"),
@@ -33,11 +29,9 @@ SPECIFICATIONS = (
 """The section ``pose`` is not in the machine file: it follows from it, the pose of the locked joints and the load."""
 
 
-def load_mass(p: Any, e: Any, elapsed: Expression = 0.0) -> Expression:
-    """m [kg]: the configuration's load, ``payload`` and, from t_g on, ``payload_change``; ``elapsed`` [s]."""
-    c = e.payload_change
-    grasped = 0.5 * (1 + ca.tanh((elapsed - c.t_g) / GRASP_TIME))
-    return p.pose.load + e.payload.mass + c.mass * grasped
+def load_mass(p: Any, e: Any) -> Expression:
+    """m [kg]."""
+    return e.through("load_mass", p.pose.load)
 
 
 def inertia(load: Expression, p: Any) -> Expression:
@@ -45,15 +39,13 @@ def inertia(load: Expression, p: Any) -> Expression:
     return p.pose.D0 + load * (p.pose.tip[0] ** 2 + p.pose.tip[1] ** 2)
 
 
-def gravity_torque(angle: Expression, load: Expression, p: Any) -> Expression:
+def gravity_torque(angle: Expression, load: Expression, p: Any, e: Any) -> Expression:
     """g(q_2) [N m] at the boom angle q_2 [rad] with the load [kg]."""
     along = p.pose.Sx + load * p.pose.tip[0]
     across = p.pose.Sy + load * p.pose.tip[1]
-    return p.constants.g * (along * ca.cos(angle) - across * ca.sin(angle))
+    return e.through("gravity_torque", p.constants.g * (along * ca.cos(angle) - across * ca.sin(angle)), angle=angle)
 
 
-def acceleration(
-    inertia: Expression, gravity: Expression, jacobian: Expression, force: Expression, friction: Expression
-) -> Expression:
-    """q_2'' [rad/s^2] from D, g(q_2), J [m/rad], f_p [N] and tau_f [N m]."""
-    return (jacobian * force - friction - gravity) / inertia
+def torque(gravity: Expression, jacobian: Expression, force: Expression, friction: Expression) -> Expression:
+    """D q_2'' [N m] from g(q_2), J [m/rad], f_p [N] and tau_f [N m]."""
+    return jacobian * force - friction - gravity

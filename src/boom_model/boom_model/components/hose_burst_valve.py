@@ -11,11 +11,6 @@ takes over from the second without a corner: a boom at rest stands there, and a 
 which jumps across it with every sample, ten times the steps (docs/performance.md). (5.29) demands that the second and third
 branch meet with equal slope, so two coefficients follow from the others: a_22 = (a_21 - a_31)^2 / (-4 a_30),
 node = 2 a_30 / (a_21 - a_31); the rounded numbers that the thesis prints differ from these by under 1.5 %.
-
-Effects: ``hose_burst_valve_setting`` multiplies the limited branches by r (neutral 1: a_21 r, a_30 r, a_31 r, which keeps
-the node). ``hose_burst_valve_lag``: the poppet needs time to throttle. While oil leaves the cylinder, q_a = G dp with the
-conductance G as a state, tau G' = G_limited(min(dp, 0)) - G, where G_limited is the stationary q_a / dp of the limited
-branches; towards the cylinder the check valve opens without delay (neutral tau = 0: no state, G is stationary).
 """
 
 from __future__ import annotations
@@ -27,7 +22,7 @@ import casadi as ca
 
 from boom_model.errors import MachineError
 from boom_model.regularisation import Expression
-from boom_model.slots import HoseBurstValve, Wiring, register
+from boom_model.slots import HoseBurstValve, register
 from boom_model.specification import Specification, number
 
 OPENING = 1.0e3
@@ -50,23 +45,29 @@ def smooth_node(a21: Expression, a30: Expression, a31: Expression) -> tuple[Expr
     return (a21 - a31) ** 2 / (-4 * a30), 2 * a30 / (a21 - a31)
 
 
+def limited_branches(p: Any, e: Any) -> tuple[Expression, Expression, Expression]:
+    """(a_21 [l/min/bar], a_30 [l/min], a_31 [l/min/bar])."""
+    v = p.hose_burst_valve
+    a21, a30, a31 = (e.through("limited_flow", coefficient) for coefficient in (v.a21, v.a30, v.a31))
+    return a21, a30, a31
+
+
 def limited_conductance(drop: Expression, p: Any, e: Any) -> Expression:
     """Stationary G = q_a / dp [m^3/s/Pa] of the limited branches at dp = p_h - p_a [Pa]; that of dp = 0 above zero."""
-    v, r = p.hose_burst_valve, e.hose_burst_valve_setting.r
-    a21, a30, a31 = v.a21 * r, v.a30 * r, v.a31 * r
+    v = p.hose_burst_valve
+    a21, a30, a31 = limited_branches(p, e)
     a22, node = smooth_node(a21, a30, a31)
     d = ca.fmin(drop / v.unit_pressure, 0.0)
     plateau = a31 + a30 / ca.fmin(d, node)
     return ca.if_else(d >= node, a21 + a22 * d, plateau) * (v.unit_flow / v.unit_pressure)
 
 
-def flow(drop: Expression, p: Any, e: Any, conductance: Expression | None = None) -> Expression:
-    """q_a [m^3/s] at dp = p_h - p_a [Pa], (5.28); with the conductance [m^3/s/Pa] of a lagging poppet if given."""
+def flow(drop: Expression, p: Any, e: Any) -> Expression:
+    """q_a [m^3/s] at dp = p_h - p_a [Pa], (5.28)."""
     v = p.hose_burst_valve
     d = ca.fmax(drop / v.unit_pressure, 0.0)
     free = (v.a11 * d + v.a12 * d / ca.sqrt(d + v.dp_lin)) * v.unit_flow
-    g = limited_conductance(drop, p, e) if conductance is None else conductance
-    limited = g * drop
+    limited = e.through("limited_conductance", limited_conductance(drop, p, e)) * drop
     open_ = ca.fmin(ca.fmax(drop / OPENING, 0.0), 1.0)
     share = open_**2 * (3 - 2 * open_)
     return ca.if_else(drop > 0, (1 - share) * limited + share * free, limited)
@@ -77,8 +78,8 @@ def pressure_drop(flow: Expression, p: Any, e: Any) -> Expression:
 
     The branches are inverted in closed form; the positive one without dp_lin (0.02 bar), which is below resolution.
     """
-    v, r = p.hose_burst_valve, e.hose_burst_valve_setting.r
-    a21, a30, a31 = v.a21 * r, v.a30 * r, v.a31 * r
+    v = p.hose_burst_valve
+    a21, a30, a31 = limited_branches(p, e)
     a22, node = smooth_node(a21, a30, a31)
     q = flow / v.unit_flow
     up = ca.fmax(q, 0.0)
@@ -89,21 +90,6 @@ def pressure_drop(flow: Expression, p: Any, e: Any) -> Expression:
     linear = (q - a30) / a31
     drop = ca.if_else(q >= 0, root**2, ca.if_else(q >= at_node, quadratic, linear))
     return drop * v.unit_pressure
-
-
-def _flow(w: Wiring, drop: Expression) -> Expression:
-    if not w.active("hose_burst_valve_lag"):
-        return flow(drop, w.p, w.e)
-    conductance = w.add("hose_burst_valve_conductance", "G", "m^3/s/Pa", 1e-8, 2e-11)
-    stationary = limited_conductance(drop, w.p, w.e)
-    w.rates["hose_burst_valve_conductance"] = (stationary - conductance) / w.e.hose_burst_valve_lag.tau
-    return flow(drop, w.p, w.e, conductance)
-
-
-def _rest(number: Mapping[str, float], _: float) -> dict[str, float]:
-    v = {name: number[f"hose_burst_valve.{name}"] for name in ("a21", "unit_flow", "unit_pressure")}
-    slope = v["a21"] * number["effects.hose_burst_valve_setting.r"]
-    return {"hose_burst_valve_conductance": slope * (v["unit_flow"] / v["unit_pressure"])}
 
 
 def _check(p: Any, section: Mapping[str, Any]) -> None:
@@ -124,6 +110,7 @@ register(HoseBurstValve(
     name="flow_limiting", meaning="limits the flow out of the cylinder",
     term="q_a = a_11 dp + a_12 sqrt(dp), a_21 dp + a_22 dp^2, a_30 + a_31 dp", equation="5.39e,f",
     specifications=SPECIFICATIONS, information=frozenset({"a22", "node", "a22_c1", "node_c1"}),
-    offers=frozenset({"hose_burst_valve"}), check=_check, rest=_rest, flow=_flow, pressure_drop=pressure_drop,
+    offers=frozenset({"hose_burst_valve"}), check=_check, flow=lambda w, drop: flow(drop, w.p, w.e),
+    pressure_drop=pressure_drop,
 ))  # fmt: skip
 register(HoseBurstValve(name="none", meaning="hose and head side are one volume", term="p_h = p_a", separates=False))

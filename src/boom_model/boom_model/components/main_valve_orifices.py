@@ -8,17 +8,7 @@ argument. The thesis has the areas in figures only; here, with x = min(|s_s| / s
 
     A_sa = A_sa_max u,  A_sb = A_sb_max u,  A_tb = A_tb_max u,  A_ta = A_sb_max u / (c_0 - c_1 min(u, 1.3)^2)
 
-In the dead zone x <= x_0 every area is exactly zero. Effects (neutral value):
-
-* ``valve_dead_zone``: x_0 + d_extend, x_0 + d_retract (0).
-* ``compensator_droop``: the supply flow q becomes q (1 - k (q / Q_REFERENCE)^2) (0).
-* ``pump_flow_limit``: the supply flow is limited to q_max: q / (1 + (q / q_max)^32)^(1/32) (infinite). A pump's limit is a stop:
-  2 % are missing at q_max.
-* ``return_line_pressure``: p_t + k q^2 with q the returning flow; closed form, as an orifice in series (0).
-* ``valve_hysteresis``: the metering edges lag the spool by h s_max, to one side or the other; from one side to the other they come
-  within a travel of 2 w s_max, w = max(h, travel): they stand at s_s + (x - s_s) h / w, and x, a state, follows with a play,
-  T_play x' = max(0, s_s - w s_max - x) + min(0, s_s + w s_max - x). Without ``travel`` that is a play of h (0: no state, x = s_s).
-* ``flow_force``: F_q = c |q| sqrt(|dp|), summed over both edges, closes the spool (0).
+In the dead zone x <= x_0 every area is exactly zero. F_q, with which the flow closes the spool, is zero but for effects.
 """
 
 from __future__ import annotations
@@ -36,14 +26,8 @@ from boom_model.specification import Specification
 
 LARGEST_OPENING = 1.2
 LARGEST_METER_OUT = 1.3
-PLAY_TIME = 2.0e-3
-"""s. How quickly the edges take up the play; far below the pilot stage's 51 ms."""
 SMALLEST_OPENING = 1e-12
 """Keeps the logarithm of the exponentiation finite; the area in the dead zone itself is exactly zero."""
-SMALLEST_TRAVEL = 1e-9
-"""Over full stroke. Keeps 0 / 0 out where there is no hysteresis."""
-Q_REFERENCE = 2.0e-3
-"""m^3/s (120 l/min), full flow."""
 _NUMBER = r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
 _METER_OUT = re.compile(rf"^\s*A_sb\s*/\s*\(\s*{_NUMBER}\s*([+-])\s*{_NUMBER}\s*\*\s*u\^2\s*\)\s*$")
 
@@ -81,18 +65,16 @@ SPECIFICATIONS = (
 
 
 def overlap(position: Expression, p: Any, e: Any) -> Expression:
-    """x_0 [-] on the side of the spool position s_s [m]."""
-    shift = ca.if_else(position < 0, e.valve_dead_zone.d_extend, e.valve_dead_zone.d_retract)
-    return p.main_valve_orifices.x0 + shift
+    """x_0 [-] of the edges that are open at the spool position s_s [m], over full stroke."""
+    return e.through("overlap", p.main_valve_orifices.x0, position=position)
 
 
 def opening(position: Expression, p: Any, e: Any) -> Expression:
     """u [-] at the spool position s_s [m], of the edges that are open on its side."""
-    o = p.main_valve_orifices
     x0 = overlap(position, p, e)
     x = ca.fmin(ca.fabs(position) / p.main_valve_spool.s_max, LARGEST_OPENING)
     u = (x - x0) / (1 - x0)
-    return ca.if_else(u > 0, power(ca.fmax(u, SMALLEST_OPENING), o.n), 0.0)
+    return ca.if_else(u > 0, power(ca.fmax(u, SMALLEST_OPENING), p.main_valve_orifices.n), 0.0)
 
 
 def areas(position: Expression, p: Any, e: Any) -> tuple[Expression, Expression]:
@@ -102,16 +84,6 @@ def areas(position: Expression, p: Any, e: Any) -> tuple[Expression, Expression]
     u = opening(position, p, e)
     a_ta = o.A_sb_max * u / (o.A_ta_law.c0 - o.A_ta_law.c1 * ca.fmin(u, LARGEST_METER_OUT) ** 2)
     return ca.if_else(extend, o.A_sa_max, o.A_sb_max) * u, ca.if_else(extend, o.A_tb_max * u, a_ta)
-
-
-def _supply(flow: Expression, e: Any) -> Expression:
-    drooped = flow * (1 - e.compensator_droop.k * (flow / Q_REFERENCE) ** 2)
-    return drooped / (1 + (drooped * e.pump_flow_limit.inverse_q_max) ** 32) ** (1 / 32)
-
-
-def _tank_flow(area: Expression, drop: Expression, gain: Expression, e: Any) -> Expression:
-    k = gain * area
-    return k * signed_sqrt(drop) / ca.sqrt(1 + e.return_line_pressure.k * k * k)
 
 
 def flows(
@@ -125,8 +97,7 @@ def flows(
 ) -> ValveFlows:
     """Flows and closing force at the spool position s_s [m], p_h and p_b [Pa].
 
-    supply_drop: over the edge from the supply. rod_passage: share of the rod side's return passage that an end cushioning leaves
-    open.
+    supply_drop: over the edge from the supply. rod_passage: share of the rod side's return passage that is left open.
     """
     f = p.fluid
     gain = f.C_d * ca.sqrt(2 / f.rho)
@@ -134,32 +105,16 @@ def flows(
     supply_area, tank_area = areas(position, p, e)
     port_pressure = ca.if_else(extend, hose_pressure, rod_pressure)
     supply_root = supply_drop.root(port_pressure, p)
-    supply = _supply(gain * supply_area * supply_root, e)
+    supply = e.through("supply_flow", gain * supply_area * supply_root)
     tank_drop = ca.if_else(extend, rod_pressure, hose_pressure) - f.p_t
-    tank = _tank_flow(ca.if_else(extend, tank_area * rod_passage, tank_area), tank_drop, gain, e)
+    conductance = gain * ca.if_else(extend, tank_area * rod_passage, tank_area)
+    tank = e.through("tank_flow", conductance * signed_sqrt(tank_drop), conductance=conductance)
     size = ca.fabs(supply * supply_root) + ca.fabs(tank * signed_sqrt(tank_drop))
     return ValveFlows(
         head=ca.if_else(extend, supply, -tank),
         rod=ca.if_else(extend, -tank, supply),
-        force=e.flow_force.c * ca.if_else(extend, -size, size),
+        force=e.through("flow_force", 0.0, size=size, extend=extend),
     )
-
-
-def play_rate(follower: Expression, spool: Expression, p: Any, e: Any) -> Expression:
-    """x' [m/s] of what follows the spool at s_s [m] with a play and stands at x [m], ``valve_hysteresis``."""
-    half = _half_travel(e) * p.main_valve_spool.s_max
-    ahead, behind = ca.fmax(spool - half - follower, 0.0), ca.fmin(spool + half - follower, 0.0)
-    return (ahead + behind) / PLAY_TIME
-
-
-def metering(follower: Expression, spool: Expression, e: Any) -> Expression:
-    """Where the metering edges stand [m], ``valve_hysteresis``; arguments as of :func:`play_rate`."""
-    return spool + (follower - spool) * e.valve_hysteresis.h / ca.fmax(_half_travel(e), SMALLEST_TRAVEL)
-
-
-def _half_travel(e: Any) -> Expression:
-    """w over full stroke."""
-    return ca.fmax(e.valve_hysteresis.h, e.valve_hysteresis.travel)
 
 
 register(Metering(

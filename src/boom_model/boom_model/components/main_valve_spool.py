@@ -2,8 +2,8 @@
 
     m_s s_s'' + k s_s = (p_+ - p_-) A_s - d_v s_s' - f_c tanh(s_s' / sigma_s) - F_q
 
-s_s > 0 retracts (lowers), s_s < 0 extends (lifts). Effects: ``spring_rate`` multiplies k by r (neutral 1); ``flow_force``
-is the axial force F_q with which the flow closes the spool (neutral 0); see ``main_valve_orifices.flow_force``.
+s_s > 0 retracts (lowers), s_s < 0 extends (lifts). F_q is the axial force with which the flow closes the spool, see
+``main_valve_orifices``.
 """
 
 from __future__ import annotations
@@ -28,12 +28,17 @@ SPECIFICATIONS = (
 )
 
 
+def spring(p: Any, e: Any) -> Expression:
+    """k [N/m]."""
+    return e.through("return_spring", p.main_valve_spool.k)
+
+
 def acceleration(
     position: Expression, velocity: Expression, pilot_difference: Expression, flow_force: Expression, p: Any, e: Any
 ) -> Expression:
     """s_s'' [m/s^2] for s_s [m], s_s' [m/s], p_+ - p_- [Pa] and the closing force F_q [N]."""
     s = p.main_valve_spool
-    held = s.k * e.spring_rate.r * position + friction(velocity, p) + flow_force
+    held = spring(p, e) * position + friction(velocity, p) + flow_force
     return (pilot_difference * s.A_s - held) / s.m_s
 
 

@@ -2,9 +2,7 @@
 
     lambda' = a_1 lambda + i,  nu = b_0 lambda + b_1 i,  p = h(nu) = h_0 nu^2 + h_1 nu + h_2   (p in bar, nu and i in A)
 
-Identified for 0.30 A .. 0.55 A. Effects: ``pilot_lag`` slows the first order down by the factor r (a_1 / r, b_0 / r, so that
-the stationary gain stays; neutral r = 1), ``command_delay`` is a dead time T before the current acts (neutral T = 0; the
-integrator delays its input, see ``boom_model.plant``).
+Identified for 0.30 A .. 0.55 A.
 """
 
 from __future__ import annotations
@@ -34,15 +32,25 @@ SPECIFICATIONS = (
 )
 
 
+def pole(p: Any, e: Any) -> Expression:
+    """a_1 [1/s]."""
+    return e.through("pilot_rate", p.pilot_valves.a1_s)
+
+
+def gain(p: Any, e: Any) -> Expression:
+    """b_0 [1/s]."""
+    return e.through("pilot_rate", p.pilot_valves.b0_s)
+
+
 def state_rate(state: Expression, current: Expression, p: Any, e: Any) -> Expression:
     """lambda' [A] for lambda [A s] and the solenoid current [A]."""
-    return p.pilot_valves.a1_s / e.pilot_lag.r * state + current
+    return pole(p, e) * state + current
 
 
 def pressure(state: Expression, current: Expression, p: Any, e: Any) -> Expression:
     """Pilot control pressure p [Pa]."""
     v = p.pilot_valves
-    return static_pressure(v.b0_s / e.pilot_lag.r * state + v.b1_s * current, v.h)
+    return static_pressure(gain(p, e) * state + v.b1_s * current, v.h)
 
 
 def static_pressure(nu: Expression, h: Any) -> Expression:
@@ -79,6 +87,6 @@ register(PilotStage(
     offers=frozenset({"pilot_valves"}), check=_check, invertible=True, difference=_difference,
     pressure=lambda current, p: static_pressure(current, p.pilot_valves.h),
     current=lambda pressure, p: static_inverse(pressure, p.pilot_valves.h),
-    settling=lambda p, e: e.pilot_lag.r / -p.pilot_valves.a1_s,
+    settling=lambda p, e: -1 / pole(p, e),
 ))  # fmt: skip
 register(PilotStage(name="none", meaning="no pilot stage", term="p_+ = p_- = 0", present=False))

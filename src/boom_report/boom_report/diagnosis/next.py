@@ -5,7 +5,7 @@ from __future__ import annotations
 from markupsafe import Markup
 
 from boom_diagnosis.document import DiagnosisResult, Experiment, LearnedCurve
-from boom_model.effects import effect_name
+from boom_model.catalogue import effect_name
 from boom_report.page import chart
 from boom_report.panels import Json, packed
 from boom_report.templates import render

@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from boom_diagnosis.document import DiagnosisResult, LadderStep
 from boom_input.channels import PREDICTED
-from boom_model.effects import SUBSYSTEM_NAMES, effect_name
+from boom_model.catalogue import SUBSYSTEM_NAMES, effect_name
 from boom_report.diagnosis import words
 from boom_report.templates import render
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from boom_diagnosis.document import DiagnosisResult, Fit
 from boom_input.channels import PREDICTED
 from boom_input.whole import write_whole
-from boom_model.effects import SUBSYSTEM_NAMES, effect_name
+from boom_model.catalogue import SUBSYSTEM_NAMES, effect_name
 from boom_report import __version__
 from boom_report import events as report_events
 from boom_report.diagnosis import next, ranking, where, words

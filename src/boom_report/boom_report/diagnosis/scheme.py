@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from markupsafe import Markup
 
 from boom_diagnosis.document import SUBSYSTEMS
-from boom_model.effects import SUBSYSTEM_NAMES
+from boom_model.catalogue import SUBSYSTEM_NAMES
 from boom_report.diagnosis.words import probability
 from boom_report.templates import render
 

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from boom_diagnosis.document import DiagnosisResult
 from boom_input.channels import PREDICTED
-from boom_model.effects import SUBSYSTEM_NAMES, effect_name
+from boom_model.catalogue import SUBSYSTEM_NAMES, effect_name
 from boom_report.diagnosis.words import (
     VERDICTS,
     headline,

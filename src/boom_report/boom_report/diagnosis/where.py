@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.document import BagResult, DiagnosisResult
 from boom_input.channels import PREDICTED
-from boom_model.effects import SUBSYSTEM_NAMES
+from boom_model.catalogue import SUBSYSTEM_NAMES
 from boom_report.diagnosis import words
 from boom_report.diagnosis.scheme import colours
 from boom_report.page import chart

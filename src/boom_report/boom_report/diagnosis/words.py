@@ -7,41 +7,8 @@ from dataclasses import dataclass
 
 from boom_diagnosis.document import DiagnosisResult, Estimate, Finding, Fit
 from boom_input.channels import PREDICTED
-from boom_model.effects import SUBSYSTEM_NAMES, effect_name
+from boom_model.catalogue import EFFECTS, SUBSYSTEM_NAMES, effect_name
 from boom_report.channels import number
-
-# What each effect is, as the subject of a sentence, and what it does or has.
-_EFFECTS = {
-    "payload": ("an unknown load", "hangs at the boom tip"),
-    "payload_change": ("a load", "was grasped or released during the recording"),
-    "swinging_load": ("the load", "swings as a pendulum"),
-    "boom_flexibility": ("the boom", "bends between cylinder and angle sensor"),
-    "stribeck_friction": ("the friction", "breaks away above its sliding value"),
-    "presliding_friction": ("the friction", "gives way elastically before it slides"),
-    "position_dependent_friction": ("the joint", "has a tight spot"),
-    "friction_drift": ("the friction", "changes during the recording"),
-    "piston_leakage": ("the piston seal", "leaks"),
-    "end_cushioning": ("the cylinder", "is cushioned near the end of its stroke"),
-    "entrained_air": ("the oil", "contains air"),
-    "accumulator_precharge": ("the accumulators", "have another pre-charge pressure"),
-    "accumulator_heat_loss": ("the gas of the accumulators", "exchanges heat"),
-    "accumulator_restrictor": ("the orifices of the accumulators", "have another size"),
-    "hose_burst_valve_lag": ("the poppet of the hose burst valve", "needs time to follow"),
-    "hose_burst_valve_setting": ("the hose burst valve", "limits at another flow"),
-    "valve_dead_zone": ("the spool of the main valve", "has another overlap"),
-    "valve_hysteresis": ("the main valve or its pilot stage", "has play"),
-    "flow_force": ("the flow", "pushes the spool of the main valve closed"),
-    "spring_rate": ("the return spring of the main valve, or the pilot gain,", "is another one"),
-    "compensator_droop": ("the pressure compensator", "droops with the flow"),
-    "pilot_lag": ("the pilot valves", "are slower or faster"),
-    "command_delay": ("the command", "arrives late at the pilot valves"),
-    "pump_flow_limit": ("the pump", "cannot deliver the flow that the valve asks for"),
-    "return_line_pressure": ("the pressure of the return line", "rises with the flow"),
-    "angle_offset": ("the angle sensor", "is mounted askew"),
-    "rate_scale": ("the gyro", "has another gain"),
-    "pressure_bias": ("a pressure transducer", "reads with an offset"),
-    "pressure_delay": ("the pressures", "arrive late"),
-}
 
 VERDICTS = {
     "identified": "identified",
@@ -71,7 +38,7 @@ _MINUS = "\N{MINUS SIGN}"
 
 def what_it_is(effect: str) -> tuple[str, str]:
     """Subject and predicate of the sentence that states an effect."""
-    return _EFFECTS[effect]
+    return EFFECTS[effect].says
 
 
 def is_sure(confidence: float) -> str:
@@ -194,7 +161,7 @@ def statement(finding: Finding, kind: str = "identified") -> str:
         others = [effect_name(a.effect) for a in finding.alternatives]
         either = f"{effect_name(finding.effect)} or {' or '.join(others)}" if others else effect_name(finding.effect)
         return f"It cannot be told apart from these recordings: {either}{where}. The first fits best (confidence {p})."
-    if finding.effect not in _EFFECTS:
+    if finding.effect not in EFFECTS:
         return f"{sure.capitalize()} the {subsystem}: {finding.effect}{f', {numbers}' if numbers else ''} (confidence {p})."
     subject, does = what_it_is(finding.effect)
     return f"{sure.capitalize()} {subject} {does}{f': {numbers}' if numbers else ''}{where} (confidence {p})."

@@ -14,6 +14,7 @@ import numpy as np
 
 from boom_estimation.free_run import predict
 from boom_input.whole import write_whole
+from boom_model.catalogue import beginning
 from boom_model.errors import MachineError
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
@@ -116,10 +117,9 @@ def _explained(case: Path, answer: Mapping[str, Any], nominal: Machine) -> Machi
     try:
         machine = load_machine(str(path))
         onsets = [e["hold_out_onset_s"] for e in answer["effects"] if e["hold_out_onset_s"] is not None]
-        if onsets and "payload_change" in machine.effects:
-            effects = {name: dict(values) for name, values in machine.effects.items()}
-            effects["payload_change"]["t_g"] = onsets[0]
-            machine = machine.with_effects(effects)
+        if onsets:
+            effects = beginning(machine.effects, onsets[0])
+            machine = machine if effects == machine.effects else machine.with_effects(effects)
     except MachineError:
         return None
     return machine

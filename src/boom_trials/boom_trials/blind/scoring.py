@@ -13,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.stats import beta, binom
 
+from boom_model.catalogue import EFFECTS
 from boom_trials.blind.outcomes import NAMING, Row
 
 T = TypeVar("T")
@@ -146,8 +147,11 @@ def onset_errors(rows: Iterable[Row]) -> list[float]:
     for row in rows:
         for effect in row.truth.effects:
             for finding in row.said.findings:
-                if effect.onset_s is not None and finding.effect == effect.effect and "t_g" in finding.parameters:
-                    errors.append(abs(finding.parameters["t_g"][0] - effect.onset_s))
+                if effect.onset_s is None or finding.effect != effect.effect:
+                    continue
+                onset = EFFECTS[effect.effect].onset
+                if onset in finding.parameters:
+                    errors.append(abs(finding.parameters[onset][0] - effect.onset_s))
     return errors
 
 

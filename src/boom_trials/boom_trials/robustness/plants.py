@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from boom_model.catalogue.pump_flow_limit import EFFECT
 from boom_model.machine import Machine
 from boom_model.variation import BULK_MODULUS, FRICTION, LOAD, PRECHARGE
 
@@ -52,7 +53,7 @@ class PlantCase:
         machine = nominal.with_values(changed)
         if limited:
             machine = machine.with_effects(
-                {**machine.effects, "pump_flow_limit": {"inverse_q_max": 1 / FULL_PUMP_FLOW}}
+                {**machine.effects, EFFECT.id: {EFFECT.parameters[0].name: 1 / FULL_PUMP_FLOW}}
             )
         return machine
 

@@ -1,0 +1,164 @@
+"""What an effect is: its term, its numbers, and what diagnosis, watch and report need to know of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import inf
+from typing import Any, Literal
+
+from boom_model.regularisation import Expression
+from boom_model.sensors import OUTPUTS
+from boom_model.state import State
+
+Term = Callable[[Expression, Any, Any], Expression]
+"""(value, own, at) -> the quantity with the term. own: the effect's numbers and states (``terms.Own``); at: see ``QUANTITIES``."""
+
+QUANTITIES: dict[str, str] = {
+    "load_mass": "m at the tip [kg]",
+    "gravity_torque": "g(q_2) [N m]; at.angle",
+    "coulomb_friction": "tau_C, its size without direction [N m]; at.angle, at.rate",
+    "sliding_friction": "tau_C tanh(w / sigma) [N m]; at.rate, at.coulomb",
+    "friction_torque": "tau_f [N m]; at.angle, at.rate",
+    "angular_acceleration": "q_2'' [rad/s^2]; at.angle, at.rate, at.inertia, at.torque, at.p",
+    "seen_angle": "q_2 where the angle is measured [rad]; at.acceleration [rad/s^2]",
+    "seen_rate": "q_2' where it is measured [rad/s]",
+    "leakage": "q_l from the head to the rod side [m^3/s]; at.head_pressure, at.rod_pressure",
+    "head_flow": "q_a into the head side [m^3/s]; at.position of the piston",
+    "rod_passage": "share of the rod side's return passage that is left open [-]; at.distance to the end of stroke",
+    "bulk_modulus": "beta [Pa]; at.pressure",
+    "precharge": "p_g0 of an accumulator [Pa]",
+    "throat": "orifice diameter of an accumulator [m]",
+    "adiabat": "p_g0 of the adiabat on which an accumulator's gas is [Pa]; at.number, at.pressure, at.p",
+    "entropy_rate": "rate of an accumulator's ln(p V_g^kappa) [1/s]; at.number",
+    "limited_flow": "a_21, a_30, a_31 of the hose burst valve",
+    "limited_conductance": "q_a / (p_h - p_a) while it limits [m^3/s/Pa]",
+    "overlap": "x_0 [-]; at.position of the spool",
+    "metering_position": "s_s at the metering edges [m]; at.p",
+    "supply_flow": "from the supply to a port [m^3/s]",
+    "tank_flow": "from a port to the tank [m^3/s]; at.conductance = q / sqrt(dp)",
+    "flow_force": "F_q, closes the spool [N]; at.size of |q| sqrt(|dp|), at.extend",
+    "return_spring": "k [N/m]",
+    "pilot_rate": "a_1, b_0 of the pilot valves [1/s]",
+    **{f"measured_{name}": f"what the sensor shows of {name} [SI]" for name in OUTPUTS},
+}
+"""What the equations let pass through the terms of the active effects (``Terms.through``): quantity -> meaning, context."""
+
+SUBSYSTEM_NAMES = {
+    "load": "load", "structure": "boom structure", "friction": "friction", "cylinder": "cylinder", "oil": "oil",
+    "accumulators": "accumulators", "hose_burst_valve": "hose burst valve", "main_valve": "main valve",
+    "pilot_valves": "pilot valves", "supply": "supply", "return_line": "return line", "sensors": "sensors",
+}  # fmt: skip
+"""The twelve subsystems in words, in the order of the catalogue."""
+
+LAST = 1000
+"""Place of an effect that does not say one."""
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One number of an effect: neutral value, plausible range [low, high], limits outside which it is refused.
+
+    Attributes:
+        starts: values from which a search tries it, because the answer is far from linear in it.
+        positive: searched in its logarithm.
+        possible: what a machine can have; an effect that is found outside stands in for something else.
+        surely: it is outside ``possible`` only if its whole interval is.
+        form: standard deviation (of the logarithm for a factor) to which it means anything, because the machine's form of
+            the effect is not the catalogue's. From blind trials.
+        almost_nothing: value at which the watch switches the effect on, where a millionth of the range is too stiff or has no
+            derivative.
+        gains: value at which the gains of an observer are computed where nothing is known of it yet.
+    """
+
+    name: str
+    unit: str
+    neutral: float
+    low: float
+    high: float
+    minimum: float
+    maximum: float
+    meaning: str
+    starts: tuple[float, ...] = ()
+    positive: bool = False
+    possible: tuple[float, float] = (-inf, inf)
+    surely: bool = False
+    form: float = 0.0
+    almost_nothing: float | None = None
+    gains: float | None = None
+
+
+def parameter(
+    name: str, unit: str, neutral: float, plausible: tuple[float, float], limits: tuple[float, float], meaning: str,
+    **search: Any,
+) -> EffectParameter:  # fmt: skip
+    """One number of an effect; ``search``: the further attributes of :class:`EffectParameter`."""
+    return EffectParameter(name, unit, neutral, *plausible, *limits, meaning, **search)
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """One effect of the catalogue.
+
+    Attributes:
+        id: name that others rely on, that of its file.
+        subsystem: one of the twelve subsystem ids.
+        equation: equation of the thesis that the term changes.
+        term: what is added, in symbols.
+        says: subject and predicate of the sentence that states it in a report.
+        regime: when it shows.
+        parameters: its numbers.
+        terms: quantity of the equations (``QUANTITIES``) -> what the effect makes of it. May be empty for a delay.
+        place: in the order of its subsystem, in which terms are applied and tables are written.
+        states: states that it brings while active; it is then left out of the reduced model.
+        at_rest: (states so far, p, e) -> values of its own states of a boom that has rested, where these are not zero.
+        check: (its numbers, machine); raises MachineError where both do not go together.
+        needs: structure that the machine must have, e.g. "hose_burst_valve"; empty if none.
+        independent: each parameter is a term of its own; otherwise the first one leads, and without it there is no term.
+        changes: components of the parameter vector that it is a change of: off by more than their tolerance they are this effect.
+        delays: its first parameter is a dead time of what is said here.
+        load: a load, which may be less than nothing: as much as was told to hang there. Of others that are plausible on one side
+            of neutral there are none on the other.
+        onset: parameter that is the time at which it begins in a recording.
+        lasting: effect that it is if it began before the recording, with parameters of the same names.
+        margin: the prior reaches so far beyond the plausible range, in widths of it.
+        sets_in: shares of a probe that are tried, of an effect that does nothing up to some size and soon far too much.
+        watched: whether the watch suspects it: not what acts on the times of inputs and samples, begins at a time, or brings fast
+            states of its own.
+        reach: halves of the range over which the watch takes a difference, where the derivative at nothing says little.
+    """
+
+    id: str
+    subsystem: str
+    equation: str
+    term: str
+    says: tuple[str, str]
+    regime: str
+    parameters: tuple[EffectParameter, ...]
+    terms: Mapping[str, Term] = field(default_factory=dict)
+    place: int = LAST
+    states: tuple[State, ...] = ()
+    at_rest: Callable[[Mapping[str, float], Any, Any], dict[str, float]] | None = None
+    check: Callable[[Mapping[str, float], Any], None] | None = None
+    needs: str = ""
+    independent: bool = False
+    changes: tuple[str, ...] = ()
+    delays: Literal["", "command", "pressures"] = ""
+    load: bool = False
+    onset: str = ""
+    lasting: str = ""
+    margin: float = 1.5
+    sets_in: tuple[float, ...] = (1.0,)
+    watched: bool = True
+    reach: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Raises ValueError for a quantity that the equations do not have: its term would never act."""
+        unknown = set(self.terms) - set(QUANTITIES)
+        if unknown:
+            raise ValueError(f"effect {self.id}: no quantity of the equations is called {', '.join(sorted(unknown))}")
+
+    @property
+    def leading(self) -> tuple[EffectParameter, ...]:
+        """The parameters at whose neutral values the term vanishes."""
+        return self.parameters if self.independent else self.parameters[:1]

@@ -1,0 +1,26 @@
+"""Friction changes during the recording, as a bearing does that warms."""
+
+from typing import Any
+
+import casadi as ca
+
+from boom_model.catalogue.effect import Effect, parameter
+from boom_model.regularisation import Expression
+from boom_model.state import ELAPSED_TIME
+
+
+def _torque(torque: Expression, own: Any, at: Any) -> Expression:
+    return (1 + (own.r - 1) * (1 - ca.exp(-own.time() / own.T))) * torque
+
+
+EFFECT = Effect(
+    "friction_drift", "friction", "5.39b", "tau_f (1 + (r - 1) (1 - exp(-t / T)))",
+    ("the friction", "changes during the recording"), "grows with time, with speed",
+    (
+        parameter("r", "-", 1.0, (0.3, 5.0), (0.0, 20.0), "factor of the friction torque in the end", positive=True),
+        parameter("T", "s", 30.0, (5.0, 120.0), (0.1, 1e5), "time constant of the change", positive=True,
+                  starts=(8.0, 30.0)),
+    ),
+    {"friction_torque": _torque},
+    place=4, states=(ELAPSED_TIME,), watched=False,
+)  # fmt: skip

@@ -1,0 +1,25 @@
+"""The pump cannot deliver the flow that the valve asks for. A pump's limit is a stop: 2 % are missing at q_max."""
+
+from typing import Any
+
+from boom_model.catalogue.effect import Effect, parameter
+from boom_model.regularisation import Expression
+
+
+def _supply(flow: Expression, own: Any, at: Any) -> Expression:
+    return flow / (1 + (flow * own.inverse_q_max) ** 32) ** (1 / 32)
+
+
+# It does nothing up to some size and soon far too much, hence many starts and shares. The watch looks as far as it takes to see
+# anything: a pump of 120 l/min limits nothing that the valve asks.
+EFFECT = Effect(
+    "pump_flow_limit", "supply", "5.39l,m", "supply flow q / (1 + (q / q_max)^32)^(1/32)",
+    ("the pump", "cannot deliver the flow that the valve asks for"), "speed saturates",
+    (
+        parameter("inverse_q_max", "s/m^3", 0.0, (60_000 / 120, 60_000 / 50), (0.0, 60_000.0),
+                  "1 / largest flow of the pump", almost_nothing=60_000 / 400,
+                  starts=tuple(60_000 / q for q in (120, 100, 85, 70, 60, 50, 42, 35))),
+    ),
+    {"supply_flow": _supply},
+    place=1, sets_in=(1.0, 0.96, 0.92, 0.88, 0.84), reach=2.0,
+)  # fmt: skip

@@ -1,0 +1,78 @@
+"""The active effects as the equations take them: a quantity goes through the terms of all effects that change it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any, Protocol
+
+from boom_model.catalogue import CATALOGUE
+from boom_model.catalogue.effect import Effect
+from boom_model.regularisation import Expression
+from boom_model.state import ELAPSED_TIME, State
+
+
+class States(Protocol):
+    """What adds states to the equations; ``rates``: name of a state -> its derivative."""
+
+    rates: dict[str, Any]
+
+    def add_state(self, state: State) -> Expression:
+        """The symbol of the state, which is added if it is not there yet."""
+
+
+class Own(SimpleNamespace):
+    """What a term has for its own: the effect's parameters by name, its states."""
+
+    def __init__(self, effect: Effect, numbers: Mapping[str, Expression], states: States | None) -> None:
+        super().__init__(**numbers)
+        self._effect, self._states = effect, states
+
+    def time(self) -> Expression:
+        """Time since the start of the run [s]; 0 where a component stands alone."""
+        if self._states is None:
+            return 0.0
+        self._states.rates[ELAPSED_TIME.name] = 1.0
+        return self._states.add_state(ELAPSED_TIME)
+
+    def state(self, name: str) -> Expression:
+        """One of the effect's states; it joins the equations where it is first asked for."""
+        assert self._states is not None
+        return self._states.add_state(next(state for state in self._effect.states if state.name == name))
+
+    @property
+    def rates(self) -> dict[str, Any]:
+        """Name of a state -> its derivative, to be set by the term."""
+        assert self._states is not None
+        return self._states.rates
+
+
+class Terms:
+    """The active effects of a machine.
+
+    Args:
+        values: id of each active effect -> its parameters, numbers or expressions.
+        states: where effects put their states. Without it a component stands alone, and effects with states are left out, but for
+            those that need no more than the time, which is then 0.
+    """
+
+    def __init__(self, values: Mapping[str, Mapping[str, Expression]], states: States | None = None) -> None:
+        self._active = [
+            (effect, Own(effect, values[effect.id], states))
+            for effect in CATALOGUE
+            if effect.id in values and (states is not None or all(state is ELAPSED_TIME for state in effect.states))
+        ]
+
+    def through(self, quantity: str, value: Expression, **at: Any) -> Expression:
+        """The quantity (one of ``effect.QUANTITIES``) with what the active effects make of it, in the order of the catalogue."""
+        for effect, own in self._active:
+            term = effect.terms.get(quantity)
+            if term is not None:
+                value = term(value, own, SimpleNamespace(**at))
+        return value
+
+    def delay(self, of: str) -> float:
+        """Dead time [s] of the ``command`` or the ``pressures``."""
+        return float(
+            sum(getattr(own, effect.parameters[0].name) for effect, own in self._active if effect.delays == of)
+        )

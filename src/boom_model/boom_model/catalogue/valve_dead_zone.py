@@ -1,0 +1,36 @@
+"""The spool of the main valve has another overlap, on either side its own."""
+
+from collections.abc import Mapping
+from itertools import product
+from typing import Any
+
+import casadi as ca
+
+from boom_model.catalogue.effect import Effect, parameter
+from boom_model.errors import MachineError
+
+LARGEST_OVERLAP = 0.95
+"""Of the stroke: largest dead zone, x_0 + d."""
+
+
+def _check(values: Mapping[str, float], machine: Any) -> None:
+    """A dead zone x_0 + d is not negative and leaves something of the stroke."""
+    for key, (name, change) in product(machine.structure.metering.overlaps, values.items()):
+        overlap = machine.parameters[key].value[0]
+        if not 0.0 <= overlap + change <= LARGEST_OVERLAP:
+            raise MachineError(
+                f"effects.valve_dead_zone.{name}: {change:g} is outside {-overlap:g} .. {LARGEST_OVERLAP - overlap:g}, "
+                f"with which {key} = {overlap:g} stays within 0 .. {LARGEST_OVERLAP:g} of the stroke"
+            )
+
+
+EFFECT = Effect(
+    "valve_dead_zone", "main_valve", "5.39l,m", "x_0 + d",
+    ("the spool of the main valve", "has another overlap"), "start delay, creep speed",
+    (
+        parameter("d_extend", "-", 0.0, (-0.1, 0.1), (-0.25, 0.5), "added overlap over full stroke, lifting"),
+        parameter("d_retract", "-", 0.0, (-0.1, 0.1), (-0.25, 0.5), "added overlap over full stroke, lowering"),
+    ),
+    {"overlap": lambda overlap, own, at: overlap + ca.if_else(at.position < 0, own.d_extend, own.d_retract)},
+    place=1, independent=True, changes=("main_valve_orifices.x0",), check=_check,
+)  # fmt: skip

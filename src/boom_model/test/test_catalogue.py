@@ -1,0 +1,249 @@
+"""The terms of the effects against numbers worked out by hand, one switched on at a time; the catalogue as a whole."""
+
+from __future__ import annotations
+
+from math import exp, pi, tanh
+from typing import Any
+
+import numpy as np
+import pytest
+
+from boom_model.catalogue import CATALOGUE, beginning
+from boom_model.catalogue.effect import QUANTITIES, SUBSYSTEM_NAMES, Effect
+from boom_model.catalogue.terms import Terms
+from boom_model.components import cylinder, equation_of_motion, friction, hose_burst_valve, oil, pilot_valve
+from boom_model.equations import full_model, namespace
+from boom_model.structure import structure
+
+BAR = 1e5
+
+
+# ------------------------------------------------------------------------------------------------------------ catalogue
+
+
+def test_every_effect_is_in_the_file_of_its_name() -> None:
+    import boom_model.catalogue as package
+
+    for effect in CATALOGUE:
+        assert getattr(package, effect.id).EFFECT is effect
+
+
+def test_catalogue_is_in_the_order_of_the_subsystems() -> None:
+    order = [list(SUBSYSTEM_NAMES).index(effect.subsystem) for effect in CATALOGUE]
+    assert order == sorted(order)
+    places = [(effect.subsystem, effect.place) for effect in CATALOGUE]
+    assert len(set(places)) == len(places)
+
+
+def test_equations_let_every_quantity_of_the_catalogue_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+    passed, through = set[str](), Terms.through
+
+    def noting(self: Terms, quantity: str, value: Any, **at: Any) -> Any:
+        passed.add(quantity)
+        return through(self, quantity, value, **at)
+
+    monkeypatch.setattr(Terms, "through", noting)
+    full_model(structure())
+    assert passed == set(QUANTITIES)
+
+
+def test_term_of_a_quantity_that_the_equations_do_not_have_is_refused() -> None:
+    with pytest.raises(ValueError, match="no quantity of the equations is called frictoin_torque"):
+        Effect("x", "load", "-", "-", ("a", "b"), "-", (), {"frictoin_torque": lambda value, own, at: value})
+
+
+def test_component_alone_leaves_out_effects_with_states_and_stands_at_time_zero(p: Any, effects: Any) -> None:
+    alone = effects(presliding_friction={"compliance": 1e-6}, friction_drift={"r": 3.0, "T": 10.0})
+    assert float(friction.torque(0.3, 0.2, p, alone)) == float(friction.torque(0.3, 0.2, p, effects()))
+
+
+def test_effect_that_begins_begins_at_another_time_in_another_recording() -> None:
+    effects = {"payload_change": {"mass": 260.0, "t_g": 5.0}, "pilot_lag": {"r": 2.0}}
+    assert beginning(effects, 7.0) == {"payload_change": {"mass": 260.0, "t_g": 7.0}, "pilot_lag": {"r": 2.0}}
+    assert effects["payload_change"]["t_g"] == 5.0
+
+
+def test_dead_times_of_the_command_are_those_of_its_effects(effects: Any) -> None:
+    e = effects(command_delay={"T": 0.03}, pressure_delay={"T": 0.02})
+    assert (e.delay("command"), e.delay("pressures"), effects().delay("command")) == (0.03, 0.02, 0.0)
+
+
+# ---------------------------------------------------------------------------------------------------- load and structure
+
+
+def test_payload_is_a_load_that_the_configuration_does_not_tell(tz17: Any, effects: Any) -> None:
+    told, hidden = (namespace(tz17.values(tz17.pose(0.28, 2.8, load))) for load in (260.0, 0.0))
+    e = effects(payload={"mass": 260.0})
+    assert float(equation_of_motion.load_mass(hidden, e)) == float(equation_of_motion.load_mass(told, effects()))
+
+
+def test_grasped_load_is_there_from_its_time_on(tz17: Any, effects: Any, held: Any) -> None:
+    q = namespace(tz17.values(tz17.pose(0.28, 2.8, 100.0)))
+
+    def mass(time: float) -> float:
+        e = effects(held(elapsed_time=time), payload_change={"mass": 260.0, "t_g": 5.0})
+        return float(equation_of_motion.load_mass(q, e))
+
+    assert [mass(t) for t in (0.0, 4.9, 5.0, 5.1, 50.0)] == pytest.approx([100.0, 100.0, 230.0, 360.0, 360.0], abs=1e-5)
+
+
+def test_swinging_load_at_rest_pulls_like_one_that_sticks(tz17: Any, effects: Any, held: Any) -> None:
+    """theta = 0, no motion: torque - m g x_t over D + m x_t^2, and the rope's pivot takes theta along."""
+    states = held(swing_angle=0.0, swing_rate=0.0)
+    e = effects(states, swinging_load={"mass": 300.0, "length": 2.0})
+    q = namespace(tz17.values(tz17.pose(0.28, 2.8)))
+    w = e.through("angular_acceleration", 0.0, angle=0.0, rate=0.0, inertia=33_818.0, torque=5e4, p=q)
+    expected = (5e4 - 300 * 9.81 * 4.7619) / (33_818 + 300 * 4.7619**2)
+    assert float(w) == pytest.approx(expected)
+    assert float(states.rates["swing_rate"]) == pytest.approx(-5.8335 * expected / 2.0)
+
+
+def test_elastic_mode_rings_at_its_frequency_and_is_seen(effects: Any, held: Any) -> None:
+    mode = {"gain": 0.1, "f": 2.0, "zeta": 0.0}
+    bent, still = held(bend=0.01, bend_rate=0.2), held(bend=0.0, bend_rate=0.0)
+    e = effects(bent, boom_flexibility=mode)
+    assert (e.through("seen_angle", 0.3, acceleration=0.0), e.through("seen_rate", 0.1)) == pytest.approx((0.31, 0.3))
+    assert bent.rates["bend_rate"] == pytest.approx(-0.01 * (4 * pi) ** 2)
+    effects(still, boom_flexibility=mode).through("seen_angle", 0.3, acceleration=3.0)
+    assert still.rates["bend_rate"] == pytest.approx(-0.3)
+
+
+# ------------------------------------------------------------------------------------------------------------- friction
+
+
+def test_stribeck_raises_the_coulomb_torque_at_the_stribeck_velocity_by_one_over_e(p: Any, effects: Any) -> None:
+    e = effects(stribeck_friction={"tau_s": 1000.0, "w_s": 0.02})
+    assert float(friction.torque(0.0, 0.02, p, e)) == pytest.approx(tanh(2) * (4000 + 1000 / exp(1)) + 400)
+    assert float(friction.torque(0.0, 0.3, p, e)) == pytest.approx(10_000)
+
+
+def test_tight_spot_doubles_coulomb_friction_at_its_centre_only(p: Any, effects: Any) -> None:
+    e = effects(position_dependent_friction={"b": 1.0, "q_c": 0.4, "width": 0.1})
+    assert float(friction.torque(0.4, 0.3, p, e)) == pytest.approx(8000 + 6000)
+    assert float(friction.torque(0.5, 0.3, p, e)) == pytest.approx(4000 * (1 + exp(-1)) + 6000)
+    assert float(friction.torque(1.4, 0.3, p, e)) == pytest.approx(10_000)
+
+
+def test_friction_drifts_from_one_to_its_factor(p: Any, effects: Any, held: Any) -> None:
+    drift = {"r": 3.0, "T": 10.0}
+    torques = [
+        friction.torque(0.3, 0.2, p, effects(held(elapsed_time=t), friction_drift=drift)) for t in (0.0, 10.0, 1e4)
+    ]
+    nominal = float(friction.torque(0.3, 0.2, p, effects()))
+    assert [float(torque) / nominal for torque in torques] == pytest.approx([1.0, 3.0 - 2.0 / np.e, 3.0])
+
+
+@pytest.mark.parametrize(("rate", "bristle", "expected"), [(1e-3, 0.0, 1e3), (0.1, 4000.0, 0.0), (-0.1, -3000.0, 0.0)])
+def test_bristles_are_a_spring_before_and_coulomb_friction_in_sliding(
+    p: Any, effects: Any, held: Any, rate: float, bristle: float, expected: float
+) -> None:
+    states = held(bristle_torque=bristle)
+    torque = friction.torque(0.3, rate, p, effects(states, presliding_friction={"compliance": 1e-6}))
+    assert float(states.rates["bristle_torque"]) == pytest.approx(expected)  # w / c; sliding: z = tau_C
+    assert float(torque) == pytest.approx(bristle + (20_000 if rate > 0 else 30_000) * rate)
+
+
+# -------------------------------------------------------------------------------------------- cylinder, oil, accumulator
+
+
+def test_piston_leakage_flows_from_the_higher_pressure(p: Any, effects: Any) -> None:
+    e = effects(piston_leakage={"c": 1e-12})
+    assert cylinder.leakage(1e7, 1e6, e) == pytest.approx(9e-6)
+    assert cylinder.leakage(1e6, 1e7, e) == pytest.approx(-9e-6)
+    assert cylinder.leakage(1e7, 1e6, effects()) == 0.0
+
+
+def test_cushion_leaves_the_passage_open_but_for_the_last_stretch(effects: Any) -> None:
+    e = effects(end_cushioning={"k": 0.8, "length": 0.05})
+    distances, expected = (0.5, 0.05, 0.025, 0.0, -0.01), [1.0, 1.0, 0.6, 0.2, 0.2]
+    assert [float(e.through("rod_passage", 1.0, distance=d)) for d in distances] == pytest.approx(expected)
+    assert [float(e.through("head_flow", -2.0, position=d)) for d in distances] == pytest.approx(
+        [-2 * x for x in expected]
+    )
+    assert float(e.through("head_flow", 2.0, position=0.0)) == 2.0
+
+
+def test_air_softens_oil_at_low_pressure_and_is_pressed_away_at_high(p: Any, effects: Any) -> None:
+    e = effects(entrained_air={"a": 0.01})
+    # at ambient pressure, r = 1
+    assert float(oil.bulk_modulus(0.0, p, e)) == pytest.approx(1.6e9 * 1.01 / (1 + 0.01 * 1.6e9 / (1.4 * 101_325)))
+    assert float(oil.bulk_modulus(3e7, p, e)) == pytest.approx(1.6e9, rel=0.01)
+
+
+def test_oil_with_air_is_the_derivative_of_its_volume(p: Any, effects: Any) -> None:
+    # mixture: oil 1 - p / beta to first order, gas a (p_0 / p_abs)^(1/n); beta_mix = -V dp / dV
+    e, beta, n, p0 = effects(entrained_air={"a": 0.02}), 1.6e9, 1.4, 101_325.0
+
+    def volume(gauge: float) -> float:
+        return 1 - gauge / beta + 0.02 * (p0 / (gauge + p0)) ** (1 / n)
+
+    for gauge in (0.0, 5e5, 2e6):
+        slope = (volume(gauge + 50) - volume(gauge - 50)) / 100
+        assert float(oil.bulk_modulus(gauge, p, e)) == pytest.approx(-volume(gauge) / slope, rel=2e-3)
+
+
+def test_gas_that_exchanges_heat_cools_when_it_is_hotter_than_at_rest(p: Any, effects: Any, held: Any) -> None:
+    rest, hot = (8e6 / 5.5e6) ** (0.4 / 1.4), (1.2e7 / 5.5e6) ** (0.4 / 1.4)
+    for pressure, expected in ((8e6, 0.0), (1.2e7, -(1 - rest / hot) * 0.1)):
+        states = held(accumulator_entropy_1=0.0, accumulator_ambient_1=rest)
+        e = effects(states, accumulator_heat_loss={"inverse_tau": 0.1})
+        assert float(e.through("adiabat", 5.5e6, number=1, pressure=pressure, p=p)) == 5.5e6
+        assert float(e.through("entropy_rate", 0.0, number=1)) == pytest.approx(expected)
+
+
+# ---------------------------------------------------------------------------------------------- burst valve, pilot stage
+
+
+def test_setting_scales_the_limited_flow_and_keeps_the_free_one(p: Any, effects: Any) -> None:
+    e = effects(hose_burst_valve_setting={"r": 0.8})
+    for bar in (-5.0, -30.0):
+        ratio = float(hose_burst_valve.flow(bar * BAR, p, e)) / float(hose_burst_valve.flow(bar * BAR, p, effects()))
+        assert ratio == pytest.approx(0.8)
+    assert float(hose_burst_valve.flow(BAR, p, e)) == float(hose_burst_valve.flow(BAR, p, effects()))
+    q = float(hose_burst_valve.flow(-30 * BAR, p, e))
+    assert float(hose_burst_valve.pressure_drop(q, p, e)) == pytest.approx(-30 * BAR)
+
+
+def test_lagging_poppet_passes_what_its_conductance_says_outwards_only(p: Any, effects: Any, held: Any) -> None:
+    states = held(hose_burst_valve_conductance=2e-9)
+    lagging = effects(states, hose_burst_valve_lag={"tau": 0.05})
+    assert float(hose_burst_valve.flow(-1e5, p, lagging)) == pytest.approx(-2e-4)
+    stationary = float(hose_burst_valve.limited_conductance(-1e5, p, effects()))
+    assert float(states.rates["hose_burst_valve_conductance"]) == pytest.approx((stationary - 2e-9) / 0.05)
+    assert float(hose_burst_valve.flow(1e5, p, lagging)) == float(hose_burst_valve.flow(1e5, p, effects()))
+
+
+def test_pilot_lag_slows_down_and_keeps_the_stationary_pressure(p: Any, effects: Any) -> None:
+    slow = effects(pilot_lag={"r": 2.0})
+    assert float(pilot_valve.state_rate(1e-2, 0.0, p, slow)) == pytest.approx(-0.1967 / 2)
+    settled = 0.4 / 19.67
+    fast = pilot_valve.pressure(settled, 0.4, p, effects())
+    assert float(pilot_valve.pressure(2 * settled, 0.4, p, slow)) == pytest.approx(float(fast))
+
+
+# ----------------------------------------------------------------------------------------------------- play of the spool
+
+
+def metering(p: Any, effects: Any, held: Any, follower: float, spool: float, **numbers: float) -> tuple[float, float]:
+    """(where the metering edges stand [m], rate of what follows the spool [m/s])."""
+    states = held(metering_position=follower)
+    position = effects(states, valve_hysteresis=numbers).through("metering_position", spool, p=p)
+    return float(position), float(states.rates["metering_position"])
+
+
+def test_metering_edges_stand_still_inside_the_play_and_follow_behind_it(p: Any, effects: Any, held: Any) -> None:
+    rates = [metering(p, effects, held, 0.0, s, h=0.05)[1] for s in (0.0, 4e-4, -4e-4, 6e-4, -6e-4)]  # 0.45 mm
+    assert rates == pytest.approx([0.0, 0.0, 0.0, 1.5e-4 / 2e-3, -1.5e-4 / 2e-3])
+
+
+def test_hysteresis_without_a_travel_of_its_own_is_a_play(p: Any, effects: Any, held: Any) -> None:
+    assert metering(p, effects, held, 1e-3, 1.2e-3, h=0.05)[0] == pytest.approx(1e-3)
+
+
+def test_edges_with_a_travel_change_sides_in_proportion(p: Any, effects: Any, held: Any) -> None:
+    wide = {"h": 0.02, "travel": 0.1}  # 0.18 mm to either side, within 2 x 0.9 mm
+    follower = [2e-3 - 0.9e-3 * side for side in (1.0, 0.5, 0.0, -1.0)]
+    behind = [2e-3 - metering(p, effects, held, x, 2e-3, **wide)[0] for x in follower]
+    assert behind == pytest.approx([0.18e-3, 0.09e-3, 0.0, -0.18e-3])
+    assert metering(p, effects, held, 1.2e-3, 2e-3, **wide)[1] == 0.0
+    assert metering(p, effects, held, 1.0e-3, 2e-3, **wide)[1] == pytest.approx(0.1e-3 / 2e-3)
