@@ -28,7 +28,8 @@ PROVIDED_BY = {
 }  # fmt: skip
 # Distribution -> its rosdep key for Ubuntu; None: there is none, package.xml says so in a comment.
 ROSDEP_KEYS = {
-    "cantools": "python3-cantools-pip", "casadi": None, "dask": None, "distributed": None, "lz4": None, "mcap": None, "numba": None,
+    "cantools": "python3-cantools-pip", "casadi": None, "dask": None, "distributed": None,
+    "jinja2": "python3-jinja2", "lz4": None, "markupsafe": "python3-jinja2", "mcap": None, "numba": None,
     "numpy": "python3-numpy", "pin": None, "plotly": None, "python-can": "python3-can", "python-can-remote": None,
     "pyyaml": "python3-yaml", "rich": "python3-rich", "rosbags": None, "scipy": "python3-scipy", "zstandard": None,
 }  # fmt: skip

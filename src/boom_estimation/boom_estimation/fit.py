@@ -128,27 +128,10 @@ def fit(
         if converged or count >= iterations or _stalled(costs):
             break
         count += 1
-        found, settled = None, False
-        for _ in range(_TRIALS):
-            wanted, promised = _step(z, gradient, data, prior, radius, bounds)
-            if promised < _ENOUGH:
-                settled = now <= 1.0 or level is not None
-                break
-            reached = cost_at(problem, gains, wanted, _tolerance(now))
-            ratio = (cost - reached) / promised
-            length = float(np.abs(wanted - z).max())
-            if ratio > 0.1:
-                found = wanted, reached
-                if ratio > 0.7:
-                    radius = min(max(radius, 2.0 * length), _LARGEST_RADIUS)
-                elif ratio < 0.3:
-                    radius = 0.5 * length
-                if ratio > _UNDERSTATED:
-                    found = _further(problem, gains, z, found, radius, bounds, _tolerance(now))
-                break
-            radius = 0.25 * length
+        local = _Local(z, cost, gradient, data, prior, bounds)
+        found, radius, settled = _improvement(problem, gains, local, radius, _tolerance(now))
         spread = np.sqrt(np.diag(np.linalg.inv(data + np.diag(np.maximum(prior, 1e-6)))))
-        if settled:
+        if settled and (now <= 1.0 or level is not None):
             converged = True
             break
         stuck = stuck + 1 if found is None else 0
@@ -167,6 +150,47 @@ def fit(
         sum(int(g.used.sum()) for g in gains), tuple(i for i, _ in white), tuple(d for _, d in white), tuple(gains),
         count, converged,
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Local:
+    """The cost around z (m,), as gradient, matrix and prior of its quadratic model, and the bounds (m, 2)."""
+
+    z: Array
+    cost: float
+    gradient: Array
+    data: Array
+    prior: Array
+    bounds: Array
+
+
+def _improvement(
+    problem: Problem, gains: Sequence[Gains], local: _Local, radius: float, tolerance: float
+) -> tuple[tuple[Array, float] | None, float, bool]:
+    """A step that lowers the cost, by trust region.
+
+    Returns z and cost where it leads (None where no trial lowers it), the radius of the next one, and whether no step within
+    the radius even promises to lower it.
+    """
+    z = local.z
+    for _ in range(_TRIALS):
+        wanted, promised = _step(z, local.gradient, local.data, local.prior, radius, local.bounds)
+        if promised < _ENOUGH:
+            return None, radius, True
+        reached = cost_at(problem, gains, wanted, tolerance)
+        ratio = (local.cost - reached) / promised
+        length = float(np.abs(wanted - z).max())
+        if ratio > 0.1:
+            found = wanted, reached
+            if ratio > 0.7:
+                radius = min(max(radius, 2.0 * length), _LARGEST_RADIUS)
+            elif ratio < 0.3:
+                radius = 0.5 * length
+            if ratio > _UNDERSTATED:
+                found = _further(problem, gains, z, found, radius, local.bounds, tolerance)
+            return found, radius, False
+        radius = 0.25 * length
+    return None, radius, False
 
 
 def _stalled(costs: Sequence[tuple[float, float]]) -> bool:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnosis_samples import tz17
+from scipy.interpolate import make_lsq_spline
 
 from boom_identification import estimate, hose_burst_valve, pilot_dynamics, signals, splines
 from boom_identification.estimate import Estimate
@@ -80,18 +81,17 @@ class TestLinearPart:
 
 class TestSplines:
     def test_the_penalty_is_the_integral_of_the_squared_curvature(self) -> None:
-        nodes = splines.equidistant_nodes(-1.0, 1.0)
+        nodes = splines.dead_zone_nodes(-1.0, 1.0, 0.28)
         x = np.linspace(-1.0, 1.0, 400)
-        parabola = splines.free_fit(x, 3.0 * x**2, nodes, 0.0)
-        assert parabola(x) == pytest.approx(3.0 * x**2, abs=1e-9)
-        b = parabola.coefficients
+        b = make_lsq_spline(x, 3.0 * x**2, nodes, splines.DEGREE).c
         assert b @ splines.curvature(nodes) @ b == pytest.approx(6.0**2 * 2.0, rel=1e-6)
 
-    def test_much_smoothing_leaves_a_straight_line(self) -> None:
-        x = np.linspace(-1.0, 1.0, 400)
-        fitted = splines.free_fit(x, x + x**2, splines.equidistant_nodes(-1.0, 1.0), 1e6)
-        straight = np.polyval(np.polyfit(x, fitted(x), 1), x)
-        assert fitted(x) == pytest.approx(straight, abs=1e-3)
+    def test_much_smoothing_leaves_straight_lines_beside_the_dead_zone(self) -> None:
+        x = np.concatenate((np.linspace(-1.0, -0.28, 200), np.linspace(0.28, 1.0, 200)))
+        groups = np.repeat(np.arange(20), 20)
+        nodes = splines.dead_zone_nodes(-1.0, 1.0, 0.28)
+        fitted = splines.monotone_fit(x, (np.abs(x) - 0.28) ** 2, groups, nodes, 0.28, smoothing=1e6)
+        assert np.ptp(fitted(x)) < 1e-3  # zero value and slope at the dead zone: of straight lines only zero is left
 
     def test_areas_are_zero_in_the_dead_zone_and_never_fall_away_from_it(self) -> None:
         rng = np.random.default_rng(2)

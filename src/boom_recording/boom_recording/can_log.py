@@ -2,8 +2,8 @@
 
 A log is read as far as it can be: an unreadable line is counted and left out, a file that ends in the middle of a frame
 gives what lies before, a time that cannot be costs its frame. Times are whole microseconds, which is what all of these
-formats can hold. python-can's readers are not used: they end at the first bad line, unpack a container to whatever size
-it has, and make an object of every frame.
+formats can hold. python-can's readers (4.6.1) are not used: of 2000 logs damaged by `benchmarks/fuzz_can_logs.py` 930 end in
+a traceback and lose what follows, 1 hangs (here 0 and 0); frames/s here over theirs: BLF 1.5, ASC 2.1, .log 2.0, CSV 1.1, TRC 0.85.
 """
 
 from __future__ import annotations
@@ -66,31 +66,14 @@ def read(path: str | Path, progress: Progress | None = None) -> CanFrames:
         RecordingError: no such file, an unknown kind, or not one frame in it.
     """
     path = Path(path)
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
+    if path.suffix.lower() not in SUFFIXES:
         raise RecordingError(f"{path}: the kind of a CAN log is told by its name: give one of {', '.join(SUFFIXES)}")
     if path.is_dir():
         raise RecordingError(f"{path} is a folder: give the log file in it")
     left_out: Counter[str] = Counter()
     warnings: list[str] = []
-    times: list[float] = []
-    ids: list[int] = []
-    contents: list[bytes] = []
     try:
-        with opened(path) as stream:
-            size = max(stream.seek(0, SEEK_END), 1)
-            stream.seek(0)
-            frames = (
-                read_blf(stream, left_out, warnings)
-                if suffix == ".blf"
-                else read_text(stream, suffix, left_out, warnings)
-            )
-            for time, identifier, data in frames:
-                times.append(time)
-                ids.append(identifier)
-                contents.append(data)
-                if progress is not None and len(times) % _REPORT_EVERY == 0:
-                    progress(min(stream.tell() / size, 1.0))
+        times, ids, contents = _frames(path, left_out, warnings, progress)
     except InputError as error:
         raise RecordingError(str(error)) from None
     except RecordingError as error:
@@ -116,6 +99,28 @@ def read(path: str | Path, progress: Progress | None = None) -> CanFrames:
     dated = bool(np.median(seconds) >= _EPOCH)
     given = {kind: number for kind, number in left_out.items() if number}
     return CanFrames(stamps, np.array(ids, np.int64)[good], table[good], lengths[good], dated, given, warnings)
+
+
+def _frames(
+    path: Path, left_out: Counter[str], warnings: list[str], progress: Progress | None
+) -> tuple[list[float], list[int], list[bytes]]:
+    """Times [s], identifiers and data. In three lists: a tuple of each frame would cost a third of the speed."""
+    times: list[float] = []
+    ids: list[int] = []
+    contents: list[bytes] = []
+    suffix = path.suffix.lower()
+    with opened(path) as stream:
+        size = max(stream.seek(0, SEEK_END), 1)
+        stream.seek(0)
+        binary = suffix == ".blf"
+        frames = read_blf(stream, left_out, warnings) if binary else read_text(stream, suffix, left_out, warnings)
+        for time, identifier, data in frames:
+            times.append(time)
+            ids.append(identifier)
+            contents.append(data)
+            if progress is not None and len(times) % _REPORT_EVERY == 0:
+                progress(min(stream.tell() / size, 1.0))
+    return times, ids, contents
 
 
 def possible(times: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -25,7 +25,8 @@ _OBJECT = struct.Struct("<4sHHLL")
 _CONTAINER = struct.Struct("<H6xL4x")  # how it is packed, size of the content
 _STAMPED = struct.Struct("<LHHQ")
 _MESSAGE = struct.Struct("<HBBL8s")
-_CAN_MESSAGE, _CONTAINER_KIND, _ERRORS, _FD, _CAN_MESSAGE2 = 1, 10, (2, 73), (100, 101), 86
+_CAN_MESSAGE, _CONTAINER_KIND, _CAN_MESSAGE2 = 1, 10, 86
+_OTHER_KINDS = {2: "error frames", 73: "error frames", 100: "CAN FD frames", 101: "CAN FD frames"}
 _REMOTE = 0x80
 _LONGEST_DATA = 8
 _LONGEST_OBJECT = 16_000_000
@@ -195,20 +196,16 @@ class _Reader:
                 return begin, size, False
             self.objects += 1
             place = end
-            if kind in (_CAN_MESSAGE, _CAN_MESSAGE2):
-                if size - header_size < _MESSAGE.size:
-                    self._left_out["damaged frames"] += 1
-                    continue
-                unit, _, _, ticks = _STAMPED.unpack_from(data, begin + _OBJECT.size)
-                _, flags, length, identifier, content = _MESSAGE.unpack_from(data, begin + header_size)
-                if flags & _REMOTE:
-                    self._left_out["remote frames"] += 1
-                    continue
-                self.elapsed = ticks * (1e-5 if unit == 1 else 1e-9)
-                yield self._start + self.elapsed, identifier & 0x9FFFFFFF, content[: min(length, _LONGEST_DATA)]
-            elif kind in _ERRORS:
-                self._left_out["error frames"] += 1
-            elif kind in _FD:
-                self._left_out["CAN FD frames"] += 1
-            else:
-                self._left_out["events that are no frames"] += 1
+            if kind not in (_CAN_MESSAGE, _CAN_MESSAGE2):
+                self._left_out[_OTHER_KINDS.get(kind, "events that are no frames")] += 1
+                continue
+            if size - header_size < _MESSAGE.size:
+                self._left_out["damaged frames"] += 1
+                continue
+            unit, _, _, ticks = _STAMPED.unpack_from(data, begin + _OBJECT.size)
+            _, flags, length, identifier, content = _MESSAGE.unpack_from(data, begin + header_size)
+            if flags & _REMOTE:
+                self._left_out["remote frames"] += 1
+                continue
+            self.elapsed = ticks * (1e-5 if unit == 1 else 1e-9)
+            yield self._start + self.elapsed, identifier & 0x9FFFFFFF, content[: min(length, _LONGEST_DATA)]

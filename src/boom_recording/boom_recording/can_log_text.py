@@ -175,9 +175,17 @@ class _Asc(_Parser):
         if words[1] == "Start":
             return None
         if self._relative:
-            if not -_LARGEST_STEP_S < time < _LARGEST_STEP_S:  # one bad step would move all that follow
-                raise ValueError("no step of time")
-            time = self._last = self._last + time
+            time = self._after(time)
+        return self._start + time, *self._frame(words)
+
+    def _after(self, step: float) -> float:
+        if not -_LARGEST_STEP_S < step < _LARGEST_STEP_S:  # one bad step would move all that follow
+            raise ValueError("no step of time")
+        self._last += step
+        return self._last
+
+    def _frame(self, words: list[str]) -> tuple[int, bytes]:
+        """Identifier and data."""
         if words[1] == "CANFD":
             raise SkippedError("CAN FD frames")
         if words[2].lower() == "errorframe":
@@ -194,7 +202,7 @@ class _Asc(_Parser):
             data = bytes(int(word) for word in words[6 : 6 + length])
         if len(data) != length:
             raise ValueError("fewer bytes than told")
-        return self._start + time, _identifier(words[2].rstrip("xX"), self._base, extended), data
+        return _identifier(words[2].rstrip("xX"), self._base, extended), data
 
     def _header(self, line: str) -> None:
         if not self._HEADER.match(line):

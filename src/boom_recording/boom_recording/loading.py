@@ -1,40 +1,23 @@
 """Loads a bag: files -> messages -> named signals with units, masked where they are wrong, with a list of what is."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from boom_input.channels import CHANNELS, MEASURED_TOPICS, SENSOR_TOPICS, of_topic
+from boom_input.channels import CHANNELS, MEASURED_TOPICS, SENSOR_TOPICS
 from boom_input.shown import quoted
-from boom_recording import bag_folder, cdr_layout, defects, definitions
-from boom_recording.channels import DEFAULT_JOINT, MACHINE_CONFIGURATION, OSCILLOSCOPE, TYPES
-from boom_recording.defects import TopicSamples
+from boom_recording import bag_folder, defects, defects_stamps, defects_stuck
+from boom_recording.bag_reader import BagReader
+from boom_recording.channels import DEFAULT_JOINT, MACHINE_CONFIGURATION
+from boom_recording.defects import StampedEvent, TopicSamples
 from boom_recording.errors import RecordingError
-from boom_recording.mcap_file import Batch, Damage, Topic, opened_mcap
-from boom_recording.recording import Configuration, Floats, Recording, Signal
+from boom_recording.mcap_records import Damage
+from boom_recording.recording import Recording, Signal
 
 REQUIRED = (*SENSOR_TOPICS, MACHINE_CONFIGURATION)
-_MANY_LAYOUTS = 16  # so many layouts are tried on whole batches; then the rest is read message by message
-_MANY_WALKS = 50_000  # messages that are walked one by one: what goes beyond is no recording, and would take minutes
-_MANY_DECLARATIONS = 2  # of one topic, in one file
 _MANY_DAMAGES = 8
 _UNRELATED_NS = 3600 * 10**9
-_Found = tuple[cdr_layout.Layout, dict[str, str]]  # a layout, and where in it each signal lies
-
-
-@dataclass
-class _Column:
-    """What was read of one topic: stamps, log times and values per signal, in pieces."""
-
-    stamps: list[NDArray[np.int64]] = field(default_factory=list)
-    log: list[NDArray[np.int64]] = field(default_factory=list)
-    values: dict[str, list[Floats]] = field(default_factory=dict)
-    unreadable: int = 0
-    reason: str = ""
 
 
 def load(
@@ -59,7 +42,7 @@ def load(
 
 
 def _load(path: Path, bag: bag_folder.BagFiles, require: tuple[str, ...], joint: str, check: bool) -> Recording:
-    reader = _Reader(joint)
+    reader = BagReader(joint)
     damages: list[Damage] = []
     for file in bag.files:
         try:
@@ -71,24 +54,13 @@ def _load(path: Path, bag: bag_folder.BagFiles, require: tuple[str, ...], joint:
     sensors = [samples for samples in topics.values() if samples.topic in SENSOR_TOPICS] or list(topics.values())
     if not sensors:
         raise RecordingError("none of the topics that are asked for holds a sample: record again, or give another bag")
-    raw: dict[str, list[Any]] = {samples.topic: [] for samples in topics.values()}
-    middle = float(np.median(np.concatenate([samples.stamps_ns for samples in sensors])))
+    raw = _check_stamps(topics, sensors) if check else _put_in_order(topics)
     for samples in topics.values():
-        if check:
-            raw[samples.topic] += defects.check_far(samples, middle)
-            raw[samples.topic] += defects.check_stamps(samples)
-        else:
-            defects.unordered(samples)
         for valid in samples.valid.values():
             valid &= samples.timed
     start_ns, end_ns = _span(sensors)
     if check:
-        for samples in topics.values():
-            if samples.topic in MEASURED_TOPICS:
-                raw[samples.topic] += defects.check_missing(samples, start_ns, end_ns, raw[samples.topic])
-            raw[samples.topic] += defects.check_values(samples)
-        for topic, found in defects.check_stuck(topics).items():
-            raw[topic] += found
+        _check_values(topics, raw, start_ns, end_ns)
     events = [event for topic, found in raw.items() for event in defects.in_seconds(topic, found, start_ns)]
     recording = Recording(
         name=bag.name,
@@ -102,6 +74,33 @@ def _load(path: Path, bag: bag_folder.BagFiles, require: tuple[str, ...], joint:
     )
     recording.warnings = bag.warnings + _losses(damages, reader, bag, recording)
     return recording
+
+
+def _check_stamps(topics: dict[str, TopicSamples], sensors: list[TopicSamples]) -> dict[str, list[StampedEvent]]:
+    middle = float(np.median(np.concatenate([samples.stamps_ns for samples in sensors])))
+    return {
+        samples.topic: [*defects_stamps.check_far(samples, middle), *defects_stamps.check_stamps(samples)]
+        for samples in topics.values()
+    }
+
+
+def _put_in_order(topics: dict[str, TopicSamples]) -> dict[str, list[StampedEvent]]:
+    """What is done unchecked: stamps that repeat or go back are masked, and not told."""
+    for samples in topics.values():
+        defects_stamps.unordered(samples)
+    return {}
+
+
+def _check_values(
+    topics: dict[str, TopicSamples], raw: dict[str, list[StampedEvent]], start_ns: int, end_ns: int
+) -> None:
+    """Add to `raw` what is missing, impossible or stuck."""
+    for samples in topics.values():
+        if samples.topic in MEASURED_TOPICS:
+            raw[samples.topic] += defects.check_missing(samples, start_ns, end_ns, raw[samples.topic])
+        raw[samples.topic] += defects.check_values(samples)
+    for topic, found in defects_stuck.check_stuck(topics).items():
+        raw[topic] += found
 
 
 def _signals(topics: dict[str, TopicSamples], start_ns: int) -> dict[str, Signal]:
@@ -133,23 +132,9 @@ def _span(sensors: list[TopicSamples]) -> tuple[int, int]:
     return min(firsts), max(lasts)
 
 
-def _losses(damages: list[Damage], reader: "_Reader", bag: bag_folder.BagFiles, recording: Recording) -> list[str]:
+def _losses(damages: list[Damage], reader: BagReader, bag: bag_folder.BagFiles, recording: Recording) -> list[str]:
     """Sentences on what of the files was not read, with times since the start of the recording."""
-
-    def at(nanoseconds: int | None) -> str:
-        return (
-            "an unknown time" if nanoseconds is None else f"{max(0.0, (nanoseconds - recording.start_ns) / 1e9):.1f} s"
-        )
-
-    sentences = []
-    for damage in damages[:_MANY_DAMAGES]:
-        if not damage.loss:
-            sentences.append(damage.what)
-        elif damage.end_ns is None:
-            sentences.append(f"{damage.what}: what follows {at(damage.start_ns)} is lost")
-        else:
-            span = f"from {at(damage.start_ns)} to {at(damage.end_ns)}"
-            sentences.append(f"{damage.what}: {damage.loss} {span} are lost")
+    sentences = [_damage(damage, recording.start_ns) for damage in damages[:_MANY_DAMAGES]]
     if len(damages) > _MANY_DAMAGES:
         sentences.append(f"{len(damages) - _MANY_DAMAGES} more parts of the file are damaged")
     missing = 0 if bag.promised_messages is None else bag.promised_messages - reader.messages
@@ -158,13 +143,7 @@ def _losses(damages: list[Damage], reader: "_Reader", bag: bag_folder.BagFiles, 
         promised = max(missing, reader.missing) + reader.messages
         sentences.append(f"{max(missing, reader.missing)} of the {promised} messages that {who} counts are lost")
     if reader.cut:
-        text = f"cut at {recording.duration:.1f} s: the file was not closed (recorder killed, or copied only in part)"
-        if bag.promised_duration_s is not None and bag.promised_messages is not None:
-            text += f"; metadata.yaml promises {bag.promised_duration_s:.1f} s, "
-            text += f"{max(missing, 0)} of {bag.promised_messages} messages are lost"
-        else:
-            text += "; what followed is lost"
-        sentences.append(text)
+        sentences.append(_cut(bag, missing, recording.duration))
     for topic, column in reader.columns.items():
         if column.unreadable:
             sentences.append(
@@ -175,246 +154,20 @@ def _losses(damages: list[Damage], reader: "_Reader", bag: bag_folder.BagFiles, 
     return sentences
 
 
-class _Reader:
-    """Collects the topics of interest over the files of one bag."""
+def _damage(damage: Damage, start_ns: int) -> str:
+    def at(nanoseconds: int | None) -> str:
+        return "an unknown time" if nanoseconds is None else f"{max(0.0, (nanoseconds - start_ns) / 1e9):.1f} s"
 
-    def __init__(self, joint: str) -> None:
-        self.joint = joint
-        self.columns: dict[str, _Column] = {}
-        self.types: dict[str, str] = {}
-        self.notes: list[str] = []
-        self.cut = False
-        self.messages = 0
-        self.missing = 0
-        self.unknown = 0
-        self.configurations: list[Configuration] = []
-        self._layouts: dict[tuple[str, str, int], list[_Found]] = {}
-        self._definitions: dict[tuple[str, str], Any] = {}
-        self._walks = 0
-
-    def read(self, path: Path) -> list[Damage]:
-        """Read one file. Returns what of it is damaged."""
-        with opened_mcap(path) as file:
-            for batch in file.batches():
-                self._sort(file.topics, batch)
-        self.messages += file.messages
-        self.missing += max(0, (file.promised or 0) - file.messages)
-        for topic in file.topics.values():
-            self.types.setdefault(topic.topic, topic.type)
-        self.notes += file.notes
-        self.cut = self.cut or not file.complete
-        return file.damages
-
-    def _sort(self, topics: dict[int, Topic], batch: Batch) -> None:
-        """Give the messages of a batch to their topics."""
-        known = np.zeros(1 + max(int(batch.channel.max()), max(topics, default=0)), bool)
-        known[list(topics)] = True
-        self.unknown += int((~known[batch.channel]).sum())
-        wanted: dict[Topic, list[int]] = {}
-        for number, topic in topics.items():
-            if topic.topic in TYPES and topic.type == TYPES[topic.topic]:
-                wanted.setdefault(topic, []).append(number)
-        if len(wanted) > _MANY_DECLARATIONS * len(TYPES):
-            raise RecordingError("it declares its topics over and over, and differently: no recording does")
-        for topic, numbers in wanted.items():
-            which = np.flatnonzero(np.isin(batch.channel, numbers) if len(numbers) > 1 else batch.channel == numbers[0])
-            if len(which):
-                self._take(topic, batch, which)
-
-    def demand(self, require: tuple[str, ...], damages: list[Damage]) -> None:
-        """Raises RecordingError where a required topic is missing, empty or of another type."""
-        for topic, found in self.types.items():
-            wanted = TYPES.get(topic)
-            if wanted is not None and found != wanted:
-                raise RecordingError(f"{topic} is of type {quoted(found) or 'unknown'}: it has to be {wanted}")
-        why = f" ({quoted(damages[0].what)})" if damages else ""
-        if not self.messages and not self.columns:
-            raise RecordingError(f"it holds no messages{why}: record again, or give another bag")
-        missing = [topic for topic in require if not self._has(topic)]
-        if missing and self.types.keys() == {OSCILLOSCOPE}:
-            raise RecordingError(
-                f"it is a bag of the first measurement campaign ({OSCILLOSCOPE}): './boom identify' takes it, "
-                "here a recording of the whole machine is wanted"
-            )
-        for topic in missing:
-            column = self.columns.get(topic)
-            if column is not None and column.unreadable:
-                raise RecordingError(f"no message of {topic} can be read: {quoted(column.reason)}")
-        if missing:
-            has = quoted(", ".join(sorted(self.types))) or "no topics at all"
-            raise RecordingError(
-                f"{' and '.join(missing)} missing: record {'it' if len(missing) == 1 else 'them'} too "
-                f"(the bag has {has}){why}"
-            )
-
-    def _has(self, topic: str) -> bool:
-        if topic == MACHINE_CONFIGURATION:
-            return bool(self.configurations)
-        column = self.columns.get(topic)
-        return column is not None and bool(column.stamps)
-
-    def samples(self) -> dict[str, TopicSamples]:
-        """What was read, one table per topic, in the order of arrival."""
-        result = {}
-        for topic, column in self.columns.items():
-            if not column.stamps or topic == MACHINE_CONFIGURATION:
-                continue
-            stamps, log = np.concatenate(column.stamps), np.concatenate(column.log)
-            values = {name: np.concatenate(parts) for name, parts in column.values.items()}
-            if not stamps.any():
-                self.notes.append(f"{topic} carries no stamps: the time of arrival is used")
-                stamps = log.copy()
-            if (np.diff(log) < 0).any():
-                order = np.argsort(log, kind="stable")
-                stamps, log = stamps[order], log[order]
-                values = {name: column[order] for name, column in values.items()}
-            timed = np.ones(len(stamps), bool)
-            valid = {name: np.ones(len(stamps), bool) for name in values}
-            result[topic] = TopicSamples(topic, of_topic(topic), stamps, log, values, timed, valid)
-        return result
-
-    def configuration(self, *, required: bool) -> Configuration | None:
-        """The machine's configuration. Raises RecordingError where two differ."""
-        if not self.configurations:
-            return None
-        first = self.configurations[0]
-        for other in self.configurations[1:]:
-            for label, unit in (
-                ("machine", ""),
-                ("outer_boom_angle", " rad"),
-                ("telescope_length", " m"),
-                ("load_mass", " kg"),
-            ):
-                a, b = getattr(first, label), getattr(other, label)
-                if a != b and not (a != a and b != b):  # NaN (not known) equals NaN here
-                    raise RecordingError(f"two machines in one bag: {label} is {a}{unit} and {b}{unit}: split the bag")
-        return first
-
-    def _take(self, topic: Topic, batch: Batch, which: NDArray[np.intp]) -> None:
-        column = self.columns.setdefault(topic.topic, _Column())
-        if topic.message_encoding != "cdr":
-            column.unreadable += len(which)
-            column.reason = f"they are {quoted(topic.message_encoding) or 'unknown'}, not cdr"
-            return
-        if topic.topic == MACHINE_CONFIGURATION:
-            for i in which[: max(_MANY_WALKS - self._walks, 0)].tolist():
-                self._walks += 1
-                self._configure(topic, column, _bytes(batch, i))
-            return
-        names = [channel.name for channel in of_topic(topic.topic)]
-        stamps = np.zeros(len(which), np.int64)
-        values = {name: np.zeros(len(which)) for name in names}
-        done = np.zeros(len(which), bool)
-        for size in np.unique(batch.size[which]).tolist():
-            self._take_equal(
-                topic, batch, which, np.flatnonzero(batch.size[which] == size), size, stamps, values, done, column
-            )
-        if not done.any():
-            return
-        column.stamps.append(stamps[done])
-        column.log.append(batch.log_ns[which][done])
-        for name in names:
-            column.values.setdefault(name, []).append(values[name][done])
-
-    def _take_equal(
-        self, topic: Topic, batch: Batch, which: NDArray[np.intp], part: NDArray[np.intp], size: int,
-        stamps: NDArray[np.int64], values: dict[str, Floats], done: NDArray[np.bool_], column: _Column,
-    ) -> None:  # fmt: skip
-        """Decode messages of one size into the places `part` of the result arrays."""
-        if size < 4:
-            column.unreadable += len(part)
-            column.reason = "too short"
-            return
-        known = self._layouts.setdefault((topic.topic, topic.definition, size), [])
-        tried = 0
-        while len(part):
-            if tried == len(known):
-                if self._walks == _MANY_WALKS:
-                    column.unreadable += len(part)
-                    column.reason = "too many of them are laid out differently"
-                    return
-                found = self._layout_or_none(topic, batch, int(which[part[0]]), column)
-                if found is None:
-                    part = part[1:]
-                    continue
-                known.append(found)
-            layout, paths = known[tried]
-            rows = cdr_layout.gather(batch.data, batch.offset[which[part]], size)
-            match = layout.matches(rows)
-            fits, rest = part[match], part[~match]
-            tried += 1
-            if tried > _MANY_LAYOUTS:
-                # Every message laid out differently: do not compare the rest with all that were seen.
-                known.pop()
-                tried -= 1
-            if len(fits):
-                rows = cdr_layout.gather(batch.data, batch.offset[which[fits]], size)
-                seconds, nanoseconds = (layout.column(rows, f"header.stamp.{name}") for name in ("sec", "nanosec"))
-                stamps[fits] = seconds.astype(np.int64) * 10**9 + nanoseconds.astype(np.int64)
-                for channel in of_topic(topic.topic):
-                    values[channel.name][fits] = layout.column(rows, paths[channel.name]) - channel.wire_offset
-                done[fits] = True
-            part = rest
-
-    def _layout_or_none(self, topic: Topic, batch: Batch, index: int, column: _Column) -> _Found | None:
-        self._walks += 1
-        try:
-            return self._layout(topic, _bytes(batch, index))
-        except cdr_layout.LayoutError as error:
-            column.unreadable += 1
-            column.reason = str(error)
-            return None
-
-    def _types(self, topic: Topic) -> Any:
-        key = (topic.type, topic.definition)
-        if key not in self._definitions:
-            types = dict(definitions.typestore().fielddefs)
-            if topic.definition.strip():
-                try:
-                    types.update(definitions.parse(topic.definition, topic.type, topic.definition_encoding))
-                except ValueError as error:
-                    self.notes.append(f"{quoted(error)}: the one that is installed was taken")
-                    definitions.ensure(topic.type)
-                    types = dict(definitions.typestore().fielddefs)
-            else:
-                definitions.ensure(topic.type)
-                types = dict(definitions.typestore().fielddefs)
-            self._definitions[key] = types
-        return self._definitions[key]
-
-    def _layout(self, topic: Topic, data: bytes) -> _Found:
-        layout = cdr_layout.locate(data, topic.type, self._types(topic))
-        paths = {}
-        for channel in of_topic(topic.topic):
-            path = channel.field
-            if topic.type.endswith("/JointState"):
-                names = [layout.texts[f"name[{i}]"] for i in range(layout.lengths.get("name", 0))]
-                if self.joint not in names:
-                    among = quoted(", ".join(names)) or "no joints"
-                    raise cdr_layout.LayoutError(f"joint '{self.joint}' is not among {among}")
-                path = f"{path}[{names.index(self.joint)}]"
-            if path not in layout.numbers:
-                raise cdr_layout.LayoutError(f"field {channel.field} is missing or empty")
-            paths[channel.name] = path
-        if not {"header.stamp.sec", "header.stamp.nanosec"} <= layout.numbers.keys():
-            raise cdr_layout.LayoutError("it has no header")
-        return layout, paths
-
-    def _configure(self, topic: Topic, column: _Column, data: bytes) -> None:
-        try:
-            layout = cdr_layout.locate(data, topic.type, self._types(topic))
-            rows = layout.template[None, :]
-            angle, length, load_mass = (
-                float(layout.column(rows, name)[0]) for name in ("outer_boom_angle", "telescope_length", "load_mass")
-            )
-            machine, note = layout.texts["machine"], layout.texts.get("note", "")
-        except (cdr_layout.LayoutError, KeyError) as error:
-            column.unreadable += 1
-            column.reason = str(error)
-            return
-        self.configurations.append(Configuration(machine, angle, length, load_mass, note))
+    if not damage.loss:
+        return damage.what
+    if damage.end_ns is None:
+        return f"{damage.what}: what follows {at(damage.start_ns)} is lost"
+    return f"{damage.what}: {damage.loss} from {at(damage.start_ns)} to {at(damage.end_ns)} are lost"
 
 
-def _bytes(batch: Batch, index: int) -> bytes:
-    start = int(batch.offset[index])
-    return batch.data[start : start + int(batch.size[index])].tobytes()
+def _cut(bag: bag_folder.BagFiles, missing: int, duration: float) -> str:
+    text = f"cut at {duration:.1f} s: the file was not closed (recorder killed, or copied only in part)"
+    if bag.promised_duration_s is None or bag.promised_messages is None:
+        return text + "; what followed is lost"
+    promise = f"; metadata.yaml promises {bag.promised_duration_s:.1f} s, "
+    return text + promise + f"{max(missing, 0)} of {bag.promised_messages} messages are lost"

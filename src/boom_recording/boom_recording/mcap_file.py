@@ -17,107 +17,39 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
 from boom_input.files import InputError, opened
 from boom_input.shown import quoted
 from boom_recording import unpacking
 from boom_recording.errors import RecordingError
+from boom_recording.mcap_records import (
+    DECLARING,
+    LENGTH,
+    PREFIX,
+    READ_AHEAD,
+    Batch,
+    Damage,
+    Declarations,
+    Piece,
+    Topic,
+    Window,
+    whole_records,
+)
 from boom_recording.unpacking import LARGEST_BLOCK, Budget, UnpackingError
 
 MAGIC = b"\x89MCAP0\r\n"
-_PREFIX = struct.Struct("<BQ")
-_LENGTH = struct.Struct("<Q").unpack_from
 _CHUNK = struct.Struct("<QQQII")  # start, end, size, checksum, length of the compression's name
 _CHUNK_INDEX = struct.Struct("<QQQ")  # start, end, place of the chunk
 _FOOTER = struct.Struct("<QQI")
+_TAIL = 9 + _FOOTER.size + len(MAGIC)
 _MESSAGE_PREFIX = 31  # opcode, length, channel, sequence, log time, publish time
 _BATCH_BYTES = 8_000_000
 _BATCH_MESSAGES = 100_000
-_READ_AHEAD = 1_000_000
 _LAST_OPCODE = 0x0F
-_DECLARING = (Opcode.SCHEMA, Opcode.CHANNEL)
-_MOST_TOPICS = 20_000
-_LONGEST_DECLARATIONS = 32_000_000
 _CHECKED_BYTES = 1_000_000_000
 """A larger file is not read a second time for the checksum over all of it."""
-
-
-@dataclass(frozen=True)
-class Topic:
-    """One channel of the file; type as "pkg/msg/Type", definition_encoding "ros2msg", "ros2idl" or ""."""
-
-    topic: str
-    type: str
-    definition: str
-    definition_encoding: str
-    message_encoding: str
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Messages in the order of the file. `data` holds their bytes; message i is data[offset[i] : offset[i] + size[i]].
-
-    log_ns, publish_ns: [ns]; channel: key of `McapFile.topics`.
-    """
-
-    data: NDArray[np.uint8]
-    channel: NDArray[np.int64]
-    offset: NDArray[np.int64]
-    size: NDArray[np.int64]
-    log_ns: NDArray[np.int64]
-    publish_ns: NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class Damage:
-    """What could not be read.
-
-    start_ns, end_ns   log time [ns] of the loss, None where unknown (end of file)
-    loss               what is lost between them: "messages", "some messages", or "" where `what` says it all
-    """
-
-    what: str
-    start_ns: int | None = None
-    end_ns: int | None = None
-    loss: str = "messages"
-
-
-@dataclass(frozen=True)
-class _Piece:
-    """Records that hold messages, and the log times [ns] of the chunk that they were in."""
-
-    data: bytes
-    start_ns: int | None = None
-    end_ns: int | None = None
-
-
-class _Window:
-    """The part of a file that is in memory."""
-
-    def __init__(self, stream: BinaryIO) -> None:
-        self._stream = stream
-        self._begin = 0
-        self._block = b""
-        self.size = stream.seek(0, SEEK_END)
-
-    def covering(self, position: int, length: int) -> tuple[bytes, int]:
-        """A block in which `length` bytes from `position` lie, and where in it. Raises RecordingError where they are gone."""
-        place = position - self._begin
-        if place < 0 or place + length > len(self._block):
-            self._stream.seek(position)
-            self._block = self._stream.read(max(length, _READ_AHEAD))
-            self._begin, place = position, 0
-            if len(self._block) < length:
-                raise RecordingError("it became shorter while it was read: load it again when nothing writes to it")
-        return self._block, place
-
-    def at(self, position: int, length: int) -> bytes:
-        block, place = self.covering(position, length)
-        return block[place : place + length]
 
 
 @dataclass
@@ -125,7 +57,6 @@ class McapFile:
     """Bulk reader of one MCAP file; iterate over `batches` once, then look at the other attributes.
 
     content     the file, or its bytes
-    topics      by the number that `Batch.channel` holds
     damages     what could not be read. notes: what a reader may want to know
     complete    the file was closed by whoever wrote it
     promised    messages that the file says it has, None where it does not say
@@ -133,7 +64,6 @@ class McapFile:
     """
 
     content: BinaryIO | bytes
-    topics: dict[int, Topic] = field(default_factory=dict)
     damages: list[Damage] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     last_log_ns: int | None = None
@@ -143,16 +73,18 @@ class McapFile:
     budget: Budget | None = None
 
     def __post_init__(self) -> None:
-        self._window = _Window(BytesIO(self.content) if isinstance(self.content, bytes) else self.content)
+        self._window = Window(BytesIO(self.content) if isinstance(self.content, bytes) else self.content)
         self._budget = self.budget or Budget(self._window.size)
-        self._schemas: dict[int, Schema] = {}
         self._chunks: list[tuple[int, int]] = []  # place and first log time [ns]
-        self._declared: set[bytes] = set()
-        self._declared_bytes = 0
-        self._contradicted = False
+        self._declarations = Declarations()
         self._unchecked = False
         self._outside_chunks = False
         self._data_wrong = False
+
+    @property
+    def topics(self) -> dict[int, Topic]:
+        """By the number that `Batch.channel` holds."""
+        return self._declarations.topics
 
     def batches(self) -> Iterator[Batch]:
         """Give all messages that can be read. Raises RecordingError for a file that is not MCAP, or a bomb."""
@@ -163,7 +95,7 @@ class McapFile:
             )
         data_end = self._read_summary()
         self._chunks.sort()
-        pending: list[_Piece] = []
+        pending: list[Piece] = []
         length = 0
         for piece in self._pieces(data_end):
             if length and length + len(piece.data) > _BATCH_BYTES:
@@ -184,12 +116,8 @@ class McapFile:
     def _read_summary(self) -> int:
         """Index, schemas and channels behind the data. Returns where the data end, as far as known."""
         size = self._window.size
-        tail = 9 + _FOOTER.size + len(MAGIC)
-        end = size - tail
-        if end < len(MAGIC):
-            self.complete = False
-            return size
-        footer = self._window.at(end, tail)
+        end = size - _TAIL
+        footer = self._window.at(end, _TAIL) if end >= len(MAGIC) else b""
         if not footer.endswith(MAGIC) or footer[0] != Opcode.FOOTER:
             self.complete = False
             return size
@@ -203,71 +131,44 @@ class McapFile:
         if checksum and zlib.crc32(summary) != checksum:
             self.notes.append("the index at the end of the file is damaged and not used (checksum)")
             return end
-        records, position, end = [], 0, end - start
-        while position + 9 <= end:
-            opcode, length = _PREFIX.unpack_from(summary, position)
-            records.append((opcode, length, position + 9))
+        records, position = [], 0
+        while position + 9 <= end - start:
+            opcode, length = PREFIX.unpack_from(summary, position)
+            records.append((opcode, summary[position + 9 : position + 9 + length]))
             position += 9 + length
-        if position != end:  # without a checksum this is how it shows
+        if position != end - start:  # without a checksum this is how it shows
             what = "the index at the end of the file is damaged and not used: what is lost cannot be told from it"
             self.damages.append(Damage(what, loss=""))
-            return size - tail
-        for opcode, length, body in records:
-            if opcode in _DECLARING:
-                self._declare(opcode, summary[body : body + length])
-            elif opcode == Opcode.CHUNK_INDEX and length >= _CHUNK_INDEX.size:
-                first, _, place = _CHUNK_INDEX.unpack_from(summary, body)
-                self._chunks.append((place, first))
-            elif opcode == Opcode.STATISTICS and length >= 8:
-                (self.promised,) = _LENGTH(summary, body)
+            return end
+        for opcode, body in records:
+            self._index(opcode, body)
         return int(start)
 
+    def _index(self, opcode: int, body: bytes) -> None:
+        """Take in a record of the summary."""
+        if opcode in DECLARING:
+            self._declare(opcode, body)
+        elif opcode == Opcode.CHUNK_INDEX and len(body) >= _CHUNK_INDEX.size:
+            first, _, place = _CHUNK_INDEX.unpack_from(body)
+            self._chunks.append((place, first))
+        elif opcode == Opcode.STATISTICS and len(body) >= 8:
+            (self.promised,) = LENGTH(body)
+
     def _declare(self, opcode: int, body: bytes) -> None:
-        """Take in a schema or channel. They are repeated in every chunk; what differs from its repetition is damaged."""
-        if body in self._declared:
-            return
-        self._declared.add(body)
-        self._declared_bytes += len(body)
-        if len(self._declared) > _MOST_TOPICS or self._declared_bytes > _LONGEST_DECLARATIONS:
-            raise RecordingError("it declares more topics than any recording has, and is not read")
-        stream = ReadDataStream(BytesIO(body))
-        try:
-            if opcode == Opcode.SCHEMA:
-                schema = Schema.read(stream)
-                contradicts = schema.id in self._schemas
-                self._schemas.setdefault(schema.id, schema)
-            else:
-                channel = Channel.read(stream)
-                contradicts = channel.id in self.topics
-                if not contradicts:
-                    self._add(channel)
-        except Exception:  # garbage without a checksum may raise anything; its messages are then counted as unreadable
-            return
-        if contradicts and not self._contradicted:
-            self._contradicted = True
+        agreed = not self._declarations.contradict
+        self._declarations.add(opcode, body)
+        if agreed and self._declarations.contradict:
             what = "the file is damaged: it declares a topic twice and differently; the first declaration was taken"
             self.damages.append(Damage(what, loss=""))
 
-    def _add(self, channel: Channel) -> None:
-        schema = self._schemas.get(channel.schema_id)
-        name = schema.name if schema else ""
-        parts = name.split("/")
-        self.topics[channel.id] = Topic(
-            topic=channel.topic,
-            type=f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else name,
-            definition=schema.data.decode("utf-8", "replace") if schema else "",
-            definition_encoding=schema.encoding if schema else "",
-            message_encoding=channel.message_encoding,
-        )
-
-    def _pieces(self, end: int) -> Iterator[_Piece]:
+    def _pieces(self, end: int) -> Iterator[Piece]:
         """The records that hold messages: unpacked chunks, and runs of records outside chunks."""
         position, ended = len(MAGIC), False
         while position + 9 <= end:
-            opcode, length = _PREFIX.unpack(self._window.at(position, 9))
+            opcode, length = PREFIX.unpack(self._window.at(position, 9))
             following = position + 9 + length
             known = 0 < opcode <= _LAST_OPCODE or opcode >= 0x80
-            held = opcode in (Opcode.CHUNK, Opcode.MESSAGE, *_DECLARING)
+            held = opcode in (Opcode.CHUNK, Opcode.MESSAGE, *DECLARING)
             if not known or following > end or (held and length > LARGEST_BLOCK):
                 resumed = self._next_chunk(position)
                 if resumed is None:
@@ -286,7 +187,7 @@ class McapFile:
             elif held:
                 run = self._run(position, 9 + length)
                 self._outside_chunks = True
-                yield _Piece(run)
+                yield Piece(run)
                 following = position + len(run)
             elif opcode == Opcode.DATA_END:
                 ended = True
@@ -302,7 +203,7 @@ class McapFile:
         block, begin = self._window.covering(position, length)
         place, end = begin + length, len(block)
         while place + 9 <= end and block[place] in (5, 4, 3):
-            following = place + 9 + _LENGTH(block, place + 1)[0]
+            following = place + 9 + LENGTH(block, place + 1)[0]
             if following > end:
                 break
             place = following
@@ -322,11 +223,11 @@ class McapFile:
         if self.damages:
             return
         found = 0
-        for position in range(0, end, _READ_AHEAD):
-            found = zlib.crc32(self._window.at(position, min(_READ_AHEAD, end - position)), found)
+        for position in range(0, end, READ_AHEAD):
+            found = zlib.crc32(self._window.at(position, min(READ_AHEAD, end - position)), found)
         self._data_wrong = found != checksum
 
-    def _chunk(self, record: bytes) -> Iterator[_Piece]:
+    def _chunk(self, record: bytes) -> Iterator[Piece]:
         if len(record) < _CHUNK.size + 8:
             self.damages.append(Damage("a chunk is damaged (it is too short)", self.last_log_ns, None, "some messages"))
             return
@@ -343,15 +244,15 @@ class McapFile:
         except UnpackingError as error:
             self.damages.append(Damage(f"a chunk is damaged ({error})", first, last))
             if not checksum:
-                yield _Piece(unpacking.unpack_partly(packed, compression, size), first, last)
+                yield Piece(unpacking.unpack_partly(packed, compression, size), first, last)
             return
         if checksum and zlib.crc32(records) != checksum:
             self.damages.append(Damage("a chunk is damaged (its checksum does not fit)", first, last))
             return
         self._unchecked = self._unchecked or not checksum
-        yield _Piece(records, first, last)
+        yield Piece(records, first, last)
 
-    def _cut_chunk(self, start: int, end: int) -> Iterator[_Piece]:
+    def _cut_chunk(self, start: int, end: int) -> Iterator[Piece]:
         """What can be unpacked of a chunk behind which the file ends."""
         record = self._window.at(start, min(end - start, LARGEST_BLOCK))
         if len(record) < _CHUNK.size + 8:
@@ -360,35 +261,22 @@ class McapFile:
         body = _CHUNK.size + name_length + 8
         compression = record[_CHUNK.size : body - 8].decode("ascii", "replace")
         # It is told as a cut file; that its records end in the middle need not be told again.
-        yield _Piece(_whole_records(unpacking.unpack_partly(record[body:], compression, size)), first, last)
+        yield Piece(whole_records(unpacking.unpack_partly(record[body:], compression, size)), first, last)
 
-    def _scan(self, pieces: list[_Piece]) -> Iterator[Batch]:
+    def _scan(self, pieces: list[Piece]) -> Iterator[Batch]:
         """Find the messages in unpacked records. Schemas and channels between them are taken in on the way."""
         data = b"".join([piece.data for piece in pieces])
         array = np.frombuffer(data, np.uint8)
         starts: list[int] = []
-        append = starts.append
         position = 0
         for piece in pieces:
             end = position + len(piece.data)
-            odd = 0
-            while position + 9 <= end:
-                opcode = data[position]
-                following = position + 9 + _LENGTH(data, position + 1)[0]
-                if following > end:  # garbage in a chunk without a checksum
-                    break
-                if opcode == 5:
-                    append(position)
-                    if len(starts) == _BATCH_MESSAGES:
-                        yield from self._batch(array, starts, piece)
-                        starts.clear()
-                elif opcode in _DECLARING:
-                    self._declare(opcode, data[position + 9 : following])
-                elif not opcode:
-                    break
-                elif opcode < 0x80:  # nothing else lies in a chunk; its length may be right all the same
-                    odd += 1
-                position = following
+            position, odd = self._walk(data, position, end, starts)
+            while len(starts) == _BATCH_MESSAGES:
+                yield from self._batch(array, starts, piece)
+                starts.clear()
+                position, more = self._walk(data, position, end, starts)
+                odd += more
             if odd:
                 what = f"{odd} {'record' if odd == 1 else 'records'} of a chunk cannot be read"
                 self.damages.append(Damage(what, piece.start_ns, piece.end_ns, "some messages"))
@@ -399,7 +287,32 @@ class McapFile:
         if starts:
             yield from self._batch(array, starts, pieces[-1])
 
-    def _batch(self, array: NDArray[np.uint8], starts: list[int], piece: _Piece) -> Iterator[Batch]:
+    def _walk(self, data: bytes, position: int, end: int, starts: list[int]) -> tuple[int, int]:
+        """Add where messages begin to `starts`, up to `end`, to a record that is none, or until they fill a batch.
+
+        Returns where it stopped, and how many records are of a kind that lies in no chunk.
+        """
+        odd = 0
+        append, length_at = starts.append, LENGTH  # every message passes here
+        while position + 9 <= end:
+            opcode = data[position]
+            following = position + 9 + length_at(data, position + 1)[0]
+            if following > end:  # garbage in a chunk without a checksum
+                break
+            if opcode == 5:
+                append(position)
+                if len(starts) == _BATCH_MESSAGES:
+                    return following, odd
+            elif opcode in DECLARING:
+                self._declare(opcode, data[position + 9 : following])
+            elif not opcode:
+                break
+            elif opcode < 0x80:  # its length may be right all the same
+                odd += 1
+            position = following
+        return position, odd
+
+    def _batch(self, array: NDArray[np.uint8], starts: list[int], piece: Piece) -> Iterator[Batch]:
         offsets = np.array(starts, np.int64)
         fitting = offsets[offsets + _MESSAGE_PREFIX <= len(array)]
         head = np.lib.stride_tricks.sliding_window_view(array, _MESSAGE_PREFIX)[fitting] if len(fitting) else None
@@ -448,14 +361,3 @@ def opened_mcap(path: Path) -> Iterator[McapFile]:
             yield file
     except InputError as error:
         raise RecordingError(str(error).replace(f"{path}:", path.name, 1)) from None
-
-
-def _whole_records(data: bytes) -> bytes:
-    """`data` without the record at its end that is not whole."""
-    position = 0
-    while position + 9 <= len(data):
-        following = position + 9 + _LENGTH(data, position + 1)[0]
-        if following > len(data):
-            break
-        position = following
-    return data[:position]

@@ -6,7 +6,7 @@ of its first sample; blocks that follow each other without a gap are one stretch
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -135,26 +135,16 @@ def write_trace(path: str | Path, trace: OscilloscopeTrace, *, block: float = 1.
                 bag.write(number, bytes(data), log, log)
 
 
-def _blocks(file: McapFile, warnings: list[str]) -> Iterable[_Block]:
+def _blocks(file: McapFile, warnings: list[str]) -> list[_Block]:
     definitions.ensure(TYPE)
     store = definitions.typestore()
     found: list[_Block] = []
     unreadable = 0
-    for batch in file.batches():
-        for i in range(len(batch.offset)):
-            topic = file.topics.get(int(batch.channel[i]))
-            if topic is None or topic.topic != OSCILLOSCOPE:
-                continue
-            if topic.type != TYPE:
-                raise RecordingError(
-                    f"{OSCILLOSCOPE} is of type {quoted(topic.type) or 'unknown'}: it has to be {TYPE}"
-                )
-            first = int(batch.offset[i])
-            data = batch.data[first : first + int(batch.size[i])].tobytes()
-            try:
-                found.append(_block(store.deserialize_cdr(data, TYPE)))
-            except Exception:  # whatever the generated decoder stumbles over in bytes that are no such message
-                unreadable += 1
+    for data in _messages(file):
+        try:
+            found.append(_block(store.deserialize_cdr(data, TYPE)))
+        except Exception:  # whatever the generated decoder stumbles over in bytes that are no such message
+            unreadable += 1
     for block in found:
         if block.valve not in VALVES:
             raise RecordingError(
@@ -174,6 +164,19 @@ def _blocks(file: McapFile, warnings: list[str]) -> Iterable[_Block]:
     return found
 
 
+def _messages(file: McapFile) -> Iterator[bytes]:
+    for batch in file.batches():
+        for i in range(len(batch.offset)):
+            topic = file.topics.get(int(batch.channel[i]))
+            if topic is None or topic.topic != OSCILLOSCOPE:
+                continue
+            if topic.type != TYPE:
+                raise RecordingError(
+                    f"{OSCILLOSCOPE} is of type {quoted(topic.type) or 'unknown'}: it has to be {TYPE}"
+                )
+            yield batch.message(i)
+
+
 def _block(message: Any) -> _Block:
     stamp = int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
     columns = tuple(np.asarray(getattr(message, name), float) for name in ("voltage", "current", "pressure"))
@@ -190,24 +193,10 @@ def _trace(name: str, path: Path, blocks: Sequence[_Block], warnings: tuple[str,
             raise RecordingError(f"{path}: blocks of {period} s and {block.period} s sample period: split the bag")
         if len({len(column) for column in block.columns}) != 1:
             raise RecordingError(f"{path}: a block has voltage, current and pressure of different lengths")
-    # Blocks that join belong to one stretch; what is no number cuts it like a gap.
-    pieces: list[tuple[float, NDArray[np.float64]]] = []
-    lost = 0
-    end = None
-    for block in blocks:
-        start = (block.stamp - blocks[0].stamp) / 1e9
-        table = np.stack(block.columns)
-        if end is not None and abs(start - end) <= 0.5 * period:
-            pieces[-1] = (pieces[-1][0], np.concatenate((pieces[-1][1], table), axis=1))
-        elif end is not None and start < end:
-            raise RecordingError(f"{path}: blocks overlap at {start:.3f} s: two recordings in one bag, split it")
-        else:
-            lost += 0 if end is None else round((start - end) / period)
-            pieces.append((start, table))
-        end = start + table.shape[1] * period
+    pieces, lost = _joined(path, blocks)
     stretches: list[Stretch] = []
     for start, table in pieces:
-        good = np.isfinite(table).all(axis=0)
+        good = np.isfinite(table).all(axis=0)  # what is no number cuts a stretch like a gap
         lost += int((~good).sum())
         edges = np.flatnonzero(np.diff(np.concatenate(([False], good, [False])).astype(np.int8)))
         for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
@@ -215,3 +204,23 @@ def _trace(name: str, path: Path, blocks: Sequence[_Block], warnings: tuple[str,
     if not stretches:
         raise RecordingError(f"{path}: the oscilloscope blocks hold no samples: record again")
     return OscilloscopeTrace(name, path, blocks[0].valve, period, tuple(stretches), lost, warnings)
+
+
+def _joined(path: Path, blocks: Sequence[_Block]) -> tuple[list[tuple[float, Floats]], int]:
+    """Start [s] and samples (3, n) of the blocks that follow each other without a gap; how many samples lie in the gaps."""
+    period = blocks[0].period
+    pieces: list[tuple[float, Floats]] = []
+    lost = 0
+    end = 0.0
+    for block in blocks:
+        start = (block.stamp - blocks[0].stamp) / 1e9
+        table = np.stack(block.columns)
+        if pieces and abs(start - end) <= 0.5 * period:
+            pieces[-1] = (pieces[-1][0], np.concatenate((pieces[-1][1], table), axis=1))
+        elif pieces and start < end:
+            raise RecordingError(f"{path}: blocks overlap at {start:.3f} s: two recordings in one bag, split it")
+        else:
+            lost += round((start - end) / period)
+            pieces.append((start, table))
+        end = start + table.shape[1] * period
+    return pieces, lost

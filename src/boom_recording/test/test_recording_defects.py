@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from recording_samples import CONFIGURATION, columns, recording
 
 from boom_input.channels import of_topic
-from boom_recording import defects
+from boom_recording import defects, defects_stamps
 from boom_recording.defects import TopicSamples
 from boom_recording.loading import load
 from boom_recording.recording import Event, Recording
@@ -161,7 +161,7 @@ def test_stamps_that_jump_for_a_while_are_masked_there(jump: float) -> None:
     stamps = GRID.copy()
     stamps[800:1100] += jump
     samples = topic(stamps, GRID + 0.002)
-    (event,) = defects.check_stamps(samples)
+    (event,) = defects_stamps.check_stamps(samples)
     assert event.kind == "clock_jump" and event.count == 300
     assert np.flatnonzero(~samples.timed).tolist() == list(range(800, 1100))
     assert (event.start_ns / 1e9 - 1000, event.end_ns / 1e9 - 1000) == (pytest.approx(8.0), pytest.approx(10.99))
@@ -171,16 +171,16 @@ def test_after_a_jump_for_good_the_longer_part_is_kept() -> None:
     stamps = GRID.copy()
     stamps[700:] += 3600
     samples = topic(stamps, GRID + 0.002)
-    (event,) = defects.check_stamps(samples)
+    (event,) = defects_stamps.check_stamps(samples)
     assert event.kind == "clock_jump"
     assert np.flatnonzero(~samples.timed).tolist() == list(range(700))
 
 
 def test_a_gap_and_a_pause_of_the_log_are_no_jump() -> None:
     stamps = np.delete(GRID, slice(800, 1100))
-    assert defects.check_stamps(topic(stamps, stamps + 0.002)) == []
+    assert defects_stamps.check_stamps(topic(stamps, stamps + 0.002)) == []
     log = GRID + np.where(GRID > 8, 3.0, 0.0)
-    assert defects.check_stamps(topic(GRID, log)) == []
+    assert defects_stamps.check_stamps(topic(GRID, log)) == []
 
 
 def test_late_arrival_of_the_first_messages_behind_a_gap_is_no_jump() -> None:
@@ -188,19 +188,19 @@ def test_late_arrival_of_the_first_messages_behind_a_gap_is_no_jump() -> None:
     log = stamps + 0.002
     log[800:805] += 0.2
     samples = topic(stamps, np.maximum.accumulate(log))
-    assert defects.check_stamps(samples) == []
+    assert defects_stamps.check_stamps(samples) == []
     assert samples.timed.all()
 
 
 def test_log_times_that_run_at_another_speed_are_not_compared() -> None:
-    assert defects.check_stamps(topic(GRID, GRID / 20)) == []
+    assert defects_stamps.check_stamps(topic(GRID, GRID / 20)) == []
 
 
 def test_repeated_stamps_are_stale_and_the_first_of_them_stays() -> None:
     stamps = GRID.copy()
     stamps[500:520] = stamps[500]
     samples = topic(stamps, GRID + 0.002)
-    (event,) = defects.check_stamps(samples)
+    (event,) = defects_stamps.check_stamps(samples)
     assert event.kind == "stale" and event.count == 19
     assert np.flatnonzero(~samples.timed).tolist() == list(range(501, 520))
 
@@ -209,7 +209,7 @@ def test_messages_that_arrive_long_after_their_stamp_are_stale() -> None:
     log = GRID + 0.002
     log[600:640] = np.maximum(log[600:640] + 0.9, log[639] + 0.9)
     samples = topic(GRID, log)
-    (event,) = defects.check_stamps(samples)
+    (event,) = defects_stamps.check_stamps(samples)
     assert event.kind == "stale"
     assert set(np.flatnonzero(~samples.timed)) >= set(range(600, 640))
 
@@ -219,7 +219,7 @@ def test_stamps_that_go_back_are_a_clock_jump_even_without_a_log_to_compare_with
     stamps[900:905] -= 1.0
     stamps[1500] += 50
     samples = topic(stamps, GRID / 20)
-    found = defects.check_stamps(samples)
+    found = defects_stamps.check_stamps(samples)
     assert {event.kind for event in found} == {"clock_jump"}
     assert np.flatnonzero(~samples.timed).tolist() == [*range(900, 905), 1500]
 
@@ -232,14 +232,14 @@ def test_stamps_that_go_back_are_a_clock_jump_even_without_a_log_to_compare_with
 def test_whatever_the_stamps_those_that_are_kept_increase_strictly(steps: list[int], logs: list[int]) -> None:
     stamps = np.cumsum(steps) / 1000
     samples = topic(stamps, np.cumsum(logs[: len(steps)]) / 1000)
-    defects.check_stamps(samples)
+    defects_stamps.check_stamps(samples)
     assert (np.diff(samples.stamps_ns[samples.timed]) > 0).all()
     assert samples.timed.any()
 
 
 @given(st.lists(st.integers(0, 30), min_size=1, max_size=9))
 def test_the_fewest_samples_are_masked(stamps: list[int]) -> None:
-    keep = defects._longest_increasing(np.array(stamps))
+    keep = defects_stamps._longest_increasing(np.array(stamps))
     best = max(
         len(chosen)
         for size in range(1, len(stamps) + 1)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
+
+from markupsafe import Markup
 
 from boom_recording.recording import Event
+from boom_report.templates import render
 
 SHOWN = 200
 """So many rows at most in the report; what is more is told as a number."""
@@ -43,24 +45,6 @@ def summary(events: Sequence[Event]) -> list[str]:
     return lines
 
 
-def section(events: Sequence[Event]) -> str:
+def section(events: Sequence[Event]) -> Markup:
     """HTML: the table of all events, or the sentence that there are none."""
-    if not events:
-        return "<p>No gaps, lost samples or sensor faults were found in this recording.</p>"
-    rows = "".join(
-        f"<tr><td>{escape(str(e.kind)).replace('_', ' ')}</td><td><code>{escape(e.topic)}</code></td><td "
-        f"class=n>{e.start_s:.2f}</td>"
-        f"<td class=n>{e.end_s:.2f}</td><td class=n>{e.count}</td><td>{escape(e.detail)}</td></tr>"
-        for e in events[:SHOWN]
-    )
-    more = (
-        f"<p>And {len(events) - SHOWN} more, in the document of <code>--json</code>.</p>" if len(events) > SHOWN else ""
-    )
-    return (
-        "<div class=scroll><table><thead><tr><th>event</th><th>topic</th><th class=n>from [s]</th><th class=n>to "
-        "[s]</th>"
-        f"<th class=n>samples</th><th>what</th></tr></thead><tbody>{rows}</tbody></table></div>{more}"
-        "<p class=note>Affected samples are masked: they are not interpolated over and count in no number. A free "
-        "run does "
-        "not cross a gap in the currents, it starts again behind it.</p>"
-    )
+    return render("boom_report/events.html", events=events, most=SHOWN)

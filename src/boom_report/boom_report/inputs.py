@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from html import escape
 from importlib.resources import files
 from pathlib import Path
+
+from markupsafe import Markup
 
 from boom_identification.validation import Validation
 from boom_model.machine import Machine
 from boom_recording import bag_folder
 from boom_recording.errors import RecordingError
 from boom_recording.recording import Recording
+from boom_report.templates import render
 
 INFERRED = (
     "The numbers of this machine come from the thesis, from public descriptions of an Epsilon crane of the same "
@@ -21,7 +23,7 @@ INFERRED = (
 )
 
 
-def section(validation: Validation, machine: Machine | None, machine_source: str | Path | None) -> str:
+def section(validation: Validation, machine: Machine | None, machine_source: str | Path | None) -> Markup:
     """HTML: inputs with checksums, and every number of the machine with source and confidence."""
     rows = [
         (bag.recording.name, file, checksum)
@@ -30,19 +32,12 @@ def section(validation: Validation, machine: Machine | None, machine_source: str
     ]
     if machine_source is not None:
         rows.append((f"machine {validation.machine}", *machine_file(machine_source)))
-    return f"{files_table(rows)}{'' if machine is None else machine_section(machine)}"
+    return files_table(rows) + (Markup() if machine is None else machine_section(machine))
 
 
-def files_table(rows: list[tuple[str, str, str]]) -> str:
+def files_table(rows: list[tuple[str, str, str]]) -> Markup:
     """HTML: (what it is, file, sha256) of each input."""
-    listed = "".join(
-        f"<tr><td>{escape(what)}</td><td>{escape(file)}</td><td><code class=hash>{checksum}</code></td></tr>"
-        for what, file, checksum in rows
-    )
-    return (
-        "<h3>Files</h3><div class=scroll><table><thead><tr><th>input</th><th>file</th><th>sha256</th></tr></thead>"
-        f"<tbody>{listed}</tbody></table></div>"
-    )
+    return render("boom_report/files.html", rows=rows)
 
 
 def recording_files(recording: Recording) -> list[tuple[str, str]]:
@@ -75,27 +70,13 @@ def machine_file(source: str | Path) -> tuple[str, str]:
     return Path(source).name, _sha256(Path(source))
 
 
-def machine_section(machine: Machine) -> str:
+def machine_section(machine: Machine) -> Markup:
     """HTML: every number of a machine with source and confidence, and the effects that it carries."""
     parameters = machine.parameters.values()
     sure = Counter(p.confidence or "not rated" for p in parameters)
-    counted = ", ".join(f"{count} {name}" for name, count in sorted(sure.items(), key=lambda item: -item[1]))
-    inferred = any("literature(R1)" in p.source for p in parameters)
-    effects = "".join(
-        f"<li>effect <code>{escape(name)}</code>: {escape(', '.join(f'{k} = {v:g}' for k, v in values.items()))}</li>"
-        for name, values in machine.effects.items()
-    )
-    rows = "".join(
-        f"<tr><td><code>{escape(key)}</code></td><td class=n>{escape(', '.join(f'{v:g}' for v in p.value))}</td>"
-        f"<td>{escape(p.specification.unit)}</td><td>{escape(p.source)}</td><td>{escape(p.confidence)}</td></tr>"
-        for key, p in machine.parameters.items()
-    )
-    return (
-        f"<h3>Machine {escape(machine.name)}</h3>{f'<p>{escape(INFERRED)}</p>' if inferred else ''}"
-        f"{f'<p>It carries:</p><ul>{effects}</ul>' if effects else ''}"
-        f"<p>{len(machine.parameters)} parameters; confidence in them: {counted}.</p><details><summary>All "
-        "parameters with unit, source "
-        "and confidence</summary><div class=scroll><table class=compact><thead><tr><th>key</th><th "
-        "class=n>value</th><th>unit</th><th>source</th>"
-        f"<th>confidence</th></tr></thead><tbody>{rows}</tbody></table></div></details>"
+    return render(
+        "boom_report/machine.html",
+        machine=machine,
+        inferred=INFERRED if any("literature(R1)" in p.source for p in parameters) else "",
+        confidence=", ".join(f"{count} {name}" for name, count in sorted(sure.items(), key=lambda item: -item[1])),
     )

@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from html import escape
 from importlib.resources import files
 from typing import Any
 
-# The page may load nothing at all: what is in the file is all there is.
-_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; form-action 'none'"
-)
+from markupsafe import Markup
+
+from boom_report.templates import render
+
 # In names and charts every "<" is escaped: what begins with one is an element.
 _ID = re.compile(r"<[a-z][^<>]*? id=['\"]?([^'\" >]+)")
 _CLOUD = "https://cloud.plotly.com/newchart"
@@ -32,20 +31,17 @@ def page(heading: str, body: str, styles: tuple[str, ...] = ("report.css",)) -> 
     # The library can send a chart to its maker's server; report.js switches that off, and there is no address either.
     plotly = get_plotlyjs().replace(_CLOUD, "")
     own = files("boom_report")
-    style = "".join(own.joinpath(name).read_text("utf-8") for name in styles)
-    script = own.joinpath("report.js").read_text("utf-8")
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><title>{escape(heading)}</title>'
-        f"<style>\n{style}</style></head><body><main>{body}"
-        "<noscript><p class=alert>The charts need JavaScript; the tables above are complete without "
-        "it.</p></noscript></main>\n"
-        f"<script>{plotly}</script>\n<script>\n{script}</script></body></html>\n"
+    return render(
+        "boom_report/page.html",
+        heading=heading,
+        body=Markup(body),
+        style=Markup("".join(own.joinpath(name).read_text("utf-8") for name in styles)),
+        plotly=Markup(plotly),
+        script=Markup(own.joinpath("report.js").read_text("utf-8")),
     )
 
 
-def chart(figure: dict[str, Any]) -> str:
+def chart(figure: dict[str, Any]) -> Markup:
     """HTML of a chart: its place, and right behind it its data.
 
     Args:
@@ -53,7 +49,7 @@ def chart(figure: dict[str, Any]) -> str:
     """
     # "<" would end the script element wherever a name holds "</script>".
     spec = json.dumps(figure, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    return (
+    return Markup(
         f"<div class=figure style='min-height:{figure['layout']['height']}px'></div>"
         f"<script type='application/json'>{spec}</script>"
     )

@@ -152,7 +152,7 @@ def test_the_page_loads_nothing_and_cannot_be_broken_by_a_name():
 def test_the_scheme_shows_all_subsystems_and_colours_them_by_evidence():
     drawing = scheme({"hose_burst_valve": 0.93, "main_valve": 0.3})
     assert all(f"id='scheme-{name}'" in drawing for name in SUBSYSTEMS)
-    part = re.search(r"id='scheme-hose_burst_valve'.*?</g>", drawing).group()
+    part = re.search(r"id='scheme-hose_burst_valve'.*?</g>", drawing, re.S).group()
     assert f"--fill:{colours(0.93)[0]}" in part and "0.93" in part
     assert "0.00" not in re.sub(r"<title>.*?</title>", "", drawing)
     assert "Hydraulic scheme. hose burst valve 0.93, main valve 0.30." in drawing

@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from concealed_plant import sensing
+from concealed_plant.climb import CLOSE, FINE, FURTHEST, NEAR, Climb
 from concealed_plant.hidden import Concealment, Hidden, Scene, Sensing
 from concealed_plant.kernel import STEPS, limiting_from
 from concealed_plant.machine import (
@@ -63,15 +64,6 @@ SPACING = 20
 """Milliseconds between the samples that are compared."""
 PROJECTIONS, SETTLED = 6, 0.9
 """Most runs that look for the numbers that imitate an effect best; a step that gains less than a tenth ends the search."""
-COARSE, FINE, NEAR = 3.0, 1.7, 1.25
-"""Factors between sizes that are tried, far from and near the detectable one; d that is near enough for a straight line."""
-STRAIGHT, FURTHEST, BEYOND = 0.1, 10.0, 1.05
-"""Share by which d may differ from being proportional to the size for the next one to be where d would be ``BEYOND`` times the
-detectable one, and the largest factor to there."""
-CLOSE = 1.02
-"""Factor between a size that is imitated and one that is not, from which on the first counts."""
-LOOKS = 3
-"""Times that what imitates an effect is looked for more thoroughly where it seems to be seen."""
 BENT = 4.0
 """Share of a signature to what is left of it from which on that is looked at once more."""
 CUT = 0.6
@@ -201,45 +193,38 @@ class Detectability:
         self._largest_shows(effect, draws)
         for steps in (CHANGE_STEPS, SENSITIVITY_STEPS):
             self._change({}, steps)
-        least, low_d = effect.smallest, 0.0
-        z: Array | None = None
-        reached: Array | None = None
-        at, factor, overshot = effect.smallest, COARSE, False
-        bent: Array | None = None
-        looks = LOOKS
+        climb = Climb(effect.smallest, effect.smallest)
         for _ in range(_TRIES):
             try:
-                guess = None if z is None else z * min(at / least, FURTHEST)
-                changed = self.seen(effect.build(at, draws, self.scene))
-                d, reached = self.separation(changed, effect.twins, guess, bent)
-                close = z is not None and at / least < CLOSE
-                if looks and d >= self.detectable and (close or d < NEAR * self.detectable):
-                    looks -= 1
-                    d, reached, bent = self._thoroughly(changed, effect.twins, (d, reached), bent)
-                    if d < self.detectable:
-                        overshot, factor = False, float(np.clip(NEAR * self.detectable / d, 1.0, FINE))
+                d, reached = self._looked_at(effect, draws, climb)
             except RunError:
-                if z is None or at / least < CLOSE:
+                if climb.z is None or climb.ratio < CLOSE:
                     raise
-                d, reached = np.inf, z
+                d, reached = np.inf, climb.z
             if d < self.detectable:
-                if at >= effect.largest:
+                if climb.at >= effect.largest:
                     raise TooFaintError(f"{effect.id}: d is {d:.0f} at its largest, {self.detectable:.0f} is asked")
-                straight = not overshot and abs(d * least - low_d * at) < STRAIGHT * low_d * at
-                least, low_d, z = at, d, reached
-                if d > 0.2 * self.detectable:
-                    factor = min(factor, FINE)
-                at = min(at * (min(BEYOND * self.detectable / d, FURTHEST) if straight else factor), effect.largest)
-            elif at / least < CLOSE:  # what imitates it is not found from here on, however little is added
-                return effect.tolerance + at
+                climb.go_up(d, reached, self.detectable, effect.largest)
+            elif climb.ratio < CLOSE:  # what imitates it is not found from here on, however little is added
+                return effect.tolerance + climb.at
             elif d < NEAR * self.detectable:
-                return effect.tolerance + at * self.detectable / d
+                return effect.tolerance + climb.at * self.detectable / d
             else:
-                overshot = True
-                share = (self.detectable - low_d) / (min(d, 1e3 * self.detectable) - low_d)
-                factor = 1.0 + (at / least - 1.0) * float(np.clip(share, 0.25, 0.6))
-                at = least * factor
+                climb.go_back(d, self.detectable)
         raise TooFaintError(f"{effect.id}: its detectable size was not found")
+
+    def _looked_at(self, effect: Concealment, draws: Array, climb: Climb) -> tuple[float, Array]:
+        """d at the next size, and the z that imitates the effect there best."""
+        guess = None if climb.z is None else climb.z * min(climb.ratio, FURTHEST)
+        changed = self.seen(effect.build(climb.at, draws, self.scene))
+        d, reached = self.separation(changed, effect.twins, guess, climb.bent)
+        close = climb.z is not None and climb.ratio < CLOSE
+        if climb.looks and d >= self.detectable and (close or d < NEAR * self.detectable):
+            climb.looks -= 1
+            d, reached, climb.bent = self._thoroughly(changed, effect.twins, (d, reached), climb.bent)
+            if d < self.detectable:
+                climb.overshot, climb.factor = False, float(np.clip(NEAR * self.detectable / d, 1.0, FINE))
+        return d, reached
 
     def _thoroughly(
         self, changed: Array, twins: tuple[str, ...], found: tuple[float, Array], bent: Array | None

@@ -21,7 +21,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from boom_model.machine import Machine
-    from boom_recording.recording import Recording
-    from boom_sim.simulated_crane import EndedEarlyError
+    from boom_recording.recording import Configuration, Recording
+    from boom_sim.simulated_crane import EndedEarlyError, Start
 
     Array = NDArray[np.float64]
 
@@ -90,16 +90,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate and write; returns 0."""
-    from boom_bringup import replica
-    from boom_bringup.commands._simulate_reference import Law, load_reference, simulate_reference, tracking_line
-    from boom_model.machine_file import load_machine
-    from boom_model.sensors import IDEAL
-    from boom_recording import writing
-    from boom_recording.recording import Configuration
-    from boom_sim import csv_currents
-    from boom_sim.offline import simulate
-    from boom_sim.simulated_crane import EndedEarlyError, Start
-
     output = Path(args.output)
     if args.campaign:
         return _campaign(args, output)
@@ -107,68 +97,116 @@ def run(args: argparse.Namespace) -> int:
         raise SimulateError(
             "nothing to simulate: give INPUT, a bag or .csv with currents, or --campaign pilot|cylinder"
         )
-    source = Path(args.input)
-    if args.reference:
-        if source.suffix == ".csv" or args.model != "full":
-            raise SimulateError("--reference takes a bag and runs the full model: leave out --model, or give a bag")
-        recording = load_reference(source)
-        configuration, start = recording.configuration, Start(0.0)
-        machine, _ = replica.machine_of({args.input: recording}, args.machine)
-    elif source.suffix == ".csv":
-        stamps, currents = csv_currents.read(source)
-        start = Start(0.3)
-        configuration = Configuration("tz17", 0.28, 2.2, 0.0)
-        machine = load_machine(configuration.machine if args.machine is None else args.machine)
-    else:
-        recording, stamps, currents = _from_bag(source)
-        configuration = recording.configuration
-        machine, _ = replica.machine_of({args.input: recording}, args.machine)
-        if args.angle is None:
-            rest = replica.rest_of(recording, args.input, "give --angle")
-            start = Start(rest["angle"], rest["hose_pressure"], rest["rod_pressure"])
-        if args.duration is None:
-            args.duration = recording.duration
-    if args.angle is not None:
-        start = Start(args.angle)  # the measured pressures belong to the measured angle
-    given = {
-        "outer_boom_angle": args.outer_boom_angle,
-        "telescope_length": args.telescope_length,
-        "load_mass": args.load,
-    }
-    changed = {key: value for key, value in given.items() if value is not None}
-    if changed:
-        configuration = replace(configuration, **changed)
-        start = Start(start.angle)
-    told = machine
-    machine = told.with_effects({**told.effects, **parse_effects(args.effect)})
-    by = f"closed loop, {args.mode}" if args.reference else f"{args.model} model"
-    note = f"simulated: {by}, sensors {args.sensors}, seed {args.seed}"
-    configuration = replace(configuration, machine=machine.name, note=note)
-    noise = machine.sensor_noise() if args.sensors == "thesis" else IDEAL
+    given = _given(args, Path(args.input))
+    machine = given.machine.with_effects({**given.machine.effects, **parse_effects(args.effect)})
+
+    from boom_recording import writing
+    from boom_sim.simulated_crane import EndedEarlyError
+
     ended = None
     with new_bag(output) as made:
         begin = time.perf_counter()
         try:
-            if args.reference:
-                result = simulate_reference(
-                    recording, machine, configuration, Law(args.mode, told), angle=args.angle, noise=noise, seed=args.seed,
-                    duration=args.duration, name=output.name,
-                )  # fmt: skip
-            else:
-                result = simulate(
-                    machine, configuration, start, stamps, currents,
-                    noise=noise, seed=args.seed, kind=args.model, duration=args.duration, name=output.name,
-                )  # fmt: skip
+            result = _simulated(args, given, machine, output.name)
         except EndedEarlyError as error:
             result, ended = error.recording, error
         spent = time.perf_counter() - begin
         writing.write(made, result)
     _show(result, machine, spent, output)
     if args.reference:
+        from boom_bringup.commands._simulate_reference import tracking_line
+
         print(tracking_line(result, machine))
     if ended is not None:
         raise SimulateError(_ended(ended, output))
     return 0
+
+
+@dataclass
+class _Given:
+    """What INPUT holds, with what the options change of it; the machine as told, without ``--effect``."""
+
+    machine: Machine
+    configuration: Configuration
+    start: Start
+    stamps: Array | None = None
+    currents: Array | None = None
+    recording: Recording | None = None
+
+
+def _given(args: argparse.Namespace, source: Path) -> _Given:
+    from boom_sim.simulated_crane import Start
+
+    given = _from_reference(args, source) if args.reference else _with_currents(args, source)
+    if args.angle is not None:
+        given.start = Start(args.angle)  # the measured pressures belong to the measured angle
+    pose = {
+        "outer_boom_angle": args.outer_boom_angle,
+        "telescope_length": args.telescope_length,
+        "load_mass": args.load,
+    }
+    changed = {key: value for key, value in pose.items() if value is not None}
+    if changed:
+        given.configuration = replace(given.configuration, **changed)
+        given.start = Start(given.start.angle)
+    return given
+
+
+def _from_reference(args: argparse.Namespace, source: Path) -> _Given:
+    from boom_bringup import replica
+    from boom_bringup.commands._simulate_reference import load_reference
+    from boom_sim.simulated_crane import Start
+
+    if source.suffix == ".csv" or args.model != "full":
+        raise SimulateError("--reference takes a bag and runs the full model: leave out --model, or give a bag")
+    recording = load_reference(source)
+    machine, _ = replica.machine_of({args.input: recording}, args.machine)
+    return _Given(machine, recording.configuration, Start(0.0), recording=recording)
+
+
+def _with_currents(args: argparse.Namespace, source: Path) -> _Given:
+    from boom_bringup import replica
+    from boom_model.machine_file import load_machine
+    from boom_recording.recording import Configuration
+    from boom_sim import csv_currents
+    from boom_sim.simulated_crane import Start
+
+    if source.suffix == ".csv":
+        stamps, currents = csv_currents.read(source)
+        configuration = Configuration("tz17", 0.28, 2.2, 0.0)
+        machine = load_machine(configuration.machine if args.machine is None else args.machine)
+        return _Given(machine, configuration, Start(0.3), stamps, currents)
+    recording, stamps, currents = _from_bag(source)
+    machine, _ = replica.machine_of({args.input: recording}, args.machine)
+    start = Start(0.0)
+    if args.angle is None:
+        rest = replica.rest_of(recording, args.input, "give --angle")
+        start = Start(rest["angle"], rest["hose_pressure"], rest["rod_pressure"])
+    if args.duration is None:
+        args.duration = recording.duration
+    return _Given(machine, recording.configuration, start, stamps, currents, recording)
+
+
+def _simulated(args: argparse.Namespace, given: _Given, machine: Machine, name: str) -> Recording:
+    from boom_bringup.commands._simulate_reference import Law, simulate_reference
+    from boom_model.sensors import IDEAL
+    from boom_sim.offline import simulate
+
+    by = f"closed loop, {args.mode}" if args.reference else f"{args.model} model"
+    note = f"simulated: {by}, sensors {args.sensors}, seed {args.seed}"
+    configuration = replace(given.configuration, machine=machine.name, note=note)
+    noise = machine.sensor_noise() if args.sensors == "thesis" else IDEAL
+    if args.reference:
+        assert given.recording is not None
+        return simulate_reference(
+            given.recording, machine, configuration, Law(args.mode, given.machine), angle=args.angle, noise=noise,
+            seed=args.seed, duration=args.duration, name=name,
+        )  # fmt: skip
+    assert given.stamps is not None and given.currents is not None
+    return simulate(
+        machine, configuration, given.start, given.stamps, given.currents,
+        noise=noise, seed=args.seed, kind=args.model, duration=args.duration, name=name,
+    )  # fmt: skip
 
 
 def _ended(error: EndedEarlyError, output: Path) -> str:

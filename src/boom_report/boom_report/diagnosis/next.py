@@ -1,33 +1,26 @@
-"""What was learnt without a name, what remains, and what to record next."""
+"""What was learnt without a name, and what to record next."""
 
 from __future__ import annotations
 
-from html import escape
+from markupsafe import Markup
 
 from boom_diagnosis.document import DiagnosisResult, Experiment, LearnedCurve
 from boom_model.catalogue import effect_name
 from boom_report.page import chart
 from boom_report.panels import Json, packed
+from boom_report.templates import render
 
 _LINE, _FILL, _RETRACT, _EXTEND = "#1257a6", "rgba(18,87,166,0.16)", "#7a3e9d", "#0b8a74"
 _PEOPLE = {"Pa": (1e-5, "bar"), "m^3/s": (6e4, "l/min")}
 _FONT = {"family": "system-ui, 'Segoe UI', Roboto, Arial, sans-serif", "size": 12, "color": "#1f2933"}
 
 
-def learned(result: DiagnosisResult) -> str:
+def learned(result: DiagnosisResult) -> Markup:
     """HTML: the terms learnt from the data, as formula and curve; empty where there are none."""
-    if not result.learned:
-        return ""
-    parts = []
-    for curve in result.learned:
-        parts.append(
-            f"<h3>Added to equation ({escape(curve.equation)})</h3><div class=formula>{escape(curve.formula)}</div>"
-            f"<p>{escape(curve.reading)}</p>{chart(learned_chart(curve))}"
-        )
-    return (
-        f"<section class=card><h2>A term learnt from the data</h2>{''.join(parts)}<p class=note>Over its main variable, the "
-        "others in the middle of their range; the band is the 90 % interval. It holds in the drawn range only. It was kept "
-        "because it improves data that it was not learnt from. It is part of the written machine file.</p></section>"
+    return render(
+        "boom_report/diagnosis/learned.html",
+        curves=result.learned,
+        chart=lambda curve: chart(learned_chart(curve)),
     )
 
 
@@ -42,32 +35,15 @@ def learned_chart(curve: LearnedCurve) -> Json:
     return {"data": [low, high, middle], "layout": _layout(300, f"{curve.variable} [{ux}]", f"term [{uy}]")}
 
 
-def remaining(result: DiagnosisResult) -> str:
-    """HTML: what stays unexplained, and what moved within its tolerance."""
-    text = result.remaining or "Nothing beyond the noise of the sensors."
-    return f"<section class=card><h2>What remains unexplained</h2><p>{escape(text)}</p></section>"
-
-
-def experiment(result: DiagnosisResult) -> str:
+def experiment(result: DiagnosisResult) -> Markup:
     """HTML: the proposed recording with its currents, and what it would separate."""
-    said = result.document.next_experiment
-    if not said and result.experiment is None:
-        return ""
-    proposed = result.experiment
-    text = f"<p>{escape(said or (proposed.text if proposed else ''))}</p>"
-    if proposed is not None:
-        rows = "".join(
-            f"<tr><td>{escape(effect_name(a))}</td><td>{escape(effect_name(b))}</td>"
-            f"<td class=n>{now:.1f}</td><td class=n>{then:.1f}</td></tr>"
-            for a, b, now, then in proposed.separation
-        )
-        table = (
-            "<div class=scroll><table class=compact><thead><tr><th>hypothesis</th><th>against</th>"
-            "<th class=n>apart now<br>[sigma]</th><th class=n>apart then<br>[sigma]</th></tr></thead>"
-            f"<tbody>{rows}</tbody></table></div>"
-        )
-        text += (table if rows else "") + chart(experiment_chart(proposed))
-    return f"<section class=card><h2>What to record next</h2>{text}</section>"
+    return render(
+        "boom_report/diagnosis/experiment.html",
+        said=result.document.next_experiment,
+        proposed=result.experiment,
+        effect_name=effect_name,
+        chart=lambda proposed: chart(experiment_chart(proposed)),
+    )
 
 
 def experiment_chart(proposed: Experiment) -> Json:

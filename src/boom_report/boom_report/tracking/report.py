@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from boom_recording.recording import Recording
 from boom_report.channel_panels import MEASURED
 from boom_report.page import chart
 from boom_report.panels import Json, Panels, line
+from boom_report.templates import render
 from boom_report.tracking.position_error import THESIS, Errors, Tracking
 from boom_report.validation.figure import FULL
 
@@ -41,20 +42,15 @@ def print_tracking(tracking: Tracking, mode: str, console: Any) -> None:
     console.print(table)
 
 
-def section(tracking: Tracking, recording: Recording, mode: str) -> str:
+def section(tracking: Tracking, recording: Recording, mode: str) -> Markup:
     """HTML of one section for ``report.write_report``."""
-    heads = "".join(f"<th class=n>{escape(head)}<br>[mm]</th>" for head in _HEADS)
-    body = "".join(
-        f"<tr><td>{escape(label)}</td>"
-        + "".join(f"<td class=n>{1e3 * v:.2f}</td>" for v in (errors.mae, errors.maxe, errors.rmse))
-        + "</tr>"
-        for label, errors in rows(tracking, mode)
-    )
-    return (
-        f"<section class='card recording' id='closed-loop'><h2>Closed loop: {escape(mode)}</h2>"
-        f"<div class=scroll><table><thead><tr><th></th>{heads}</tr></thead><tbody>{body}</tbody></table></div>"
-        f"<p class=quiet>{escape(_METHOD)}</p>"
-        f"{chart(figure(tracking, recording))}</section>"
+    return render(
+        "boom_report/tracking/report.html",
+        mode=mode,
+        heads=_HEADS,
+        rows=rows(tracking, mode),
+        method=_METHOD,
+        chart=chart(figure(tracking, recording)),
     )
 
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from datetime import datetime
-from html import escape
 from pathlib import Path
 
+from markupsafe import Markup
+
 from boom_estimation.free_run import Prediction
-from boom_identification.validation import BagValidation, Validation
+from boom_identification.validation import Validation
 from boom_input.whole import write_whole
 from boom_model.machine import Machine
+from boom_recording.recording import Recording
 from boom_report import __version__, events, inputs
 from boom_report.page import chart, page
+from boom_report.templates import render
 from boom_report.validation import figure, tables
 from boom_report.validation.verdict import verdict
 
@@ -50,72 +53,30 @@ def write_report(
     """
     names = [bag.recording.name for bag in validation.bags]
     heading = title or f"Validation of {_shortened(names)}"
-    bags = "".join(_recording(bag, index + 1) for index, bag in enumerate(validation.bags))
-    compared = (
-        f"<section class=card><ul class=results>{_results(validation)}</ul>{_notes(notes)}</section>"
-        f"<section class=card>{tables.summary(validation)}</section>{bags}"
-        if validation.bags
-        else _notes(notes)
-    )
-    body = (
-        f"<header><h1>{escape(heading)}</h1><p class=quiet>{_made(validation, command)}</p></header>"
-        f"{compared}{''.join(sections)}"
-        f"<section class=card><h2>About this report</h2><p>{escape(_METHOD)}</p>"
-        f"{inputs.section(validation, machine, machine_source)}</section>"
+    body = render(
+        "boom_report/validation/report.html",
+        heading=heading,
+        when=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z"),
+        version=__version__,
+        command=command,
+        validation=validation,
+        tables=tables,
+        notes=notes,
+        verdict=verdict,
+        samples=_samples,
+        chart=chart,
+        figure=figure.figure,
+        not_run=_not_run,
+        events=events.section,
+        sections=[Markup(section) for section in sections],
+        method=_METHOD,
+        inputs=inputs.section(validation, machine, machine_source),
     )
     write_whole(path, page(heading, body))
 
 
-def _made(validation: Validation, command: str) -> str:
-    when = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z")
-    said = f"Machine {escape(validation.machine)} · {when} · boom {__version__}"
-    return said + (f"<br><code>{escape(command)}</code>" if command else "")
-
-
-def _results(validation: Validation) -> str:
-    items = []
-    for index, bag in enumerate(validation.bags):
-        said = verdict(bag)
-        items.append(
-            f"<li><span class='pill {said.kind.replace(' ', '-')}'>{said.kind}</span>"
-            f"<span><a href='#bag-{index + 1}'><b>{escape(bag.recording.name)}</b></a>: "
-            f"{escape(said.sentence)}</span></li>"
-        )
-    return "".join(items)
-
-
-def _notes(notes: tuple[str, ...]) -> str:
-    return "".join(f"<p class=warning>{escape(note)}</p>" for note in notes)
-
-
-def _recording(bag: BagValidation, index: int) -> str:
-    recording, said = bag.recording, verdict(bag)
-    c = recording.configuration
-    samples = max((len(signal.time) for signal in recording.signals.values()), default=0)
-    about = (
-        f"{recording.duration:.1f} s, {samples} samples a channel · machine {c.machine or 'not named'} · q3 = "
-        f"{c.outer_boom_angle:g} rad, "
-        f"q4 = {c.telescope_length:g} m, load {tables.load_text(c.load_mass)} kg" + (f" · {c.note}" if c.note else "")
-    )
-    stopped = "".join(
-        f"<p class=alert>The {p.label} model stopped: {escape(p.stopped)}. There is no prediction from there to "
-        "the next run.</p>"
-        for p in (bag.full, bag.reduced)
-        if p.stopped
-    )
-    warnings = "".join(f"<p class=warning>Damaged file: {escape(warning)}</p>" for warning in recording.warnings)
-    notes = "".join(f"<p class=note>Note: {escape(note)}.</p>" for note in recording.notes)
-    runs = "".join(
-        f"<li>{p.label} model, {escape(run)}</li>" for p in (bag.full, bag.reduced) for run in p.runs or (_not_run(p),)
-    )
-    return (
-        f"<section class='card recording' id='bag-{index}'><h2>{escape(recording.name)} "
-        f"<span class='pill {said.kind.replace(' ', '-')}'>{said.kind}</span></h2><p class=quiet>{escape(about)}</p>"
-        f"<p>{escape(said.sentence)}</p>{stopped}{warnings}{tables.errors(bag)}"
-        f"{chart(figure.figure(bag))}"
-        f"<h3>Free runs and their initial states</h3><ul>{runs}</ul><h3>Gaps, losses and faults</h3>"
-        f"{events.section(recording.events)}{notes}</section>"
-    )
+def _samples(recording: Recording) -> int:
+    return max((len(signal.time) for signal in recording.signals.values()), default=0)
 
 
 def _not_run(prediction: Prediction) -> str:

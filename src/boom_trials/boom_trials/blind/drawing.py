@@ -6,11 +6,13 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from math import isfinite
 
+from markupsafe import Markup
+
 COLOURS = {"measured": "#8a8f98", "nominal": "#d9730d", "explained": "#1f6feb"}
 _WIDTH, _HEIGHT, _LEFT, _BOTTOM = 440, 130, 52, 18
 
 
-def lines(title: str, unit: str, factor: float, time: Sequence[float], series: Mapping[str, Sequence[float]]) -> str:
+def lines(title: str, unit: str, factor: float, time: Sequence[float], series: Mapping[str, Sequence[float]]) -> Markup:
     """Series over time [s] in one panel; values times ``factor`` are [unit]. Values that are not finite are left out."""
     scaled = {name: [v * factor for v in values] for name, values in series.items()}
     finite = [v for v in scaled.get("measured", []) if isfinite(v)] or [0.0, 1.0]
@@ -33,7 +35,7 @@ def lines(title: str, unit: str, factor: float, time: Sequence[float], series: M
     return _svg(_WIDTH, _HEIGHT, "".join(parts), f"{title} over time")
 
 
-def calibration(bins: Sequence[tuple[float, float, int]]) -> str:
+def calibration(bins: Sequence[tuple[float, float, int]]) -> Markup:
     """Share right over stated confidence, dots as large as their number of cases; the line is what is meant."""
     size, edge = 260, 34
     span = size - 2 * edge
@@ -58,7 +60,7 @@ def calibration(bins: Sequence[tuple[float, float, int]]) -> str:
     return _svg(size, size, "".join(parts), "share right over confidence")
 
 
-def bars(groups: Sequence[tuple[str, Sequence[tuple[str, float]]]]) -> str:
+def bars(groups: Sequence[tuple[str, Sequence[tuple[str, float]]]]) -> Markup:
     """Grouped bars of shares (0..1): (group, ((label, share), ...))."""
     colours = ("#1f6feb", "#7fb0f5", "#c9ced6")
     width, height, base = 90 + 130 * len(groups), 220, 180
@@ -94,8 +96,8 @@ def _frame(title: str, low: float, high: float, begin: str, end: str) -> str:
     )
 
 
-def _svg(width: float, height: float, body: str, label: str) -> str:
-    return (
+def _svg(width: float, height: float, body: str, label: str) -> Markup:
+    return Markup(
         f"<svg viewBox='0 0 {width:g} {height:g}' width='{width:g}' role='img' aria-label='{escape(label)}' "
         f"xmlns='http://www.w3.org/2000/svg'>{body}</svg>"
     )

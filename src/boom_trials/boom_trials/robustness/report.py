@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime
-from html import escape
 from pathlib import Path
 from typing import Any
 
 from boom_input.whole import write_whole
 from boom_report.page import chart, page
+from boom_report.templates import render
 from boom_report.tracking.position_error import THESIS
 from boom_trials.robustness.figures import COLOURS, figure, stability_figure
 from boom_trials.robustness.study import Result
@@ -22,6 +22,11 @@ _METHOD = (
     "counts as diverged and is left out of the means. Force oscillation: rms of the piston force against the one that the "
     "reference needs (6.2), above 0.8 Hz."
 )
+_FURTHER = (
+    ("off_nominal", "C0 on plants 5 % off nominal"),
+    ("monte_carlo", "Monte Carlo over Table 6.1, valve within 5 %"),
+    ("monte_carlo_unloaded", "Monte Carlo at C0, valve within 5 %"),
+)
 _FIGURE = {"C0": "6.5", "C1": "6.6", "C2": "6.7", "C3": "6.8", "C4": "6.9"}
 
 
@@ -33,65 +38,50 @@ def write_report(
     Raises:
         OSError: the file cannot be written.
     """
-    when = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z")
-    supply = "supply limited to 250 bar and 84 l/min" if limited else "supply unlimited (the thesis case)"
-    parts = [
-        f"<header><h1>Robustness of the closed loop</h1><p class=quiet>{supply} · seed {numbers['seed']} · {when}<br>"
-        f"<code>{escape(command)}</code></p></header>",
-        f"<section class=card><h2>Piston position, mean over {len(numbers['trajectories'])} trajectories</h2>{_main_table(numbers)}"
-        f"<p class=note>MAE / MAXE / RMSE [mm]. {escape(_METHOD)}</p></section>",
-        f"<section class=card><h2>Per pose</h2>{_pose_table(numbers)}</section>",
-    ]
-    for key, title in (
-        ("off_nominal", "C0 on plants 5 % off nominal"),
-        ("monte_carlo", "Monte Carlo over Table 6.1, valve within 5 %"),
-        ("monte_carlo_unloaded", "Monte Carlo at C0, valve within 5 %"),
-    ):
-        if key in numbers:
-            parts.append(f"<section class=card><h2>{title}</h2>{_further(numbers[key])}</section>")
-    if "stability_map" in numbers:
-        parts.append(
-            "<section class=card><h2>Stability</h2><p>Dead time added in the valve chain against oil stiffness (beta over "
-            f"nominal) and against load. Green: stable.</p>"
-            f"{chart(stability_figure(numbers['stability_map']))}</section>"
-        )
     kept = [r for r in results["configurations"] if r.history is not None]
-    for name in dict.fromkeys(r.job.case.name for r in kept):
-        mine = [r for r in kept if r.job.case.name == name]
-        colours = ", ".join(f"<span style='color:{COLOURS[r.job.mode]}'>{r.job.mode}</span>" for r in mine)
-        parts.append(
-            f"<section class=card><h2>{name}: {escape(mine[0].job.bag)}</h2><p class=quiet>As Fig. {_FIGURE.get(name, '6.5')} of "
-            f"the thesis. {colours}; reference black.</p>{chart(figure(mine))}</section>"
-        )
-    write_whole(path, page("Robustness of the closed loop", "".join(parts)))
+    cases = dict.fromkeys(r.job.case.name for r in kept)
+    body = render(
+        "boom_trials/robustness/report.html",
+        numbers=numbers,
+        limited=limited,
+        when=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %z"),
+        command=command,
+        method=_METHOD,
+        main=_main_table(numbers),
+        poses=_poses(numbers),
+        further=[(title, _further(numbers[key])) for key, title in _FURTHER if key in numbers],
+        stability=chart(stability_figure(numbers["stability_map"])) if "stability_map" in numbers else "",
+        pictures={name: [r for r in kept if r.job.case.name == name] for name in cases},
+        figures=_FIGURE,
+        colours=COLOURS,
+        chart=chart,
+        figure=figure,
+    )
+    write_whole(path, page("Robustness of the closed loop", body))
 
 
-def _main_table(numbers: Mapping[str, Any]) -> str:
+def _main_table(numbers: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]:
     names = list(next(iter(numbers["modes"].values())))
     rows = [[PRINTED, *(" / ".join(f"{1e3 * v:.3g}" for v in THESIS[name]) for name in names)]]
     for mode, each in numbers["modes"].items():
         rows.append([mode, *(three(each[name]) for name in names)])
         if all(each[name].get("interval_90") for name in names):
-            rows.append(
-                [
-                    "MAE, 90 % over seeds",
-                    *("{:.2f} .. {:.2f}".format(*each[name]["interval_90"]["mae_mm"]) for name in names),
-                ]
-            )
-    return _table(["", *names], rows)
+            intervals = ("{:.2f} .. {:.2f}".format(*each[name]["interval_90"]["mae_mm"]) for name in names)
+            rows.append(["MAE, 90 % over seeds", *intervals])
+    return ["", *names], rows
 
 
-def _pose_table(numbers: Mapping[str, Any]) -> str:
+def _poses(numbers: Mapping[str, Any]) -> list[list[str]]:
     rows = []
     for mode, each in numbers["modes"].items():
         for name, values in each.items():
             for pose, n in values["poses"].items():
                 oscillation = "-" if n["force_oscillation_n"] is None else f"{n['force_oscillation_n'] / 1e3:.2f}"
                 rows.append([mode, name, pose, three(n), oscillation])
-    return _table(["mode", "configuration", "pose", "MAE / MAXE / RMSE [mm]", "force oscillation [kN]"], rows)
+    return rows
 
 
-def _further(numbers: Mapping[str, Any]) -> str:
+def _further(numbers: Mapping[str, Any]) -> list[list[str]]:
     rows = []
     for mode, each in numbers.items():
         if "plants" in each:
@@ -99,10 +89,4 @@ def _further(numbers: Mapping[str, Any]) -> str:
             rows.append([mode, f"{each['plants']} plants", three(each), f"MAE 5 / 50 / 95 / 100 %: {quantiles} mm"])
         else:
             rows += [[mode, case, three(values), ""] for case, values in each.items()]
-    return _table(["mode", "plant", "MAE / MAXE / RMSE [mm]", ""], rows)
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
-    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    return f"<div class=scroll><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>"
+    return rows

@@ -1,0 +1,145 @@
+"""Signals that repeat a value for longer than noise, quantisation and the boom's motion make believable."""
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_input.channels import MEASURED_TOPICS, PREDICTED
+from boom_recording.defects import SECOND, THRESHOLDS, StampedEvent, Thresholds, TopicSamples
+from boom_recording.recording import Floats
+
+_FOLLOW = {sensor.name for sensor in PREDICTED if sensor.is_pressure}
+"""Pressures of the cylinder: they cannot stay as they are while the boom moves; that of a pump can."""
+
+
+def check_stuck(topics: dict[str, TopicSamples], limits: Thresholds = THRESHOLDS) -> dict[str, list[StampedEvent]]:
+    """Mask values that repeat for longer than noise and quantisation, or the motion of the boom, make believable.
+
+    A quantised angle at rest may be constant for minutes and an idle current is clipped at zero: neither is stuck. The
+    angle is judged by the rate, the pressures also by the angle, and each noisy signal by itself.
+    """
+    found: dict[str, list[StampedEvent]] = {topic: [] for topic in topics}
+    witness = _Motion(topics, limits)
+    # The rate first: it tells of the angle, and when the IMU hangs both repeat.
+    names = [name for samples in topics.values() if samples.topic in MEASURED_TOPICS for name in samples.values]
+    for name in sorted(names, key=lambda name: name != "rate"):
+        samples = next(s for s in topics.values() if name in s.values)
+        found[samples.topic] += _stuck(samples, name, witness, limits)
+    return found
+
+
+def _stuck(samples: TopicSamples, name: str, witness: "_Motion", limits: Thresholds) -> list[StampedEvent]:
+    index = np.flatnonzero(samples.valid[name] & samples.timed)
+    if len(index) < 3:
+        return []
+    values, times = samples.values[name][index], samples.stamps_ns[index].astype(float)
+    clipped = name.endswith("current")
+    longest = _believable(values, clipped, limits)
+    unit = next(channel.unit for channel in samples.channels if channel.name == name)
+    events = []
+    for a, b in _runs_of_equal(values):
+        if (times[b] - times[a]) / SECOND < limits.stuck or (clipped and values[a] <= 0):
+            continue
+        start = times[a]
+        if longest is None or b - a + 1 <= longest:
+            since = witness.stuck_since(name, float(values[a]), times[a], times[b])
+            if since is None:
+                continue
+            start = since
+        first = int(np.searchsorted(times, start))
+        samples.valid[name][index[first : b + 1]] = False
+        if name == "rate":
+            witness.stuck_rates.append((start, times[b]))
+        detail = f"{name} repeats {values[a]:.6g} {unit} for {(times[b] - start) / SECOND:.2f} s"
+        events.append(StampedEvent("stuck", float(start), float(times[b]), b - first + 1, detail))
+    return events
+
+
+def _believable(values: Floats, clipped: bool, limits: Thresholds) -> float | None:
+    """Longest run of equal values that this signal's noise may make, times the factor; None without noise."""
+    if clipped:
+        values = values[values > 0]
+    steps = np.diff(values)
+    if len(steps) < 100:
+        return None
+    # Long runs are what is to be judged: they must not count among the evidence.
+    lengths = np.diff(np.flatnonzero(np.concatenate([[True], steps != 0, [True]])))
+    ordinary = np.repeat(lengths, lengths)[:-1] < 50
+    changes = steps[(steps != 0)]
+    if len(changes) < 20 or not ordinary.any():
+        return None
+    reversals = float(np.mean(np.sign(changes[1:]) != np.sign(changes[:-1])))
+    if reversals < limits.noisy:
+        return None
+    repeats = min(max(float(np.mean(steps[ordinary] == 0)), 1e-3), 0.99)
+    return max(limits.stuck_factor * float(np.log(max(len(values), 2)) / -np.log(repeats)), 20.0)
+
+
+class _Motion:
+    """What the IMU says of the boom's motion, to judge the other signals by.
+
+    Attributes:
+        stuck_rates: spans [ns] in which the rate was found stuck.
+    """
+
+    def __init__(self, topics: dict[str, TopicSamples], limits: Thresholds) -> None:
+        self._limits = limits
+        self.stuck_rates: list[tuple[float, float]] = []
+        self._tracks: dict[str, tuple[Floats, Floats]] = {}
+        for name in ("angle", "rate"):
+            samples = next((s for s in topics.values() if name in s.values), None)
+            if samples is not None:
+                good = samples.valid[name] & samples.timed
+                self._tracks[name] = (samples.stamps_ns[good].astype(float), samples.values[name][good])
+
+    def _during(self, name: str, start: float, end: float) -> tuple[Floats, Floats]:
+        times, values = self._tracks.get(name, (np.zeros(0), np.zeros(0)))
+        a, b = np.searchsorted(times, [start, end])
+        return times[a:b], values[a:b]
+
+    def stuck_since(self, name: str, value: float, start: float, end: float) -> float | None:
+        """From when on [ns] signal `name`, which repeats `value` between two times, is stuck; None where it need not be."""
+        moved = self._contradicts(name, value, start, end)
+        if moved is not None:
+            return max(start, moved)
+        hangs = name == "angle" and any(_same_span(other, (start, end), self._limits) for other in self.stuck_rates)
+        return start if hangs else None
+
+    def _contradicts(self, name: str, value: float, start: float, end: float) -> float | None:
+        """From when on [ns] the boom's motion says that signal `name` left `value`; None where it may have stayed."""
+        limits = self._limits
+        if name == "angle":
+            return _first_motion(*self._during("rate", start, end), limits)
+        times, angles = self._during("angle", start, end)
+        if len(angles) < 2:
+            return None
+        if name == "rate":
+            drift = angles - angles[0] - value * (times - times[0]) / SECOND
+            return start if float(np.abs(drift).max()) > limits.moving_rate else None
+        if name in _FOLLOW:
+            return start if float(np.ptp(angles)) > limits.moving_angle else None
+        return None
+
+
+def _first_motion(times: Floats, rates: Floats, limits: Thresholds) -> float | None:
+    """When the mean rate over a window of `limits.stuck` first says that the boom moves, None where it never does."""
+    if len(rates) < 2:
+        return None
+    window = max(2, round(limits.stuck * SECOND / float(np.median(np.diff(times)))))
+    if len(rates) < window:
+        return None
+    total = np.concatenate([[0.0], np.cumsum(rates)])
+    means = np.abs(total[window:] - total[:-window]) / window
+    moving = np.flatnonzero(means > limits.moving_rate)
+    return float(times[moving[0]]) if len(moving) else None
+
+
+def _same_span(one: tuple[float, float], other: tuple[float, float], limits: Thresholds) -> bool:
+    """True where two spans [ns] begin and end together; an angle that repeats for longer than the rate is at rest."""
+    return all(abs(a - b) < limits.merge * SECOND for a, b in zip(one, other, strict=True))
+
+
+def _runs_of_equal(values: NDArray[np.float64]) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0, [True]]))
+    return [(a, b - 1) for a, b in pairwise(edges.tolist()) if b - a > 1]
