@@ -13,7 +13,7 @@ import pytest
 from boom_controller.controller import Settings
 from boom_controller.loop.control_loop import ControlLoop
 from boom_controller.loop.cycle import Cycle
-from boom_controller.supervision.state_machine import State
+from boom_controller.supervision.state_machine import MotionState
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
@@ -95,7 +95,7 @@ def test_another_control_law_takes_over_in_motion_without_a_jump(machine: Machin
     usual = max(abs(b.extend - a.extend) for a, b in itertools.pairwise(before[50:]))
     jump = max(abs(b.extend - a.extend) for a, b in itertools.pairwise([before[-1], *after]))
     assert jump <= usual + 0.03
-    assert all(c.state is State.TRACK for c in after)
+    assert all(c.state is MotionState.TRACK for c in after)
     assert abs(after[-1].reference.angle - after[-1].measurement.angle) < 5e-3
 
 
@@ -105,7 +105,7 @@ def test_a_stop_brings_the_crane_to_rest(machine: Machine, mode: str) -> None:
     crane.run(3.0)
     crane.loop.stop_now(crane.crane.sample.time)
     after = crane.run(1.5)
-    assert (after[-1].state, after[-1].retract, after[-1].extend) == (State.STOPPED, 0.0, 0.0)
+    assert (after[-1].state, after[-1].retract, after[-1].extend) == (MotionState.STOPPED, 0.0, 0.0)
     assert abs(crane.crane.sample.rate) < 0.01
 
 

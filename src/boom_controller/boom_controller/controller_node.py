@@ -1,7 +1,7 @@
 """The controller as a lifecycle node. Topics, parameters, services, reasons to stop: README.md.
 
 Real time: a cycle runs as soon as angle, hose pressure and rod pressure have all brought a new sample, which costs no waiting
-and no jitter of its own; a steady timer runs it where one of them is late. Lockstep: one cycle for each tick of /clock, once all
+and no jitter of its own; a steady timer runs it where one of them is late. TickGate: one cycle for each tick of /clock, once all
 samples of that tick are there. Configured, it listens. Active, it commands, zero current until a reference is accepted.
 """
 
@@ -38,7 +38,7 @@ from boom_controller.node import messages
 from boom_controller.loop.control_loop import ControlLoop
 from boom_controller.loop.cycle import Cycle
 from boom_controller.errors import ControlError
-from boom_controller.node.lockstep import Lockstep
+from boom_controller.node.lockstep import TickGate
 from boom_controller.node.outputs import Log, Outputs
 from boom_controller.node.sample_times import SampleTimes
 from boom_controller.node.node_parameters import PARAMETERS, settings_of, supervision_of
@@ -56,7 +56,7 @@ class ControllerNode(LifecycleNode):
         super().__init__("boom_controller")
         self._values = vars(parameters.declare(self, PARAMETERS))
         self._lockstep = (
-            Lockstep(self._values["lockstep_reference"], seconds_to_ns(self._values["lockstep_delay"]))
+            TickGate(self._values["lockstep_reference"], seconds_to_ns(self._values["lockstep_delay"]))
             if self._values["time"] == "lockstep"
             else None
         )

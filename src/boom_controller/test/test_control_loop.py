@@ -14,8 +14,8 @@ from boom_controller.errors import ControlError
 from boom_controller.loop import law_in_use
 from boom_controller.loop.control_loop import ControlLoop
 from boom_controller.loop.cycle import Cycle
-from boom_controller.references.joint_trajectory import Code, Point, TrajectoryError
-from boom_controller.supervision.state_machine import State
+from boom_controller.references.joint_trajectory import Code, TrajectoryError, TrajectoryPoint
+from boom_controller.supervision.state_machine import MotionState
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.supervision.tracking_goal import Tolerances
 from boom_controller.types import Measurement, Output, Reference
@@ -86,7 +86,7 @@ class Boom:
             self.period()
         return self.cycles[-1]
 
-    def until(self, state: State, most: float = 3.0) -> float:
+    def until(self, state: MotionState, most: float = 3.0) -> float:
         """Seconds until the state is reached."""
         begin = self.now
         while self.period().state is not state:
@@ -116,14 +116,14 @@ def lifting(boom: Boom) -> Boom:
     begin = boom.now
     boom.wanted = lambda now: 0.3 + 0.2 * (now - begin)
     boom.run(1.0)
-    assert boom.last.state is State.TRACK
+    assert boom.last.state is MotionState.TRACK
     assert boom.rate > 0.15
     return boom
 
 
 def test_without_a_reference_nothing_moves(boom: Boom) -> None:
     cycle = boom.run(0.5)
-    assert (cycle.state, cycle.retract, cycle.extend) == (State.IDLE, 0.0, 0.0)
+    assert (cycle.state, cycle.retract, cycle.extend) == (MotionState.IDLE, 0.0, 0.0)
     assert cycle.status == "ok"
     assert math.isnan(cycle.load)
 
@@ -134,7 +134,7 @@ def test_a_stream_is_followed_and_its_silence_holds_the_boom(boom: Boom) -> None
     assert boom.last.load == 170.0
     boom.wanted = None
     boom.run(1.0)
-    assert boom.last.state is State.HOLD
+    assert boom.last.state is MotionState.HOLD
     assert boom.last.status == "warning" and "no reference" in boom.last.reason
     assert abs(boom.rate) < 1e-3
 
@@ -142,11 +142,11 @@ def test_a_stream_is_followed_and_its_silence_holds_the_boom(boom: Boom) -> None
 def test_a_stream_that_begins_far_away_is_not_followed(boom: Boom) -> None:
     boom.wanted = lambda _: 0.5
     boom.run(0.5)
-    assert boom.last.state is State.IDLE
+    assert boom.last.state is MotionState.IDLE
     assert "bring it within" in boom.last.reason
     boom.wanted = lambda _: 0.33
     boom.run(0.1)
-    assert boom.last.state is State.TRACK
+    assert boom.last.state is MotionState.TRACK
     assert boom.last.status == "ok"
 
 
@@ -155,7 +155,7 @@ def test_a_stream_beyond_the_limits_is_followed_to_their_margin(boom: Boom) -> N
     begin = boom.now
     boom.wanted = lambda now: 0.3 - 0.3 * (now - begin)
     boom.run(3.0)
-    assert boom.last.state is State.TRACK
+    assert boom.last.state is MotionState.TRACK
     assert boom.angle == pytest.approx(-0.09, abs=1e-3)
     assert boom.last.status == "warning" and "beyond" in boom.last.reason
 
@@ -164,7 +164,7 @@ def test_a_reference_that_is_no_number_is_not_used(boom: Boom) -> None:
     lifting(boom)
     boom.wanted = lambda _: math.nan
     boom.run(1.0)
-    assert boom.last.state is State.HOLD
+    assert boom.last.state is MotionState.HOLD
     assert math.isfinite(boom.angle)
 
 
@@ -191,14 +191,14 @@ def test_every_fault_in_motion_ends_with_zero_currents_in_time_and_its_reason(bo
     lifting(boom)
     s = boom.loop.supervision.settings
     SENSOR_FAULTS[fault](boom)
-    found = boom.until(State.STOPPING) if boom.loop.supervision.state is State.TRACK else 0.0
+    found = boom.until(MotionState.STOPPING) if boom.loop.supervision.state is MotionState.TRACK else 0.0
     assert boom.loop.supervision.finding is not None
     assert boom.loop.supervision.finding.reason == fault.split()[0]
     assert found <= {"sensors_disagree": 0.5, "divergence": 1.0, "currents_not_followed": s.current_timeout + 0.1}.get(
         fault, 0.11
     )
     before = max(boom.last.retract, boom.last.extend)
-    taken = boom.until(State.STOPPED)
+    taken = boom.until(MotionState.STOPPED)
     assert (
         taken
         <= (s.longest_stop if fault in ("pressure_limit", "configuration_changed") else 0.0) + s.current_ramp + 0.02
@@ -209,13 +209,13 @@ def test_every_fault_in_motion_ends_with_zero_currents_in_time_and_its_reason(bo
     assert boom.last.status == "stopped"
     assert fault.split()[0] in boom.last.reason
     boom.run(0.3)
-    assert (boom.last.state, boom.last.retract, boom.last.extend) == (State.STOPPED, 0.0, 0.0)
+    assert (boom.last.state, boom.last.retract, boom.last.extend) == (MotionState.STOPPED, 0.0, 0.0)
 
 
 def test_speed_beyond_the_limit_stops(boom: Boom) -> None:
     lifting(boom)
     boom.loop.change(supervision=replace(SupervisionSettings(), largest_rate=0.1))
-    boom.until(State.STOPPED)
+    boom.until(MotionState.STOPPED)
     assert "speed_limit" in boom.last.reason
 
 
@@ -224,7 +224,7 @@ def test_beyond_an_angle_limit_the_boom_is_stopped(boom: Boom) -> None:
     boom.wanted = lambda _: 0.3
     boom.run(0.5)
     boom.push = -0.5
-    boom.until(State.STOPPING)
+    boom.until(MotionState.STOPPING)
     assert boom.loop.supervision.finding is not None
     assert boom.loop.supervision.finding.reason == "angle_limit"
 
@@ -232,18 +232,18 @@ def test_beyond_an_angle_limit_the_boom_is_stopped(boom: Boom) -> None:
 def test_after_a_stop_a_reference_moves_nothing_until_it_is_resumed(boom: Boom) -> None:
     lifting(boom)
     boom.loop.emergency_stop(True, boom.now)
-    boom.until(State.STOPPED)
+    boom.until(MotionState.STOPPED)
     assert not boom.loop.resume(boom.now)[0]
     boom.loop.emergency_stop(False, boom.now)
     held = boom.angle
     boom.wanted = lambda _: held
     boom.run(0.5)
-    assert boom.last.state is State.STOPPED
+    assert boom.last.state is MotionState.STOPPED
     with pytest.raises(TrajectoryError, match="resume"):
-        boom.loop.start([Point(1.0, 0.6, 0.0)], boom.now)
+        boom.loop.start([TrajectoryPoint(1.0, 0.6, 0.0)], boom.now)
     assert boom.loop.resume(boom.now)[0]
     boom.run(0.1)
-    assert boom.last.state is State.TRACK
+    assert boom.last.state is MotionState.TRACK
 
 
 def test_a_new_pose_counts_after_the_stop_that_it_causes(boom: Boom) -> None:
@@ -252,7 +252,7 @@ def test_a_new_pose_counts_after_the_stop_that_it_causes(boom: Boom) -> None:
     with pytest.raises(ControlError, match="moves"):
         boom.loop.configure(boom.machine, pose)
     boom.loop.configuration_changes(boom.now)
-    boom.until(State.STOPPED)
+    boom.until(MotionState.STOPPED)
     boom.loop.configure(boom.machine, pose)
     boom.period()
     assert boom.loop.resume(boom.now)[0]
@@ -261,7 +261,7 @@ def test_a_new_pose_counts_after_the_stop_that_it_causes(boom: Boom) -> None:
 
 def test_at_rest_a_new_configuration_is_no_reason_to_stop(boom: Boom) -> None:
     boom.loop.configuration_changes(boom.now)
-    assert boom.period().state is State.IDLE
+    assert boom.period().state is MotionState.IDLE
 
 
 def endings(boom: Boom) -> list[tuple[int, Code, str]]:
@@ -269,37 +269,41 @@ def endings(boom: Boom) -> list[tuple[int, Code, str]]:
 
 
 def test_a_trajectory_is_followed_to_its_goal_and_held_there(boom: Boom) -> None:
-    number = boom.loop.start([Point(2.0, 0.6, 0.0, 0.0)], boom.now)
+    number = boom.loop.start([TrajectoryPoint(2.0, 0.6, 0.0, 0.0)], boom.now)
     boom.run(3.0)
     assert endings(boom) == [(number, Code.SUCCESSFUL, "")]
-    assert boom.last.state is State.HOLD
+    assert boom.last.state is MotionState.HOLD
     assert boom.angle == pytest.approx(0.6, abs=1e-3)
 
 
 def test_leaving_the_path_aborts_and_holds(boom: Boom) -> None:
-    boom.loop.start([Point(2.0, 0.6, 0.0)], boom.now, tolerances=Tolerances(0.03, 0.01, 1.0))
+    boom.loop.start([TrajectoryPoint(2.0, 0.6, 0.0)], boom.now, tolerances=Tolerances(0.03, 0.01, 1.0))
     boom.run(0.7)
     boom.push = -0.5
     boom.run(0.3)
     boom.push = 0.0
     boom.run(1.0)
     assert [code for _, code, _ in endings(boom)] == [Code.PATH_TOLERANCE_VIOLATED]
-    assert boom.last.state is State.HOLD
+    assert boom.last.state is MotionState.HOLD
     assert abs(boom.rate) < 1e-3
 
 
 def test_a_goal_that_is_not_reached_in_time_is_told(boom: Boom) -> None:
     boom.push = 0.1  # what the law leaves over: 0.1 / 8 rad
-    boom.loop.start([Point(0.0, 0.3, 0.0), Point(1.0, 0.3, 0.0)], boom.now, tolerances=Tolerances(None, 0.005, 0.5))
+    boom.loop.start(
+        [TrajectoryPoint(0.0, 0.3, 0.0), TrajectoryPoint(1.0, 0.3, 0.0)],
+        boom.now,
+        tolerances=Tolerances(None, 0.005, 0.5),
+    )
     boom.run(1.45)
     assert endings(boom) == []
     boom.run(0.2)
     assert [code for _, code, _ in endings(boom)] == [Code.GOAL_TOLERANCE_VIOLATED]
-    assert boom.last.state is State.HOLD
+    assert boom.last.state is MotionState.HOLD
 
 
 def test_cancel_comes_to_rest_without_a_jump_and_holds(boom: Boom) -> None:
-    number = boom.loop.start([Point(2.0, 0.7, 0.0)], boom.now)
+    number = boom.loop.start([TrajectoryPoint(2.0, 0.7, 0.0)], boom.now)
     boom.run(1.0)
     rate = boom.rate
     assert boom.loop.cancel(number)
@@ -307,15 +311,15 @@ def test_cancel_comes_to_rest_without_a_jump_and_holds(boom: Boom) -> None:
     boom.period()
     assert boom.rate == pytest.approx(rate, abs=0.05)
     boom.run(1.0)
-    assert boom.last.state is State.HOLD
+    assert boom.last.state is MotionState.HOLD
     assert abs(boom.rate) < 1e-3
 
 
 def test_a_new_trajectory_replaces_the_old_one_without_a_jump(boom: Boom) -> None:
-    first = boom.loop.start([Point(2.0, 0.7, 0.0)], boom.now)
+    first = boom.loop.start([TrajectoryPoint(2.0, 0.7, 0.0)], boom.now)
     boom.run(1.0)
     rate = boom.rate
-    second = boom.loop.start([Point(2.0, 0.4, 0.0)], boom.now)
+    second = boom.loop.start([TrajectoryPoint(2.0, 0.4, 0.0)], boom.now)
     boom.period()
     assert boom.rate == pytest.approx(rate, abs=0.05)
     boom.run(3.5)
@@ -324,14 +328,14 @@ def test_a_new_trajectory_replaces_the_old_one_without_a_jump(boom: Boom) -> Non
 
 
 def test_a_trajectory_on_its_way_goes_before_a_stream(boom: Boom) -> None:
-    boom.loop.start([Point(1.0, 0.4, 0.0)], boom.now)
+    boom.loop.start([TrajectoryPoint(1.0, 0.4, 0.0)], boom.now)
     boom.wanted = lambda _: 0.3
     boom.run(0.9)
     assert boom.angle > 0.37
 
 
 def test_a_stop_aborts_the_trajectory_with_its_reason(boom: Boom) -> None:
-    boom.loop.start([Point(2.0, 0.7, 0.0)], boom.now)
+    boom.loop.start([TrajectoryPoint(2.0, 0.7, 0.0)], boom.now)
     boom.run(0.5)
     boom.loop.emergency_stop(True, boom.now)
     boom.run(0.3)
@@ -340,13 +344,15 @@ def test_a_stop_aborts_the_trajectory_with_its_reason(boom: Boom) -> None:
 
 
 def test_stamped_trajectories_begin_at_their_time(boom: Boom) -> None:
-    boom.loop.start([Point(0.0, 0.3, 0.0), Point(1.0, 0.5, 0.0)], boom.now, begin=boom.now - 90.0 + 0.5)
+    boom.loop.start(
+        [TrajectoryPoint(0.0, 0.3, 0.0), TrajectoryPoint(1.0, 0.5, 0.0)], boom.now, begin=boom.now - 90.0 + 0.5
+    )
     boom.run(0.5)
     assert boom.angle == pytest.approx(0.3, abs=1e-6)
     boom.run(1.2)
     assert boom.angle == pytest.approx(0.5, abs=1e-3)
     with pytest.raises(TrajectoryError) as caught:
-        boom.loop.start([Point(1.0, 0.5, 0.0)], boom.now, begin=boom.now - 95.0)
+        boom.loop.start([TrajectoryPoint(1.0, 0.5, 0.0)], boom.now, begin=boom.now - 95.0)
     assert caught.value.code is Code.OLD_HEADER_TIMESTAMP
 
 
@@ -356,13 +362,13 @@ def test_before_sensors_and_configuration_are_there_references_are_refused(
     monkeypatch.setattr(law_in_use, "make_controller", lambda mode, *_: Law(mode))
     loop = ControlLoop("improved", Settings(), SupervisionSettings())
     with pytest.raises(TrajectoryError, match="machine_configuration"):
-        loop.start([Point(1.0, 0.3)], 0.0)
+        loop.start([TrajectoryPoint(1.0, 0.3)], 0.0)
     loop.configure(machine, machine.pose(0.28, 2.2))
     with pytest.raises(TrajectoryError, match="no angle yet"):
-        loop.start([Point(1.0, 0.3)], 0.0)
+        loop.start([TrajectoryPoint(1.0, 0.3)], 0.0)
     loop.stream(0.3, 0.0)
     cycle = loop.cycle(0.0)
-    assert cycle.state is State.IDLE
+    assert cycle.state is MotionState.IDLE
     assert (cycle.status, cycle.retract, cycle.extend) == ("warning", 0.0, 0.0)
 
 
@@ -374,7 +380,7 @@ def test_another_control_law_takes_over_without_a_jump(boom: Boom) -> None:
     assert abs(boom.last.extend - before) < 0.02
     boom.run(1.0)
     assert boom.loop.law.mode == "baseline"
-    assert boom.last.state is State.TRACK
+    assert boom.last.state is MotionState.TRACK
 
 
 def test_no_law_has_to_be_made_while_the_boom_moves(boom: Boom, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -394,7 +400,7 @@ def test_no_law_has_to_be_made_while_the_boom_moves(boom: Boom, monkeypatch: pyt
     boom.run(1.0)
     assert len(made) == 3
     assert boom.loop.law.controller is not None and boom.loop.law.controller.mode == "improved"
-    assert boom.last.state is State.TRACK
+    assert boom.last.state is MotionState.TRACK
     with pytest.raises(ControlError, match="thesis, baseline, improved"):
         boom.loop.change(mode="pid")
 
@@ -453,7 +459,7 @@ def test_a_controller_that_stood_still_says_so_although_its_samples_are_old_by_t
     lifting(boom)
     boom.silent |= {"joint", "hose", "rod"}
     boom.now += 0.3
-    assert boom.period().state is State.STOPPING
+    assert boom.period().state is MotionState.STOPPING
     assert boom.loop.supervision.finding is not None and boom.loop.supervision.finding.reason == "missed_deadlines"
 
 
@@ -461,4 +467,4 @@ def test_deactivation_gives_the_last_currents_to_be_ramped(boom: Boom) -> None:
     lifting(boom)
     extend = boom.last.extend
     assert boom.loop.drop() == (0.0, pytest.approx(extend))
-    assert boom.loop.supervision.state is State.IDLE
+    assert boom.loop.supervision.state is MotionState.IDLE

@@ -15,8 +15,8 @@ from boom_controller.references.joint_trajectory import (
     Bounds,
     Code,
     JointTrajectory,
-    Point,
     TrajectoryError,
+    TrajectoryPoint,
     plan,
 )
 from boom_controller.references.polynomial import Polynomial, cubic, quintic, to_rest
@@ -26,7 +26,7 @@ BOUNDS = Bounds(-0.02, 1.5, 0.6, 0.05)
 REST = Reference(0.3)
 
 
-def planned(*points: Point, present: Reference = REST, measured: float = 0.3) -> JointTrajectory:
+def planned(*points: TrajectoryPoint, present: Reference = REST, measured: float = 0.3) -> JointTrajectory:
     return plan(points, present, measured, BOUNDS)
 
 
@@ -60,8 +60,10 @@ def test_the_ramp_to_rest_ends_at_rest_with_the_stated_way_and_deceleration() ->
 
 
 def test_accelerations_make_quintics_rates_alone_cubics() -> None:
-    quintics = planned(Point(0.0, 0.3, 0.0, 0.0), Point(1.0, 0.4, 0.1, 0.2), Point(2.0, 0.5, 0.0, 0.0))
-    cubics = planned(Point(0.0, 0.3, 0.0), Point(1.0, 0.4, 0.1), Point(2.0, 0.5, 0.0))
+    quintics = planned(
+        TrajectoryPoint(0.0, 0.3, 0.0, 0.0), TrajectoryPoint(1.0, 0.4, 0.1, 0.2), TrajectoryPoint(2.0, 0.5, 0.0, 0.0)
+    )
+    cubics = planned(TrajectoryPoint(0.0, 0.3, 0.0), TrajectoryPoint(1.0, 0.4, 0.1), TrajectoryPoint(2.0, 0.5, 0.0))
     for piece in (quintics, cubics):
         assert piece.at(1.0).rate == pytest.approx(0.1)
         assert not piece.smoothed
@@ -71,7 +73,7 @@ def test_accelerations_make_quintics_rates_alone_cubics() -> None:
 
 
 def test_angles_alone_make_straight_lines_for_the_trajectory_generator() -> None:
-    lines = planned(Point(0.0, 0.3), Point(1.0, 0.5), Point(2.0, 0.5))
+    lines = planned(TrajectoryPoint(0.0, 0.3), TrajectoryPoint(1.0, 0.5), TrajectoryPoint(2.0, 0.5))
     assert lines.smoothed
     assert lines.at(0.25).angle == pytest.approx(0.35)
     assert lines.duration == pytest.approx(2.0 + SETTLING)
@@ -79,13 +81,13 @@ def test_angles_alone_make_straight_lines_for_the_trajectory_generator() -> None
 
 def test_a_first_point_later_than_zero_is_reached_from_the_present_motion() -> None:
     moving = Reference(0.3, 0.2, 0.1)
-    trajectory = planned(Point(1.0, 0.5, 0.0, 0.0), present=moving)
+    trajectory = planned(TrajectoryPoint(1.0, 0.5, 0.0, 0.0), present=moving)
     begin = trajectory.at(0.0)
     assert (begin.angle, begin.rate, begin.acceleration) == pytest.approx((0.3, 0.2, 0.1))
 
 
 def test_before_its_start_and_behind_its_end_a_trajectory_stands_still() -> None:
-    trajectory = planned(Point(0.0, 0.3, 0.1), Point(1.0, 0.4, 0.0))
+    trajectory = planned(TrajectoryPoint(0.0, 0.3, 0.1), TrajectoryPoint(1.0, 0.4, 0.0))
     assert trajectory.at(-0.5) == Reference(0.3)
     assert trajectory.at(7.0) == Reference(0.4)
 
@@ -94,20 +96,20 @@ def test_before_its_start_and_behind_its_end_a_trajectory_stands_still() -> None
     ("points", "words"),
     [
         ([], "no points"),
-        ([Point(0.0, 0.3), Point(0.0, 0.4)], "ascend"),
-        ([Point(-1.0, 0.3), Point(0.0, 0.4)], "ascend"),
-        ([Point(1.0, math.nan)], "not finite"),
-        ([Point(1.0, 0.4, math.inf)], "not finite"),
-        ([Point(1.0, 0.4, 0.0), Point(2.0, 0.5)], "other fields"),
-        ([Point(1.0, 0.4, None, 0.0)], "no rate"),
-        ([Point(1.0, 0.4, 0.2)], "rate of 0"),
-        ([Point(0.0, 0.6), Point(4.0, 0.5)], "away from the boom"),
-        ([Point(9.0, 1.6)], "moves between"),
-        ([Point(0.2, 0.9)], "at most 0.6 rad/s"),
-        ([Point(0.6, 0.55, 0.0)], "at most 0.6 rad/s"),
+        ([TrajectoryPoint(0.0, 0.3), TrajectoryPoint(0.0, 0.4)], "ascend"),
+        ([TrajectoryPoint(-1.0, 0.3), TrajectoryPoint(0.0, 0.4)], "ascend"),
+        ([TrajectoryPoint(1.0, math.nan)], "not finite"),
+        ([TrajectoryPoint(1.0, 0.4, math.inf)], "not finite"),
+        ([TrajectoryPoint(1.0, 0.4, 0.0), TrajectoryPoint(2.0, 0.5)], "other fields"),
+        ([TrajectoryPoint(1.0, 0.4, None, 0.0)], "no rate"),
+        ([TrajectoryPoint(1.0, 0.4, 0.2)], "rate of 0"),
+        ([TrajectoryPoint(0.0, 0.6), TrajectoryPoint(4.0, 0.5)], "away from the boom"),
+        ([TrajectoryPoint(9.0, 1.6)], "moves between"),
+        ([TrajectoryPoint(0.2, 0.9)], "at most 0.6 rad/s"),
+        ([TrajectoryPoint(0.6, 0.55, 0.0)], "at most 0.6 rad/s"),
     ],
 )
-def test_what_cannot_be_followed_is_refused_with_the_reason(points: list[Point], words: str) -> None:
+def test_what_cannot_be_followed_is_refused_with_the_reason(points: list[TrajectoryPoint], words: str) -> None:
     with pytest.raises(TrajectoryError, match=words) as caught:
         planned(*points)
     assert caught.value.code is Code.INVALID_GOAL
@@ -115,7 +117,9 @@ def test_what_cannot_be_followed_is_refused_with_the_reason(points: list[Point],
 
 
 def test_angle_and_rate_go_on_across_the_points() -> None:
-    trajectory = planned(Point(0.0, 0.3, 0.0, 0.0), Point(0.8, 0.4, 0.1, -0.2), Point(2.0, 0.45, 0.0, 0.0))
+    trajectory = planned(
+        TrajectoryPoint(0.0, 0.3, 0.0, 0.0), TrajectoryPoint(0.8, 0.4, 0.1, -0.2), TrajectoryPoint(2.0, 0.45, 0.0, 0.0)
+    )
     samples = [trajectory.at(0.001 * k) for k in range(2100)]
     for a, b in itertools.pairwise(samples):
         assert abs(b.angle - a.angle) < 1e-3
@@ -130,9 +134,9 @@ def test_more_points_than_can_be_read_between_two_cycles_are_refused_unread() ->
 
 
 def test_the_largest_trajectory_is_checked_at_every_piece() -> None:
-    slow = [Point(0.02 * k, 0.3 + 1e-4 * k, 5e-3, 0.0) for k in range(MOST_POINTS - 1)]
-    end = Point(0.02 * MOST_POINTS, 0.3 + 1e-4 * MOST_POINTS, 0.0, 0.0)
+    slow = [TrajectoryPoint(0.02 * k, 0.3 + 1e-4 * k, 5e-3, 0.0) for k in range(MOST_POINTS - 1)]
+    end = TrajectoryPoint(0.02 * MOST_POINTS, 0.3 + 1e-4 * MOST_POINTS, 0.0, 0.0)
     assert planned(*slow, end).goal == end.angle
-    slow[700] = Point(slow[700].time, slow[700].angle + 0.05, 5e-3, 0.0)
+    slow[700] = TrajectoryPoint(slow[700].time, slow[700].angle + 0.05, 5e-3, 0.0)
     with pytest.raises(TrajectoryError, match=r"at 1[34]\."):
         planned(*slow, end)

@@ -10,7 +10,7 @@ import pytest
 from boom_controller import parameter_tables
 from boom_controller.node.node_parameters import PARAMETERS
 from boom_controller.supervision.reasons import REASONS
-from boom_controller.supervision.state_machine import State
+from boom_controller.supervision.state_machine import MotionState
 
 ROOT = Path(__file__).parents[3]
 TEXT = (ROOT / "src/boom_controller" / "README.md").read_text(encoding="utf-8")
@@ -44,4 +44,4 @@ def test_every_reason_stands_in_the_readme_with_its_reaction_and_remedy() -> Non
 
 
 def test_every_state_stands_in_the_readme() -> None:
-    assert all(f"`{state.value}`" in TEXT for state in State)
+    assert all(f"`{state.value}`" in TEXT for state in MotionState)

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from boom_controller.references.joint_trajectory import Bounds, Point, plan
+from boom_controller.references.joint_trajectory import Bounds, TrajectoryPoint, plan
 from boom_controller.references.references import References
 from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_controller.types import Reference
@@ -107,10 +107,15 @@ def test_to_rest_from_a_motion_is_bounded_and_ends_still() -> None:
 
 def test_a_trajectory_that_replaces_another_in_motion_does_not_jump() -> None:
     made = references()
-    first = plan([Point(2.0, 0.8, 0.0, 0.0)], made.present, 0.3, BOUNDS)
+    first = plan([TrajectoryPoint(2.0, 0.8, 0.0, 0.0)], made.present, 0.3, BOUNDS)
     made.start(first, 0.0)
     samples = run(made, 1, 100)
-    other = plan([Point(0.0, samples[-1].angle, 0.0, 0.0), Point(3.0, 0.4, 0.0, 0.0)], made.present, 0.55, BOUNDS)
+    other = plan(
+        [TrajectoryPoint(0.0, samples[-1].angle, 0.0, 0.0), TrajectoryPoint(3.0, 0.4, 0.0, 0.0)],
+        made.present,
+        0.55,
+        BOUNDS,
+    )
     made.start(other, 1.0)
     samples += run(made, 100, 500)
     assert smooth(samples)
@@ -119,7 +124,7 @@ def test_a_trajectory_that_replaces_another_in_motion_does_not_jump() -> None:
 
 def test_straight_lines_become_smooth_and_arrive() -> None:
     made = references()
-    lines = plan([Point(1.0, 0.6), Point(2.0, 0.4)], made.present, 0.3, BOUNDS)
+    lines = plan([TrajectoryPoint(1.0, 0.6), TrajectoryPoint(2.0, 0.4)], made.present, 0.3, BOUNDS)
     made.start(lines, 0.0)
     samples = run(made, 1, 400)
     assert smooth(samples)
@@ -130,7 +135,7 @@ def test_from_a_stream_in_motion_to_a_trajectory_and_back_nothing_jumps() -> Non
     made = references()
     made.stream(0.5)
     samples = run(made, 1, 40)
-    made.start(plan([Point(1.0, 0.5, 0.0)], made.present, 0.4, BOUNDS), 0.39)
+    made.start(plan([TrajectoryPoint(1.0, 0.5, 0.0)], made.present, 0.4, BOUNDS), 0.39)
     samples += run(made, 40, 90)
     made.stream(0.45)
     samples += run(made, 90, 300)
@@ -140,6 +145,6 @@ def test_from_a_stream_in_motion_to_a_trajectory_and_back_nothing_jumps() -> Non
 
 def test_a_trajectory_waits_for_its_start() -> None:
     made = references()
-    made.start(plan([Point(0.0, 0.3, 0.0), Point(1.0, 0.5, 0.0)], made.present, 0.3, BOUNDS), 0.5)
+    made.start(plan([TrajectoryPoint(0.0, 0.3, 0.0), TrajectoryPoint(1.0, 0.5, 0.0)], made.present, 0.3, BOUNDS), 0.5)
     assert run(made, 1, 50)[-1].angle == pytest.approx(0.3)
     assert run(made, 50, 160)[-1].angle == pytest.approx(0.5)

@@ -11,7 +11,7 @@ from boom_controller.controller import Settings
 from boom_controller.loop.control_loop import ControlLoop
 from boom_controller.loop.cycle import Cycle
 from boom_controller.loop.rehearsal import Rehearsal
-from boom_controller.supervision.state_machine import State
+from boom_controller.supervision.state_machine import MotionState
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_model.machine import Machine, Pose
 from boom_model.machine_file import load_machine
@@ -51,7 +51,7 @@ def followed(configuration: tuple[Machine, Pose], rehearsal: Rehearsal | None) -
 def test_a_rehearsal_goes_through_the_law_and_changes_nothing(configuration: tuple[Machine, Pose]) -> None:
     alone, _ = followed(configuration, None)
     beside, states = followed(configuration, rehearsal_of(configuration))
-    assert states == {State.TRACK.value}
+    assert states == {MotionState.TRACK.value}
     assert [(c.state, c.retract, c.extend, c.reason) for c in beside] == [
         (c.state, c.retract, c.extend, c.reason) for c in alone
     ]
@@ -60,7 +60,7 @@ def test_a_rehearsal_goes_through_the_law_and_changes_nothing(configuration: tup
 
 def test_before_any_sample_a_rehearsal_ends_idle(configuration: tuple[Machine, Pose]) -> None:
     loop, rehearsal = ControlLoop("improved", Settings(), SupervisionSettings()), rehearsal_of(configuration)
-    assert rehearsal.run(loop.sensors, 5.0) == State.IDLE.value
+    assert rehearsal.run(loop.sensors, 5.0) == MotionState.IDLE.value
 
 
 def test_the_same_samples_can_be_rehearsed_again(configuration: tuple[Machine, Pose]) -> None:
@@ -68,21 +68,21 @@ def test_the_same_samples_can_be_rehearsed_again(configuration: tuple[Machine, P
     loop.joint(0.3, 0.0, 0.0, 5.0)
     loop.hose_pressure(8e6, 0.0, 5.0)
     loop.rod_pressure(1e6, 0.0, 5.0)
-    assert {rehearsal.run(loop.sensors, 5.0 + 0.0025 * k) for k in range(4)} == {State.TRACK.value}
+    assert {rehearsal.run(loop.sensors, 5.0 + 0.0025 * k) for k in range(4)} == {MotionState.TRACK.value}
 
 
 def test_a_rehearsal_with_sensors_that_say_nothing_ends_idle(configuration: tuple[Machine, Pose]) -> None:
     loop, rehearsal = ControlLoop("improved", Settings(), SupervisionSettings()), rehearsal_of(configuration)
     loop.joint(0.3, 0.0, 0.0, 5.0)
     assert math.isnan(loop.sensors.newest().hose_pressure)
-    assert rehearsal.run(loop.sensors, 5.0) == State.IDLE.value
+    assert rehearsal.run(loop.sensors, 5.0) == MotionState.IDLE.value
 
 
 def test_a_mode_that_changes_is_rehearsed_too(configuration: tuple[Machine, Pose]) -> None:
     rehearsal = rehearsal_of(configuration)
     rehearsal.change(mode="baseline", settings=Settings(), supervision=SupervisionSettings())
     _, states = followed(configuration, rehearsal)
-    assert states == {State.TRACK.value}
+    assert states == {MotionState.TRACK.value}
 
 
 def test_between_two_rehearsals_another_pose_can_be_told(configuration: tuple[Machine, Pose]) -> None:
@@ -90,13 +90,13 @@ def test_between_two_rehearsals_another_pose_can_be_told(configuration: tuple[Ma
     rehearsal = rehearsal_of(configuration)
     followed(configuration, rehearsal)
     rehearsal.configure(machine, machine.pose(0.28, 2.8, 0.0))
-    assert followed(configuration, rehearsal)[1] == {State.TRACK.value}
+    assert followed(configuration, rehearsal)[1] == {MotionState.TRACK.value}
 
 
 def test_a_rehearsal_that_was_stopped_goes_through_the_law_again(configuration: tuple[Machine, Pose]) -> None:
     rehearsal = rehearsal_of(configuration)
     settings = SupervisionSettings()
     rehearsal.change(supervision=replace(settings, largest_pressure=1e6, persistence=0.0))
-    assert State.STOPPING.value in followed(configuration, rehearsal)[1]
+    assert MotionState.STOPPING.value in followed(configuration, rehearsal)[1]
     rehearsal.change(supervision=settings)
-    assert followed(configuration, rehearsal)[1] == {State.TRACK.value}
+    assert followed(configuration, rehearsal)[1] == {MotionState.TRACK.value}

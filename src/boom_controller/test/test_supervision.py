@@ -8,15 +8,15 @@ from itertools import pairwise
 import pytest
 
 from boom_controller.errors import ControlError
-from boom_controller.supervision.reasons import REASONS, Finding
-from boom_controller.supervision.state_machine import State, Supervision
+from boom_controller.supervision.reasons import REASONS, StopCause
+from boom_controller.supervision.state_machine import MotionState, Supervision
 from boom_controller.supervision.supervision_settings import SUPERVISION, SupervisionSettings
-from boom_controller.supervision.watch import Watch
+from boom_controller.supervision.watch import MotionWatch
 from boom_controller.types import Measurement, Output, Reference
 
 SETTINGS = SupervisionSettings()
-BY_CURRENTS = Finding("divergence", "far away")
-BY_REFERENCE = Finding("pressure_limit", "400 bar")
+BY_CURRENTS = StopCause("divergence", "far away")
+BY_REFERENCE = StopCause("pressure_limit", "400 bar")
 STILL = Measurement(0.0, 0.4, 0.0, 8e6, 1e6)
 CALM = Output(0.0, 0.3)
 
@@ -30,13 +30,13 @@ def tracking() -> Supervision:
 def test_a_stop_by_the_currents_ramps_them_to_zero_in_the_stated_time() -> None:
     made = tracking()
     assert made.stop(BY_CURRENTS, 5.0)
-    assert made.state is State.STOPPING
+    assert made.state is MotionState.STOPPING
     parts = [made.advance(5.0 + 0.01 * k, resting=False) for k in range(12)]
     assert parts[0] == 1.0
     assert parts[5] == pytest.approx(0.5)
     assert all(b <= a for a, b in pairwise(parts))
     assert parts[11] == 0.0
-    assert made.state is State.STOPPED
+    assert made.state is MotionState.STOPPED
 
 
 def test_a_stop_by_the_reference_lets_the_loop_work_until_it_rests() -> None:
@@ -57,7 +57,7 @@ def test_a_stop_by_the_reference_that_never_rests_ends_all_the_same() -> None:
     end = 5.0 + SETTINGS.longest_stop
     made.advance(end, resting=False)
     assert made.advance(end + SETTINGS.current_ramp + 1e-6, resting=False) == 0.0
-    assert made.state is State.STOPPED
+    assert made.state is MotionState.STOPPED
 
 
 def test_a_worse_reason_turns_a_stop_by_the_reference_into_one_by_the_currents() -> None:
@@ -73,17 +73,17 @@ def test_only_an_explicit_command_ends_a_stop_and_only_when_nothing_stands() -> 
     made.stop(BY_CURRENTS, 5.0)
     assert not made.resume(None)[0]
     made.advance(6.0, resting=False)
-    success, text = made.resume(Finding("emergency_stop", "emergency stop"))
+    success, text = made.resume(StopCause("emergency_stop", "emergency stop"))
     assert not success and "emergency stop" in text
-    assert made.state is State.STOPPED
+    assert made.state is MotionState.STOPPED
     assert made.resume(None)[0]
-    assert made.state is State.IDLE and made.finding is None
+    assert made.state is MotionState.IDLE and made.finding is None
 
 
 def test_an_emergency_stop_at_rest_is_stopped_at_once() -> None:
     made = Supervision(SETTINGS)
-    made.stop(Finding("emergency_stop", "emergency stop"), 0.0)
-    assert made.state is State.STOPPED
+    made.stop(StopCause("emergency_stop", "emergency stop"), 0.0)
+    assert made.state is MotionState.STOPPED
     assert made.advance(0.0, resting=True) == 0.0
 
 
@@ -91,15 +91,15 @@ def test_deactivation_keeps_a_stop_that_stands() -> None:
     made = tracking()
     made.stop(BY_CURRENTS, 5.0)
     made.drop()
-    assert made.state is State.STOPPED
+    assert made.state is MotionState.STOPPED
     other = tracking()
     other.drop()
-    assert other.state is State.IDLE
+    assert other.state is MotionState.IDLE
 
 
 def seen(measurement: Measurement, reference: Reference, output: Output = CALM, seconds: float = 0.2) -> str:
     """The reason that is found within some time."""
-    watch = Watch(SETTINGS, (0.0, 1.5))
+    watch = MotionWatch(SETTINGS, (0.0, 1.5))
     for k in range(round(100 * seconds) + 1):
         finding = watch.motion(measurement, reference, output, 0.01 * k)
         if finding is not None:
@@ -125,7 +125,7 @@ def test_each_limit_has_its_reason(measurement: Measurement, output: Output, rea
 
 
 def test_a_single_sample_beyond_a_limit_of_speed_is_no_reason() -> None:
-    watch = Watch(SETTINGS, (0.0, 1.5))
+    watch = MotionWatch(SETTINGS, (0.0, 1.5))
     for k in range(50):
         rate = 0.8 if k % 4 == 0 else 0.1
         assert watch.motion(STILL._replace(rate=rate), Reference(0.4), CALM, 0.01 * k) is None
@@ -139,23 +139,23 @@ def test_beyond_an_angle_limit_only_the_way_out_stops() -> None:
 
 
 def test_late_cycles_are_counted_and_a_long_gap_stops_at_once() -> None:
-    watch = Watch(SETTINGS, (0.0, 1.5))
+    watch = MotionWatch(SETTINGS, (0.0, 1.5))
     assert watch.cycle(0.012, 0.01, 0.0) is None
     finding = watch.cycle(0.06, 0.01, 0.1)
     assert finding is not None and finding.reason == "missed_deadlines"
-    slow = Watch(SETTINGS, (0.0, 1.5))
+    slow = MotionWatch(SETTINGS, (0.0, 1.5))
     found = [slow.cycle(0.021, 0.01, 0.021 * k) for k in range(40)]
     assert found[10] is None
     assert found[-1] is not None and found[-1].reason == "missed_deadlines"
 
 
 def test_a_few_missed_cycles_are_forgotten_after_a_second() -> None:
-    watch = Watch(SETTINGS, (0.0, 1.5))
+    watch = MotionWatch(SETTINGS, (0.0, 1.5))
     assert all(watch.cycle(0.03 if k % 20 == 0 else 0.01, 0.01, 0.01 * k) is None for k in range(2000))
 
 
 def test_currents_that_do_not_follow_are_found_and_those_nobody_measures_are_not() -> None:
-    watch = Watch(SETTINGS, (0.0, 1.5))
+    watch = MotionWatch(SETTINGS, (0.0, 1.5))
     found = [watch.currents((0.0, 0.4), (0.0, 0.0), 0.01 * k) for k in range(60)]
     assert found[40] is None
     assert found[-1] is not None and found[-1].reason == "currents_not_followed"

@@ -47,7 +47,7 @@ class Crane(Protocol):
 
 
 @dataclass
-class Run:
+class LoopRun:
     """What happened, period by period.
 
     Attributes:
@@ -75,7 +75,7 @@ def run(
     heed: bool = False,
     astray: Callable[[float], bool] | None = None,
     told: Callable[[float], None] | None = None,
-) -> Run:
+) -> LoopRun:
     """Runs the loop along the references, one each period.
 
     Args:
@@ -92,7 +92,7 @@ def run(
     rest = dead_time - periods * crane.period
     waiting = deque([(0.0, 0.0)] * periods)
     sample = crane.sample
-    result = Run([sample])
+    result = LoopRun([sample])
     outputs, samples = result.outputs, result.samples
     step, command, advance = controller.step, crane.command, crane.advance
     every = round(1.0 / crane.period)
@@ -169,7 +169,7 @@ def follow(
 
 
 def _recording(
-    name: str, done: Run, angles: list[float], references: list[Reference], configuration: Configuration
+    name: str, done: LoopRun, angles: list[float], references: list[Reference], configuration: Configuration
 ) -> Recording:
     """Every period that came to its end; measured currents are those at its end."""
     begins, ends = done.samples[:-1], done.samples[1:]

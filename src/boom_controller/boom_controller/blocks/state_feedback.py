@@ -16,7 +16,7 @@ import casadi as ca
 from boom_model.regularisation import Expression
 
 
-class Gains(NamedTuple):
+class FeedbackGains(NamedTuple):
     """k_p [1/s], k_v [-], k_d [m/s/N], natural frequency sqrt(K/m) [rad/s]."""
 
     position: Expression
@@ -25,7 +25,7 @@ class Gains(NamedTuple):
     frequency: Expression
 
 
-def gains(stiffness: Expression, mass: Expression, s: Any) -> Gains:
+def gains(stiffness: Expression, mass: Expression, s: Any) -> FeedbackGains:
     """For K [N/m] and m = D / J^2 [kg] and the settings ``s``."""
     natural = ca.sqrt(stiffness / mass)
     frequency = ca.fmax(natural, s.slowest_frequency)
@@ -34,7 +34,7 @@ def gains(stiffness: Expression, mass: Expression, s: Any) -> Gains:
     zeta = (damping - a) / (2.0 * frequency)
     ratio = (frequency / natural) ** 2
     velocity = ratio * (1.0 + 2.0 * zeta * a / frequency) - 1.0
-    return Gains(a * ratio, velocity, damping / stiffness, natural)
+    return FeedbackGains(a * ratio, velocity, damping / stiffness, natural)
 
 
 def predicted_force(

@@ -13,18 +13,18 @@ from time import perf_counter
 from boom_controller.controller import Settings
 from boom_controller.errors import ControlError
 from boom_controller.loop.cycle import Cycle
+from boom_controller.loop.interlock import Interlock
 from boom_controller.loop.law_in_use import LawInUse
-from boom_controller.loop.readiness import Readiness
 from boom_controller.loop.request import Request
-from boom_controller.references.joint_trajectory import Bounds, Code, Point, TrajectoryError
+from boom_controller.references.joint_trajectory import Bounds, Code, TrajectoryError, TrajectoryPoint
 from boom_controller.references.references import References
 from boom_controller.references.trajectory_generator import TrajectoryGenerator
-from boom_controller.supervision.reasons import Finding
+from boom_controller.supervision.reasons import StopCause
 from boom_controller.supervision.sensor_set import SensorSet
-from boom_controller.supervision.state_machine import State, Supervision
+from boom_controller.supervision.state_machine import MotionState, Supervision
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.supervision.tracking_goal import Ending, Goals, Tolerances, TrackingGoal
-from boom_controller.supervision.watch import Watch
+from boom_controller.supervision.watch import MotionWatch
 from boom_controller.types import Measurement, Output, Reference
 from boom_model.machine import Machine, Pose
 
@@ -57,12 +57,12 @@ class ControlLoop:
         self.supervision = Supervision(supervision)
         self.sensors = SensorSet()
         self._watch_cycles = watch_cycles
-        self._watch: Watch | None = None
+        self._watch: MotionWatch | None = None
         self.references = References(
             TrajectoryGenerator(settings.generator_pole, self._period), self._period,
             supervision.stop_deceleration, supervision.largest_rate, supervision.blend,
         )  # fmt: skip
-        self._readiness = Readiness(self.law, self.sensors, self.supervision)
+        self._interlock = Interlock(self.law, self.sensors, self.supervision)
         self._note = ""
         self._last_cycle: float | None = None
         self._last_reference = -math.inf
@@ -83,14 +83,14 @@ class ControlLoop:
             raise ControlError("the boom moves: stop it before the configuration changes")
         self.law.configure(machine, pose)
         self.sensors.set_stroke(*machine.angle_limits)
-        self._watch = Watch(self.supervision.settings, machine.angle_limits)
+        self._watch = MotionWatch(self.supervision.settings, machine.angle_limits)
         self._use_supervision(self.supervision.settings)
 
     def configuration_changes(self, now: float) -> None:
         """Another machine, pose or load was told: a boom in motion is stopped, then ``configure`` can be called."""
         if self.supervision.moving:
             self._stop(
-                Finding("configuration_changed", "another machine, pose or load was told during the motion"), now
+                StopCause("configuration_changed", "another machine, pose or load was told during the motion"), now
             )
 
     @property
@@ -163,22 +163,22 @@ class ControlLoop:
 
     def emergency_stop(self, wanted: bool, now: float) -> None:
         """The topic's state: true stops, false allows to resume."""
-        self._readiness.emergency = wanted
+        self._interlock.emergency = wanted
         if wanted:
-            self._stop(Finding("emergency_stop", "emergency stop"), now)
+            self._stop(StopCause("emergency_stop", "emergency stop"), now)
 
     def stop_now(self, now: float) -> None:
         """The emergency stop by service: once."""
-        self._stop(Finding("emergency_stop", "emergency stop by service"), now)
+        self._stop(StopCause("emergency_stop", "emergency stop by service"), now)
 
     def conflict(self, text: str) -> None:
         """What stands against moving from outside the loop, in a sentence; empty: nothing. More than one drives the boom."""
-        self._readiness.conflict = text
+        self._interlock.conflict = text
 
     def fault(self, text: str, now: float) -> bool:
         """This program failed. Ramps to zero, the second time at once: the cycle itself may be what fails. True while it ramps."""
         again = self.supervision.finding is not None and self.supervision.finding.reason == "internal_error"
-        self._stop(Finding("internal_error", text), now)
+        self._stop(StopCause("internal_error", text), now)
         if again or not self._watch_cycles:
             self.supervision.drop()
             self._last_output = (0.0, 0.0)
@@ -186,7 +186,7 @@ class ControlLoop:
 
     def resume(self, now: float) -> tuple[bool, str]:
         """The explicit command to go on after a stop. Success, and a line for the operator."""
-        return self.supervision.resume(self._readiness.standing(now))
+        return self.supervision.resume(self._interlock.standing(now))
 
     def stream(self, wanted: float, now: float) -> None:
         """A wanted angle [rad] of /boom/reference."""
@@ -198,20 +198,20 @@ class ControlLoop:
         clamped = min(max(wanted, low), high)
         came = now if self._watch_cycles else None
         state = self.supervision.state
-        if state is State.TRACK:
+        if state is MotionState.TRACK:
             if self.references.kind == "stream":
                 self.references.stream(clamped, came)
                 self._note = (
                     "" if clamped == wanted else f"the reference of {wanted:.3f} rad is beyond {clamped:.3f} rad"
                 )
             return  # a trajectory on its way goes first
-        if state not in (State.IDLE, State.HOLD):
+        if state not in (MotionState.IDLE, MotionState.HOLD):
             return
-        missing = self._readiness.missing(now)
+        missing = self._interlock.missing(now)
         if missing:
             self._refuse_stream(missing)
             return
-        present = self.references.present.angle if state is State.HOLD else self.sensors.joint.values[0]
+        present = self.references.present.angle if state is MotionState.HOLD else self.sensors.joint.values[0]
         tolerance = self.supervision.settings.start_tolerance
         if abs(wanted - present) > tolerance:
             self._refuse_stream(
@@ -225,7 +225,12 @@ class ControlLoop:
         self.supervision.track()
 
     def start(
-        self, points: Sequence[Point], now: float, *, begin: float | None = None, tolerances: Tolerances | None = None
+        self,
+        points: Sequence[TrajectoryPoint],
+        now: float,
+        *,
+        begin: float | None = None,
+        tolerances: Tolerances | None = None,
     ) -> int:
         """A planned motion, from the next cycle on, or from the stamp `begin` [s]. Returns its number, for ``Cycle.endings``.
 
@@ -233,19 +238,21 @@ class ControlLoop:
             TrajectoryError: it is refused; says why.
         """
         state = self.supervision.state
-        if state in (State.STOPPING, State.STOPPED):
+        if state in (MotionState.STOPPING, MotionState.STOPPED):
             why = self.supervision.finding.text if self.supervision.finding else ""
             raise TrajectoryError(f"the boom is {state.value}: {why}; call ~/resume first")
-        missing = self._readiness.missing(now)
+        missing = self._interlock.missing(now)
         if missing:
             raise TrajectoryError(missing)
         sensor, limits = self.sensors.joint, self.supervision.settings
         angle = sensor.values[0]
-        request = Request(points, begin, present=Reference(angle) if state is State.IDLE else self.references.present)
+        request = Request(
+            points, begin, present=Reference(angle) if state is MotionState.IDLE else self.references.present
+        )
         bounds = Bounds(*self._angles, limits.largest_rate, limits.start_tolerance)
         trajectory, from_now = request.planned(angle, sensor.stamp, max(sensor.stamp, self._time), bounds)
         self._goals.end(Code.INVALID_GOAL, "replaced by a new trajectory")
-        if state is State.IDLE:
+        if state is MotionState.IDLE:
             self._begin()
         self.references.start(trajectory, from_now)
         self.supervision.track()
@@ -258,7 +265,7 @@ class ControlLoop:
         if number is not None and not self._goals.runs(number):
             return False
         self._goals.end(Code.SUCCESSFUL, "cancelled: the boom holds its position")
-        if self.supervision.state is State.TRACK:
+        if self.supervision.state is MotionState.TRACK:
             self._to_hold("")
         return True
 
@@ -285,17 +292,17 @@ class ControlLoop:
             finding = self._cycles_missed(gap, now)
             # what stood still itself finds old samples; that a cycle was late is the cause then
             if finding is None or gap <= supervision.settings.longest_cycle:
-                finding = self._readiness.standing(now) or finding
+                finding = self._interlock.standing(now) or finding
             if finding is not None:
                 self._stop(finding, now)
-        if supervision.state is State.TRACK and self.references.kind == "stream":
+        if supervision.state is MotionState.TRACK and self.references.kind == "stream":
             self._listen(now)
         reference, output = self._act(measurement, now)
         left = supervision.advance(now, self.references.resting)
         retract, extend = self._last_output[0] * left, self._last_output[1] * left
-        if supervision.state is State.STOPPED:
+        if supervision.state is MotionState.STOPPED:
             self._last_output = (0.0, 0.0)
-        elif supervision.state is State.TRACK:
+        elif supervision.state is MotionState.TRACK:
             self._look_at_goal(reference, measurement)
         status, reason = self._status(now)
         load = output.estimated_load + self.configuration[1].load if self.configuration else math.nan
@@ -307,7 +314,7 @@ class ControlLoop:
     def _act(self, measurement: Measurement, now: float) -> tuple[Reference, Output]:
         watch = self._watch
         if not self.supervision.closed_loop or watch is None:
-            if self.supervision.state is State.STOPPING:
+            if self.supervision.state is MotionState.STOPPING:
                 return self.references.present, _NO_OUTPUT
             return Reference(measurement.angle), _NO_OUTPUT
         if self.law.glide():
@@ -326,7 +333,7 @@ class ControlLoop:
 
     def _begin(self) -> None:
         """From idle into the closed loop."""
-        if self.supervision.state is not State.IDLE:
+        if self.supervision.state is not MotionState.IDLE:
             return
         assert self.law.controller is not None and self._watch is not None  # readiness was checked
         measurement = self.sensors.newest()
@@ -354,14 +361,14 @@ class ControlLoop:
 
     # ------------------------------------------------------------------------------------------------------- supervision
 
-    def _stop(self, finding: Finding, now: float) -> None:
+    def _stop(self, finding: StopCause, now: float) -> None:
         if self.supervision.stop(finding, now):
             self._note = ""
             self._goals.end(Code.INVALID_GOAL, f"stopped: {finding.text}")
             if self.supervision.closed_loop:
                 self.references.rest()
 
-    def _cycles_missed(self, gap: float, now: float) -> Finding | None:
+    def _cycles_missed(self, gap: float, now: float) -> StopCause | None:
         if self._watch is None or not self._watch_cycles:
             return None
         return self._watch.cycle(gap, self._period, now)
@@ -373,8 +380,8 @@ class ControlLoop:
         finding = self.supervision.finding
         if finding is not None:
             return "stopped", f"{finding.reason}: {finding.text}"
-        if self.supervision.state is State.IDLE:
-            missing = self._readiness.missing(now)
+        if self.supervision.state is MotionState.IDLE:
+            missing = self._interlock.missing(now)
             if missing:
                 return "warning", missing
             if self._refused_stream and now - self._last_reference > 1.0:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from boom_controller.supervision.state_machine import State
+from boom_controller.supervision.state_machine import MotionState
 from boom_controller.supervision.tracking_goal import Ending
 from boom_controller.types import Measurement, Output, Reference
 
@@ -25,7 +25,7 @@ class Cycle:
     """
 
     time: float
-    state: State
+    state: MotionState
     retract: float
     extend: float
     reference: Reference

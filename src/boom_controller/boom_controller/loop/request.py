@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from boom_controller.references.joint_trajectory import Bounds, Code, JointTrajectory, Point, TrajectoryError, plan
+from boom_controller.references.joint_trajectory import (
+    Bounds,
+    Code,
+    JointTrajectory,
+    TrajectoryError,
+    TrajectoryPoint,
+    plan,
+)
 from boom_controller.types import Reference
 
 LATEST_BEGIN = 60.0
@@ -16,7 +23,7 @@ LATEST_BEGIN = 60.0
 class Request:
     """Points, the stamp of their beginning [s] (None: at once), and the reference that they go on from."""
 
-    points: Sequence[Point]
+    points: Sequence[TrajectoryPoint]
     begin: float | None
     present: Reference
 

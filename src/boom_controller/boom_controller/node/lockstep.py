@@ -8,7 +8,7 @@ from __future__ import annotations
 _SENSORS = ("joint", "hose", "rod")
 
 
-class Lockstep:
+class TickGate:
     """Which tick is to be answered.
 
     Args:

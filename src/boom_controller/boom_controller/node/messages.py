@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from boom_controller.loop.cycle import Cycle
-from boom_controller.references.joint_trajectory import MOST_POINTS, Code, Point, TrajectoryError
+from boom_controller.references.joint_trajectory import MOST_POINTS, Code, TrajectoryError, TrajectoryPoint
 from boom_input.shown import quoted
 from boom_interfaces.msg import ControllerState, ReferenceState
 from boom_model.components.oil import AMBIENT_PRESSURE
@@ -17,7 +17,7 @@ def gauge(message: Any) -> float:
     return float(message.fluid_pressure) - AMBIENT_PRESSURE
 
 
-def points_of(message: Any, joint: str) -> list[Point]:
+def points_of(message: Any, joint: str) -> list[TrajectoryPoint]:
     """The points of a trajectory_msgs/JointTrajectory for the boom's joint.
 
     Raises:
@@ -34,7 +34,7 @@ def points_of(message: Any, joint: str) -> list[Point]:
     return [_point(k, point) for k, point in enumerate(message.points)]
 
 
-def _point(k: int, point: Any) -> Point:
+def _point(k: int, point: Any) -> TrajectoryPoint:
     fields = []
     for name, needed in (("positions", True), ("velocities", False), ("accelerations", False)):
         values = getattr(point, name)
@@ -44,7 +44,7 @@ def _point(k: int, point: Any) -> Point:
     angle, rate, acceleration = fields
     assert angle is not None  # its length was checked
     since = point.time_from_start
-    return Point(since.sec + 1e-9 * since.nanosec, angle, rate, acceleration)
+    return TrajectoryPoint(since.sec + 1e-9 * since.nanosec, angle, rate, acceleration)
 
 
 def fill_reference(message: ReferenceState, cycle: Cycle, stamp_ns: int) -> ReferenceState:

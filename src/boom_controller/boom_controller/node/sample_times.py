@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from boom_controller.node.lockstep import Lockstep
+from boom_controller.node.lockstep import TickGate
 from boom_node.stamps import far, ns_to_seconds, seconds_to_ns, to_ns
 
 
@@ -26,7 +26,7 @@ class SampleTimes:
 
     def __init__(
         self,
-        lockstep: Lockstep | None,
+        lockstep: TickGate | None,
         values: Mapping[str, Any],
         clock_ns: Callable[[], int],
         refuse: Callable[[str, str, str], Any],

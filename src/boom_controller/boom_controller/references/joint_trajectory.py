@@ -49,7 +49,7 @@ class TrajectoryError(ValueError):
 
 
 @dataclass(frozen=True)
-class Point:
+class TrajectoryPoint:
     """Where the boom shall be at `time` [s] after the start: angle [rad], rate [rad/s], acceleration [rad/s^2] or None."""
 
     time: float
@@ -95,7 +95,7 @@ class JointTrajectory:
         return self._pieces[k].at(time - self._begins[k])
 
 
-def plan(points: Sequence[Point], present: Reference, measured: float, bounds: Bounds) -> JointTrajectory:
+def plan(points: Sequence[TrajectoryPoint], present: Reference, measured: float, bounds: Bounds) -> JointTrajectory:
     """A trajectory from `points`, beginning at the `present` reference of a boom at the `measured` angle [rad].
 
     Raises:
@@ -115,7 +115,7 @@ def plan(points: Sequence[Point], present: Reference, measured: float, bounds: B
             f"{bounds.start:g} rad, or give the first point a time above 0 to move there"
         )
     if first.time > 0.0:
-        begin = Point(
+        begin = TrajectoryPoint(
             0.0,
             present.angle,
             None if first.rate is None else present.rate,
@@ -130,7 +130,7 @@ def plan(points: Sequence[Point], present: Reference, measured: float, bounds: B
     return result
 
 
-def _check_fields(points: Sequence[Point]) -> None:
+def _check_fields(points: Sequence[TrajectoryPoint]) -> None:
     if not points:
         raise TrajectoryError("the trajectory has no points: give at least one")
     before = -math.inf
@@ -149,7 +149,7 @@ def _check_fields(points: Sequence[Point]) -> None:
             raise TrajectoryError(f"point {k} has an acceleration but no rate: give the rate too")
 
 
-def _piece(a: Point, b: Point) -> Polynomial:
+def _piece(a: TrajectoryPoint, b: TrajectoryPoint) -> Polynomial:
     duration = b.time - a.time
     if a.rate is None or b.rate is None:
         return linear(a.angle, b.angle, duration)
@@ -158,7 +158,7 @@ def _piece(a: Point, b: Point) -> Polynomial:
     return quintic((a.angle, a.rate, a.acceleration), (b.angle, b.rate, b.acceleration), duration)
 
 
-def _check_bounds(points: Sequence[Point], pieces: Sequence[Polynomial], bounds: Bounds) -> None:
+def _check_bounds(points: Sequence[TrajectoryPoint], pieces: Sequence[Polynomial], bounds: Bounds) -> None:
     count = max(2, min(_SAMPLES, 20_000 // len(pieces)))
     begins = np.array([point.time for point in points])
     t = np.diff(begins)[:, None] * np.linspace(0.0, 1.0, count)

@@ -58,7 +58,7 @@ REASONS: dict[str, Reason] = {
 
 
 @dataclass(frozen=True)
-class Finding:
+class StopCause:
     """A reason that holds now, with the numbers in one sentence for the operator."""
 
     reason: str

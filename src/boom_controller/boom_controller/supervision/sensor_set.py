@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from boom_controller.supervision.reasons import Finding
+from boom_controller.supervision.reasons import StopCause
 from boom_controller.supervision.sensors import Agreement, Range, Sensor
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.types import Measurement
@@ -82,14 +82,14 @@ class SensorSet:
         """(i_+, i_-) [A], or None where nobody measures."""
         return self.currents.values if now - self.currents.measured < timeout else None
 
-    def finding(self, now: float, s: SupervisionSettings) -> Finding | None:
+    def finding(self, now: float, s: SupervisionSettings) -> StopCause | None:
         """What is wrong with them at the time ``now`` [s], or None."""
         for sensor in (self.joint, self.hose, self.rod):
             if now - sensor.measured > s.sensor_timeout or sensor.bad >= s.bad_samples:
                 return sensor.finding(now, s.sensor_timeout, s.bad_samples)
         apart = self._agreement.apart
         if abs(apart) > s.largest_disagreement:
-            return Finding("sensors_disagree", f"angle and integrated rate have drifted apart by {apart:.3f} rad")
+            return StopCause("sensors_disagree", f"angle and integrated rate have drifted apart by {apart:.3f} rad")
         return None
 
 

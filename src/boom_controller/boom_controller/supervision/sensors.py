@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from boom_controller.supervision.reasons import Finding
+from boom_controller.supervision.reasons import StopCause
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Sensor:
         self.fresh = False
         self.measured = -math.inf
         self.bad = 0
-        self._last_bad: Finding | None = None
+        self._last_bad: StopCause | None = None
 
     def take(self, values: tuple[float, ...], stamp: float, measured: float) -> bool:
         """A sample arrives: its stamp [s] and when it was measured by our clock [s]. False where it is not used."""
@@ -64,22 +64,22 @@ class Sensor:
         """Begin again: the next sample is taken whatever its stamp."""
         self.__init__(self.label, self._ranges)  # type: ignore[misc]
 
-    def finding(self, now: float, timeout: float, most_bad: int) -> Finding | None:
+    def finding(self, now: float, timeout: float, most_bad: int) -> StopCause | None:
         """What is wrong with it at the time `now` [s], or None."""
         if self.bad >= most_bad:
             return self._last_bad
         age = now - self.measured
         if age > timeout:
             text = f"no {self.label} yet" if age == math.inf else f"the {self.label} is {1e3 * age:.0f} ms old"
-            return Finding("sensor_old", f"{text}, more than {1e3 * timeout:.0f} ms: is the sensor or the bus gone?")
+            return StopCause("sensor_old", f"{text}, more than {1e3 * timeout:.0f} ms: is the sensor or the bus gone?")
         return None
 
-    def _wrong(self, values: tuple[float, ...]) -> Finding | None:
+    def _wrong(self, values: tuple[float, ...]) -> StopCause | None:
         for value, known in zip(values, self._ranges, strict=True):
             if not math.isfinite(value):
-                return Finding("sensor_not_a_number", f"the {known.name} is {value}: check the sensor")
+                return StopCause("sensor_not_a_number", f"the {known.name} is {value}: check the sensor")
             if not known.low <= value <= known.high:
-                return Finding(
+                return StopCause(
                     "sensor_out_of_range",
                     f"the {known.name} of {value:.4g} {known.unit} is outside {known.low:.4g} .. {known.high:.4g} {known.unit}: "
                     "check the sensor",

@@ -17,14 +17,14 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from boom_controller.supervision.reasons import REASONS, Finding
+from boom_controller.supervision.reasons import REASONS, StopCause
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 
 FAULT_RAMP = 0.05
 """s. Where the program itself has failed the currents are zero within 100 ms, also where the next cycle fails."""
 
 
-class State(StrEnum):
+class MotionState(StrEnum):
     """See the module's table."""
 
     IDLE = "idle"
@@ -44,8 +44,8 @@ class Supervision:
 
     def __init__(self, settings: SupervisionSettings) -> None:
         self.settings = settings
-        self.state = State.IDLE
-        self.finding: Finding | None = None
+        self.state = MotionState.IDLE
+        self.finding: StopCause | None = None
         self._since = 0.0
         self._ramp_from: float | None = None
         self._ramp = settings.current_ramp
@@ -54,34 +54,36 @@ class Supervision:
     @property
     def closed_loop(self) -> bool:
         """True while the control law commands: holding, tracking, or coming to rest by the reference."""
-        return self.state in (State.HOLD, State.TRACK) or (self.state is State.STOPPING and self._ramp_from is None)
+        return self.state in (MotionState.HOLD, MotionState.TRACK) or (
+            self.state is MotionState.STOPPING and self._ramp_from is None
+        )
 
     @property
     def moving(self) -> bool:
         """True while currents may flow."""
-        return self.state in (State.HOLD, State.TRACK, State.STOPPING)
+        return self.state in (MotionState.HOLD, MotionState.TRACK, MotionState.STOPPING)
 
     def track(self) -> None:
         """A reference was accepted."""
-        self.state = State.TRACK
+        self.state = MotionState.TRACK
 
     def hold(self) -> None:
         """The motion ended; the boom is held where it is."""
-        self.state = State.HOLD
+        self.state = MotionState.HOLD
 
-    def stop(self, finding: Finding, now: float) -> bool:
+    def stop(self, finding: StopCause, now: float) -> bool:
         """Bring the boom to rest for this reason. True where that is news.
 
         A stop by the reference becomes one by the currents where the new reason asks for it; the first reason is told.
         """
-        if self.state is State.STOPPED:
+        if self.state is MotionState.STOPPED:
             return False
         by_currents = REASONS[finding.reason].reaction == "currents"
-        if self.state is not State.STOPPING:
+        if self.state is not MotionState.STOPPING:
             self._ramp = self.settings.current_ramp
         if finding.reason == "internal_error":
             self._ramp = min(self.settings.current_ramp, FAULT_RAMP)
-        if self.state is State.STOPPING:
+        if self.state is MotionState.STOPPING:
             if by_currents and self._ramp_from is None:
                 self._ramp_from = now
             return False
@@ -89,12 +91,12 @@ class Supervision:
         self.finding, self._since = finding, now
         self._rested_since = None
         self._ramp_from = now if by_currents else None
-        self.state = State.STOPPING if was_moving else State.STOPPED
+        self.state = MotionState.STOPPING if was_moving else MotionState.STOPPED
         return True
 
     def advance(self, now: float, resting: bool) -> float:
         """Go on to the time `now` [s]; `resting`: the reference stands still. Returns the part 0 .. 1 of the currents left."""
-        if self.state is not State.STOPPING:
+        if self.state is not MotionState.STOPPING:
             return 1.0 if self.moving else 0.0
         if self._ramp_from is None:
             self._rested_since = (self._rested_since if self._rested_since is not None else now) if resting else None
@@ -105,24 +107,24 @@ class Supervision:
             return 1.0
         left = 1.0 - (now - self._ramp_from) / self._ramp
         if left <= 0.0:
-            self.state = State.STOPPED
+            self.state = MotionState.STOPPED
             return 0.0
         return left
 
-    def resume(self, standing: Finding | None) -> tuple[bool, str]:
+    def resume(self, standing: StopCause | None) -> tuple[bool, str]:
         """The explicit command to go on; `standing`: a reason that still holds. Success, and a line for the operator."""
-        if self.state is State.STOPPING:
+        if self.state is MotionState.STOPPING:
             return False, "the boom is still coming to rest: call again"
-        if self.state is not State.STOPPED:
+        if self.state is not MotionState.STOPPED:
             return True, f"nothing to resume: {self.state.value}"
         if standing is not None:
             return False, f"still stopped, {standing.text}: {REASONS[standing.reason].remedy}"
-        self.state, self.finding = State.IDLE, None
+        self.state, self.finding = MotionState.IDLE, None
         return True, "ready: waiting for a reference"
 
     def drop(self) -> None:
         """To idle at once (deactivation): the caller takes the currents away. A stop that stands stays."""
-        if self.state is State.STOPPING:
-            self.state = State.STOPPED
-        elif self.state is not State.STOPPED:
-            self.state = State.IDLE
+        if self.state is MotionState.STOPPING:
+            self.state = MotionState.STOPPED
+        elif self.state is not MotionState.STOPPED:
+            self.state = MotionState.IDLE

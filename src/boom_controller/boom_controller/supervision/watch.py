@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from boom_controller.supervision.reasons import Finding
+from boom_controller.supervision.reasons import StopCause
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.types import Measurement, Output, Reference
 
@@ -27,7 +27,7 @@ class _Lasting:
         return now - self._since >= least
 
 
-class Watch:
+class MotionWatch:
     """Looks at every cycle.
 
     Args:
@@ -45,54 +45,54 @@ class Watch:
         self._fast, self._pressed, self._unlike = _Lasting(), _Lasting(), _Lasting()
         self._missed: deque[float] = deque()
 
-    def cycle(self, gap: float, period: float, now: float) -> Finding | None:
+    def cycle(self, gap: float, period: float, now: float) -> StopCause | None:
         """A cycle comes `gap` [s] after the last one; they are due every `period` [s]."""
         if gap > 1.5 * period:
             self._missed.extend([now] * min(round(gap / period) - 1, self.settings.most_missed))
         while self._missed and now - self._missed[0] > 1.0:
             self._missed.popleft()
         if gap > self.settings.longest_cycle:
-            return Finding(
+            return StopCause(
                 "missed_deadlines",
                 f"{1e3 * gap:.0f} ms between two cycles, more than {1e3 * self.settings.longest_cycle:.0f} ms",
             )
         if len(self._missed) >= self.settings.most_missed:
-            return Finding("missed_deadlines", f"{len(self._missed)} periods without a cycle within one second")
+            return StopCause("missed_deadlines", f"{len(self._missed)} periods without a cycle within one second")
         return None
 
-    def motion(self, measurement: Measurement, reference: Reference, output: Output, now: float) -> Finding | None:
+    def motion(self, measurement: Measurement, reference: Reference, output: Output, now: float) -> StopCause | None:
         """Is the motion within its limits, and near its reference?"""
         s, m = self.settings, measurement
         if not (math.isfinite(output.retract) and math.isfinite(output.extend)):
-            return Finding("divergence", "the control law gave a current that is no number")
+            return StopCause("divergence", "the control law gave a current that is no number")
         if output.reason:
-            return Finding("load_not_held", output.reason)
+            return StopCause("load_not_held", output.reason)
         if self._fast(abs(m.rate) > s.largest_rate, now, s.persistence):
-            return Finding("speed_limit", f"{m.rate:.2f} rad/s, allowed is {s.largest_rate:g} rad/s")
+            return StopCause("speed_limit", f"{m.rate:.2f} rad/s, allowed is {s.largest_rate:g} rad/s")
         pressure = max(m.hose_pressure, m.rod_pressure)
         if self._pressed(pressure > s.largest_pressure, now, s.persistence):
             side = "hose" if m.hose_pressure >= m.rod_pressure else "rod"
-            return Finding(
+            return StopCause(
                 "pressure_limit",
                 f"{pressure / 1e5:.0f} bar on the {side} side, allowed are {s.largest_pressure / 1e5:.0f} bar",
             )
         error = reference.angle - m.angle
         if abs(error) > s.largest_angle_error:
-            return Finding("divergence", f"the boom is {error:.2f} rad away from its reference")
+            return StopCause("divergence", f"the boom is {error:.2f} rad away from its reference")
         low, high = self.angles
         if (m.angle > high and m.rate > _OUTWARD_RATE) or (m.angle < low and m.rate < -_OUTWARD_RATE):
-            return Finding("angle_limit", f"the boom is at {m.angle:.3f} rad, outside {low:.3f} .. {high:.3f} rad")
+            return StopCause("angle_limit", f"the boom is at {m.angle:.3f} rad, outside {low:.3f} .. {high:.3f} rad")
         return None
 
     def currents(
         self, commanded: tuple[float, float], measured: tuple[float, ...] | None, now: float
-    ) -> Finding | None:
+    ) -> StopCause | None:
         """Do the solenoids get what is commanded [A]? ``measured`` None: nobody measures."""
         if measured is None:
             return None
         worst = max(abs(commanded[0] - measured[0]), abs(commanded[1] - measured[1]))
         if self._unlike(worst > self.settings.current_error, now, self.settings.current_timeout):
-            return Finding(
+            return StopCause(
                 "currents_not_followed",
                 f"commanded {commanded[0]:.2f} and {commanded[1]:.2f} A, measured {measured[0]:.2f} and {measured[1]:.2f} A",
             )

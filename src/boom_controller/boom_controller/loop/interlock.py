@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from boom_controller.loop.law_in_use import LawInUse
-from boom_controller.supervision.reasons import Finding
+from boom_controller.supervision.reasons import StopCause
 from boom_controller.supervision.sensor_set import SensorSet
 from boom_controller.supervision.state_machine import Supervision
 
 
-class Readiness:
+class Interlock:
     """Asked before a motion begins, before it is resumed, and in every cycle of it.
 
     Args:
@@ -26,12 +26,12 @@ class Readiness:
         self.emergency = False
         self.conflict = ""
 
-    def standing(self, now: float) -> Finding | None:
+    def standing(self, now: float) -> StopCause | None:
         """A reason to stop that holds at the time ``now`` [s], whatever the state."""
         if self.emergency:
-            return Finding("emergency_stop", "emergency stop")
+            return StopCause("emergency_stop", "emergency stop")
         if self.conflict:
-            return Finding("two_publishers", self.conflict)
+            return StopCause("two_publishers", self.conflict)
         return self._sensors.finding(now, self._supervision.settings)
 
     def missing(self, now: float) -> str:
