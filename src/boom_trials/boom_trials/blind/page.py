@@ -49,6 +49,7 @@ def page(state: State, rows: Sequence[Row], seconds: float) -> str:
         "## The worst cases",
         "Their pictures are in the report that the command writes.",
         _worst(rows),
+        "Terms: [glossary](glossary.md).",
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
 
