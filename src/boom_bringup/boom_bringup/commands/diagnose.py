@@ -1,7 +1,7 @@
 """Find out what physics the model lacks to explain recordings, prove it on data not used, and write the model with it.
 
 The doubts are raised in this order: clock and delay, sensors, parameters within and outside their tolerance, physics of the
-catalogue, physics of no catalogue. Written are diagnosis.json, report.html and machine.yaml; the last is a machine file
+catalogue, unmodelled physics. Written are diagnosis.json, report.html and machine.yaml; the last is a machine file
 for every other command. Where two explanations remain, next_experiment is a bag of the currents that would tell them apart.
 Without --hold-out the last third of each recording is held out.
 

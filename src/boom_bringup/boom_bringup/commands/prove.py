@@ -147,7 +147,7 @@ def _show(console: Console, rows: Sequence[Row]) -> None:
     from boom_trials.blind import scoring, tables
 
     table = Table(title="blind trial")
-    for title in ("measure", "cases", "measured (95 % bounds)", "asked", "met"):
+    for title in ("measure", "cases", "measured (95 % bounds)", "required", "met"):
         table.add_column(title, justify="right" if title == "cases" else "left")
     for m in scoring.measures(rows):
         table.add_row(m.title, str(m.count), tables.value_text(m), tables.wanted_text(m), tables.met_text(m))

@@ -104,7 +104,7 @@ def measures(rows: Sequence[Row]) -> list[Measure]:
         _share("wrong_confident", "wrong effect named with a confidence of 0.9 or more", rows, wrong_and_sure, most=3),
         _share("false_alarm", "false alarm on a healthy machine", healthy, alarmed, most=2),
         _share("wrong_parameters", "wrong parameters reported as physics", wrong, alarmed, most=5),
-        _share("outside", "physics of no catalogue recognised as unknown", outside, lambda r: r in unknown, 85),
+        _share("outside", "unmodelled physics recognised as unknown", outside, lambda r: r in unknown, 85),
         _median(
             "outside_gap", "held-out log-gap that the learnt term closes, median", [r.gap_closed for r in unknown], 50
         ),

@@ -47,12 +47,12 @@ def heading(state: State) -> str:
 
 def percent(error: float) -> str:
     """A normalised error (1 = the channel's standard deviation)."""
-    return f"{100 * error:.2f} %" if isfinite(error) else "broke off"
+    return f"{100 * error:.2f} %" if isfinite(error) else "stopped"
 
 
 def measures_table(rows: Sequence[Row]) -> str:
     """Every measure, as Markdown."""
-    lines = ["| measure | cases | measured (95 % bounds) | asked | met |", "|---|---|---|---|---|"]
+    lines = ["| measure | cases | measured (95 % bounds) | required | met |", "|---|---|---|---|---|"]
     for m in scoring.measures(rows):
         lines.append(f"| {m.title} | {m.count} | {value_text(m)} | {wanted_text(m)} | {met_text(m)} |")
     return "\n".join(lines)
