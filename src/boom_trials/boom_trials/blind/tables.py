@@ -1,4 +1,4 @@
-"""The score in words: for a terminal, as Markdown and as a JSON document."""
+"""The score for a terminal, as Markdown and as a JSON document."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def value_text(measure: Measure) -> str:
 
 
 def wanted_text(measure: Measure) -> str:
-    """What is asked."""
+    """The requirement."""
     if measure.unit != "%":
         return f"at most {measure.most:g}"
     if measure.least is not None and measure.most is not None:
@@ -33,12 +33,12 @@ def wanted_text(measure: Measure) -> str:
 
 
 def met_text(measure: Measure) -> str:
-    """Yes, no, cases too few to tell, or nothing to judge."""
+    """Yes, no, too few cases, or "-" without a value."""
     return "too few cases" if measure.too_few else {True: "yes", False: "no", None: "-"}[measure.met]
 
 
 def heading(state: State) -> str:
-    """What the numbers are of."""
+    """Identification of the trial."""
     return (
         f"seed {state.seed}, {state.count} cases, machine {state.machine}, version {state.version}, begun {state.begun}, "
         f"answers {state.sha256[:16]}"
