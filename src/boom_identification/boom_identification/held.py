@@ -1,4 +1,4 @@
-"""What a refinement cannot determine in principle: numbers that act only in combination, and the pairing of orifices and accumulators.
+"""What a refinement cannot determine in principle: numbers that act only in combination, and which orifice is whose.
 
 No sensor measures the spool: if pilot pressures, spring, friction, damping and mass of the spool scale alike, it moves as before.
 Orifice areas are multiplied by A_0, C_d and the root of the compensator's margin. Such numbers are held at the values of the
