@@ -17,7 +17,7 @@ COMMANDS = ("/boom/current_command",)
 PARAMETER = ParameterSpec(
     "shared_topics",
     "",
-    "topics of commands and sensors that several may publish on, with commas between",
+    "topics of commands and sensors that may have several publishers, separated by commas",
     read_only=True,
 )
 

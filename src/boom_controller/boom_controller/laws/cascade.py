@@ -28,7 +28,7 @@ from boom_model.regularisation import Expression
 
 LAWS = {
     "thesis": "(6.2)-(6.28) as printed, misprints read as in the machine notes, with anti-windup",
-    "baseline": "the least change of it that is stable everywhere",
+    "baseline": "the smallest change of it that is stable everywhere",
 }
 
 

@@ -36,7 +36,7 @@ from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
 
 LAWS = {
-    "improved": "the boom as a mass on an oil spring that the valve's flow drives; observers for load, oil and missing flow",
+    "improved": "the boom as a mass on an oil spring driven by the valve's flow; observers for load, oil and missing flow",
 }
 CAVITATION = 3.0e5
 """Pa. Below it the rod side may draw oil through its anti-cavitation valve, and tells nothing about its compliance."""
