@@ -95,7 +95,7 @@ def test_the_wording_fits_the_confidence(confidence, word):
 @pytest.mark.parametrize(
     ("result", "said"),
     [
-        (cases.unknown_physics, "Something that no catalogue lists acts on the hose burst valve"),
+        (cases.unknown_physics, "Unmodelled physics acts on the hose burst valve"),
         (lambda: cases.without_finding("no_mismatch"), "what differs is within sensor noise"),
         (lambda: cases.without_finding("not_enough_excitation"), "do not move the boom enough"),
         (lambda: cases.changed("parameters_only", ()), "Parameters within their tolerance explain"),

@@ -179,7 +179,7 @@ class ControlLoop:
         self._readiness.conflict = text
 
     def fault(self, text: str, now: float) -> bool:
-        """Handle a failure of this program: ramp to zero, at once the second time, as the cycle itself may fail. True in the ramp."""
+        """Handle a failure of this program: ramp to zero, at once the second time. True during the ramp."""
         again = self.supervision.finding is not None and self.supervision.finding.reason == "internal_error"
         self._stop(Finding("internal_error", text), now)
         if again or not self._watch_cycles:
