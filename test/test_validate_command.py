@@ -161,7 +161,7 @@ def test_a_process_with_wrong_input_ends_with_status_2(tmp_path):
         ([HEALTHY, "--report", "empty"], "this is a folder"),
         ([HEALTHY, "--json", "text.mcap/n.json"], "there is no folder text.mcap"),
         ([HEALTHY, "--report", "r.html", "--no-report"], "not allowed with"),
-        ([HEALTHY, CHANGED, "--simulated", HEALTHY], "--simulated needs exactly one recording"),
+        ([HEALTHY, CHANGED, "--simulated", HEALTHY], "--simulated needs one recording"),
         ([HEALTHY, "--simulated", "nowhere"], "nowhere: there is no such file or folder"),
     ],
 )

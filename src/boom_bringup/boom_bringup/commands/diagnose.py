@@ -41,11 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("bags", nargs="+", metavar="BAG", help="recording: a rosbag2 folder or a .mcap file")
     parser.add_argument(
-        "--hold-out",
-        nargs="+",
-        default=[],
-        metavar="BAG",
-        help="held-out recordings for the proof; nothing is fitted to them",
+        "--hold-out", nargs="+", default=[], metavar="BAG", help="recordings for the proof; nothing is fitted to them"
     )
     parser.add_argument(
         "--machine",

@@ -39,12 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rate", type=_positive, default=1.0, metavar="X", help="times faster than recorded (default: 1)"
     )
-    parser.add_argument(
-        "--start", type=_not_negative, default=0.0, metavar="S", help="start of the replay [s] (default: 0)"
-    )
-    parser.add_argument(
-        "--duration", type=_positive, metavar="S", help="duration of the replay [s] (default: to the end)"
-    )
+    parser.add_argument("--start", type=_not_negative, default=0.0, metavar="S", help="start [s] (default: 0)")
+    parser.add_argument("--duration", type=_positive, metavar="S", help="duration [s] (default: to the end)")
     parser.add_argument("--loop", action="store_true", help="restart at the end")
     parser.add_argument("--paused", action="store_true", help="wait for the service /boom_replay/pause (data: false)")
     parser.add_argument("--clock", action="store_true", help="publish the replayed time on /clock")

@@ -49,9 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Validate; returns 0, or 1 with --strict and a mismatch."""
     if args.simulated and len(args.bags) > 1:
-        raise UsageError(
-            f"--simulated needs exactly one recording, {len(args.bags)} were given: validate them one by one"
-        )
+        raise UsageError(f"--simulated needs one recording, {len(args.bags)} were given: validate them one by one")
     json_path = checked(args.json, "--json")
     report = None if args.no_report else checked(args.report, "--report") or default_report("validate", args.bags)
 
