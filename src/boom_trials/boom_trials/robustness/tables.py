@@ -36,10 +36,7 @@ def print_document(numbers: Mapping[str, Any], console: Console, *, limited: boo
                 console.print(title, markup=False)
                 console.print(_monte_carlo(numbers[part]))
         if "stability_map" in numbers:
-            console.print(
-                "largest dead time [ms] up to which the loop is stable (-: unstable even without dead time)",
-                markup=False,
-            )
+            console.print("largest dead time [ms] up to which the loop is stable (-: never stable)", markup=False)
             console.print(_stability(numbers["stability_map"]))
     console.file.write("\n".join(line.rstrip() for line in printed.get().splitlines()) + "\n")
 
