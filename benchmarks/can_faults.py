@@ -9,7 +9,7 @@ process of its own. In every case the boom is driven with 0.4 A first. Columns o
   where what drives it is the process that was killed
 - longest gap: the longest time without /joint_states after the fault
 - sensors back: from the end of the fault (or the restart of the killed process) to the next /joint_states
-- motion again: "by itself" while the same command goes on, "when asked" where it took enabling anew
+- motion again: "by itself" while the same command goes on, "when enabled" where motion has to be enabled again
 
 Exit status 1 where a current was not zero within 100 ms although it had to be, or motion came back by itself where it must not.
 """
@@ -347,10 +347,10 @@ def measure(chain: Chain, case: Case, brief: bool) -> Result:
         motion = "by itself"
     else:
         chain.ask_for_motion()
-        motion = "when asked"
+        motion = "when enabled"
     zero_ms = None if zero is None else 1e3 * (zero - begin)
     ok = case.closes is None or (zero_ms is not None and zero_ms <= LARGEST_DELAY_MS + 1e3 * _SHOWN_PERIOD)
-    ok = ok and (case.resumes or motion == "when asked")
+    ok = ok and (case.resumes or motion == "when enabled")
     back = None if gap < 0.05 or first is None else 1e3 * (first - mended)
     return Result(case.name, case.title, zero_ms, 1e3 * gap, back, motion, ok)
 

@@ -186,7 +186,7 @@ def identified() -> DiagnosisResult:
             "Lower fast twice.", time, currents(time, 3), np.zeros((len(time), 4)),
             (("hose_burst_valve_lag", "hose_burst_valve_setting", 1.2, 8.4),),
         ),
-        ("lag_a does not tell its load: it counts as 0 kg",), "boom diagnose lag_a --hold-out lag_b",
+        ("lag_a does not state its load: 0 kg is assumed",), "boom diagnose lag_a --hold-out lag_b",
     )  # fmt: skip
 
 

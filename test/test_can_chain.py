@@ -33,7 +33,7 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, object
 def test_kill_9_of_each_process_stops_the_boom_and_it_moves_again_only_when_asked(
     rows: dict[str, dict[str, object]],
 ) -> None:
-    assert {rows[name]["motion_again"] for name in KILLED} == {"when asked"}
+    assert {rows[name]["motion_again"] for name in KILLED} == {"when enabled"}
     assert rows["kill_bridge"]["current_zero_ms"] is not None
     assert rows["kill_server"]["current_zero_ms"] is not None
 
@@ -41,16 +41,16 @@ def test_kill_9_of_each_process_stops_the_boom_and_it_moves_again_only_when_aske
 def test_processes_that_stand_still_stop_the_boom_and_nothing_stale_moves_it_later(
     rows: dict[str, dict[str, object]],
 ) -> None:
-    assert {rows[name]["motion_again"] for name in PAUSED} == {"when asked"}
+    assert {rows[name]["motion_again"] for name in PAUSED} == {"when enabled"}
     assert all(rows[name]["current_zero_ms"] is not None for name in PAUSED)
 
 
 def test_ecu_that_falls_silent_or_freezes_stops_the_boom(rows: dict[str, dict[str, object]]) -> None:
     assert all(rows[name]["current_zero_ms"] is not None for name in SILENT)
-    assert {rows[name]["motion_again"] for name in ("frozen_ecu", "bus_off", "restart")} == {"when asked"}
+    assert {rows[name]["motion_again"] for name in ("frozen_ecu", "bus_off", "restart")} == {"when enabled"}
 
 
 def test_single_bad_frames_do_not_stop_the_boom(rows: dict[str, dict[str, object]]) -> None:
     # losses may by chance come close enough together to close the valve: then nothing but asking opens it again
-    assert {rows[name]["motion_again"] for name in BAD} <= {"never stopped", "by itself", "when asked"}
+    assert {rows[name]["motion_again"] for name in BAD} <= {"never stopped", "by itself", "when enabled"}
     assert "never stopped" in {rows[name]["motion_again"] for name in BAD}

@@ -137,5 +137,5 @@ def test_motion_that_cannot_be_enabled_is_one_line_and_status_2() -> None:
     words = [sys.executable, "-m", "boom_can_bridge.enable_node", "--ros-args", "-p", "wait_timeout:=0.3"]
     result = subprocess.run(words, capture_output=True, text=True, check=False, timeout=PATIENCE)
     assert result.returncode == 2
-    assert "there is no bridge" in result.stderr
+    assert "no bridge is running" in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1

@@ -55,7 +55,7 @@ def test_a_reference_is_followed_in_the_closed_loop_and_the_bag_tells_how_well(t
     assert validate(made, load_machine("tz17")).mismatches == []
     refused = boom("simulate", "steps.csv", "--reference", "--output", "other", cwd=tmp_path)
     assert refused.returncode == 2
-    assert "takes a bag" in refused.stderr
+    assert "needs a bag" in refused.stderr
 
 
 def test_currents_from_a_csv_file_move_the_boom(tmp_path: Path) -> None:

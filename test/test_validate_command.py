@@ -128,7 +128,7 @@ def test_another_machine_than_the_recorded_one_is_noted_and_so_is_an_unknown_loa
     result = validate("mine", "--machine", "tz17", "--no-report")
     assert result.returncode == 0, result.stderr
     assert "note: mine was recorded on machine 'another', the model is that of 'tz17'" in result.stdout
-    assert "note: mine does not tell its load: it counts as 0 kg" in result.stdout
+    assert "note: mine does not state its load: 0 kg is assumed" in result.stdout
 
 
 def test_a_machine_without_a_shipped_file_needs_one(validate, tmp_path):
@@ -161,7 +161,7 @@ def test_a_process_with_wrong_input_ends_with_status_2(tmp_path):
         ([HEALTHY, "--report", "empty"], "this is a folder"),
         ([HEALTHY, "--json", "text.mcap/n.json"], "there is no folder text.mcap"),
         ([HEALTHY, "--report", "r.html", "--no-report"], "not allowed with"),
-        ([HEALTHY, CHANGED, "--simulated", HEALTHY], "--simulated goes with one recording"),
+        ([HEALTHY, CHANGED, "--simulated", HEALTHY], "--simulated needs one recording"),
         ([HEALTHY, "--simulated", "nowhere"], "nowhere: there is no such file or folder"),
     ],
 )

@@ -247,7 +247,7 @@ class TestLauncher:
 
     def test_a_command_of_two_words_is_a_command_and_not_a_question(self, tree):
         # Without a compiler the set-up, which every command begins with, ends at once.
-        assert "this machine lacks g++" in self.run(tree, "import-can", "log", PATH=str(tree)).stderr
+        assert "this computer lacks g++" in self.run(tree, "import-can", "log", PATH=str(tree)).stderr
 
     def test_a_misspelt_command_does_not_start_a_set_up(self, tree):
         result = self.run(tree, "tset")
@@ -257,7 +257,7 @@ class TestLauncher:
     def test_a_missing_compiler_is_named_before_anything_is_made(self, tree):
         result = self.run(tree, "setup", PATH=str(tree))
         assert result.returncode == 2
-        assert "this machine lacks g++: sudo apt install g++" in result.stderr
+        assert "this computer lacks g++: sudo apt install g++" in result.stderr
         assert not (tree / ".venv").exists()
 
     def test_an_impossible_setting_is_one_line(self, tree):

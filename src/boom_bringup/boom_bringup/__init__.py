@@ -1,3 +1,3 @@
-"""Launch files, parameter files, the URDF and the commands of the boom."""
+"""Commands, launch files and parameter files of the boom."""
 
 __version__ = "0.1.0"

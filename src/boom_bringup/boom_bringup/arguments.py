@@ -1,4 +1,4 @@
-"""Types of options that several commands share; a wrong value ends with one line and status 2, before any work."""
+"""Types of options shared by several commands; a wrong value ends with one line and status 2 before any work starts."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import argparse
 import math
 
 LONGEST_RUN = 3600.0
-"""s. A simulated hour at 100 Hz fills 0.1 GB; more is a slip of the pen."""
+"""s. A simulated hour at 100 Hz fills 0.1 GB; more is taken for a typing error."""
 
 
 def seed(text: str) -> int:
-    """A seed of a noise generator: a whole number of 0 or more."""
+    """The seed of a noise generator: a whole number of 0 or more."""
     try:
         value = int(text)
     except ValueError:

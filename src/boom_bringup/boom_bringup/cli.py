@@ -1,4 +1,4 @@
-"""The entry point of the commands: finds the one that was asked for, loads only that, and prints errors plainly.
+"""The entry point of the commands: finds and loads the requested command and prints errors in one line.
 
 A command is a module of `boom_bringup.commands` (`import-can` is `import_can`) with
 
@@ -6,10 +6,10 @@ A command is a module of `boom_bringup.commands` (`import-can` is `import_can`) 
 - `add_arguments(parser)`: its options, added to an `argparse.ArgumentParser`; module and options need the standard library only,
   so that `./boom` can explain them before anything is installed,
 - `run(args) -> int`: does the work and returns the exit status,
-- `VERBATIM` (optional): name of the attribute of `args` that takes all words as they are, but for a lone --help,
+- `VERBATIM` (optional): name of the attribute of `args` that takes all words unchanged, except a lone --help,
 - `REST` (optional): name of the attribute of `args` that takes the words which `add_arguments` did not declare.
 
-Exit status: 0 success, 1 the work was done and its answer is no, 2 wrong input, 130 stopped by Ctrl-C.
+Exit status: 0 success, 1 the work was done with a negative result, 2 wrong input, 130 stopped by Ctrl-C.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ _ORDER = (
 _HELP = ("-h", "--help", "help")
 _ASKS = (["--help"], ["-h"])
 LONGEST_LINE = 1000
-"""Characters of an error, whatever it quotes."""
+"""Largest number of characters of an error message."""
 _BUILT = {
-    "boom_interfaces": "the messages boom_interfaces are not installed: pip does not bring them with boom, they need a C++ build; "
-    "in the repository: pip install ./src/boom_interfaces, or colcon build",
+    "boom_interfaces": "the messages boom_interfaces are not installed: pip does not install them with boom, because they "
+    "need a C++ build; in the repository: pip install ./src/boom_interfaces, or colcon build",
     "rclpy": "ROS 2 is not installed here: use ./boom, or source an installation and its workspace",
 }
 _COMMANDS = Path(__file__).with_name("commands")
@@ -55,7 +55,7 @@ class UsageError(ValueError):
 
 
 class _Parser(argparse.ArgumentParser):
-    """Reports a wrong option in one line, with the nearest right one."""
+    """Reports a wrong option in one line, with the nearest valid one."""
 
     def error(self, message: str) -> NoReturn:
         if message.startswith("unrecognized arguments: "):
@@ -74,7 +74,7 @@ def command_names() -> list[str]:
 
 
 def only_asks(arguments: Sequence[str]) -> bool:
-    """Tell whether the words ask for help or the version, or name no command: the answer needs the standard library only."""
+    """Tell whether the words ask for help or the version, or name no command: this needs the standard library only."""
     return not arguments or arguments[0] not in command_names() or list(arguments[1:]) in _ASKS
 
 
@@ -127,10 +127,10 @@ def _run(arguments: Sequence[str], program: str) -> int:
 
 
 def parse(module: ModuleType, prog: str, words: list[str]) -> argparse.Namespace:
-    """What a command is given: the words behind its name, understood.
+    """Parse the words after the name of a command.
 
     Raises:
-        UsageError: an option or a value that the command does not know.
+        UsageError: the command does not accept an option or a value.
     """
     parser = _Parser(
         prog=prog,
@@ -150,7 +150,7 @@ def parse(module: ModuleType, prog: str, words: list[str]) -> argparse.Namespace
 
 
 class _Shown:
-    """A stream of text on which nothing acts on the terminal; ``obeyed`` is the stream below, for our own colours."""
+    """A text stream without control characters; ``obeyed`` is the stream below it, for our own colours."""
 
     def __init__(self, stream: TextIO) -> None:
         self.obeyed = stream
@@ -164,7 +164,7 @@ class _Shown:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; what it prints is shown by a terminal and never obeyed.
+    """Run one command; foreign control characters in its output do not reach the terminal.
 
     Args:
         arguments: the command and its options; those of the process by default.

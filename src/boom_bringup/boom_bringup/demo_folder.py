@@ -1,4 +1,4 @@
-"""The folder of a demo's results: used by one demo at a time, and the last good bag stays until the next one is good."""
+"""The folder of a demo's results: one demo uses it at a time, and the last good bag stays until the next one is good."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ class DemoFolder:
         self.path = path
 
     def recording(self, name: str = BAG) -> Path:
-        """Where the new bag of that name is to be recorded; does not exist yet. Its data file bears the folder's name."""
+        """Path for recording the new bag of that name; does not exist yet. Its data file has the folder's name."""
         return self.path / f".{name}-{os.getpid()}" / name
 
     def bag(self, name: str = BAG) -> Path:
-        """Where a bag that is complete lies."""
+        """Path of a complete bag."""
         return self.path / name
 
     def keep(self, name: str = BAG) -> Path:
-        """The new bag is good: it takes the place of the old one, whose path is returned.
+        """Replace the old bag by the new one, which is good; returns its path.
 
         Raises:
-            FolderError: the disk refuses.
+            FolderError: the disk refuses the operation.
         """
         bag, old = self.bag(name), self.path / f".{name}-old-{os.getpid()}"
         try:
@@ -53,21 +53,21 @@ class DemoFolder:
                 bag.rename(old)
             self.recording(name).rename(bag)
         except OSError as error:
-            raise FolderError(f"{self.path}: the new bag cannot take its place: {error.strerror}") from None
+            raise FolderError(f"{self.path}: cannot move the new bag into place: {error.strerror}") from None
         shutil.rmtree(old, ignore_errors=True)
         return bag
 
 
 @contextlib.contextmanager
 def held(path: Path) -> Iterator[DemoFolder]:
-    """Hold the folder, made where it is missing; what was recorded and not kept is removed at the end.
+    """Create the folder if needed and hold it; recordings that were not kept are removed at the end.
 
     Args:
         path: of the folder.
 
     Raises:
         InUseError: another command uses it.
-        FolderError: it holds something that is no demo's, or it cannot be written.
+        FolderError: it holds foreign files, or it cannot be written.
     """
     with contextlib.ExitStack() as stack:
         try:

@@ -1,4 +1,4 @@
-"""The processes of a demo, and their run: over CAN, or with the simulation on the topics itself; open or closed loop."""
+"""The processes of a demo and how they run: over CAN or with the simulation directly on the topics, in open or closed loop."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _PROGRESS = re.compile(r"replayed ([0-9.]+) of ([0-9.]+) s")
 
 
 class DemoError(RuntimeError):
-    """The demo could not be carried out; one line that says why.
+    """The demo failed; one line that says why.
 
     Attributes:
         exit_status: for the shell.
@@ -75,14 +75,14 @@ def over_can(bag: Path, target: Path, simulation: Mapping[str, Any], bridge: Map
 def close_loop(
     programs: Sequence[Program], target: Path, controller: Mapping[str, Any], delay: float, duration: float
 ) -> list[Program]:
-    """The same processes in the closed loop: the recorded angle becomes the reference, a controller commands.
+    """The same processes in closed loop: the recorded angle becomes the reference, and a controller commands.
 
     Args:
         programs: of `over_topics` or `over_can`.
         target: folder of the new bag.
         controller: parameters of the controller.
         delay: age of the sensors' samples at their tick [s].
-        duration: how much of the recorded angle is followed [s]; 0: all of it.
+        duration: duration of the recorded angle to follow [s]; 0: all.
     """
     from boom_recording.recorder import DEFAULT_TOPICS
 
@@ -105,7 +105,7 @@ def close_loop(
 
 
 def free_bus() -> dict[str, str]:
-    """Interface and channel, as parameters of the nodes, of a bus on a port of 127.0.0.1 that is free now."""
+    """Interface and channel, as node parameters, of a bus on a port of 127.0.0.1 that is free now."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return {"interface": "remote", "channel": f"ws://127.0.0.1:{probe.getsockname()[1]}/"}
@@ -119,7 +119,7 @@ def bus_command(bus: Mapping[str, str]) -> list[str]:
 
 @dataclass
 class _Watcher:
-    """Reads the processes' lines: progress for the bar, the rest only where it matters."""
+    """Reads the output of the processes: progress for the bar, other lines only if they matter."""
 
     progress: Progress
     task: TaskID
@@ -144,7 +144,7 @@ def run(programs: Sequence[Program], title: str, duration: float) -> tuple[float
     """Run the processes to their end, with a bar for the duration [s] of the recording.
 
     Returns:
-        How long it took [s], and the sockets that were seen.
+        Time taken [s], and the sockets that were seen.
 
     Raises:
         DemoError: a process ended too early, or SIGTERM came.
@@ -192,5 +192,5 @@ def _judge(outcome: Outcome, lines: list[str]) -> None:
         raise DemoError("stopped", outcome.exit_status)
     if outcome.exit_status:
         said = [line for line in lines if line.startswith(f"[{outcome.failed[0]}]")]
-        told = said[-1] if said else "it said nothing"
+        told = said[-1] if said else "it printed nothing"
         raise DemoError(f"the process {', '.join(outcome.failed)} ended before its work was done: {told[-300:]}")

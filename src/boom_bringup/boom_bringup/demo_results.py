@@ -1,4 +1,4 @@
-"""What a demo found: the open loop validated, the closed loop's tracking; as tables, report and document."""
+"""The results of a demo, validation of the open loop and tracking of the closed loop, as tables, report and document."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Tracked:
-    """The closed loop: what was recorded, how well the boom followed, and by which control law."""
+    """The closed loop: the recording, the tracking errors and the control law."""
 
     recording: Recording
     tracking: Tracking
@@ -30,9 +30,9 @@ class Tracked:
 class Results:
     """All results of one demo.
 
-    machine, source   that was simulated, and how the user named it
-    recording         that was repeated or followed
-    open_loop, closed_loop   None where that was not asked for
+    machine, source   the simulated machine, and the user's name for it
+    recording         the recording that was repeated or followed
+    open_loop, closed_loop   None where not requested
     """
 
     machine: Machine

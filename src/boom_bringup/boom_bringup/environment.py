@@ -1,6 +1,6 @@
-"""The environment of our ROS processes, in one place: which ROS, which network, which checks.
+"""The environment of our ROS processes in one place: ROS installation, network, checks.
 
-Standard library only, and no import of this package: `./boom` loads this file by its path before anything is installed,
+Standard library only, and no import of this package: `./boom` loads this file by its path before anything is installed;
 the tests apply it through `conftest.py`.
 
 Network modes, chosen by the variable `BOOM_NETWORK`:
@@ -8,7 +8,7 @@ Network modes, chosen by the variable `BOOM_NETWORK`:
 - `loopback` (default): the Fast DDS profile `loopback.xml`; every socket is bound to 127.0.0.1.
 - `lan`: other hosts of the subnet take part; ROS's own variables decide the rest.
 
-Where the user names a Fast DDS profile file of his own, that file decides and the mode is called `custom`.
+If the user names a Fast DDS profile file, that file decides, and the mode is called `custom`.
 """
 
 from __future__ import annotations
@@ -99,12 +99,12 @@ def network_mode(environment: Mapping[str, str]) -> str:
 
 
 def ignored_range(environment: Mapping[str, str]) -> str:
-    """Say in one sentence that a wider discovery range of the user has no effect; "" where there is nothing to say."""
+    """Say in one sentence that a wider discovery range of the user has no effect; "" if that does not apply."""
     wanted = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
     if wanted == "SUBNET" and network_mode(environment) == "loopback":
         return (
-            "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET is ignored, messages stay on this machine: "
-            "set BOOM_NETWORK=lan to open up"
+            "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET is ignored, messages stay on this computer: "
+            "set BOOM_NETWORK=lan to open the network"
         )
     return ""
 
@@ -157,10 +157,10 @@ def for_processes(environment: Mapping[str, str]) -> dict[str, str]:
 
 @contextlib.contextmanager
 def private_domain() -> Iterator[str]:
-    """Hold a ROS domain that no other closed run on this computer has, and that nobody is heard on.
+    """Hold a ROS domain that no other isolated run on this computer uses and on which nothing else is heard.
 
     Two runs on one domain would hear each other: a demo could drive somebody else's crane. The domain is held by an
-    abstract Unix socket: known as far as loopback traffic goes (the network namespace), gone with the process.
+    abstract Unix socket: visible wherever loopback traffic goes (the network namespace), gone with the process.
 
     Yields:
         The value for `ROS_DOMAIN_ID`.
@@ -198,13 +198,13 @@ def uses_wheels() -> bool:
 
 
 def apply(environment: MutableMapping[str, str] | None = None) -> None:
-    """Bring a running process' own environment in line, before it imports rclpy.
+    """Adapt the environment of the running process before it imports rclpy.
 
-    What the loader of the wheels has set for this process stays, so that child processes inherit it. With an installed
+    Variables that the loader of the wheels has set stay, so that child processes inherit them. With an installed
     ROS only the network is restricted and the message check switched on: its other variables are needed.
 
     Args:
-        environment: what to change; `os.environ` by default.
+        environment: variables to change; `os.environ` by default.
 
     Raises:
         SettingError: `BOOM_NETWORK` has an unknown value.
@@ -263,7 +263,7 @@ def bound_sockets(pid: int) -> list[BoundSocket]:
 
 
 def off_loopback(sockets: Iterable[BoundSocket]) -> list[BoundSocket]:
-    """Pick the sockets that can be reached from, or send to, anything but this machine."""
+    """Pick the sockets that can be reached from, or can send to, other computers."""
     result = []
     for entry in sockets:
         address = ipaddress.ip_address(entry.address)

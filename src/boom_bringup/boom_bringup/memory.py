@@ -1,4 +1,4 @@
-"""How the C library hands memory back to the system."""
+"""Keeps the C library from returning memory to the system."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import ctypes
 _TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8
 """Of glibc's mallopt (malloc.h)."""
 _KEPT, _LARGEST = 1 << 30, 32 << 20
-"""Bytes that are kept, and those of the largest array from which on it is handed back at once: the most that glibc takes."""
+"""Bytes that are kept, and size of an array above which it is returned at once: the largest values that glibc accepts."""
 
 
 def keep_memory() -> None:
-    """Lets this process keep what it has had: a diagnosis asks for arrays of some MB again and again.
+    """Let this process keep freed memory: a diagnosis allocates arrays of some MB again and again.
 
-    The system clears each page that it hands out. Where the C library is not glibc, nothing happens.
+    The system clears each page before it provides it, which takes time. Without glibc this does nothing.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:

@@ -1,4 +1,4 @@
-"""What the commands share that only start a node: options become ROS parameters."""
+"""Shared by the commands that only start a node: turns options into ROS parameters."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def node_command(module: str, parameters: Mapping[str, ParameterValue | None]) -
         Program and arguments.
 
     Raises:
-        ModuleNotFoundError: the messages are not there, without which no node starts; the command line says how to have them.
+        ModuleNotFoundError: the messages are missing, without which no node starts; the command line says how to install them.
     """
     if importlib.util.find_spec("boom_interfaces") is None:
         raise ModuleNotFoundError(name="boom_interfaces")

@@ -1,4 +1,4 @@
-"""Files that commands write: refused before the work where they could not be written, one line where writing fails."""
+"""Files that commands write: refused before the work starts if they cannot be written; one line if writing fails."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from boom_input.whole import one_writer, write_whole
 
 
 def checked(given: str | None, option: str) -> Path | None:
-    """The path of an output file; None where none was asked for.
+    """The path of an output file; None if none was requested.
 
     Raises:
         UsageError: it could not be written.
@@ -34,17 +34,17 @@ def checked(given: str | None, option: str) -> Path | None:
 
 
 def default_report(command: str, bags: list[str]) -> Path:
-    """Where the report of a command goes that was not told; makes the folder ``output``.
+    """The default path of a command's report; creates the folder ``output``.
 
     Raises:
-        UsageError: the folder cannot be made.
+        UsageError: the folder cannot be created.
     """
     folder = Path("output")
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
         raise UsageError(
-            f"folder output cannot be made here ({error.strerror}): give --report FILE or --no-report"
+            f"cannot create the folder output here ({error.strerror}): give --report FILE or --no-report"
         ) from None
     first = Path(bags[0])
     name = first.stem if first.suffix in (".mcap", ".zstd", ".yaml") else first.resolve().name
@@ -55,7 +55,7 @@ def default_report(command: str, bags: list[str]) -> Path:
 
 
 def write(path: Path, action: Callable[[], Any]) -> None:
-    """Run what writes ``path``.
+    """Run the action that writes ``path``.
 
     Raises:
         UsageError: it failed, e.g. because the disk is full.
@@ -67,7 +67,7 @@ def write(path: Path, action: Callable[[], Any]) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file, whole or not at all.
+    """Write a file completely or not at all.
 
     Raises:
         UsageError: it failed.
@@ -77,10 +77,10 @@ def write_text(path: Path, text: str) -> None:
 
 @contextmanager
 def held(given: str | Path) -> Iterator[Path]:
-    """The folder of a command's results, made where it is missing and held against a second command until the end.
+    """The folder of a command's results, created if missing and locked against a second command until the end.
 
     Raises:
-        UsageError: it cannot be made or written.
+        UsageError: it cannot be created or written.
         InUseError: another command uses it.
     """
     path = Path(given)
@@ -89,7 +89,7 @@ def held(given: str | Path) -> Iterator[Path]:
         lock = one_writer(path)
         lock.__enter__()
     except OSError as error:
-        raise UsageError(f"--output {given}: cannot be made: {error.strerror}: give another folder") from None
+        raise UsageError(f"--output {given}: cannot be created: {error.strerror}: give another folder") from None
     try:
         if not os.access(path, os.W_OK):
             raise UsageError(f"--output {given}: may not be written by this user: give another folder")
@@ -100,16 +100,16 @@ def held(given: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def new_bag(path: Path) -> Iterator[Path]:
-    """Where to write a bag that gets its place when it is whole; held against a second command until then.
+    """A path for writing a bag, which is moved into place when complete; locked against a second command until then.
 
-    What a killed command left is removed by the next one.
+    The next command removes what a killed one left.
 
     Args:
         path: of the new bag; must not exist.
 
     Raises:
-        UsageError: it exists or its folder cannot be made.
-        InUseError: another command is making it.
+        UsageError: it exists or its folder cannot be created.
+        InUseError: another command is writing it.
     """
 
     def refuse_existing() -> None:
@@ -130,7 +130,7 @@ def new_bag(path: Path) -> Iterator[Path]:
 
 
 def json_text(document: dict[str, Any]) -> str:
-    """A document as JSON; null for what is no finite number: JSON knows no NaN."""
+    """A document as JSON, with null for numbers that are not finite, because JSON has no NaN."""
     return json.dumps(_finite(document), indent=2, allow_nan=False) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""The crane of a recording in simulation: which machine it is, how it rests at the beginning, what the nodes are told."""
+"""The simulated crane for a recording: machine, initial state at rest, parameters of the nodes."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 
 class ReplicaError(ValueError):
-    """The recording does not tell what the simulation needs; one line that says what to do."""
+    """The recording lacks data that the simulation needs; one line that says what to do."""
 
     exit_status = 2
 
 
 def machine_of(recordings: Mapping[str, Recording], wanted: str | None = None) -> tuple[Machine, str]:
-    """The machine to run, and its name or path: the one asked for, or the one that all recordings name.
+    """The machine to run and its name or path: the requested one, or the one that all recordings name.
 
     Args:
         recordings: by the name under which the user knows them.
@@ -39,7 +39,9 @@ def machine_of(recordings: Mapping[str, Recording], wanted: str | None = None) -
     named = {recording.configuration.machine: bag for bag, recording in recordings.items()}
     if len(named) > 1:
         each = ", ".join(f"{bag} ({quoted(name, 60) or 'no name'})" for name, bag in named.items())
-        raise ReplicaError(f"the recordings are of different machines: {each}: take them apart, or give one --machine")
+        raise ReplicaError(
+            f"the recordings are of different machines: {each}: run them separately, or give one --machine"
+        )
     name, bag = next(iter(named.items()))
     shipped = shipped_machines()
     if not name:
@@ -55,21 +57,21 @@ def machine_of(recordings: Mapping[str, Recording], wanted: str | None = None) -
 
 
 def rest_of(recording: Recording, bag: str, advice: str = "give another recording") -> dict[str, float]:
-    """How the boom rests at the beginning: angle [rad], hose_pressure and rod_pressure [Pa, gauge].
+    """State of the boom at rest at the beginning: angle [rad], hose_pressure and rod_pressure [Pa, gauge].
 
     Args:
-        recording: to look at.
+        recording: the recording.
         bag: its name for the user.
-        advice: what to do where the boom moves.
+        advice: remedy for the message if the boom moves.
 
     Raises:
-        ReplicaError: it moves.
+        ReplicaError: the boom moves at the beginning.
     """
     from boom_estimation.initial_state import resting_start
 
     rest = resting_start(recording)
     if rest is None:
-        raise ReplicaError(f"{bag}: the boom does not rest at the beginning, so that its state is not known: {advice}")
+        raise ReplicaError(f"{bag}: the boom is not at rest at the beginning, so its state is unknown: {advice}")
     return rest
 
 
@@ -104,7 +106,7 @@ def simulation_parameters(recording: Recording, bag: str, machine: Machine, sour
 
 
 def bridge_parameters(simulation: Mapping[str, Any], machine: Machine) -> dict[str, Any]:
-    """ROS parameters of the CAN bridge in front of that crane: what the bus does not tell, and nothing that limits it.
+    """ROS parameters of the CAN bridge for that crane: data that the bus does not carry, and no limits.
 
     Args:
         simulation: as `simulation_parameters` gives them.

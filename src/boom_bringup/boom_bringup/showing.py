@@ -1,4 +1,4 @@
-"""What a command shows on stderr while it works."""
+"""Progress and hints that commands print on stderr."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 
 def diagnose_next(bags: Sequence[str], machine: str | None) -> list[str]:
-    """What to type where recordings differ from the model, a line for each, ready for the shell."""
+    """The next command to type for recordings that differ from the model, one shell line each."""
     words = ["--machine", machine] if machine else []
     program = os.environ.get("BOOM_PROGRAM", "boom")
     return [f"next: {shlex.join([program, 'diagnose', str(bag), *words])}" for bag in bags]
@@ -22,7 +22,7 @@ _QUIET = 10.0  # s: so long nothing is said in a log file
 
 @contextmanager
 def progress(total: int) -> Iterator[Callable[[str, int], None]]:
-    """Shows on stderr what is being done: a bar on a terminal, elsewhere a line for what begins after some seconds."""
+    """Show progress on stderr: a bar on a terminal; elsewhere a line for each step that starts after some seconds."""
     if not sys.stderr.isatty():
         begin = time.monotonic()
 

@@ -1,4 +1,4 @@
-"""Runs the processes of a command together: one fails, all stop; nothing is left behind.
+"""Runs the processes of a command together: if one fails, all stop, and none is left behind.
 
 A group has any number of processes. One of them may be the main one: when it ends, the work is done and the others are
 stopped. When another one ends by itself, that is a failure, and all are stopped. Stopping is SIGINT, then SIGTERM, then
@@ -6,7 +6,7 @@ SIGKILL, each with a bounded wait. SIGINT and SIGTERM that reach the supervisor 
 Every process is also told to die with its supervisor (`prctl PR_SET_PDEATHSIG`), so that even `kill -9` of the
 supervisor leaves no orphan.
 
-Output lines of a process are passed on with its name in front.
+Output lines of a process are passed on with its name as prefix.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Outcome:
 
     Attributes:
         statuses: exit status by name; negative = ended by that signal, as in `subprocess`.
-        failed: names of the processes that ended when they should not have, or with another status than 0, in order.
+        failed: names of the processes that ended too early or with a status other than 0, in order.
         interrupted: the signal that stopped the group from outside, or None.
         killed: names that did not react to SIGINT and SIGTERM in time.
     """
@@ -117,7 +117,7 @@ class Supervisor:
         return {name: process.pid for name, process in self._processes.items()}
 
     def stop(self) -> None:
-        """Ask for a stop of the whole group; the run ends as if the main process had."""
+        """Request a stop of the whole group; the run ends as if the main process had ended."""
         self._stop_requested.set()
 
     def run(self) -> Outcome:
@@ -215,7 +215,7 @@ class Supervisor:
             print(f"[{name:<{self._width}}] {line}", file=self._output, flush=True)
 
     async def _watch(self) -> list[str]:
-        """Wait until the group shall stop; returns who failed."""
+        """Wait until the group has to stop; returns the names of failed processes."""
         waits = {asyncio.create_task(self._processes[program.name].wait()): program for program in self.programs}
         request = asyncio.create_task(self._stop_requested.wait())
         try:
@@ -236,7 +236,7 @@ class Supervisor:
                 task.cancel()
 
     async def _stop_all(self) -> list[str]:
-        """Stop what still runs; returns the names that only SIGKILL stopped."""
+        """Stop the processes that still run; returns the names of those that needed SIGKILL."""
         killed: list[str] = []
         for number, patience in self._stop_sequence:
             running = {name: p for name, p in self._processes.items() if p.returncode is None}

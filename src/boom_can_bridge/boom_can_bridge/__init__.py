@@ -1,1 +1,1 @@
-"""The bridge between the machine's CAN bus and the topics: codec, checks, command gate, and the node around them."""
+"""The bridge between the machine's CAN bus and the topics: codec, checks, command gate, and the node."""

@@ -1,4 +1,4 @@
-"""Everything of the bridge but ROS: codec, receiver, watchdog, gate and sender, put together. The node is a shell around it."""
+"""The bridge without ROS: connects codec, receiver, watchdog, gate and sender. The node is a thin layer around it."""
 
 import time
 from collections.abc import Callable
@@ -25,7 +25,7 @@ ECU_FAULT_MODE = 3.0
 
 @dataclass(frozen=True)
 class BridgeSettings:
-    """What the bridge needs to know; units as in the parameters of the node."""
+    """Settings of the bridge; units as in the parameters of the node."""
 
     bus: BusSettings
     dbc: str = "tz17"
@@ -51,12 +51,12 @@ class Report:
 
 
 class Bridge:
-    """The bridge between one bus and whoever takes the readings.
+    """The bridge between one bus and the consumer of the readings.
 
     Args:
         settings: of the bridge
         publish: called in the receive thread with every reading while the bridge is active
-        tell: called with a line for the user when the connection changes, and whether it is up
+        tell: called when the connection changes, with a line for the user and whether it is up
         bus_factory: opens the bus; for tests
         on_cycle: in lockstep, called in the receive thread with the time [s] from which the next command acts
 
@@ -112,10 +112,10 @@ class Bridge:
         """Open the bus and start both threads.
 
         Args:
-            wait: True: a bus that is not there yet is waited for
+            wait: True: wait for a bus that is not there yet
 
         Raises:
-            CanConfigurationError: it will never open like this
+            CanConfigurationError: it cannot open with these settings
             BusUnavailableError: it cannot be opened now, and `wait` is False
         """
         if not wait:
@@ -139,13 +139,13 @@ class Bridge:
             self.log.close()
 
     def activate(self, active: bool) -> None:
-        """Hand readings on and let commands pass (if enabled), or not."""
+        """Start or stop passing on readings and (enabled) commands."""
         self.active = active
         with self.sender.lock:
             self._judge(self._clock())
 
     def command(self, retract: float, extend: float, age: float) -> bool:
-        """A command [A], [s] old by its stamp; False = refused."""
+        """Accept a command [A] of this age by its stamp [s]; False = refused."""
         return self.sender.command(retract, extend, age)
 
     @property
@@ -154,25 +154,25 @@ class Bridge:
         return None if self._begun is None else self._clock() - self._begun
 
     def enable(self, wanted: bool) -> tuple[bool, str]:
-        """Enable or disable motion: success and a line."""
+        """Enable or disable motion; returns success and a line for the user."""
         with self.sender.lock:
             self._judge(self._clock())
             return self.gate.enable(wanted)
 
     def emergency_stop(self, wanted: bool) -> None:
-        """State of the emergency stop."""
+        """Set the state of the emergency stop."""
         with self.sender.lock:
             self.gate.emergency_stop(wanted)
 
     def stop(self, reason: str) -> None:
-        """Zero current from the next frame on, until motion is enabled again."""
+        """Send zero current from the next frame until motion is enabled again."""
         with self.sender.lock:
             self.gate.revoke(reason)
         self.sender.wake()
 
     @property
     def output(self) -> Output:
-        """What was sent last."""
+        """The output that was sent last."""
         return self.sender.last
 
     def _is_idle(self) -> bool:

@@ -1,7 +1,7 @@
 """The bridge as a lifecycle node: the machine's topics from CAN frames, command frames from /boom/current_command. See README.md.
 
-Configured, it has the bus, listens, and sends zero current. Active, it publishes, and commands pass once ~/enable was called.
-In lockstep (with an ECU that is simulated in lockstep) time is that of the simulation, and /clock tells it.
+Configured, it opens the bus, listens, and sends zero current. Active, it publishes, and passes commands once ~/enable was called.
+In lockstep with a simulated ECU, time is that of the simulation, published on /clock.
 """
 
 # ruff: noqa: I001
@@ -41,7 +41,7 @@ LOOK_S = 0.05
 
 
 class BridgeNode(LifecycleNode):
-    """Thin shell around :class:`boom_can_bridge.bridge.Bridge`."""
+    """Thin layer around :class:`boom_can_bridge.bridge.Bridge`."""
 
     def __init__(self) -> None:
         super().__init__("boom_can_bridge")
@@ -119,7 +119,7 @@ class BridgeNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Publish; commands pass once motion is enabled."""
+        """Publish; pass commands once motion is enabled."""
         if self._bridge is None:
             return TransitionCallbackReturn.FAILURE
         values = self._values
@@ -135,7 +135,7 @@ class BridgeNode(LifecycleNode):
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Zero current; publish no more."""
+        """Send zero current and stop publishing."""
         if self._bridge is not None:
             self._bridge.activate(False)
         return super().on_deactivate(state)
@@ -157,20 +157,20 @@ class BridgeNode(LifecycleNode):
         return TransitionCallbackReturn.FAILURE
 
     def close(self) -> None:
-        """Zero current once more, then the bus is closed."""
+        """Send zero current once more, then close the bus."""
         bridge, self._bridge = self._bridge, None
         if bridge is not None:
             bridge.close()
 
     def stop_safely(self, reason: str) -> None:
-        """A callback raised: zero current until motion is enabled again."""
+        """Send zero current until motion is enabled again, after a callback has raised."""
         if self._bridge is not None:
             self._bridge.stop(reason)
 
     # ------------------------------------------------------------------------------------------------- bus to topics
 
     def _publish(self, reading: Reading) -> None:
-        """In the receive thread."""
+        """Publish a reading; runs in the receive thread."""
         bridge = self._bridge
         if bridge is None:
             return
@@ -193,7 +193,7 @@ class BridgeNode(LifecycleNode):
             self._currents.publish(currents)
 
     def _publish_clock(self, now: float) -> None:
-        """In the receive thread, in lockstep."""
+        """Publish /clock in lockstep; runs in the receive thread."""
         message = ClockMessage()
         set_ns(message.clock, seconds_to_ns(now))
         self._clock_publisher.publish(message)
@@ -241,7 +241,7 @@ class BridgeNode(LifecycleNode):
     # ------------------------------------------------------------------------------------------------------------ health
 
     def _look(self) -> None:
-        """Say at once when the motion is taken away or given."""
+        """Report at once when motion is disabled or enabled."""
         if self._bridge is None:
             return
         self._look_around(self._bridge)
@@ -256,7 +256,7 @@ class BridgeNode(LifecycleNode):
             self._diagnostics.update()
 
     def _look_around(self, bridge: Bridge) -> None:
-        """Two that command, or two cranes: nothing moves."""
+        """Stop all motion if there are two commanders or two cranes."""
         conflict = self._sole.look()
         if conflict and conflict != bridge.conflict:
             bridge.stop(conflict)

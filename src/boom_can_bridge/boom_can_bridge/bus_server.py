@@ -2,16 +2,16 @@
 
     python -m boom_can_bridge.bus_server --port 54701
 
-and in every program that joins: interface ``remote``, channel ``ws://127.0.0.1:54701/``. It listens on 127.0.0.1 and nowhere
-else. ``--port 0`` takes a free port and prints it.
+and in every program that joins: interface ``remote``, channel ``ws://127.0.0.1:54701/``. It listens on 127.0.0.1
+only. ``--port 0`` takes a free port and prints it.
 
-The wire protocol is that of python-can-remote. What its own server does and a bus must not do is done differently here:
+The wire protocol is that of python-can-remote. This server avoids some behaviour of its server that a bus must not have:
 
-- a participant that stands still makes it queue frames without limit, and delivers them all when it goes on: here a frame
-  that could not be delivered for 50 ms is dropped and counted, as the full buffer of a CAN controller does;
-- the server itself may stand still (a paused process, a suspended laptop): what arrived meanwhile is dropped too;
-- it serves files below its folder to anybody who asks, and takes frames from any web page that is open in a browser on
-  this computer: here whoever sends an ``Origin`` (every browser does) or asks for a page is turned away.
+- for a stalled participant it queues frames without limit and delivers them all later: here a frame that could not be
+  delivered for 50 ms is dropped and counted, like in the full buffer of a CAN controller;
+- the server itself may stall (a paused process, a suspended laptop): here frames that arrived meanwhile are dropped too;
+- it serves files below its folder to anyone, and accepts frames from any web page that is open in a browser on this
+  computer: here a client that sends an ``Origin`` (every browser does) or requests a page is rejected.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from can_remote.websocket import WebSocket, get_accept_key
 ADDRESS = "127.0.0.1"
 DEFAULT_PORT = 54701
 LONGEST_WAIT = 0.05
-"""s. A frame that waits longer for its receiver is of no use to it any more."""
+"""s. A frame that has waited longer for its receiver is dropped."""
 _STANDSTILL = 0.1
 _BEAT = 0.02
 _SEND_BUFFER = 4096
@@ -52,7 +52,7 @@ class BusServerError(Exception):
 
 
 class Hub:
-    """The wire: what one port sends, every other port gets.
+    """The wire: every port receives what another port sends.
 
     Attributes:
         frames: sent so far. dropped: not delivered because its receiver, or the server, stood still.
@@ -67,7 +67,7 @@ class Hub:
         self.dropped = 0
 
     def beat(self) -> None:
-        """To be called every 20 ms; when a call comes late, the process stood still, and what arrived meanwhile is old."""
+        """To be called every 20 ms; a late call means that the process stalled, and frames that arrived meanwhile are old."""
         now = time.monotonic()
         if now - self._last_beat > _STANDSTILL:
             self._discard_until = now + _STANDSTILL
@@ -81,18 +81,18 @@ class Hub:
         return port
 
     def leave(self, port: Port) -> None:
-        """The participant is gone; harmless when it was before."""
+        """Remove a participant; harmless if it has left before."""
         with self._lock:
             if port in self._ports:
                 self._ports.remove(port)
 
     @property
     def participants(self) -> int:
-        """How many ports there are."""
+        """Number of ports."""
         return len(self._ports)
 
     def pass_on(self, sender: Port, message: can.Message) -> None:
-        """Gives the frame to everybody but its sender; the time stamp is the bus's [s since 1970]."""
+        """Pass the frame to all participants except its sender, with the time stamp of the bus [s since 1970]."""
         message.timestamp = time.time()
         now = time.monotonic()
         if now < self._discard_until or now - self._last_beat > _STANDSTILL:
@@ -106,7 +106,7 @@ class Hub:
 
 
 class Port:
-    """One participant's end of the wire, with what waits for it. Has the methods of a python-can bus that are used."""
+    """One participant's end of the wire, with the frames that wait for it. Has the required methods of a python-can bus."""
 
     channel_info = "loopback bus"
 
@@ -117,11 +117,11 @@ class Port:
         self._arrived = threading.Condition()
 
     def send(self, message: can.Message) -> None:
-        """Onto the bus."""
+        """Send a frame to the bus."""
         self._hub.pass_on(self, message)
 
     def put(self, message: can.Message) -> int:
-        """Waits to be received. Returns how many older frames were dropped because they waited too long."""
+        """Queue a frame for reception. Returns the number of older frames dropped because they waited too long."""
         if self._filters and not self._wanted(message):
             return 0
         now = time.monotonic()
@@ -148,12 +148,12 @@ class Port:
             return self._waiting.popleft()[1]
 
     def shutdown(self) -> None:
-        """Leaves the bus."""
+        """Leave the bus."""
         self._hub.leave(self)
 
 
 class _Connection(RemoteServerProtocol):  # type: ignore[misc]  # python-can-remote has no type information
-    """One participant's connection, on the hub instead of a bus that the participant names."""
+    """The connection of one participant, to the hub instead of a bus that the participant names."""
 
     def __init__(self, hub: Hub, websocket: WebSocket) -> None:
         RemoteProtocolBase.__init__(self, websocket)
@@ -181,15 +181,15 @@ class _Connection(RemoteServerProtocol):  # type: ignore[misc]  # python-can-rem
             if isinstance(event, can.Message):
                 self.bus.send(event)
             elif event is not None:
-                self.send_error("frames only: this bus repeats nothing by itself")
+                self.send_error("frames only: this bus sends nothing periodically by itself")
 
 
 class _Handler(ClientRequestHandler):  # type: ignore[misc]
-    """Admits programs, turns browsers away."""
+    """Admits programs, rejects browsers."""
 
     def do_GET(self) -> None:
         if self.headers.get("Upgrade", "").lower() != "websocket" or "Origin" in self.headers:
-            self.send_error(403, "a CAN bus for programs on this computer, no web page")
+            self.send_error(403, "this is a CAN bus for programs on this computer, not a web page")
             return
         self.start_websocket()
 
@@ -247,7 +247,7 @@ class BusServer(ThreadingHTTPServer):
 
     @property
     def channel(self) -> str:
-        """What participants give as channel, with the interface ``remote``."""
+        """The channel for participants with the interface ``remote``."""
         return f"ws://{ADDRESS}:{self.server_port}/"
 
     def server_bind(self) -> None:
@@ -256,11 +256,11 @@ class BusServer(ThreadingHTTPServer):
         self.server_name, self.server_port = ADDRESS, int(self.server_address[1])
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A broken connection is the participant's affair."""
+        """Ignore a broken connection: it concerns the participant only."""
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Runs the server until SIGINT or SIGTERM. Returns the exit status: 0, or 2 where it cannot start."""
+    """Runs the server until SIGINT or SIGTERM. Returns the exit status: 0, or 2 if it cannot start."""
     parser = argparse.ArgumentParser(prog="bus_server", description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument(
         "--port", type=int, default=DEFAULT_PORT, help=f"TCP port on {ADDRESS}, 0 = a free one (default: %(default)s)"

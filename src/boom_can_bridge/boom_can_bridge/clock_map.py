@@ -1,9 +1,8 @@
-"""Turns the time stamps of the bus into ROS time, evenly spaced whatever the clocks do. Pure: all times are handed in.
+"""Converts time stamps of the bus to ROS time, evenly spaced whatever the clocks do. Pure: all times are arguments.
 
-A frame reaches us late, never early: the smallest difference between the steady clock at reception and the stamp of the bus is
-the offset of the two clocks, and what a frame shows above it is its delay. The offset is let rise slowly, so that a drifting clock
-is followed. ROS time differs from the steady clock by an amount that is read again and again; small changes are
-followed slowly, a step is followed once it has lasted.
+A frame arrives late, never early: the smallest difference between the steady clock at reception and the stamp of the bus is the
+offset of the two clocks, and any excess is the delay of the frame. The offset rises slowly, to follow a drifting clock. The
+difference between ROS time and the steady clock is read repeatedly; small changes are followed slowly, a step once it has lasted.
 """
 
 MOST = 1e11  # s; three thousand years
@@ -13,9 +12,9 @@ class ClockMap:
     """Stamps of one bus.
 
     DRIFT        rise of the offset that is followed [s/s]
-    LOOK_S       time between two looks at the ROS clock [s]
+    LOOK_S       time between two readings of the ROS clock [s]
     JUMP_S       difference that counts as a jump of a clock [s]
-    SETTLE_S     how long ROS time must stand apart before its step is followed [s]
+    SETTLE_S     how long a step of ROS time must last before it is followed [s]
     """
 
     DRIFT = 2e-4
@@ -33,14 +32,14 @@ class ClockMap:
         self._last_ros_look = 0.0
 
     def reset(self) -> None:
-        """The bus was opened anew: its clock may be another one."""
+        """Start again after the bus was reopened: its clock may be another one."""
         self._offset = None
 
     def to_steady(self, bus_time: float, steady: float) -> float:
         """Time at which a frame was on the bus, on the steady clock [s].
 
         Args:
-            bus_time: stamp of the interface [s]; 0 or negative = it gives none
+            bus_time: stamp of the interface [s]; 0 or negative = none
             steady: steady clock at reception [s]
         """
         if not 0.0 < bus_time < MOST:  # also what is no number
@@ -61,11 +60,11 @@ class ClockMap:
         return min(bus_time + self._offset, steady)
 
     def ros_clock_due(self, steady: float) -> bool:
-        """Whether the ROS clock is to be read again: asking it costs more than all the rest."""
+        """Whether to read the ROS clock again, which costs more than everything else here."""
         return self._ros_minus_steady_ns is None or not 0.0 <= steady - self._last_ros_look < self.LOOK_S
 
     def last_ros_ns(self, when: float) -> int:
-        """ROS time [ns] of a moment on the steady clock [s], as of the last look at the ROS clock."""
+        """ROS time [ns] of a moment on the steady clock [s], from the last reading of the ROS clock."""
         return round(when * 1e9) + (self._ros_minus_steady_ns or 0)
 
     def to_ros_ns(self, when: float, steady: float, ros_now_ns: int) -> int:

@@ -1,4 +1,4 @@
-"""Frames to values and back, one at a time for the live bus and in bulk for logs, with one and the same arithmetic.
+"""Converts frames to values and back, singly for the live bus and in bulk for logs, with the same arithmetic.
 
 The DBC file says where the bits are, the mapping beside it what they mean to the bridge. All values are SI, pressures above
 ambient (gauge). Field names: the measured channels and the currents of ``boom_input.channels``, mode, faults (bit field),
@@ -37,7 +37,7 @@ REASONS: tuple[Reason, ...] = ("unknown_id", "length", "crc", "decode", "range",
 
 @dataclass(frozen=True)
 class Decoded:
-    """A frame that passed: its name, SI values by field, and its counter (None = the frame has none)."""
+    """A valid frame: its name, SI values by field, and its counter (None = the frame has none)."""
 
     frame: str
     values: dict[str, float]
@@ -60,7 +60,7 @@ class BulkFrame:
 
 @dataclass(frozen=True)
 class Bulk:
-    """What `decode_many` found.
+    """The result of `decode_many`.
 
     frames     by name
     verdicts   (n,) 0 = good, else 1 + the position of the reason in `REASONS`
@@ -97,12 +97,12 @@ class Codec:
             mapping: name or path; without one, the `.yaml` beside the DBC file
 
         Raises:
-            CanConfigurationError: a file is missing or broken, or the mapping names what the DBC file does not have
+            CanConfigurationError: a file is missing or broken, or the mapping names something that the DBC file lacks
         """
         return cls(mapping_file.read(dbc, mapping))
 
     def knows(self, arbitration_id: int, extended: bool) -> bool:
-        """Whether the mapping names this id: the cheap first question, most frames of a bus are for others."""
+        """Whether the mapping names this id: a cheap first check, because most frames of a bus are for others."""
         return (arbitration_id, extended) in self._by_id
 
     @property
@@ -120,11 +120,11 @@ class Codec:
 
         Args:
             frame: name
-            values: SI values; all fields of the frame must be there
+            values: SI values of all fields of the frame
             counter: rolling, wraps by itself
 
         Raises:
-            FrameError: `range` where a value is missing, not a number, or not representable
+            FrameError: `range` if a value is missing, not a number, or not representable
         """
         spec = self.frames[frame]
         payload = spec.template
@@ -154,7 +154,7 @@ class Codec:
         """Values of a frame; checks id, length, checksum and range, in this order, but not the order of counters.
 
         Raises:
-            FrameError: the frame is not to be believed; a page of a multiplexed message that the mapping does not name
+            FrameError: the frame is not valid; a page of a multiplexed message that the mapping does not name
                 counts as an unknown id
         """
         specs = self._by_id.get((arbitration_id, extended))
@@ -169,7 +169,7 @@ class Codec:
             if all(layout.extract(data) == value for layout, value in spec.select):
                 break
         else:
-            raise FrameError("unknown_id", f"{spec.message}: a page that the mapping does not name")
+            raise FrameError("unknown_id", f"{spec.message}: page not named by the mapping")
         values = {}
         for name, field_spec in spec.fields.items():
             value = field_spec.to_value(field_spec.layout.extract(data))
@@ -192,7 +192,7 @@ class Codec:
         Args:
             ids: arbitration ids (n,)
             data: payloads (n, 8), short ones filled up with zeros
-            lengths: bytes that were received (n,)
+            lengths: received bytes (n,)
             extended: whether an id has 29 bits (n,); without it, none has
 
         Returns:
@@ -245,9 +245,9 @@ class _CounterState:
 
 
 class CounterCheck:
-    """Watches the rolling counters: tells lost frames, refuses repeated ones and those that come late.
+    """Checks the rolling counters: counts lost frames, refuses repeated and late ones.
 
-    A sender that starts again counts from anywhere: its frames are taken after `RESYNC` in a row, or at once after a
+    A restarted sender may count from any value: its frames are accepted after `RESYNC` in a row, or at once after a
     silence of `SILENCE_S`.
     """
 
@@ -259,18 +259,18 @@ class CounterCheck:
         self._states: dict[str, _CounterState] = {}
 
     def accept(self, frame: str, counter: int | None, time: float = 0.0) -> int:
-        """Take the counter of a good frame.
+        """Check the counter of a good frame.
 
         Args:
             frame: name
             counter: as decoded; None is always accepted
-            time: of the frame [s], on one clock; leave it out where silence does not matter
+            time: time of the frame [s], on one clock; leave it out if silence does not matter
 
         Returns:
             how many frames were lost before this one
 
         Raises:
-            FrameError: `counter`: the same once more (frozen), or out of order
+            FrameError: `counter`: repeated (frozen), or out of order
         """
         modulus = self._modulus[frame]
         if counter is None or not modulus:
@@ -304,7 +304,7 @@ class CounterCheck:
             times: of the frames [s] (n,)
 
         Returns:
-            which are accepted (n,), and how many were lost
+            which are accepted (n,), and the number lost
         """
         good = np.ones(len(times), bool)
         modulus = self._modulus[frame]
@@ -324,7 +324,7 @@ class CounterCheck:
         return good, lost
 
     def forget(self, frame: str | None = None) -> None:
-        """Take whatever counter comes next, of one frame or of all."""
+        """Accept any next counter, of one frame or of all."""
         if frame is None:
             self._states.clear()
         else:

@@ -1,8 +1,8 @@
-"""Decides which currents go to the ECU, and says why they are zero where they are. Pure: times are those of a steady clock.
+"""Decides which currents go to the ECU, and says why they are zero. Pure: times are those of a steady clock.
 
-Currents pass only while: the bridge is active, somebody has enabled motion, no emergency stop stands, the bus and all sensors
-are there, and the last command is finite and no older than 50 ms. What takes motion away while it is enabled takes the
-enabling away too: it must be asked for again. Only rising currents are limited in their rate: closing the valve never waits.
+Currents pass only while the bridge is active, motion is enabled, no emergency stop is set, bus and all sensors are present, and the
+last command is finite and no older than 50 ms. Whatever stops an enabled motion also disables it: it must be enabled again. Only
+rising currents are limited in rate, so closing the valve never waits.
 """
 
 import math
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Output:
-    """What to send: currents [A], whether the ECU may use them, and in words why not (empty = they are used)."""
+    """The output: currents [A], whether the ECU may use them, and the reason if not (empty = they are used)."""
 
     retract: float
     extend: float
@@ -23,11 +23,11 @@ class CommandGate:
     """State of the commands.
 
     Args:
-        largest: current that is let through [A]
+        largest: largest current that passes [A]
         rise_rate: largest rise of a current [A/s]
-        timeout: age from which a command is not used any more [s]
-        revoke_after: silence after which enabling is taken back [s]; counted only once commands have come
-        standstill: time between two outputs from which the bridge itself stood still [s]
+        timeout: age from which a command is no longer used [s]
+        revoke_after: silence after which motion is disabled [s]; counted only once commands have come
+        standstill: time between two outputs that means the bridge itself stood still [s]
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class CommandGate:
         return self._enabled
 
     def enable(self, wanted: bool) -> tuple[bool, str]:
-        """Enable or disable motion: success, and a line for the user."""
+        """Enable or disable motion; returns success and a line for the user."""
         if not wanted:
             self._enabled, self.revoked = False, ""
             return True, "motion disabled: zero current"
@@ -75,29 +75,29 @@ class CommandGate:
         return True, "motion enabled"
 
     def revoke(self, reason: str) -> None:
-        """Take the enabling back; the reason is shown until somebody enables again."""
+        """Disable motion; the reason is shown until motion is enabled again."""
         if self._enabled:
             self._enabled, self.revoked = False, reason
 
     def emergency_stop(self, wanted: bool) -> None:
-        """The state of /boom/emergency_stop: true stops, false allows enabling again but does not enable."""
+        """Set the state of /boom/emergency_stop: true stops, false allows enabling again but does not enable."""
         self._stop = wanted
         if wanted:
             self.revoke("emergency stop")
 
     def problem(self, reason: str) -> None:
-        """Why the machine cannot be moved at the moment (lifecycle, bus, sensors, ECU); empty = it can."""
+        """Set why the machine cannot move at the moment (lifecycle, bus, sensors, ECU); empty = it can."""
         self._problem = reason
         if reason:
             self.revoke(reason)
 
     def command(self, retract: float, extend: float, age: float, now: float) -> bool:
-        """Take a command; False where it is refused.
+        """Accept a command; False if it is refused.
 
         Args:
             retract: current [A]
             extend: current [A]
-            age: by its stamp [s]; 0 where it has none
+            age: age by its stamp [s]; 0 without a stamp
             now: steady time [s]
         """
         if not (math.isfinite(retract) and math.isfinite(extend)):

@@ -1,4 +1,4 @@
-"""Opens a CAN interface of python-can, sends without ever waiting, closes without hanging; waits longer after each failure."""
+"""Opens a CAN interface of python-can, sends without blocking, closes without hanging; waits longer after each failure."""
 
 import contextlib
 import logging
@@ -18,10 +18,10 @@ CLOSE_PATIENCE_S = 0.5
 
 @dataclass(frozen=True)
 class BusSettings:
-    """Interface, channel and bitrate [bit/s] (0 = as the interface is set) as python-can takes them.
+    """Interface, channel and bitrate [bit/s] (0 = as the interface is set) in the form of python-can.
 
-    wanted: (identifier, whether it has 29 bits) of the frames to receive, so that a driver or server that can filter spares this
-    process the others; empty = all. What does not filter hands over all the same.
+    wanted: (identifier, whether it has 29 bits) of the frames to receive, for drivers and servers that can filter; empty = all.
+    Others deliver all frames.
     """
 
     interface: str
@@ -41,8 +41,8 @@ def open_bus(settings: BusSettings) -> can.BusABC:
     """Open the bus.
 
     Raises:
-        CanConfigurationError: it will never open like this (unknown interface, missing driver, wrong settings)
-        BusUnavailableError: it is busy, unplugged, down, or its server is not there
+        CanConfigurationError: it cannot open with these settings (unknown interface, missing driver, wrong settings)
+        BusUnavailableError: it is busy, unplugged, down, or its server is missing
     """
     # What goes wrong is told by the exceptions; the driver's own lines beside them say it twice.
     logging.getLogger("can").setLevel(logging.CRITICAL)
@@ -76,7 +76,7 @@ def open_bus(settings: BusSettings) -> can.BusABC:
 
 
 class _ReadAhead:
-    """Takes all that waits on the socket of python-can-remote at once: its own reader asks the kernel four times a frame."""
+    """Reads all waiting data from the socket of python-can-remote at once: its own reader calls the kernel four times per frame."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._socket = connection
@@ -87,7 +87,7 @@ class _ReadAhead:
         return bool(self._buffer) or bool(select.select([self._socket], [], [], timeout)[0])
 
     def read_exactly(self, count: int) -> bytearray:
-        """So many bytes; waits for them."""
+        """Exactly ``count`` bytes; waits for them."""
         while len(self._buffer) < count:
             received = self._socket.recv(65536)
             if not received:
@@ -122,10 +122,10 @@ def _advice(settings: BusSettings, error: BaseException) -> str:
 
 
 def send_now(bus: can.BusABC, message: can.Message) -> bool:
-    """Send a frame if the bus takes it at once; False = dropped. Never waits.
+    """Send a frame if the bus accepts it at once; False = dropped. Never waits.
 
     Raises:
-        what the driver raises, where the bus is broken
+        whatever the driver raises if the bus is broken
     """
     descriptor = -1
     with contextlib.suppress(Exception):  # drivers without a descriptor say so in different ways
@@ -143,7 +143,7 @@ def send_now(bus: can.BusABC, message: can.Message) -> bool:
 
 
 def close_bus(bus: can.BusABC) -> None:
-    """Close the bus; where its driver waits for an answer that does not come, its connection is cut."""
+    """Close the bus; if its driver waits for an answer that does not come, cut its connection."""
 
     def shut() -> None:
         with contextlib.suppress(Exception):
@@ -177,5 +177,5 @@ class BackOff:
         return now
 
     def reset(self) -> None:
-        """It worked."""
+        """Start again with the shortest time, after a success."""
         self._next = self.FIRST_S

@@ -28,14 +28,14 @@ _TABLE_ARRAY: NDArray[np.uint8] = np.frombuffer(_TABLE, np.uint8)
 
 
 def crc8(data: bytes, state: int = START) -> int:
-    """Checksum of `data`; `state` is what `start` gives where a data id goes first."""
+    """Checksum of `data`; `state` comes from `start` if a data id goes first."""
     for byte in data:
         state = _TABLE[state ^ byte]
     return state ^ INVERT
 
 
 def start(data_id: int | None) -> int:
-    """State of the checksum after the 16-bit data id, or at the very beginning without one."""
+    """State of the checksum after the 16-bit data id, or the initial state without one."""
     if data_id is None:
         return START
     return crc8(data_id.to_bytes(2, "little")) ^ INVERT

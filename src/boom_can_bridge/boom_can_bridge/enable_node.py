@@ -1,6 +1,6 @@
-"""Enables the motion once, as soon as the bridge lets it, and ends: ``ros2 run boom_can_bridge enable``.
+"""Enables motion once, as soon as the bridge accepts, and ends: ``ros2 run boom_can_bridge enable``.
 
-It calls ``/boom_can_bridge/enable`` until the answer is yes. Exit status 0, or 2 with the bridge's reason after ``wait_timeout``.
+It calls ``/boom_can_bridge/enable`` until the bridge agrees. Exit status 0, or 2 with the bridge's reason after ``wait_timeout``.
 """
 
 # ruff: noqa: I001
@@ -22,17 +22,17 @@ SERVICE = "/boom_can_bridge/enable"
 PARAMETERS = (ParameterSpec("wait_timeout", 20.0, "how long to try", "s", 0.1, 3600.0, read_only=True),)
 LOOK_S = 0.05
 ANSWER_S = 2.0
-"""Longest wait for one answer: an answer of a service can be lost while its two ends still learn of each other."""
+"""Longest wait for one answer: the answer of a service can be lost while both ends are still being discovered."""
 
 
 class EnableNode(Node):
-    """Asks until it is granted."""
+    """Requests motion until it is enabled."""
 
     def __init__(self) -> None:
         super().__init__("boom_enable")
         self._patience = parameters.declare(self, PARAMETERS).wait_timeout
         self._begin = time.monotonic()
-        self._reason = "there is no bridge: start it with python -m boom_can_bridge.bridge_node"
+        self._reason = "no bridge is running: start it with python -m boom_can_bridge.bridge_node"
         self._future: Any = None
         self._asked = 0.0
         self._client = self.create_client(SetBool, SERVICE)
@@ -61,7 +61,7 @@ class EnableNode(Node):
 
 
 def main() -> int:
-    """Runs until motion is enabled, the time is over, or SIGINT or SIGTERM; returns the exit status."""
+    """Run until motion is enabled, the time is over, or SIGINT or SIGTERM; returns the exit status."""
     return shell.run(EnableNode)
 
 

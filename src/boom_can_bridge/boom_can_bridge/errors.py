@@ -1,4 +1,4 @@
-"""The errors of the bridge: what is configured wrongly, and what is wrong with one frame."""
+"""The errors of the bridge: wrong configuration, and invalid frames."""
 
 from typing import Literal
 
@@ -12,7 +12,7 @@ class CanConfigurationError(Exception):
 
 
 class FrameError(Exception):
-    """A frame is not to be believed (or a value cannot be sent).
+    """A frame is invalid, or a value cannot be sent.
 
     reason   unknown_id, length, crc, counter, range or decode
     """

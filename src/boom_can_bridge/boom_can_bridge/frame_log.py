@@ -1,4 +1,4 @@
-"""Writes all frames, received and sent, into a log beside the topics. A full disk ends the log, never the bridge."""
+"""Writes all frames, received and sent, into a log file, in addition to the topics. A full disk ends the log, never the bridge."""
 
 import threading
 from pathlib import Path
@@ -12,7 +12,7 @@ SUFFIXES = (".blf", ".asc", ".log", ".csv", ".trc")
 
 
 class FrameLog:
-    """A log file; its format follows from the ending of its name (BLF is compact and lossless).
+    """A log file; the ending of its name decides the format (BLF is compact and lossless).
 
     Raises:
         CanConfigurationError: the ending is not known, the file exists already, or it cannot be written
@@ -34,7 +34,7 @@ class FrameLog:
 
     @property
     def state(self) -> str:
-        """One line: where, how many frames, or why it ended."""
+        """One line: path and number of frames, or why the log ended."""
         return self._state if self.failed else f"{self._path}: {self._count} frames"
 
     def write(self, message: can.Message) -> None:

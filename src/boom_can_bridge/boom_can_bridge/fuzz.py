@@ -1,4 +1,4 @@
-"""Throws random, mutated and truncated frames at the checks and holds what comes out against the ranges of the mapping."""
+"""Feeds random, mutated and truncated frames to the checks and compares the output with the ranges of the mapping."""
 
 import math
 import random
@@ -12,10 +12,10 @@ from .receiver import FrameChecker
 
 @dataclass
 class FuzzResult:
-    """What became of the frames.
+    """The results for the frames.
 
-    frames      thrown in
-    readings    came out as good
+    frames      fed in
+    readings    accepted as good
     escaped     exceptions that left the checks
     bad_values  readings with a value that is no number or outside the range of its field, or of a frame that was mutated under a
                 checksum without passing it by chance
@@ -55,7 +55,7 @@ def _mutate(rng: random.Random, message: can.Message, ids: list[int]) -> can.Mes
 
 
 def fuzz(codec: Codec, frames: int, seed: int) -> FuzzResult:
-    """Let `frames` frames through the checks: a quarter sound, a quarter random, half mutated. Times advance by 1 ms a frame."""
+    """Feed `frames` frames to the checks: a quarter valid, a quarter random, half mutated. Time advances by 1 ms per frame."""
     rng = random.Random(seed)
     checker = FrameChecker(codec, proof=2)
     result = FuzzResult()

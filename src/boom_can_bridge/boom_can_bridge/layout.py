@@ -1,4 +1,4 @@
-"""Where a signal lies in a payload of up to eight bytes, and what its bits mean."""
+"""Position of a signal in a payload of up to eight bytes, and the meaning of its bits."""
 
 import math
 import struct
@@ -28,13 +28,13 @@ class SignalLayout:
 
     @classmethod
     def at(cls, name: str, start: int, bits: int, *, big_endian: bool, signed: bool, is_float: bool) -> "SignalLayout":
-        """Layout from the start bit as a DBC file counts it (big-endian: of the highest bit)."""
+        """Layout from the start bit in the numbering of a DBC file (big-endian: of the highest bit)."""
         shift = 64 - (8 * (start // 8) + 7 - start % 8) - bits if big_endian else start
         return cls(name, shift, bits, big_endian, signed, is_float)
 
     @property
     def mask(self) -> int:
-        """As many ones as the signal has bits."""
+        """A mask with as many ones as the signal has bits."""
         return (1 << self.bits) - 1
 
     @property
@@ -90,7 +90,7 @@ class FieldSpec:
     name      of the field, e.g. `angle`
     layout    of the signal that carries it
     scale, offset    SI value = raw * scale + offset
-    minimum, maximum    SI values that are believed
+    minimum, maximum    plausible range [SI unit]
     rate_limit    largest plausible rate of change [unit/s]; infinity = not checked
     """
 
@@ -104,7 +104,7 @@ class FieldSpec:
 
     @property
     def tolerance(self) -> float:
-        """Half a bit [SI unit]: what rounding may add at the ends of the range."""
+        """Half a bit [SI unit]: the rounding allowed at the ends of the range."""
         return 0.0 if self.layout.is_float else 0.5000001 * abs(self.scale)
 
     def to_raw(self, value: float) -> float:
@@ -126,5 +126,5 @@ class FieldSpec:
         return float(raw) * self.scale + self.offset
 
     def is_plausible(self, value: float) -> bool:
-        """Whether the value is a number within the range, rounding allowed for."""
+        """Whether the value is a number within the range, including rounding."""
         return self.minimum - self.tolerance <= value <= self.maximum + self.tolerance

@@ -1,4 +1,4 @@
-"""Time in lockstep with a simulated ECU: one command frame makes the ECU go on by one cycle, however long that takes.
+"""Time in lockstep with a simulated ECU: one command frame advances the ECU by one cycle, however long that takes.
 
 The frames of cycle k show the crane at t_k = k T, T = 10 ms, so the number of a frame's cycle is its time; frames that were lost
 count too, by their counters. A cycle is complete once the last frame of every sensor has come; only then does the next command
@@ -17,16 +17,16 @@ from .sender import PERIOD_S, Pace
 ANSWER_PATIENCE_S = 0.2
 """Real time without a complete cycle after which the command is sent again: a frame was lost, in either direction."""
 MOST_REPEATS = 5
-"""Then a new command goes out: an ECU that has started again does not know what it is asked for."""
+"""After so many repeats a new command goes out: a restarted ECU does not know the old one."""
 IDLE_S = 1.0
 
 
 class Lockstep(Pace):
-    """Counts the cycles of the ECU, and lets the sender send when one is complete.
+    """Counts the cycles of the ECU, and releases the sender when one is complete.
 
     Args:
         codec: of the machine
-        idle: whether the ECU is to go on by itself, every 10 ms with zero current (until the boom may move)
+        idle: whether zero current advances the ECU every 10 ms (until the boom may move)
 
     Raises:
         CanConfigurationError: the frames of the sensors have no counter, or do not come every 10 ms
@@ -51,22 +51,22 @@ class Lockstep(Pace):
 
     @property
     def complete(self) -> bool:
-        """Whether all sensors of the newest cycle have been heard."""
+        """Whether all sensor frames of the newest cycle have come."""
         return min(self._seen.values()) == self._newest
 
     def is_sensor(self, name: str) -> bool:
-        """Whether this frame belongs to what makes a cycle complete."""
+        """Whether this frame is needed for a complete cycle."""
         return name in self._seen
 
     def frame_time(self, name: str, lost: int) -> float:
-        """A good frame has come, so many of its name were lost before it: the time that it shows [s]."""
+        """Note a good frame, before which ``lost`` of its name were lost; returns its time [s]."""
         if name in self._seen:
             self._seen[name] += 1 + lost
             self._newest = max(self._newest, self._seen[name])
         return self._newest * PERIOD_S
 
     def restart(self) -> None:
-        """Counters begin anew: what was lost meanwhile is not known."""
+        """Start counting again: losses in between are unknown."""
         self._seen = dict.fromkeys(self._seen, self._newest)
 
     # ---------------------------------------------------------------------------------------------- pace of the sender
@@ -76,12 +76,12 @@ class Lockstep(Pace):
         return (self._newest + 1) * PERIOD_S
 
     def sent(self, commanded: bool) -> None:
-        """A command frame went out: the next cycle answers it."""
+        """Note a sent command frame, which the next cycle answers."""
         self._asked = self._newest + 1
         self._repeats = 0
 
     def repeats(self) -> bool:
-        """See `Pace.repeats`: the ECU that has answered sends its answer again, it does not go on by another cycle."""
+        """See `Pace.repeats`: an ECU that has answered repeats its answer and does not advance."""
         if self._asked < 0 or (self._newest >= self._asked and self.complete):
             return False
         self._repeats += 1

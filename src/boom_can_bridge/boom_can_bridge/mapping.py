@@ -38,7 +38,7 @@ class FrameSpec:
     period_s        between two frames [s]
     direction       `from_ecu` or `to_ecu`
     select          multiplexer signals and the raw values that mean this frame
-    template        payload with everything at rest, multiplexer set
+    template        payload with all values at rest, multiplexer set
     crc_byte, crc_start   byte of the checksum (None = none) and its state after the data id
     counter         layout of the rolling counter (None = none)
     """
@@ -64,7 +64,7 @@ class FrameSpec:
 
 
 class _Reader:
-    """Builds the frames of one mapping; `where` prefixes every complaint."""
+    """Builds the frames of one mapping; `where` prefixes every error message."""
 
     def __init__(self, database: Any, document: dict[str, Any], dbc: Path, mapping: Path) -> None:
         self.database = database

@@ -1,6 +1,6 @@
-"""Refuses a value that changed faster than the machine can: what passes a checksum may still come from a broken sensor.
+"""Refuses a value that changed faster than the machine can: a frame with a valid checksum may come from a broken sensor.
 
-One sample is refused; where the next one agrees with it the step was real, and it is taken.
+One sample is refused; if the next one agrees with it, the step was real and is accepted.
 """
 
 import math
@@ -16,7 +16,7 @@ from .errors import FrameError
 class RateCheck:
     """Rate of change of each field against the `rate_limit` of the mapping; for the live bus and for logs.
 
-    After `SILENCE_S` without a frame the next one is taken as it is.
+    After `SILENCE_S` without a frame the next one is accepted unchecked.
     """
 
     SILENCE_S = 0.1
@@ -45,7 +45,7 @@ class RateCheck:
         return ""
 
     def accept(self, frame: str, values: Mapping[str, float], time: float) -> None:
-        """Take the values of a good frame.
+        """Check the values of a good frame.
 
         Args:
             frame: name
@@ -96,6 +96,6 @@ class RateCheck:
         return good
 
     def forget(self) -> None:
-        """Take whatever comes next."""
+        """Accept any next value."""
         self._accepted.clear()
         self._refused.clear()

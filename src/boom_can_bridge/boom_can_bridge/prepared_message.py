@@ -1,7 +1,7 @@
-"""A message that is serialised once; then only its stamp and its numbers are written into the bytes before each publication.
+"""A message that is serialised once; before each publication only stamp and numbers are written into its bytes.
 
-rclpy converts a message field by field on every ``publish``; at 400 messages a second that is the larger part of what a message
-costs on its way to the middleware. The bytes are those that rclpy itself makes (CDR, in this computer's byte order).
+rclpy converts a message field by field on every ``publish``; at 400 messages a second that is most of the cost of
+a message on its way to the middleware. The bytes are those that rclpy itself makes (CDR, in this computer's byte order).
 """
 
 import struct
@@ -18,7 +18,7 @@ class PreparedMessage:
     """Bytes of one message with places for a stamp and float64 numbers.
 
     Args:
-        message: with a ``std_msgs/Header`` as its first field; what is not named stays as it is here.
+        message: a message with a ``std_msgs/Header`` as first field; fields not in ``places`` stay as they are.
         places: path of every number to be written, e.g. ``"fluid_pressure"`` or ``"position.0"``, in the order of :meth:`fill`.
         serialise: makes the bytes of a message (``rclpy.serialization.serialize_message``).
 

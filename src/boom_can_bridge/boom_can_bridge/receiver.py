@@ -1,7 +1,7 @@
-"""The receive thread: takes frames off the bus, checks them, hands on what is believed, counts what is not.
+"""The receive thread: receives frames, checks them, passes on valid ones, counts the others.
 
-`FrameChecker` is the checks alone, without thread and bus; `Receiver` is the thread around it, which opens the bus, opens it again
-after a failure, and ends only when told to.
+`FrameChecker` holds the checks, without thread and bus. `Receiver` is the thread, which opens the bus, reopens it after a failure,
+and ends only on request.
 """
 
 import contextlib
@@ -25,9 +25,9 @@ from .plausibility import RateCheck
 RECEIVE_TIMEOUT_S = 0.05
 CROWD_WINDOW_S = 1.0
 CROWD_SHARE, CROWD_REFUSED = 1.6, 0.2
-"""Of the frames that are due, and of those that came: more of the first and of refused counters mean two senders of one frame."""
+"""Shares of the frames due and of those received: more frames and more refused counters mean two senders of one frame."""
 STANDSTILL_S = 0.2
-"""Time away from the bus after which what waits there is old."""
+"""Time away from the bus after which waiting frames are old."""
 BUS_OFF, OVERRUN = 0x40, 0x04
 
 
@@ -38,7 +38,7 @@ class Reading:
     frame      name
     values     SI values by field
     steady     when it was on the bus, on the steady clock [s]
-    received   when it was taken off it [s]
+    received   when it was received [s]
     """
 
     frame: str
@@ -49,11 +49,11 @@ class Reading:
 
 @dataclass
 class Counts:
-    """What has happened on the bus so far.
+    """Counts of bus events so far.
 
     good      frames by name
     bad       frames by reason (also: error, bus_off, overrun, remote)
-    lost      frames by name, told by the counters
+    lost      frames by name, from the counters
     unknown   ids that the mapping does not name, the first `UNKNOWN_IDS` of them
     """
 
@@ -69,7 +69,7 @@ class Counts:
 
 
 class Crowd:
-    """Notices that two send one frame: twice as many come as are due, and their counters contradict each other."""
+    """Detects two senders of one frame: twice as many frames come as are due, and their counters contradict each other."""
 
     def __init__(self, codec: Codec) -> None:
         self._outgoing = codec.command.name
@@ -78,7 +78,7 @@ class Crowd:
         self._commanded = -math.inf
 
     def seen(self, name: str, now: float) -> None:
-        """A frame whose checksum is right came at `now` [s]."""
+        """Note a frame with a valid checksum at `now` [s]."""
         if name == self._outgoing:
             self._commanded = now
             return
@@ -88,11 +88,11 @@ class Crowd:
             frames.popleft()
 
     def contradicted(self, name: str) -> None:
-        """The counter of the frame that was seen last does not go on from the one before."""
+        """Note that the counter of the last frame does not continue the previous one."""
         self._frames[name][-1][1] = False
 
     def conflict(self, now: float) -> str:
-        """What is wrong at `now` [s], in one line, or ""."""
+        """The conflict at `now` [s], in one line, or ""."""
         if now - self._commanded < CROWD_WINDOW_S:
             return "another node sends commands on the bus: end all bridges but one"
         for name, frames in list(self._frames.items()):
@@ -109,8 +109,8 @@ class FrameChecker:
 
     Args:
         codec: of the machine
-        proof: frames of each kind that must pass after a (re)connection before any is handed on
-        lockstep: tells the time by the frames, where a simulated ECU makes it
+        proof: number of frames of each kind that must pass after a (re)connection before any is passed on
+        lockstep: derives the time from the frames of a simulated ECU
     """
 
     def __init__(self, codec: Codec, proof: int = 5, lockstep: Lockstep | None = None) -> None:
@@ -128,7 +128,7 @@ class FrameChecker:
         self.proving = True
 
     def restart(self) -> None:
-        """The bus was opened anew: believe nothing until enough good frames have come."""
+        """Start again after the bus was reopened: pass on nothing until enough good frames have come."""
         self._counters.forget()
         self._rates.forget()
         self.clock.reset()
@@ -138,10 +138,10 @@ class FrameChecker:
             self._lockstep.restart()
 
     def check(self, message: can.Message, received: float) -> Reading | None:
-        """The reading of a frame, or None where there is none to hand on. Raises nothing, whatever the frame holds.
+        """The reading of a frame, or None if there is none to pass on. Never raises, whatever the frame holds.
 
         Args:
-            message: as python-can gives it
+            message: as received by python-can
             received: steady time [s]
         """
         try:
@@ -220,9 +220,9 @@ class Receiver:
 
     Args:
         settings: of the bus
-        checker: all frames go through it
-        on_reading: called in the thread with every reading; what it raises is counted, not passed on
-        on_state: called in the thread with a line when the connection changes, and whether it is up
+        checker: checks every frame
+        on_reading: called in the thread with every reading; its exceptions are counted, not passed on
+        on_state: called in the thread when the connection changes, with a line and whether it is up
         on_raw: called with every frame as it came (for a log)
         bus_factory: opens the bus; for tests
         clock: steady time [s]
@@ -259,7 +259,7 @@ class Receiver:
         return self._bus
 
     def open(self) -> None:
-        """Open the bus before the thread starts, so that what is wrong is told to whoever asks for it.
+        """Open the bus before the thread starts, so that the caller learns of errors.
 
         Raises:
             CanConfigurationError, BusUnavailableError: as `open_bus`
@@ -267,7 +267,7 @@ class Receiver:
         self._bus = self._factory(self.settings)
 
     def start(self) -> None:
-        """Start the thread; a bus that is not open yet is opened by it."""
+        """Start the thread, which opens the bus if it is not open yet."""
         self._stop.clear()
         self._thread = threading.Thread(target=self._run, name="can-receive", daemon=True)
         self._thread.start()
@@ -281,7 +281,7 @@ class Receiver:
         self._close()
 
     def fail(self, bus: Any, error: BaseException) -> None:
-        """A sender found the bus broken: the receive thread opens it again."""
+        """Let the receive thread reopen the bus, which a sender found broken."""
         if bus is self._bus and not self.trouble:
             self.trouble = _plain(error)
 

@@ -1,4 +1,4 @@
-"""The thread that sends commands: every period whatever happens, and at once when a new command arrives. Never queues."""
+"""The thread that sends commands: every period in any case, and at once when a new command arrives. Never queues."""
 
 import threading
 import time
@@ -15,9 +15,9 @@ from .errors import FrameError
 
 PERIOD_S = 0.01
 SLACK_S = 0.002
-"""How much later than the next command the timer fires on its own: two frames a period would be one too many."""
+"""How long after the expected command the timer fires on its own, to avoid two frames in a period."""
 CLOSEST_S = 0.004
-"""Two frames never follow closer than this, however fast commands come."""
+"""Shortest time between two frames, however fast commands come."""
 
 
 class Pace:
@@ -27,11 +27,11 @@ class Pace:
         self._slack = 0.0
 
     def clock(self) -> float:
-        """Time that the gate judges by [s]."""
+        """Time for the gate's decisions [s]."""
         return time.monotonic()
 
     def sent(self, commanded: bool) -> None:
-        """A new frame goes out, for a command or by the timer."""
+        """Note that a new frame goes out, for a command or by the timer."""
         # Commands at the same rate pull the frames along; the timer fills in where one is missing.
         self._slack = SLACK_S if commanded else 0.0
 
@@ -40,24 +40,24 @@ class Pace:
 
         Args:
             last: when the last one went out [s]
-            waiting: when the command that has not gone out yet arrived [s]; None = there is none
+            waiting: arrival of the command that has not gone out yet [s]; None = there is none
         """
         return last + (PERIOD_S + self._slack if waiting is None else CLOSEST_S)
 
     def repeats(self) -> bool:
-        """Whether the last frame is to go out again, to the bit, instead of a new one."""
+        """Whether to repeat the last frame bit for bit instead of sending a new one."""
         return False
 
 
 class CommandSender:
-    """Sends what the gate lets through.
+    """Sends the currents that the gate passes.
 
     Args:
         codec: of the machine
-        gate: decides; used under `lock`
-        bus: gives the open bus or None
-        on_broken: told the bus and the error when sending fails for good
-        before: called under `lock` in front of every decision with the steady time [s]
+        gate: decides what to send; used under `lock`
+        bus: returns the open bus or None
+        on_broken: called with bus and error when sending fails permanently
+        before: called under `lock` before every decision with the steady time [s]
         on_sent: called with every frame that went out (for a log)
         pace: when frames go out, and the clock of the gate
     """
@@ -103,7 +103,7 @@ class CommandSender:
         return accepted
 
     def wake(self) -> None:
-        """The pace may have another answer now."""
+        """Wake the thread, because the next due time may have changed."""
         with self._wake:
             self._wake.notify()
 
@@ -114,7 +114,7 @@ class CommandSender:
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread, with zero current as the last frame."""
+        """End the thread; its last frame is zero current."""
         with self._wake:
             self._running = False
             self._wake.notify()
@@ -175,7 +175,7 @@ class CommandSender:
         return self._put(self._message)
 
     def _put(self, message: can.Message | None) -> bool:
-        """Hand a frame to the bus; False = it did not go out."""
+        """Send a frame on the bus; False = it was not sent."""
         bus = self._bus()
         if bus is None or message is None:
             self.dropped += 1

@@ -1,4 +1,4 @@
-"""What the bridge can be told: one table, read by the node and held against the README by a test."""
+"""Parameters of the bridge in one table, read by the node; a test compares it with the README."""
 
 from boom_node.parameters import ParameterSpec
 from boom_node.publishers import PARAMETER as SHARED_TOPICS

@@ -1,4 +1,4 @@
-"""Which signals have come lately. Pure: times are those of a steady clock, handed in."""
+"""Detects missing signals. Pure: times are those of a steady clock, given as arguments."""
 
 from collections.abc import Iterable
 
@@ -8,7 +8,7 @@ class Watchdog:
 
     Args:
         names: of the signals
-        timeout: silence that is allowed [s]
+        timeout: longest allowed silence [s]
     """
 
     def __init__(self, names: Iterable[str], timeout: float = 0.05) -> None:
@@ -16,7 +16,7 @@ class Watchdog:
         self._seen: dict[str, float | None] = dict.fromkeys(names)
 
     def seen(self, names: Iterable[str], now: float) -> None:
-        """Good values of these signals came at `now` [s]."""
+        """Note good values of these signals at `now` [s]."""
         for name in names:
             if name in self._seen:
                 self._seen[name] = now
@@ -31,5 +31,5 @@ class Watchdog:
         return found
 
     def reset(self) -> None:
-        """Nothing has been seen."""
+        """Forget all signals."""
         self._seen = dict.fromkeys(self._seen)

@@ -1,4 +1,4 @@
-"""Makes the control law of a mode, for all laws that :mod:`boom_controller.laws` finds."""
+"""Creates the control law of a mode, for all laws that :mod:`boom_controller.laws` finds."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _MODULE_OF = {name: module for module in laws.modules() for name in module.LAWS}
 
 
 def _kinds() -> list[type[LawSettings]]:
-    """The laws' settings, the last first: a dataclass has the fields of its last base first.
+    """The settings classes of the laws, the last first, because a dataclass has the fields of its last base first.
 
     Raises:
-        TypeError: one name means two things.
+        TypeError: one name has two meanings.
     """
     kinds = list(dict.fromkeys(module.SETTINGS for module in _MODULE_OF.values()))
     told: dict[str, object] = {}
@@ -35,7 +35,7 @@ def _kinds() -> list[type[LawSettings]]:
 
 @dataclass(frozen=True)
 class Settings(*_kinds()):  # type: ignore[misc]
-    """What a controller can be told: the settings of all control laws, SI; ranges and meaning in ``SETTINGS``.
+    """Settings of a controller, that is, of all control laws, SI; ranges and meaning in ``SETTINGS``.
 
     Raises:
         ControlError: a number that is not finite or outside its range.
@@ -47,10 +47,10 @@ SETTINGS = specifications(Settings)
 
 
 def make_controller(mode: str, machine: Machine, pose: Pose, settings: Settings | None = None) -> Controller:
-    """The controller of a mode for a machine in a pose; the pose's load is what the configuration tells.
+    """The controller of a mode for a machine in a pose; the pose includes the configured load.
 
     Raises:
-        ControlError: no such mode, or the machine lacks what the mode needs.
+        ControlError: no such mode, or the machine lacks a component that the mode needs.
     """
     if mode not in MODES:
         raise ControlError(f"mode {mode}: there is {', '.join(MODES)}")

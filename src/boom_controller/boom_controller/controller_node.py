@@ -1,8 +1,8 @@
 """The controller as a lifecycle node. Topics, parameters, services, reasons to stop: README.md.
 
-Real time: a cycle runs as soon as angle, hose pressure and rod pressure have all brought a new sample, which costs no waiting
-and no jitter of its own; a steady timer runs it where one of them is late. TickGate: one cycle for each tick of /clock, once all
-samples of that tick are there. Configured, it listens. Active, it commands, zero current until a reference is accepted.
+Real time: a cycle runs as soon as angle, hose pressure and rod pressure have each delivered a new sample, which adds no waiting
+and no jitter; a steady timer runs it if one of them is late. Lockstep: one cycle for each tick of /clock, once all samples of that
+tick are there. Configured, it listens. Active, it commands, with zero current until a reference is accepted.
 """
 
 # ruff: noqa: I001
@@ -50,7 +50,7 @@ _LEVEL = {"ok": Level.OK, "warning": Level.WARN, "error": Level.ERROR, "stopped"
 
 
 class ControllerNode(LifecycleNode):
-    """Thin shell around :class:`boom_controller.loop.control_loop.ControlLoop`."""
+    """Thin layer around :class:`boom_controller.loop.control_loop.ControlLoop`."""
 
     def __init__(self) -> None:
         super().__init__("boom_controller")
@@ -115,7 +115,7 @@ class ControllerNode(LifecycleNode):
     # ------------------------------------------------------------------------------------------------------- lifecycle
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Make the loop; it waits for the machine's configuration."""
+        """Create the loop, which waits for the machine configuration."""
         self._failure = ""
         try:
             told = (self._values["mode"], settings_of(self._values), supervision_of(self._values))
@@ -129,13 +129,13 @@ class ControllerNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Command, zero current at first."""
+        """Start to command, with zero current at first."""
         self._garbage.hold()
         self._active, self._realtime = True, False
         return super().on_activate(state)
 
     def _use_realtime(self) -> None:
-        """With the first cycle: only then are all threads there, those of the executor included."""
+        """Apply real-time settings at the first cycle, when all threads exist, including those of the executor."""
         self._realtime = True
         problems = []
         if self._values["realtime_priority"]:
@@ -146,7 +146,7 @@ class ControllerNode(LifecycleNode):
             self.get_logger().warning(problem)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Bring the currents to zero; command no more."""
+        """Bring the currents to zero and stop commanding."""
         self._end_motion()
         return super().on_deactivate(state)
 
@@ -161,7 +161,7 @@ class ControllerNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def close(self) -> None:
-        """Currents to zero before the node goes."""
+        """Bring the currents to zero before the node is destroyed."""
         self._end_motion()
         self._trajectories.destroy()
 
@@ -261,12 +261,12 @@ class ControllerNode(LifecycleNode):
             self._rehearse(self._loop)
 
     def _rehearse(self, loop: ControlLoop) -> None:
-        """Keep the way of a cycle in the caches: while a set arrives, and some times in between."""
+        """Run warm-up cycles, which keep code and data in the caches: while a set of samples arrives, and in between."""
         if self._rehearsal and loop.configuration:
             self._rehearsal.run(loop.sensors, time.monotonic())
 
     def _begin_lockstep(self) -> None:
-        """The first command, without which the simulation stands, once everybody listens."""
+        """Send the first command, without which the simulation does not start, once all partners are there."""
         if not self._active or not self._lockstep.may_begin():
             return
         if (
@@ -322,7 +322,7 @@ class ControllerNode(LifecycleNode):
             self._configure()
 
     def _configure(self) -> None:
-        """Use what was told last; where the boom moves, later, once it stands."""
+        """Apply the latest configuration; if the boom moves, once it stands still."""
         message, loop = self._configuration, self._loop
         self._pending = message is not None and loop is not None and loop.supervision.moving
         if message is None or loop is None or self._pending:
@@ -333,7 +333,7 @@ class ControllerNode(LifecycleNode):
             machine = (
                 load_machine(self._values["machine"]) if self._values["machine"] else shipped_machine(message.machine)
             )
-            self.get_logger().info(f"{machine.name}: preparing the control laws, at first some seconds")
+            self.get_logger().info(f"{machine.name}: preparing the control laws; takes some seconds the first time")
             pose = machine.pose(message.outer_boom_angle, message.telescope_length, load)
             for each in filter(None, (loop, self._rehearsal)):
                 each.configure(machine, pose)

@@ -1,7 +1,7 @@
-"""What a controller refuses; every error is one line that says what is wrong and what to do."""
+"""Errors of the controller; each is one line that says what is wrong and what to do."""
 
 from boom_model.errors import ModelError
 
 
 class ControlError(ModelError):
-    """Settings that cannot be used, or a machine that a control mode cannot be made for."""
+    """Impossible settings, or a machine for which a control mode cannot be created."""

@@ -1,4 +1,4 @@
-"""The tables of parameters and control laws in README.md and docs/control.md, made from what the node itself reads.
+"""The tables of parameters and control laws in README.md and docs/control.md, made from the specifications that the node reads.
 
 ./boom python -m boom_controller.parameter_tables src/boom_controller/README.md docs/control.md
 """
@@ -20,7 +20,7 @@ _MARK = "<!-- {name}: {end} (made by python -m boom_controller.parameter_tables)
 
 
 def updated(text: str) -> str:
-    """The document with every table that it has markers of made anew."""
+    """The document with every marked table regenerated."""
     tables = {
         "laws": _laws(),
         "parameters": _parameters(OWN),

@@ -1,4 +1,4 @@
-"""Everything tunable, once: fields with unit, range and meaning, of which checks, node parameters and tables are made."""
+"""Tunable numbers in one place: fields with unit, range and meaning, from which checks, node parameters and tables are made."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def tunable(default: float, unit: str, minimum: float, maximum: float, descripti
 
 @dataclass(frozen=True)
 class Tunables:
-    """Numbers that are looked at when they are given; a derived dataclass has the fields, each a :func:`tunable`.
+    """Numbers that are checked on construction; a derived dataclass defines the fields, each a :func:`tunable`.
 
     Raises:
         ControlError: a number that is not finite or outside its range.
@@ -33,7 +33,7 @@ class Tunables:
 
 @cache
 def specifications(kind: Any) -> tuple[ParameterSpec, ...]:
-    """Name, default, description, unit, range of every field of a class of :class:`Tunables`: what ROS parameters are made from."""
+    """Name, default, description, unit, range of every field of a class of :class:`Tunables`, for ROS parameters."""
     return tuple(
         ParameterSpec(f.name, f.default, f.metadata["description"], f.metadata["unit"], *f.metadata["range"])
         for f in fields(kind)
@@ -42,7 +42,7 @@ def specifications(kind: Any) -> tuple[ParameterSpec, ...]:
 
 @dataclass(frozen=True)
 class LawSettings(Tunables):
-    """What every control law can be told, SI. A law adds its own."""
+    """Settings common to all control laws, SI. A law adds its own."""
 
     sample_time: float = tunable(0.01, "s", 0.002, 0.05, "sample time T_s of all control laws")
     generator_pole: float = tunable(-10.0, "1/s", -50.0, -0.5, "fourfold pole of the trajectory generator (6.27)")

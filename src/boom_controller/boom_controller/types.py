@@ -1,4 +1,4 @@
-"""What all control laws share: reference and measurement in, two currents and the inner quantities out."""
+"""Common types of all control laws: reference and measurement in, two currents and inner quantities out."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Reference(NamedTuple):
 
 
 class Measurement(NamedTuple):
-    """What the sensors show: time [s], q_2 [rad], its rate [rad/s], p_h and p_b [Pa gauge]; age [s] when the currents go out."""
+    """Sensor values: time [s], q_2 [rad], its rate [rad/s], p_h and p_b [Pa gauge]; age [s] when the currents go out."""
 
     time: float
     angle: float
@@ -27,7 +27,7 @@ class Measurement(NamedTuple):
 
 
 class Output(NamedTuple):
-    """Currents [A] and what led to them, SI; NaN where a mode has no such quantity.
+    """Currents [A] and the quantities behind them, SI; NaN if a mode has no such quantity.
 
     Attributes:
         retract, extend: i_+^c and i_-^c [A].
@@ -35,8 +35,8 @@ class Output(NamedTuple):
         feedforward_force, feedback_force, force_set_point, force: f_p^f, f_p^c, f_p^* and f_p [N], positive lifts.
         spool_position: s_s^* [m], positive lowers.
         pilot_pressure_retract, pilot_pressure_extend: p_+^*, p_-^* [Pa].
-        estimated_load: at the tip, beyond what the configuration tells [kg].
-        reason: why the motion has to be stopped, in words for the operator (a load that cannot be held); empty while all is well.
+        estimated_load: at the tip, beyond the configured load [kg].
+        reason: why the motion has to be stopped, in words for the operator (a load that cannot be held); empty without a reason.
     """
 
     retract: float
@@ -61,14 +61,14 @@ class Controller(Protocol):
     mode: str
 
     def reset(self, measurement: Measurement) -> None:
-        """Starts from rest here, bumpless: the integral states are such that the boom holds."""
+        """Start from rest here, bumpless: the integral states are set so that the boom holds."""
 
     def step(self, reference: Reference, measurement: Measurement) -> Output:
-        """One sample time [s] of the settings; ``measurement`` is the newest, the currents act until the next step."""
+        """Advance by one sample time of the settings; ``measurement`` is the newest, and the currents act until the next step."""
 
     def change(self, settings: Any) -> None:
-        """Other settings (the law's own among them) from the next step on, without a jump of the currents beyond the steady change.
+        """Use other settings, including the law's own, from the next step on, without a jump beyond the steady change.
 
         Raises:
-            ControlError: this change needs a new controller (another sample time).
+            ControlError: the change needs a new controller (another sample time).
         """

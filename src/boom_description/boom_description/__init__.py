@@ -1,1 +1,1 @@
-"""The machine's geometry for others: URDF, pose of the boom tip."""
+"""Geometry of the machine for other programs: URDF, pose of the boom tip."""

@@ -3,14 +3,14 @@
     python -m boom_description.make_urdf [--machine FILE] [--output FILE]
 
 Frames as in REP 103: x forward, y left, z up. ``base_link`` is the root, on the ground under the slewing axis. A joint
-angle is positive where it lifts. ``telescope_joint`` is the total extension q4, as boom_interfaces/MachineConfiguration
-has it; both stages hang on the outer boom, and the first follows by half (mimic). ``boom_tip`` lies in the tip hinge, x
-outward along the arm.
+angle is positive where it lifts. ``telescope_joint`` is the total extension q4, as in
+boom_interfaces/MachineConfiguration; both stages hang on the outer boom, and the first follows by half (mimic). ``boom_tip`` lies
+in the tip hinge, x outward along the arm.
 
-The arm cylinder closes a loop, which a tree of links cannot hold. Its barrels are set on the inner boom and its rods on
+The arm cylinder closes a loop, which a tree of links cannot represent. Its barrels are set on the inner boom and its rods on
 the outer boom so that the first moment about the boom joint is that of the machine file at `LUMPED_AT` and within 0.5 %
-of it in every other pose; the inertia is within 2 %. What hangs at the tip is a point mass in the hinge, as in the
-model. Shapes are sketches for the eye: there is no collision geometry.
+of it in every other pose; the inertia is within 2 %. The load at the tip is a point mass in the hinge, as in the model.
+Shapes are visual sketches: there is no collision geometry.
 """
 
 from __future__ import annotations
@@ -198,7 +198,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _inertials(body: Mapping[str, Any]) -> dict[str, Inertial]:
-    """Inertials of all links in their URDF frames: the machine file's bodies, turned, and what is shared out."""
+    """Inertials of all links in their URDF frames: the bodies of the machine file, rotated, and the distributed masses."""
     planar, links = entry(body, "rigid_body", "planar"), entry(body, "rigid_body", "links")
     mass, center, inertia = link_data(links, "slewing_column")
     joint = vector(entry(planar, "rigid_body.planar", "boom_joint"), "rigid_body.planar.boom_joint", 2)

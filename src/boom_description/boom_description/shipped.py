@@ -1,4 +1,4 @@
-"""Which robot description belongs to which machine: only tz17 has one, and a wrong geometry is worse than none."""
+"""The robot description of a machine: only tz17 has one, and a wrong geometry is worse than none."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ DESCRIBED = {"tz17": "epsilon_tz17.urdf"}
 
 
 def robot_description(machine: str) -> str:
-    """Path of the URDF of a machine, by its ``meta.name``; empty where there is none."""
+    """Path of the URDF of a machine, by its ``meta.name``; empty if there is none."""
     name = DESCRIBED.get(machine)
     return str(Path(__file__).with_name("urdf") / name) if name else ""

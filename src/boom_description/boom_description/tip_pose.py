@@ -1,4 +1,4 @@
-"""Pose of the boom tip from a URDF and joint values: what a crane perception stack computes. No ROS in here.
+"""Pose of the boom tip from a URDF and joint values: what a crane perception stack computes. No ROS.
 
 A stack of its own would be written the same way: it needs the URDF text, the joint values by name and nothing else of
 this project. Kinematics is pinocchio's; the URDF is read here first: of the 18 broken ones of `test_tip_pose.py` pinocchio's
@@ -31,7 +31,7 @@ class UrdfError(Exception):
 
 @dataclass(frozen=True)
 class Pose:
-    """A frame seen from another: position (3,) [m] and unit quaternion (x, y, z, w)."""
+    """A frame relative to another: position (3,) [m] and unit quaternion (x, y, z, w)."""
 
     position: Vector
     quaternion: Vector
@@ -53,7 +53,7 @@ class TipKinematics:
     Attributes:
         root_frame: the URDF's root link; poses are given in it.
         tip_frame: the link whose pose is wanted.
-        joint_names: the joints between the two that have a value of their own, from the root outward.
+        joint_names: the joints between the two with values of their own, from the root outward.
         limits: their lower and upper limits [rad or m]; infinite for continuous joints.
 
     Raises:
@@ -115,17 +115,17 @@ class TipKinematics:
 
 @dataclass(frozen=True)
 class JointSources:
-    """A value for every joint of the chain, and where each came from, for the log."""
+    """A value for every joint of the chain, and its source for the log."""
 
     values: Mapping[str, float]
     sources: Mapping[str, str]
 
 
 class JointTable:
-    """Keeps the newest value of every joint and fills in what nobody measures.
+    """Keeps the newest value of every joint and fills in joints that are not measured.
 
-    A measured value counts for `timeout` seconds; after that, or where a joint is not measured at all, the machine
-    configuration's value stands in, and failing that the value nearest to zero within the joint's limits.
+    A measured value counts for `timeout` seconds. After that, or if a joint is not measured at all, the value of the
+    machine configuration is used, or else the value nearest to zero within the joint's limits.
     """
 
     def __init__(self, timeout: float = 2.0) -> None:
@@ -134,7 +134,7 @@ class JointTable:
         self._configured: dict[str, float] = {}
 
     def measure(self, names: Sequence[str], positions: Sequence[float], now: float) -> tuple[str, ...]:
-        """Take over measured positions [rad or m] at the time `now` [s]. Returns the names that had a finite value."""
+        """Store measured positions [rad or m] at the time `now` [s]. Returns the names that had a finite value."""
         finite = [(name, float(value)) for name, value in zip(names, positions, strict=False) if math.isfinite(value)]
         if len(self._measured) > MOST_JOINTS:  # names that come and go: those that nobody measures any more
             self._measured = {name: entry for name, entry in self._measured.items() if now - entry[1] <= self.timeout}
@@ -143,7 +143,7 @@ class JointTable:
         return tuple(name for name, _ in finite)
 
     def configure(self, joints: Mapping[str, float]) -> None:
-        """Take over the pose of joints that stay fixed [rad or m]; what is not finite counts as unknown."""
+        """Store the pose of locked joints [rad or m]; values that are not finite count as unknown."""
         self._configured = {name: value for name, value in joints.items() if math.isfinite(value)}
 
     def values(self, kinematics: TipKinematics, now: float) -> JointSources:
@@ -175,7 +175,7 @@ def _chain(by_child: Mapping[str, _Joint], tip: str) -> list[_Joint]:
 
 
 def _read(urdf: str) -> tuple[list[str], list[_Joint]]:
-    """Names of links and the joints of a URDF."""
+    """Names of the links, and the joints, of a URDF."""
     if not urdf.strip():
         raise UrdfError("the robot description is empty")
     try:

@@ -1,4 +1,4 @@
-"""Node boom_tip_pose: an example of what a crane perception stack does. It knows topics only.
+"""Node boom_tip_pose: an example of what a crane perception stack does. It uses topics only.
 
 In: /robot_description, /joint_states, /boom/machine_configuration (for joints that are not measured). Out:
 /boom/tip_pose, geometry_msgs/PoseStamped in the URDF's root frame, with the stamp of the joint state it was computed
@@ -50,7 +50,7 @@ PARAMETERS = (
 
 
 class TipPoseNode(Node):
-    """Joint states in, pose of the tip out."""
+    """Turns joint states into the pose of the tip."""
 
     def __init__(self) -> None:
         super().__init__("boom_tip_pose")

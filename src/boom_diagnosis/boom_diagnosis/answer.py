@@ -240,7 +240,7 @@ class Odds:
     """What is how likely: the one source of every probability that a diagnosis states.
 
     Attributes:
-        unknown: that physics of no catalogue acts.
+        unknown: that unmodelled physics acts.
         effects: of each round, effect -> that it is what was looked for there.
         tolerances: that parameters within their tolerance are all that the first round needs.
     """
@@ -279,7 +279,7 @@ def ranking(case: Case, odds: Odds, findings: Sequence[Finding]) -> list[Ranking
             )
         )  # fmt: skip
     rows.append(RankingRow("parameters within tolerance only", None, "parameters", "", odds.tolerances, 0.0, 0.0, {}))
-    rows.append(RankingRow("physics of no catalogue", None, "unknown", "", odds.unknown, 0.0, 0.0, {}))
+    rows.append(RankingRow("unmodelled physics", None, "unknown", "", odds.unknown, 0.0, 0.0, {}))
     return sorted(rows, key=lambda r: -r.probability)
 
 

@@ -55,7 +55,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Alternative:
-    """What else the finding could be; effect None: physics of no catalogue."""
+    """What else the finding could be; effect None: unmodelled physics."""
 
     effect: str | None
     confidence: float

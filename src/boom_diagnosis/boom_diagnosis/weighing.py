@@ -208,7 +208,7 @@ def probabilities(weighed: Sequence[Weighed], temperature: float) -> list[float]
 
 
 def unknown_probability(before: float, after: float, channels: Sequence[tuple[float, float]] = ()) -> float:
-    """That physics of no catalogue acts, from the loss per innovation over that of a healthy machine.
+    """That unmodelled physics acts, from the loss per innovation over that of a healthy machine.
 
     p = s^8 / (s^8 + u^8) b / (b + SLIGHT), s = sqrt(after / before), b = before: what little is wrong may as well be a
     catalogue's effect in a form that is not the catalogue's. u = 0.78.

@@ -1,4 +1,4 @@
-"""The recorded currents as the model's input: held from stamp to stamp, and where they are known at all."""
+"""The recorded currents as the model's input: held from stamp to stamp, and the stretches in which they are known."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from boom_recording.recording import Recording
 Array = NDArray[np.float64]
 
 GAP = 0.05
-"""s. Currents further apart than this are not known in between (contract)."""
+"""s. Between currents further apart than this they are unknown (contract)."""
 
 
 @dataclass(frozen=True)
 class HeldCurrents:
-    """Both currents: time (m,) [s] from when each acts, values (m, 2) [A] (retract, extend)."""
+    """Both currents: time (m,) [s] from which each acts, values (m, 2) [A] (retract, extend)."""
 
     time: Array
     values: Array
@@ -34,7 +34,7 @@ class HeldCurrents:
         return float(self.time[above[0]]) if len(above) else float("inf")
 
     def stretches(self, end: float) -> list[tuple[float, float]]:
-        """(start, end) [s] of the stretches without a gap, none without samples; the last goes at most to ``end``."""
+        """(start, end) [s] of the stretches without a gap, none without samples; the last ends at ``end`` at the latest."""
         if len(self.time) == 0:
             return []
         cuts = np.flatnonzero(np.diff(self.time) > GAP)
@@ -44,7 +44,7 @@ class HeldCurrents:
 
 
 def held_currents(recording: Recording) -> HeldCurrents:
-    """The currents of a recording where both are valid."""
+    """The currents of a recording at times when both are valid."""
     retract, extend = recording.signals["retract_current"], recording.signals["extend_current"]
     valid = retract.valid & extend.valid
     return HeldCurrents(retract.time[valid], np.column_stack((retract.values[valid], extend.values[valid])))

@@ -1,7 +1,7 @@
-"""A recording prepared for estimation: stretches that can be run freely, their starts, and which samples count.
+"""A recording prepared for estimation: stretches for free runs, their initial states, and the samples that count.
 
-A run does not cross a gap in the currents; it starts again behind it. Samples are sorted into nodes, the stamps of the
-currents, at which the noise is followed (``whitening``); the model itself is sampled at the samples' own stamps.
+A run does not cross a gap in the currents; it restarts after it. Samples are assigned to nodes, the stamps of the
+currents, at which the noise is propagated (``whitening``); the model is sampled at the samples' own stamps.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 
 SHORTEST = 2.0
-"""s. Stretches shorter than this tell less than the estimate of their initial state costs."""
+"""s. Shorter stretches give less information than the estimate of their initial state costs."""
 
 
 @dataclass(frozen=True)
@@ -74,11 +74,11 @@ class Segment:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A recording with the model that is to reproduce it.
+    """A recording with the model that has to reproduce it.
 
     Attributes:
         name: of the recording; unique among the experiments of a fit.
-        plant: model in the recording's pose, with the structure (effects included) that is estimated.
+        plant: model in the pose of the recording, with the structure, including effects, that is estimated.
         currents: held currents.
         segments: stretches, in order.
         duration: [s] of the recording.
@@ -121,9 +121,9 @@ class Experiment:
         )
 
     def samples(self, segment: Segment, parameters: Array) -> Samples:
-        """What an observer of a segment is fed with: the samples of the node at the end of each interval.
+        """Input of an observer of a segment: the samples of the node at the end of each interval.
 
-        Delays are those of ``parameters``: the currents act later, and a pressure tells of an earlier time.
+        Delays are those of ``parameters``: the currents act later, and a pressure belongs to an earlier time.
         """
         command_delay, pressure_delay = self.plant.delays(parameters)
         measured = np.where(segment.training[:, None], segment.measured, np.nan)[1:]
@@ -157,8 +157,8 @@ def prepare(
 
     Args:
         recording: the recording.
-        machine: machine whose model is to reproduce it; effects to be estimated are present in it.
-        held_out: (start, end) [s] of the blocks that a fit does not see.
+        machine: machine whose model has to reproduce it, including the effects to estimate.
+        held_out: (start, end) [s] of the blocks that are not used in a fit.
         name: of the experiment, by default the recording's.
 
     Raises:
@@ -221,7 +221,7 @@ def _chosen(signal: Signal, start: float, end: float) -> Indices:
 
 
 def _nodes(time: Array, start: float, end: float, period: float) -> Array:
-    """The currents' stamps, where an interval of held input ends anyway; evenly filled up where some were lost."""
+    """The currents' stamps, where an interval of held input ends; evenly filled up where stamps are lost."""
     stamps = np.unique(time[(time >= start) & (time <= end)])
     pieces = []
     for left, right in pairwise(stamps):

@@ -2,11 +2,11 @@
 
     cost(z) = sum over segments and samples |L_k^-1 e_k(z)|^2 + sum over priors z_j^2
 
-with the innovations e of an observer and its gains (``whitening``), which are held while a step is sought and renewed along
-the new states afterwards. ``level``, by which the gains let the model be wrong, starts where the innovations have unit
-variance and falls as the fit improves, never below one. Far from the solution the observer is held near the measurement,
-which widens the range from which the search finds home; near it, the observer is a Kalman filter, and the estimate the
-prediction-error estimate. At the end ``level`` tells how wrong the best model still is.
+with the innovations e of an observer and its gains (``whitening``), which stay fixed during a step and are renewed along the
+new states afterwards. ``level``, the model error that the gains assume, starts where the innovations have unit variance and
+falls as the fit improves, never below one. Far from the solution the observer stays near the measurement, which widens the
+range of convergence; near it, the observer is a Kalman filter, and the estimate is the prediction-error estimate. At the
+end ``level`` measures the error of the best model.
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ from boom_model.plant import FAST, FINE
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
-"""Called with one short sentence whenever something that takes time is done."""
+"""Called with a short sentence before every step that takes time."""
 
 DIVERGED = 25.0
-"""Cost of a sample that a prediction did not reach: that of an innovation of five standard deviations."""
+"""Cost of a sample that a prediction did not reach: as for an innovation of five standard deviations."""
 HIGHEST_LEVEL = 100.0
 _TRIALS = 6
 _ENOUGH, _SMALL = 0.02, 0.1
-"""Promised, and achieved, change of cost (twice a log-likelihood ratio) below which another step is not worth it."""
+"""Predicted, and achieved, change of cost (twice a log-likelihood ratio) below which the search ends."""
 _FIRST_RADIUS, _LARGEST_RADIUS = 0.5, 1.0
-"""Of the region, in standard deviations of the prior, in which the linear model of a step is trusted."""
+"""Size of the trust region, in standard deviations of the prior."""
 _EXPECTED, _FAR, _FALL = 1.1, 2.0, 3.0
-"""Size of the innovations up to which the level is lowered, by which factor, and above which that went too far."""
+"""Size of the innovations up to which the level is lowered, the factor, and the size above which it was lowered too far."""
 _UNDERSTATED = 1.15
-"""Achieved over promised change of cost above which a step is tried at twice its length: corners of the cost, such as that of
-a pre-charge that is met, are not quadratic."""
+"""Ratio of achieved to predicted change of cost above which a step is tried at twice its length: corners of the cost, such as that
+of a pre-charge, are not quadratic."""
 _NEAR, _REACH, _SMALLEST_STEP, _WIDEST_STEP = 1.5, 2.0, 1e-4, 10.0
-"""Below the level ``_NEAR`` finite differences reach that many standard deviations of the estimate, and at least so far in z;
-above, the level times their usual step, at most so many."""
+"""Below the level ``_NEAR`` finite differences span this many standard deviations of the estimate, and at least this much of z;
+above, the level times their usual step, at most this many."""
 _FINER, _STUCK = 0.2, 2
-"""Where no step helps, differences are taken that much finer, so many times, before the search ends."""
+"""If no step helps, differences are refined by this factor, so many times, before the search ends."""
 _STALL_STEPS, _STALL_SHARE = 4, 0.01
-"""So many iterations above level 1 that together lower the cost by less than that share end the search: another start is
-better than more of them."""
+"""This many iterations above level 1 that together lower the cost by less than this share end the search: another start is
+better than more iterations."""
 _RENEW = 0.02
 """Step of z above which the whiteners are renewed."""
 
@@ -59,12 +59,12 @@ class Fit:
         unknowns: in the order of z.
         z: (m,) most probable values; ``values`` the same as numbers [SI].
         cost: squared innovations and priors at z, with the whiteners of ``level``.
-        level: how far the best model's error exceeds what the currents' noise explains (1: not at all).
-        information: (m, m) of z, the data's and the priors'; ``data_information`` without the priors.
+        level: ratio of the best model's error to what the currents' noise explains (1: explained).
+        information: (m, m) of z, from data and priors; ``data_information`` without the priors.
         samples: number of samples that were used.
         innovations: per segment (n, NY), unit variance where the model is right; derivatives: (n, NY, m) by z.
         gains: per segment, of the observer that predicted.
-        iterations: that were needed. converged: whether the last step was small.
+        iterations: number needed. converged: whether the last step was small.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -82,7 +82,7 @@ class Fit:
     converged: bool
 
     def number(self, name: str) -> float:
-        """Estimated number of an unknown, by name."""
+        """Estimated value of an unknown, by name."""
         return float(self.values[[u.name for u in self.unknowns].index(name)])
 
     @property
@@ -99,12 +99,12 @@ def fit(
     level: float | None = None,
     progress: Progress | None = None,
 ) -> Fit:
-    """Searches from ``start`` (m,) in z, by default zero: the nominal values.
+    """Search from ``start`` (m,) in z, by default zero, the nominal values.
 
-    level: held at this number; by default adapted as described above.
+    level: fixed at this value; by default adapted as described above.
 
     Raises:
-        ValueError: no run gets anywhere from the start.
+        ValueError: no run succeeds from the start.
     """
     say = progress or (lambda text: None)
     z = np.zeros(len(problem.unknowns)) if start is None else np.array(start, dtype=float)
@@ -194,7 +194,7 @@ def _improvement(
 
 
 def _stalled(costs: Sequence[tuple[float, float]]) -> bool:
-    """Whether the last iterations, all at one level above 1, changed next to nothing; costs: (level, cost) of each."""
+    """Whether the last iterations, all at one level above 1, changed almost nothing; costs: (level, cost) of each."""
     if len(costs) <= _STALL_STEPS or costs[-1][0] <= _NEAR:
         return False
     level, cost = costs[-1]
@@ -206,7 +206,7 @@ def _further(
     problem: Problem, gains: Sequence[Gains], z: Array, found: tuple[Array, float], radius: float, bounds: Array,
     tolerance: float,
 ) -> tuple[Array, float]:  # fmt: skip
-    """A step that brought more than it promised is lengthened while it pays and stays inside the radius."""
+    """Lengthen a step that gained more than predicted, while that helps and it stays inside the radius."""
     while 2.0 * float(np.abs(found[0] - z).max()) <= radius:
         longer = np.clip(z + 2.0 * (found[0] - z), bounds[:, 0], bounds[:, 1])
         reached = cost_at(problem, gains, longer, tolerance)
@@ -217,14 +217,14 @@ def _further(
 
 
 def _steps(level: float, spread: Array, usual: Array) -> Array:
-    """Of the finite differences: a secant over what is not known anyway smooths the corners of the cost."""
+    """Steps of the finite differences: a secant over the range of uncertainty smooths the corners of the cost."""
     if level > _NEAR:
         return np.asarray(usual * min(level, _WIDEST_STEP), dtype=float)
     return np.clip(_REACH * spread, _SMALLEST_STEP, usual)
 
 
 def _tolerance(level: float) -> float:
-    """Of the integrator: as fine as differences need at the end, coarse and three times as fast on the way."""
+    """Tolerance of the integrator: fine enough for differences at the end, coarse and three times as fast before."""
     return min(FINE * level**2, FAST)
 
 
@@ -256,7 +256,7 @@ def _cost(problem: Problem, gains: Sequence[Gains], innovations: Sequence[Array]
 
 
 def _settle(problem: Problem, z: Array, gains: list[Gains], level: float) -> tuple[float, list[Gains]]:
-    """The level lowered as long as the innovations are hardly larger than it expects; the gains for it."""
+    """The level, lowered as long as the innovations are hardly larger than it predicts, and the gains for it."""
     size = _size(problem, z, gains, level)
     while level > 1.0 and size < _EXPECTED:
         lower = max(level / _FALL, 1.0)
@@ -270,18 +270,18 @@ def _settle(problem: Problem, z: Array, gains: list[Gains], level: float) -> tup
 
 
 def _size(problem: Problem, z: Array, gains: Sequence[Gains], level: float) -> float:
-    """Root mean square of the innovations, in units of what the gains expect."""
+    """Root mean square of the innovations, in units of their predicted size."""
     total, count = 0.0, 0
     for g, run in zip(gains, problem.observed(z, gains, tolerance=_tolerance(level)), strict=True):
         total += float(np.sum(g.whiten(run.innovations[:, :, None]) ** 2))
         count += int((g.used & np.isfinite(run.innovations)).sum())
     if count == 0:
-        raise ValueError("no prediction with these parameters gets anywhere: start from others")
+        raise ValueError("no prediction succeeds with these parameters: start from others")
     return float(np.sqrt(total / count))
 
 
 def _step(z: Array, gradient: Array, data: Array, prior: Array, radius: float, bounds: Array) -> tuple[Array, float]:
-    """The best step with no |dz_j| above ``radius``, inside the bounds, and by how much it promises to lower the cost."""
+    """The best step with no |dz_j| above ``radius``, inside the bounds, and its predicted decrease of the cost."""
     pull = gradient - prior * z  # minus half of the cost's gradient
     matrix = data + np.diag(prior)
     damping = 0.0
@@ -294,7 +294,7 @@ def _step(z: Array, gradient: Array, data: Array, prior: Array, radius: float, b
 
 
 def _bounded(z: Array, pull: Array, matrix: Array, bounds: Array) -> Array:
-    """Solution of ``matrix`` delta = ``pull`` in which what would leave its bounds stops there and the others adapt."""
+    """Solution of ``matrix`` delta = ``pull`` in which unknowns stop at their bounds and the others adapt."""
     free = np.ones(len(z), dtype=bool)
     delta = np.zeros(len(z))
     while free.any():

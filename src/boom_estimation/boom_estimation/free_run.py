@@ -1,6 +1,6 @@
-"""Free runs of the model over a recording: it sees the currents and the initial state, nothing else; ch. 5.6.
+"""Free runs of the model over a recording, from the currents and the initial state only; ch. 5.6.
 
-A run does not cross a gap in the currents; it starts again behind it. Masked samples count nowhere. MAE is (5.48).
+A run does not cross a gap in the currents; it restarts after it. Masked samples are not used. MAE is (5.48).
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ class Metrics:
 
 @dataclass(frozen=True)
 class Prediction:
-    """What a model (or a bag made by one) says for a recording.
+    """Prediction of a model (or a bag made by one) for a recording.
 
     Attributes:
         label: ``full``, ``reduced`` or another word for the report.
-        values: channel -> (n,) at that channel's own stamps, NaN where nothing was predicted.
-        runs: one sentence for each free run: from when to when, and how its initial state was found.
-        stopped: why a run ended before its end, empty if none did.
+        values: channel -> (n,) at that channel's own stamps, NaN without a prediction.
+        runs: one sentence for each free run: start, end, and how its initial state was found.
+        stopped: why a run ended before its end, empty if none ended early.
     """
 
     label: str
@@ -71,7 +71,7 @@ class Prediction:
 def predict(recording: Recording, machine: Machine, kind: Kind, *, through_evaporation: bool = False) -> Prediction:
     """Free runs of one model over a recording, at the stamps of its channels.
 
-    through_evaporation: they go on where the oil of the head side would evaporate.
+    through_evaporation: the runs continue where the oil of the head side would evaporate.
 
     Raises:
         MachineError: a pose or load that the machine cannot have.
@@ -104,7 +104,7 @@ def predict(recording: Recording, machine: Machine, kind: Kind, *, through_evapo
 
 
 def _run(plant: Plant, currents: HeldCurrents, sampled: Array, begin: InitialState) -> tuple[Trajectory | None, str]:
-    """The run at the times ``sampled`` (n,) [s], as far as it gets, and why it got no further (empty if it did)."""
+    """The run at the times ``sampled`` (n,) [s], as far as it goes, and why it ended early (else empty)."""
     reached, stopped, dropped = sampled, "", 1
     while len(reached):
         try:
@@ -136,7 +136,7 @@ def metrics(recording: Recording, values: Mapping[str, Array]) -> Metrics:
 
 
 def plant_for(recording: Recording, machine: Machine, kind: Kind) -> Plant:
-    """The model in the pose and with the load that the recording tells (an unknown load counts as none).
+    """The model in the configured pose and with the configured load of a recording (an unknown load counts as none).
 
     Raises:
         MachineError: a pose or load that the machine cannot have.

@@ -1,9 +1,8 @@
-"""Initial state of a free run, from what was measured at its beginning.
+"""Initial state of a free run from the measurements at its beginning.
 
-A boom that rests tells it (machine notes): p_a = p_h, p_o,i = max(p_h, p_g0,i), spool and pilot states zero. Behind a
-gap, or in a recording that begins in motion, the unmeasured states are estimated: least squares over the first second,
-from a guess in which pilot stage, spool and accumulators are stationary, and no further from it than its uncertainty
-allows.
+A boom at rest determines it (machine notes): p_a = p_h, p_o,i = max(p_h, p_g0,i), spool and pilot states zero. After a
+gap, or in a recording that begins in motion, the unmeasured states are estimated by least squares over the first second.
+The prior is a guess with stationary pilot stage, spool and accumulators, with its uncertainty.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from boom_recording.recording import Recording
 Array = NDArray[np.float64]
 
 REST_WINDOW = 0.95
-"""s. Recordings of the machine rest at least that long before the first current."""
+"""s. In recordings of the machine the boom rests at least this long before the first current."""
 SHORTEST_REST = 0.15
 CLOSED_CURRENT = 0.05
 """A. Below it the spool stays deep inside its dead zone whatever the current's noise."""
@@ -53,7 +52,7 @@ class InitialState:
 def initial_state(
     recording: Recording, plant: Plant, currents: HeldCurrents, start: float, end: float
 ) -> InitialState | None:
-    """Initial state of the run over [start, end] [s]; None where a channel has no valid sample there to begin with."""
+    """Initial state of the run over [start, end] [s]; None if a channel has no valid sample there."""
     resting = rest_end(currents, start, end)
     means = means_at_rest(recording, start, resting)
     if means is not None:
@@ -69,7 +68,7 @@ def resting_start(recording: Recording) -> dict[str, float] | None:
 
 
 def rest_end(currents: HeldCurrents, start: float, end: float) -> float:
-    """Until when [s] the boom may rest at the beginning of [start, end]: no current has opened the valve yet."""
+    """Time [s] until which the boom may rest at the beginning of [start, end]: no current has opened the valve yet."""
     return min(start + REST_WINDOW, currents.first_above(CLOSED_CURRENT, start), end)
 
 

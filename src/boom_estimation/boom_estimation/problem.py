@@ -22,12 +22,12 @@ from boom_model.plant import FINE
 Array = NDArray[np.float64]
 
 FREE_TOLERANCE = 1e-5
-"""Of the integrator in free runs that are only compared with the measurement."""
+"""Tolerance of the integrator in free runs that are only compared with the measurement."""
 
 
 @dataclass
 class Problem:
-    """What is estimated from what.
+    """The unknowns to estimate, and the experiments.
 
     Attributes:
         experiments: recordings; names must differ.
@@ -41,7 +41,7 @@ class Problem:
 
     @property
     def segments(self) -> list[tuple[Experiment, Segment]]:
-        """Every stretch that is run, in order."""
+        """Every stretch, in order."""
         return [(e, s) for e in self.experiments for s in e.segments]
 
     def parameters(self, experiment: Experiment, z: Array) -> Array:
@@ -99,7 +99,7 @@ class Problem:
         return [nominal[i] for i in range(len(self.segments))], derivatives
 
     def first_gains(self) -> list[Gains]:
-        """Gains to begin with, for every segment."""
+        """Initial gains for every segment."""
         return [first_gains(e, s) for e, s in self.segments]
 
     def gains(self, z: Array, along: Sequence[Gains], *, level: float = 1.0) -> list[Gains]:

@@ -1,9 +1,9 @@
-"""How sure an estimate is: intervals that mean what they say, and what the recordings cannot tell.
+"""The uncertainty of an estimate: calibrated intervals, and numbers that the recordings do not determine.
 
 The covariance of a fit is the inverse of its information, widened in two ways. Where innovations are not white, because the
 model is not quite right, the gradient's real scatter between blocks of one second replaces the scatter that white ones would
 have (sandwich estimator; White 1982). Where the cost is not quadratic, the profile likelihood along the ridge (the unknown
-moved, all others following linearly) tells how far 90 % reach.
+moved, all others following linearly) determines the 90 % interval.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ Array = NDArray[np.float64]
 NINETY = 1.6449
 """Standard deviations to either side that hold 90 % of a normal distribution; its square is the rise of the cost there."""
 TOGETHER = 0.97
-"""Correlation from which two unknowns can be told only together."""
+"""Correlation from which two unknowns are determined only together."""
 TOLD = 0.5
-"""Standard deviation after over before the recordings, from which they have told next to nothing."""
+"""Ratio of posterior to prior standard deviation from which the recordings determine almost nothing."""
 _BLOCK = 1.0
 _WIDEST, _DOUBTFUL = 4.0, 1.3
 """Longest, and first doubtful, 90 % interval over that of the quadratic model."""
@@ -32,14 +32,14 @@ _WIDEST, _DOUBTFUL = 4.0, 1.3
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What is known of each unknown after a fit, in the order of its unknowns.
+    """Knowledge of each unknown after a fit, in the order of its unknowns.
 
     Attributes:
         sigma: (m,) standard deviations of z, after the recordings.
         correlation: (m, m).
         low, high: (m,) ends of the 90 % intervals, numbers [SI].
-        widened: (m,) by how much colour and curvature widened the interval of the plain information.
-        shrinkage: (m,) sigma over that of the prior: near 1 the recordings told nothing.
+        widened: (m,) factor by which colour and curvature widened the interval of the plain information.
+        shrinkage: (m,) sigma over that of the prior: near 1 the recordings gave no information.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -51,12 +51,12 @@ class Uncertainty:
     shrinkage: Array
 
     def partners(self, j: int) -> list[int]:
-        """Unknowns that unknown j can be told only together with."""
+        """Unknowns together with which unknown j is determined only."""
         return [k for k in range(len(self.sigma)) if k != j and abs(self.correlation[j, k]) > TOGETHER]
 
 
 def uncertainty(problem: Problem, fit: Fit, *, profile: bool = True) -> Uncertainty:
-    """Intervals of a fit of a problem; ``profile``: look along the ridges, at the price of two predictions an unknown."""
+    """Intervals of a fit of a problem; ``profile``: examine the ridges, at a cost of two predictions per unknown."""
     covariance = fit.covariance
     sigma = np.sqrt(np.diag(covariance))
     colour = _colour(problem, fit, covariance)
@@ -94,7 +94,7 @@ def _colour(problem: Problem, fit: Fit, covariance: Array) -> Array:
 def _curvature(problem: Problem, fit: Fit, covariance: Array) -> tuple[Array, Array]:
     """Factors (m,) below and above by which the cost rises more slowly along the ridge than its quadratic model.
 
-    Where that is doubtful, the ridge is bent, and the others are moved to where they fit best (profile likelihood).
+    Where that is doubtful, the ridge is curved, and the others move to their best fit (profile likelihood).
     """
     count = len(fit.z)
     sigma = np.sqrt(np.diag(covariance))
@@ -111,7 +111,7 @@ def _curvature(problem: Problem, fit: Fit, covariance: Array) -> tuple[Array, Ar
 
 
 def _widening(rise: float) -> float:
-    """How much longer the way to the 90 % end is than the one that raised the cost by ``rise``."""
+    """Ratio of the distance to the 90 % end to the distance that raised the cost by ``rise``."""
     return float(np.sqrt(NINETY**2 / np.clip(rise, NINETY**2 / _WIDEST**2, NINETY**2)))
 
 

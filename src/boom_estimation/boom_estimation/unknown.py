@@ -1,4 +1,4 @@
-"""What is estimated: one number each, with the value believed before, how sure that is, and its bounds.
+"""The unknowns: one number each, with prior value, prior uncertainty and bounds.
 
 A fit works in z = (number - nominal) / sigma, of positive numbers z = ln(number / nominal) / sigma, so that the prior of
 every unknown is a standard normal. sigma comes from the tolerance of the machine file (notes: high 3 %, medium 10 %, low
@@ -22,7 +22,7 @@ from boom_model.plant import Plant
 Array = NDArray[np.float64]
 
 PRECHARGE_TOLERANCE = 0.05
-"""Of the machine notes; a machine file's own confidence goes before it."""
+"""Tolerances of the machine notes; a machine file's own confidence has priority."""
 _STEP = 0.02
 _SMALLEST_STEP, _LARGEST_STEP = 1e-3, 1e-2
 
@@ -32,16 +32,16 @@ class Unknown:
     """One number to be estimated.
 
     Attributes:
-        name: component of the parameter vector (``friction.tau_C_pos``, ``pilot_valves.h.0``, ``effects.ID.NAME``), or a
-            word of one's own where ``factor_of`` is given.
+        name: component of the parameter vector (``friction.tau_C_pos``, ``pilot_valves.h.0``, ``effects.ID.NAME``), or
+            another name if ``factor_of`` is given.
         unit: SI unit.
-        nominal: value believed before; where the search starts unless another start is given.
-        sigma: standard deviation of that belief: relative (of the logarithm) where ``log``, else in ``unit``.
+        nominal: prior value; start of the search unless another start is given.
+        sigma: standard deviation of the prior: relative (of the logarithm) if ``log``, else in ``unit``.
         low, high: bounds.
-        log: whether the logarithm is searched; for numbers that are positive by their meaning.
-        factor_of: components that all are multiplied by this number.
+        log: whether the logarithm is searched; for numbers that are positive by definition.
+        factor_of: components that are multiplied by this number.
         bag: name of the only recording for which it holds; empty for all.
-        prior: whether the belief counts in the fit (else it only scales the search).
+        prior: whether the prior counts in the fit (else it only scales the search).
     """
 
     name: str
@@ -84,7 +84,7 @@ def machine_unknown(machine: Machine, name: str, *, widen: float = 1.0, least: f
     widen: sigma over tolerance; least: smallest relative sigma.
 
     Raises:
-        MachineError: no such number in this machine.
+        MachineError: this machine has no such number.
     """
     found = next((p for p in machine.parameters.values() if name in p.specification.components), None)
     if found is None:
@@ -106,8 +106,8 @@ def effect_unknown(
 ) -> Unknown:
     """An unknown for a parameter of the effect catalogue; sigma is half of its plausible range unless given.
 
-    nominal: where the search starts, by default the neutral value. The logarithm is searched where neutral value or
-    nominal and the whole plausible range are positive.
+    nominal: start of the search, by default the neutral value. The logarithm is searched if neutral value or nominal
+    and the whole plausible range are positive.
 
     Raises:
         KeyError: no such effect.
@@ -124,7 +124,7 @@ def effect_unknown(
 
 
 def with_effects_present(machine: Machine, effects: Mapping[str, Mapping[str, float]]) -> Machine:
-    """The machine with these effects in its equations even where they are neutral, so that they can be estimated.
+    """The machine with these effects in its equations even if they are neutral, so that they can be estimated.
 
     Effects of the machine itself stay. An effect that divides by its neutral value (time constant of a lag) must be
     given a small value instead.

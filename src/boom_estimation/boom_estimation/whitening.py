@@ -1,18 +1,16 @@
-"""What noise a prediction has to expect, and the gains that follow from it.
+"""The noise that a prediction has to expect, and the resulting gains.
 
-Even with the right parameters a free run is off by more than the sensors' noise: the measured currents that drive it are
-noisy, and what they do wrong adds up in the angle. To first order the error of the state obeys
+Even with the right parameters a free run differs by more than the sensors' noise: the measured currents that drive it are
+noisy, and the angle integrates their errors. To first order the error of the state obeys
 
     dx_{k+1} = A_k dx_k + G_k w_k + v_k,  e_k = H dx_k + n_k,  dx_0 ~ (0, P_0)
 
-with A_k, G_k from the Jacobians of the model along the run, w the currents' noise, v a little noise on rate and pressures (what
-no model has), n the sensors' noise. A Kalman filter along the run gives the gains K_k of an observer
-(``boom_model.observer``) and the covariance S_k = L_k L_k^T of its innovations: L_k^-1 e_k is white and of unit variance where the
-model is right, so that plain least squares of it are the most efficient ones. Initial states need not be estimated: they are
-part of dx_0.
+with A_k, G_k from the Jacobians of the model along the run, w the currents' noise, v a little noise on rate and pressures (errors
+that every model has), n the sensors' noise. A Kalman filter along the run gives the gains K_k of an observer
+(``boom_model.observer``) and the covariance S_k = L_k L_k^T of its innovations: L_k^-1 e_k is white and of unit variance if the
+model is right, so that its plain least squares are efficient. Initial states need not be estimated: they are part of dx_0.
 
-``level`` multiplies the standard deviations of w and v: where a model is not right yet, or never will be, its error counts
-as more of them.
+``level`` multiplies the standard deviations of w and v: the error of a wrong model counts as more of this noise.
 """
 
 from __future__ import annotations
@@ -34,7 +32,7 @@ from boom_model.sensors import OUTPUTS, SensorNoise
 Array = NDArray[np.float64]
 
 MODEL_NOISE = {"rate": 3e-5, "head_pressure": 2e3, "hose_pressure": 2e3, "rod_pressure": 2e3}
-"""rad/s, Pa per root of a period: v. Far below what the currents' noise does while the boom moves."""
+"""rad/s, Pa per root of a period: v. Far below the effect of the currents' noise while the boom moves."""
 _SUBSTEPS = 2  # doublings: a period is integrated in 2^_SUBSTEPS steps
 _MISSING = 1e30
 _LONGEST_STILL = 200.0
@@ -73,7 +71,7 @@ class _Line:
 
 
 def first_gains(experiment: Experiment, segment: Segment) -> Gains:
-    """Gains to begin with, where no run is known yet: what is measured is corrected by a third of its innovation."""
+    """Initial gains, before any run is known: measured states are corrected by a third of their innovation."""
     plant, n = experiment.plant, len(segment.nodes) - 1
     gain = np.linalg.pinv(plant.output_matrix() * plant.scale) * plant.scale[:, None] / 3
     names = plant.state_names
@@ -125,8 +123,8 @@ def _line(experiment: Experiment, segment: Segment, parameters: Array, states: A
 def sensor_variance(noise: SensorNoise, rate: Array, period: float) -> Array:
     """Variances (n, NY) of the channels' noise [SI^2] along a run with the angular velocity ``rate`` (n,) [rad/s].
 
-    The angle's rounding error stays the same as long as the boom moves less than a quantum: q / |w| is how long. So many
-    samples count as one.
+    The angle's rounding error stays the same while the boom moves less than a quantum, for a time of q / |w|. The samples in
+    this time count as one.
     """
     quantum = noise.angle_quantum
     still = quantum / np.maximum(np.abs(np.nan_to_num(rate)) * period, quantum / _LONGEST_STILL)
@@ -156,7 +154,7 @@ def _transition(by_state: Array, by_input: Array, step: Array, scale: Array) -> 
 
 
 def _filtered(plant: Plant, line: _Line) -> Gains:
-    """The filter along a line; what lies behind the end of a run that failed is neither corrected nor counted."""
+    """The filter along a line; after the end of a failed run nothing is corrected or counted."""
     n, count = len(line.used), len(line.a)
     gain, root = np.zeros((n, len(plant.state_names), len(OUTPUTS))), np.zeros((n, len(OUTPUTS), len(OUTPUTS)))
     made, innovation = riccati(plant, line.a, line.q, line.h, line.used[:count], line.r[:count], line.p0)

@@ -166,7 +166,7 @@ def test_refinement_fits_what_is_excited_and_predicts_what_it_has_not_seen() -> 
     assert check.after["angle"] < 0.2 * check.before["angle"]
     held = {n.parameter: n.why for n in found.not_determined}
     assert all(name in held["main_valve_orifices.A_0"] for name in (SA, SB))
-    assert "pilot gain and spring cannot be told apart" in held["pilot_valves.h.0"]
+    assert "pilot gain and spring cannot be separated" in held["pilot_valves.h.0"]
     assert "main_valve_spool.k" in held["pilot_valves.h.0"]
 
 

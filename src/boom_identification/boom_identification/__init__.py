@@ -1,1 +1,1 @@
-"""Chapter 5 as a tool: parameters of the machine from recordings, with intervals and what they cannot tell."""
+"""Chapter 5: estimates parameters of the machine from recordings, with intervals and the numbers that they do not determine."""

@@ -1,4 +1,4 @@
-"""What an identification says of one number: its value, how sure it is, and why it is not known where it is not."""
+"""Result of an identification for one number: its value and interval, or why it is not determined."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ Array = NDArray[np.float64]
 NORMAL_90 = 1.6449
 """Half width of a 90 % interval in standard errors."""
 METHOD_FACTOR = 1.6
-"""By which standard errors are widened. Averages, filters and the steady state are approximations whose errors no scatter
-shows: over seven simulated campaigns errors were 1.5 times (rms) as large as the scatter between stretches tells."""
+"""Factor that widens standard errors. Averages, filters and the steady state are approximations whose errors do not appear as
+scatter: over seven simulated campaigns errors were 1.5 times (rms) as large as the scatter between stretches indicates."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter that the recordings determine; those that they do not are `NotDetermined`.
+    """One parameter that the recordings determine; the others are `NotDetermined`.
 
     Attributes:
         key: of the machine file, joined with dots (``.0 .1 .2`` for the components of a vector).
         value: [unit].
         unit: as the machine file states it.
         interval_90: (low, high) [unit].
-        how: a few words: equation and kind of data.
+        how: short phrase: equation and kind of data.
     """
 
     key: str
@@ -49,9 +49,9 @@ class Estimate:
 
 @dataclass(frozen=True)
 class NotDetermined:
-    """A parameter, or a group of them, that the recordings cannot tell, and why.
+    """A parameter or group of parameters that the recordings do not determine, and why.
 
-    excitation: whether other motions would tell it; False where no recording of this kind can.
+    excitation: whether other motions would determine it; False if no recording of this kind can.
     """
 
     parameter: str
@@ -78,11 +78,11 @@ def least_squares(design: Array, target: Array, groups: NDArray[np.int64]) -> tu
 
 
 def cluster_covariance(jacobian: Array, residual: Array, groups: NDArray[np.int64]) -> Array:
-    """Covariance (m, m) of a least-squares estimate whose residuals may be alike within a group.
+    """Covariance (m, m) of a least-squares estimate whose residuals may be correlated within a group.
 
-    jacobian (n, m), residual (n,), groups (n,): samples of one group (a stretch of a recording) may err together; groups
-    are taken as independent (cluster-robust sandwich estimate, Liang and Zeger 1986, small-sample factor G / (G - 1)). Few
-    groups tell their own spread badly: the covariance is widened so that a normal 90 % interval is as wide as Student's with
+    jacobian (n, m), residual (n,), groups (n,): errors of one group (a stretch of a recording) may be correlated; groups
+    count as independent (cluster-robust sandwich estimate, Liang and Zeger 1986, small-sample factor G / (G - 1)). A few
+    groups estimate their spread badly: the covariance is widened so that a normal 90 % interval is as wide as Student's with
     G - 1 degrees of freedom, and by `METHOD_FACTOR`.
 
     Raises:
@@ -94,11 +94,11 @@ def cluster_covariance(jacobian: Array, residual: Array, groups: NDArray[np.int6
     scaled = jacobian / scale
     normal = scaled.T @ scaled
     if np.linalg.cond(normal) > 1e12:
-        raise ValueError("the unknowns cannot be told from each other")
+        raise ValueError("the data do not separate the unknowns")
     _, index = np.unique(groups, return_inverse=True)
     count = int(index.max()) + 1
     if count < 2:
-        raise ValueError("one stretch of data only, so that its error cannot be told")
+        raise ValueError("one stretch of data only, so its error is unknown")
     scores = np.zeros((count, jacobian.shape[1]))
     np.add.at(scores, index, scaled * residual[:, None])
     inverse = np.linalg.inv(normal)
@@ -110,13 +110,13 @@ def cluster_covariance(jacobian: Array, residual: Array, groups: NDArray[np.int6
 
 
 def interval(value: float, variance: float) -> tuple[float, float]:
-    """90 % interval of a value with a variance, normal."""
+    """90 % interval of a normally distributed value."""
     half = NORMAL_90 * math.sqrt(max(variance, 0.0))
     return value - half, value + half
 
 
 def too_wide(found: Estimate, tolerance: float) -> str:
-    """Why an estimate says no more than what was believed before (relative ``tolerance``); empty if it says more."""
+    """Why an estimate adds nothing to the prior (relative ``tolerance``); empty if it does."""
     half = max(abs(bound - found.value) for bound in found.interval_90)
     if half <= tolerance * abs(found.value):
         return ""

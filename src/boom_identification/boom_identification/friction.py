@@ -2,11 +2,11 @@
 
     q_a = J q_2' A_a,   p_a = p_h - dp_ha(q_a),   tau_f = J (p_a A_a - p_b A_b) - g(q_2) - D q_2''
 
-fitted by least squares with (3.7), each direction for itself:
+fitted by least squares with (3.7), each direction separately:
 
     tau_f = tau_C+- tanh(q_2' / sigma) + k_v+- q_2'
 
-The torque also holds what is wrong with areas, geometry, load and hose burst valve; the thesis says so too.
+The torque also contains errors of areas, geometry, load and hose burst valve, as the thesis notes.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from boom_model.machine import Machine, Pose
 Array = NDArray[np.float64]
 
 SMALLEST_SPREAD = 0.05
-"""rad/s. Coulomb and viscous friction are told apart by speeds that differ at least so much."""
+"""rad/s. Speeds must differ at least by this to separate Coulomb and viscous friction."""
 FEWEST_GROUPS = 4
 _HOW = "(5.38), stationary points"
 
 
 @dataclass(frozen=True)
 class FrictionResult:
-    """Points of Fig. 5.10 and what was fitted to them.
+    """Points of Fig. 5.10 and the fit.
 
     Attributes:
-        rate, torque: (n,) [rad/s], [N m] measured. fitted: (n,) [N m] by the estimates (prior ones where not determined).
+        rate, torque: (n,) [rad/s], [N m] measured. fitted: (n,) [N m] by the estimates (prior values if not determined).
         residual: rms [N m].
         estimates, not_determined: of the four parameters.
     """
@@ -116,7 +116,7 @@ def _fit(points: Points, torque: Array, machine: Machine, pose: Pose, suffix: st
 
 
 def _model(points: Points, machine: Machine, pose: Pose, values: dict[str, float]) -> Array:
-    """(3.7) with other numbers: linear in the four of them."""
+    """(3.7) with other numbers, linear in all four."""
     p, e = component_parameters(machine, pose)
     for key, value in values.items():
         setattr(p.friction, key, value)

@@ -1,9 +1,9 @@
-"""What a refinement cannot tell by nature: numbers that act only together with others, and which orifice is whose.
+"""What a refinement cannot determine in principle: numbers that act only in combination, and which orifice is whose.
 
-No sensor sees the spool: scale pilot pressures, spring, friction, damping and mass of the spool alike, and it moves as before.
-Orifice areas count times A_0, C_d and the root of the compensator's margin. Such numbers are held where the machine file
-has them. That they go together is not asserted but tried: with all of a group changed by a factor the recordings must be
-reproduced as well as before.
+No sensor measures the spool: if pilot pressures, spring, friction, damping and mass of the spool scale alike, it moves as before.
+Orifice areas are multiplied by A_0, C_d and the root of the compensator's margin. Such numbers are held at the values of the
+machine file. That they act only in combination is tested: with all numbers of a group changed by a factor, the recordings must
+be reproduced as well as before.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _GAIN = tuple(f"pilot_valves.h.{i}" for i in range(3))
 _SPOOL_ALIKE: Mapping[str, float] = dict.fromkeys((*_GAIN, *(f"{_SPOOL}.{n}" for n in ("k", "f_c", "d_v", "m_s"))), 1.0)
 _LAW = (f"{_VALVE}.A_ta_law.c0", f"{_VALVE}.A_ta_law.c1")
 _GROUPS: tuple[tuple[str, tuple[str, ...], Mapping[str, float]], ...] = (
-    ("pilot gain and spring cannot be told apart", (*_GAIN, f"{_SPOOL}.k"), _SPOOL_ALIKE),
+    ("pilot gain and spring cannot be separated", (*_GAIN, f"{_SPOOL}.k"), _SPOOL_ALIKE),
     ("only pilot pressure times area acts", (f"{_SPOOL}.A_s",), {f"{_SPOOL}.A_s": 1.0} | dict.fromkeys(_GAIN, -1.0)),
     (
         "only area times root of the margin acts",
@@ -43,22 +43,22 @@ _GROUPS: tuple[tuple[str, tuple[str, ...], Mapping[str, float]], ...] = (
         | dict.fromkeys(ORIFICES, -0.5),
     ),
 )
-"""Why, which numbers are named where they were held, and the exponents of the common factor."""
+"""Reason, numbers that are named if held, and exponents of the common factor."""
 NORMALISATION = f"{_VALVE}.A_0"
 FACTOR = 1.25
 _RISE = 1.0
-"""Of the cost (twice a log-likelihood ratio), below which the recordings do not tell the change."""
+"""Change of cost (twice a log-likelihood ratio) below which the recordings do not show the change."""
 _PAIRING = 3.0
 """Standard deviations by which both accumulators must differ in pre-charge and in orifice."""
 
 
 def tied(problem: Problem, best: Fit, machine: Machine) -> list[tuple[str, tuple[str, ...], tuple[str, ...]]]:
-    """Groups of numbers that the recordings tell only together: why, those to be named, all members.
+    """Groups of numbers that the recordings determine only in combination: reason, numbers to name, all members.
 
     Args:
         problem: what the fit solved.
         best: the fit.
-        machine: whose numbers these are.
+        machine: machine of these numbers.
     """
     has = {c for p in machine.parameters.values() for c in p.specification.components}
     result = []
@@ -85,7 +85,7 @@ def tied(problem: Problem, best: Fit, machine: Machine) -> list[tuple[str, tuple
 def held_numbers(
     groups: list[tuple[str, tuple[str, ...], tuple[str, ...]]], estimated: Collection[str]
 ) -> list[NotDetermined]:
-    """Numbers of the groups that were held, each with the group that it belongs to."""
+    """Held numbers of the groups, each with its group."""
     missing: dict[str, NotDetermined] = {}
     for why, named, members in groups:
         for name in named:
@@ -95,10 +95,10 @@ def held_numbers(
 
 
 def pairing_told(spread: Uncertainty, vague: Collection[str]) -> bool:
-    """Whether the recordings tell which orifice belongs to which accumulator.
+    """Whether the recordings determine which orifice belongs to which accumulator.
 
-    Both accumulators are alike in the equations: exchange everything, and nothing changes. Told is the pairing only where
-    pre-charges and orifices both clearly differ. A pre-charge that is not asked for counts as known; one of ``vague``, the
+    The equations of both accumulators are the same: exchanging all their numbers changes nothing. The pairing is determined only if
+    pre-charges and orifices both clearly differ. A pre-charge that is not estimated counts as known; one of ``vague``, the
     unknowns that are not determined, does not.
     """
     names = [u.name for u in spread.unknowns]

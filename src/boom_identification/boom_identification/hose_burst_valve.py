@@ -2,9 +2,9 @@
 
     q = a_11 d + a_12 sqrt(d) (d >= 0),   a_21 d + a_22 d^2 (node <= d < 0),   a_30 + a_31 d (d < node)
 
-with d in bar and q in l/min. The second and third branch meet with equal value and slope at the node (5.29), which makes
-two linear demands; the first-order conditions (5.35) are one linear system, solved here in closed form. The norms of
-(5.30a) are taken squared, as least squares are. The points come from the data sheet's curve or from recordings.
+with d in bar and q in l/min. The second and third branch meet with equal value and slope at the node (5.29), which gives
+two linear constraints; the first-order conditions (5.35) are one linear system, solved here in closed form. The norms of
+(5.30a) are squared, as in least squares. The points come from the data sheet's curve or from recordings.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from boom_model.machine import Machine, Pose
 Array = NDArray[np.float64]
 
 NODE_BAR = -22.0
-"""bar. Where the thesis lets the branches meet (machine notes: it prints +22)."""
+"""bar. Node of the branches in the thesis (machine notes: it prints +22)."""
 COLUMNS = ("pressure_drop_bar", "flow_lpm")
 FEWEST_POINTS = 3
 """A branch."""
 NAMES = ("a11", "a12", "a21", "a22", "a30", "a31")
 _FREE = ("a11", "a12", "a21", "a30", "a31")
 _SEEN_BAR = 0.5
-"""bar. A branch is seen from drops at least so large."""
+"""bar. Smallest range of drops over which a branch counts as seen."""
 
 
 class CurveError(ValueError):
-    """A file of data-sheet points that cannot be used; the message says what is wrong with it."""
+    """A file of data-sheet points that cannot be used; the message says why."""
 
     exit_status = 2
 
@@ -48,11 +48,11 @@ class HoseBurstValveResult:
     """Points of Fig. 5.9 and the fit.
 
     Attributes:
-        source: where the points come from, in words.
+        source: source of the points, in words.
         drop_bar, flow_lpm: (n,) the points.
-        coefficients: (6,) in the order of `NAMES`; None where a branch is not seen.
-        node_bar: where the branches meet. residual_lpm: rms.
-        estimates: what a machine file can take; only from data-sheet points.
+        coefficients: (6,) in the order of `NAMES`; None if a branch is not seen.
+        node_bar: node of the branches. residual_lpm: rms.
+        estimates: estimates for a machine file; only from data-sheet points.
     """
 
     source: str
@@ -97,7 +97,7 @@ def read_curve(path: Path) -> tuple[Array, Array]:
     """(drops [bar], flows [l/min]) of a CSV file with the header ``pressure_drop_bar,flow_lpm``.
 
     Raises:
-        CurveError: not readable, another header, a line that is no pair of numbers, too few points.
+        CurveError: not readable, another header, a line that is not a pair of numbers, too few points.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
@@ -127,10 +127,10 @@ def read_curve(path: Path) -> tuple[Array, Array]:
 
 
 def from_curve(drop_bar: Array, flow_lpm: Array, source: str) -> HoseBurstValveResult:
-    """The fit to points of the data sheet (n,); every point counts as a measurement of its own.
+    """The fit to points of the data sheet (n,); every point counts as a separate measurement.
 
-    The node is that of the least squared error: the machine file's follows from the same coefficients (5.29), so that a
-    rounded one would bend both branches beside it.
+    The node has the least squared error: the machine file's node follows from the same coefficients (5.29), so that a
+    rounded one would bend both branches near it.
 
     Raises:
         ValueError: a branch has too few points, or the fit bends the wrong way.
@@ -161,7 +161,7 @@ def from_curve(drop_bar: Array, flow_lpm: Array, source: str) -> HoseBurstValveR
 
 
 def _best_node(drop_bar: Array, flow_lpm: Array) -> float:
-    """Node [bar] of the least squared error, with enough points on both sides of it; ``NODE_BAR`` where they are too few."""
+    """Node [bar] of the least squared error, with enough points on both sides of it; ``NODE_BAR`` if there are too few."""
     negative = np.sort(drop_bar[drop_bar < 0.0])
     if len(negative) < 2 * FEWEST_POINTS:
         return NODE_BAR  # constrained_fit names the branch
@@ -179,8 +179,8 @@ def _best_node(drop_bar: Array, flow_lpm: Array) -> float:
 def from_recordings(points: Points, machine: Machine, pose: Pose) -> HoseBurstValveResult:
     """Points (dp_ha, q_a) of recordings, with the friction that the machine file states, and the fit to them.
 
-    p_a is not measured: it follows from the balance of torques, so that an error of friction or load is one of dp_ha here,
-    and friction follows from dp_ha the other way (5.38). Recordings tell one only where the other is given; the fit is
+    p_a is not measured: it follows from the balance of torques, so that errors of friction or load appear in dp_ha here;
+    conversely, friction follows from dp_ha (5.38). Recordings determine one only if the other is given; the fit is
     therefore shown and never written to a machine file.
     """
     p, e = component_parameters(machine, pose)
@@ -191,9 +191,7 @@ def from_recordings(points: Points, machine: Machine, pose: Pose) -> HoseBurstVa
     flow = points.piston_velocity * p.cylinder.A_a / p.hose_burst_valve.unit_flow
     # noise must not decide the branch: below the resolution of the balance the flow's direction does
     drop = np.where(flow > 0, np.maximum(drop, 0.0), np.minimum(drop, -1e-9))
-    why = (
-        "only the sum of friction and pressure drop is seen; give points of the data sheet, or friction measured apart"
-    )
+    why = "only the sum of friction and pressure drop is visible; give points of the data sheet, or friction measured separately"
     reasons = tuple(NotDetermined(f"hose_burst_valve.{name}", why, excitation=False) for name in _FREE)
     _, node = hose_burst_valve.smooth_node(p.hose_burst_valve.a21, p.hose_burst_valve.a30, p.hose_burst_valve.a31)
     source = "recordings, with the machine file's friction"

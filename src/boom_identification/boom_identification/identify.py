@@ -1,4 +1,4 @@
-"""Chapter 5 from whatever recordings are given: oscilloscope traces, recordings of the machine, data-sheet points."""
+"""Chapter 5 from any given inputs: oscilloscope traces, recordings of the machine, data-sheet points."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Progress = Callable[[str], None]
 
 
 class Refined(Protocol):
-    """What a refinement (ch. 5 part "everything together") says."""
+    """Result of a refinement (all numbers together)."""
 
     @property
     def estimates(self) -> Sequence[Estimate]:
@@ -44,7 +44,7 @@ Refiner = Callable[[Sequence[Recording], Machine, Progress], Refined]
 
 @dataclass(frozen=True)
 class Inputs:
-    """What was given, sorted by content."""
+    """The inputs, sorted by content."""
 
     traces: tuple[OscilloscopeTrace, ...] = ()
     recordings: tuple[Recording, ...] = ()
@@ -52,15 +52,15 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Identification:
-    """All results; None where nothing was given that could tell.
+    """All results; None without a suitable input.
 
     Attributes:
-        machine: as it was before. identified: with all determined numbers.
-        inputs: what was given.
+        machine: before. identified: with all determined numbers.
+        inputs: the inputs.
         pilot: ch. 5.1. points: stationary points of the recordings. main_valve, hose_burst_valve, friction: ch. 5.2, 5.3.
-        spool: constants from the catalogue. refined: all recordings at once.
-        estimates: the numbers that count, one for each key: refined ones before those of stationary points.
-        not_determined: what the inputs cannot tell, of what was looked for.
+        spool: constants from data sheet values. refined: all recordings at once.
+        estimates: the final numbers, one for each key: refined ones have priority over those of stationary points.
+        not_determined: numbers that were sought and that the inputs do not determine.
         validation: free runs of the identified machine over the recordings, Figs. 5.12-5.19.
     """
 
@@ -80,7 +80,7 @@ class Identification:
 
     @property
     def unexcited(self) -> tuple[str, ...]:
-        """Keys that stay unknown for want of motion, not for want of sensors."""
+        """Keys that stay unknown for lack of motion, not for lack of sensors."""
         return tuple(n.parameter for n in self.not_determined if n.excitation)
 
     def reasons(self) -> dict[str, list[str]]:
@@ -91,7 +91,7 @@ class Identification:
         return result
 
     def document(self) -> dict[str, Any]:
-        """``identify --json`` (contract): parameters, pilot_valve, not_determined; and what a controller can take."""
+        """``identify --json`` (contract): parameters, pilot_valve, not_determined; and data for a controller."""
         result: dict[str, Any] = {
             "machine": self.machine.name,
             "bags": [t.name for t in self.inputs.traces] + [r.name for r in self.inputs.recordings],
@@ -124,10 +124,10 @@ class Identification:
 
 
 def read_inputs(paths: Sequence[str | Path], progress: Progress = lambda _: None) -> Inputs:
-    """Sort bags by what they hold.
+    """Sort bags by content.
 
     Raises:
-        RecordingError: a bag that cannot be read, or that is neither of both.
+        RecordingError: a bag cannot be read, or is of neither kind.
     """
     traces: list[OscilloscopeTrace] = []
     recordings: list[Recording] = []
@@ -150,15 +150,15 @@ def identify(
     refiner: Refiner | None = None,
     progress: Progress = lambda _: None,
 ) -> Identification:
-    """Everything that the inputs can tell about a machine.
+    """Identify everything that the inputs determine about a machine.
 
     Args:
         inputs: traces and recordings.
-        machine: what is believed before.
+        machine: prior values.
         curve: CSV file of the hose burst valve's data sheet.
         smoothing: lambda of the P-splines; None: cross-validation.
-        refiner: estimates all parameters at once from the recordings; None: not done.
-        progress: told what is being done.
+        refiner: estimates all parameters at once from the recordings; None: skipped.
+        progress: called with the current step.
 
     Raises:
         MachineError: a pose or load that the machine cannot have.
@@ -213,7 +213,7 @@ def _from_recordings(
 
 
 def _with(result: Identification, found: Sequence[Estimate], missing: Sequence[NotDetermined]) -> Identification:
-    """New findings replace older ones of the same key; a number found is no longer missing."""
+    """Replace older results of the same key by new ones; a number found is no longer missing."""
     good = []
     for estimate in found:
         reason = machine_output.fits(result.machine, estimate)
@@ -233,7 +233,7 @@ def _with(result: Identification, found: Sequence[Estimate], missing: Sequence[N
 
 
 def _any_pose(inputs: Inputs, machine: Machine) -> Pose:
-    """A pose for what does not depend on it."""
+    """Any pose, for results that do not depend on it."""
     if inputs.recordings:
         return pose_of(inputs.recordings[0], machine)
     body = next(iter(machine.document["rigid_body"]["configs"].values()))

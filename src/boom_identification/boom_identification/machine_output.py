@@ -1,4 +1,4 @@
-"""The machine file that an identification leaves: the old one with the numbers found, where they come from and how sure."""
+"""The machine file of an identification: the old one with the identified numbers, their source and confidence."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def vector_values(machine: Machine, estimates: Iterable[Estimate]) -> dict[str, 
 
 
 def fits(machine: Machine, found: Estimate) -> str:
-    """Why a machine file cannot take this number: empty if it can."""
+    """Why a machine file cannot hold this number; empty if it can."""
     key = found.key if found.key in machine.parameters else found.key.rpartition(".")[0]
     try:
         check_range(machine.parameters[key].specification, (found.value,))
@@ -50,10 +50,10 @@ def fits(machine: Machine, found: Estimate) -> str:
 
 
 def document_with(machine: Machine, estimates: Iterable[Estimate]) -> dict[str, Any]:
-    """The machine's document with the estimates in it; everything else as it was.
+    """The machine's document with the estimates in it; everything else unchanged.
 
     Raises:
-        MachineError: a value that a machine file cannot have.
+        MachineError: a value that a machine file cannot hold.
     """
     document = copy.deepcopy(dict(machine.document))
     found = {estimate.key: estimate for estimate in estimates}
@@ -78,15 +78,17 @@ def document_with(machine: Machine, estimates: Iterable[Estimate]) -> dict[str, 
 
 
 def write_machine(path: Path, machine: Machine, estimates: Iterable[Estimate], *, command: str) -> None:
-    """Write the file, whole or not at all.
+    """Write the file completely or not at all.
 
     Raises:
-        MachineError: a value that a machine file cannot have.
+        MachineError: a value that a machine file cannot hold.
         OSError: it cannot be written.
     """
     document = document_with(machine, estimates)
     text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=120)
-    head = f"# Identified on {date.today().isoformat()} by: {command}\n# Everything that does not say 'identified' is as it was.\n"
+    head = (
+        f"# Identified on {date.today().isoformat()} by: {command}\n# Numbers not marked 'identified' are unchanged.\n"
+    )
     write_whole(path, head + text)
 
 
@@ -122,7 +124,7 @@ def _meter_out(document: dict[str, Any], machine: Machine, found: Mapping[str, E
 
 
 def _angle_range(document: dict[str, Any], machine: Machine) -> None:
-    """q2_stroke_min .. q2_max end where the stroke of this geometry ends: what the linkage allows of the old range."""
+    """q2_stroke_min .. q2_max end where the stroke of this geometry ends: the part of the old range that the linkage allows."""
     low, high = machine.angle_limits
     angles = np.linspace(low, high, _ANGLES)
     positions = np.array([machine.piston_position(float(angle)) for angle in angles])
@@ -146,7 +148,7 @@ def _angle_range(document: dict[str, Any], machine: Machine) -> None:
 
 
 def _smooth(document: dict[str, Any]) -> None:
-    """a_22 and the node follow from the other coefficients (5.29); what the file states of them is brought in line."""
+    """a_22 and the node follow from the other coefficients (5.29); the stated values are adapted."""
     section = document["hose_burst_valve"]
     a22, node = hose_burst_valve.smooth_node(*(number(section[k]) for k in ("a21", "a30", "a31")))
     for key, value in (("a22", a22), ("a22_c1", a22), ("node", node), ("node_c1", node)):

@@ -4,7 +4,7 @@
 
 over the stationary spool position (5.18). Three models are fitted: P-splines of A / A_0 over s_s / s_s^max (5.27), monotone
 and zero in the dead zone; polygons for the controller (Figs. 6.2, 6.3); and the law of the machine file, whose numbers a
-simulation takes. Everything is relative to A_s, k and dp_c, which come from catalogues (5.8)-(5.12) and no recording tells.
+simulation uses. Everything is relative to A_s, k and dp_c, which come from data sheets (5.8)-(5.12) and from no recording.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ SIDES = ("extend", "retract")
 EDGES = {"A_sa": ("a", "extend"), "A_tb": ("b", "extend"), "A_ta": ("a", "retract"), "A_sb": ("b", "retract")}
 """Edge -> port and direction in which it meters."""
 DEFAULT_A0 = 1.0e-4
-"""m^2. A_0 of (5.27a), where the machine file does not state it."""
+"""m^2. A_0 of (5.27a), if the machine file does not state it."""
 LEAST_DROP = 1.0e5
-"""Pa. A smaller pressure drop over an edge says nothing about its area."""
+"""Pa. Smaller pressure drops over an edge do not determine its area."""
 SMALLEST_SPREAD = 0.15
-"""Of s_s / s_s^max: an area over a smaller range of the spool is no curve."""
+"""Smallest range of s_s / s_s^max over which areas make a curve."""
 FEWEST_GROUPS = 6
 POLYGON_NODES = 5
 FLOW_NOISE = 1.0e-5
-"""m^3/s. Errors of the flows below that are noise (rate noise over the filter's window times J A_a)."""
+"""m^3/s. Errors of the flows below this are noise (rate noise over the filter's window times J A_a)."""
 STORAGE_ERROR = 0.3
-"""Of the flow that oil and accumulators take up: what the machine file's numbers may be off by (confidence low)."""
+"""Share of the flow into oil and accumulators by which the machine file's numbers may be off (confidence low)."""
 LARGEST_STORAGE = 0.1
-"""Of the flow: a point of (5.17) that stores more is not stationary."""
+"""Share of the flow: a point of (5.17) that stores more is not stationary."""
 LAW = {
     "x0": "-",
     "n": "-",
@@ -56,9 +56,7 @@ LAW = {
     "A_ta_law.c1": "-",
 }
 _CATALOGUE = ("main_valve_spool.k", "main_valve_spool.A_s", "main_valve_orifices.dp_c")
-_RELATIVE = (
-    "no sensor sees the spool: pilot gain and spring, areas and compensator margin act as products; catalogue values"
-)
+_RELATIVE = "no sensor measures the spool: pilot gain and spring, areas and compensator margin act as products; data sheet values"
 _OF_SIDE = {"extend": ("A_sa_max", "A_tb_max"), "retract": ("A_sb_max", "A_ta_law.c0", "A_ta_law.c1")}
 
 
@@ -69,7 +67,7 @@ class PortAreas:
     Attributes:
         port: ``a`` or ``b``.
         spool: (n,) s_s / s_s^max. area: (n,) [m^2] measured.
-        spline: of area / A_0; None where it is not determined, and ``why``.
+        spline: of area / A_0; None if not determined, with the reason in ``why``.
     """
 
     port: str
@@ -81,10 +79,10 @@ class PortAreas:
 
 @dataclass(frozen=True)
 class MainValveResult:
-    """Everything of the areas.
+    """All results for the areas.
 
     Attributes:
-        A_0: [m^2]. dead_zone: x_0 that the splines keep. ports: a and b.
+        A_0: [m^2]. dead_zone: x_0 of the splines. ports: a and b.
         polygons: edge -> (nodes s_s / s_s^max >= 0, areas [m^2]); only edges that were seen.
         estimates, not_determined: of the law in the machine file.
         law: edge -> (s_s / s_s^max, area [m^2]) of the fitted law, for pictures.
@@ -101,7 +99,7 @@ class MainValveResult:
     residual_lpm: float
 
     def document(self) -> dict[str, object]:
-        """As in ``identify --json``: areas that a controller can take."""
+        """As in ``identify --json``: areas for a controller."""
         return {
             "A_0": self.A_0,
             "splines": {
@@ -182,7 +180,7 @@ def _spline(points: Points, area: Array, dead_zone: float, smoothing: float | No
     low, high = min(float(points.spool.min()), -1.0), max(float(points.spool.max()), 1.0)
     for side, sign in zip(SIDES, (-1.0, 1.0), strict=True):
         if not _seen(points.where(np.sign(points.spool) == sign)):
-            return None, f"too few positions of the spool while it is on the side to {side}"
+            return None, f"too few spool positions on the side to {side}"
     nodes = splines.dead_zone_nodes(low, high, dead_zone)
     try:
         return splines.monotone_fit(points.spool, area, points.group, nodes, dead_zone, smoothing), ""
@@ -193,16 +191,16 @@ def _spline(points: Points, area: Array, dead_zone: float, smoothing: float | No
 def _law(
     points: Points, machine: Machine, pose: Pose
 ) -> tuple[tuple[Estimate, ...], tuple[NotDetermined, ...], dict[str, float], float]:
-    """The machine file's law, fitted to the flows at both ports of all points of the sides that are seen."""
+    """The machine file's law, fitted to the flows at both ports of all points on the sides with data."""
     prior = {key: machine.parameters[f"main_valve_orifices.{key}"].value[0] for key in LAW}
     sides = [s for s, sign in zip(SIDES, (-1, 1), strict=True) if _seen(points.where(np.sign(points.spool) == sign))]
     free = ["x0", "n", *(key for side in sides for key in _OF_SIDE[side])] if sides else []
     missing = [
-        NotDetermined(f"main_valve_orifices.{key}", f"too few positions of the spool while it is on the side to {side}")
+        NotDetermined(f"main_valve_orifices.{key}", f"too few spool positions on the side to {side}")
         for side in SIDES if side not in sides for key in _OF_SIDE[side]
     ]  # fmt: skip
     if not free:
-        missing += [NotDetermined(f"main_valve_orifices.{key}", "the valve is hardly opened") for key in ("x0", "n")]
+        missing += [NotDetermined(f"main_valve_orifices.{key}", "the valve hardly opens") for key in ("x0", "n")]
         return (), tuple(missing), prior, float("nan")
     used = points.where(np.isin(np.sign(points.spool), [(-1 if s == "extend" else 1) for s in sides]))
     # A number that the points do not tell keeps its old value, and the others are fitted to that.
@@ -234,7 +232,7 @@ def _fit(
     """Estimates of the ``free`` numbers of the law, the others at their ``prior``, and the rms error of the flows [l/min].
 
     Raises:
-        ValueError: the points cannot tell the numbers apart.
+        ValueError: the points do not separate the numbers.
     """
     p, _ = component_parameters(machine, pose)
     target = np.concatenate(

@@ -2,9 +2,9 @@
 
     A(d^-1) nu_k = B(d^-1) i_{k-d} + e_k,   nu_k = h^-1(p_k)                                   (3.26), (5.6)
 
-ARX minimises the one-step error. Where the noise sits on the output and not in the equation, its regressor carries the
-noise too and the pole comes out biased. The output-error estimate minimises the error of the simulated output, which
-depends on the input only: no such bias. Both are found from signals averaged over the PWM period.
+ARX minimises the one-step error. If the noise is on the output and not in the equation, the regressor carries the noise
+too, which biases the pole. The output-error estimate minimises the error of the simulated output, which
+depends on the input only and has no such bias. Both use signals averaged over the PWM period.
 """
 
 from __future__ import annotations
@@ -76,13 +76,13 @@ class FirstOrder:
 
     @property
     def held(self) -> tuple[float, float, float]:
-        """``state_space`` if the current were held from sample to sample, and not straight between them as (3.31) takes it."""
+        """``state_space`` if the current were held from sample to sample, instead of linear between samples as in (3.31)."""
         x = np.array(self.discrete)
         a, b, c = held_state_space(x, self.period)
         return float(a), float(b), float(c)
 
     def intervals(self) -> tuple[tuple[float, float], ...]:
-        """90 % intervals of ``state_space``, wide enough for both readings of the current between two samples."""
+        """90 % intervals of ``state_space``, wide enough for both assumptions about the current between samples."""
         x = np.array(self.discrete)
         result = []
         for k, value in enumerate(self.state_space):
@@ -94,7 +94,7 @@ class FirstOrder:
 
     @property
     def gain(self) -> float:
-        """G(0), which the Wiener model takes as one."""
+        """G(0), which is one in the Wiener model."""
         a, b0, b1 = self.discrete
         return (b0 + b1) / (1.0 + a)
 
@@ -120,7 +120,7 @@ def state_space(discrete: Array, period: float) -> Array:
 def held_state_space(discrete: Array, period: float) -> Array:
     """(a_1^s, b_0^s, b_1^s) of (3.33) whose exact samples with held input are ``discrete``.
 
-    exp(a_1^s T) = -a^d, b_1^s = b_0^d, b_0^s (exp(a_1^s T) - 1) / a_1^s = b_1^d - a^d b_0^d; NaN where no decay has such a
+    exp(a_1^s T) = -a^d, b_1^s = b_0^d, b_0^s (exp(a_1^s T) - 1) / a_1^s = b_1^d - a^d b_0^d; NaN if no decay has such a
     pole (a^d >= 0).
     """
     a, b0, b1 = discrete
@@ -147,7 +147,7 @@ def arx(pairs: Sequence[Pair], n: int, m: int, delay: int) -> Arx:
 
 
 def first_order_arx(pairs: Sequence[Pair], period: float) -> FirstOrder:
-    """ARX with n = 1, m = 1, d = 0 (3.29), as the thesis.
+    """ARX with n = 1, m = 1, d = 0 (3.29), as in the thesis.
 
     Raises:
         ValueError: too short, no excitation.

@@ -2,8 +2,8 @@
 
     p = h(nu),  nu = G i,  G(0) = 1:  minimises |p_k - h((b_0 z + b_1) / (z + a) i_k)|
 
-over a, b_0, (b_1 = 1 + a - b_0), h_0, h_1, h_2 and one initial state a stretch. The two steps of ch. 5.1 give the start: an
-error of h that the stationary points leave would otherwise go into the pole.
+over a, b_0, (b_1 = 1 + a - b_0), h_0, h_1, h_2 and one initial state a stretch. The two steps of ch. 5.1 give the start. Without
+the joint fit a remaining error of h would bias the pole.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from boom_model.components.pilot_valve import BAR
 Array = NDArray[np.float64]
 
 SHARE_OF_WINDOW = 4
-"""So many samples a window of the moving average are compared: more of them carry the same noise."""
+"""Samples compared per window of the moving average: more of them would carry the same noise."""
 
 
 def joint_fit(
@@ -35,7 +35,7 @@ def joint_fit(
     """The whole model fitted to stretches of one sampling period; ``window`` [samples] of their average.
 
     Raises:
-        ValueError: the fit ends at no stable pole, or the traces do not tell the unknowns apart.
+        ValueError: the fit finds no stable pole, or the traces do not separate the unknowns.
     """
     period = model.period
     step = max(1, round(window / SHARE_OF_WINDOW))

@@ -22,9 +22,9 @@ CURRENT_RATE = 0.5
 DERIVATIVE_WINDOW = 0.1
 """s. Savitzky-Golay window: the derivative's noise stays far below both thresholds."""
 PWM_PERIOD = 0.01
-"""s. Taken where the trace shows no PWM edges (ch. 3.2.4: 100 Hz)."""
+"""s. Used if the trace shows no PWM edges (ch. 3.2.4: 100 Hz)."""
 SMALLEST_RANGE = 0.05
-"""A. A parabola through a shorter range of stationary currents says nothing about the rest."""
+"""A. A parabola through a shorter range of stationary currents does not determine the rest."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Averaged:
 
 @dataclass(frozen=True)
 class AveragedTrace:
-    """A trace with what the averaging made of it. ``window``: [samples] of the moving average."""
+    """A trace and its averaged stretches. ``window``: [samples] of the moving average."""
 
     trace: OscilloscopeTrace
     window: float
@@ -76,7 +76,7 @@ class StaticCurve:
     Attributes:
         h: (h_0, h_1, h_2) [bar/A^2, bar/A, bar]. covariance: (3, 3) of them.
         current_range: (low, high) [A] of the stationary points.
-        residual: rms [Pa]. points, groups: how many, in how many stretches.
+        residual: rms [Pa]. points, groups: number of points and of stretches.
     """
 
     h: tuple[float, float, float]
@@ -104,7 +104,7 @@ class StaticCurve:
 def averaged(trace: OscilloscopeTrace) -> AveragedTrace | None:
     """Average a trace over its true PWM period and find its stationary points (5.1).
 
-    None where every stretch is shorter than the windows.
+    None if every stretch is shorter than the windows.
     """
     found = signals.pwm_period(np.concatenate([s.voltage for s in trace.stretches]))
     window = found or PWM_PERIOD / trace.period
@@ -133,7 +133,7 @@ def fit_curve(traces: Sequence[AveragedTrace]) -> StaticCurve:
     """h by least squares (5.2) from the stationary points of all traces.
 
     Raises:
-        ValueError: too few stationary points, or over too small a range; says so.
+        ValueError: too few stationary points, or over too small a range; the message says which.
     """
     current, pressure, groups = [], [], []
     count = 0

@@ -21,17 +21,17 @@ Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 ORDERS = ((1, 0), (1, 1), (2, 1), (2, 2))
-"""(n, m) that are compared; the thesis compared too and took (1, 1)."""
+"""(n, m) that are compared; the thesis also compared and chose (1, 1)."""
 DELAYS_S = (0.0, 1e-3, 5e-3, 10e-3)
 """s. Input delays that are compared."""
 NOISE_LEVELS = (0.0, 0.25, 0.5, 1.0, 2.0)
-"""Times the measured output noise, for the study of the bias."""
+"""Multiples of the measured output noise, for the study of the bias."""
 BIAS_DURATION = 6.0
-"""s. Of the trace; enough to show it."""
+"""s. Length of the trace shown."""
 SMALLEST_EXCITATION = 0.3
-"""A/s rms of the averaged current: a slower trace does not show a pole at tens of 1/s."""
+"""A/s rms of the averaged current: slower traces do not show a pole at tens of 1/s."""
 TRAINING_SHARE = 2 / 3
-"""Of a trace that must serve for training and for validation."""
+"""Training share of a trace that serves for training and validation."""
 
 PARAMETERS = ("pilot_valves.a1_s", "pilot_valves.b0_s", "pilot_valves.b1_s", "pilot_valves.h")
 
@@ -50,7 +50,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class BiasPoint:
-    """Pole [1/s] found by both ways from a simulated output with so many times the measured noise."""
+    """Pole [1/s] estimated in both ways from a simulated output with a multiple of the measured noise."""
 
     noise: float
     arx_pole: float
@@ -84,8 +84,8 @@ class ValveResult:
     Attributes:
         valve: ``retract`` or ``extend``.
         training: name of the trace for the linear part. validation: of the one that is held out from it.
-        split: they are the same: its first two thirds and the rest.
-        arx: as the thesis does it (averaged signals). arx_raw: from the samples as measured. model: output error.
+        split: both are the same trace: its first two thirds and the rest.
+        arx: as in the thesis (averaged signals). arx_raw: from the samples as measured. model: output error.
     """
 
     valve: str
@@ -101,12 +101,12 @@ class ValveResult:
 
 @dataclass(frozen=True)
 class PilotValves:
-    """Everything of ch. 5.1.
+    """All results of ch. 5.1.
 
     Attributes:
         traces: averaged. curve: h from the stationary points (5.2). curves: the same for each valve alone.
         valves: linear part of each. joint: curve and linear part of both valves together, fitted to all traces at once.
-        checks: simulation against measurement. None and empty where the traces do not tell.
+        checks: simulation against measurement. None or empty if the traces do not determine it.
     """
 
     traces: tuple[AveragedTrace, ...]
@@ -119,11 +119,11 @@ class PilotValves:
 
     @property
     def final_curve(self) -> StaticCurve | None:
-        """The curve for the machine file: that of the joint fit where there is one."""
+        """The curve for the machine file: from the joint fit if there is one."""
         return self.curve if self.joint is None else self.joint[0]
 
     def estimates(self) -> list[Estimate]:
-        """The determined parameters with intervals, as the machine file names them."""
+        """The determined parameters with intervals, named as in the machine file."""
         result = []
         curve = self.final_curve
         if curve is not None:
@@ -140,7 +140,7 @@ class PilotValves:
 
 
 def identify_pilot_valves(traces: Sequence[OscilloscopeTrace], progress: Progress = lambda _: None) -> PilotValves:
-    """Chapter 5.1 on the given traces. What they cannot tell is listed, never guessed."""
+    """Apply chapter 5.1 to the given traces. Numbers that they do not determine are listed, never guessed."""
     progress("pilot valves: averaging and stationary points")
     prepared = tuple(a for a in (averaged(trace) for trace in traces) if a is not None)
     if not prepared:
@@ -191,7 +191,7 @@ def _own_curves(traces: Sequence[AveragedTrace]) -> dict[str, StaticCurve]:
 def _joint(
     traces: Sequence[AveragedTrace], curve: StaticCurve, results: Sequence[ValveResult]
 ) -> tuple[StaticCurve, FirstOrder]:
-    """Fit to all traces of both valves but what is held out, and those with another sampling period than the first."""
+    """Fit to all traces of both valves, except held-out ones and those with another sampling period than the first."""
     first = results[0].model
     parts = []
     for trace in traces:
@@ -229,7 +229,7 @@ def _excitation(trace: AveragedTrace) -> float:
 
 
 def _changes(trace: AveragedTrace) -> int:
-    """How often a trace comes to rest: that of general shape has most steps, and is best to check with."""
+    """Number of times a trace comes to rest: the trace of general shape has most steps and is the best check."""
     return sum(len(signals.stretches(s.stationary)) for s in trace.stretches)
 
 
@@ -255,7 +255,7 @@ def _simulated_error(model: Arx, held: Sequence[Pair], curve: StaticCurve) -> fl
 
 
 def _bias(trace: AveragedTrace, curve: StaticCurve, model: FirstOrder) -> tuple[BiasPoint, ...]:
-    """Both estimates on outputs simulated by the found model, with more and more white noise, not averaged."""
+    """Both estimates on outputs simulated by the found model, with increasing white noise, not averaged."""
     longest = max(trace.stretches, key=lambda s: len(s.current))
     part = _share(longest, min(1.0, BIAS_DURATION / (len(longest.current) * longest.period)))
     clean = curve.pressure(model.simulate(part.current, float(curve.inverse(part.pressure[:1])[0])))
@@ -289,7 +289,7 @@ def _check(trace: AveragedTrace, curve: StaticCurve, model: FirstOrder, results:
 
 
 def _role(trace: AveragedTrace, results: Sequence[ValveResult]) -> str:
-    """What a trace served for: training, validation, split (both) or static."""
+    """Use of a trace: training, validation, split (both) or static."""
     for result in results:
         if result.valve == trace.trace.valve and result.training == trace.trace.name:
             return "split" if result.split else "training"
@@ -299,7 +299,7 @@ def _role(trace: AveragedTrace, results: Sequence[ValveResult]) -> str:
 
 
 def _share(s: Averaged, share: float) -> Averaged:
-    """The first ``share`` of a stretch; what is behind it where negative."""
+    """The first ``share`` of a stretch; the part after it if negative."""
     cut = round(abs(share) * len(s.current))
     part = slice(0, cut) if share > 0 else slice(cut, None)
     arrays = (s.current, s.pressure, s.raw_current, s.raw_pressure)

@@ -1,8 +1,8 @@
-"""Everything together: prediction-error estimates of many parameters from several recordings at once (issue of ch. 5).
+"""All numbers together: prediction-error estimates of many parameters from several recordings at once.
 
-The search starts from the machine file; where its end still disagrees with the recordings, it starts again from other places.
-Initial states are part of the noise model of the predictions. The last part of every recording is not seen by the search
-and is predicted freely afterwards: the held-out check.
+The search starts from the machine file; if its result still disagrees with the recordings, it starts again from other points.
+Initial states are part of the noise model of the predictions. The search does not use the last part of every
+recording, which is predicted by free runs afterwards: the held-out check.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ UNKNOWNS = (
     "accumulators.p_g0_1", "accumulators.p_g0_2", "accumulators.V_g0", "accumulators.d_1", "accumulators.d_2",
     *AREAS, f"{_VALVE}.A_ta_law.c0", f"{_VALVE}.A_ta_law.c1", f"{_VALVE}.x0", f"{_VALVE}.n",
 )  # fmt: skip
-"""What is estimated unless something else is asked for; what a machine does not have is left out."""
+"""Numbers that are estimated by default; those that a machine lacks are left out."""
 
 WIDEN, LEAST = 3.0, 0.3
 """Standard deviation of the prior: three times the tolerance of the machine file's confidence, at least 30 %. A search must be
-free to find a number far outside its tolerance; the prior keeps what the recordings do not tell."""
+free to find a number far outside its tolerance; the prior determines the rest."""
 HELD_OUT = 0.25
-"""Share of every recording, at its end, that the search does not see."""
+"""Share of every recording, at its end, that the search does not use."""
 STARTS = 3
 _WIDEST = 0.10
 """Half width of the 90 % interval over the value, from which a number counts as not determined."""
@@ -68,10 +68,10 @@ class Refinement:
     Attributes:
         machine: with the determined numbers in it.
         estimates: the determined parameters. not_determined: the others, each with the reason.
-        groups: names that the recordings tell only together.
-        held_out: the check on data that the search did not see.
-        noise_level: how far the best model's error exceeds what the currents' noise explains (1: not at all).
-        iterations: of all searches. starts: how many were needed.
+        groups: names that the recordings determine only in combination.
+        held_out: the check on data that the search did not use.
+        noise_level: ratio of the best model's error to what the currents' noise explains (1: explained).
+        iterations: of all searches. starts: number needed.
     """
 
     machine: Machine
@@ -104,19 +104,19 @@ def refine(
     starts: int = STARTS,
     seed: int = 0,
 ) -> Refinement:
-    """Estimates parameters of ``machine`` from recordings of it.
+    """Estimate parameters of ``machine`` from recordings of it.
 
     Args:
-        recordings: at least one; gaps are run around.
-        machine: what is believed before; also where the search starts.
-        progress: told what is being done, one short sentence at a time.
+        recordings: at least one; gaps are left out.
+        machine: prior values, and start of the search.
+        progress: called with a short sentence for every step.
         unknowns: components of the machine file, by default those of ``UNKNOWNS`` that it has.
-        held_out: share of each recording, at its end, that is kept for the check; 0 for none.
-        starts: most searches that are made.
-        seed: of the other starts.
+        held_out: share of each recording, at its end, that is held out for the check; 0 for none.
+        starts: largest number of searches.
+        seed: seed of the other starts.
 
     Raises:
-        MachineError: an unknown that the machine does not have; a pose or load that it cannot have.
+        MachineError: an unknown that the machine lacks; a pose or load that it cannot have.
     """
     say = progress or (lambda text: None)
     names = _unknowns(machine) if unknowns is None else list(unknowns)
@@ -148,7 +148,7 @@ def refine(
     extra = held_numbers(together, {u.name for u in lively})
     groups = tuple(members for _, _, members in together)
     fitted = machine.with_values(vector_values(machine, estimates))
-    say("free runs over what was held out")
+    say("free runs over the held-out data")
     check = _held_out([e.recording for e in experiments], machine, fitted, held_out) if held_out > 0 else ()
     missing = tuple(NotDetermined(name, why, excitation) for name, (why, excitation) in reasons.items())
     return Refinement(
@@ -162,7 +162,7 @@ def _unknowns(machine: Machine) -> list[str]:
 
 
 def _moves(experiment: Experiment) -> bool:
-    """Whether the boom moves, for long enough, where the search may look: a boom at rest tells of its sensors only."""
+    """Whether the boom moves long enough in the training data: a boom at rest shows only its sensors."""
     moving = 0.0
     for segment in experiment.segments:
         rate = segment.measured[segment.training, OUTPUTS.index("rate")]
@@ -171,7 +171,7 @@ def _moves(experiment: Experiment) -> bool:
 
 
 def _unexcited(experiments: Sequence[Experiment], asked: Sequence[Unknown]) -> set[str]:
-    """Unknowns that the recordings, seen with the prior numbers, tell next to nothing about, each taken for itself."""
+    """Unknowns about which the recordings, at the prior values, give almost no information, each taken separately."""
     problem = Problem(experiments, asked)
     z = np.zeros(len(asked))
     if not experiments:
@@ -205,20 +205,20 @@ def _reasons(best: Fit, spread: Uncertainty, groups: Sequence[Collection[str]]) 
     asked = [u.name for u in best.unknowns if u.name in ORIFICES]
     if asked and not pairing_told(spread, result):
         vague = [name for name in CHARGES if name in result]
-        why = "which orifice belongs to which accumulator is not told"
+        why = "which orifice belongs to which accumulator is not determined"
         why += f", as their pre-charges are not ({', '.join(vague)})" if vague else ""
         result |= {name: (why, True) for name in asked if name not in result}
     return result
 
 
 def _only(problem: Problem, full: Fit, kept: Sequence[int], say: Progress) -> Fit:
-    """The fit again with what is not determined held at its prior value, so that the numbers go together."""
+    """The fit again with undetermined numbers held at their prior values, so that all numbers are consistent."""
     fewer = Problem(problem.experiments, [problem.unknowns[j] for j in kept])
     return fit(fewer, full.z[list(kept)], iterations=10, level=full.level, progress=lambda text: say("again: " + text))
 
 
 def _estimates(best: Fit, spread: Uncertainty, kept: Sequence[int], lively: Sequence[Unknown]) -> list[Estimate]:
-    """Determined numbers; where the fit was repeated, the interval of the first is moved with the value."""
+    """Determined numbers; if the fit was repeated, the interval of the first fit is shifted with the value."""
     result = []
     for position, j in enumerate(kept):
         unknown = lively[j]
@@ -234,7 +234,7 @@ def _estimates(best: Fit, spread: Uncertainty, kept: Sequence[int], lively: Sequ
 
 
 def _in_order(estimates: list[Estimate]) -> list[Estimate]:
-    """Both accumulators are alike in the equations: by (5.43) number 1 is the one with the higher pre-charge."""
+    """Exchange the accumulators if needed: by (5.43) number 1 is the one with the higher pre-charge."""
     found = {e.key: e for e in estimates}
     pairs = (CHARGES, ORIFICES)
     if not all(key in found for pair in pairs for key in pair):

@@ -1,9 +1,8 @@
-"""The search of a refinement from several starts: where one ends in disagreement with the recordings, another begins.
+"""The search of a refinement from several starts: if one ends in disagreement with the recordings, another begins.
 
-The first start is the machine file. Pre-charges make corners in the pressure that a search only sees once it is near them, so
-that two accumulators easily change places or merge into one. The next starts therefore keep what was found of everything else
-and take the accumulators from a grid of pre-charges, the most probable places first; where there are none, starts are drawn
-from the priors.
+The first start is the machine file. Pre-charges make corners in the pressure that a search notices only near them, so that
+two accumulators easily change places or merge into one. The next starts therefore keep all other numbers and take the
+accumulators from a grid of pre-charges, the most probable points first; without accumulators, starts are drawn from the priors.
 """
 
 from __future__ import annotations
@@ -23,21 +22,21 @@ Progress = Callable[[str], None]
 
 GOOD_LEVEL = 1.1
 """Noise level up to which a fit agrees with the recordings, so that no other start is needed: 1.00 in all searches that found the
-truth, 1.23 in one that ended beside it (docs/identification.md)."""
+truth, 1.23 in one that missed it (docs/identification.md)."""
 PASSABLE_LEVEL = 2.6
-"""Noise level up to which a fit says something about the machine."""
+"""Noise level up to which a fit is informative about the machine."""
 ITERATIONS = 30
 _GRID = (-1.2, -0.6, 0.0, 0.6, 1.2)
-"""Standard deviations of the prior, of each pre-charge."""
+"""Grid of each pre-charge, in standard deviations of the prior."""
 _APART = 0.7
-"""Distance of the grid that two starts keep: neighbours end in the same place."""
+"""Least grid distance between two starts: neighbours end in the same place."""
 _DRAWN = 0.5
 
 
 def search(problem: Problem, starts: int, seed: int, say: Progress) -> tuple[Fit, int, int]:
-    """The best of at most ``starts`` searches, all their iterations, and how many there were.
+    """The best of at most ``starts`` searches, all iterations, and the number of searches.
 
-    The first that agrees with the recordings ends them. seed: of what is drawn.
+    The first that agrees with the recordings is the last. seed: of the drawn starts.
     """
     best = fit(problem, None, iterations=ITERATIONS, progress=lambda text: say("start 1: " + text))
     iterations, used = best.iterations, 1
@@ -56,7 +55,7 @@ def search(problem: Problem, starts: int, seed: int, say: Progress) -> tuple[Fit
 
 
 def _others(problem: Problem, best: Fit, count: int, seed: int) -> list[Array]:
-    """``count`` places z (m,) to start from after ``best``."""
+    """``count`` starting points z (m,) after ``best``."""
     names = [u.name for u in problem.unknowns]
     block = [j for j, name in enumerate(names) if name.startswith("accumulators.")]
     charges = [j for j in block if names[j].startswith("accumulators.p_g0")]

@@ -19,7 +19,7 @@ def moving_average(values: Array, window: float) -> Array:
     """Mean over a window centred at each sample.
 
     values (n,); window [samples] need not be whole: samples count as steps that last one period each, and the window
-    cuts the outer two. At the ends the window is what is left of it.
+    cuts the outer two. At the ends the window is truncated.
     """
     n = len(values)
     total = np.concatenate(([0.0], np.cumsum(values)))
@@ -32,7 +32,7 @@ def moving_average(values: Array, window: float) -> Array:
 def smoothed(values: Array, period: float, window: float, derivative: int = 0) -> Array:
     """Savitzky-Golay filter of order 3: the values, or their ``derivative``-th derivative [unit / s^derivative].
 
-    values (n,) at a period [s]; window [s]. Fewer samples than the window has give NaN.
+    values (n,) at a period [s]; window [s]. Fewer samples than the window give NaN.
     """
     length = window_samples(period, window)
     if len(values) < length:
@@ -46,14 +46,14 @@ def window_samples(period: float, window: float) -> int:
 
 
 def stretches(flags: Flags) -> list[tuple[int, int]]:
-    """(first, behind the last) of every run of true flags."""
+    """(first, one after the last) of every run of true flags."""
     padded = np.concatenate(([False], flags, [False])).astype(np.int8)
     edges = np.flatnonzero(np.diff(padded))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def pwm_period(voltage: Array) -> float | None:
-    """Period of a PWM voltage [samples], from its rising edges; None where there are fewer than three.
+    """Period of a PWM voltage [samples], from its rising edges; None if there are fewer than three.
 
     Edges fall between samples: the mean over all of them has the precision of one sample over the whole trace.
     """

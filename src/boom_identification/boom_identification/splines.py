@@ -26,7 +26,7 @@ DEGREE = 3
 BASIS_FUNCTIONS = 15
 FOLDS = 5
 BINS = 40
-"""Of the abscissa, in which samples are counted for their weights."""
+"""Width of the abscissa intervals in which samples are counted for their weights."""
 SMOOTHING = tuple(float(10.0**k) for k in np.arange(-8.0, 3.0))
 """Smoothing parameters that cross-validation tries. The abscissa is s_s / s_s^max, the ordinate A / A_0 (5.27)."""
 
@@ -37,7 +37,7 @@ class PSpline:
 
     Attributes:
         nodes: (d + 4,) with the outer ones repeated. coefficients: (d,) beta.
-        smoothing: lambda. scores: lambda -> mean square error of cross-validation; empty where lambda was given.
+        smoothing: lambda. scores: lambda -> mean square error of cross-validation; empty if lambda was given.
         covered: (low, high) of the data.
     """
 
@@ -100,14 +100,14 @@ def monotone_fit(
 ) -> PSpline:
     """Spline that is zero within +-dead_zone and never falls away from it.
 
-    Samples crowd where the operator likes to drive. Each counts by the inverse of how many lie near it, so that a
-    few at a small opening say as much there as hundreds elsewhere; the mean weight is one.
+    Samples are not evenly distributed. Each is weighted by the inverse of the number near it, so that a few at a small
+    opening count as much as hundreds elsewhere; the mean weight is one.
 
     x (n,), y (n,), groups (n,): samples of one stretch share a number, and a fold of the cross-validation.
     smoothing: lambda; None: chosen by cross-validation among `SMOOTHING`.
 
     Raises:
-        ValueError: fewer stretches than folds, where lambda is to be chosen.
+        ValueError: fewer stretches than folds, if lambda has to be chosen.
     """
     increments = _increments(nodes, dead_zone)
     weight = _weights(x)

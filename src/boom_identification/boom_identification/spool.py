@@ -1,9 +1,9 @@
-"""Constants of the main valve's spool from catalogue values, (5.8)-(5.12), its friction (5.13) and step response, Figs. 5.5, 5.6.
+"""Constants of the main valve's spool from data sheet values, (5.8)-(5.12), its friction (5.13) and step response, Figs. 5.5, 5.6.
 
     k = p_max A_s / s_s^max (5.10),   d_v = 2 xi_s sqrt(k m_s) (5.12c),   T_s = sqrt(m_s / k) (5.11b)
 
-No sensor sees the spool: these numbers are not identified. They are computed from the machine file's catalogue values and
-set beside those the file states, so that a slip shows.
+No sensor measures the spool, so these numbers are not identified. They are computed from the data sheet values in the machine
+file and compared with those that the file states, which reveals errors.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ STEEL = 7850.0
 
 @dataclass(frozen=True)
 class SpoolConstant:
-    """One number: symbol, unit, what the file states (NaN: it does not), what follows from the catalogue, equation."""
+    """One number: symbol, unit, value in the file (NaN: none), value from the data sheet, equation."""
 
     symbol: str
     unit: str

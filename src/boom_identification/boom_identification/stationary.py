@@ -1,7 +1,7 @@
 """Stationary points of recordings of the machine, (5.14): what ch. 5.2 and 5.3 are identified from.
 
 Angle rate, pressures and currents are smoothed and differentiated by a Savitzky-Golay filter on the recording's 100 Hz
-grid. Single samples that are missing are bridged for the filter, no more than 30 ms; their own points do not count. A
+grid. Missing samples are bridged for the filter, up to 30 ms; their own points do not count. A
 point is stationary where currents, pressures and rate have been nearly constant for a settling time, which the pilot
 stage (51 ms) and the creeping spool (f_c / sigma_s over k: 94 ms) need.
 """
@@ -36,9 +36,9 @@ WINDOW = 0.25
 BRIDGED = 3
 """Samples that may be missing in a row within a window."""
 SETTLING = 0.3
-"""s. So long everything has to have been nearly constant."""
+"""s. All signals must have been nearly constant for this time."""
 LARGEST_PRESSURE_RATE = 1.0e6
-"""Pa/s. What oil and gas then take up is a few percent of a usual flow, and `Points` tells it."""
+"""Pa/s. Oil and gas then store a few percent of a usual flow, which `Points` holds."""
 LARGEST_ACCELERATION = 0.05
 """rad/s^2."""
 LARGEST_SPOOL_RATE = 0.1
@@ -56,9 +56,9 @@ class Points:
         group: number of the stretch that a point belongs to. bag: number of its recording.
         time: [s]. angle, rate, acceleration: [rad], [rad/s], [rad/s^2]. hose_pressure, rod_pressure: [Pa].
         spool: s_s / s_s^max by (5.18). jacobian: [m/rad]. gravity_torque: [N m]. inertia: [kg m^2].
-        head_storage, rod_storage: flow [m^3/s] that oil and accumulators take up, by the machine file's numbers and the
+        head_storage, rod_storage: flow [m^3/s] stored in oil and accumulators, from the machine file's numbers and the
             measured pressures; (5.15) leaves it out, but an accumulator fills and empties for seconds behind its orifice.
-        excluded: reason -> number of samples that are no points.
+        excluded: reason -> number of samples that are not points.
         bags: names of the recordings.
     """
 
@@ -88,7 +88,7 @@ class Points:
         return self.jacobian * self.rate
 
     def where(self, chosen: Flags) -> Points:
-        """Only some of the points; what is excluded stays as it is."""
+        """A selection of the points; ``excluded`` is unchanged."""
         arrays = {name: getattr(self, name)[chosen] for name in _ARRAYS}
         return Points(**arrays, excluded=self.excluded, bags=self.bags)
 
@@ -100,7 +100,7 @@ _ARRAYS = (
 
 
 def pose_of(recording: Recording, machine: Machine) -> Pose:
-    """Pose and load that the recording tells; an unknown load counts as none.
+    """Configured pose and load of the recording; an unknown load counts as none.
 
     Raises:
         MachineError: a pose or load that the machine cannot have.
@@ -236,7 +236,7 @@ def _bridged(known: Flags) -> list[tuple[int, int]]:
 
 
 def _held(flags: Flags, count: int) -> Flags:
-    """Where a flag has been true for so many samples up to here."""
+    """Where a flag has been true for the last ``count`` samples."""
     since = np.zeros(len(flags), bool)
     for first, end in signals.stretches(flags):
         since[first + count : end] = True

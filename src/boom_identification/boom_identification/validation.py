@@ -1,4 +1,4 @@
-"""Runs the recorded currents through the full and the reduced model and compares: ch. 5.6, Tables 5.1 and 5.2."""
+"""Runs the full and the reduced model on the recorded currents and compares: ch. 5.6, Tables 5.1 and 5.2."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
 
 ANGLE_LIMIT = 1.0e-3
-"""rad. Largest mean angle error of a model that is right: what the noise of the currents adds up to."""
+"""rad. Largest mean angle error of a right model: accumulated noise of the currents."""
 NOISE_FACTOR = 2.0
-"""Times the sensors' noise: largest rms error of a model that is right."""
+"""Multiple of the sensors' noise: largest rms error of a right model."""
 SHORTEST = 5.0
-"""s. Less than this says nothing about a model."""
+"""s. Shorter recordings do not test a model."""
 LEAST_MOTION = 0.02
-"""rad. A boom that moves less has stood: the model is only asked to stand, too."""
+"""rad. A boom that moves less is at rest, which hardly tests a model."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class BagValidation:
 
     @property
     def mismatches(self) -> list[str]:
-        """Metrics in which the full model is further off than noise explains; "stopped" if it did not finish."""
+        """Metrics in which the error of the full model exceeds noise; "stopped" if it did not finish."""
         names = []
         if self.full.stopped:
             names.append("stopped")
@@ -49,13 +49,13 @@ class BagValidation:
 
     @property
     def compared_s(self) -> float:
-        """For how long the angle was both measured and predicted [s]."""
+        """Time for which the angle is both measured and predicted [s]."""
         time = self.recording.signals["angle"].time[self._compared]
         return float(len(time) * np.median(np.diff(time))) if len(time) > 1 else 0.0
 
     @property
     def too_little(self) -> str:
-        """Why nothing can be said about the model, empty if something can."""
+        """Why the recording does not test the model; empty if it does."""
         if self.full.stopped or self.mismatches:
             return ""
         if self.compared_s < SHORTEST:
@@ -105,10 +105,9 @@ class Validation:
 
 
 def validate(recording: Recording, machine: Machine, *, simulated: Recording | None = None) -> BagValidation:
-    """Compares one recording with the models of ``machine`` in the recording's pose.
+    """Compare one recording with the models of ``machine`` in the recording's pose.
 
-    simulated: a bag that stands for the full model's prediction instead of a run in this process (what ROS processes
-    recorded).
+    simulated: a bag with the full model's prediction, recorded by ROS processes, instead of a run in this process.
 
     Raises:
         MachineError: a pose or load that the machine cannot have.
@@ -124,7 +123,7 @@ def validate(recording: Recording, machine: Machine, *, simulated: Recording | N
 def noise_limits(machine: Machine, *, both: bool = False) -> Metrics:
     """Errors up to which a model counts as right: the angle's limit, and twice the sensors' noise.
 
-    both: the prediction went through sensors of its own, so that two independent noises add.
+    both: the prediction has its own sensor noise, so that two independent noises add.
     """
     noise = machine.sensor_noise()
     factor = NOISE_FACTOR * (math.sqrt(2.0) if both else 1.0)
@@ -136,7 +135,7 @@ def noise_limits(machine: Machine, *, both: bool = False) -> Metrics:
 
 
 def from_bag(recording: Recording, simulated: Recording) -> Prediction:
-    """A prediction from a bag that a simulation made: interpolated, both times counted from their beginning."""
+    """A prediction from a bag of a simulation: interpolated, with both times counted from their beginning."""
     values = {}
     for name in OUTPUTS:
         time, other = recording.signals[name].time, simulated.signals[name]

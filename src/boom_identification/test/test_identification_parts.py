@@ -171,7 +171,7 @@ class TestIntervals:
             estimate.least_squares(np.ones((5, 1)), np.arange(5.0), np.zeros(5, int))
 
     def test_columns_alike_cannot_be_told_apart(self) -> None:
-        with pytest.raises(ValueError, match="told from each other"):
+        with pytest.raises(ValueError, match="do not separate the unknowns"):
             estimate.least_squares(np.ones((50, 2)), np.arange(50.0), np.arange(50))
 
 

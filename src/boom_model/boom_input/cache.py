@@ -1,7 +1,7 @@
-"""The user's cache folder: what lies in it is loaded as code, so it must be whole, and nobody else's.
+"""The user's cache folder. Its files are loaded as code, so they must be intact and belong to the user.
 
-A file carries the SHA-256 of its content as its last 32 bytes (a shared library does not mind them). It is written beside its
-place, brought to the disk and then renamed: a reader finds the old one, the new one or none, however many write at once.
+A file carries the SHA-256 of its content as its last 32 bytes (a shared library tolerates them). It is written under a temporary
+name, synced to the disk and renamed: a reader finds the old file, the new one or none, however many processes write at once.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ _OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def cache_folder() -> Path:
-    """The folder for what can be made anew: $BOOM_CACHE, else ``boom`` in the user's cache folder. Made where it is missing.
+    """The cache folder: $BOOM_CACHE, else ``boom`` in the user's cache folder. Created if missing.
 
     Raises:
-        InputError: it cannot be made, belongs to somebody else, or others may write into it.
+        InputError: it cannot be created, belongs to another user, or is writable by others.
     """
     given = os.environ.get("BOOM_CACHE") or ""
     folder = Path(given or Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / "boom")
@@ -36,10 +36,10 @@ def cache_folder() -> Path:
 
 
 def is_whole(path: Path) -> bool:
-    """Whether a file of the cache is there and holds what was once written; a damaged one is to be written anew.
+    """Whether a file of the cache exists and is intact; a damaged one has to be rewritten.
 
     Raises:
-        InputError: it belongs to somebody else, or others may write to it.
+        InputError: it belongs to another user, or is writable by others.
     """
     try:
         _check(path)
@@ -50,7 +50,7 @@ def is_whole(path: Path) -> bool:
 
 
 def keep(path: Path, content: bytes) -> None:
-    """Writes a file of the cache, whole or not at all, for its owner only.
+    """Write a file of the cache completely or not at all, accessible to its owner only.
 
     Raises:
         OSError: it cannot be written.

@@ -1,6 +1,6 @@
-"""Reads a file that somebody else made: a regular one, and not more of it than expected.
+"""Reads a foreign file: only a regular one, and only up to a given size.
 
-``/dev/zero`` never ends and a FIFO blocks whoever opens it, so the kind of a file is looked at before it is read.
+``/dev/zero`` never ends and opening a FIFO blocks, so the kind of a file is checked before it is read.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ TEXT_LIMIT = 1_000_000
 
 
 class InputError(ValueError):
-    """Something from outside cannot be used; one line that says what is wrong, beginning with the file's name."""
+    """A foreign file cannot be used; one line that begins with the file's name and says what is wrong."""
 
     exit_status = 2
 
 
 @contextlib.contextmanager
 def opened(path: str | Path) -> Iterator[BinaryIO]:
-    """A regular file, open for reading; what fails while it is read is told like what fails at its opening.
+    """A regular file, open for reading; errors of reading are reported like errors of opening.
 
     Raises:
-        InputError: not there, not readable, or not a regular file.
+        InputError: missing, not readable, or not a regular file.
     """
     try:
         # O_NONBLOCK: opening a FIFO would wait for its writer.
@@ -50,7 +50,7 @@ def read_bytes(path: str | Path, limit: int) -> bytes:
     """The content of a regular file of at most `limit` bytes.
 
     Raises:
-        InputError: not there, not readable, not a regular file, or larger.
+        InputError: missing, not readable, not a regular file, or larger.
     """
     with opened(path) as file:
         content = file.read(limit + 1)

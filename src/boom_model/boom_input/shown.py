@@ -1,17 +1,17 @@
-"""Text of others, fit to be shown: a file name may hold escape sequences that move the cursor, or a million characters."""
+"""Makes foreign text safe to show: a file name may hold escape sequences that move the cursor, or a million characters."""
 
 from __future__ import annotations
 
 import unicodedata
 
 LONGEST = 200
-"""Characters of somebody else's text that a message quotes."""
+"""Largest number of characters of foreign text that a message quotes."""
 
 _UNSHOWN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
 
 
 def printable(text: object) -> str:
-    r"""The text with everything that a terminal would obey instead of print written as ``\x1b``; line ends and tabs stay."""
+    r"""The text with control characters written as ``\x1b``; line ends and tabs stay."""
     text = str(text)
     if text.isprintable():  # the usual case, and fast
         return text

@@ -1,4 +1,4 @@
-"""What is written: files whole or not at all, and a folder by one process at a time."""
+"""Writes files completely or not at all, and locks a folder for one process at a time."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from pathlib import Path
 
 
 class InUseError(RuntimeError):
-    """Another process writes into the folder; one line that says so."""
+    """Another process uses the folder; one line that says so."""
 
     exit_status = 2
 
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
-    """Writes a file whole or not at all: until the new one is complete and on the disk, the old one stays.
+    """Write a file completely or not at all: the old one stays until the new one is complete and on the disk.
 
-    A link goes on pointing where it did. What is no regular file, e.g. ``/dev/stdout``, is written to.
+    A link keeps its target. A target that is not a regular file, e.g. ``/dev/stdout``, is written directly.
 
     Raises:
         OSError: it cannot be written.
@@ -42,7 +42,7 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
 
 @contextmanager
 def one_writer(folder: str | Path) -> Iterator[None]:
-    """Holds a folder that exists. The lock is the kernel's: however the process ends, nothing of it is left behind.
+    """Lock an existing folder. The kernel holds the lock, so it disappears however the process ends.
 
     Raises:
         InUseError: another process holds it.

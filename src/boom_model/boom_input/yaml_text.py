@@ -1,9 +1,9 @@
-"""The one way in for YAML: machine files, mappings, parameters, metadata of bags.
+"""Reads all YAML: machine files, mappings, parameters, metadata of bags.
 
-YAML can be written so that a kilobyte becomes a gigabyte (aliases), a stack overflows (nesting) or a constructor raises what it
-likes (dates, numbers of 5000 digits, tags). So the document is built here from the parser's events, in one pass and without
+YAML can be written so that a kilobyte becomes a gigabyte (aliases), a stack overflows (nesting) or a constructor raises any
+exception (dates, numbers of 5000 digits, tags). So the document is built here from the parser's events, in one pass and without
 recursion: aliases and tags are refused; size, depth, digits and keys are limited; dates stay text; keys are always text; and a
-key given twice, which would silently drop the first, is an error. Whatever is wrong is one line with file and line.
+key given twice, which would silently drop the first, is an error. Every error is one line with file and line number.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _NUMBER = re.compile(r"[-+.\d][-+.\d_:eExXoObBa-fA-F]*")
 _DIRECTIVE = re.compile(r"^%TAG", re.MULTILINE)
 _TEXT_TAGS = (None, "!", f"{_TAG}str")
 _UNWANTED = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff]")
-"""Control characters but tab and line ends: they come from escapes such as "\\e" and act on a terminal."""
+"""Control characters except tab and line ends: they come from escapes such as "\\e" and act on a terminal."""
 
 
 def read_yaml(path: str | Path) -> Any:
@@ -61,7 +61,7 @@ def read_yaml(path: str | Path) -> Any:
 
 
 def parse_yaml(text: str, name: str) -> Any:
-    """The document in a YAML text; `name` begins the message where it cannot be read.
+    """The document in a YAML text; an error message begins with `name`.
 
     Raises:
         InputError: not YAML, or more than such a file can need (size, aliases, depth, digits, tags, a key given twice).
@@ -82,7 +82,7 @@ def parse_yaml(text: str, name: str) -> Any:
 
 
 def line_of(text: str, keys: Sequence[str]) -> int | None:
-    """The line of a text that `parse_yaml` has read in which the last of these keys stands, or the last one that is there."""
+    """The line that holds the last of these keys, or the last one that exists, in a text that `parse_yaml` has read."""
     places: dict[tuple[str, ...], int] = {}
     _build(yaml.parse(text, Loader=_Loader), places)
     return next((places[tuple(keys[:n])] for n in range(len(keys), 0, -1) if tuple(keys[:n]) in places), None)
@@ -199,7 +199,7 @@ def _scalar(event: Any) -> Any:
 
 @lru_cache(maxsize=4096)
 def _plain(text: str) -> Any:
-    """What a plain word means: a number, a truth value, nothing, else itself."""
+    """The value of a plain word: a number, a truth value, None, else the word itself."""
     tag = _tag(text)
     return text if tag is None else _CONSTRUCT[tag](_CONSTRUCTOR, yaml.ScalarNode(tag, text))
 

@@ -1,6 +1,6 @@
-"""Many runs at once, on all cores: each with parameters, inputs and initial state of its own, of one plant or of several.
+"""Many runs at once on all cores, each with its own parameters, inputs and initial state, of one plant or several.
 
-The integrator holds no lock of Python, so that threads are enough.
+The integrator releases Python's lock, so threads suffice.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ class Job:
     """One run of a batch; shapes, units and rules as for ``Plant.run``.
 
     Attributes:
-        plant: whose equations.
-        parameters: (NP,) in the order of ``plant.parameter_names``; they decide the delays, too.
+        plant: plant with the equations.
+        parameters: (NP,) in the order of ``plant.parameter_names``; they also set the delays.
         input_time, currents: (m,) [s], (m, 2) [A].
         output_time: (n,) [s].
         initial_state: (NX,) at ``start`` [s].
@@ -45,7 +45,7 @@ def run_jobs(
 ) -> list[Array]:
     """Outputs (n, NY) of every job, NaN from where a run failed on.
 
-    stop: set to non-zero from another thread to end all runs; an exception such as Ctrl-C in this one does it, too.
+    stop: set to non-zero from another thread to end all runs; an exception such as Ctrl-C in this thread does the same.
 
     Raises:
         ModelError: shapes that do not fit, values that are not finite.
@@ -83,7 +83,7 @@ def run_sets(
 ) -> Array:
     """Outputs (M, n, NY) of runs of one plant with M parameter sets (M, NP); NaN from where a run failed on.
 
-    The other arguments are those of `Plant.run`; runs that differ in more than their parameters: `run_jobs`.
+    The other arguments are those of `Plant.run`; for runs that differ in more than their parameters use `run_jobs`.
     """
     sets = np.ascontiguousarray(parameter_sets, dtype=float)
     t_in, u = np.asarray(input_time, dtype=float), np.ascontiguousarray(currents, dtype=float)

@@ -70,7 +70,7 @@ class CompiledModel:
 
     @cached_property
     def abreast(self) -> CDLL:
-        """The observer for ``LANES`` parameter vectors at once, compiled when first asked for."""
+        """The observer for ``LANES`` parameter vectors at once, compiled on first use."""
         return _catalogued_abreast(self.machine.structure, tuple(sorted(self.machine.effects)), self._kind)
 
     @cached_property
@@ -98,12 +98,12 @@ class CompiledModel:
 
 
 def pointer(array: Array) -> Any:
-    """Where C finds the numbers of an array."""
+    """Pointer to the numbers of an array for C."""
     return array.ctypes.data_as(_DOUBLE)
 
 
 def _compiled(machine: Machine, kind: Kind) -> tuple[Equations, CDLL]:
-    """The model's equations and its integrator; the numbers are not in them."""
+    """The model's equations and its integrator, without numbers."""
     if not machine.learned:
         return _catalogued(machine.structure, tuple(sorted(machine.effects)), kind)
     model = full_model if kind == "full" else reduced_model
@@ -113,7 +113,7 @@ def _compiled(machine: Machine, kind: Kind) -> tuple[Equations, CDLL]:
 
 @lru_cache(maxsize=64)
 def _catalogued(structure: Structure, effects: tuple[str, ...], kind: Kind) -> tuple[Equations, CDLL]:
-    """Kept: writing the source costs as much as a run of a minute."""
+    """Cached: writing the source costs as much as a run of a minute."""
     equations = (full_model if kind == "full" else reduced_model)(structure, effects)
     return equations, build(equations)
 

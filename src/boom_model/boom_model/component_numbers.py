@@ -1,6 +1,6 @@
 """The numbers of a machine as the components take them: ``p`` with its sections, ``e`` with the terms of its effects.
 
-With these a component's function can be evaluated on its own, for instance
+With these a component's function can be evaluated separately, for instance
 ``hose_burst_valve.pressure_drop(flow, p, e)`` with arrays.
 """
 

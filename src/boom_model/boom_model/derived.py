@@ -1,4 +1,4 @@
-"""What the numbers of a machine mean: quantities that follow from them and stand on data sheets. For people, not for the model."""
+"""Quantities that follow from the numbers of a machine and that data sheets state. For users, not for the model."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from boom_model.machine import Machine
 
 BAR, LPM, LITRE, MILLIMETRE, DEGREE = 1e5, 1 / 60_000.0, 1e-3, 1e-3, math.pi / 180.0
 LOAD_PRESSURE = 240e5
-"""Pa gauge in the head side, none in the rod side, at which the load that can be held is told."""
+"""Pa gauge in the head side, none in the rod side, for the load that can be held."""
 RETURN_PRESSURE = 10e5
 """Pa gauge in the rod side, assumed where a flow depends on it (valves without compensator)."""
 STEPS = 100
@@ -23,7 +23,7 @@ _STEP = 1e-4  # rad, for the lever arm
 
 @dataclass(frozen=True)
 class Quantity:
-    """One line of a table: what it is, its value with the unit, where in the file it comes from."""
+    """One line of a table: name, value with unit, source in the file."""
 
     meaning: str
     value: str

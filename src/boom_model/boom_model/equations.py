@@ -1,4 +1,4 @@
-"""The full model (5.39) and the reduced model (5.47): nothing but wiring of the components.
+"""The full model (5.39) and the reduced model (5.47): only connects the components.
 
 Both come as :class:`Equations`: symbolic x' = f(x, u, p) and y = h(x, u, p) in CasADi, from which simulation, Jacobian and
 sensitivities are derived. Order of arguments everywhere: state, input, parameters.
@@ -97,7 +97,7 @@ def parameter_names(
 
 
 class _Wiring:
-    """Symbols and what both models share: kinematics, valve, spool, pilot stage, outputs."""
+    """Symbols and the common parts of both models: kinematics, valve, spool, pilot stage, outputs."""
 
     def __init__(self, structure: Structure, effects: Iterable[str], learned: Sequence[LearnedTerm] = ()) -> None:
         self.structure = structure

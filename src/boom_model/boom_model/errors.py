@@ -21,7 +21,7 @@ class BuildError(ModelError):
 
 
 class SimulationError(ModelError):
-    """A run left the range in which the model means anything.
+    """A run left the range in which the model is valid.
 
     Attributes:
         time: when, in seconds of the run.
@@ -35,7 +35,7 @@ class SimulationError(ModelError):
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """The end of a message about an unknown name: the one that may be meant, or all there are."""
+    """The end of a message about an unknown name: the most similar one, or all."""
     known = sorted(names)
     close = difflib.get_close_matches(name, known, 1, 0.5)
     return f"; did you mean {close[0]}?" if close else f"; known: {', '.join(known)}"

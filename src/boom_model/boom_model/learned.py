@@ -1,4 +1,4 @@
-"""Terms learnt from data: physics that no catalogue lists, as a sum of coefficients times products of states.
+"""Terms learnt from data: unmodelled physics as a sum of coefficients times products of states.
 
     term = sum_j c_j prod_f f(v)
 
@@ -15,7 +15,7 @@ A product is written as text, factors joined by ``*``. A factor is a variable of
     lag(v, T)         memory: T x' = v - x, x a state, zero at rest
 
 Variables are scaled to about one, so that coefficients have the unit of the equation. They are held at the ends of
-``validity``, the range of the data that the term was learnt from: outside, it does not grow.
+``validity``, the range of the data from which the term was learnt, so that it does not grow outside.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ SHARPNESS = 0.02
 EDGE = 0.005
 """Of above and below, in scaled units: 5 mrad."""
 MOST_TERMS, MOST_PRODUCTS, MOST_FACTORS = 16, 32, 8
-"""What ``learned:`` may hold; more would take the compiler minutes."""
+"""Limits of ``learned:``; more would take the compiler minutes."""
 LARGEST, SMALLEST = 1e6, 1e-6
 """Of a number in a factor, and of a time or a width; variables are about one."""
 
 
 @dataclass(frozen=True)
 class Variable:
-    """What a factor may use: the scaled variable is the quantity over ``scale``; ``zero_at_rest`` ones may lag."""
+    """A variable for factors: the scaled variable is the quantity over ``scale``; ``zero_at_rest`` ones may lag."""
 
     unit: str
     scale: float
@@ -66,7 +66,7 @@ VARIABLES: dict[str, Variable] = {
 
 @dataclass(frozen=True)
 class Place:
-    """An equation that takes a term: its number in the thesis, unit of the term, size that a coefficient of one has."""
+    """An equation that accepts a term: its number in the thesis, unit of the term, size of a coefficient of one."""
 
     equation: str
     unit: str
@@ -99,7 +99,7 @@ class LearnedTerm:
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What decides the shape of the equations."""
+        """Key of the shape of the equations."""
         return self.equation, self.basis, tuple(sorted(self.validity.items()))
 
     def document(self) -> dict[str, Any]:
@@ -129,7 +129,7 @@ def parse(text: str) -> tuple[Factor, ...]:
     """The factors of a product.
 
     Raises:
-        MachineError: names what cannot be read.
+        MachineError: the message names the unreadable part.
     """
     if text.count("*") >= MOST_FACTORS:
         raise MachineError(f"learned: {text!r} has more than {MOST_FACTORS} factors")
@@ -139,7 +139,9 @@ def parse(text: str) -> tuple[Factor, ...]:
 def _factor(part: str, text: str) -> Factor:
     match = _FACTOR.match(part)
     if match is None:
-        raise MachineError(f"learned: {part!r} in {text!r} is no variable or function of one; see docs/diagnosis.md")
+        raise MachineError(
+            f"learned: {part!r} in {text!r} is neither a variable nor a function of one; see docs/diagnosis.md"
+        )
     function, variable, given, plain, power = match.groups()
     if function is None:
         function, variable, given = (f"^{power}" if power else ""), plain, ""
@@ -171,7 +173,7 @@ def check_learned(given: Any) -> tuple[LearnedTerm, ...]:
     """Section ``learned:`` of a machine file.
 
     Raises:
-        MachineError: names the first thing that is wrong.
+        MachineError: the message names the first fault.
     """
     if not isinstance(given, list):
         raise MachineError("learned: expected a list of terms with equation, basis, coefficients, unit, validity")
@@ -271,7 +273,7 @@ def evaluate(text: str, variables: Mapping[str, Array], memory: Callable[[str, f
     """A product (n,) over scaled variables (n,); ``memory`` as in :func:`term`, for numbers.
 
     Raises:
-        MachineError: names what cannot be read.
+        MachineError: the message names the unreadable part.
     """
     product = np.ones(len(next(iter(variables.values()))))
     for factor in parse(text):

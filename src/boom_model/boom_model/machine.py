@@ -24,7 +24,7 @@ TOLERANCES = {"high": 0.03, "medium": 0.10, "low": 0.30, "": 0.15}
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number (or pair, triple) of a machine file with where it comes from and how sure it is."""
+    """One number (or pair, triple) of a machine file with source and confidence."""
 
     specification: Specification
     value: tuple[float, ...]
@@ -42,7 +42,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Pose:
-    """The locked joints and what follows from them: q_3 [rad], q_4 [m], load [kg], D_0, S_x, S_y, tip."""
+    """The locked joints and the resulting quantities: q_3 [rad], q_4 [m], load [kg], D_0, S_x, S_y, tip."""
 
     outer_boom_angle: float
     telescope_length: float
@@ -67,12 +67,12 @@ class Machine:
 
     Attributes:
         name: its ``meta.name``.
-        structure: the components it has.
+        structure: its components.
         parameters: dotted key -> parameter.
         angle_limits: (q_2 at s_p = 0, largest q_2) [rad].
         effects: active effects, id -> parameter -> value.
         tabulated: poses whose D_0, S_x, S_y and tip the file states, without load.
-        sensors: what the file says of its sensors, key of section ``control`` -> number.
+        sensors: numbers of the sensors, key of section ``control`` -> number.
         document: the file as it was read.
         learned: terms learnt from data.
     """
@@ -155,17 +155,17 @@ class Machine:
         return Pose(outer_boom_angle, telescope_length, load, locked.D0, locked.Sx, locked.Sy, locked.tip)
 
     def piston_position(self, angle: float) -> float:
-        """s_p [m] at the boom angle [rad] (NaN where the linkage cannot be assembled)."""
+        """s_p [m] at the boom angle [rad] (NaN if the linkage cannot be assembled)."""
         return float(self.structure.linkage.piston_position(angle, self.numbers))
 
     @cached_property
     def numbers(self) -> Any:
-        """The machine's numbers by section and name, ``numbers.cylinder.A_a``; made once, for thousands of positions."""
+        """The machine's numbers by section and name, ``numbers.cylinder.A_a``; created once, for thousands of positions."""
         values = (zip(p.specification.components, p.value, strict=True) for p in self.parameters.values())
         return namespace(dict(pair for pairs in values for pair in pairs))
 
     def sensor_noise(self) -> SensorNoise:
-        """Noise and quantisation of the machine's sensors; ch. 6.4 where section ``control`` does not say."""
+        """Noise and quantisation of the machine's sensors; ch. 6.4 unless section ``control`` states them."""
         said, noise = self.sensors, SensorNoise()
         sigma = noise.pressure_sigma
         if "p_noise_psd" in said:
@@ -179,7 +179,7 @@ class Machine:
 
 
 def check_range(spec: Specification, value: tuple[float, ...], shown: object = None) -> None:
-    """Refuses numbers outside the range of a parameter; ``shown`` is what the file says, where that was no number.
+    """Refuses numbers outside the range of a parameter; ``shown``: the text of the file, if it is not a number.
 
     Raises:
         MachineError: names the key and the range.

@@ -1,4 +1,4 @@
-"""Checks the document of a machine file key by key, and makes the machine of it."""
+"""Checks the document of a machine file key by key, and builds the machine from it."""
 
 from __future__ import annotations
 
@@ -48,14 +48,14 @@ STROKE_SLACK = 1e-3
 """m."""
 LONGEST_NAME = 100
 LARGEST = 1e9
-"""Of a first moment [kg m], an inertia [kg m^2], a place [m]: no crane comes near, and squares of it stay finite."""
+"""Limit of a first moment [kg m], an inertia [kg m^2], a position [m]: far beyond any crane, and its squares stay finite."""
 
 
 class _Faults(list[str]):
-    """What is wrong with a file; the first one ends nothing but the step that it is found in."""
+    """The faults of a file; a fault ends only the step in which it is found."""
 
     def of(self, step: Callable[..., Any], *arguments: Any) -> Any:
-        """What a step gives; None, and one more fault, where it raises a MachineError."""
+        """The result of a step; None, and one more fault, if it raises a MachineError."""
         try:
             return step(*arguments)
         except MachineError as error:
@@ -64,7 +64,7 @@ class _Faults(list[str]):
 
 
 def check(document: Any) -> tuple[Machine | None, list[str]]:
-    """The machine of a document in the form of a machine file, or all that is wrong with it, one line each."""
+    """The machine of a document in the form of a machine file, or all its faults, one line each."""
     if not isinstance(document, dict):
         return None, ["not a machine file: expected sections such as fluid, cylinder, kinematics"]
     faults = _Faults()
@@ -106,7 +106,7 @@ def check(document: Any) -> tuple[Machine | None, list[str]]:
 
 
 def _sections(document: Mapping[Any, Any], faults: list[str]) -> dict[str, Any]:
-    """The sections that can be looked into; what is wrong with the others goes to the faults."""
+    """The readable sections; errors of the others are added to the faults."""
     sections = {}
     for name, section in document.items():
         if name not in _TOP:
@@ -252,7 +252,7 @@ def _tabulated(section: Mapping[str, Any]) -> tuple[Pose, ...]:
 
 
 def _check_links(machine: Machine) -> None:
-    """What places the bodies in any pose, tried in the middle of the joint's range, so that an error shows at once."""
+    """Check the data that place the bodies in any pose, in the middle of the joint's range, so that an error shows at once."""
     body = machine.document["rigid_body"]
     middle = machine.tabulated[0].outer_boom_angle
     if "joint_limits" in body:

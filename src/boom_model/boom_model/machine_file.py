@@ -24,7 +24,7 @@ LONGEST_MESSAGE = 500
 
 
 def load_machine(source: str | Path) -> Machine:
-    """Reads a machine file: the name of one that is shipped (``tz17``) or the path of a YAML file.
+    """Reads a machine file: the name of a shipped one (``tz17``) or the path of a YAML file.
 
     Raises:
         MachineError: not found, not YAML, or a key that is missing, misspelt or impossible; with file and line.
@@ -36,13 +36,13 @@ def load_machine(source: str | Path) -> Machine:
 
 
 def shipped_machines() -> list[str]:
-    """Names of the machine files that are shipped."""
+    """Names of the shipped machine files."""
     entries = files("boom_model").joinpath("machines").iterdir()
     return sorted(entry.name.removesuffix(".yaml") for entry in entries if entry.name.endswith(".yaml"))
 
 
 def shipped_machine(name: str) -> Machine:
-    """The machine of a name that came from outside, over a topic or in a bag: one that is shipped, never a path.
+    """The machine of a name from outside, from a topic or a bag: a shipped one, never a path.
 
     Raises:
         MachineError: not shipped.
@@ -55,7 +55,7 @@ def shipped_machine(name: str) -> Machine:
 
 
 def machine_from(document: Any) -> Machine:
-    """Checks a document in the form of a machine file.
+    """Check a document in the form of a machine file.
 
     Raises:
         MachineError: names the first key that is missing, misspelt or impossible.
@@ -83,13 +83,13 @@ def check_machine(source: str | Path) -> tuple[Machine | None, list[str]]:
 
 
 def _line(fault: str, text: str) -> int | None:
-    """Where the key stands that a fault begins with; None where it is not there."""
+    """The line of the key at the beginning of a fault; None if it is not there."""
     key = _KEY.match(fault)
     return line_of(text, key.group().split(".")) if key else None
 
 
 def _told(fault: str, where: str, line: int | None) -> str:
-    """A fault with file and line; whatever the file says of itself, it is one line of a length that can be read."""
+    """A fault with file and line, as one line of limited length, whatever the file contains."""
     return quoted(f"{where}, line {line}: {fault}" if line else f"{where}: {fault}", LONGEST_MESSAGE)
 
 

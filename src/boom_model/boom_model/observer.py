@@ -1,8 +1,8 @@
 """An observer: the model predicts from sample to sample and is corrected by what was measured.
 
-x_k+1 = F(x_k, u, p) + K_k e_k, e_k = y_k - h(x, p): the innovation. With the gains K_k kept, e is a smooth function of
-the parameters p, and its derivatives tell what a change of p would explain (prediction-error method). Errors do not pile
-up as in a free run. The gains come from the extended Kalman filter along a trajectory (:func:`kalman`).
+x_k+1 = F(x_k, u, p) + K_k e_k, e_k = y_k - h(x, p): the innovation. With fixed gains K_k, e is a smooth function of the
+parameters p, and its derivatives show what a change of p would explain (prediction-error method). Errors do not accumulate
+as in a free run. The gains come from the extended Kalman filter along a trajectory (:func:`kalman`).
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from boom_model.sensors import OUTPUTS
 Array = NDArray[np.float64]
 
 BEYOND_STOPS = 0.02
-"""rad. How far beyond the machine's stops the observer's angle may go before it is held: a boom that
-runs against them, with a model that lacks its cushions, is predicted to go on."""
+"""rad. How far beyond the machine's stops the observer's angle may go before it is held: a model
+without cushions predicts that a boom at its stops continues."""
 WORTH_JOINING = 2
-"""Passes from which on they go side by side."""
+"""Number of passes from which they run side by side."""
 STANDSTILL = 0.05
-"""rad/s. Below it so little flows that a part which rested still stands where it likes."""
+"""rad/s. Below this the flow is so small that a part at rest may be at any position."""
 
 
 @dataclass(frozen=True)
@@ -77,13 +77,13 @@ class Gains:
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """What the filter assumes.
+    """Noise that the filter assumes.
 
     Attributes:
         outputs: (NY,) standard deviation of the measured channels [SI].
         currents: of both currents [A], new with each sample. timing: of the moment at which a current changes [s].
         disturbance: state name -> intensity of white noise on its derivative [unit/s * sqrt(s)].
-        resting: the same, added while the boom stands still: what a part does that nothing flows through is not known.
+        resting: the same, added while the boom stands still, when the state of parts without flow is unknown.
         initial: state name -> uncertainty of the initial state.
     """
 
@@ -137,8 +137,8 @@ def observe_groups(
 ) -> list[list[Observed]]:
     """Groups of up to ``LANES`` passes on all cores. Passes of a group share the integrator's steps, if they can.
 
-    They then differ smoothly with their parameters, and their differences are good derivatives. Those that have another plant,
-    other samples or other gains than the first of their group go alone; all of it do where one fails.
+    They then differ smoothly with their parameters, and their differences are good derivatives. Passes with another plant,
+    other samples or other gains than the first of their group run alone; all passes of a group do if one fails.
     """
     for group in groups:
         if len(group) >= WORTH_JOINING:
@@ -147,18 +147,18 @@ def observe_groups(
 
 
 def compile_abreast(plant: Plant) -> None:
-    """Compiles what passes side by side need, if that is not done yet."""
+    """Compile the code for passes side by side, if not done yet."""
     if _joins(plant):
         _ = plant.abreast
 
 
 def _joins(plant: Plant) -> bool:
-    """A term learnt from data is compiled for one recording: not worth another compilation."""
+    """False for a term learnt from data: it is compiled for one recording, which is not worth another compilation."""
     return not plant.machine.learned
 
 
 def _alike(group: Sequence[Job]) -> list[int]:
-    """Which of a group can go side by side with its first."""
+    """Members of a group that can run side by side with its first."""
     plant, samples, _, gain, _ = group[0]
     if not _joins(plant):
         return []
@@ -176,7 +176,7 @@ def _together(group: Sequence[Job], tolerance: float) -> list[Observed]:
 
 
 def _side_by_side(group: Sequence[Job], tolerance: float) -> list[Observed] | None:
-    """The passes of a group in one, the last one filling what is left of ``LANES``; None where one fails."""
+    """The passes of a group in one, with copies of the last one up to ``LANES``; None if one fails."""
     plant, samples, _, gain, _ = group[0]
     n, nx = len(samples.grid) - 1, len(plant.state_names)
     lanes = [group[min(i, len(group) - 1)] for i in range(LANES)]
@@ -198,7 +198,7 @@ def _arguments(
     plant: Plant, samples: Samples, p: Array, x: Array, currents: Array, gain: Array, innovations: Array, states: Array,
     tolerance: float, report: Array,
 ) -> tuple[Any, ...]:  # fmt: skip
-    """Of ``boom_observe``; the arrays must live as long as its call."""
+    """Arguments of ``boom_observe``; the arrays must live as long as its call."""
     minimum, maximum = plant.minimum.copy(), plant.maximum.copy()
     minimum[0], maximum[0] = minimum[0] - BEYOND_STOPS, maximum[0] + BEYOND_STOPS
     minimum[plant.state_names.index("head_pressure")] = PULLED
@@ -213,7 +213,7 @@ def _arguments(
 
 @lru_cache(maxsize=4)
 def _pool(workers: int) -> ThreadPoolExecutor:
-    """Threads that stay: starting them would cost as much as a short pass."""
+    """Persistent threads: starting them would cost as much as a short pass."""
     return ThreadPoolExecutor(workers)
 
 
@@ -237,7 +237,7 @@ def transitions(jacobian: Array, step: Array) -> Array:
 
 @dataclass(frozen=True)
 class Linearised:
-    """A plant along the states that it went through, for the gains of observers that differ in what disturbances they assume.
+    """A plant linearised along its states, for the gains of observers with different process noise scales.
 
     Attributes:
         middle, transition: (n, NX, NX) of half an interval and of the whole.
@@ -276,7 +276,7 @@ def linearised(
 
 
 def kalman(plant: Plant, samples: Samples, along: Linearised, noise: NoiseModel) -> Gains:
-    """Gains of the extended Kalman filter along a trajectory that was linearised with this noise of the currents."""
+    """Gains of the extended Kalman filter along a trajectory linearised with this noise of the currents."""
     names, step, middle = plant.state_names, np.diff(samples.grid), along.middle
     density = np.array([noise.disturbance.get(name, 0.0) ** 2 for name in names])[None, :].repeat(len(step), axis=0)
     density[along.still] += np.array([noise.resting.get(name, 0.0) ** 2 for name in names])
@@ -302,7 +302,7 @@ def riccati(
     """Kalman gains (n, NX, NY) and covariances of the innovations (n, NY, NY) by the recursion of Riccati.
 
     Args:
-        plant: whose states these are, scaled or not.
+        plant: plant of the states, scaled or not.
         transition: (n, NX, NX) of each interval.
         process: (n, NX, NX) covariance of what is added in it.
         output: (NY, NX) dy/dx.

@@ -1,4 +1,4 @@
-"""A machine in a pose, compiled: runs, single steps, batches of parameter sets. The numerical face of the package.
+"""A machine in a pose, compiled: runs, single steps, batches of parameter sets. The numerical interface of the package.
 
 Currents are held: u[k] acts from its time to the next one's, before the first and behind the last the nearest. Effects that delay
 the command shift the input's times, those that delay the pressures the times at which these are sampled.
@@ -32,8 +32,8 @@ _FIRST_STEP = 1e-4
 FAST, FINE = 1e-4, 1e-6
 """Tolerances of the error control. Measured over a 60 s recording they give errors of about the same size."""
 PULLED = -1.0e7
-"""Pa gauge: p_a down to which a run goes on that is asked to, though oil evaporates at -1 bar. No sensor sees p_a, and what lies
-behind such a moment can still be compared."""
+"""Pa gauge: p_a down to which a run continues on request, although oil evaporates at -1 bar. No sensor measures p_a, and the data
+after such a moment can still be compared."""
 LARGEST_SPOOL = 4.0
 """Times s_max: beyond, a run ends with an error. The spool has no end stop in the equations; 0.7 A push it to 1.6 s_max."""
 
@@ -166,7 +166,7 @@ class Plant(CompiledModel):
             start: [s].
             tolerance: relative error of a step, per state, against the larger of its size and its usual range.
             parameters: (NP,) other numbers than the machine's, in the order of ``parameter_names``.
-            order: 3 or 4, order of the Rosenbrock method; by default what is faster at this tolerance.
+            order: 3 or 4, order of the Rosenbrock method; by default the faster one at this tolerance.
             stop: set to non-zero from another thread to end the run.
 
         Raises:
@@ -196,7 +196,7 @@ class Plant(CompiledModel):
         order: int | None = None,
         stop: ctypes.c_int | None = None,
     ) -> tuple[Array, Array, Array, Array]:
-        """As :meth:`run`, but a run that fails is no error: what lies behind the failure is NaN.
+        """As :meth:`run`, but a failed run is not an error: values after the failure are NaN.
 
         Returns:
             States (n, NX), outputs (n, NY), final state (NX,) and the integrator's report: status (0: good), time [s]
@@ -341,7 +341,7 @@ class Stepper:
         """Advances by ``duration`` [s] with both currents [A] held; returns y (NY,), overwritten by the next step.
 
         Raises:
-            SimulationError: a state left its range; the state stays as it was at the failure.
+            SimulationError: a state left its range; the state stays as at the failure.
         """
         self._u[0], self._u[1] = retract, extend
         if self._call(duration):

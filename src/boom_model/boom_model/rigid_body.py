@@ -3,14 +3,14 @@
     D_0 = sum_i (m_i |r_i|^2 + I_i)        (S_x, S_y) = sum_i m_i r_i
 
 r_i is the centre of body i in the boom's frame (origin at the boom joint, x along the boom, y up); it follows from the
-arm angle q_3 and the telescope's extension q_4. What hangs at the tip hinge counts as a point mass there; the load is
+arm angle q_3 and the telescope's extension q_4. Masses at the tip hinge count as a point mass there; the load is
 left out (``equation_of_motion`` adds it, and holds D and g(q_2) themselves). The angle is positive upwards.
 
 The sums are pinocchio's: the bodies become one body on one revolute joint, D_0 is its joint-space inertia (composite
 rigid body algorithm) and S_x, S_y are its generalised gravity at two angles under 1 m/s^2.
 
 Symbols: q_3 [rad] (pi/2 = arm in line with the boom, 4.59 = folded), q_4 [m] (total extension of both stages), D_0
-[kg m^2], S_x, S_y [kg m], tip [m]. Valid within the machine's joint limits. Not in it: the boom cylinder and its
+[kg m^2], S_x, S_y [kg m], tip [m]. Valid within the machine's joint limits. Not included: the boom cylinder and its
 linkage (2 % of g).
 Source: sections ``rigid_body.links`` and ``rigid_body.planar`` of the machine file; how they are read: machine notes.
 """
@@ -32,7 +32,7 @@ Vector = NDArray[np.float64]
 
 AXES = ("x", "y", "z")
 LARGEST = 1e6
-"""Of a mass [kg], a length [m], an inertia [kg m^2]: no crane comes near, and squares of it stay finite."""
+"""Limit of a mass [kg], a length [m], an inertia [kg m^2]: far beyond any crane, and its squares stay finite."""
 LIMIT_SLACK = 1e-3
 """rad or m: a pose read from a message may lie this far outside the joint limits by rounding."""
 
@@ -43,14 +43,14 @@ class PoseError(MachineError):
 
 @dataclass(frozen=True)
 class LockedBody:
-    """What the boom joint carries in one pose, without the load.
+    """The body that the boom joint carries in one pose, without the load.
 
     Attributes:
         D0: inertia about the boom joint [kg m^2].
         Sx: first moment along the boom [kg m].
         Sy: first moment across the boom, upwards [kg m].
         tip: the tip hinge (x, y) in the boom's frame [m]; the load hangs there.
-        load_mass: the load [kg] that goes with it; not in D0, Sx, Sy.
+        load_mass: the load [kg] of the pose; not in D0, Sx, Sy.
     """
 
     D0: float
@@ -74,7 +74,7 @@ def locked_inertia(rigid_body: Mapping[str, Any], q3: float, q4: float, load_mas
     """Inertia, first moments and tip for the arm angle q3 [rad], the extension q4 [m] and the load [kg] at the tip.
 
     ``rigid_body`` is the section of that name of a machine file, as a plain mapping; its parts ``links`` and ``planar``
-    are read, and ``joint_limits`` where it has them.
+    are read, and ``joint_limits`` if present.
 
     Raises:
         MachineError: a key is missing or has no sensible value; the message names it.
@@ -118,7 +118,7 @@ def place_bodies(rigid_body: Mapping[str, Any], q3: float, q4: float) -> list[Bo
 
 
 def check_pose(rigid_body: Mapping[str, Any], q3: float, q4: float) -> None:
-    """Raise PoseError where q3 [rad] or q4 [m] is no number or outside ``joint_limits``."""
+    """Raise PoseError if q3 [rad] or q4 [m] is not a number or outside ``joint_limits``."""
     limits = group(rigid_body, "rigid_body", "joint_limits") if "joint_limits" in rigid_body else {}
     ranges = {}
     if "q3" in limits:
@@ -134,7 +134,7 @@ def check_pose(rigid_body: Mapping[str, Any], q3: float, q4: float) -> None:
 
 
 def hanging_mass(rigid_body: Mapping[str, Any]) -> float:
-    """Mass [kg] of what hangs at the tip hinge without the load: rotator, gripper and jaws."""
+    """Mass [kg] at the tip hinge without the load: rotator, gripper and jaws."""
     tip = entry(entry(rigid_body, "rigid_body", "planar"), "rigid_body.planar", "tip")
     links = entry(rigid_body, "rigid_body", "links")
     return sum(

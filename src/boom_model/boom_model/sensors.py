@@ -1,4 +1,4 @@
-"""What the machine measures, and how (ch. 4.2 and 6.4): angle, angular velocity, p_h and p_b.
+"""The sensors of the machine (ch. 4.2 and 6.4): angle, angular velocity, p_h and p_b.
 
 :class:`SensorNoise` holds the quantisation and
 noise of ch. 6.4; PSD_p is read as 3e6 Pa^2/Hz (machine notes): sigma = sqrt(PSD / T_s), 0.17 bar at 100 Hz.
@@ -24,7 +24,7 @@ SPECIFICATIONS = (
     Specification("control.p_quant", "", "Pa", "resolution of the pressures", 0.0, 1e6, "ch. 6.4"),
     Specification("control.p_noise_psd", "PSD_p", "Pa^2/Hz", "noise of the pressures", 0.0, 1e12, "ch. 6.4"),
 )
-"""What a machine file may say of its sensors; without it the numbers of :class:`SensorNoise` hold."""
+"""Keys of a machine file for its sensors; the default numbers are those of :class:`SensorNoise`."""
 
 OUTPUTS = tuple(sensor.name for sensor in PREDICTED)
 """y: the channels of ``boom_input.channels`` that the model predicts, NY of them."""
@@ -76,7 +76,7 @@ class SensorNoise:
         return np.stack([_quantise(noisy[..., i], self.quantum(sensor)) for i, sensor in enumerate(PREDICTED)], axis=-1)
 
     def currents(self, u: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
-        """Measured currents, shape (..., 2), of the true ones; clipped at zero as the recordings are."""
+        """Measured currents, shape (..., 2), of the true ones; clipped at zero as in the recordings."""
         noisy = u + self.current_sigma * rng.standard_normal(u.shape)
         return np.maximum(_quantise(noisy, self.current_quantum), 0.0)
 

@@ -1,8 +1,8 @@
 """The slots of a machine, one interface each, and the register of the components that can take them.
 
-A component is one file in ``boom_model/components``: its equations as functions, and a call of :func:`register` that says what
-the machine file calls it, which numbers it needs, and which functions stand for the slot's interface. Nothing else names it. A
-function that an interface has by default is neutral: a component that is absent (``type: none``) says its name and no more.
+A component is one file in ``boom_model/components``: its equations as functions, and a call of :func:`register` with its
+name in the machine file, the numbers that it needs, and the functions of the slot's interface. Nothing else names it. The default
+functions of an interface are neutral, so an absent component (``type: none``) gives only its name.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from boom_model.regularisation import Expression
 from boom_model.specification import Specification
 
 Name = str | bool
-"""What the machine file says, e.g. ``four_bar``, or true and false where a component is there or not."""
+"""Name in the machine file, e.g. ``four_bar``, or true and false for a component that is present or not."""
 
 
 class Wiring(Protocol):
-    """What the equations of a component may ask of the model that they become part of.
+    """Interface of the model for the equations of a component.
 
     Attributes:
         p: numbers of the machine by section, ``p.cylinder.A_a``. e: terms of the active effects, through which goes what they may
@@ -53,11 +53,11 @@ def _none(*_: Any) -> Any:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Component:
-    """What every slot asks of a component.
+    """Common interface of the components of all slots.
 
     Attributes:
-        name: what the machine file says.
-        meaning: a few words.
+        name: name in the machine file.
+        meaning: short phrase.
         term: its equation in symbols. equation: number of it in the thesis.
         specifications: numbers that the machine file must give.
         information: further keys that the section may hold.
@@ -70,9 +70,9 @@ class Component:
     slot: ClassVar[str]
     """Field of ``boom_model.structure.Structure``."""
     key: ClassVar[tuple[str, ...]]
-    """Where the machine file says the name: a section, and the key below it."""
+    """Place of the name in the machine file: a section, and the key below it."""
     default: ClassVar[Name | None] = None
-    """The component that is meant where the file says nothing."""
+    """The default component."""
     refusal: ClassVar[str] = "{value!r} is not one of {listed}"
     asked: ClassVar[tuple[str, ...]] = ()
     """Numbers that every component of the slot must specify, because others use them."""
@@ -127,7 +127,7 @@ class HoseBurstValve(Component):
     """Between the hose and the head side.
 
     Attributes:
-        separates: hose and head side are two volumes. Without that they are one, whose pressure p_h = p_a is one state.
+        separates: hose and head side are two volumes. Otherwise they are one, whose pressure p_h = p_a is one state.
         flow: q_a [m^3/s] into the head side at p_h - p_a [Pa]; may add states to the full model.
         pressure_drop: p_h - p_a [Pa] that drives the flow q_a [m^3/s], for (q_a, p, e): the reduced model's.
     """
@@ -143,7 +143,7 @@ class PilotStage(Component):
     """From the two currents to the pressures that push the spool.
 
     Attributes:
-        present: there is one.
+        present: whether there is one.
         invertible: the controller's inverse (6.25), (6.26) is that of this stage.
         difference: p_+ - p_- [Pa]; adds its states.
         pressure: stationary pressure [Pa] of a current [A], for (i, p). current: its inverse, for (pressure, p).
@@ -169,7 +169,7 @@ class Spool(Component):
         motion: sets the rate of ``spool_position`` from s_s [m] and the force [N] with which the flow closes it; may add states.
         position: stationary s_s [m] of the currents i_+, i_- (n,) [A], for (i_+, i_-, p, pilot stage).
         current: current [A] that holds |s_s| [m], for (s_s, p, pilot stage).
-        settling: time [s] by which it lags behind changing currents, for (p, e, pilot stage).
+        settling: lag [s] behind changing currents, for (p, e, pilot stage).
     """
 
     slot, key, default = "spool", ("main_valve_spool", "type"), "pilot_operated"
@@ -247,10 +247,10 @@ _REGISTER: dict[type[Component], list[Component]] = {}
 
 
 def register(new: C) -> C:
-    """Enters a component; whoever names it in a machine file gets it.
+    """Register a component, so that a machine file can name it.
 
     Raises:
-        ValueError: the slot has one of this name, or a number is not specified that the slot asks for.
+        ValueError: the slot has one of this name, or a required number is not specified.
     """
     for key in set(new.asked) - {spec.key for spec in new.specifications}:
         raise ValueError(f"{'.'.join(new.key)}: {new.name} does not specify {key}")
@@ -271,7 +271,7 @@ def component(slot: type[C], name: Any) -> C:
     """The component of a slot that has this name.
 
     Raises:
-        MachineError: there is none; the message tells all names.
+        MachineError: there is none; the message lists all names.
     """
     for known in registered(slot):
         if _same(known.name, name):

@@ -1,4 +1,4 @@
-"""What a parameter of the model is: name, symbol, unit, range, equation. Loader, documentation and checks read it."""
+"""The specification of a model parameter: name, symbol, unit, range, equation, for loader, documentation and checks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Specification:
         key: name in the machine file, joined with dots: ``section.name``.
         symbol: the symbol of the thesis, as plain text.
         unit: SI unit, or the unit that the thesis prints where it keeps coefficients in bar and l/min.
-        meaning: a few words.
+        meaning: short phrase.
         minimum: smallest allowed value (of each component of a vector).
         maximum: largest allowed value.
         equation: number of the equation in the thesis in which it stands.
@@ -44,7 +44,7 @@ class Specification:
 
 
 def number(entry: Any) -> float:
-    """The number of an entry, with or without its wrapper of unit and source; NaN where it is none."""
+    """The number of an entry, with or without its wrapper of unit and source; NaN if it is not a number."""
     value = entry.get("value") if isinstance(entry, dict) else entry
     if isinstance(value, str):  # YAML 1.1 takes 2.5e7 for a text
         try:

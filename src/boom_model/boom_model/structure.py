@@ -1,4 +1,4 @@
-"""Which components a machine has: what decides the shape of the equations, while numbers fill them."""
+"""The components of a machine, which determine the form of the equations."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ HOSE = (Specification("cylinder.V_h", "V_h", "m^3", "volume of the head-side hos
 SLOTS: tuple[type[Component], ...] = (
     Linkage, PilotStage, Spool, Supply, PortValves, Metering, Accumulators, HoseBurstValve,
 )  # fmt: skip
-"""In the order in which a machine file is asked for them."""
+"""In the order in which a machine file is read."""
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,11 @@ class Structure:
         return tuple({spec.key: spec for group in groups for spec in group}.values())
 
     def has(self, need: str) -> bool:
-        """Whether a component offers what an effect needs (``Effect.needs``); an empty need always is met."""
+        """Whether a component provides what an effect needs (``Effect.needs``); an empty need is always met."""
         return need == "" or any(need in c.offers for c in self)
 
     def with_component(self, new: Component) -> Structure:
-        """The same with another component in its slot; a pilot stage comes and goes with the spool that it pushes."""
+        """The same with another component in its slot; a pilot stage is added and removed with its spool."""
         changed = {new.slot: new}
         if isinstance(new, Spool):
             changed["pilot_valves"] = next(c for c in registered(PilotStage) if c.present == new.piloted)
@@ -71,7 +71,7 @@ class Structure:
         return replace(self, **changed)  # type: ignore[arg-type]
 
     def check(self) -> None:
-        """Refuses components that do not go together.
+        """Refuse components that do not fit together.
 
         Raises:
             MachineError: a piloted spool without pilot stage, or the other way round.

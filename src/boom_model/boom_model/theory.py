@@ -1,4 +1,4 @@
-"""The tables of docs/theory.md, made from what the model itself reads: components, specifications, states, effects.
+"""The tables of docs/theory.md, made from the data of the model: components, specifications, states, effects.
 
 python -m boom_model.theory docs/theory.md           writes the tables between their markers
 python -m boom_model.theory docs/theory.md --check   exit status 1 if they are not up to date
@@ -124,7 +124,7 @@ TABLES = {"symbols": symbols_table, "effects": effects_table, "components": comp
 
 
 def updated(text: str) -> str:
-    """The document with its tables made anew.
+    """The document with its tables regenerated.
 
     Raises:
         ModelError: a marker is missing.
@@ -140,7 +140,7 @@ def updated(text: str) -> str:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Writes or checks the tables; exit status 1: not up to date, 2: wrong input."""
+    """Write or check the tables; exit status 1: not up to date, 2: wrong input."""
     parser = argparse.ArgumentParser(
         prog="python -m boom_model.theory", description="Make the tables of docs/theory.md."
     )

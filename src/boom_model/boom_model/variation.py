@@ -1,4 +1,4 @@
-"""Machines drawn at random from the ranges of Table 6.1 and of the effect catalogue: what robustness is tried on.
+"""Machines drawn at random from the ranges of Table 6.1 and of the effect catalogue, for robustness tests.
 
 Table 6.1: pre-charge 0.76 .. 1.1 of nominal (both together), beta 0.2 .. 1.0, tau_f 0.5 .. 1.5 (the cylinder friction
 (3.7) only), load 0 .. 2000 kg. Effects: their parameters uniformly from [low, high] of the catalogue.
@@ -19,7 +19,7 @@ PRECHARGE, BULK_MODULUS, FRICTION, LOAD = (0.76, 1.1), (0.2, 1.0), (0.5, 1.5), (
 
 @dataclass(frozen=True)
 class Variation:
-    """A drawn machine in a drawn pose. ``factors``: what Table 6.1 varies; ``effects``: those that are active."""
+    """A drawn machine in a drawn pose. ``factors``: factors of Table 6.1; ``effects``: active effects."""
 
     machine: Machine
     pose: Pose
@@ -31,10 +31,10 @@ def draw(machine: Machine, rng: np.random.Generator, most_effects: int = 2) -> V
     """One variation of ``machine``: Table 6.1, 1 .. ``most_effects`` effects, a tabulated pose or any other.
 
     A machine without accumulators keeps its other numbers; effects that it cannot have are not drawn. The generator is
-    used in a fixed order, so that a seed stands for the same variation wherever it is drawn.
+    used in a fixed order, so that a seed gives the same variation everywhere.
 
     Raises:
-        MachineError: the file's own numbers are so near the end of their range that a factor leaves it.
+        MachineError: a number of the file is so near the end of its range that a factor leaves it.
     """
     factors = {name: float(rng.uniform(*bounds)) for name, bounds in (
         ("p_g0", PRECHARGE), ("beta", BULK_MODULUS), ("tau_f", FRICTION),

@@ -115,7 +115,7 @@ def test_what_is_read_is_written_again() -> None:
         ({"equation": "torqe"}, "learned[0].equation: 'torqe' is not one of torque"),
         ({"basis": ["speed"]}, "no variable speed"),
         ({"basis": ["sing(rate)"]}, "no function sing"),
-        ({"basis": ["rate +"]}, "is no variable or function of one"),
+        ({"basis": ["rate +"]}, "is neither a variable nor a function of one"),
         ({"basis": ["lag(angle, 0.1)"]}, "angle is not zero at rest"),
         ({"basis": ["plus(rate)"]}, "plus takes 1 numbers"),
         ({"coefficients": [1.0, 2.0]}, "expected 1 numbers"),

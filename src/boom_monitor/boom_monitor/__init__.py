@@ -1,1 +1,1 @@
-"""Watches a running machine: samples in, alarm with subsystem out."""
+"""Watches a running machine: turns samples into an alarm that names the subsystem."""

@@ -1,8 +1,8 @@
-"""The filter of the watch: an extended Kalman filter of the nominal model, and what each cause would do to its innovations.
+"""The filter of the watch: an extended Kalman filter of the nominal model, with the effect of each cause on its innovations.
 
 x' = f(x, u) + w, y = h(x) + v. Of a cause c the state's error follows V' = (df/dx) V + df/dc between the samples and
 V -= K G at each, with the innovation's sensitivity G = (dh/dx) V + dh/dc (Friedland 1969). The innovations e with their
-covariance S give the information on all causes, forgotten with a time constant: A = sum G^T S^-1 G, b = sum G^T S^-1 e.
+covariance S give the information on all causes, with exponential forgetting: A = sum G^T S^-1 G, b = sum G^T S^-1 e.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ _JITTER = 2e-5  # rad: the angle's quantum divides by its own noise, which is no
 
 @dataclass
 class Information:
-    """What the innovations of the recent past say.
+    """Information from the innovations of the recent past.
 
     Attributes:
-        matrix: (c, c) of all causes. vector: (c,). square: sum of e^T S^-1 e. count: of the channels, forgotten alike.
+        matrix: (c, c) of all causes. vector: (c,). square: sum of e^T S^-1 e. count: number of channels, with the same forgetting.
     """
 
     matrix: Array
@@ -47,10 +47,10 @@ class WatchFilter:
 
     Args:
         model: the model with its causes.
-        noise: of the sensors.
+        noise: noise of the sensors.
         state: (n,) at ``time`` [s].
-        moving: whether it was guessed in motion.
-        memory: time constant [s] with which the past is forgotten.
+        moving: whether it was estimated in motion.
+        memory: time constant of the forgetting [s].
 
     Attributes:
         gain: (n, NY) of the last correction. whitening: (NY, NY) W, W e has unit variance; zero where nothing was measured.
@@ -83,7 +83,7 @@ class WatchFilter:
         return self._stepper.state
 
     def advance(self, end: float, currents: list[tuple[float, float, float]], measured: Array, share: Array) -> None:
-        """Predicts to ``end`` [s] and corrects there.
+        """Predict to ``end`` [s] and correct there.
 
         Args:
             end: [s].

@@ -1,8 +1,8 @@
-"""The model as the watch sees it: its right-hand side with all derivatives, and what could be wrong with it.
+"""The model of the watch: its right-hand side with all derivatives, and the possible causes of a mismatch.
 
-The effects of the catalogue are switched on at almost nothing, so that the derivative with respect to each is at hand and
-the model is still the nominal one. What could be wrong comes in two lists: what may be off within its tolerance and
-raises no alarm (:attr:`WatchModel.tolerated`), and the effects (:attr:`WatchModel.suspects`), each in units of its
+The effects of the catalogue are switched on at almost zero, which provides the derivative with respect to each and
+keeps the model nominal. The causes come in two lists: numbers that may be off within their tolerance and raise no
+alarm (:attr:`WatchModel.tolerated`), and the effects (:attr:`WatchModel.suspects`), each in units of its
 tolerance or of half of its plausible range.
 """
 
@@ -25,7 +25,7 @@ from boom_model.plant import Plant
 Array = NDArray[np.float64]
 
 LOAD_TOLERANCE, LOAD_SHARE = 20.0, 0.05
-"""kg, and share of the load that the configuration tells: the larger one counts (machine notes)."""
+"""kg, and share of the configured load: the larger one counts (machine notes)."""
 
 # Geometry, units and exponents: not what wears, and an error of theirs would show as another parameter's.
 _CERTAIN = (
@@ -44,7 +44,7 @@ _FIRST_ONLY = 1e-6
 class Suspect:
     """An effect's parameter as a cause.
 
-    scale: what one unit of it is [unit]. low, high: plausible range in such units, neutral (zero) included.
+    scale: size of one unit [unit]. low, high: plausible range in such units, including neutral (zero).
     """
 
     effect: str
@@ -60,7 +60,7 @@ class Suspect:
 class Point:
     """The model at one point: derivatives of f to state (n, n), causes (n, c), currents (n, 2); y (NY,) and its derivatives.
 
-    The arrays are those of the model and change with its next point.
+    The arrays belong to the model and change with its next point.
     """
 
     f_x: Array
@@ -72,7 +72,7 @@ class Point:
 
 
 class WatchModel:
-    """A machine in a pose with the effects at almost nothing.
+    """A machine in a pose with the effects at almost zero.
 
     Args:
         machine: its own effects stay; those at neutral become suspects.
@@ -80,12 +80,12 @@ class WatchModel:
 
     Attributes:
         plant: the compiled model.
-        tolerated: names of the causes that are within their tolerance, the first columns of the derivatives.
-        suspects: the effects, the columns behind them.
+        tolerated: names of the causes within tolerance, the first columns of the derivatives.
+        suspects: the effects, the following columns.
 
     Raises:
         BuildError: no C compiler.
-        MachineError: numbers of the machine that cannot be.
+        MachineError: impossible numbers of the machine.
     """
 
     def __init__(self, machine: Machine, pose: Pose) -> None:
@@ -132,7 +132,7 @@ class WatchModel:
         return [*result, ("masses of the boom", masses), ("load", load)]
 
     def _compiled(self, directions: Array) -> tuple[Callable[[], None], Point]:
-        """What evaluates the model at the kept state and currents, straight into the arrays of the point."""
+        """A function that evaluates the model at the stored state and currents, directly into the arrays of the point."""
         m = self.plant.equations
         along = ca.DM(directions)
         by_cause = ca.densify(ca.mtimes(ca.jacobian(m.derivative, m.p), along))
@@ -179,7 +179,7 @@ def _switched_on(machine: Machine) -> dict[str, dict[str, float]]:
 
 
 def _suspects(machine: Machine, index: Mapping[str, int]) -> list[Suspect]:
-    """The leading parameters of each effect that the machine does not carry itself."""
+    """The leading parameters of each effect that is not in the machine file."""
     result = []
     for effect in EFFECTS.values():
         if effect.id in machine.effects or f"effects.{effect.id}.{effect.parameters[0].name}" not in index:

@@ -1,8 +1,8 @@
-"""Names what has gone wrong: each suspect, at several sizes, is put into the model and run over the beginning of the alarm.
+"""Names the cause of an alarm: puts each suspect at several sizes into the model and runs it over the beginning of the alarm.
 
-The linear look of the filter says that something is wrong; which it is, is bent where the mismatch is large. Here the model
+The score test of the filter shows that something is wrong, but is biased in naming the cause of a large mismatch. Here the model
 with the suspect predicts the same samples again, with the same gains (:func:`boom_model.observer.observe`); the suspect that
-leaves the least of the innovations is named. Everything is at hand: states, gains and samples of the last few seconds.
+leaves the smallest innovations is named. States, gains and samples of the last few seconds are stored for this.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Named:
 
 
 def name(model: WatchModel, intervals: Sequence[Interval]) -> Named | None:
-    """Names the cause over the given intervals, without gaps; None where no suspect explains anything."""
+    """Name the cause over the given intervals, without gaps; None if no suspect explains anything."""
     samples = _samples(intervals)
     gain = np.array([i.gain for i in intervals])
     whitening = np.array([i.whitening for i in intervals])
@@ -101,7 +101,7 @@ def _samples(intervals: Sequence[Interval]) -> Samples:
 
 
 def _square(innovations: Array, measured: Array, whitening: Array) -> float:
-    """Sum of the squared whitened innovations; infinite where the run did not get to its end."""
+    """Sum of the squared whitened innovations; infinite if the run did not reach its end."""
     if not np.array_equal(np.isfinite(innovations), np.isfinite(measured)):
         return math.inf
     white = np.einsum("kij,kj->ki", whitening, np.nan_to_num(innovations))

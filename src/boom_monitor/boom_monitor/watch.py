@@ -1,7 +1,7 @@
-"""Watches a running machine: says when it leaves the tolerance of its model, and in which subsystem. No ROS.
+"""Watches a running machine: detects when it leaves the tolerance of its model, and in which subsystem. No ROS.
 
-Samples come in as they are measured, each with its stamp; time goes on in periods of 10 ms. The score is the mean squared
-innovation, in units of its variance, that is left when everything within its tolerance has been allowed for; 1 is noise.
+Samples arrive as they are measured, each with its stamp; time advances in periods of 10 ms. The score is the mean squared
+innovation, in units of its variance, that remains after allowing for the tolerances; 1 is noise.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ _EARLIER = 1e-9
 
 @dataclass(frozen=True)
 class Settings:
-    """How it judges.
+    """Settings of the watch.
 
     Attributes:
         threshold: score above which the machine has left the tolerance.
         memory: time constant of the score [s].
         hold: how long the score must be below the threshold for the alarm to end [s].
-        delay: how long samples are waited for, so that late topics are not missed [s].
+        delay: how long the watch waits for late samples [s].
     """
 
     threshold: float = 1.35
@@ -69,7 +69,7 @@ class Alarm:
     Attributes:
         begin: [s]. subsystem: the located one. effect: the one that explains most.
         share: subsystem -> its share of what the suspects explain, the largest first.
-        size: how large the effect would be, in ``unit``; rough, for orientation only.
+        size: estimated size of the effect, in ``unit``; rough, for orientation only.
     """
 
     begin: float
@@ -82,7 +82,7 @@ class Alarm:
 
 @dataclass(frozen=True)
 class Status:
-    """What the watch says now: whether it judges at all (``watching``), time [s], score, and the alarm, if there is one."""
+    """Present status: whether the watch is active (``watching``), time [s], score, and the alarm, if any."""
 
     watching: bool
     time: float
@@ -94,7 +94,7 @@ class Status:
 
 @dataclass
 class _Evidence:
-    """Of an alarm: when it began, when the score was last beyond the threshold, and when it is named next [s]."""
+    """Times of an alarm [s]: its beginning, the last time the score exceeded the threshold, and the next naming."""
 
     begin: float
     last: float
@@ -105,12 +105,12 @@ class Watch:
     """A watch over one machine in one pose.
 
     Args:
-        machine: the model; the file that identification or diagnosis wrote is the one to give.
+        machine: the model; preferably the file that identification or diagnosis wrote.
         pose: locked joints and load.
-        settings: how it judges.
+        settings: of the watch.
 
     Raises:
-        BuildError, MachineError, ModelError: the model cannot be made.
+        BuildError, MachineError, ModelError: the model cannot be built.
     """
 
     def __init__(self, machine: Machine, pose: Pose, settings: Settings | None = None) -> None:
@@ -134,7 +134,7 @@ class Watch:
     def add(self, channel: str, time: float, value: float) -> None:
         """One valid sample: channel of ``OUTPUTS`` or ``CURRENTS``, its stamp [s], its value [SI, gauge].
 
-        Samples of one channel come in the order of their stamps; one that does not, or is no number, is left out.
+        Samples of one channel come in the order of their stamps; one that does not, or is not a number, is left out.
         """
         samples = self._samples[channel]
         if math.isfinite(value) and math.isfinite(time) and not (samples and time <= samples[-1][0]):
@@ -142,7 +142,7 @@ class Watch:
             self._newest = max(self._newest, time)
 
     def advance(self) -> Status:
-        """Goes on as far as the samples reach, less the delay; gives what there is to say then."""
+        """Advance as far as the samples reach, less the delay; returns the status then."""
         until = self._newest - self.settings.delay
         if self._filter is None:
             self._start(until)
@@ -152,7 +152,7 @@ class Watch:
 
     @property
     def status(self) -> Status:
-        """What the watch says now."""
+        """The present status."""
         time = self._filter.time if self._filter is not None else self._newest
         watching = self._filter is not None and self._filter.time >= self._from
         missing = "" if self._filter is not None else ", ".join(n for n, s in self._samples.items() if not s)
@@ -237,7 +237,7 @@ class Watch:
             self._samples[name].popleft()
 
     def _lose(self, now: float) -> None:
-        """The state is not known any more: what is old is dropped, and a start is made with the next samples."""
+        """Drop old data because the state is unknown, and start again with the next samples."""
         self._filter = None
         self._recent.clear()
         self._score = math.nan
@@ -269,7 +269,7 @@ class Watch:
             self._name(self._evidence.begin)
 
     def _first_guess(self, now: float, gains: Array, sizes: Array) -> Alarm:
-        """What the linear look of the filter says, until there is more to look at."""
+        """The result of the filter's score test, until there is more data."""
         suspects = self._model.suspects
         best: dict[str, float] = {}
         for suspect, gain in zip(suspects, gains, strict=True):
@@ -281,7 +281,7 @@ class Watch:
         return Alarm(now, suspects[k].subsystem, suspects[k].effect, share, size, suspects[k].unit)
 
     def _name(self, begin: float) -> None:
-        """Names the cause from a little before the alarm on; what was said before stays where nothing explains it."""
+        """Name the cause from shortly before the alarm; the previous name stays if nothing explains the mismatch."""
         intervals = [i for i in self._recent if i.begin >= begin - _BEFORE]
         named = naming.name(self._model, intervals) if intervals else None
         if named is not None:
@@ -290,9 +290,9 @@ class Watch:
 
 
 def judged(info: Information, suspects: Sequence[Suspect]) -> tuple[float, Array, Array]:
-    """Score, and for each suspect what it would explain of the square sum, and its size, beside what is tolerated.
+    """Score, and for each suspect its share of the square sum and its size, in addition to the tolerated causes.
 
-    A suspect's size stays inside its plausible range. J_0 = sum e^T S^-1 e - b_t^T (A_tt + I)^-1 b_t is what is left after
+    A suspect's size stays inside its plausible range. J_0 = sum e^T S^-1 e - b_t^T (A_tt + I)^-1 b_t remains after
     the best tolerated change (prior: one tolerance).
     """
     a, b = info.matrix, info.vector

@@ -1,4 +1,4 @@
-"""Watches live topics: ``/diagnostics`` tells when the machine leaves the tolerance of its model, and in which subsystem.
+"""Watches live topics: ``/diagnostics`` shows when the machine leaves the tolerance of its model, and in which subsystem.
 
 Topics, parameters and conditions: README.md of the package. The core is :mod:`boom_monitor.watch`.
 """
@@ -34,19 +34,19 @@ PARAMETERS = (
     ),
     ParameterSpec("joint_name", channels.DEFAULT_JOINT, "name of the boom's joint in /joint_states", read_only=True),
     ParameterSpec(
-        "threshold", _DEFAULT.threshold, "score (1 = noise) above which the tolerance is left", "", 1.0, 1000.0, read_only=True
+        "threshold", _DEFAULT.threshold, "score (1 = noise) above which an alarm is raised", "", 1.0, 1000.0, read_only=True
     ),
     ParameterSpec("memory", _DEFAULT.memory, "time constant of the score", "s", 0.2, 60.0, read_only=True),
     ParameterSpec("hold", _DEFAULT.hold, "time below the threshold after which an alarm ends", "s", 0.0, 3600.0, read_only=True),
-    ParameterSpec("delay", _DEFAULT.delay, "how long late samples are waited for", "s", 0.0, 2.0, read_only=True),
+    ParameterSpec("delay", _DEFAULT.delay, "how long the watch waits for late samples", "s", 0.0, 2.0, read_only=True),
 )  # fmt: skip
 _ADVANCE_PERIOD_S = 0.05
 _CLOCK_SET = 100
-"""Samples in a row, a quarter of a second of all topics, that are far from the ones before."""
+"""Samples in a row, a quarter of a second of all topics, that are far from the previous ones."""
 
 
 class WatchNode(Node):
-    """Thin shell around :class:`boom_monitor.watch.Watch`."""
+    """Thin layer around :class:`boom_monitor.watch.Watch`."""
 
     def __init__(self) -> None:
         super().__init__("boom_diagnosis_watch")
@@ -95,7 +95,7 @@ class WatchNode(Node):
         self._begin()
 
     def _begin(self) -> None:
-        """A new watch over what was configured last."""
+        """Start a new watch of the last configuration."""
         self._origin_ns = None
         asked = self._configuration
         if asked is None:
@@ -142,7 +142,7 @@ class WatchNode(Node):
                 self._refused += 1
 
     def _believed(self, nanoseconds: int) -> bool:
-        """Whether a stamp fits the others, of whatever clock they are; where none fits any more the clock was set."""
+        """Whether a stamp fits the others, whatever their clock; if none fits any more, the clock was set."""
         wrong = far(nanoseconds, self._newest_ns)
         if not wrong:
             self._newest_ns, self._strange = nanoseconds, 0

@@ -1,4 +1,4 @@
-"""What the watch says, in words: one line for ``/diagnostics``, and the numbers behind it."""
+"""Messages of the watch: one line for ``/diagnostics``, and its numbers."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The thin common shell of the boom's ROS nodes: start, stop, parameters, diagnostics, QoS."""
+"""The thin common base of the boom's ROS nodes: start, stop, parameters, diagnostics, QoS."""

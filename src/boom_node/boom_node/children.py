@@ -1,4 +1,4 @@
-"""Processes that another one starts: no orphan is left, in whatever way the parent ends."""
+"""Child processes that end with their parent, however it ends."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 def die_with_parent(parent: int) -> Callable[[], None]:
-    """For ``preexec_fn``: the new process is killed when the process ``parent``, which starts it, ends in whatever way."""
+    """For ``preexec_fn``: the kernel kills the new process when its parent process ``parent`` ends, however it ends."""
 
     def run() -> None:
         _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

@@ -23,7 +23,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Health:
-    """What a node says about itself: level, one line, and numbers with their unit in the key."""
+    """The health of a node: level, one line, and numbers with their unit in the key."""
 
     level: Level
     message: str
@@ -31,10 +31,10 @@ class Health:
 
 
 class DiagnosticsPublisher:
-    """Asks `health` once a second (wall clock: it goes on while simulated time stands) and publishes the answer.
+    """Calls `health` once a second (wall clock, so also while simulated time stands still) and publishes the result.
 
-    `hardware_id`: name of the machine file or "". A node calls `update` where its health may have changed. What the node's
-    guard has caught and refused is told too; after an exception in a callback the level stays ERROR.
+    `hardware_id`: name of the machine file or "". A node calls `update` when its health may have changed. The status also
+    includes what the node's guard has caught and refused; after an exception in a callback the level stays ERROR.
     """
 
     def __init__(self, node: "Guarded | Any", health: Callable[[], Health], hardware_id: str = "") -> None:
@@ -52,7 +52,7 @@ class DiagnosticsPublisher:
         self._timer = node.create_timer(PERIOD_S, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def update(self) -> None:
-        """Publish now if level or message differ from what was published last."""
+        """Publish now if level or message have changed."""
         health = self._asked()
         if (health.level, health.message) != self._last:
             self._send(health)
@@ -66,7 +66,7 @@ class DiagnosticsPublisher:
             health = self._health()
         except Exception as error:
             self._guard.caught("diagnostics", error)
-            health = Health(Level.ERROR, "cannot tell its health")
+            health = Health(Level.ERROR, "cannot report its health")
         values = {**health.values, **self._guard.values()}
         if not self._guard.internal:
             return Health(health.level, health.message, values)

@@ -1,4 +1,4 @@
-"""What has to be settled before anything heavy is imported; a node's module imports this first.
+"""Settings that must be made before any heavy import; the module of a node imports this first.
 
 A node spends its first half second importing. Without a handler a Ctrl-C in that time ends in a traceback, and message
 classes read ``ROS_PYTHON_CHECK_FIELDS`` when they are imported, so both are arranged here, by importing this module:
@@ -22,7 +22,7 @@ def _end_at_once(_number: int, _frame: FrameType | None) -> None:
 
 
 def settle() -> None:
-    """Set a node's environment where the user has not, and end quietly on a signal until `run` takes over."""
+    """Set the environment of a node unless the user has, and end quietly on a signal until `run` takes over."""
     os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     for number in _HANDLED:
@@ -30,7 +30,7 @@ def settle() -> None:
 
 
 def is_node_program() -> bool:
-    """True where this process was started as a node (``python -m package.some_node``, or the installed program).
+    """True if this process was started as a node (``python -m package.some_node``, or the installed program).
 
     A test or a command that merely imports a node's module keeps its own signal handlers.
     """

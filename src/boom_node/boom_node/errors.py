@@ -2,7 +2,7 @@
 
 
 class StartError(Exception):
-    """A node cannot start or go on: a bad parameter, an unreadable file, a missing partner.
+    """A node cannot start or continue: a bad parameter, an unreadable file, a missing partner.
 
     The message is one line for the user: what is wrong and what to do. `boom_node.shell.run` prints it and ends with
     status 2.

@@ -1,8 +1,8 @@
-"""What must not end a node: an exception in a callback, a message that cannot be used. Counted, told, answered. No ROS.
+"""Handles what must not end a node: exceptions in callbacks and unusable messages. Counts, logs, reacts. No ROS.
 
-An exception in a callback is a mistake in this program, whatever message brought it about: the node that moves something brings it
-to rest, the traceback is told once, and ``/diagnostics`` says ERROR until the node is started anew. A message that is refused is a
-mistake of its sender: it is counted by topic and reason, and told now and then.
+An exception in a callback is a fault of this program, whatever message caused it: a node that moves something brings it to rest,
+the traceback is logged once, and ``/diagnostics`` shows ERROR until the node is restarted. A refused message is a fault of its
+sender: it is counted by topic and reason, and logged from time to time.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from collections import Counter
 from collections.abc import Callable
 
 TOLD_EVERY_S = 10.0
-"""s between two lines about the same, however often it happens."""
+"""s between two log lines about the same event."""
 _MOST_KINDS = 100
 
 
 class Guard:
-    """Takes what went wrong in one node.
+    """Collects the faults of one node.
 
     Args:
-        tell: writes to the log: whether it is an error, and the text.
-        stop: brings to rest what the node moves; told the reason.
-        changed: called where ``/diagnostics`` may have something new to say.
+        tell: writes to the log; arguments: whether it is an error, and the text.
+        stop: brings to rest whatever the node moves; argument: the reason.
+        changed: called when ``/diagnostics`` may have changed.
         clock: steady time [s].
 
     Attributes:
-        internal: the last exception that a callback raised, in one line; empty while there was none.
-        exceptions: how many there were, by callback.
-        refused: messages that were not used, by topic and reason.
+        internal: the last exception that a callback raised, in one line; empty if there was none.
+        exceptions: their number, by callback.
+        refused: number of messages that were not used, by topic and reason.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Guard:
         self._answering = False
 
     def caught(self, where: str, error: Exception) -> None:
-        """A callback raised: tell it, stop what moves, and go on."""
+        """Handle an exception of a callback: log it, stop what moves, and continue."""
         self.exceptions[where] += 1
         frames = traceback.extract_tb(error.__traceback__)
         place = f"{frames[-1].filename.rsplit('/', 1)[-1]}:{frames[-1].lineno}" if frames else "?"
@@ -73,7 +73,7 @@ class Guard:
             self._answering = was
 
     def refuse(self, topic: str, reason: str, detail: str = "") -> None:
-        """A message is not used. `reason`: a few words that stay the same; `detail`: what this one is like."""
+        """Count a message that is not used. `reason`: a constant phrase; `detail`: data of this message."""
         key = f"{topic}, {reason}"
         self.refused[key] += 1
         if self._due(key):
@@ -85,7 +85,7 @@ class Guard:
         return told | {f"messages refused, {key}": n for key, n in sorted(self.refused.items())}
 
     def _due(self, key: str) -> str:
-        """Whether to tell this now: "first", "again" or not at all."""
+        """Whether to log this now: "first", "again" or ""."""
         now, last = self._clock(), self._told.get(key)
         if last is not None and now - last < TOLD_EVERY_S:
             return ""

@@ -1,4 +1,4 @@
-"""Notices that an input has fallen silent. No ROS; times are those of a steady clock."""
+"""Detects that an input has fallen silent. No ROS; times are those of a steady clock."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 
 @dataclass
 class InputWatch:
-    """Says, once in a while, that an input is missing.
+    """Warns at intervals that an input is missing.
 
     Attributes:
-        message: what to tell the user; ``{age}`` is replaced by the seconds without input.
-        timeout: silence that is allowed [s].
+        message: warning for the user; ``{age}`` is replaced by the seconds without input.
+        timeout: longest allowed silence [s].
         repeat: time between two warnings [s].
-        once: True for an input that is latched: having come once, it never counts as missing.
+        once: True for a latched input, which never counts as missing once it has come.
     """
 
     message: str
@@ -25,12 +25,12 @@ class InputWatch:
     _last_warning: float | None = field(default=None, init=False)
 
     def seen(self, now: float) -> None:
-        """The input came at the time `now` [s]."""
+        """Note that the input came at the time `now` [s]."""
         self._last_seen = now
         self._last_warning = None
 
     def missing(self, now: float) -> bool:
-        """True where the input has been silent for longer than allowed."""
+        """True if the input has been silent for longer than allowed."""
         if self.once and self._last_seen is not None:
             return False
         return now - (self.started if self._last_seen is None else self._last_seen) > self.timeout

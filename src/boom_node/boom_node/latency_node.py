@@ -1,10 +1,10 @@
-"""Measures how old messages are when a subscriber gets them.
+"""Measures the age of messages when a subscriber receives them.
 
     python -m boom_node.latency_node --ros-args -p duration:=20.0
 
-Age = time of receipt minus header.stamp, both of the system clock: it holds for a simulation in real time on the same
-machine. The age of /boom/tip_pose counts from the joint state it was computed from, so that it holds the way through
-the perception example.
+Age = time of receipt minus header.stamp, both of the system clock, so it is valid for a real-time simulation on the same
+computer. The age of /boom/tip_pose counts from the joint state it was computed from, so that it includes the way
+through the perception example.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ TOPICS: dict[str, Any] = {
     "/boom/solenoid_currents": SolenoidCurrents,
     "/boom/tip_pose": PoseStamped,
 }
-PARAMETERS = (ParameterSpec("duration", 20.0, "how long to measure", "s", 1.0, 3600.0, read_only=True),)
+PARAMETERS = (ParameterSpec("duration", 20.0, "duration of the measurement", "s", 1.0, 3600.0, read_only=True),)
 
 
 class LatencyNode(Node):
-    """Notes the age of every message and prints a table at the end."""
+    """Records the age of every message and prints a table at the end."""
 
     def __init__(self) -> None:
         super().__init__("boom_latency")
@@ -60,7 +60,7 @@ class LatencyNode(Node):
 def table_row(topic: str, ages_ns: list[int]) -> str:
     """One line of the table from ages in ns."""
     if not ages_ns:
-        return f"{topic:26} {0:8d}   nothing came: is its publisher running?"
+        return f"{topic:26} {0:8d}   no message came: is its publisher running?"
     middle, high, largest = np.percentile(np.array(ages_ns) / 1e6, [50, 99, 100])
     return f"{topic:26} {len(ages_ns):8d} {middle:12.2f} {high:10.2f} {largest:13.2f}"
 

@@ -1,4 +1,4 @@
-"""Moves the boom to an angle, by topic or by action: the least that a program has to do which gives trajectories.
+"""Moves the boom to an angle, by topic or by action: a minimal program that sends trajectories.
 
 ./boom python -m boom_node.move_node 0.35 --seconds 2
 ./boom python -m boom_node.move_node 0.30 --seconds 2 --by action
@@ -30,17 +30,17 @@ class NotMovedError(RuntimeError):
 
 
 def trajectory(angle: float, seconds: float) -> JointTrajectory:
-    """To rest at this angle [rad], so many seconds from now."""
+    """A motion that comes to rest at this angle [rad] after so many seconds."""
     point = JointTrajectoryPoint(positions=[angle], velocities=[0.0], accelerations=[0.0])
     set_ns(point.time_from_start, seconds_to_ns(seconds))
     return JointTrajectory(joint_names=[JOINT], points=[point])
 
 
 def until(node: Any, done: Callable[[], Any], patience: float, otherwise: str) -> None:
-    """Spin until it has happened.
+    """Spin until the condition holds.
 
     Raises:
-        NotMovedError: not within so many seconds.
+        NotMovedError: the condition did not hold within so many seconds.
     """
     import rclpy
 
@@ -56,7 +56,7 @@ def by_topic(node: Any, wanted: JointTrajectory, patience: float) -> None:
     states: list[ControllerState] = []
     node.create_subscription(ControllerState, "/boom/controller_state", states.append, qos.SENSOR_DATA)
     publisher = node.create_publisher(JointTrajectory, TOPIC, qos.BY_TOPIC[TOPIC])
-    nobody = f"nobody takes {TOPIC}: is the controller there, and does it have all sensors? Try ./boom sim --control"
+    nobody = f"no subscriber on {TOPIC}: is the controller running, and does it receive all sensors? Try ./boom sim --control"
     until(node, lambda: publisher.get_subscription_count() and states, PATIENCE_S, nobody)
     if states[-1].mode == "stopped":
         raise NotMovedError(f"the boom is stopped: {states[-1].reason}; call /boom_controller/resume first")
@@ -66,9 +66,9 @@ def by_topic(node: Any, wanted: JointTrajectory, patience: float) -> None:
         node,
         lambda: any(s.mode == "track" for s in states),
         PATIENCE_S,
-        "it was refused: the controller's log says why",
+        "the motion was refused: see the controller's log",
     )
-    until(node, lambda: states[-1].mode != "track", patience, "the motion does not come to its end")
+    until(node, lambda: states[-1].mode != "track", patience, "the motion does not finish")
     if states[-1].mode != "hold" or states[-1].reason:
         raise NotMovedError(f"{states[-1].mode}: {states[-1].reason}")
 
@@ -78,12 +78,14 @@ def by_action(node: Any, wanted: JointTrajectory, patience: float) -> None:
     from rclpy.action import ActionClient
 
     client = ActionClient(node, TrackTrajectory, ACTION)
-    nobody = f"nobody offers {ACTION}: is the controller there, and does it have all sensors? Try ./boom sim --control"
+    nobody = (
+        f"no server of {ACTION}: is the controller running, and does it receive all sensors? Try ./boom sim --control"
+    )
     until(node, client.server_is_ready, PATIENCE_S, nobody)
     sent = client.send_goal_async(TrackTrajectory.Goal(trajectory=wanted))
     until(node, sent.done, PATIENCE_S, "the controller does not answer")
     answer = sent.result().get_result_async()
-    until(node, answer.done, patience, "the motion does not come to its end")
+    until(node, answer.done, patience, "the motion does not finish")
     result = answer.result().result
     if result.error_code != result.SUCCESSFUL or result.error_string:
         raise NotMovedError(result.error_string)
@@ -94,9 +96,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         prog="move", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("angle", type=float, help="where to [rad], 0 = horizontal, positive = up")
-    parser.add_argument("--seconds", type=float, default=4.0, help="in what time [s] (default: 4)")
-    parser.add_argument("--by", choices=("topic", "action"), default="topic", help="how it is given (default: topic)")
+    parser.add_argument("angle", type=float, help="target angle [rad], 0 = horizontal, positive = up")
+    parser.add_argument("--seconds", type=float, default=4.0, help="duration of the motion [s] (default: 4)")
+    parser.add_argument("--by", choices=("topic", "action"), default="topic", help="interface to use (default: topic)")
     args = parser.parse_args()
     if not (math.isfinite(args.angle) and 0.0 < args.seconds <= 600.0):
         parser.error("give an angle in rad and a time of at most 600 s")

@@ -1,10 +1,11 @@
-"""The nodes that ours derive from: nothing that comes in over ROS ends them. `boom_node.shell.run` accepts no others.
+"""Base classes of our nodes: nothing that comes in over ROS ends them. `boom_node.shell.run` accepts no others.
 
-Every callback (subscription, timer, service, action, transition) goes through the node's `Guard`. A message is looked at before it
-is made into an object: one that is larger than anybody needs, or damaged, costs microseconds and is refused.
+Every callback (subscription, timer, service, action, transition) goes through the node's `Guard`. A message is checked before it
+becomes an object: one that is too large or damaged is refused within microseconds.
 
     class Example(Node):
-        def stop_safely(self, reason): ...  # where the node can move something: bring it to rest, whatever state all else is in
+        def stop_safely(self, reason): ...  # if the node can move something: bring it to rest, whatever the state of everything
+        else
 """
 
 from __future__ import annotations
@@ -23,24 +24,24 @@ from boom_node.errors import StartError
 from boom_node.guard import Guard
 
 LARGEST_BYTES = 65_536
-"""Largest message that a subscription takes, where its type is not listed below."""
+"""Largest message that a subscription accepts, unless its type is listed below."""
 LARGEST_BY_TYPE: Mapping[str, int] = {"JointTrajectory": 80_000, "String": 1_000_000}
 """1000 points; a robot description."""
 
 
 class Guarded:
-    """What both kinds of nodes share. Goes before rclpy's class in the list of bases."""
+    """Common part of both kinds of nodes; stands before rclpy's class in the list of bases."""
 
     @property
     def guard(self) -> Guard:
-        """Made when it is first asked for: rclpy's constructors create services already."""
+        """The node's guard, created on first use, because rclpy's constructors already create services."""
         made = getattr(self, "_guard", None)
         if made is None:
             made = self._guard = Guard(self._guard_tells, lambda reason: self.stop_safely(reason))
         return made
 
     def stop_safely(self, reason: str) -> None:
-        """A callback raised: bring to rest what this node moves. Most move nothing."""
+        """Bring to rest whatever this node moves, after a callback has raised. Most nodes move nothing."""
 
     def _guard_tells(self, error: bool, text: str) -> None:
         # Two calls: rclpy refuses one place in the code that logs at two levels.
@@ -50,7 +51,7 @@ class Guarded:
             self.get_logger().warning(text)
 
     def guarded(self, where: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        """The function as a thread or a callback without arguments may run it."""
+        """The function, guarded, for a thread or a callback without arguments."""
 
         def call() -> None:
             try:
@@ -65,7 +66,7 @@ class Guarded:
     # ------------------------------------------------------------------------------------------- what rclpy calls back
 
     def create_subscription(self, msg_type: Any, topic: str, callback: Any, *args: Any, **options: Any) -> Any:
-        """As rclpy's; the callback gets what fits and can be read."""
+        """As in rclpy; the callback receives only messages that are small enough and readable."""
         raw = options.pop("raw", False)
         largest = LARGEST_BY_TYPE.get(msg_type.__name__, LARGEST_BYTES)
 
@@ -91,12 +92,12 @@ class Guarded:
         return super().create_subscription(msg_type, topic, receive, *args, raw=True, **options)  # type: ignore[misc]
 
     def create_timer(self, timer_period_sec: float, callback: Any, *args: Any, **options: Any) -> Any:
-        """As rclpy's."""
+        """As in rclpy."""
         name = f"timer {getattr(callback, '__name__', '')}"
         return super().create_timer(timer_period_sec, self.guarded(name, callback), *args, **options)  # type: ignore[misc]
 
     def create_service(self, srv_type: Any, srv_name: str, callback: Any, *args: Any, **options: Any) -> Any:
-        """As rclpy's; a request that cannot be answered is answered with no success."""
+        """As in rclpy; a request whose callback raises is answered as failed."""
         served = partial(self._guard_serves, srv_name, callback)
         return super().create_service(srv_type, srv_name, served, *args, **options)  # type: ignore[misc]
 
@@ -115,7 +116,7 @@ class Guarded:
             return response
 
     def add_waitable(self, waitable: Any) -> None:
-        """As rclpy's; an action server's callbacks are guarded too."""
+        """As in rclpy; callbacks of an action server are guarded too."""
         if hasattr(waitable, "register_execute_callback"):
             self._guard_covers_action(waitable)
         super().add_waitable(waitable)  # type: ignore[misc]
@@ -153,7 +154,7 @@ class Guarded:
 
 
 def _within_rclpy(callback: Any, error: Exception) -> bool:
-    """Whether rclpy's own service raised it: its parameter services do at a type that there is not. Nothing of ours ran then."""
+    """Whether a service of rclpy raised it, as its parameter services do for an unknown type; then no code of ours ran."""
     frames = traceback.extract_tb(error.__traceback__)[1:]
     ours = any(Path(frame.filename).parent.name.startswith("boom_") for frame in frames)
     return str(getattr(callback, "__module__", "")).startswith("rclpy") and not ours
@@ -164,7 +165,7 @@ class Node(Guarded, rclpy.node.Node):
 
 
 class LifecycleNode(Guarded, rclpy.lifecycle.LifecycleNode):
-    """rclpy's lifecycle node, guarded; a transition that the present state has not is refused, not an exception."""
+    """rclpy's lifecycle node, guarded; a transition that the present state does not have is refused and raises nothing."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)

@@ -1,4 +1,4 @@
-"""Declares a node's parameters from a table: unit and range told, impossible and misspelt ones refused at start.
+"""Declares a node's parameters from a table with unit and range; refuses impossible and misspelt ones at start.
 
 rclpy ignores a parameter that was never declared, and a section of a parameter file whose name is not exactly the
 node's. Both are errors here, with the nearest name, because a machine that runs with other numbers than its file says
@@ -49,7 +49,7 @@ class ParameterSpec:
     read_only: bool = False
 
     def label(self) -> str:
-        """Description with unit and range, as it stands in the descriptor and in error messages."""
+        """Description with unit and range, for the descriptor and error messages."""
         text = self.description + (f" [{self.unit}]" if self.unit else "")
         if self.minimum is not None or self.maximum is not None:
             text += f", {self.allowed()}"
@@ -69,7 +69,7 @@ class ParameterSpec:
         return f"a {_type_name(self.default)}"
 
     def problem(self, value: Any) -> str | None:
-        """Why `value` is refused, in one line, or None where it is good."""
+        """Why `value` is refused, in one line, or None if it is valid."""
         wanted = _type_name(self.default)
         if isinstance(self.default, float) and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
@@ -89,7 +89,7 @@ def declare(node: "Node", specs: Sequence[ParameterSpec]) -> SimpleNamespace:
     """Declare `specs` on `node` and return their values as attributes (a dot in a name becomes an underscore).
 
     Raises StartError for a value of another type or outside its range, for an override that names no parameter of the
-    node, and for a parameter file that has nothing for the node. Later changes from outside are refused for the same
+    node, and for a parameter file without a section for the node. Later changes from outside are refused for the same
     reasons.
     """
     check_files(process_arguments, node.get_fully_qualified_name())
@@ -106,7 +106,7 @@ def declare(node: "Node", specs: Sequence[ParameterSpec]) -> SimpleNamespace:
 
 
 def nearest(name: str, names: Any) -> str:
-    """A half sentence that proposes the most similar of `names`, or lists them where none is similar."""
+    """Part of a sentence that proposes the most similar of `names`, or lists them all if none is similar."""
     names = sorted(names)
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     if close:
@@ -117,7 +117,7 @@ def nearest(name: str, names: Any) -> str:
 def check_files(arguments: Sequence[str], node_name: str) -> None:
     """Check that each parameter file named in the ROS arguments has a section for `node_name` (fully qualified).
 
-    Raises StartError where a file cannot be read, is no parameter file or has nothing for the node.
+    Raises StartError if a file cannot be read, is no parameter file or has no section for the node.
     """
     for path, sections in read_files(arguments).items():
         if not any(_matches(section, node_name) for section in sections):
@@ -128,9 +128,9 @@ def check_files(arguments: Sequence[str], node_name: str) -> None:
 
 
 def read_files(arguments: Sequence[str]) -> dict[Path, list[str]]:
-    """The node names that the parameter files named in the ROS arguments have sections for.
+    """The node names for which the parameter files named in the ROS arguments have sections.
 
-    Raises StartError where a file cannot be read or is no parameter file.
+    Raises StartError if a file cannot be read or is no parameter file.
     """
     files = [Path(arguments[i + 1]) for i, argument in enumerate(arguments[:-1]) if argument == "--params-file"]
     return {path: _read_sections(path) for path in files}

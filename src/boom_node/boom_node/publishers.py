@@ -1,6 +1,6 @@
-"""Who else publishes: two controllers or two cranes on the same topics are not to move anything.
+"""Detects a second publisher: two controllers or two cranes on the same topics must not move anything.
 
-The graph says how many publish on a topic. A process that was killed stays in it for some 6 s, until the middleware misses it.
+The ROS graph lists the publishers of a topic. A killed process stays in it for some 6 s, until the middleware notices.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ COMMANDS = ("/boom/current_command",)
 PARAMETER = ParameterSpec(
     "shared_topics",
     "",
-    "topics of commands and sensors that several may publish on, with commas between",
+    "topics of commands and sensors that may have several publishers, separated by commas",
     read_only=True,
 )
 
 
 class SolePublishers:
-    """Looks whether more than one publishes on any of some topics.
+    """Checks whether any of some topics has more than one publisher.
 
     Args:
-        node: asks the graph.
-        topics: that one alone may publish on, the node itself included.
-        shared: of these, the ones that several may publish on all the same, as in the parameter.
+        node: queries the graph.
+        topics: those that may have one publisher only, the node itself included.
+        shared: those of them that may have several, from the parameter.
     """
 
     def __init__(self, node: Any, topics: Iterable[str], shared: str = "") -> None:
@@ -38,7 +38,7 @@ class SolePublishers:
         self.conflict = ""
 
     def look(self) -> str:
-        """What is wrong, in one line, or ""; asks the graph every `LOOK_EVERY_S` at most."""
+        """The fault in one line, or ""; queries the graph at most every `LOOK_EVERY_S`."""
         now = time.monotonic()
         if now - self._looked >= LOOK_EVERY_S:
             self._looked = now

@@ -26,9 +26,9 @@ LATEST = _profile(1, reliable=True)  # the newest counts, none may be lost silen
 EVENTS = _profile(10, reliable=True)  # on demand or on change
 LATCHED = _profile(1, reliable=True, latched=True)  # late joiners get the last one
 EVERY_SAMPLE = _profile(1000, reliable=True)
-"""Sensor topics in lockstep: no sample may be lost, however far behind a recorder is; readers with sensor data QoS still match."""
+"""Sensor topics in lockstep: no sample may be lost, however slow a recorder is; subscribers with sensor data QoS still match."""
 EVERY_SENSOR_SAMPLE = _profile(1000, reliable=False)
-"""To listen to sensors of either kind with, where a listener that is busy for a while must not miss what came meanwhile."""
+"""For subscribers to both kinds of sensor topics that must not miss samples while they are busy."""
 CLOCK = _profile(10, reliable=True)  # to publish with: it serves subscribers of either kind, and lockstep loses no tick
 
 BY_TOPIC: dict[str, QoSProfile] = {

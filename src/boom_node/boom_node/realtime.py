@@ -1,4 +1,4 @@
-"""What the process needs to keep its time: priority, cores that stay awake, a garbage collector that works when nothing is due."""
+"""Real-time settings of a process: priority, cores that stay awake, garbage collection when nothing is due."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ _LATENCY = Path("/dev/cpu_dma_latency")
 
 
 def use_priority(priority: int) -> str:
-    """SCHED_FIFO with this priority for all threads of the process. Returns why not, empty where it is done.
+    """SCHED_FIFO with this priority for all threads of the process. Returns the reason for a failure, or "".
 
-    The middleware has threads of its own, and samples that wait for one of them are as late as those that wait for us. What the
-    process starts, a compiler for instance, does not inherit it.
+    The threads of the middleware need it too, because samples wait for them as well. Child processes, a compiler for instance, do
+    not inherit it.
     """
     try:
         for thread in _threads():
@@ -30,9 +30,9 @@ def _threads() -> list[int]:
 
 
 def use_core(core: int) -> str:
-    """Keeps all threads of the process to one core. Returns why not, empty where it is done.
+    """Bind all threads of the process to one core. Returns the reason for a failure, or "".
 
-    Where everything else is kept off that core, its caches hold what a cycle needs.
+    If nothing else runs on that core, its caches keep what a cycle needs.
     """
     try:
         for thread in _threads():
@@ -44,10 +44,10 @@ def use_core(core: int) -> str:
 
 
 class WakeUpLatency:
-    """Keeps the cores from sleeping, as long as it is held: the kernel's bound on wake-up latency (PM QoS) is zero then.
+    """Keeps the cores awake while held: the kernel's bound on wake-up latency (PM QoS) is then zero.
 
-    A core that sleeps deeply takes up to a millisecond to be back, and the core of a virtual machine is given to others meanwhile.
-    It costs power: idle cores wait at full clock.
+    A core in deep sleep takes up to a millisecond to wake up, and the host gives the idle core of a virtual machine to others.
+    This costs power: idle cores wait at full clock.
     """
 
     def __init__(self, device: Path = _LATENCY) -> None:
@@ -67,31 +67,31 @@ class WakeUpLatency:
         return ""
 
     def release(self) -> None:
-        """They may sleep again; the kernel does so itself where the process ends."""
+        """Let the cores sleep again, as the kernel does when the process ends."""
         if self._held is not None:
             os.close(self._held)
         self._held = None
 
 
 class Garbage:
-    """Collects garbage behind every hundredth cycle instead of whenever Python likes, so never between sample and command."""
+    """Collects garbage after every hundredth cycle instead of at any time, so never between sample and command."""
 
     def __init__(self) -> None:
         self._cycles = 0
 
     def hold(self) -> None:
-        """From here on only :meth:`cycle_is_over` collects. What lives now is taken to live to the end, which makes that short."""
+        """From now on only :meth:`cycle_is_over` collects. Present objects count as permanent, which keeps collections short."""
         gc.collect()
         gc.freeze()
         gc.disable()
 
     def cycle_is_over(self) -> None:
-        """Nothing is due for most of a period."""
+        """Called when nothing is due for most of a period."""
         self._cycles += 1
         if self._cycles % _EVERY == 0:
             gc.collect()
 
     def release(self) -> None:
-        """Python's own way again."""
+        """Restore Python's own collection."""
         gc.unfreeze()
         gc.enable()

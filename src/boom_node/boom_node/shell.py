@@ -1,14 +1,14 @@
 """Runs one rclpy node as a process: start, spin, signals, clean end. Every node of ours is run by `run`.
 
-What rclpy 7.1.6 leaves to its user and this module settles (each held by a test):
+Problems of rclpy 7.1.6 that this module solves (each held by a test):
 
 - ``EventsExecutor.spin()`` and ``spin_once()`` without a time-out busy-loop and never call back: here ``spin_once``
   gets a time-out.
-- SIGTERM between ``rclpy.init`` and the creation of the node ends in a traceback: here Python's own handlers stand from
+- SIGTERM between ``rclpy.init`` and the creation of the node ends in a traceback: here Python's own handlers are active from
   before ``init`` until after the last destructor, and rclpy installs none.
-- an executor that is shut down inside a callback hangs: here `finish` only leaves a note, which the loop reads.
-- an exception in a callback leaves the executor and ends the process: here the node's guard takes it, and what still leaves the
-  executor.
+- an executor that is shut down inside a callback hangs: here `finish` only sets a flag, which the loop reads.
+- an exception in a callback leaves the executor and ends the process: here the node's guard handles it, and whatever still leaves
+  the executor.
 """
 
 import contextlib
@@ -34,11 +34,11 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class _Interrupted(BaseException):
-    """Raised out of the construction of the node when a signal asks for the end."""
+    """Raised during the construction of the node when a signal requests the end."""
 
 
 class _State:
-    """What the signal handlers and `finish` leave for the loop. One node per process, hence one state."""
+    """What the signal handlers and `finish` pass to the loop. One node per process, hence one state."""
 
     def __init__(self) -> None:
         self.stop = False
@@ -57,7 +57,7 @@ _state = _State()
 
 
 def finish(exit_status: int = 0, message: str = "") -> None:
-    """Ask for the end of the process from a callback or another thread of the node.
+    """Request the end of the process from a callback or another thread of the node.
 
     The executor returns first, then the node
     is closed. `message`: one line for stderr, printed last.
@@ -86,7 +86,7 @@ def _signals_handled() -> Iterator[None]:
 def make_executor(kind: str | None = None) -> Any:
     """An EventsExecutor; a SingleThreadedExecutor where `kind` or ``BOOM_EXECUTOR`` says "single".
 
-    Raises StartError for another word.
+    Raises StartError for any other value.
     """
     kind = kind or os.environ.get(EXECUTOR_VARIABLE, "events")
     if kind not in ("events", "single"):
@@ -110,8 +110,8 @@ def run(
 
     `argv`: as ``sys.argv`` (the default). A node may have a method ``close()``: it is called once, before the node is
     destroyed, with publishers still working. 0: ended by SIGINT, SIGTERM or `finish`; 2: StartError, printed as one
-    line; any other exception while the node is built is a programming error and is raised with its traceback. Once it runs its
-    guard takes them (`boom_node.node`).
+    line; any other exception while the node is built is a programming error and is raised with its traceback. Once the node runs,
+    its guard handles them (`boom_node.node`).
     """
     arguments = list(sys.argv if argv is None else argv)
     parameters.process_arguments = arguments[1:]

@@ -1,14 +1,14 @@
-"""ROS stamps and nanoseconds, as whole numbers: a float holds a stamp of today to 256 ns only."""
+"""ROS stamps and nanoseconds as integers, because a float resolves a stamp of today to 256 ns only."""
 
 from typing import Protocol, TypeVar
 
 SECOND_NS = 1_000_000_000
 FAR_NS = 10 * SECOND_NS
-"""Further from now no stamp of a sample is believed."""
+"""A sample stamped further from now than this is refused."""
 
 
 class Stamp(Protocol):
-    """builtin_interfaces/Time, or anything shaped like it."""
+    """builtin_interfaces/Time, or anything with the same fields."""
 
     sec: int
     nanosec: int
@@ -42,7 +42,7 @@ def ns_to_seconds(nanoseconds: int) -> float:
 
 
 def far(stamp_ns: int, now_ns: int) -> str:
-    """How far the stamp is from now, in words, where that is too far to be believed; else ""."""
+    """How far the stamp is from now, in words, if that is too far; else ""."""
     ahead = stamp_ns - now_ns
     if abs(ahead) <= FAR_NS:
         return ""

@@ -1,1 +1,1 @@
-"""Bags to one table of signals and back; the recorder and the replay node."""
+"""Reads bags into one table of signals and writes them; the recorder and the replay node."""

@@ -17,7 +17,7 @@ _SPLIT = re.compile(r"^(.*)_(\d+)\.mcap(\.zstd)?$")
 
 @dataclass
 class BagFiles:
-    """The .mcap files of one bag in order, and what its metadata.yaml promised (None where there is none)."""
+    """The .mcap files of one bag in order, and what its metadata.yaml promises (None if missing)."""
 
     name: str
     files: list[Path]
@@ -27,7 +27,7 @@ class BagFiles:
 
 
 def find(path: Path) -> BagFiles:
-    """The bag at `path`. Raises RecordingError (with the path) where there is none, or more, or another kind."""
+    """The bag at `path`. Raises RecordingError (with the path) if there is none, more than one, or one of another kind."""
     if path.is_dir():
         return _directory(path)
     if not path.exists():
@@ -58,18 +58,18 @@ def _directory(path: Path) -> BagFiles:
             _from_metadata(bag, path, parse_yaml(read_text(metadata), METADATA))
         except InputError as error:
             reason = str(error).replace(str(metadata), METADATA, 1)
-            bag.warnings.append(f"metadata.yaml is not used; the .mcap files beside it were taken ({reason})")
+            bag.warnings.append(f"metadata.yaml is not used; the .mcap files beside it were read ({reason})")
     if not bag.files:
         bag.files = _without_metadata(path)
         if not there:
             bag.warnings.append(
-                "metadata.yaml is missing (the recorder did not end properly?); the .mcap file was taken"
+                "metadata.yaml is missing (the recorder did not end properly?); the .mcap file was read"
             )
     return bag
 
 
 def _from_metadata(bag: BagFiles, path: Path, document: Any) -> None:
-    """Take in a rosbag2 metadata document. Raises InputError where it is none, RecordingError for another kind of bag."""
+    """Read a rosbag2 metadata document. Raises InputError if it is not one, RecordingError for another kind of bag."""
     information = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
     names = information.get("relative_file_paths") if isinstance(information, dict) else None
     if information is None or not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
@@ -86,9 +86,9 @@ def _from_metadata(bag: BagFiles, path: Path, document: Any) -> None:
     bag.files = [path / name for name in named if name in beside]
     unnamed = sorted(name for name in beside - set(named) if name.endswith(_ENDINGS))
     if missing and bag.files:
-        bag.warnings.append(f"{missing} named in metadata.yaml is missing; what it held is lost")
+        bag.warnings.append(f"{missing} named in metadata.yaml is missing; its content is lost")
     elif missing:
-        bag.warnings.append(f"metadata.yaml names {missing}, which is not there; the .mcap files beside it were taken")
+        bag.warnings.append(f"metadata.yaml names {missing}, which is missing; the .mcap files beside it were read")
     if unnamed and bag.files:
         bag.warnings.append(f"{_some(unnamed)} is not named in metadata.yaml and was not read")
     messages, duration = information.get("message_count"), information.get("duration")
@@ -96,7 +96,7 @@ def _from_metadata(bag: BagFiles, path: Path, document: Any) -> None:
     if isinstance(messages, int) and isinstance(span, int):
         bag.promised_messages, bag.promised_duration_s = messages, span / 1e9
     else:
-        bag.warnings.append("metadata.yaml does not tell how many messages there are: a loss may go unnoticed")
+        bag.warnings.append("metadata.yaml does not state the number of messages: a loss may go unnoticed")
 
 
 def _entries(path: Path) -> list[Path]:
@@ -126,7 +126,7 @@ def _without_metadata(path: Path) -> list[Path]:
         if entry.is_dir() and ((entry / METADATA).is_file() or any(entry.glob("*.mcap")))
     ]
     if len(inner) == 1:
-        raise RecordingError(f"{path}: it is no bag, but holds one: give {path / inner[0]}")
+        raise RecordingError(f"{path}: this folder is not a bag, but holds one: give {path / inner[0]}")
     if inner:
         raise RecordingError(f"{path}: the folder holds several bags ({_some(inner)}): give one of them")
     raise RecordingError(f"{path}: there is no .mcap file in this folder: give a rosbag2 directory or a .mcap file")

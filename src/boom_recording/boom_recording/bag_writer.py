@@ -20,7 +20,7 @@ _BAG_VERSION = 9
 
 @dataclass(frozen=True)
 class OfferedQos:
-    """What a player needs of a publisher's QoS; latched: transient local, deadline_ns: [ns], None = none."""
+    """The part of a publisher's QoS that a player needs; latched: transient local, deadline_ns: [ns], None = none."""
 
     reliable: bool = False
     latched: bool = False
@@ -28,7 +28,7 @@ class OfferedQos:
     deadline_ns: int | None = None
 
     def as_mapping(self) -> dict[str, Any]:
-        """As rosbag2 writes it."""
+        """As a mapping in the form of rosbag2."""
         deadline = dict(_INFINITE)
         if self.deadline_ns is not None:
             deadline = {"sec": self.deadline_ns // 10**9, "nsec": self.deadline_ns % 10**9}
@@ -61,10 +61,10 @@ class _Topic:
 class BagWriter:
     """One bag being written. Use as a context manager, or call `close`.
 
-    path          folder of the bag; must not exist yet (its parent is made)
+    path          folder of the bag; must not exist yet (its parent is created)
     chunk_bytes   size of a chunk before compression [byte]
 
-    Raises RecordingError where the folder exists or cannot be made, and from every method where writing fails (disk
+    Raises RecordingError if the folder exists or cannot be created, and from every method if writing fails (disk
     full).
     """
 
@@ -83,7 +83,7 @@ class BagWriter:
                 f"{path}: it exists already and is not overwritten: give another name or remove it"
             ) from None
         except OSError as error:
-            raise RecordingError(f"{path}: the folder cannot be made: {error.strerror}") from None
+            raise RecordingError(f"{path}: the folder cannot be created: {error.strerror}") from None
         with self._failures():
             self._stream: IO[bytes] = (path / f"{self.name}_0.mcap").open("wb")
             self._writer = Writer(
@@ -105,7 +105,7 @@ class BagWriter:
     def add_topic(
         self, name: str, type_name: str, definition: str, type_hash: str, qos: OfferedQos = SENSOR_QOS
     ) -> int:
-        """Declare a topic; returns the number by which `write` knows it."""
+        """Declare a topic; returns its number for `write`."""
         offered = [qos.as_mapping()]
         with self._failures():
             if type_name not in self._schemas:
@@ -189,7 +189,7 @@ class BagWriter:
 
 
 class _PlainDumper(yaml.SafeDumper):
-    """YAML without anchors, which the parser of rosbag2 does not take."""
+    """YAML without anchors, which the parser of rosbag2 does not accept."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True

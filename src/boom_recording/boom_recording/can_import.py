@@ -1,4 +1,4 @@
-"""Frames of a CAN log become a recording, by the checks and the arithmetic of the bridge, for all frames at once."""
+"""Turns the frames of a CAN log into a recording, with the checks and conversions of the bridge, for all frames at once."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _OF_COMMAND = {"retract_current": "retract_current_command", "extend_current": "
 
 @dataclass(frozen=True)
 class FrameReport:
-    """What became of one kind of frame: used, how many the counters say were lost, bad ones by reason."""
+    """The frames of one kind: number used, number lost according to the counters, bad ones by reason."""
 
     name: str
     identifier: str
@@ -35,11 +35,11 @@ class FrameReport:
 
 @dataclass(frozen=True)
 class Imported:
-    """A recording made of a log, and what was left out.
+    """A recording made from a log, and what was left out.
 
     frames     one row for each frame that the mapping knows
     unknown    identifier -> number of frames that the mapping does not know
-    left_out   what of the log is no data frame, by kind
+    left_out   entries of the log that are not data frames, by kind
     """
 
     recording: Recording
@@ -57,9 +57,9 @@ def convert(
 ) -> Imported:
     """The recording that `frames` hold.
 
-    A sample's time is that of its frame. A command that is not enabled is a command of zero, as it is to the ECU.
+    A sample has the time of its frame. A command that is not enabled counts as zero, as for the ECU.
 
-    Raises RecordingError where no frame carries a measured value.
+    Raises RecordingError if no frame carries a measured value.
     """
     verdicts = np.zeros(len(frames.ids), np.uint8)
     parts: dict[str, list[tuple[NDArray[np.intp], BulkFrame]]] = {kind: [] for kind in codec.frames}
@@ -118,7 +118,7 @@ def _joined(
 
 
 def _signals(spec: FrameSpec, values: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
-    """The columns of `spec` that a recording has, by the signal's name."""
+    """The columns of `spec` that a recording contains, by the name of the signal."""
     if spec.direction == "from_ecu":
         return {name: column for name, column in values.items() if name in BY_NAME}
     enabled = values["enable"] >= 0.5 if "enable" in values else True

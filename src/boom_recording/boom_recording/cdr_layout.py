@@ -1,7 +1,7 @@
-"""Where the fields of a CDR message lie, so that thousands of messages are read or written as one array.
+"""Locates the fields of a CDR message, so that thousands of messages can be read or written as one array.
 
 In CDR (OMG, XCDR version 1, what ROS 2 Jazzy puts on the wire) a number lies at a multiple of its size, counted from
-behind the four bytes of the encapsulation header; a string or sequence is a 32-bit length and its elements. Two
+the end of the four-byte encapsulation header; a string or sequence is a 32-bit length and its elements. Two
 messages of one type with equal lengths therefore have every field at the same place: `locate` walks one message,
 `Layout.matches` says which rows share its lengths.
 """
@@ -30,7 +30,7 @@ _FORMATS = {
 
 
 class LayoutError(ValueError):
-    """The bytes are no message of that type."""
+    """The bytes are not a message of that type."""
 
 
 @dataclass
@@ -51,7 +51,7 @@ class Layout:
     decisive: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
 
     def matches(self, rows: Rows) -> NDArray[np.bool_]:
-        """Which of `rows` (n, size) are laid out like this and name the same elements."""
+        """Which of `rows` (n, size) have this layout and name the same elements."""
         return np.asarray((rows[:, self.decisive] == self.template[self.decisive]).all(axis=1))
 
     def column(self, rows: Rows, path: str) -> NDArray[Any]:
@@ -157,7 +157,7 @@ class _Walker:
 
 
 def locate(data: bytes, name: str, types: FieldTypes) -> Layout:
-    """Walk one message of type `name`. Raises LayoutError where the bytes cannot be one."""
+    """Walk one message of type `name`. Raises LayoutError if the bytes cannot be one."""
     walker = _Walker(data, types)
     walker.message("", name)
     layout = walker.layout

@@ -1,4 +1,4 @@
-"""Hands out samples at the times they were recorded, faster or slower, with pause and stop. No ROS."""
+"""Delivers samples at the pace of the recording, faster or slower, with pause and stop. No ROS."""
 
 import threading
 import time
@@ -13,7 +13,6 @@ class Pacer:
     rate       replayed seconds per second
     send       called with the sample and the replayed time [ns] it is due at
     tick       called every 10 ms of replayed time, and at each sample, with the replayed time [ns]; None = no clock
-               wanted
     start_ns   replayed time of stamp zero [ns]
 
     `run` blocks and belongs into a thread of its own; the other methods may be called from any thread.
@@ -49,7 +48,7 @@ class Pacer:
         return self._clock_ns
 
     def pause(self) -> None:
-        """Stop replayed time where it is."""
+        """Stop replayed time."""
         with self._changed:
             if not self._paused:
                 self._position_ns = self._now_ns()
@@ -58,7 +57,7 @@ class Pacer:
                 self._changed.notify_all()
 
     def resume(self) -> None:
-        """Let replayed time go on."""
+        """Resume replayed time."""
         with self._changed:
             if self._paused:
                 self._paused = False
@@ -71,7 +70,7 @@ class Pacer:
             self._changed.notify_all()
 
     def run(self, samples: Iterable[Sample]) -> bool:
-        """Send `samples` (by time). True where the last was sent, False where `stop` came first."""
+        """Send `samples` (by time). True if the last was sent, False if `stop` came first."""
         next_tick = 0
         for sample in samples:
             while self._tick is not None and next_tick <= sample.stamp_ns:

@@ -1,4 +1,4 @@
-"""What the recorder decides and counts, without ROS: QoS to ask for, when it is ready, what it reports."""
+"""Decisions and counts of the recorder, without ROS: the QoS to request, when it is ready, what it reports."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -21,7 +21,7 @@ _HOUSEKEEPING = ("/rosout", "/parameter_events")
 
 @dataclass(frozen=True)
 class Publisher:
-    """One publisher as the graph shows it: message type ("pkg/msg/Type"), type hash (RIHS01), QoS it offers."""
+    """One publisher in the ROS graph: message type ("pkg/msg/Type"), type hash (RIHS01), QoS it offers."""
 
     type: str
     type_hash: str
@@ -38,9 +38,9 @@ def request(publishers: Sequence[Publisher]) -> OfferedQos:
 
 
 def offered(topic: str, publishers: Sequence[Publisher], current: str = "") -> tuple[list[Publisher], str]:
-    """The publishers of `topic` that can be recorded, and what is wrong with the others, "" where nothing is.
+    """The publishers of `topic` that can be recorded, and what is wrong with the others, or "".
 
-    A topic that is known has its type; another one has that of the subscription (`current`), or that offered first.
+    A known topic has a fixed type; another one has that of the subscription (`current`), or the type offered first.
     """
     wanted = KNOWN_TYPES.get(topic) or current or next((p.type for p in publishers if _TYPE.fullmatch(p.type)), "")
     good = [publisher for publisher in publishers if wanted and publisher.type == wanted]
@@ -52,13 +52,13 @@ def offered(topic: str, publishers: Sequence[Publisher], current: str = "") -> t
 
 
 def must_renew(current: OfferedQos, publishers: Sequence[Publisher]) -> bool:
-    """True where a publisher has come that offers less than the subscription asks for: it would not be heard."""
+    """True if a new publisher offers less than the subscription requests, so that it would not be received."""
     wanted = request(publishers)
     return (current.reliable and not wanted.reliable) or (current.latched and not wanted.latched)
 
 
 def wanted_topics(asked: Sequence[str], seen: Iterable[str]) -> list[str]:
-    """Topics to record: those asked for, or with "*" all that were seen but ROS' own housekeeping."""
+    """Topics to record: the requested ones, or with "*" all that were seen except ROS's internal ones."""
     if EVERYTHING not in asked:
         return list(asked)
     found = [topic for topic in sorted(seen) if topic not in _HOUSEKEEPING and "/_" not in topic]
@@ -73,13 +73,13 @@ class Readiness:
     since_s: dict[str, float] = field(default_factory=dict)
 
     def update(self, matched: Iterable[str], now_s: float) -> bool:
-        """Take note of the matched topics at `now_s` (monotonic) [s]; returns whether the recorder is ready."""
+        """Update with the topics matched at `now_s` (monotonic) [s]; returns whether the recorder is ready."""
         matched = set(matched)
         self.since_s = {topic: self.since_s.get(topic, now_s) for topic in self.required if topic in matched}
         return not self.missing(now_s)
 
     def missing(self, now_s: float) -> list[str]:
-        """Required topics that nobody publishes, or not for long enough yet."""
+        """Required topics without a publisher, or with one for too short a time."""
         return [topic for topic in self.required if now_s - self.since_s.get(topic, now_s) < SETTLE_S]
 
 
@@ -106,13 +106,13 @@ class Traffic:
 
 
 def summary(path: str, traffic: dict[str, Traffic], asked: Sequence[str]) -> list[str]:
-    """Lines to print at the end: where the bag is, and per topic what it holds."""
+    """Lines to print at the end: the path of the bag, and its content by topic."""
     total = sum(counts.messages for counts in traffic.values())
     lines = [f"{path}: {total} messages"]
     for topic in sorted(set(traffic) | {topic for topic in asked if topic != EVERYTHING}):
         counts = traffic.get(topic, Traffic())
-        lost = f", {counts.lost} lost on the way" if counts.lost else ""
+        lost = f", {counts.lost} lost in transit" if counts.lost else ""
         lines.append(
-            f"  {topic}: {counts.messages} messages{lost}" if counts.messages else f"  {topic}: nothing was received"
+            f"  {topic}: {counts.messages} messages{lost}" if counts.messages else f"  {topic}: no message was received"
         )
     return lines

@@ -1,6 +1,6 @@
 """Records topics into an MCAP bag: ``python -m boom_recording.recorder_node --ros-args -p output:=FOLDER``.
 
-Messages are stored as they came over the wire, without being decoded. What has been received survives a kill -9 but for
+Messages are stored as they came over the wire, without decoding. Received messages survive a kill -9, except those of
 the last half second. The bag is complete (index, metadata.yaml) after SIGINT or SIGTERM. Topics, parameters and
 conditions: README.md of the package.
 """
@@ -38,7 +38,7 @@ PARAMETERS = (
     ParameterSpec(
         "topics",
         list(recorder.DEFAULT_TOPICS),
-        'topics to record, also such that appear later; "*" = all',
+        'topics to record, including those that appear later; "*" = all',
         read_only=True,
     ),
     ParameterSpec(
@@ -63,17 +63,15 @@ _RECHECK_PERIOD_S = 2.0
 
 
 class RecorderNode(Node):
-    """The recorder as a ROS node: subscriptions in, `BagWriter` out."""
+    """The recorder as a ROS node: from subscriptions to a `BagWriter`."""
 
     def __init__(self) -> None:
         super().__init__("boom_recorder")
         values = declare(self, PARAMETERS)
         if not values.output:
-            raise StartError(
-                "boom_recorder does not know where to write: give the parameter 'output', e.g. -p output:=my_recording"
-            )
+            raise StartError("boom_recorder needs the parameter 'output', e.g. -p output:=my_recording")
         if not values.topics:
-            raise StartError("boom_recorder has nothing to record: give the parameter 'topics' at least one topic")
+            raise StartError("boom_recorder has nothing to record: list at least one topic in the parameter 'topics'")
         required = tuple(self.resolve_topic_name(topic) for topic in values.required_topics)
         self._asked = [
             topic if topic == recorder.EVERYTHING else self.resolve_topic_name(topic) for topic in values.topics
@@ -81,7 +79,7 @@ class RecorderNode(Node):
         unasked = [topic for topic in required if topic not in self._asked]
         if unasked and recorder.EVERYTHING not in self._asked:
             raise StartError(
-                f"required_topics names {unasked[0]}, which is not among 'topics': add it there or drop it here"
+                f"required_topics names {unasked[0]}, which is not among 'topics': add it there or remove it here"
             )
         try:
             self._bag = BagWriter(Path(values.output), chunk_bytes=values.chunk_bytes)
@@ -111,13 +109,13 @@ class RecorderNode(Node):
         self._scan()
 
     def _watch_required(self) -> None:
-        """Warn of a required topic that has fallen silent."""
+        """Warn about a required topic that has fallen silent."""
         now = time.monotonic()
         for topic in self._required:
             count = self._traffic[topic].messages if topic in self._traffic else 0
             if count != self._counted.get(topic, 0):
                 self._counted[topic] = count
-                text = f"{topic} has brought nothing for {{age}} s: its publisher has stopped or died"
+                text = f"{topic} has been silent for {{age}} s: its publisher has stopped or died"
                 self._watches.setdefault(topic, InputWatch(text, now)).seen(now)
             elif topic in self._watches:
                 warning = self._watches[topic].warning(now)
@@ -125,7 +123,7 @@ class RecorderNode(Node):
                     self.get_logger().warning(warning)
 
     def close(self) -> None:
-        """Complete the bag and say what it holds."""
+        """Complete the bag and print its content."""
         try:
             self._bag.close()
         except RecordingError as error:
@@ -134,7 +132,7 @@ class RecorderNode(Node):
             print(line, flush=True)
 
     def _scan(self) -> None:
-        """Subscribe to what has appeared; see whether the required topics are matched."""
+        """Subscribe to new topics; check whether the required topics are matched."""
         seen = (name for name, _ in self.get_topic_names_and_types()) if recorder.EVERYTHING in self._asked else ()
         for topic in recorder.wanted_topics(self._asked, seen):
             count = self.count_publishers(topic)
@@ -165,7 +163,7 @@ class RecorderNode(Node):
             self._diagnostics.update()
 
     def _refuse(self, topic: str, wrong: str) -> None:
-        """Tell at once what of a topic is not recorded; it is told on /diagnostics as long as it is so."""
+        """Report at once a publisher that is not recorded; it stays on /diagnostics for as long as it exists."""
         if self._refused.get(topic, "") == wrong:
             return
         self._refused.pop(topic, None)
@@ -202,7 +200,7 @@ class RecorderNode(Node):
         return self._bag.add_topic(topic, kind.type, text, kind.type_hash or type_hash, kind.qos)
 
     def store(self, number: int, data: bytes, received_ns: int) -> None:
-        """Write one message; a full disk ends the recording with what there is."""
+        """Write one message; a full disk ends the recording and keeps what was written."""
         if self._failure:
             return
         try:
@@ -236,17 +234,16 @@ class RecorderNode(Node):
         if self._refused:
             return Health(Level.ERROR, "; ".join(self._refused.values()), values)
         if missing:
-            return Health(Level.WARN, f"recording; nobody publishes {', '.join(missing)}", values)
+            return Health(Level.WARN, f"recording; no publisher of {', '.join(missing)}", values)
         return Health(Level.OK, f"recording to {self._bag.path}", values)
 
 
 class _Receiver:
     """Callback of one subscription.
 
-    The time of reception is the node's clock (ROS time where it is simulated, else the system's). The time of sending
-    would come with the message's information, but in rclpy 7.1.6 the EventsExecutor fails on callbacks that ask for it
-    (SystemError), and the other executor takes twice the processor time and loses messages at 5 kHz; every message of
-    ours carries its own stamp anyway.
+    The time of reception is that of the node's clock (ROS time if simulated, else system time). The time of sending is part of
+    the message information, but in rclpy 7.1.6 the EventsExecutor fails on callbacks that request it (SystemError), and the
+    other executor takes twice the processor time and loses messages at 5 kHz; our messages carry their own stamps anyway.
     """
 
     def __init__(self, node: RecorderNode, number: int, traffic: recorder.Traffic) -> None:
@@ -262,7 +259,7 @@ class _Receiver:
 
 @functools.cache
 def _message_type(name: str) -> Any | None:
-    """The class of a message type ("pkg/msg/Type"), None where it is not installed."""
+    """The class of a message type ("pkg/msg/Type"), None if it is not installed."""
     package, group, short = name.split("/")
     try:
         return getattr(import_module(f"{package}.{group}"), short)

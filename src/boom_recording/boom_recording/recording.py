@@ -1,4 +1,4 @@
-"""A recording: signals with their units, their own stamps, and what is wrong with them. No files, no ROS."""
+"""A recording: signals with units, stamps and defects. No files, no ROS."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,7 +26,7 @@ class Signal:
     stamps_ns    (n,) measurement time of each sample [ns], as the sender wrote it
     time         (n,) the same in seconds since `Recording.start_ns`
     values       (n,) samples [unit]
-    valid        (n,) False = masked: not to be used, nor to be interpolated over. The stamps of the valid samples
+    valid        (n,) False = masked: not to be used or interpolated over. The stamps of the valid samples
                  increase strictly
     """
 
@@ -41,7 +41,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class Event:
-    """Something wrong with a topic of a recording.
+    """A defect of a topic in a recording.
 
     kind      gap, loss, stale, stuck, clock_jump, out_of_range or nan
     start_s, end_s   [s] since the start of the recording
@@ -64,7 +64,7 @@ class Configuration:
     machine            name of the machine file
     outer_boom_angle   q3 [rad]
     telescope_length   q4 [m]
-    load_mass          [kg] believed to hang at the boom tip, NaN = not known
+    load_mass          [kg] configured load at the boom tip, NaN = not known
     """
 
     machine: str
@@ -76,7 +76,7 @@ class Configuration:
 
 @dataclass(frozen=True)
 class Table:
-    """Signals at common times: time (n,) [s], columns name -> (n,) with NaN where nothing valid was measured."""
+    """Signals at common times: time (n,) [s], columns name -> (n,) with NaN without a valid sample."""
 
     time: Floats
     columns: dict[str, Floats]
@@ -84,15 +84,15 @@ class Table:
 
 @dataclass
 class Recording:
-    """What a bag holds.
+    """The content of a bag.
 
     name, path     of the bag
     start_ns       stamp of the first sample of a sensor topic [ns]; time zero
     duration       [s] from there to the last sample of a sensor topic
     signals        by name; see `boom_recording.channels`
-    events         what is wrong with the samples, by time
-    warnings       what of the file could not be read, one sentence each
-    notes          what a reader may want to know and need not act upon
+    events         defects of the samples, by time
+    warnings       parts of the file that could not be read, one sentence each
+    notes          information that needs no action
     """
 
     name: str
@@ -107,25 +107,23 @@ class Recording:
 
     @property
     def configuration(self) -> Configuration:
-        """The machine's configuration. Raises RecordingError where there is none and none was required."""
+        """The machine's configuration. Raises RecordingError if there is none and none was required."""
         if self.stored_configuration is None:
-            raise RecordingError(
-                f"{self.name}: /boom/machine_configuration is missing: it cannot be told which machine this is"
-            )
+            raise RecordingError(f"{self.name}: /boom/machine_configuration is missing: the machine is unknown")
         return self.stored_configuration
 
     def on_grid(self, period: float = 0.01) -> Table:
         """Samples on a common grid of `period` [s] from time zero to the end.
 
-        Each grid time gets the valid sample nearest to it, NaN where none lies within half a period (with a tenth more
-        for jitter). Nothing is interpolated. Raises ValueError for a period that is not positive,
-        RecordingError where the stamps span more than a grid can hold.
+        Each grid time gets the nearest valid sample, or NaN if none lies within half a period (plus a tenth for jitter).
+        Nothing is interpolated. Raises ValueError for a period that is not positive, RecordingError if the stamps span
+        more than a grid can hold.
         """
         if not period > 0:
             raise ValueError(f"the period of the grid is {period} s: it has to be positive")
         count = int(np.floor(self.duration / period + 1e-9)) + 1
         if count > _LONGEST_GRID:
-            raise RecordingError(f"{self.name}: its stamps span {self.duration:.0f} s: more than a recording can")
+            raise RecordingError(f"{self.name}: its stamps span {self.duration:.0f} s, longer than any recording")
         time = np.asarray(np.arange(count) * period, np.float64)
         return Table(time, {name: _nearest(signal, time, period) for name, signal in self.signals.items()})
 

@@ -1,25 +1,25 @@
-"""What is replayed from a recording, when and in which order, without ROS.
+"""What a replay sends, when and in which order, without ROS.
 
 Lockstep with the simulation
 ----------------------------
-In lockstep the simulation owns /clock and stands at t_n = start + n * 0.01 s. It publishes the samples of t_n, then
+In lockstep the simulation owns /clock and is at t_n = start + n * 0.01 s. It publishes the samples of t_n, then
 /clock = t_n, and waits. One command advances it by exactly one period, to t_(n+1). The command's ``header.stamp``
-(simulated time) says from when it acts: inside (t_n, t_(n+1)) from there, otherwise at once. The replay answers each
+(simulated time) determines when it acts: inside (t_n, t_(n+1)) from that time, otherwise at once. The replay answers each
 tick t_n with one command: the recorded current that belongs to it, with exactly its stamp, counted from the start of
-the recording (t_n, where that lies before). Recorded stamps jitter, and their mean phase phi within a period is that of
+the recording (t_n, if the stamp lies before). Recorded stamps jitter, and their mean phase phi within a period is that of
 the sender; so the current of tick n is the last one with a stamp in [t_n + phi - T/2, t_n + phi + T/2), T = 0.01 s.
-Windows that began at t_n would take two currents now and none then wherever phi is near zero. Where there is none, the
-value before it acts on, stamped t_n, or zero inside a gap. The first command, for t_0, is sent without waiting for a
-tick as soon as the simulation listens. So the run depends on the recording alone and goes as fast as both allow.
-A reference is replayed in the same way: the controller, which commands the simulation, waits for the reference of its tick.
+Windows that began at t_n would sometimes hold two currents and sometimes none if phi is near zero. Without a current in
+the window the previous value continues, stamped t_n, or zero inside a gap. The first command, for t_0, is sent without waiting for
+a tick as soon as the simulation listens. So the run depends only on the recording and is as fast as both allow. A reference is
+replayed in the same way: the controller, which commands the simulation, waits for the reference of its tick.
 
-Over CAN a command acts from its tick on: the stamp does not go over the bus. There phi counts from -T/2 to T/2, and the currents
-of a recording act up to 5 ms earlier or later than they did.
+Over CAN a command acts from its tick on: the bus does not carry stamps. There phi counts from -T/2 to T/2, and the currents
+of a recording act up to 5 ms earlier or later than in the recording.
 
 Gaps
 ----
-Masked samples are not replayed. Where the currents are not known for more than 50 ms, commands go to zero (the safe
-side: the valve closes) until they are known again. A reference is held.
+Masked samples are not replayed. Where the currents are unknown for more than 50 ms, commands go to zero (the valve
+closes) until they are known again. A reference is held.
 """
 
 from bisect import bisect_left
@@ -44,7 +44,7 @@ class Sample:
 
     stamp_ns   [ns] since the start of the recording, or of the part that is replayed
     values     commands: retract and extend current [A]; reference: angle [rad]
-    gap        True: not measured, put in because the currents are not known from here on
+    gap        True: inserted because the currents are unknown from here on
     """
 
     stamp_ns: int
@@ -53,7 +53,7 @@ class Sample:
 
 
 def samples(recording: Recording, what: str) -> list[Sample]:
-    """All messages of a recording by time. Raises RecordingError where `recording` has nothing valid of that kind."""
+    """All messages of a recording by time. Raises RecordingError if `recording` has nothing valid of that kind."""
     if what not in CONTENTS:
         raise RecordingError(f"'{what}' cannot be replayed: choose one of {', '.join(CONTENTS)}")
     names = ("retract_current", "extend_current") if what == COMMANDS else ("angle",)
@@ -63,7 +63,7 @@ def samples(recording: Recording, what: str) -> list[Sample]:
     )
     if not valid.any():
         raise RecordingError(
-            f"{recording.path}: there is nothing valid to replay as {what}: "
+            f"{recording.path}: it holds nothing valid to replay as {what}: "
             f"record {' and '.join(names)}, or give another bag"
         )
     stamps = (signals[0].stamps_ns[valid] - recording.start_ns).tolist()
@@ -85,7 +85,7 @@ def _with_gaps(measured: list[Sample]) -> list[Sample]:
 def part(everything: list[Sample], start_s: float, duration_s: float) -> list[Sample]:
     """The samples from `start_s` on for `duration_s` (0 = to the end), stamped from the start of that part.
 
-    What acted at `start_s` is the first sample. Raises RecordingError where nothing is left.
+    The first sample is the one that acts at `start_s`. Raises RecordingError if nothing is left.
     """
     start = round(start_s * 1e9)
     end = start + round(duration_s * 1e9) if duration_s > 0 else None
@@ -106,7 +106,7 @@ def part(everything: list[Sample], start_s: float, duration_s: float) -> list[Sa
 
 @dataclass
 class Lockstep:
-    """Answers the ticks of the simulation; see the module's text.
+    """Answers the ticks of the simulation; see the docstring of the module.
 
     start_ns   simulated time of the first sample [ns]
     what       `COMMANDS`: zero acts before the first sample; `REFERENCE`: the first angle
@@ -138,7 +138,7 @@ class Lockstep:
         return answer
 
     def answer(self, clock_ns: int) -> Sample | None:
-        """The command for tick `clock_ns` (stamped in simulated time), or None where that tick was answered already."""
+        """The command for tick `clock_ns` (stamped in simulated time), or None if that tick was answered already."""
         tick = round((clock_ns - self.start_ns) / self.period_ns)
         if tick <= self._answered:
             return None
@@ -155,17 +155,17 @@ class Lockstep:
 
     @property
     def next_tick_ns(self) -> int:
-        """Simulated time [ns] from which on the next command will act."""
+        """Simulated time [ns] from which the next command will act."""
         return self.start_ns + (self._answered + 1) * self.period_ns
 
     @property
     def finished(self) -> bool:
-        """True once the last sample has been answered with."""
+        """True once the last sample has been sent."""
         return self._next >= len(self.chosen)
 
 
 def endless(chosen: list[Sample], loop: bool) -> Iterator[Sample]:
-    """The samples once, or again and again with stamps that go on increasing by the length of the part."""
+    """The samples once, or repeated with stamps that continue to increase by the length of the part."""
     yield from chosen
     offset = 0
     length = chosen[-1].stamp_ns + PERIOD_NS

@@ -1,7 +1,7 @@
 """Replays a recording: ``python -m boom_recording.replay_node --ros-args -p bag:=FOLDER``.
 
 The recorded solenoid currents become commands, or the recorded angle becomes the reference; at any rate, or in lockstep
-with the simulation (the protocol is told in `boom_recording.replay`). However it ends, commands end with zero currents.
+with the simulation (`boom_recording.replay` describes the protocol). However the replay ends, commands end with zero currents.
 Parameters and conditions: README.md.
 """
 
@@ -46,11 +46,9 @@ PARAMETERS = (
     ParameterSpec(
         "rate", 1.0, "how many times faster than recorded; without effect in lockstep", "", 1e-3, 1e3, read_only=True
     ),
-    ParameterSpec("start", 0.0, "where in the recording to begin", "s", 0.0, 1e6, read_only=True),
-    ParameterSpec(
-        "duration", 0.0, "how much of the recording to replay, 0 = to its end", "s", 0.0, 1e6, read_only=True
-    ),
-    ParameterSpec("loop", False, "begin again at the end", read_only=True),
+    ParameterSpec("start", 0.0, "start within the recording", "s", 0.0, 1e6, read_only=True),
+    ParameterSpec("duration", 0.0, "duration to replay, 0 = to the end", "s", 0.0, 1e6, read_only=True),
+    ParameterSpec("loop", False, "restart at the end", read_only=True),
     ParameterSpec(
         "paused", False, "wait for the service ~/pause (data: false) before the first message", read_only=True
     ),
@@ -73,7 +71,7 @@ PARAMETERS = (
         100,
         read_only=True,
     ),
-    ParameterSpec("wait_for_recorder", False, "wait for /boom_recorder/ready too", read_only=True),
+    ParameterSpec("wait_for_recorder", False, "also wait for /boom_recorder/ready", read_only=True),
     ParameterSpec("wait_for_motion", False, "wait until the CAN bridge reports that motion is enabled", read_only=True),
     ParameterSpec(
         "on_ticks", False, "lockstep: commands act from their tick on, not from their stamp (over CAN)", read_only=True
@@ -91,18 +89,16 @@ _ACKNOWLEDGE_S = 1.0
 
 
 class ReplayNode(Node):
-    """The replay as a ROS node: `boom_recording.replay` says what, this sends it."""
+    """The replay as a ROS node: sends what `boom_recording.replay` selects."""
 
     def __init__(self) -> None:
         super().__init__("boom_replay")
         values = declare(self, PARAMETERS)
         self._values = values
         if not values.bag:
-            raise StartError(
-                "boom_replay does not know what to replay: give the parameter 'bag', e.g. -p bag:=my_recording"
-            )
+            raise StartError("boom_replay needs the parameter 'bag', e.g. -p bag:=my_recording")
         if values.lockstep and (values.clock or values.loop or values.paused):
-            raise StartError("lockstep replays without clock, loop or paused: leave those parameters out")
+            raise StartError("lockstep does not support clock, loop or paused: leave these parameters out")
         try:
             needed = SOLENOID_CURRENTS if values.what == replay.COMMANDS else JOINT_STATES
             recording = load(values.bag, require=(needed,), joint=values.joint)
@@ -160,7 +156,7 @@ class ReplayNode(Node):
         self._end_with_zero()
 
     def stop_safely(self, reason: str) -> None:
-        """A callback raised: nothing is sent any more, commands end with zero currents."""
+        """Stop sending after a callback has raised; commands end with zero currents."""
         self._pacer.stop()
         self._state = "failed"
         self._end_with_zero()
@@ -175,7 +171,7 @@ class ReplayNode(Node):
         elif self._state == "lockstep" and time.monotonic() - self._last_tick > self._values.tick_timeout:
             self._state = "failed"
             alive = self.count_publishers("/clock") > 0
-            reason = "the simulation stands" if alive else "nobody publishes /clock any more"
+            reason = "the simulation stands still" if alive else "/clock has no publisher any more"
             shell.finish(
                 2,
                 f"no tick on /clock for {self._values.tick_timeout:g} s: {reason}; start the simulation in lockstep",
@@ -211,7 +207,7 @@ class ReplayNode(Node):
         if self._output.get_subscription_count() < self._values.wait_for:
             missing.append(f"a subscriber of {self._topic} (is the simulation or the controller running?)")
         if self._sole.look():
-            missing.append(f"the topic for itself alone, {self._sole.conflict}")
+            missing.append(f"the topic without another publisher, {self._sole.conflict}")
         if self._values.wait_for_recorder and not self._recorder_ready:
             missing.append(
                 "/boom_recorder/ready (is the recorder running, and do its required topics have publishers?)"
@@ -223,7 +219,7 @@ class ReplayNode(Node):
         return missing
 
     def _subscribe_clock(self) -> bool:
-        """Listen to /clock as reliably as it is offered (a lost tick would stop both); False without one."""
+        """Subscribe to /clock as reliably as it is offered (a lost tick would stop both); False without a publisher."""
         if self._clock_subscription is None:
             offered = [info.qos_profile for info in self.get_publishers_info_by_topic("/clock")]
             if not offered:
@@ -278,7 +274,7 @@ class ReplayNode(Node):
 
     def _send(self, sample: replay.Sample) -> None:
         if sample.gap:
-            self.get_logger().warning("gap in the recorded currents: zero is commanded until they are known again")
+            self.get_logger().warning("gap in the recorded currents: commanding zero until they are known again")
         message = self._message(sample)
         self._output.publish(message)
         self._sent += 1

@@ -1,7 +1,7 @@
-"""Unpacks what a file holds packed, and never further than it may be: 30 kB of zeros, packed, can become a gigabyte.
+"""Unpacks compressed data within limits: 30 kB of compressed zeros can become a gigabyte.
 
-A block (chunk of a bag, container of a log) tells its size: that is held against what a block can be before it is unpacked,
-and against what comes out while it is. All blocks of a file together may be a hundred times as large as the file: recordings
+A block (chunk of a bag, container of a log) states its size. The size is checked against the limit of a block before unpacking,
+and against the output during unpacking. All blocks of a file together may be a hundred times as large as the file; recordings
 are four to twenty times as large.
 """
 
@@ -23,12 +23,12 @@ _STEP = 65_536
 
 
 class UnpackingError(ValueError):
-    """A block is damaged, or is not what it says; a few words."""
+    """A block is damaged, or differs from its header; a short phrase."""
 
 
 @dataclass
 class Budget:
-    """How much may still be unpacked of a file. packed: its size [byte]; free: what any file may hold [byte]."""
+    """How much of a file may still be unpacked. packed: its size [byte]; free: allowed for any file [byte]."""
 
     packed: int
     free: int = LARGEST_BLOCK
@@ -37,26 +37,26 @@ class Budget:
         self.left = self.free + _RATIO * self.packed
 
     def spend(self, size: int) -> None:
-        """Raises RecordingError where the file unpacks to more than any recording does."""
+        """Raises RecordingError if the file unpacks to more than any recording does."""
         self.left -= size
         if self.left < 0:
             raise RecordingError(
                 f"it unpacks to more than {_RATIO} times its size, as no recording does, and is not read: "
-                "get it again from where it was recorded"
+                "copy it again from its source"
             )
 
 
 def check_size(size: int) -> None:
-    """Raises UnpackingError where a block says that it is larger than blocks are."""
+    """Raises UnpackingError if a block claims to be larger than the limit."""
     if size > LARGEST_BLOCK:
         raise UnpackingError(f"it claims {size / 1e6:.6g} MB, blocks have at most {LARGEST_BLOCK / 1e6:g} MB")
 
 
 def unpack(packed: bytes, compression: str, size: int) -> bytes:
-    """The content of a block that is told to have `size` bytes: "zstd", "lz4", "deflate" or "" for not packed.
+    """The content of a block that claims `size` bytes: "zstd", "lz4", "deflate" or "" for uncompressed.
 
     Raises:
-        UnpackingError: damaged, of another size, larger than blocks are, or of another compression.
+        UnpackingError: damaged, of another size, larger than the limit, or of another compression.
         RecordingError: lz4 is not installed.
     """
     check_size(size)
@@ -108,7 +108,7 @@ def _deflate(packed: bytes, size: int) -> bytes:
 
 
 def unpack_partly(packed: bytes, compression: str, size: int) -> bytes:
-    """What can be unpacked of a block that is cut or damaged, at most `size` bytes."""
+    """The part of a truncated or damaged block that can be unpacked, at most `size` bytes."""
     limit = min(size, LARGEST_BLOCK)
     if compression == "":
         return packed[:limit]
@@ -132,10 +132,10 @@ def unpack_partly(packed: bytes, compression: str, size: int) -> bytes:
 
 
 def unpack_file(stream: BinaryIO, budget: Budget) -> tuple[BytesIO, str]:
-    """The content of a file that is packed with zstd as a whole, within its budget, and what is wrong with it, "" if nothing.
+    """The content of a file that is compressed as a whole with zstd, within its budget, and its defect, or "".
 
     Raises:
-        RecordingError: not packed with zstd, or more than the budget comes out.
+        RecordingError: not compressed with zstd, or larger than the budget.
     """
     reader = zstandard.ZstdDecompressor().stream_reader(stream, read_across_frames=True, closefd=False)
     content = BytesIO()

@@ -36,7 +36,7 @@ def from_columns(
     time      (n,) [s], strictly increasing
     columns   signal name (see `boom_input.channels`) -> (n,) values [SI, pressures gauge]; NaN = no sample of this
               topic at that time
-    phase_s   topic -> how much later than `time` its samples are stamped [s]
+    phase_s   topic -> delay of its stamps after `time` [s]
 
     Raises RecordingError for an unknown signal or an array of another length.
     """
@@ -78,9 +78,9 @@ def write(
     """Write all samples of `recording`, masked ones too, as a new bag at `path` (a folder that does not exist yet).
 
     joint               name of the boom's joint
-    pressure_variance   [Pa^2] told in the pressure messages, 0 = unknown
+    pressure_variance   [Pa^2] for the pressure messages, 0 = unknown
 
-    Raises RecordingError where the folder exists, the disk is full, or signals of one topic have different stamps.
+    Raises RecordingError if the folder exists, the disk is full, or signals of one topic have different stamps.
     """
     topics = [topic for topic in TYPES if any(signal.topic == topic for signal in recording.signals.values())]
     tables = {topic: _encode(topic, recording, joint, pressure_variance) for topic in topics}

@@ -158,10 +158,10 @@ def test_a_killed_recorder_loses_less_than_a_second(
 @pytest.mark.parametrize(
     ("module", "parameters", "told"),
     [
-        ("boom_recording.recorder_node", {}, "give the parameter 'output'"),
+        ("boom_recording.recorder_node", {}, "needs the parameter 'output'"),
         ("boom_recording.recorder_node", {"output": "."}, "exists already"),
         ("boom_recording.recorder_node", {"outputs": "x"}, "did you mean 'output'"),
-        ("boom_recording.replay_node", {}, "give the parameter 'bag'"),
+        ("boom_recording.replay_node", {}, "needs the parameter 'bag'"),
         ("boom_recording.replay_node", {"bag": "absent"}, "no such file or folder"),
     ],
 )

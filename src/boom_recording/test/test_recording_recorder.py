@@ -51,7 +51,7 @@ def test_rates_count_since_the_last_report() -> None:
 def test_the_summary_names_topics_that_stayed_silent() -> None:
     traffic = {"/a": Traffic(messages=3, lost=1)}
     assert recorder.summary("bag", traffic, ["/a", "/b"]) == [
-        "bag: 3 messages", "  /a: 3 messages, 1 lost on the way", "  /b: nothing was received",
+        "bag: 3 messages", "  /a: 3 messages, 1 lost in transit", "  /b: no message was received",
     ]  # fmt: skip
 
 

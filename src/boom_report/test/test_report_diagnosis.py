@@ -95,7 +95,7 @@ def test_the_wording_fits_the_confidence(confidence, word):
 @pytest.mark.parametrize(
     ("result", "said"),
     [
-        (cases.unknown_physics, "Something that no catalogue lists acts on the hose burst valve"),
+        (cases.unknown_physics, "Unmodelled physics acts on the hose burst valve"),
         (lambda: cases.without_finding("no_mismatch"), "what differs is within sensor noise"),
         (lambda: cases.without_finding("not_enough_excitation"), "do not move the boom enough"),
         (lambda: cases.changed("parameters_only", ()), "Parameters within their tolerance explain"),
@@ -238,7 +238,7 @@ def test_the_terminal_table_is_short_plain_and_80_columns_wide():
     print_diagnosis(result, console_for(out, 80))
     printed = out.getvalue()
     assert max(len(line) for line in printed.splitlines()) <= 80 and len(printed.splitlines()) < 45
-    assert "\x1b" not in printed and "92 ms [86 to 97]" in printed and "physics of no catalogue" in printed
+    assert "\x1b" not in printed and "92 ms [86 to 97]" in printed and "unmodelled physics" in printed
     floor = re.search(r"noise floor +(.*)", printed).group(1).split()
     assert [float(v) for v in floor] == pytest.approx([100 * v for v in result.document.fit.noise_floor], rel=0.06)
     assert len(floor) == len(OUTPUTS)

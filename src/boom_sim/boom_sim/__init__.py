@@ -1,1 +1,1 @@
-"""The stand-in for the crane: the simulated boom with its sensors on ROS topics."""
+"""The simulated crane: the boom with its sensors on ROS topics."""

@@ -2,8 +2,8 @@
 
 ``pilot``: eleven traces of the pilot valves on the bench: sweeps, static and ramp signals, general shapes (ch. 4.1).
 ``cylinder``: recordings of the whole machine, moved by an operator with a joystick: staircases for identification, slow and
-fast motions for validation, in three poses, one of them with a log (ch. 4.2). The operator watches the angle and turns back
-before the ends, as one does.
+fast motions for validation, in three poses, one of them with a log (ch. 4.2). The operator watches the angle and reverses
+before the ends of stroke.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ LEAST, MOST = 0.30, 0.55
 """A. Range of the joystick (ch. 5.1)."""
 _EDGE = LEAST - 0.02
 REST = 1.2
-"""s. So long the boom rests before the first command."""
+"""s. The boom rests for this time before the first command."""
 
 
 @dataclass(frozen=True)
 class PilotRun:
-    """One trace: which valve, and the shape of its current."""
+    """One trace: the valve and the shape of its current."""
 
     name: str
     valve: str
@@ -55,7 +55,7 @@ PILOT_RUNS = tuple(
 
 @dataclass(frozen=True)
 class CylinderRun:
-    """One recording: pose, load, and how the joystick is moved."""
+    """One recording: pose, load and the motion of the joystick."""
 
     name: str
     outer_boom_angle: float
@@ -74,7 +74,7 @@ CYLINDER_DURATION = 60.0
 ATTEMPTS = 5
 """At one recording."""
 LOW_ANGLE, HIGH_ANGLE = 0.05, 0.95
-"""rad. Between these the operator stays."""
+"""rad. The operator stays between these angles."""
 
 
 def pilot_current(shape: str, rng: np.random.Generator) -> Array:
@@ -125,7 +125,7 @@ def cylinder_campaign(
 
     Raises:
         MachineError: this machine knows none of the poses.
-        EndedEarlyError: a motion that the machine cannot do; with the last attempt at it.
+        EndedEarlyError: the machine cannot perform a motion; carries the last attempt.
     """
     for number, run in enumerate(CYLINDER_RUNS):
         note = f"simulated: campaign cylinder, {run.shape}, seed {seed}"
@@ -173,7 +173,7 @@ def _drive(
 
 
 def _recording(name: str, samples: list[Sample], configuration: Configuration) -> Recording:
-    """What a recorder makes of the samples: currents carry the stamp from which they act."""
+    """The recording of the samples, as a recorder would make it: currents carry the stamp from which they act."""
     time = np.array([s.time for s in samples])
     columns = {output: np.array([getattr(s, output) for s in samples]) for output in OUTPUTS}
     result = writing.from_columns(name, time, columns, configuration)
@@ -187,7 +187,7 @@ def _recording(name: str, samples: list[Sample], configuration: Configuration) -
 _HOLD = {"staircase": (1.5, 3.5), "general": (0.6, 2.0), "fast": (0.3, 1.2)}
 _PAUSE = {"staircase": (0.6, 1.0), "general": (0.4, 1.0), "fast": (0.2, 0.4)}
 _RAMP = {"staircase": 0.25, "slow": 0.4, "general": 0.5, "fast": 0.15}
-"""s. The joystick's way from the dead zone to its end: an abrupt stop lets the oil cavitate."""
+"""s. The joystick takes this time from the dead zone to its end, because an abrupt stop lets the oil cavitate."""
 
 
 class Operator:
@@ -196,7 +196,7 @@ class Operator:
     Args:
         shape: ``staircase`` (levels held for seconds, with pauses), ``slow`` (a sinusoid of 20 s, Fig. 4.5), ``general``
             (ramps and pauses), ``fast`` (steps and reversals).
-        rng: of the choices.
+        rng: random numbers for the choices.
         gentleness: how many times slower than usual the joystick is moved.
     """
 
@@ -207,7 +207,7 @@ class Operator:
         self._until = REST
 
     def currents(self, time: float, angle: float) -> tuple[float, float]:
-        """(retract, extend) [A] at a time [s] and the angle [rad] that is seen."""
+        """(retract, extend) [A] at a time [s] for the angle [rad] that the operator sees."""
         if time < REST:
             return 0.0, 0.0
         if self._shape == "slow":
@@ -234,7 +234,7 @@ class Operator:
         self._until = time + float(self._rng.uniform(*_HOLD[self._shape]))
 
     def _followed(self) -> float:
-        """The joystick moves by no more than its whole way in the time of a ramp, and skips the valve's dead zone."""
+        """The joystick moves over its whole range in no less than the time of a ramp, and skips the valve's dead zone."""
         step = (MOST - LEAST) * PERIOD / (_RAMP[self._shape] * self._gentleness)
         given, wanted = self._given, self._wanted
         if given == 0.0:

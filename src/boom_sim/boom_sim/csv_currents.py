@@ -1,8 +1,8 @@
 """Currents from a CSV file: a header ``time_s,retract_a,extend_a``, then numbers; held from line to line.
 
-Spreadsheets write what their country does: columns between commas, semicolons or tabs, decimal commas where the columns are not
-separated by commas, quotes, a byte order mark, UTF-16, a first line ``sep=;``. The header's names are known, so what separates
-them separates the columns: nothing is guessed. Empty lines and lines that begin with ``#`` are passed over.
+Spreadsheets write CSV in the local format: columns separated by commas, semicolons or tabs, decimal commas where the columns are
+not separated by commas, quotes, a byte order mark, UTF-16, a first line ``sep=;``. The names in the header are known, so the
+character between them separates the columns, without guessing. Empty lines and lines that begin with ``#`` are skipped.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def read(path: Path) -> tuple[Array, Array]:
     """Times (m,) [s] and currents (m, 2) [A].
 
     Raises:
-        SettingError: not readable, another header, a line that is no number, times that do not grow, an impossible current.
+        SettingError: not readable, another header, a line without numbers, times that do not increase, an impossible current.
     """
     try:
         text = _text(path)
@@ -46,14 +46,14 @@ def read(path: Path) -> tuple[Array, Array]:
         separator = next((s for s in ",;\t" if _names(header, s) == COLUMNS), "")
         if not separator:
             raise SettingError(
-                f"{path}: the first line must be {','.join(COLUMNS)}, between commas, semicolons or tabs; "
+                f"{path}: the first line must be {','.join(COLUMNS)}, separated by commas, semicolons or tabs; "
                 f"it is {quoted(repr(header), 80)}"
             )
         table = _table(path, lines, separator)
     except InputError as error:
         raise SettingError(str(error)) from None
     if not len(table):
-        raise SettingError(f"{path}, line {head}: holds no currents, only a header")
+        raise SettingError(f"{path}, line {head}: no currents, only a header")
     if table[-1, 0] < 0.0:
         raise SettingError(f"{path}: the last time, {table[-1, 0]:g} s, lies before the beginning of the run at 0 s")
     return table[:, 0], table[:, 1:]
@@ -69,7 +69,7 @@ def _text(path: Path) -> str:
 
 
 def _lines(text: str) -> Iterator[tuple[int, str]]:
-    """Number and text of the lines that hold something."""
+    """Number and text of the lines that are not empty."""
     for number, line in enumerate(io.StringIO(text, newline=None), 1):
         line = line.strip(" \r\n")
         if line.strip() and not line.lstrip().startswith("#") and not (number == 1 and line.lower().startswith("sep=")):
@@ -108,7 +108,7 @@ def _table(path: Path, lines: Iterator[tuple[int, str]], separator: str) -> Arra
         mark = "".join(marks)
         time, *currents = (float(cell.replace(",", ".")) for cell in cells)
         if not before < time <= LATEST:
-            raise SettingError(f"{where}: time {time:g} s: times must grow from line to line, up to {LATEST:g} s")
+            raise SettingError(f"{where}: time {time:g} s: times must increase from line to line, up to {LATEST:g} s")
         for current in currents:
             if not 0.0 <= current <= LARGEST_CURRENT:
                 raise SettingError(f"{where}: current {current:g} A: allowed is 0 .. {LARGEST_CURRENT:g} A")

@@ -1,17 +1,17 @@
 """The crane's electronic control unit on the CAN bus: sensors and state out, current command in. No ROS, no bus, no clock.
 
-Every 10 ms ``tick`` gives the frames of one cycle; ``receive`` takes what came from the bus. A cycle shows angle, rate and
+Every 10 ms ``tick`` returns the frames of one cycle; ``receive`` accepts frames from the bus. A cycle shows angle, rate and
 pressures as measured at its beginning, and the currents that flow from then on.
 
-The valve closes, each by the ECU itself and without asking anybody, when
+The ECU closes the valve by itself when
 
 - the command is not enabled,
-- the command has been silent for 85 to 95 ms, at the tick inside: when 100 ms have passed, the current is zero,
+- the command has been silent for 85 to 95 ms, at the tick in between, so that the current is zero before 100 ms have passed,
 - the counter of the command stands still for ``FROZEN_FRAMES`` frames,
 - the ECU has just started.
 
-After silence or a frozen counter it stays closed until a command has asked for nothing once (not enabled, or both currents
-zero): a stream that breaks off in the middle of a motion does not go on in the middle of it.
+After silence or a frozen counter it stays closed until one command without motion (not enabled, or both currents zero): a stream
+that breaks off during a motion does not continue that motion.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from boom_sim.ecu_faults import Frame
 from boom_sim.simulated_crane import LARGEST_CURRENT, PERIOD, SimulatedCrane
 
 LONGEST_SILENCE = 0.1
-"""s. Without a good command for so long, the current is zero."""
+"""s. After so long without a good command the current is zero."""
 FROZEN_FRAMES = 3
 """Command frames in a row with the same counter that close the valve."""
 _MARGIN = 0.005
@@ -57,20 +57,20 @@ class Ecu:
     """A simulated crane behind a codec.
 
     Args:
-        crane: that it moves and measures.
-        codec: of the frames, both directions.
-        lockstep: True: time passes with the command frames only, and silence closes nothing.
+        crane: the crane that it moves and measures.
+        codec: codec of the frames in both directions.
+        lockstep: True: only command frames advance time, and silence does not close the valve.
 
     Attributes:
         frozen_counter: True: its frames repeat their counters (a fault to be injected).
-        refused: command frames that were not followed, by reason.
-        accepted: command frames that were.
-        failure: why the simulation stands, or "".
-        asked_again: in lockstep, the command that came last was that of the cycle before: its answer was lost.
+        refused: number of command frames that were not followed, by reason.
+        accepted: number of command frames that were followed.
+        failure: why the simulation stopped, or "".
+        asked_again: in lockstep, the last command was that of the previous cycle, whose answer was lost.
         answer: frames of the last cycle.
 
     Raises:
-        CanConfigurationError: a frame carries what no ECU knows.
+        CanConfigurationError: a frame carries an unknown field.
     """
 
     def __init__(self, crane: SimulatedCrane, codec: Codec, *, lockstep: bool = False) -> None:
@@ -94,7 +94,7 @@ class Ecu:
                 )
 
     def start(self, now: float) -> None:
-        """Switches on at ``now`` [s]: counters at zero, valve closed. The crane stays as it is."""
+        """Switch on at ``now`` [s]: counters at zero, valve closed. The crane keeps its state."""
         self._started = now
         self._counter_check = CounterCheck(self._codec)
         self._counters: Counter[str] = Counter()
@@ -110,7 +110,7 @@ class Ecu:
         self._faults = Fault(0)
 
     def reset(self, now: float, crane: SimulatedCrane | None = None) -> None:
-        """Crane and ECU begin again at ``now`` [s], with a new crane where one is given (making one takes many periods)."""
+        """Restart crane and ECU at ``now`` [s], with a new crane if given (making one takes many periods)."""
         if crane is None:
             self.crane.reset()
         else:
@@ -120,7 +120,7 @@ class Ecu:
 
     @property
     def mode(self) -> Mode:
-        """What the status frame says."""
+        """The mode in the status frame."""
         if not self._armed:
             return Mode.FAULT
         if self._cycle == 0:
@@ -129,7 +129,7 @@ class Ecu:
 
     @property
     def faults(self) -> Fault:
-        """What the status frame says; a fault stays until a command is followed again."""
+        """The faults in the status frame; a fault stays until a command is followed again."""
         return self._faults | (Fault.SENSOR if self.failure else Fault(0))
 
     @property
@@ -140,10 +140,10 @@ class Ecu:
     # ------------------------------------------------------------------------------------------------------- commands
 
     def receive(self, frame: Frame, now: float) -> bool:
-        """Takes a frame that arrived at ``now`` [s]. Returns whether it is a command, good or bad, and not of another.
+        """Accept a frame that arrived at ``now`` [s]. Returns whether it is a command for this ECU, good or bad.
 
         A frame that is damaged, repeated or impossible is counted in ``refused`` and not followed. In lockstep a damaged
-        one is as good as lost (False), and a repeated one asks for the answer again.
+        one counts as lost (False), and a repeated one requests the answer again.
         """
         spec = self._command
         if frame.arbitration_id != spec.arbitration_id or frame.extended != spec.is_extended:
@@ -189,7 +189,7 @@ class Ecu:
             self._close(Fault.FROZEN)
 
     def stop(self) -> None:
-        """Closes the valve until a command has asked for nothing once."""
+        """Close the valve until one command without motion."""
         self._close(Fault.RANGE)
 
     def _close(self, fault: Fault) -> None:

@@ -1,4 +1,4 @@
-"""What can go wrong with frames between the ECU and the bus: lost, corrupted, late, out of order. Seeded, no clock of its own.
+"""Injects faults into frames between ECU and bus: lost, corrupted, late, out of order. Seeded, without a clock.
 
 Times are seconds of any steady clock; a frame enters with ``put`` and leaves with ``due`` when its time has come. At the
 neutral settings every frame leaves unchanged in the call that follows. The same seed and the same frames at the same
@@ -20,7 +20,7 @@ LONGEST_DELAY = 10.0
 
 @dataclass(frozen=True)
 class Frame:
-    """One CAN data frame as it is on the wire."""
+    """One CAN data frame on the wire."""
 
     arbitration_id: int
     extended: bool
@@ -29,14 +29,14 @@ class Frame:
 
 @dataclass(frozen=True)
 class FaultSettings:
-    """What goes wrong; every default is neutral.
+    """The faults to inject; every default is neutral.
 
     Attributes:
         loss: probability that a frame is lost.
         burst: probability that a frame begins a burst, and all frames within ``burst_duration`` [s] are lost.
         bit_flip: probability that one random bit of a frame's data arrives inverted.
         delay: every frame is this late [s].
-        jitter: and up to this much later, evenly spread [s]; the order is kept.
+        jitter: additional delay up to this, uniformly distributed [s]; the order is kept.
         reorder: probability that a frame is overtaken by the one behind it.
     """
 
@@ -59,7 +59,7 @@ PARAMETERS = (
         "fault_bit_flip", 0.0, "probability that one bit of a frame's data is inverted", minimum=0.0, maximum=1.0
     ),
     ParameterSpec("fault_delay", 0.0, "every frame is this late", "s", 0.0, LONGEST_DELAY),
-    ParameterSpec("fault_jitter", 0.0, "and up to this much later, the order kept", "s", 0.0, LONGEST_DELAY),
+    ParameterSpec("fault_jitter", 0.0, "additional delay up to this, with the order kept", "s", 0.0, LONGEST_DELAY),
     ParameterSpec(
         "fault_reorder", 0.0, "probability that a frame is overtaken by the next", minimum=0.0, maximum=1.0
     ),
@@ -69,10 +69,10 @@ PARAMETERS = (
         choices=("both", "from_ecu", "to_ecu"),
     ),
     ParameterSpec(
-        "fault_bus_off", 0.0, "on every change to above 0, the ECU neither sends nor receives for so long", "s", 0.0, 60.0
+        "fault_bus_off", 0.0, "on every change to above 0, the ECU neither sends nor receives for this time", "s", 0.0, 60.0
     ),
     ParameterSpec(
-        "fault_restart", 0.0, "on every change to above 0, the ECU restarts and is silent for so long", "s", 0.0, 60.0
+        "fault_restart", 0.0, "on every change to above 0, the ECU restarts and is silent for this time", "s", 0.0, 60.0
     ),
 )  # fmt: skip
 """Parameters of the ECU stand-in; all but the seed can be changed while it runs."""
@@ -87,7 +87,7 @@ def from_values(values: dict[str, object]) -> FaultSettings:
 
 @dataclass
 class FaultCounts:
-    """How many frames passed, and what happened to them."""
+    """Number of frames that passed, and of faults."""
 
     passed: int = 0
     lost: int = 0
@@ -96,11 +96,11 @@ class FaultCounts:
 
 
 class FaultyLine:
-    """One direction of the way between ECU and bus.
+    """One direction of the connection between ECU and bus.
 
     Args:
-        seed: of all that is random.
-        settings: may be exchanged at any time; frames under way keep their times.
+        seed: seed of all random numbers.
+        settings: may be replaced at any time; frames under way keep their times.
     """
 
     def __init__(self, seed: int = 0, settings: FaultSettings | None = None) -> None:
@@ -153,7 +153,7 @@ class FaultyLine:
         return self._under_way[0][0] if self._under_way else np.inf
 
     def clear(self) -> None:
-        """What is under way is lost."""
+        """Drop all frames under way."""
         self.counts.lost += len(self._under_way) + (self._held is not None)
         self._under_way.clear()
         self._held = None

@@ -1,6 +1,6 @@
-"""Runs an ECU on a bus: one thread that keeps the 10 ms, receives, sends, and opens the bus again when it is lost. No ROS.
+"""Runs an ECU on a bus: one thread that keeps the 10 ms cycle, receives, sends, and reopens a lost bus. No ROS.
 
-The cycle goes on whether there is a bus or not: the valve closes by itself where commands stay away.
+The cycle continues with or without a bus: the valve closes by itself without commands.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from boom_sim.simulated_crane import PERIOD, SimulatedCrane
 FIRST_WAIT, LONGEST_WAIT = 0.1, 2.0
 """s. Between attempts to open the bus: doubled from the first to the longest."""
 STANDSTILL = 0.05
-"""s. After so long without a turn, what waits to be received is old, and dropped."""
+"""s. After so long without running, frames that wait to be received are old and dropped."""
 _SEND_TIMEOUT = 0.05
 _DRAIN_LIMIT = 20_000
 
@@ -32,14 +32,14 @@ class EcuLoop:
     """The thread around an :class:`Ecu`.
 
     Args:
-        ecu: touched by the thread only while it holds ``lock``; others hold it too when they touch the ECU.
+        ecu: the thread uses it only while holding ``lock``; other users must hold it too.
         open_bus: opens the bus or raises.
-        seed: of the faults.
+        seed: seed of the faults.
 
     Attributes:
         connection: "connected", or why not.
         skipped: cycles that were left out because the process stood still.
-        error: what ended the thread, None while all is well.
+        error: the error that ended the thread, or None.
         sent, received: frames over the bus. unsent: frames that could not be sent, dropped.
     """
 
@@ -81,20 +81,20 @@ class EcuLoop:
             self.ecu.frozen_counter = frozen_counter
 
     def bus_off(self, duration: float) -> None:
-        """Neither sends nor receives for ``duration`` [s]; the ECU goes on."""
+        """Neither send nor receive for ``duration`` [s]; the ECU continues."""
         with self.lock:
             self._silent_until = time.monotonic() + duration
             self.to_bus.clear()
             self.from_bus.clear()
 
     def restart(self, duration: float) -> None:
-        """The ECU starts again: valve closed, counters at zero, silent for ``duration`` [s]. The crane stays where it is."""
+        """Restart the ECU: valve closed, counters at zero, silent for ``duration`` [s]. The crane stays where it is."""
         with self.lock:
             self.bus_off(duration)
             self.ecu.start(self._now())
 
     def reset(self, crane: SimulatedCrane) -> None:
-        """The ECU begins again with a new crane."""
+        """Restart the ECU with a new crane."""
         with self.lock:
             self.to_bus.clear()
             self.from_bus.clear()
@@ -149,7 +149,7 @@ class EcuLoop:
                 self.to_bus.put(frame, now)
 
     def _deliver(self, now: float) -> None:
-        """Frames whose time has come: to the bus, and from it to the ECU."""
+        """Deliver the frames that are due, to the bus and from it to the ECU."""
         with self.lock:
             outgoing, incoming = self.to_bus.due(now), self.from_bus.due(now)
             for frame in incoming:
@@ -241,7 +241,7 @@ class EcuLoop:
 
 
 class _Opener:
-    """Opens the bus in a thread of its own."""
+    """Opens the bus in a separate thread."""
 
     def __init__(self, open_bus: Callable[[], can.BusABC]) -> None:
         self.bus: can.BusABC | None = None
@@ -259,7 +259,7 @@ class _Opener:
 
 
 def close_bus(bus: can.BusABC) -> None:
-    """Closes a bus that may be dead. The remote one would wait for a last word of its server."""
+    """Close a bus that may be dead. The remote one would wait for a last answer of its server."""
     sock = getattr(bus, "socket", None)
     if sock is not None and hasattr(sock, "close"):
         with contextlib.suppress(OSError):

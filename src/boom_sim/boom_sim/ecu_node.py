@@ -1,4 +1,4 @@
-"""The ECU stand-in as a process: the simulated crane behind a DBC on a CAN bus. ROS serves parameters, services and health.
+"""The ECU stand-in as a process: the simulated crane on a CAN bus. ROS is used for parameters, services and diagnostics.
 
 Parameters, services, faults and what closes the valve: docs/can_faults.md.
 """
@@ -40,7 +40,7 @@ PARAMETERS = (
     ParameterSpec("interface", "remote", "python-can interface, e.g. remote, socketcan, slcan", read_only=True),
     ParameterSpec("channel", "ws://127.0.0.1:54701/", "channel of the interface, e.g. can0", read_only=True),
     ParameterSpec(
-        "bitrate", 250000, "of the bus, where the interface sets it", "bit/s", 10000, 1000000, read_only=True
+        "bitrate", 250000, "bit rate of the bus, if the interface sets it", "bit/s", 10000, 1000000, read_only=True
     ),
     ParameterSpec("dbc", "tz17", "DBC file: the name of one that is shipped, or a path", read_only=True),
     ParameterSpec("mapping", "", "mapping file (.yaml); empty: the one that belongs to the DBC", read_only=True),
@@ -49,7 +49,7 @@ PARAMETERS = (
 
 
 class EcuNode(Node):
-    """Thin shell around :class:`boom_sim.ecu_loop.EcuLoop`."""
+    """Thin layer around :class:`boom_sim.ecu_loop.EcuLoop`."""
 
     def __init__(self) -> None:
         super().__init__("boom_ecu")
@@ -93,11 +93,11 @@ class EcuNode(Node):
         )
 
     def close(self) -> None:
-        """Leaves the bus."""
+        """Leave the bus."""
         self._loop.end()
 
     def stop_safely(self, reason: str) -> None:
-        """A callback raised: the valve closes until a command of zero has come once."""
+        """Close the valve until one command of zero, after a callback has raised."""
         with self._loop.lock:
             self._ecu.stop()
 
@@ -204,7 +204,7 @@ class EcuNode(Node):
         }
         values |= {f"commands refused, {reason}": count for reason, count in refused.items()}
         if failure:
-            return Health(Level.ERROR, f"the simulation stands: {failure}; call ~/reset to begin again", values)
+            return Health(Level.ERROR, f"the simulation stands: {failure}; call ~/reset to restart", values)
         if loop.connection != "connected":
             return Health(Level.WARN, loop.connection, values)
         if mode == Mode.FAULT:

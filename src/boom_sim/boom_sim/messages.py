@@ -1,4 +1,4 @@
-"""Samples of the simulated crane as ROS messages, on the topics of the contract. Absolute pressures are made here, once."""
+"""Samples of the simulated crane as ROS messages for the topics of the contract. Converts to absolute pressure, only here."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def header(nanoseconds: int, frame: str = "") -> Header:
 
 
 def joint_state(sample: Sample, joint: str, fixed: dict[str, float], stamp_ns: int) -> JointState:
-    """The boom's joint as the IMU shows it [rad, rad/s], and the joints that stand still at their known positions."""
+    """The boom's joint as the IMU shows it [rad, rad/s], and the locked joints at their known positions."""
     return JointState(
         header=header(stamp_ns),
         name=[joint, *fixed],

@@ -1,4 +1,4 @@
-"""A whole run at once: currents in, a recording like the machine's out. No ROS, no real time."""
+"""Simulates a whole run at once, from currents to a recording like the machine's. No ROS, no real time."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ def simulate(
     duration: float | None = None,
     name: str = "simulated",
 ) -> Recording:
-    """Runs held currents through a model and measures at 100 Hz.
+    """Run a model on held currents and measure at 100 Hz.
 
     Args:
-        machine: with the effects that it is to have.
-        configuration: pose and load; what the recording will say. A load that is not known (NaN) counts as none.
+        machine: the machine with its effects.
+        configuration: pose and load, also stored in the recording. An unknown load (NaN) counts as none.
         start: rest state at time zero.
-        time: (m,) [s], ascending, from when each current acts.
+        time: (m,) [s], ascending, start of each current.
         currents: (m, 2) [A]: retract, extend.
-        noise: of the sensors. The currents that the recording shows are the given ones, measured.
+        noise: noise of the sensors. The currents in the recording are the given ones, as measured.
         seed: of the noise.
         kind: ``full`` or ``reduced``.
-        duration: [s]; default: to one period behind the last current.
+        duration: [s]; default: up to one period after the last current.
         name: of the recording.
 
     Raises:
         MachineError: an impossible pose or load.
-        SimulationError: a state left its range; names it and the time. An EndedEarlyError where something ran before.
+        SimulationError: a state left its range; the message names it and the time. An EndedEarlyError if part of the run exists.
     """
     load = 0.0 if math.isnan(configuration.load_mass) else configuration.load_mass
     pose = machine.pose(configuration.outer_boom_angle, configuration.telescope_length, load)
@@ -78,7 +78,7 @@ def simulate(
 
 
 def _current_times(time: Array, grid: Array) -> Array:
-    """When the currents are measured: as they are given, and at 100 Hz where none is given within half a period."""
+    """Times at which the currents are measured: as given, and at 100 Hz where none is given within half a period."""
     inside = time[(time >= 0.0) & (time <= grid[-1])]
     if len(inside) == 0:
         return grid

@@ -1,11 +1,11 @@
-"""Time in the real-time simulation: how many periods are due, and whether the last command is still fresh. Steady clocks in."""
+"""Time in the real-time simulation: number of due periods, and freshness of the last command. Uses steady clocks."""
 
 from __future__ import annotations
 
 OLDEST_COMMAND = 0.1
 """s. A command older than this closes the valve."""
 LARGEST_BACKLOG = 50
-"""Periods. What is further behind is skipped: after half a second of standstill the world has moved on."""
+"""Periods. A larger backlog, after half a second of standstill, is skipped."""
 
 
 class Pacer:
@@ -26,7 +26,7 @@ class Pacer:
         return self._done_until is not None
 
     def due(self, now: float) -> int:
-        """How many whole periods have passed since the last call; at most ``LARGEST_BACKLOG``. ``now``: when a tick was due."""
+        """Number of whole periods since the last call; at most ``LARGEST_BACKLOG``. ``now``: due time of a tick."""
         if self._done_until is None:
             self._done_until = now
             return 0
@@ -39,7 +39,7 @@ class Pacer:
         return periods
 
     def hold(self, now: float) -> None:
-        """Time passes that is not simulated (pause)."""
+        """Let time pass that is not simulated (pause)."""
         self._done_until = now
 
 
@@ -47,7 +47,7 @@ class WatchedCommand:
     """Freshness of commands.
 
     Attributes:
-        received: commands so far. late: those refused because they were too old on arrival.
+        received: number of commands so far. late: number refused because they were too old on arrival.
         closed: whether no fresh command acts.
     """
 
@@ -58,7 +58,7 @@ class WatchedCommand:
         self.closed = True
 
     def receive(self, now: float, age: float, stamped: bool) -> str:
-        """A command arrives at the steady time ``now`` [s], ``age`` [s] after its stamp. Returns why it is refused, or ""."""
+        """Note a command arriving at steady time ``now`` [s], ``age`` [s] after its stamp. Returns why it is refused, or ""."""
         self.received += 1
         if stamped and age > OLDEST_COMMAND:
             self.late += 1
@@ -68,7 +68,7 @@ class WatchedCommand:
         return ""
 
     def has_expired(self, now: float) -> bool:
-        """True once when the last command has become too old."""
+        """True once, when the last command has become too old."""
         if self.closed or self._last is None or now - self._last <= OLDEST_COMMAND:
             return False
         self.closed = True

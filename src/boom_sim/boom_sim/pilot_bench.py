@@ -1,7 +1,7 @@
 """One pilot valve on the bench of the first measurement campaign (ch. 4.1): PWM driver, solenoid, valve, oscilloscope.
 
-    L i' = u - R i,  u = PWM_VOLTAGE or 0 at 100 Hz      (solenoid; the driver chooses the duty so that the mean current
-                                                           follows the wanted one)
+    L i' = u - R i,  u = PWM_VOLTAGE or 0 at 100 Hz      (solenoid; the driver chooses the duty cycle so that the mean
+                                                           current follows the wanted one)
     lambda' = a_1 lambda + i,  p = h(nu)                  (boom_model.components.pilot_valve)
 
 The oscilloscope samples u, i and p at 6.25 kHz and adds white noise to each.
@@ -52,10 +52,10 @@ def measure(
     """The trace of one run.
 
     Args:
-        machine: whose pilot valves, effects included, are on the bench.
-        pose: any; the valves do not see it.
+        machine: the machine with the pilot valves, including effects.
+        pose: any; it does not affect the valves.
         valve: ``retract`` or ``extend``.
-        wanted: (n,) [A], what the joystick asks at each PWM period; the run lasts n periods.
+        wanted: (n,) [A], current requested by the joystick in each PWM period; the run lasts n periods.
         name: of the trace.
         noise: of the oscilloscope.
         seed: of the noise.

@@ -1,4 +1,4 @@
-"""What the simulation node can be told: one table, read by the node, its README and the tests of the launch files."""
+"""Parameters of the simulation node in one table, used by the node, its README and the tests of the launch files."""
 
 from __future__ import annotations
 
@@ -18,19 +18,20 @@ from boom_node.publishers import PARAMETER as SHARED_TOPICS
 from boom_sim.simulated_crane import SimulatedCrane, Start
 
 UNSET = -1.0e9
-"""A number parameter that was not given; ROS parameters know no empty number."""
+"""A number parameter that was not given; ROS parameters have no empty number."""
 
 PARAMETERS = (
     ParameterSpec("machine", "tz17", "machine file: the name of one that is shipped, or a path to a .yaml", read_only=True),
     ParameterSpec(
-        "effects", "", "physics beside the machine file's, as YAML, e.g. {piston_leakage: {c: 1.0e-12}}", read_only=True
+        "effects", "", "physics in addition to the machine file, as YAML, e.g. {piston_leakage: {c: 1.0e-12}}", read_only=True
     ),
     ParameterSpec("outer_boom_angle", 0.28, "locked outer boom joint q3", "rad", -3.2, 6.3, read_only=True),
     ParameterSpec("telescope_length", 2.2, "locked telescope extension q4, both stages", "m", 0.0, 20.0, read_only=True),
     ParameterSpec("load_mass", 0.0, "load at the tip at the beginning", "kg", 0.0, 1e5, read_only=True),
     ParameterSpec("initial_angle", 0.3, "boom angle at the beginning, 0 = horizontal", "rad", -3.2, 3.2, read_only=True),
     ParameterSpec(
-        "initial_hose_pressure", UNSET, "gauge p_h at the beginning; not given: what carries the boom", "Pa", read_only=True
+        "initial_hose_pressure", UNSET, "gauge p_h at the beginning; not given: the pressure that carries the boom", "Pa",
+        read_only=True
     ),
     ParameterSpec("initial_rod_pressure", UNSET, "gauge p_b at the beginning; not given: 10 bar", "Pa", read_only=True),
     ParameterSpec("mode", "real_time", "time base", choices=("real_time", "lockstep"), read_only=True),
@@ -49,12 +50,12 @@ PARAMETERS = (
 NODE_PARAMETERS = (
     *PARAMETERS,
     ParameterSpec(
-        "controller_follows", False, "a controller is started, too: a motion that nobody follows yet is not told",
+        "controller_follows", False, "a controller is also being started: do not report motions that no controller follows yet",
         read_only=True,
     ),
     ParameterSpec("realtime_priority", 0, "in real time: SCHED_FIFO priority; 0: none", "", 0, 90, read_only=True),
 )  # fmt: skip
-"""Of the simulation on topics; the ECU stand-in has :data:`PARAMETERS` and its own."""
+"""Parameters of the simulation on topics; the ECU stand-in has :data:`PARAMETERS` and its own."""
 
 
 class SettingError(ModelError):
@@ -75,7 +76,7 @@ def make_crane(values: SimpleNamespace) -> SimulatedCrane:
 
 
 def with_effects(machine: Machine, text: str) -> Machine:
-    """The machine with further effects, given as YAML text; those of its file stay unless they are named again.
+    """The machine with additional effects, given as YAML text; effects of its file stay unless named again.
 
     Raises:
         SettingError: not YAML, or not effects. MachineError: an effect, parameter or value that does not exist.

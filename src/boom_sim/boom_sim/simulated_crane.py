@@ -1,7 +1,7 @@
-"""The stand-in for the crane: the full model, stepped by its own period, with commands, load, sensors. No ROS.
+"""The simulated crane: the full model, advanced in fixed periods, with commands, load and sensors. No ROS.
 
-Time begins at zero in the initial state. A command acts from a time on until the next one; ``advance`` integrates one period
-and gives what the sensors measure at its end. The same seed and the same commands give the same numbers, bit by bit.
+Time begins at zero in the initial state. A command acts from its time until the next one; ``advance`` integrates one period
+and returns the sensor values at its end. The same seed and the same commands give the same numbers, bit by bit.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ _COINCIDENT = 1e-9
 
 
 class CommandError(ModelError):
-    """A command that cannot be carried out; the message says why. It is left out, the one before goes on."""
+    """An impossible command; the message says why. It is ignored, and the previous one stays active."""
 
 
 class EndedEarlyError(SimulationError):
-    """A state left its range behind some samples.
+    """A state left its range after some samples.
 
     Attributes:
-        recording: of what ran until then.
+        recording: the run up to that point.
     """
 
     def __init__(self, error: SimulationError, recording: Recording) -> None:
@@ -100,7 +100,7 @@ class SimulatedCrane:
     """A crane in a pose, its boom moved by the full model.
 
     Args:
-        machine: with the effects that it is to have.
+        machine: the machine with its effects.
         pose: locked joints and load at the beginning.
         start: the rest state at the beginning.
         noise: of the sensors; ``boom_model.sensors.IDEAL`` for none.
@@ -122,7 +122,7 @@ class SimulatedCrane:
         self.reset()
 
     def reset(self) -> None:
-        """Back to the beginning: state, load, time, noise, commands."""
+        """Return to the initial state, load, time, noise and commands."""
         self.pose = self._first_pose
         self._plant = Plant(self.machine, self.pose)
         self._stepper = self._plant.stepper(self._start.state(self._plant), tolerance=TOLERANCE)
@@ -140,12 +140,12 @@ class SimulatedCrane:
 
     @property
     def sample(self) -> Sample:
-        """What the sensors show now."""
+        """The present sensor values."""
         return self._sample
 
     @property
     def truth(self) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
-        """True states now: names, values, units."""
+        """The present true states: names, values, units."""
         states = self._plant.equations.states
         return self._plant.state_names, self._stepper.state.copy(), tuple(s.unit for s in states)
 
@@ -155,17 +155,17 @@ class SimulatedCrane:
         return self.pose.load
 
     def command(self, retract: float, extend: float, at: float | None = None) -> None:
-        """Sets both currents [A] from ``at`` [s] on.
+        """Set both currents [A] from ``at`` [s] on.
 
-        Without ``at``, or where it has passed or is further away than two periods (another clock), from now on.
+        They act from now on without ``at``, or if it has passed or is more than two periods ahead (another clock).
 
         Raises:
-            CommandError: a current that is no finite number, negative or larger than any driver gives.
+            CommandError: a current that is not finite, negative, or larger than any driver delivers.
         """
         for name, value in (("retract", retract), ("extend", extend)):
             if not (math.isfinite(value) and -1e-9 <= value <= LARGEST_CURRENT):
                 raise CommandError(
-                    f"{name} current of {value} A: allowed is 0 .. {LARGEST_CURRENT:g} A; the command is left out"
+                    f"{name} current of {value} A: allowed is 0 .. {LARGEST_CURRENT:g} A; the command is ignored"
                 )
         known = at is not None and self.time < at <= self.time + 2 * PERIOD
         begin = at if known and at is not None else self.time
@@ -177,7 +177,7 @@ class SimulatedCrane:
         waiting.append((begin, max(retract, 0.0), max(extend, 0.0)))
 
     def set_load(self, mass: float) -> None:
-        """A load [kg] hangs at the tip from now on, 0 = none; attached at the tip's speed.
+        """Attach a load [kg] to the tip, at the tip's speed; 0 = none.
 
         Raises:
             CommandError: not a finite mass of 0 kg or more.
@@ -189,10 +189,10 @@ class SimulatedCrane:
         self._stepper.change_parameters(np.array([values[name] for name in self._plant.parameter_names]))
 
     def advance(self) -> Sample:
-        """Integrates one period and measures at its end.
+        """Integrate one period and measure at its end.
 
         Raises:
-            SimulationError: a state left its range; names it and the time. The crane stays where it was.
+            SimulationError: a state left its range; the message names it and the time. The crane keeps its state.
         """
         begin, end = self.time, (self._ticks + 1) * PERIOD
         state = self._stepper.state.copy()

@@ -1,8 +1,8 @@
-"""The simulated crane as a process: commands in, the machine's topics out. Topics, parameters, services: README.md.
+"""The simulated crane as a process: follows commands and publishes the machine's topics. Topics, parameters, services: README.md.
 
-Real time: the crane is advanced every 10 ms of a steady clock; a command older than 100 ms closes the valve.
-Lockstep: the simulation owns time. It stands at t_n, publishes the samples of t_n and then /clock = t_n, and waits; one command
-advances it by one period. A command whose stamp lies inside the coming period acts from there on, any other at once.
+Real time: the crane advances every 10 ms of a steady clock; a command older than 100 ms closes the valve.
+Lockstep: the simulation owns time. At t_n it publishes the samples of t_n, then /clock = t_n, and waits; one command advances it by
+one period. A command whose stamp lies inside the coming period acts from that time, any other at once.
 """
 
 # ruff: noqa: I001
@@ -38,7 +38,7 @@ from boom_sim.unheard_motion import LOOK_EVERY_S, UnheardMotion
 
 
 class SimulationNode(Node):
-    """Thin shell around :class:`boom_sim.simulated_crane.SimulatedCrane`."""
+    """Thin layer around :class:`boom_sim.simulated_crane.SimulatedCrane`."""
 
     def __init__(self) -> None:
         super().__init__("boom_simulation")
@@ -138,7 +138,7 @@ class SimulationNode(Node):
             self._advance()
 
     def stop_safely(self, reason: str) -> None:
-        """A callback raised: the valve closes."""
+        """Close the valve after a callback has raised."""
         self._crane.command(0.0, 0.0)
 
     def _on_tick(self) -> None:
@@ -170,7 +170,7 @@ class SimulationNode(Node):
         self._garbage.cycle_is_over()
 
     def _anchor(self, late: float) -> None:
-        """Simulated time stands for ``late`` [s] ago from here on: it is what stamps tell."""
+        """Set simulated time, from which stamps are made, to ``late`` [s] ago."""
         self._origin_ns = self.get_clock().now().nanoseconds - seconds_to_ns(self._crane.time + late)
 
     def _look_for_listeners(self) -> None:
@@ -193,7 +193,7 @@ class SimulationNode(Node):
             sample = self._crane.advance()
         except SimulationError as error:
             self._failure = str(error)
-            self.get_logger().error(f"the simulation stands: {error}; call ~/reset to begin again")
+            self.get_logger().error(f"the simulation stands: {error}; call ~/reset to restart")
             self._diagnostics.update()
             return
         self._publish(sample)

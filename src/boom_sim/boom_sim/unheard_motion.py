@@ -1,4 +1,4 @@
-"""Notices that somebody wants a motion and nobody is there who would command it. The graph is asked, nothing is subscribed."""
+"""Detects motions that no controller follows. Queries the ROS graph and subscribes to nothing."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ ACTION = "/boom_controller/track_trajectory"
 
 
 class UnheardMotion:
-    """Looks who gives motions and who commands currents.
+    """Checks who publishes motions and who commands currents.
 
     Args:
-        node: asks the graph.
+        node: queries the graph.
     """
 
     def __init__(self, node: Any) -> None:
@@ -23,7 +23,7 @@ class UnheardMotion:
         self._told = False
 
     def look(self) -> str:
-        """One line for the operator, once, when a motion is first given and nobody commands; otherwise empty."""
+        """One line for the operator, once, when a motion is first published and no node commands currents; otherwise empty."""
         if self._told or self._node.count_publishers(COMMAND):
             return ""
         given = [topic for topic in WANTED if self._node.count_publishers(topic)]

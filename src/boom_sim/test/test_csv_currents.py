@@ -45,7 +45,7 @@ def test_what_spreadsheets_write_is_read(content: str | bytes, tmp_path: Path) -
     [
         ("", "the first line must be time_s,retract_a,extend_a"),
         ("time_s|retract_a|extend_a\n0|0|0\n", "the first line must be"),
-        ("time_s,retract_a,extend_a\n", "line 1: holds no currents"),
+        ("time_s,retract_a,extend_a\n", "line 1: no currents"),
         ("time_s,retract_a,extend_a\n0,5,0,0,0,25\n", "line 2: .*decimal commas need semicolons"),
         ('time_s,retract_a,extend_a\n"0,5",0,0\n', "line 2: decimal points and commas are mixed"),
         ("time_s;retract_a;extend_a\n1.000,5;0;0\n", "line 2: expected three numbers"),
@@ -55,7 +55,7 @@ def test_what_spreadsheets_write_is_read(content: str | bytes, tmp_path: Path) -
         ("time_s,retract_a,extend_a\n0,\u0661,0\n", "line 2: expected three numbers"),
         ("time_s,retract_a,extend_a\n0,0,nan\n", "line 2: expected three numbers"),
         ("time_s,retract_a,extend_a\n0,0,1e999\n", "line 2: current inf A"),
-        ("time_s,retract_a,extend_a\n0,0,0\n0,0,0\n", "line 3: time 0 s: times must grow"),
+        ("time_s,retract_a,extend_a\n0,0,0\n0,0,0\n", "line 3: time 0 s: times must increase"),
         ("time_s,retract_a,extend_a\n1e9,0,0\n", "line 2: time 1e\\+09 s: .* up to 3600 s"),
         ("time_s,retract_a,extend_a\n-5,0,0\n", "the last time, -5 s"),
         ("time_s,retract_a,extend_a\n0,\x1b[2J\0" + "x" * 300_000 + ",0\n", "line 2: expected three numbers"),

@@ -137,14 +137,14 @@ def follow(
     dead_time: float = 0.0,
     age: float = 0.0,
 ) -> Recording:
-    """Lets a crane that rests follow wanted angles.
+    """Let a crane at rest follow reference angles.
 
     Args:
         crane: at time zero; its sample time is that of controller and generator.
         controller: the control law.
-        generator: makes the wanted angle smooth.
+        generator: smooths the reference angle.
         wanted: (n,) [rad], one for every period.
-        configuration: what the recording shall say.
+        configuration: configuration for the recording.
         name: of the recording.
         told: as in :func:`run`.
         dead_time: as in :func:`run`.
@@ -154,7 +154,7 @@ def follow(
         A recording with all signals of the machine, the commands, the wanted and the smooth reference.
 
     Raises:
-        SimulationError: a state left its range; the loop has diverged. An EndedEarlyError where something ran before.
+        SimulationError: a state left its range; the loop has diverged. An EndedEarlyError if part of the run exists.
     """
     angles = wanted.tolist()
     generator.reset(angles[0])
@@ -189,11 +189,11 @@ def wanted_angles(recording: Recording) -> Array:
     """The reference of a recording, one angle [rad] a period: its ``/boom/reference``, else its measured angle; held over gaps.
 
     Raises:
-        ValueError: nothing valid in it.
+        ValueError: the recording has no valid angle.
     """
     signal = recording.signals.get("reference_angle") or recording.signals.get("angle")
     if signal is None or not signal.valid.any():
-        raise ValueError(f"{recording.path}: no valid angle in it that could be the reference")
+        raise ValueError(f"{recording.path}: it has no valid angle for a reference")
     time, values = signal.time[signal.valid], signal.values[signal.valid]
     grid = np.arange(math.floor(recording.duration / PERIOD + 1e-9) + 1) * PERIOD
     return np.asarray(values[np.maximum(np.searchsorted(time, grid + 0.5 * PERIOD) - 1, 0)], np.float64)

@@ -49,7 +49,7 @@ def test_a_worker_that_dies_costs_the_repetition_of_its_case_only(engine, tmp_pa
 
 def test_a_scheduler_that_is_not_there_is_said_in_one_line():
     nobody = workers("tcp://127.0.0.1:9", 1, patience=0.5)
-    with pytest.raises(EngineError, match=r"--scheduler tcp://127.0.0.1:9: nobody answers") as told:
+    with pytest.raises(EngineError, match=r"--scheduler tcp://127.0.0.1:9: no answer") as told:
         nobody.__enter__()
     assert "\n" not in str(told.value)
 

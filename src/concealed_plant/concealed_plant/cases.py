@@ -1,4 +1,4 @@
-"""Which cases a trial of K has, in an order that tells nothing: a function of seed and K only.
+"""The cases of a trial of K, in an order without information: a function of seed and K only.
 
 Kinds: ``effect`` (each of the 29 at 0.5, 1 and 3 times its detectability), ``healthy``, ``parameters`` (one to three numbers
 wrong by 1-4 standard deviations), ``pair`` (two effects of different subsystems), ``outside`` (physics that is in no catalogue)
@@ -25,8 +25,8 @@ class CaseSpec:
     """One case before it is made.
 
     Attributes:
-        name: what its folder is called; says nothing.
-        seed: of everything that is drawn in it.
+        name: name of its folder, without information.
+        seed: seed of all random numbers of the case.
         kind: see above.
         effects: ids with their strength in multiples of the detectability.
     """
@@ -66,7 +66,7 @@ def cases(seed: int, count: int) -> list[CaseSpec]:
 
 
 def pair(rng: np.random.Generator) -> tuple[tuple[str, float], ...]:
-    """Two known effects of different subsystems, both well visible, not two that need the same course of time."""
+    """Two known effects of different subsystems, both well visible, and not both with a course over time."""
     while True:
         first, second = (str(name) for name in rng.choice(KNOWN, size=2, replace=False))
         if not set(CONCEALMENTS[first].subsystems) & set(CONCEALMENTS[second].subsystems):
@@ -74,7 +74,7 @@ def pair(rng: np.random.Generator) -> tuple[tuple[str, float], ...]:
 
 
 def _shared_out(count: int) -> dict[str, int]:
-    """Cases per kind: the shares, rounded so that they add up to ``count``; what is left over goes where most is missing."""
+    """Cases per kind: the shares, rounded so that they add up to ``count``; the remainder goes where most is missing."""
     exact = {kind: share * count for kind, share in SHARES.items()}
     whole = {kind: int(value) for kind, value in exact.items()}
     for kind in sorted(exact, key=lambda kind: whole[kind] - exact[kind])[: count - sum(whole.values())]:

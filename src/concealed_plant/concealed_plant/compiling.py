@@ -1,4 +1,4 @@
-"""The one place where functions are handed to numba, with their types kept for the type checker."""
+"""Passes functions to numba and keeps their types for the type checker."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numba.core.caching import IndexDataCacheFile
 from boom_input.cache import cache_folder
 
 _FREE = {"contract", "nsz", "arcp", "reassoc"}
-"""What the compiler may do to sums and quotients: a sixth faster; NaN and infinity stay what they are."""
+"""Floating-point optimisations of the compiler: a sixth faster; NaN and infinity keep their meaning."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -33,7 +33,7 @@ class _Damaged(IndexDataCacheFile):  # type: ignore[misc]
 
 
 def compiled(function: F) -> F:
-    """The function as machine code; kept on disk, so that only the first process pays for it.
+    """The function as machine code; kept on disk, so that only the first process compiles.
 
     Raises:
         InputError: the cache folder cannot be used, see ``boom_input.cache``.

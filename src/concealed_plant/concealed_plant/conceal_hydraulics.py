@@ -49,7 +49,7 @@ def entrained_air(size: float, r: Array, scene: Scene) -> Hidden:
     tolerance=0.05,
 )
 def accumulator_precharge(size: float, r: Array, scene: Scene) -> Hidden:
-    """Gas lost, or filled too well."""
+    """Gas lost, or too much gas filled in."""
     share = 1.0 - size if r[0] < 0.8 else 1.0 + min(size, 0.05) + 0.3 * max(size - 0.05, 0.0)
     return Hidden({"gas_lost_1": share + 0.1 * size, "gas_lost_2": share - 0.1 * size}, parameters={"r": share})
 
@@ -98,7 +98,7 @@ def hose_burst_valve_lag(size: float, r: Array, scene: Scene) -> Hidden:
     tolerance=0.03,
 )
 def hose_burst_valve_setting(size: float, r: Array, scene: Scene) -> Hidden:
-    """Limits at another flow; r is the factor of that flow at the mean difference at which the undisturbed valve limits."""
+    """The valve limits at another flow; r is its factor at the mean difference at which the undisturbed valve limits."""
     factor, drop = 1.0 - size if r[0] < 0.7 else 1.0 + size, scene.limited_drop
     flow = limited(drop, scene.m._replace(poppet_preload=factor)) / limited(drop, scene.m)
     return Hidden({"poppet_preload": factor}, parameters={"r": flow})
@@ -155,7 +155,7 @@ def spring_rate(size: float, r: Array, scene: Scene) -> Hidden:
     "compensator_droop", "main_valve supply", "-", (0.003, 0.9), "the margin sinks with flow and with load pressure"
 )
 def compensator_droop(size: float, r: Array, scene: Scene) -> Hidden:
-    """The compensator's spring gives way."""
+    """The compensator's spring yields."""
     return Hidden({"sag": size})
 
 
@@ -169,7 +169,7 @@ def compensator_droop(size: float, r: Array, scene: Scene) -> Hidden:
     tolerance=0.03,
 )
 def pilot_lag(size: float, r: Array, scene: Scene) -> Hidden:
-    """Cold oil, which leaves by another way than it comes."""
+    """Cold oil, which leaves through another passage than it enters."""
     unlike = within(r[0], -0.4, 0.4)
     changes = {"slower_rising": 1.0 + (1.0 + unlike) * size, "slower_falling": 1.0 + (1.0 - unlike) * size}
     return Hidden(changes, parameters={"r": 1.0 + size})
@@ -185,7 +185,7 @@ def command_delay(size: float, r: Array, scene: Scene) -> Hidden:
 
 @conceals("pump_flow_limit", "supply", "-", (0.002, 0.75), "a hard limit that sinks with pressure")
 def pump_flow_limit(size: float, r: Array, scene: Scene) -> Hidden:
-    """The pump cannot deliver what the valve asks; the size is the share that is missing of its largest flow and a reserve."""
+    """The pump cannot deliver the flow that the valve requests; the size is the missing share of its largest flow and a reserve."""
     return Hidden({"pump": 1.0 / (scene.peak * (1.1 - size))})
 
 
@@ -223,7 +223,7 @@ def spool_sticks(size: float, r: Array, scene: Scene) -> Hidden:
     "supply_disturbed", "supply main_valve", "-", (0.005, 0.95), "another function takes oil for seconds", known=False
 )
 def supply_disturbed(size: float, r: Array, scene: Scene) -> Hidden:
-    """The share of the flow that is missing while somebody else moves."""
+    """The share of the flow that is missing while another function moves."""
     time, share = scene.milliseconds, np.ones(round(scene.duration * 1000))
     rng = np.random.default_rng(int(r[0] * 2**32))
     for begin in scene.starts:

@@ -18,14 +18,14 @@ from concealed_plant.plant import Courses
     tolerance=20.0,
 )
 def payload(size: float, r: Array, scene: Scene) -> Hidden:
-    """A mass throughout."""
+    """A mass present throughout."""
     changes = {"extra_load": size, "load_gyration": size * within(r[0], 0.3, 1.3)}
     return Hidden(changes, parameters={"mass": size})
 
 
 @conceals("payload_change", "load", "kg", (2.0, 3000.0), "lifted off the ground over 0.3 s, with an inertia of its own")
 def payload_change(size: float, r: Array, scene: Scene) -> Hidden:
-    """A mass that is grasped on the way."""
+    """A mass that is grasped during the recording."""
     ramp = 0.3
     begin = within(r[1], 0.2, 0.6) * scene.duration
     course = np.clip((scene.milliseconds - begin) / ramp, 0.0, 1.0)
@@ -79,7 +79,7 @@ def stribeck_friction(size: float, r: Array, scene: Scene) -> Hidden:
     "four elastic sliders side by side that break loose one by one",
 )
 def presliding_friction(size: float, r: Array, scene: Scene) -> Hidden:
-    """Hysteresis before sliding; the size is the share of the Coulomb torque that behaves so."""
+    """Hysteresis before sliding; the size is the share of the Coulomb torque with this behaviour."""
     return Hidden({"slider_share": size, "slider_stiffness": 10.0 ** within(r[0], 5.3, 7.0)})
 
 

@@ -1,25 +1,25 @@
-"""How large an effect must be before a recording can show it: sensitivity against noise, nothing set by hand.
+"""The size from which a recording can show an effect: sensitivity relative to noise, without hand-set numbers.
 
 Let s be the effect's signature: the outputs y (four channels over time) with the effect minus those without it, both free runs
-of the same specimen on the same currents. It is seen through noise with two parts, that of the sensors and what the noise of
-the measured currents does to a run on them; their power spectra are added per channel (the second from an ensemble of runs) and
-divide the spectrum: W. Every number of the machine is known within its tolerance only, so what a change of these numbers
-imitates says nothing. With z their deviations in standard deviations and y(z) the undisturbed run with them,
+of the same specimen on the same currents. The noise has two parts, that of the sensors and the effect of the noise
+of the measured currents on a run; their power spectra are added per channel (the second from an ensemble of runs) and divide the
+spectrum: W. Every number of the machine is known within its tolerance only, so whatever a change of these numbers imitates does
+not count. With z their deviations in standard deviations and y(z) the undisturbed run with them,
 
     d^2 = min over z of |W (y_effect - y(z))|^2 + z'z      d in standard deviations of the best possible test
 
-by damped Gauss-Newton steps with the sensitivities W dy/dz at the specimen. Where the boom rests at first and with which rod
-pressure is told by nothing but the same sensors: both are among z with wide deviations, and so is a load that was told.
+by damped Gauss-Newton steps with the sensitivities W dy/dz at the specimen. Initial angle and rod pressure are known only from the
+same sensors: both are among z with wide deviations, and so is a configured load.
 
 An effect that is itself one of the machine's numbers (spring, pre-charge, ...) keeps that number out of z, and counts as the effect
-only beyond the number's tolerance, which is added to the size that is found (``Concealment.tolerance``): what lies within it is no
-other machine.
+only beyond the number's tolerance, which is added to the size that is found (``Concealment.tolerance``): within it the
+machine is the same.
 
 d grows with the size of the effect. The detectable size is the one at which the part of the signature that nothing else imitates
 carries as much energy as all the noise of the recording, a signal-to-noise ratio of one: d^2 = number of whitened values (four
-channels at 50 Hz). A case at k times its detectability has k times that size. It is found by going up from a size that does
-nothing, each z the beginning of the next. Where an effect seems to be seen, z is looked for once more: from nothing, and with
-the sensitivities of the crane as far as it is bent.
+channels at 50 Hz). A case at k times its detectability has k times that size. The search goes up from a size that does nothing,
+and each z starts the next. Where an effect seems detectable, z is searched once more: from zero, and with the sensitivities of the
+changed crane.
 """
 
 from __future__ import annotations
@@ -52,28 +52,28 @@ Array = NDArray[np.float64]
 ENSEMBLE = 4
 START_ANGLE, START_ROD_PRESSURE, TOLD_LOAD = "start.angle", "start.rod_pressure", "load"
 NUMBERS = (*DRAWN, START_ANGLE, START_ROD_PRESSURE, TOLD_LOAD)
-"""What may bend to imitate an effect."""
+"""Numbers that may change to imitate an effect."""
 ANGLE_UNSURE, ROD_PRESSURE_UNSURE = 0.05, 5.0e5
 """rad, Pa: deviations of the start. An angle may be off by its sensor's mounting, a pressure by its transducer."""
 PROBE = 0.1
-"""Standard deviations by which a number is moved for its sensitivity."""
+"""Standard deviations by which a number is changed for its sensitivity."""
 CHANGE_STEPS, SENSITIVITY_STEPS = 3, 2
-"""In a millisecond: for what a change of numbers does, within 1 % in the median of that with all, and for sensitivities, which only
-lead there, within 2 %."""
+"""Steps per millisecond: for the effect of changed numbers, within 1 % in the median of that with all steps, and for sensitivities,
+which only guide the search, within 2 %."""
 SPACING = 20
 """Milliseconds between the samples that are compared."""
 PROJECTIONS, SETTLED = 6, 0.9
 """Most runs that look for the numbers that imitate an effect best; a step that gains less than a tenth ends the search."""
 BENT = 4.0
-"""Share of a signature to what is left of it from which on that is looked at once more."""
+"""Ratio of a signature to its unimitated part from which the search is repeated."""
 CUT = 0.6
-"""Share of the size asked for that the largest one must have."""
+"""Share of the requested size that the largest one must have."""
 _TRIES = 24
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A specimen at work: everything of a recording but what is concealed. currents (k, 2) [A], every 10 ms."""
+    """A specimen at work: everything about a recording except the concealed physics. currents (k, 2) [A], every 10 ms."""
 
     specimen: MachineFile
     pose: Pose
@@ -89,7 +89,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Sized:
-    """An effect at its size; ``detectable`` is the size at one detectability, None if not looked for."""
+    """An effect at its size; ``detectable`` is the size at one detectability, None if not searched."""
 
     size: float
     detectable: float | None
@@ -98,11 +98,11 @@ class Sized:
 
 
 class TooFaintError(ValueError):
-    """No size that still is this effect shows in this recording as strongly as asked."""
+    """No size that still is this effect is as detectable in this recording as required."""
 
 
 class Detectability:
-    """Signatures in one setting. Raises RunError where the undisturbed crane leaves its range."""
+    """Signatures in one setting. Raises RunError if the undisturbed crane leaves its range."""
 
     def __init__(self, setting: Setting, rng: np.random.Generator) -> None:
         self._setting, self._rng = setting, rng
@@ -120,7 +120,7 @@ class Detectability:
         return float(np.sqrt(len(sensing.SEEN) * (len(self.plain) // SPACING)))
 
     def seen(self, hidden: Hidden) -> Array:
-        """What ideal sensors show with the effect in place: (n, 4) by millisecond."""
+        """Outputs (n, 4) of ideal sensors with the effect, by millisecond."""
         return outputs(self.m, self.linkage, self._setting, hidden)
 
     def separation(
@@ -128,7 +128,7 @@ class Detectability:
     ) -> tuple[float, Array]:
         """d of the outputs (n, 4) against the undisturbed ones, and the deviations z of ``NUMBERS`` that imitate it best.
 
-        twins: numbers that are kept out of z. guess: z to begin with. bent: sensitivities, where not those of the specimen.
+        twins: numbers kept out of z. guess: initial z. bent: sensitivities, if not those of the specimen.
         """
         free = _free(twins)
         n = (self._numbers if bent is None else bent)[:, free]
@@ -171,7 +171,7 @@ class Detectability:
         """The effect at ``strength`` times its detectable size, cut at its largest.
 
         Raises:
-            TooFaintError: even its largest size stays well below that.
+            TooFaintError: even its largest size is well below that.
             RunError: the crane with it leaves its range.
         """
         one = self.detectable_size(effect, draws)
@@ -187,7 +187,7 @@ class Detectability:
         """The size at which d is ``detectable``, beyond the tolerance of the numbers that the effect is.
 
         Raises:
-            TooFaintError: even its largest size stays below.
+            TooFaintError: even its largest size is below.
             RunError: the crane leaves its range before it is detectable, or without it where the steps are coarser.
         """
         self._largest_shows(effect, draws)
@@ -229,10 +229,10 @@ class Detectability:
     def _thoroughly(
         self, changed: Array, twins: tuple[str, ...], found: tuple[float, Array], bent: Array | None
     ) -> tuple[float, Array, Array | None]:
-        """d, z and the sensitivities to go on with, where an effect seems to be seen: what imitates it is looked for again.
+        """d, z and the sensitivities to continue with, after a repeated search for an imitation of a seemingly detectable effect.
 
-        From nothing bent, and, where much of the effect is imitated or it is one of the numbers itself, with the sensitivities of
-        the crane as far as it is bent: straight lines from the specimen do not lead there.
+        It starts from z = 0, and, where much of the effect is imitated or it is one of the numbers itself, uses the sensitivities
+        of the changed crane, because straight lines from the specimen do not lead there.
         """
         d, z = min(found, self.separation(changed, twins), key=lambda each: each[0])
         if not twins and float(np.linalg.norm(self._white(changed - self.plain))) <= BENT * d:
@@ -245,14 +245,14 @@ class Detectability:
         return (again, reached, there) if again < d else (d, z, bent)
 
     def _largest_shows(self, effect: Concealment, draws: Array) -> None:
-        """A look that spares all sensitivities: projecting tolerances out never makes d larger. Raises TooFaintError."""
+        """A check without sensitivities: projecting tolerances out never increases d. Raises TooFaintError."""
         try:
             difference = self.seen(effect.build(effect.largest, draws, self.scene)) - self.plain
         except RunError:
             return
         d = float(np.linalg.norm(self._white(difference)))
         if d < self.detectable:
-            raise TooFaintError(f"{effect.id}: d is {d:.0f} at its largest, {self.detectable:.0f} is asked")
+            raise TooFaintError(f"{effect.id}: d is {d:.0f} at its largest, {self.detectable:.0f} is required")
 
     @cached_property
     def _weights(self) -> Array:
@@ -278,7 +278,7 @@ class Detectability:
         return self._sensitivities({})
 
     def _sensitivities(self, at: dict[str, float]) -> Array:
-        """Whitened change of the outputs per standard deviation of each of ``NUMBERS``, (4 f 2, numbers); 0: it breaks.
+        """Whitened change of the outputs per standard deviation of each of ``NUMBERS``, (4 f 2, numbers); 0: the run fails.
 
         at: deviations around which they are moved.
         """
@@ -300,7 +300,7 @@ class Detectability:
         return np.stack(columns, axis=-1)
 
     def _change(self, deviations: dict[str, float], steps: int = CHANGE_STEPS) -> Array:
-        """What numbers moved by so many standard deviations change in the undisturbed outputs. Raises RunError."""
+        """Change of the undisturbed outputs if numbers move by so many standard deviations. Raises RunError."""
         if steps not in self._undisturbed:
             self._undisturbed[steps] = self._moved({}, steps)
         return self._moved(deviations, steps) - self._undisturbed[steps]
@@ -332,7 +332,7 @@ def _free(twins: tuple[str, ...]) -> list[int]:
 
 
 def scene(m: Quantities, setting: Setting, plain: Run) -> Scene:
-    """What an effect may need to know of the undisturbed recording."""
+    """The data of the undisturbed recording that an effect may need."""
     angle, drop, knee = plain["angle"], plain["hose"] - plain["head"], limiting_from(m)
     limited = drop[drop < knee]
     return Scene(
@@ -342,7 +342,7 @@ def scene(m: Quantities, setting: Setting, plain: Run) -> Scene:
 
 
 def outputs(m: Quantities, table: Linkage, setting: Setting, hidden: Hidden) -> Array:
-    """Outputs (n, 4) of a setting with an effect in place, as ideal sensors see them. Raises RunError."""
+    """Outputs (n, 4) of ideal sensors in a setting with an effect. Raises RunError."""
     changed = m._replace(**dict(hidden.changes))
     held = per_millisecond(setting.currents, hidden.late)
     return sensing.seen(run(changed, table, setting.start, held, hidden.courses).outputs, hidden.sensing)

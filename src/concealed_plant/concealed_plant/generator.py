@@ -1,7 +1,7 @@
 """Makes a case: a recording for the blind side, and for the sealed side the answer and a second recording of the same crane.
 
-The second recording is never shown to a diagnosis: models are judged on it. With it goes the oracle's error, that of the true
-plant run freely on the second recording's measured currents: what no model can beat.
+The second recording is never shown to a diagnosis: models are judged on it. The error of the oracle, a free run of the true plant
+on the second recording's measured currents, is stored with it; no model can be better.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ DURATION = 60.0
 SCATTER = 0.5
 """Standard deviations by which every number of every crane differs from the machine file."""
 ATTEMPTS = 400
-"""Most that fail are over in a tenth of a second; an operator at the end of stroke leaves the range far more often than not."""
+"""Largest number of attempts; most failures take a tenth of a second, and operators at the end of stroke often leave the range."""
 PAIR_ATTEMPTS = 50
-"""Of a pair, before another one is drawn: a spring that is off by half keeps most booms from ever reaching the cushion."""
+"""Attempts with a pair before another one is drawn: a spring that is off by half keeps most booms from reaching the cushion."""
 RECORDING, HOLD_OUT, ANSWER = "recording", "hold_out", "answer.json"
 _POSES = ((4.59, 0.0), (0.28, 2.2), (0.28, 2.8))
 # Numbers that are an effect of the catalogue when they are far off: wrong by no more than their tolerance.
@@ -57,16 +57,16 @@ _TWINS = (
 
 
 class GenerationError(RuntimeError):
-    """A case could not be made in many attempts."""
+    """A case could not be made in the allowed attempts."""
 
     exit_status = 2
 
 
 @dataclass(frozen=True)
 class TrueEffect:
-    """What was concealed. strength: asked for, in multiples of the detectability; detectable: the size at 1 x; size [unit].
+    """A concealed effect. strength: requested multiple of the detectability; detectable: the size at 1 x; size [unit].
 
-    onset_s, hold_out_onset_s: when it begins in the recording and in the second one [s], None where it is there throughout.
+    onset_s, hold_out_onset_s: when it begins in the recording and in the second one [s], None if it acts throughout.
     """
 
     effect: str
@@ -90,7 +90,7 @@ class Answer:
         effects: what is concealed, none for healthy machines.
         wrong: keys of the machine file -> standard deviations by which they are off, beyond the scatter of every crane.
         oracle: normalised rms error of the true plant on the second recording, per channel; None where it stood still.
-        pose: q3 [rad], q4 [m], load told [kg].
+        pose: q3 [rad], q4 [m], configured load [kg].
     """
 
     name: str
@@ -108,7 +108,7 @@ class Answer:
 
 @dataclass
 class _Crane:
-    """A specimen in a pose, and how it came about."""
+    """A specimen in a pose, and how it was drawn."""
 
     specimen: MachineFile
     told: Pose
@@ -119,7 +119,7 @@ class _Crane:
 def make_case(spec: CaseSpec, machine: str | Path, blind: Path, sealed: Path) -> Path:
     """Writes blind/NAME/recording, sealed/NAME/hold_out and sealed/NAME/answer.json; returns the answer's path.
 
-    A case that is there already is left as it is. The same ``spec`` gives the same files.
+    An existing case is left unchanged. The same ``spec`` gives the same files.
 
     Raises:
         GenerationError: no recording could be made in ``ATTEMPTS`` attempts.
@@ -148,7 +148,7 @@ def make_case(spec: CaseSpec, machine: str | Path, blind: Path, sealed: Path) ->
 
 
 def _drawn(spec: CaseSpec, attempt: int) -> CaseSpec:
-    """The case; of a pair that no crane shows after ``PAIR_ATTEMPTS`` attempts another one."""
+    """The case, or another one for a pair that no crane shows after ``PAIR_ATTEMPTS`` attempts."""
     turn = attempt // PAIR_ATTEMPTS
     if spec.kind != "pair" or turn == 0:
         return spec
@@ -192,7 +192,7 @@ def _attempt(
 
 
 def _unseen(detectability: Detectability, build: Any, size: float, draws: Array) -> Sized:
-    """An effect of middling size in a recording that is not meant to show it."""
+    """An effect of medium size in a recording that is not meant to show it."""
     hidden = build(size, draws, detectability.scene)
     changed = detectability.seen(hidden)
     return Sized(size, None, hidden, changed)
@@ -240,16 +240,16 @@ def _wrong(rng: np.random.Generator) -> dict[str, float]:
 
 
 def _halfway(spec: CaseSpec) -> dict[str, float]:
-    """What the operator of the first recording meets: half of an effect that changes every motion, else a healthy machine.
+    """The machine that the operator of the first recording drives: half of an effect that changes every motion, else healthy.
 
-    The undisturbed and the affected crane are run on his currents; he keeps both in range by steering what lies between.
+    The undisturbed and the affected crane both run on these currents; driving a machine in between keeps both in range.
     """
     rows = ((CONCEALMENTS[name], strength) for name, strength in spec.effects)
     return {row.met: 1.0 + 0.75 * row.tolerance * strength for row, strength in rows if row.met}
 
 
 def _at_work(crane: _Crane, rng: np.random.Generator, manner: str, changes: Mapping[str, float]) -> Setting:
-    """The crane driven by an operator who meets it with ``changes``. Raises RunError."""
+    """The crane driven by an operator as if it had ``changes``. Raises RunError."""
     m, table = quantities(crane.specimen, crane.true), linkage(crane.specimen)
     start = Start(
         float(rng.uniform(1.0, 1.3) if manner == "ends" else rng.uniform(0.25, 0.7)), float(rng.uniform(0.6e6, 1.6e6))
@@ -262,9 +262,9 @@ def _second(
     crane: _Crane, manner: str, rows: list[Any], sized: list[Sized], hidden: Hidden, configuration: Configuration, bus: Bus,
     rng: np.random.Generator,
 ) -> tuple[Recording, tuple[float | None, ...], float | None]:  # fmt: skip
-    """The same crane with the same physics at other work, as many operators as it takes; what is bound to time is laid anew.
+    """The same crane with the same physics at other work, with as many operators as needed; events in time are drawn anew.
 
-    With the oracle's error, and the time at which the physics begins there. Raises RunError where none stays in range.
+    With the oracle's error, and the time at which the physics begins there. Raises RunError if none stays in range.
     """
     left = ATTEMPTS
     while True:
@@ -292,7 +292,7 @@ def _recorded_again(
 
 
 def _as_measured(recording: Recording) -> Array:
-    """Measured currents (k, 2) of every 10 ms; a lost sample is what was measured before it."""
+    """Measured currents (k, 2) of every 10 ms; a lost sample repeats the previous one."""
     count = round(DURATION * 100)
     columns = []
     for name in ("retract_current", "extend_current"):

@@ -1,4 +1,4 @@
-"""What one concealed effect changes, and the register of all of them."""
+"""The changes made by a concealed effect, and the register of all effects."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class Scene:
     Attributes:
         m: the specimen's numbers.
         duration: [s].
-        low, high: boom angles that are visited [rad].
+        low, high: range of the boom angles [rad].
         starts: times [s] at which a motion begins.
         peak: largest flow from the pump to the head side [m^3/s].
-        limited_drop: mean difference over the hose burst valve while it limits [Pa], that of its knee where it never does.
+        limited_drop: mean difference over the hose burst valve while it limits [Pa], or that of its knee if it never does.
     """
 
     m: Quantities
@@ -48,7 +48,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Sensing:
-    """What the sensors do beside noise: neutral by default. SI."""
+    """Sensor properties besides noise, neutral by default. SI."""
 
     angle_offset: float = 0.0
     angle_skew: float = 0.0
@@ -67,10 +67,10 @@ class Hidden:
 
     Attributes:
         changes: names of ``Quantities`` -> new value.
-        courses, sensing: what changes in time, and in the sensors.
+        courses, sensing: changes over time, and in the sensors.
         late: (k,) dead time of each current [ms].
-        parameters: what an engineer would want to read, where it means the same whatever the functional form: name -> value.
-        onset: when it begins [s], None: it is there throughout.
+        parameters: numbers for an engineer that mean the same in any functional form: name -> value.
+        onset: when it begins [s], None: it acts throughout.
     """
 
     changes: Mapping[str, float] = field(default_factory=dict)
@@ -82,7 +82,7 @@ class Hidden:
 
 
 Builder = Callable[[float, Array, Scene], Hidden]
-"""(size, five draws from 0..1, scene) -> what is hidden. The draws are shape and sign, the size is how strong."""
+"""(size, five draws from 0..1, scene) -> concealed effect. The draws give shape and sign, the size the strength."""
 
 
 @dataclass(frozen=True)
@@ -90,13 +90,13 @@ class Concealment:
     """One row of the register.
 
     Attributes:
-        id: of the catalogue, or a name of its own where ``known`` is false.
-        subsystems: where a report may rightly place it, the best one first.
+        id: of the catalogue, or another name if ``known`` is false.
+        subsystems: rightful subsystems, the best one first.
         unit: of the size.
         smallest, largest: sizes that still are this effect and not a broken crane.
-        form: how it differs from what a catalogue would assume, for the documentation.
-        build: makes it.
-        known: whether a catalogue has it.
+        form: difference from the form in a catalogue, for the documentation.
+        build: builds the effect.
+        known: whether it is in the catalogue.
         manner: kind of work that shows it ("" any, see ``operator``).
         twins: numbers of the machine that it is, once they are out of tolerance.
         tolerance: size at which these leave their tolerance, 0 without them.

@@ -2,8 +2,8 @@
 
 Order of one step: pilot stage (exact), spool (implicit in its friction), flows as conductances at the old pressures, all
 pressures at once (implicit in the pressure differences), then the mechanics with the new pressures. Every conductance is a
-secant, flow over drop, so that the step is stable for any of them. First order; the step is a tenth of the fastest thing
-that the sensors can see.
+secant, flow over drop, so that the step is stable for any of them. First order; the step is a tenth of the fastest time
+constant that the sensors can resolve.
 
 What the thesis' equations (5.39) say about the nominal machine is solved here in another way; what is concealed has other
 functional forms than a catalogue would guess (``concealments`` tells them).
@@ -108,7 +108,7 @@ def simulate(
 
     angles, strokes, levers: table of the linkage, equidistant: q_2 [rad], s_p [m], ds_p/dq_2 [m/rad].
     currents (n, 2): i_+ (lower), i_- (lift) [A] in each millisecond. load_course, warmth, supply, stuck (n,): share of the
-    extra load that hangs, factor of the friction, factor of the supply flow, 1 while the spool sticks.
+    extra load that is attached, factor of the friction, factor of the supply flow, 1 while the spool sticks.
     start: q_2 [rad], p_a, p_b [Pa]. steps: in a millisecond.
 
     Returns (n, len(NAMES)): after each millisecond. NaN from where a pressure left -1 bar .. 1000 bar or the angle its table.

@@ -1,6 +1,6 @@
-"""The machine file as this plant reads it: numbers, how sure they are, and crane specimens drawn around them.
+"""Reads the machine file for this plant: numbers with their confidence, and crane specimens drawn around them.
 
-The file is data that both sides share; how it is read is not. A specimen is the file with every number multiplied by its own
+Both sides share the file as data, but not the code that reads it. A specimen is the file with every number multiplied by its own
 factor. Tolerances are those of the machine notes: confidence high or taken from the thesis +-3 %, medium +-10 %, low +-30 %, none
 given +-15 %, pre-charge +-5 %, load +-5 % or +-20 kg. A tolerance is read as two standard deviations.
 """
@@ -54,7 +54,7 @@ class MachineFileError(ValueError):
 
 @dataclass(frozen=True)
 class Pose:
-    """Locked joints and the load that the configuration tells: q_3 [rad], q_4 [m], [kg]."""
+    """Locked joints and the configured load: q_3 [rad], q_4 [m], [kg]."""
 
     outer_boom_angle: float
     telescope_length: float
@@ -79,7 +79,7 @@ class MachineFile:
 
     @staticmethod
     def read(path: str | Path) -> MachineFile:
-        """Raises MachineFileError where the file cannot be read as YAML."""
+        """Read a file. Raises MachineFileError if it cannot be read as YAML."""
         try:
             document = read_yaml(path)
         except InputError as error:
@@ -101,7 +101,7 @@ class MachineFile:
         return MachineFile(self.document, merged)
 
     def entry(self, key: str) -> Mapping[str, Any]:
-        """The mapping behind a dotted key. Raises MachineFileError where it is missing."""
+        """The mapping of a dotted key. Raises MachineFileError if it is missing."""
         node: Any = self.document
         for part in key.split("."):
             if not isinstance(node, Mapping) or part not in node:
@@ -132,7 +132,7 @@ class MachineFile:
 
 
 def load_deviation(load: float) -> float:
-    """Standard deviation [kg] of a load of so many kg that was told."""
+    """Standard deviation [kg] of a configured load of so many kg."""
     return max(LOAD_SHARE * load, LOAD_FLOOR) / DEVIATIONS_IN_TOLERANCE
 
 
@@ -147,7 +147,7 @@ def scattered(machine: MachineFile, pose: Pose, rng: np.random.Generator, deviat
 
 
 def quantities(machine: MachineFile, pose: Pose) -> Quantities:
-    """The numbers of the machine in a pose, nothing concealed."""
+    """The numbers of the machine in a pose, without concealed effects."""
     f = machine.number
     inertia, moment, tip = locked_body(pose)
     scale_d, scale_s = machine.factors.get("rigid_body.inertia", 1.0), machine.factors.get("rigid_body.moment", 1.0)
@@ -189,9 +189,9 @@ def _meter_out(machine: MachineFile) -> tuple[float, float]:
 
 
 def linkage(machine: MachineFile, count: int = 6001) -> Linkage:
-    """The four-bar linkage: its closed form as two circles that meet, tabulated over the whole range of the boom angle.
+    """The four-bar linkage: its closed form as the intersection of two circles, tabulated over the whole range of the boom angle.
 
-    The pin-to-pin length at zero stroke follows from the angle at which the file says that the stroke begins.
+    The pin-to-pin length at zero stroke follows from the angle at which the stroke begins according to the file.
     """
     low, high = (
         float(machine.entry("kinematics.q2_stroke_min")["value"]),

@@ -1,8 +1,8 @@
 """An operator at the joystick: currents of every 10 ms that keep the boom inside its range.
 
-He looks at the boom before a motion and steers with ramps, steps, trembling hands and pauses of different length, after a rest of
-more than a second. Manners: ``work`` moves and pauses, ``quick`` steps and turns without a pause, ``fine`` creeps near the dead
-zone, ``joystick`` wanders, ``ends`` works up to the end of stroke, ``idle`` hardly moves at all. "" mixes the first four.
+The operator checks the boom before a motion and steers with ramps, steps, trembling hands and pauses of different length, after a
+rest of more than a second. Manners: ``work`` moves and pauses, ``quick`` steps and turns without a pause, ``fine`` creeps near the
+dead zone, ``joystick`` wanders, ``ends`` works up to the end of stroke, ``idle`` hardly moves at all. "" mixes the first four.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ PERIOD_S = 0.01
 STRONGEST = 0.55
 _MIX = ("work", "work", "quick", "fine", "joystick")
 _RANGE, _ENDS = (0.05, 1.0), (0.95, 1.5)
-"""rad. Where he keeps the boom."""
+"""rad. Range in which the operator keeps the boom."""
 _LIGHT, _HIGHEST_LIGHT = 9000.0, 0.8
-"""kg m^2, rad. Folded and steep, the head side carries next to nothing and would cavitate when he stops."""
+"""kg m^2, rad. Folded and steep, the head side carries next to nothing and would cavitate at a stop."""
 _LOOK = 2.0
-"""s. He looks where the boom is when the last look is longer ago."""
+"""s. The operator checks the angle again after this time."""
 
 _BY_EYE = 2
-"""Steps of the plant in a millisecond that are good enough to see where the boom is."""
+"""Steps of the plant per millisecond that suffice to know the angle."""
 
 
 class Operator:
@@ -37,7 +37,7 @@ class Operator:
     Args:
         m: the machine as the operator knows it.
         linkage: of that machine.
-        rng: the only source of chance.
+        rng: the only source of randomness.
     """
 
     def __init__(self, m: Quantities, linkage: Linkage, rng: np.random.Generator) -> None:

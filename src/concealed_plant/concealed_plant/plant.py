@@ -1,4 +1,4 @@
-"""Runs of the concealed plant: currents in, what the four channels would truly show out, at every millisecond."""
+"""Runs of the concealed plant: from currents to the true values of the four channels at every millisecond."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ PERIOD = 10
 
 
 class RunError(ValueError):
-    """The crane left the range in which the plant means anything."""
+    """The crane left the range in which the plant is valid."""
 
 
 @dataclass(frozen=True)
 class Courses:
-    """What changes in time, by millisecond of the recording (n,); None: it does not change."""
+    """Quantities that change over time, by millisecond of the recording (n,); None: constant."""
 
     load: Array | None = None
     warmth: Array | None = None
@@ -69,10 +69,10 @@ def run(
 ) -> Run:
     """Free run over currents (n, 2) [A] in each millisecond, after the boom has settled under the first current.
 
-    steps: in a millisecond.
+    steps: per millisecond.
 
     Raises:
-        RunError: a pressure below -1 bar or above 1000 bar, or the angle outside what the linkage allows.
+        RunError: a pressure below -1 bar or above 1000 bar, or an angle outside the range of the linkage.
     """
     n = len(currents)
 

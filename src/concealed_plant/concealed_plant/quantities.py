@@ -1,4 +1,4 @@
-"""Every number that the concealed plant is made of, by name; the neutral value of an effect's number is its default.
+"""Every number of the concealed plant by name; the default of an effect's number is its neutral value.
 
 One flat record of floats, because that is what machine code reads fast. SI throughout; pressures are gauge.
 """
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Quantities(NamedTuple):
-    """Numbers of the machine first, then those with which physics is concealed in it."""
+    """Numbers of the machine, followed by those of the concealed effects."""
 
     # --- body, locked in its pose
     gravity: float

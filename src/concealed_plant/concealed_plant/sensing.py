@@ -1,4 +1,4 @@
-"""Sensors and bus of chapters 4 and 6.4: what of a run reaches the recording, and when.
+"""Sensors and bus of chapters 4 and 6.4: turn a run into a recording.
 
 Angle quantised to 360 deg / 2^14, pressures with 0.17 bar of noise quantised to 0.1 bar, rate with 1.5 mrad/s of noise, currents
 with 0.8 mA of noise quantised to 1 mA and clipped at zero. Every topic has its own phase, every stamp a jitter of +-0.1 ms, and
@@ -91,7 +91,7 @@ def _quantised(values: Array, quantum: float) -> Array:
 
 
 def _late(values: Array, dead_time: float) -> Array:
-    """Values of every millisecond ``dead_time`` [s] later, the first one held."""
+    """Values of every millisecond ``dead_time`` [s] later, with the first one held."""
     if dead_time == 0.0:
         return values
     index = np.arange(len(values), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""`./boom simulate --reference`: the input's angle is what the boom shall do; the control law finds the currents."""
+"""`./boom simulate --reference`: the boom follows the input's angle; the control law computes the currents."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Law:
     """How to follow it.
 
     mode   control law
-    told   machine that the control law knows
+    told   machine file of the control law
     """
 
     mode: str
@@ -27,7 +27,7 @@ class Law:
 
 
 def load_reference(source: str | Path) -> Recording:
-    """The recording whose angle is wanted; nothing else of it is needed. Raises RecordingError."""
+    """Load the recording whose angle is the reference; nothing else of it is needed. Raises RecordingError."""
     from boom_recording.channels import JOINT_STATES, MACHINE_CONFIGURATION
     from boom_recording.loading import load
 
@@ -46,18 +46,18 @@ def simulate_reference(
     duration: float | None,
     name: str,
 ) -> Recording:
-    """Runs the closed loop; shows how far it is.
+    """Run the closed loop and show its progress.
 
     Args:
-        recording: what is wanted.
+        recording: holds the reference.
         machine: of the crane, with its effects.
-        configuration: pose and load, of the crane and as the control law is told.
-        law: control law and the machine that it knows.
-        angle: where the boom rests at the beginning [rad]; default: at the first wanted angle.
-        noise: of the sensors.
-        seed: of the noise.
-        duration: [s]; default: the whole of it.
-        name: of the result.
+        configuration: pose and load, of the crane and of the control law.
+        law: control law and its machine.
+        angle: initial angle at rest [rad]; default: the first reference angle.
+        noise: sensor noise.
+        seed: seed of the noise.
+        duration: [s]; default: the whole recording.
+        name: name of the result.
 
     Raises:
         SimulationError: the loop diverged until a state left its range (an EndedEarlyError where something ran before).

@@ -1,7 +1,7 @@
-"""Check a machine file: all its faults, one line each, or a table of what its numbers mean.
+"""Check a machine file: list all its faults, one line each, or print what its numbers mean.
 
-FILE is a path or the name of a shipped machine. Nothing is simulated. The quantities of the table follow from the file and stand on
-data sheets: compare them with yours. Status 0: the file can be used; 2: it has faults, and each is a line on stderr.
+FILE is a path or the name of a shipped machine. Nothing is simulated. The table holds quantities that follow from the file and that
+data sheets state: compare them with yours. Status 0: the file can be used; 2: it has faults, one line each on stderr.
 
   ./boom check-machine tz17
   ./boom check-machine my_crane.yaml
@@ -12,13 +12,13 @@ from __future__ import annotations
 import argparse
 import sys
 
-HELP = "a machine file's faults, one line each, and what its numbers mean"
+HELP = "list the faults of a machine file, one line each, or what its numbers mean"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("file", metavar="FILE", help="machine file, or the name of a shipped machine")
-    parser.add_argument("--json", metavar="F", help="write faults and quantities to this file too")
+    parser.add_argument("--json", metavar="F", help="also write faults and quantities to this file")
 
 
 def run(args: argparse.Namespace) -> int:

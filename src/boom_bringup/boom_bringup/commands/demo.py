@@ -1,15 +1,15 @@
 """The main job, end to end, as separate ROS 2 processes.
 
-One process replays the currents of a recording, the CAN bridge turns them into frames on a bus inside this computer, the ECU
-stand-in moves the simulated crane by them and sends its sensors' frames, the bridge makes topics of these, and a recorder records
-them; all in lockstep, faster than real time. The new bag is then validated against the recording: table, HTML report, JSON.
-Then the loop is closed: the recorded angle becomes the reference, and the controller finds the currents, over the same bus; the
-report tells how well the boom followed.
+One process replays the currents of a recording. The CAN bridge turns them into frames on a bus inside this computer, the ECU
+stand-in moves the simulated crane and sends sensor frames, the bridge publishes these as topics, and a recorder records them; all
+in lockstep, faster than real time. The new bag is then validated against the recording: table, HTML report, JSON. Then the loop is
+closed: the recorded angle becomes the reference, and the controller computes the currents, over the same bus; the report shows how
+well the boom followed.
 
   ./boom demo                                         a healthy recording: the model agrees
-  ./boom demo bags/explained/hose_burst_valve_lag_b   the machine does something that the model does not have
-  ./boom demo --transport topics                      the simulated crane on the topics itself, without CAN
-  ./boom demo --loop closed --mode thesis             the closed loop alone, with the thesis' controller
+  ./boom demo bags/explained/hose_burst_valve_lag_b   a machine with physics that the model lacks
+  ./boom demo --transport topics                      the simulated crane directly on the topics, without CAN
+  ./boom demo --loop closed --mode thesis             only the closed loop, with the controller of the thesis
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from boom_model.machine import Machine
     from boom_recording.recording import Recording
 
-HELP = "a recording into the simulated crane over CAN, open and closed loop: recorded, compared, reported"
+HELP = "replay a recording on the simulated crane over CAN, open and closed loop; record, compare, report"
 
 DEFAULT_BAG = Path("bags/healthy/extended")
 CLOSED_DURATION_S = 6.0  # both acts together stay below half a minute on two idle cores
@@ -40,11 +40,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("bag", nargs="?", metavar="BAG", help=f"recording to repeat (default: {DEFAULT_BAG})")
     parser.add_argument("--machine", metavar="FILE", help="machine file or shipped name (default: the recording's)")
     parser.add_argument(
-        "--output", metavar="DIR", default="output/demo", help="where the results go (default: output/demo)"
+        "--output", metavar="DIR", default="output/demo", help="folder of the results (default: output/demo)"
     )
     parser.add_argument(
         "--transport", choices=tuple(demo_processes.TRANSPORTS), default="can",
-        help="can: ECU stand-in, bus and bridge; topics: the simulation itself (default: can)",
+        help="can: ECU stand-in, bus and bridge; topics: the simulation directly (default: can)",
     )  # fmt: skip
     parser.add_argument(
         "--loop", choices=("both", "open", "closed"), default="both",
@@ -56,12 +56,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--closed-duration", type=_seconds, default=CLOSED_DURATION_S, metavar="S",
-        help=f"how much of the recorded angle the closed loop follows, 0: all of it (default: {CLOSED_DURATION_S:g} s)",
+        help=f"seconds of the recorded angle that the closed loop follows, 0: all (default: {CLOSED_DURATION_S:g} s)",
     )  # fmt: skip
     parser.add_argument(
         "--seed", type=arguments.seed, default=0, help="seed of the simulated sensors' noise (default: 0)"
     )
-    parser.add_argument("--json", metavar="F", help="write the numbers to this file too")
+    parser.add_argument("--json", metavar="F", help="also write the numbers to this file")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -111,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
 
 @dataclass
 class _Chain:
-    """Runs the processes, open or closed loop, and keeps what they recorded."""
+    """Runs the processes, open or closed loop, and keeps their recordings."""
 
     console: Any
     bag: Path
@@ -123,9 +123,9 @@ class _Chain:
     kept: list[str] = field(default_factory=list)
 
     def run(self, name: str, controller: dict[str, Any] | None = None, duration: float = 0.0) -> Recording:
-        """Runs into the bag `name`, in the closed loop if there are parameters of a controller; returns what was recorded.
+        """Records the bag `name`, in closed loop if there are controller parameters; returns the recording.
 
-        duration: how much of the recording is repeated [s]; 0: all of it.
+        duration: part of the recording to repeat [s]; 0: all.
         """
         from boom_bringup import replica
         from boom_recording.loading import load

@@ -1,14 +1,14 @@
-"""Find out what physics the model lacks to explain recordings, prove it on data not used, and write the model with it.
+"""Find the physics that the model lacks to explain recordings, prove it on held-out data, and add it to the machine file.
 
-The doubts are raised in this order: clock and delay, sensors, parameters within and outside their tolerance, physics of the
-catalogue, physics of no catalogue. Written are diagnosis.json, report.html and machine.yaml; the last is a machine file
-for every other command. Where two explanations remain, next_experiment is a bag of the currents that would tell them apart.
+Possible causes are tried in this order: clock and delay, sensors, parameters within and outside their tolerance, physics of the
+catalogue, unmodelled physics. The command writes diagnosis.json, report.html and machine.yaml; every other command accepts the last
+as --machine. Where two explanations remain, next_experiment is a bag of the currents that would tell them apart.
 Without --hold-out the last third of each recording is held out.
 
   ./boom diagnose bags/explained/hose_burst_valve_lag_a --hold-out bags/explained/hose_burst_valve_lag_b
   ./boom validate bags/explained/hose_burst_valve_lag_b --machine output/diagnosis/machine.yaml
 
-A mismatch is a result, not an error: the exit status is 0 all the same.
+A mismatch is a result, not an error: the exit status is 0.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from boom_diagnosis.document import DiagnosisResult
     from boom_recording.recording import Recording
 
-HELP = "find what physics the model lacks to explain recordings, and prove it"
+HELP = "find the physics that the model lacks to explain recordings, and prove it"
 
 _STEPS = 100
 
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("bags", nargs="+", metavar="BAG", help="recording: a rosbag2 folder or a .mcap file")
     parser.add_argument(
-        "--hold-out", nargs="+", default=[], metavar="BAG", help="recordings to prove it on; nothing is fitted to them"
+        "--hold-out", nargs="+", default=[], metavar="BAG", help="recordings for the proof; nothing is fitted to them"
     )
     parser.add_argument(
         "--machine",
@@ -51,8 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--output", metavar="DIR", default="output/diagnosis", help="folder for the results (default: output/diagnosis)"
     )
-    parser.add_argument("--json", metavar="F", help="write diagnosis.json to F, too")
-    parser.add_argument("--seed", type=int, default=0, help="of the simulated healthy recordings (default: 0)")
+    parser.add_argument("--json", metavar="F", help="also write diagnosis.json to F")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the simulated healthy recordings (default: 0)")
     parser.add_argument("--no-report", action="store_true", help="write no report.html")
 
 
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--seed {args.seed}: give a number of 0 or more")
     twice = {bag for bag in args.hold_out if bag in args.bags}
     if twice:
-        raise UsageError(f"{min(twice)}: given both to diagnose and to hold out: take it out of one of the two")
+        raise UsageError(f"{min(twice)}: given both to diagnose and to hold out: remove one of the two")
     json_path = checked(args.json, "--json")
     with held(args.output) as folder:
         return _run(args, folder, json_path)
@@ -130,7 +130,7 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
 
 
 def _next_experiment(result: DiagnosisResult, like: Recording, path: Path) -> list[str]:
-    """The proposed currents, with what would be measured, as a bag for `boom simulate` and `boom replay`; an old one goes.
+    """Write the proposed currents and the expected measurements as a bag for `boom simulate` and `boom replay`.
 
     Returns its name, if there is one.
     """
@@ -155,7 +155,7 @@ def _next_experiment(result: DiagnosisResult, like: Recording, path: Path) -> li
 
 
 def _sha256(recording: Recording) -> str:
-    """Of the recording's files, in the order of their names."""
+    """Checksum of the recording's files, in the order of their names."""
     path = recording.path
     files = sorted(path.glob("*.mcap*")) if path.is_dir() else [path]
     digest = hashlib.sha256()
@@ -165,7 +165,7 @@ def _sha256(recording: Recording) -> str:
 
 
 def _words(args: argparse.Namespace) -> list[str]:
-    """The command line again, from what was understood."""
+    """The command line, rebuilt from the parsed arguments."""
     words = list(args.bags)
     if args.hold_out:
         words += ["--hold-out", *args.hold_out]

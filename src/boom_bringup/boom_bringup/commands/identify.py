@@ -1,15 +1,15 @@
-"""Estimate the machine's parameters from recordings: chapter 5 of the thesis as a tool.
+"""Estimate the machine's parameters from recordings, as in chapter 5 of the thesis.
 
-Every BAG is taken for what it holds:
+The content of each BAG decides what it is used for:
 
   oscilloscope traces of a pilot valve   static curve h, linear part, both valves compared        (5.1)
-  recordings of the machine              orifice areas, friction, then everything together        (5.2, 5.3)
+  recordings of the machine              orifice areas, friction, then all numbers jointly        (5.2, 5.3)
 
   ./boom identify bags/healthy/* --output output/machine.yaml
   ./boom simulate --campaign pilot --output output/pilot && ./boom identify output/pilot/*
 
-What the recordings cannot tell is listed with the reason and left as it was. The machine file that --output writes says for
-each number where it comes from, and goes everywhere as --machine. The report is one HTML file with the figures of chapter 5.
+Numbers that the recordings do not determine are listed with the reason and left unchanged. The machine file that --output writes
+states the source of each number; every command accepts it as --machine. The report is one HTML file with the figures of chapter 5.
 """
 
 from __future__ import annotations
@@ -44,39 +44,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--machine",
         metavar="FILE",
-        help="machine file to begin with, or a shipped name (default: the recordings', else tz17)",
+        help="initial machine file, or a shipped name (default: the recordings', else tz17)",
     )
-    parser.add_argument("--output", metavar="machine.yaml", help="write the machine file with the numbers found")
+    parser.add_argument("--output", metavar="machine.yaml", help="write a machine file with the identified numbers")
     parser.add_argument("--json", metavar="F", help="write the numbers as a JSON document to F")
     report = parser.add_mutually_exclusive_group()
-    report.add_argument("--report", metavar="F.html", help="where the report goes (default: output/identify-BAG.html)")
+    report.add_argument("--report", metavar="F.html", help="path of the report (default: output/identify-BAG.html)")
     report.add_argument("--no-report", action="store_true", help="write no report")
     parser.add_argument(
         "--hose-burst-valve-curve", metavar="CSV",
-        help="points of the data sheet's curve, header pressure_drop_bar,flow_lpm; negative: out of the cylinder",
+        help="points of the curve in the data sheet, header pressure_drop_bar,flow_lpm; negative: out of the cylinder",
     )  # fmt: skip
     parser.add_argument(
         "--smoothing", type=float, metavar="LAMBDA",
-        help="of the P-splines (5.24), over s_s/s_s,max and A/A_0 (default: chosen by cross-validation)",
+        help="smoothing of the P-splines (5.24), over s_s/s_s,max and A/A_0 (default: chosen by cross-validation)",
     )  # fmt: skip
     parser.add_argument(
         "--parameters", metavar="KEY,KEY",
-        help="of the machine file, joined with dots: the refinement estimates these only (default: eighteen numbers of friction, "
-        "oil, accumulators and orifices), e.g. friction.tau_C_pos,fluid.beta",
+        help="keys of the machine file, joined with dots: the refinement estimates only these (default: eighteen numbers of "
+        "friction, oil, accumulators and orifices), e.g. friction.tau_C_pos,fluid.beta",
     )  # fmt: skip
     parser.add_argument(
         "--stationary-only", action="store_true",
-        help="only the stationary points of ch. 5.2 and 5.3; skip the refinement with all recordings at once",
+        help="use only the stationary points of ch. 5.2 and 5.3; skip the joint refinement",
     )  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
-    """Identify; returns 0, also where nothing could be told."""
+    """Identify; returns 0, even if nothing was determined."""
     if args.smoothing is not None and not 0.0 <= args.smoothing < float("inf"):
         raise UsageError(f"--smoothing {args.smoothing:g}: give a number of 0 or more")
     names = [name.strip() for name in args.parameters.split(",")] if args.parameters is not None else None
     if names is not None and args.stationary_only:
-        raise UsageError("--parameters is for the refinement, which --stationary-only skips: leave one of them out")
+        raise UsageError("--parameters concerns the refinement, which --stationary-only skips: leave one of them out")
     report = None if args.no_report else checked(args.report, "--report") or default_report("identify", args.bags)
     output = checked(args.output, "--output")
     if output is not None and output.suffix not in (".yaml", ".yml"):
@@ -166,7 +166,7 @@ def _show_held_out(result: Identification, console: Console) -> None:
     if not check:
         return
     title = (
-        "Free runs over the end of each recording, which the search has not seen: rms error / standard deviation [%]"
+        "Free runs over the end of each recording, which the search has not used: rms error / standard deviation [%]"
     )
     table = Table(title=title, title_justify="left")
     table.add_column("recording")
@@ -180,7 +180,7 @@ def _show_held_out(result: Identification, console: Console) -> None:
 
 
 def _words(args: argparse.Namespace) -> list[str]:
-    """The command line again, from what was understood."""
+    """The command line, rebuilt from the parsed arguments."""
     words = list(args.bags)
     for option in ("machine", "output", "json", "report", "hose_burst_valve_curve", "smoothing", "parameters"):
         value = getattr(args, option)

@@ -1,12 +1,12 @@
-"""Make a bag of a CAN log, by the codec that the bridge uses, so that it is like one that was recorded live.
+"""Turn a CAN log into a bag with the codec of the bridge, like one that was recorded live.
 
-LOG is a .blf, .asc, candump .log, .csv (python-can's) or .trc file. Frames that the mapping does not know are listed, damaged
-ones are counted and left out; a log that was cut off is read up to there.
+LOG is a .blf, .asc, candump .log, .csv (python-can's) or .trc file. Frames that the mapping does not know are listed; damaged
+frames are counted and left out; a truncated log is read up to its last complete frame.
 
   ./boom import-can machine.blf --dbc tz17 --output output/machine
   ./boom import-can machine.log --dbc other.dbc --mapping other.yaml --output output/other --load 300
 
-The bag goes everywhere a recording goes, e.g. ./boom validate output/machine.
+Every command accepts the bag as a recording, e.g. ./boom validate output/machine.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from boom_bringup.outputs import new_bag
 if TYPE_CHECKING:
     from boom_recording.can_import import Imported
 
-HELP = "make a bag of a CAN log"
+HELP = "turn a CAN log into a bag"
 _MANY = 12
 
 
 class ImportCanError(ValueError):
-    """Options that cannot be used."""
+    """The options cannot be used."""
 
     exit_status = 2
 
@@ -41,7 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dbc", metavar="FILE", default="tz17", help="DBC file or shipped name (default: tz17)")
     parser.add_argument("--mapping", metavar="FILE", help="mapping file (default: the .yaml beside the DBC file)")
     parser.add_argument("--output", metavar="BAG", required=True, help="folder of the new bag; must not exist")
-    parser.add_argument("--machine", metavar="NAME", default="tz17", help="machine file it belongs to (default: tz17)")
+    parser.add_argument(
+        "--machine", metavar="NAME", default="tz17", help="machine file of the recorded machine (default: tz17)"
+    )
     parser.add_argument("--outer-boom-angle", type=float, metavar="RAD", default=0.28, help="q3 [rad] (default: 0.28)")
     parser.add_argument("--telescope-length", type=float, metavar="M", default=2.2, help="q4 [m] (default: 2.2)")
     parser.add_argument(

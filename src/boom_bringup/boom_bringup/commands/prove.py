@@ -1,12 +1,12 @@
-"""The blind trial: physics is concealed in a second plant, the diagnosis has to find it, and is scored.
+"""Run the blind trial: conceal physics in a second plant, let the diagnosis find it, and score the answers.
 
-The second plant (concealed_plant) shares no line with the model and no functional form with the effects that the diagnosis knows.
-All cases are made and sealed first; of the answers only a checksum is shown. The diagnosis then works on each recording in a
-process that can open nothing else of the trial. Then the seal is opened, and the table, the report and the worst cases are shown.
+The second plant (concealed_plant) shares no line with the model and no functional form with the effects of the catalogue. All cases
+are made and sealed first; only a checksum of the answers is shown. The diagnosis then works on each recording in a process that can
+open nothing else of the trial. Finally the answers are opened, and the table, the report and the worst cases are shown.
 
   ./boom prove --cases 30                     a small trial with a fresh seed, some minutes
   ./boom prove --cases 300                    the published one, about an hour on two cores
-  ./boom prove --seed 7 --cases 300 --output output/prove-7-300     the same again, or to go on with one that was stopped
+  ./boom prove --seed 7 --cases 300 --output output/prove-7-300     the same again, or resume one that was stopped
 
 A measure that is not met is a result: the exit status is 0, or 1 with --strict.
 """
@@ -46,7 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--cases", type=int, metavar="K", default=300, help="number of cases (default: 300)")
     parser.add_argument(
-        "--output", metavar="DIR", help="folder of the trial; one that was stopped goes on (default: output/prove-N-K)"
+        "--output",
+        metavar="DIR",
+        help="folder of the trial; resumes a trial that was stopped (default: output/prove-N-K)",
     )
     parser.add_argument("--json", metavar="F", help="write the score as a JSON document to F")
     parser.add_argument(
@@ -60,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         metavar="W",
         default=os.cpu_count() or 1,
-        help="local worker processes (default: one a core)",
+        help="local worker processes (default: one per core)",
     )
     parser.add_argument(
         "--scheduler", metavar="ADDRESS",
@@ -97,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
         trial = Trial(folder, seed, args.cases, machine)
         begin, drawn_anew = time.monotonic(), trial.finished
         again = f"prove --seed {seed} --cases {args.cases} --output {folder}"
-        console.print(f"seed {seed}: repeat it or go on with ./boom {again}", soft_wrap=True)
+        console.print(f"seed {seed}: repeat or resume with ./boom {again}", soft_wrap=True)
         try:
             with (
                 _stopped_by_term(),
@@ -124,7 +126,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _machine_file(wanted: str | None) -> Path:
-    """Path of the machine file: one that was given, or a shipped one by name."""
+    """Path of the given machine file, or of a shipped one by name."""
     from importlib.resources import files
 
     from boom_model.machine_file import load_machine
@@ -137,7 +139,7 @@ def _machine_file(wanted: str | None) -> Path:
         return Path(name)
     path = Path(str(files("boom_model").joinpath("machines", f"{name}.yaml")))
     if not path.is_file():
-        raise UsageError(f"--machine {name}: no machine of this name is shipped: give its file")
+        raise UsageError(f"--machine {name}: no shipped machine has this name: give a file")
     return path
 
 
@@ -147,7 +149,7 @@ def _show(console: Console, rows: Sequence[Row]) -> None:
     from boom_trials.blind import scoring, tables
 
     table = Table(title="blind trial")
-    for title in ("measure", "cases", "measured (95 % bounds)", "asked", "met"):
+    for title in ("measure", "cases", "measured (95 % bounds)", "required", "met"):
         table.add_column(title, justify="right" if title == "cases" else "left")
     for m in scoring.measures(rows):
         table.add_row(m.title, str(m.count), tables.value_text(m), tables.wanted_text(m), tables.met_text(m))
@@ -156,7 +158,7 @@ def _show(console: Console, rows: Sequence[Row]) -> None:
 
 @contextmanager
 def _stopped_by_term() -> Iterator[None]:
-    """A polite kill is like Ctrl-C: the workers are stopped, too."""
+    """SIGTERM acts like Ctrl-C: it also stops the workers."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield
@@ -166,7 +168,7 @@ def _stopped_by_term() -> Iterator[None]:
 
 @contextmanager
 def _progress() -> Iterator[Progress]:
-    """A bar on a terminal; elsewhere a line now and then."""
+    """A progress bar on a terminal; elsewhere a line from time to time."""
     if not sys.stderr.isatty():
         said_at, said = 0.0, ""
 

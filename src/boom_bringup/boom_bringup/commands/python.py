@@ -18,12 +18,12 @@ VERBATIM = "words"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add no option: every word goes to Python."""
+    """Add no option: all arguments go to Python."""
     parser.usage = "%(prog)s [PYTHON-OPTIONS] [SCRIPT | -m MODULE] [ARGUMENTS]"
 
 
 def run(args: argparse.Namespace) -> int:
-    """Become Python, so that signals and the exit status are the script's own."""
+    """Replace this process by Python, so that signals and the exit status are those of the script."""
     variables = environment.for_processes(os.environ)
     sys.stdout.flush()
     os.execve(sys.executable, [sys.executable, *args.words], variables)

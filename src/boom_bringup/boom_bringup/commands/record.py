@@ -1,7 +1,7 @@
 """Record topics into a bag until Ctrl-C.
 
-Starts the recorder node. The bag is a rosbag2 directory: one MCAP file with CRCs in chunks that are written at least
-every half second, so that little is lost even if the process is killed, and metadata.yaml after a clean end.
+Starts the recorder node. The bag is a rosbag2 directory with one MCAP file, whose chunks have CRCs and are written at least every
+half second, so that little is lost even if the process is killed. After a clean end it also has metadata.yaml.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--topic",
         action="append",
         metavar="NAME",
-        help="topic to record, may be given again; * = all (default: sensors, configuration and commands)",
+        help="topic to record, repeatable; * = all (default: sensors, configuration and commands)",
     )
     parser.add_argument(
         "--require",
         action="append",
         metavar="NAME",
-        help="report ready once this topic has a publisher, may be given again (default: the four sensor topics)",
+        help="report ready once this topic has a publisher, repeatable (default: the four sensor topics)",
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Become the recorder node."""
+    """Replace this process by the recorder node."""
     topics = tuple(args.topic) if args.topic else None
     # Only topics of their own: then those are what there is to wait for.
     required = tuple(args.require) if args.require else (None if topics is None or "*" in topics else topics)

@@ -1,7 +1,7 @@
-"""Replay a recording onto topics: its currents as commands, or its angle as reference.
+"""Replay a recording on topics: its currents as commands, or its angle as reference.
 
-Starts the replay node. It waits for a subscriber, sends the samples with the timing of the recording, and ends. As
-commands it sends zero currents over a gap, at the end and on Ctrl-C: the boom stops.
+Starts the replay node. It waits for a subscriber, sends the samples with the timing of the recording, and ends. When replaying
+commands it sends zero currents over a gap, at the end and on Ctrl-C, so that the boom stops.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import argparse
 
 from boom_bringup.node_command import become_node
 
-HELP = "replay a recording onto topics"
+HELP = "replay a recording on topics"
 
 
 def _positive(text: str) -> float:
@@ -39,11 +39,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rate", type=_positive, default=1.0, metavar="X", help="times faster than recorded (default: 1)"
     )
-    parser.add_argument("--start", type=_not_negative, default=0.0, metavar="S", help="where to begin [s] (default: 0)")
-    parser.add_argument("--duration", type=_positive, metavar="S", help="how much to replay [s] (default: to the end)")
-    parser.add_argument("--loop", action="store_true", help="begin again at the end")
+    parser.add_argument("--start", type=_not_negative, default=0.0, metavar="S", help="start [s] (default: 0)")
+    parser.add_argument("--duration", type=_positive, metavar="S", help="duration [s] (default: to the end)")
+    parser.add_argument("--loop", action="store_true", help="restart at the end")
     parser.add_argument("--paused", action="store_true", help="wait for the service /boom_replay/pause (data: false)")
-    parser.add_argument("--clock", action="store_true", help="publish /clock with the replayed time")
+    parser.add_argument("--clock", action="store_true", help="publish the replayed time on /clock")
     parser.add_argument(
         "--lockstep", action="store_true", help="one command per /clock tick of the simulation, as fast as both allow"
     )
@@ -52,12 +52,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--wait-timeout",
         type=_positive,
         metavar="S",
-        help="longest wait for subscribers [s] (default: that of the node)",
+        help="longest wait for subscribers [s] (default: as in the node)",
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Become the replay node."""
+    """Replace this process by the replay node."""
     become_node(
         "boom_recording.replay_node",
         {

@@ -1,7 +1,7 @@
-"""Chapter 6.4: the closed loop with the full model under the configurations C0 to C4, beside Table 6.3 of the thesis.
+"""Run the closed loop with the full model under the configurations C0 to C4 (chapter 6.4) and compare with Table 6.3 of the thesis.
 
 Nine recorded angles are the reference trajectories, three in each of three poses. The plant is the full model, 10 ms, with the
-noisy sampled sensors of ch. 6.4; the load hangs on from the first instant, and the supply is unlimited ("the thesis case") unless
+noisy sampled sensors of ch. 6.4; the load is attached from the first instant, and the supply is unlimited, as in the thesis, unless
 --supply limited is given. Errors are those of the piston, in mm. A run that diverges is counted, not averaged.
 
   ./boom robustness                                   all modes, C0 to C4
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from boom_trials.robustness.plants import PlantCase
     from boom_trials.robustness.study import Job, Result
 
-HELP = "test the closed loop under varied plants: Table 6.3 of the thesis, all control modes"
+HELP = "run all control laws on varied plants: Table 6.3 of the thesis"
 
 PICTURED = "explained/payload_change_b"
 
@@ -61,27 +61,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--off-nominal",
         action="store_true",
-        help="also C0 with dead zone, spring, areas, pilot lag 5 %% off, one at a time",
+        help="also run C0 with dead zone, spring, areas, pilot lag 5 %% off, one at a time",
     )
     parser.add_argument(
         "--monte-carlo", type=_count, default=0, metavar="N",
-        help="also N plants drawn from the whole of Table 6.1 with dead zone, spring, areas and pilot lag within 5 %%, and as "
-        "many with the latter only; a trajectory each, in turn",
+        help="also run N plants drawn from all of Table 6.1 with dead zone, spring, areas and pilot lag within 5 %%, and N "
+        "with the latter only; one trajectory each, in turn",
     )  # fmt: skip
     parser.add_argument(
         "--stability-map",
         action="store_true",
-        help="also the map of dead time, oil stiffness and load (about a minute)",
+        help="also compute the map of dead time, oil stiffness and load (about a minute)",
     )
     parser.add_argument("--workers", type=_count, default=None, metavar="N", help="processes (default: one per core)")
     parser.add_argument("--json", metavar="F", help="write the numbers as a JSON document to F")
     report = parser.add_mutually_exclusive_group()
-    report.add_argument("--report", metavar="F.html", help="where the report goes (default: output/robustness.html)")
+    report.add_argument("--report", metavar="F.html", help="path of the report (default: output/robustness.html)")
     report.add_argument("--no-report", action="store_true", help="write no report")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Runs everything that was asked for; returns 0."""
+    """Run everything requested; returns 0."""
     json_path = checked(args.json, "--json")
     report = None if args.no_report else checked(args.report, "--report") or _default_report()
     modes = list(dict.fromkeys(args.modes))
@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
     missing = [bag for bag in bags if not (Path(args.bags) / bag).exists()]
     if missing:
         raise UsageError(
-            f"--bags {args.bags}: there is no {missing[0]}: run in the folder of the repository, or give its bags"
+            f"--bags {args.bags}: there is no {missing[0]}: run in the folder of the repository, or give the folder of its bags"
         )
     seeds = range(args.seed, args.seed + args.repeat)
     parts: dict[str, list[Job]] = {
@@ -149,7 +149,7 @@ def _default_report() -> Path:
         folder.mkdir(exist_ok=True)
     except OSError as error:
         raise UsageError(
-            f"folder output cannot be made here ({error.strerror}): give --report FILE or --no-report"
+            f"cannot create the folder output here ({error.strerror}): give --report FILE or --no-report"
         ) from None
     path = checked(str(folder / "robustness.html"), "report")
     assert path is not None
@@ -175,7 +175,7 @@ def _whole(text: str, low: int, high: int) -> int:
 
 
 def _words(args: argparse.Namespace) -> list[str]:
-    """The command line again, from what was understood."""
+    """The command line, rebuilt from the parsed arguments."""
     words: list[Any] = ["--modes", *args.modes, "--seed", args.seed, "--repeat", args.repeat, "--supply", args.supply]
     words += ["--off-nominal"] if args.off_nominal else []
     words += ["--monte-carlo", args.monte_carlo] if args.monte_carlo else []

@@ -1,7 +1,7 @@
 """Set up the workspace and say where it is.
 
-`./boom` sets itself up on first use; this command does nothing but that. What is installed is named exactly, with
-hashes, in `requirements/`. The environment lies in `.venv`; to start over, remove that folder.
+`./boom` sets itself up on first use; this command does only that. `requirements/` names all installed packages with versions and
+hashes. The environment is in `.venv`; to start over, remove that folder.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ import sys
 
 from boom_bringup import __version__
 
-HELP = "set up the workspace (other commands do it by themselves on first use)"
+HELP = "set up the workspace (other commands do so on first use)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add no option: there is nothing to choose."""
+    """Add no option."""
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print what is set up. `./boom` has done the work before it called this."""
+    """Print what is set up. `./boom` has done the work before calling this."""
     version = ".".join(str(part) for part in sys.version_info[:3])
     print(f"boom {__version__} is set up: Python {version} in {os.path.relpath(sys.prefix)}")
     return 0

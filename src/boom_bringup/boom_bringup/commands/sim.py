@@ -1,8 +1,9 @@
-"""Start the simulated crane as ROS 2 processes that others can join: crane, and the pose of its boom tip.
+"""Start the simulated crane and its tip pose as ROS 2 processes that others can join.
 
-It publishes the topics of the machine in real time and takes /boom/current_command; without commands the valve is closed.
-With --control the controller runs beside it and follows /boom/joint_trajectory, /boom/reference and the action
-/boom_controller/track_trajectory. Ctrl-C ends it all. To move it without, in a second terminal: ./boom replay bags/healthy/extended
+The crane publishes the topics of the machine in real time and follows /boom/current_command; without commands the valve is closed.
+With --control the controller runs too and follows /boom/joint_trajectory, /boom/reference and the action
+/boom_controller/track_trajectory. Ctrl-C ends all processes. To move the boom without a controller, type in a second terminal:
+./boom replay bags/healthy/extended
 
   ./boom sim
   ./boom sim --control
@@ -31,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--effect", metavar="ID.NAME=VALUE", action="append", default=[],
-        help="physics beside the machine file's, SI; may be given again",
+        help="physics in addition to the machine file, SI; repeatable",
     )  # fmt: skip
     parser.add_argument(
         "--angle", type=float, default=0.3, metavar="RAD", help="initial boom angle [rad] (default: 0.3)"
@@ -43,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sensors", choices=("thesis", "ideal"), default="thesis", help="noise of ch. 6.4 or none")
     parser.add_argument("--ground-truth", action="store_true", help="publish the true states on /boom/ground_truth")
     parser.add_argument(
-        "--lockstep", action="store_true", help="own /clock: one period per command, as fast as they come"
+        "--lockstep", action="store_true", help="publish /clock: one period per command, as fast as commands come"
     )
     parser.add_argument(
         "--control", nargs="?", const=laws.DEFAULT, choices=tuple(laws.described()), metavar="LAW",
@@ -103,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _allowed_priority(lockstep: bool) -> int:
-    """The priority with which other programs cannot hold up a crane in real time, 0 where the computer does not let us."""
+    """The priority at which other programs cannot delay the crane, or 0 where the computer does not allow it."""
     if lockstep:
         return 0
     try:

@@ -1,7 +1,7 @@
 """Run a model on given currents, or let the controller follow a given reference, and write a bag like the machine's.
 
-INPUT is a bag, whose currents, pose, load and resting start are taken, or a .csv file with the header
-time_s,retract_a,extend_a (between commas, semicolons or tabs), for which pose, load and initial angle are options.
+INPUT is a bag, which gives currents, pose, load and initial state at rest, or a .csv file with the header
+time_s,retract_a,extend_a (separated by commas, semicolons or tabs), for which pose, load and initial angle are options.
 
   ./boom simulate bags/healthy/extended --output output/extended
   ./boom simulate bags/healthy/extended --output output/leak --effect piston_leakage.c=1e-12
@@ -10,8 +10,8 @@ time_s,retract_a,extend_a (between commas, semicolons or tabs), for which pose, 
   ./boom simulate --campaign pilot --output output/pilot      (ch. 4.1: eleven oscilloscope bags in that folder)
   ./boom simulate --campaign cylinder --output output/crane   (ch. 4.2: twelve recordings in that folder)
 
-A run that leaves the range of the model keeps what ran until then, says where it ended, and has status 2.
-The bag goes everywhere a recording goes, e.g. ./boom validate output/extended.
+A run that leaves the range of the model keeps its data up to that point, says where it ended, and exits with status 2. Every
+command accepts the bag as a recording, e.g. ./boom validate output/extended.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ HELP = "run a model on given currents or a given reference and write a bag like 
 
 
 class SimulateError(ValueError):
-    """Options that do not fit each other."""
+    """Options that contradict each other."""
 
     exit_status = 2
 
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--campaign",
         choices=("pilot", "cylinder"),
-        help="instead of INPUT: a whole measurement campaign of ch. 4, as bags in the folder --output",
+        help="instead of INPUT: simulate a whole measurement campaign of ch. 4 as bags in the folder --output",
     )
     parser.add_argument("--output", metavar="BAG", required=True, help="folder of the new bag; must not exist")
     parser.add_argument(
@@ -63,11 +63,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", choices=("full", "reduced"), default="full", help="(5.39) or (5.47); default: full")
     parser.add_argument(
         "--effect", metavar="ID.NAME=VALUE", action="append", default=[],
-        help="physics beside the machine file's, SI, e.g. hose_burst_valve_lag.tau=0.09; may be given again",
+        help="physics in addition to the machine file, SI, e.g. hose_burst_valve_lag.tau=0.09; repeatable",
     )  # fmt: skip
     parser.add_argument(
         "--reference", action="store_true",
-        help="INPUT is a bag whose reference, else angle, the controller follows in the closed loop",
+        help="INPUT is a bag whose reference, or else angle, the controller follows in closed loop",
     )  # fmt: skip
     parser.add_argument(
         "--mode", choices=tuple(laws.described()), default=laws.DEFAULT,
@@ -77,7 +77,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sensors", choices=("thesis", "ideal"), default="thesis", help="noise of ch. 6.4 or none (default: thesis)"
     )
-    parser.add_argument("--duration", type=arguments.duration, metavar="S", help="[s]; default: to the last current")
+    parser.add_argument(
+        "--duration", type=arguments.duration, metavar="S", help="duration [s] (default: up to the last current)"
+    )
     parser.add_argument(
         "--angle", type=float, metavar="RAD", help="initial boom angle [rad] (default: the input's, csv: 0.3)"
     )
@@ -214,16 +216,14 @@ def _ended(error: EndedEarlyError, output: Path) -> str:
 
 
 def _campaign(args: argparse.Namespace, output: Path) -> int:
-    """A campaign of chapter 4: one bag after the other into the folder."""
+    """Write a campaign of chapter 4 into the folder, one bag after the other."""
     given = {"INPUT": args.input, "--angle": args.angle, "--outer-boom-angle": args.outer_boom_angle,
              "--telescope-length": args.telescope_length, "--load": args.load}  # fmt: skip
     given["--duration"] = args.duration if args.campaign == "pilot" else None
     given["--model"] = args.model if args.model != "full" else None
     unfit = [name for name, value in given.items() if value is not None]
     if unfit:
-        raise SimulateError(
-            f"--campaign {args.campaign} brings its own currents and poses: leave out {', '.join(unfit)}"
-        )
+        raise SimulateError(f"--campaign {args.campaign} has its own currents and poses: leave out {', '.join(unfit)}")
     from boom_model.machine_file import load_machine
 
     machine = load_machine(args.machine or "tz17")
@@ -285,7 +285,7 @@ def _from_bag(path: Path) -> tuple[Recording, Array, Array]:
     stretches = held.stretches(recording.duration)
     if len(stretches) > 1:
         gap = f"{stretches[0][1]:.1f} s to {stretches[1][0]:.1f} s"
-        print(f"note: {path}: no currents from {gap}; the last ones before a gap are held through it")
+        print(f"note: {path}: no currents from {gap}; the last ones before a gap are held during it")
     return recording, held.time, held.values
 
 

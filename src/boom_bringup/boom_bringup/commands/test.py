@@ -1,6 +1,6 @@
 """Run all checks and tests: style, types, import rules, tests.
 
-Each step is shown with its time; all steps run even if one fails. Options that are not listed here go to pytest, for
+Prints the time of each step; all steps run even if one fails. Options that are not listed here go to pytest, for
 example: ./boom test -k friction -x
 """
 
@@ -22,10 +22,10 @@ _STEPS = ("lint", "format", "types", "imports", "tests")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options; what is left over is for pytest."""
-    parser.add_argument("--only", choices=_STEPS, action="append", help="run this step only (may be given again)")
+    """Declare the options; the remaining ones go to pytest."""
+    parser.add_argument("--only", choices=_STEPS, action="append", help="run only this step (repeatable)")
     parser.add_argument(
-        "--jobs", type=int, default=2, metavar="N", help="processes that run tests at the same time (default: 2)"
+        "--jobs", type=int, default=2, metavar="N", help="number of processes that run tests in parallel (default: 2)"
     )
 
 
@@ -33,7 +33,7 @@ def workspace_root() -> Path:
     """Find the top of the source tree.
 
     Raises:
-        WorkspaceError: this package was installed away from its sources.
+        WorkspaceError: this package is installed without its source tree.
     """
     for folder in Path(__file__).resolve().parents:
         if (folder / "pyproject.toml").is_file() and (folder / "src").is_dir():
@@ -63,7 +63,7 @@ def steps(root: Path, jobs: int, pytest_arguments: list[str]) -> dict[str, list[
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the steps; returns 0 if all are fine, else 1 (130 after Ctrl-C)."""
+    """Run the steps; returns 0 if all pass, else 1 (130 after Ctrl-C)."""
     root = workspace_root()
     given = list(args.pytest_arguments)
     wanted = set(args.only or (["tests"] if given else _STEPS))

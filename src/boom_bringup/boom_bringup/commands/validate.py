@@ -1,8 +1,8 @@
 """Compare the model with recordings: free runs on the recorded currents, Tables 5.1 and 5.2, an HTML report.
 
-The recorded currents go through the full and the reduced model; what the models predict is compared with the measured
-angle, rate and pressures. Printed are both tables, one verdict per recording, and what is wrong with the recordings.
-A mismatch is a result, not an error: the exit status is 0 all the same, unless --strict is given.
+The recorded currents drive the full and the reduced model, whose predictions are compared with the measured angle, rate and
+pressures. The command prints both tables, one verdict per recording, and the defects of the recordings. A mismatch is a result, not
+an error: the exit status is 0 unless --strict is given.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from boom_bringup.showing import diagnose_next, progress
 if TYPE_CHECKING:
     from boom_recording.recording import Recording
 
-HELP = "run recorded currents through the model and compare it with what was measured"
+HELP = "run the model on recorded currents and compare it with the measurement"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,12 +35,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--simulated",
         metavar="BAG",
-        help="take the full model's prediction from this bag, which a simulation recorded, instead of running it here "
-        "(for one BAG)",
+        help="take the full model's prediction from this bag of a simulation instead of running the model (for one BAG)",
     )
     parser.add_argument("--json", metavar="F", help="write the numbers as a JSON document to F")
     report = parser.add_mutually_exclusive_group()
-    report.add_argument("--report", metavar="F.html", help="where the report goes (default: output/validate-BAG.html)")
+    report.add_argument("--report", metavar="F.html", help="path of the report (default: output/validate-BAG.html)")
     report.add_argument("--no-report", action="store_true", help="write no report")
     parser.add_argument(
         "--strict", action="store_true", help="exit with status 1 if a recording differs by more than noise"
@@ -50,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Validate; returns 0, or 1 with --strict and a mismatch."""
     if args.simulated and len(args.bags) > 1:
-        raise UsageError(f"--simulated goes with one recording, {len(args.bags)} were given: validate them one by one")
+        raise UsageError(f"--simulated needs one recording, {len(args.bags)} were given: validate them one by one")
     json_path = checked(args.json, "--json")
     report = None if args.no_report else checked(args.report, "--report") or default_report("validate", args.bags)
 
@@ -103,19 +102,19 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _notes(recordings: list[Recording], machine: str) -> list[str]:
-    """What the numbers rest on and nobody asked for: another machine than the recorded one, an unknown load."""
+    """Assumptions behind the numbers that were not requested: another machine than the recorded one, an unknown load."""
     notes = []
     for recording in recordings:
         c = recording.configuration
         if c.machine != machine:
             notes.append(f"{recording.name} was recorded on machine '{c.machine}', the model is that of '{machine}'")
         if math.isnan(c.load_mass):
-            notes.append(f"{recording.name} does not tell its load: it counts as 0 kg")
+            notes.append(f"{recording.name} does not state its load: 0 kg is assumed")
     return notes
 
 
 def _words(args: argparse.Namespace) -> list[str]:
-    """The command line again, from what was understood."""
+    """The command line, rebuilt from the parsed arguments."""
     words = list(args.bags)
     for option in ("machine", "simulated", "json", "report"):
         if getattr(args, option):

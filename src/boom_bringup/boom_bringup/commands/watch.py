@@ -1,7 +1,7 @@
-"""Watch a running machine: say when it leaves the tolerance of its model, and in which subsystem.
+"""Watch a running machine: raise an alarm when it leaves the tolerance of its model, and name the subsystem.
 
-The node listens to the machine's topics and to /boom/machine_configuration, and publishes on /diagnostics. An alarm is
-printed here too. Ctrl-C ends it. To try it, in two more terminals:
+The node subscribes to the machine's topics and to /boom/machine_configuration, and publishes on /diagnostics. Alarms are also
+printed here. Ctrl-C ends it. To try it, type in two more terminals:
 
   ./boom sim --effect hose_burst_valve_lag.tau=0.09
   ./boom replay bags/healthy/extended
@@ -13,7 +13,7 @@ import argparse
 
 from boom_bringup.node_command import become_node
 
-HELP = "watch the running machine and tell when it leaves the tolerance of its model"
+HELP = "watch a running machine and raise an alarm when it leaves the tolerance of its model"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,12 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--threshold",
         type=float,
         metavar="X",
-        help="score above which the tolerance is left, 1 = noise (default: 1.35)",
+        help="score above which an alarm is raised, 1 = noise (default: 1.35)",
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Become the node; does not return."""
+    """Replace this process by the node; does not return."""
     become_node(
         "boom_monitor.watch_node", {"machine": args.machine, "joint_name": args.joint, "threshold": args.threshold}
     )

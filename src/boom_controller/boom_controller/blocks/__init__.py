@@ -1,1 +1,1 @@
-"""What control laws are made of: model, valve, feedback, and the one function that a cycle calls."""
+"""Building blocks of control laws: model, valve, feedback, and the one function that a cycle calls."""

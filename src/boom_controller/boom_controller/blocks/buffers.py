@@ -1,4 +1,4 @@
-"""CasADi functions on plain buffers: what the control laws evaluate in every cycle."""
+"""CasADi functions on plain buffers, which the control laws evaluate in every cycle."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _SIGNATURE = ctypes.PYFUNCTYPE(
 
 
 def on_buffers(function: Any, arguments: Sequence[array[float]], results: Sequence[array[float]]) -> Callable[[], None]:
-    """Evaluates a CasADi function on plain buffers: ten times as fast as its ordinary call.
+    """Evaluate a CasADi function on plain buffers: ten times as fast as its ordinary call.
 
     Args:
         function: of dense vectors, giving dense vectors.
-        arguments: what every call reads, a buffer for each argument.
-        results: what it writes, a buffer for each result; not among the arguments.
+        arguments: input buffers, one for each argument.
+        results: output buffers, one for each result; not among the arguments.
     """
     buffer, evaluate = function.buffer()
     for k, values in enumerate(arguments):

@@ -1,6 +1,6 @@
-"""What the control laws know of the machine, at one measured and one reference point: the components of ``boom_model``, wired once.
+"""The model of the control laws, at one measured and one reference point: the components of ``boom_model``, connected once.
 
-Expressions, of which the control laws are made; ``at`` gives numbers. The reduced model (5.47) is the base:
+Expressions, from which the control laws are built; ``at`` returns numbers. The reduced model (5.47) is the base:
 tau~_f = tau_f + A_a J dp_ha(J q_2' A_a) of (5.41), chamber stiffness with the accumulators as in (6.18).
 """
 
@@ -35,7 +35,7 @@ class OperatingPoint(NamedTuple):
 
 
 class Quantities(NamedTuple):
-    """What the model says at a point; SI.
+    """Quantities of the model at a point; SI.
 
     Attributes:
         force: f_p [N] from p_h and p_b.
@@ -74,7 +74,7 @@ class Quantities(NamedTuple):
 
 
 class Coming(NamedTuple):
-    """What the reference needs at a point of it: J(q_2*) [m/rad], f_p^f of (6.2) [N], its time derivative [N/s]."""
+    """Quantities that the reference needs at one of its points: J(q_2*) [m/rad], f_p^f of (6.2) [N], its time derivative [N/s]."""
 
     jacobian: float
     force: float
@@ -82,7 +82,7 @@ class Coming(NamedTuple):
 
 
 class ControlModel:
-    """The model of a machine in a pose, for control. The pose's load is part of it; a further load is an input."""
+    """The model of a machine in a pose, for control. It includes the pose's load; a further load is an input."""
 
     def __init__(self, machine: Machine, pose: Pose) -> None:
         self.machine, self.pose = machine, pose
@@ -103,9 +103,9 @@ class ControlModel:
         return Quantities(*ca.vertsplit(self._whole(ca.vertcat(*point))))
 
     def coming(self, reference: Reference, load: Expression) -> Coming:
-        """What a point of the reference needs, with a load [kg] beyond the pose's: the part of :meth:`at` that needs no sensor.
+        """Quantities for a point of the reference, with a load [kg] beyond the pose's: the part of :meth:`at` without sensors.
 
-        Expressions in, expressions out.
+        Takes and returns expressions.
         """
         return Coming(*ca.vertsplit(self._coming(ca.vertcat(*reference, load))))
 

@@ -1,11 +1,11 @@
-"""Control laws as one function of flat numbers: what runs in every cycle is one call, however much the law thinks about.
+"""Control laws as one function of flat numbers: every cycle is one call, however complex the law.
 
     (x, u, s) -> (x', y)
 
 x: the law's states; u: reference and measurement; s: settings; y: currents and inner quantities. The parts of a law
 (observers, feedback, valve) are written as expressions, like the components of ``boom_model``, joined here, and compiled for the
-machine and its pose: half a second the first time, nothing later. Between two cycles of 10 ms the processor forgets what it
-had in its caches, so what counts is how little code and data a cycle touches.
+machine and its pose: half a second the first time, nothing later. Between two cycles of 10 ms the processor's caches
+lose their content, so a cycle should touch little code and data.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _MEASURED = Measurement._fields[1:]  # all but the time
 _INPUTS = Struct(f"{len(Reference._fields) + len(_MEASURED)}d")
 
 LARGEST = 1e100
-"""Of the sum of all states and outputs; far beyond any of them."""
+"""Limit of the sum of all states and outputs, far beyond any of them."""
 
 Build = Callable[[Any, Reference, Measurement, Any], tuple[Any, Sequence[Any]]]
 """(states, reference, measurement without its time, settings) -> (states one sample time later, outputs), all expressions.
@@ -40,15 +40,15 @@ class FlatLaw:
     """A law's function with its buffers.
 
     Args:
-        name: of the function.
+        name: name of the function.
         states: the states, a NamedTuple of numbers, or of such NamedTuples: the shape counts.
-        build: makes the expressions.
+        build: builds the expressions.
         kind: the law's settings; only its fields are known to ``build``.
-        settings: the sample time is built in, all else can change.
-        further: names and values of what is derived from the settings outside of the function.
+        settings: the sample time is built in, all others can change.
+        further: names and values of quantities derived from the settings outside the function.
 
     Attributes:
-        outputs: what the last step gave; both currents are NaN where a state or an output is no finite number.
+        outputs: result of the last step; both currents are NaN if a state or an output is not finite.
     """
 
     def __init__(
@@ -85,19 +85,19 @@ class FlatLaw:
 
     @property
     def states(self) -> Any:
-        """The states now, in the shape that was given."""
+        """The present states, in the given shape."""
         return nested(self._shape, iter(self._x))
 
     def start(self, states: Any) -> None:
-        """Other states."""
+        """Set the states."""
         self._x[:] = array("d", leaves(states))
 
     def change(self, settings: LawSettings, further: dict[str, float] | None = None) -> None:
-        """Other settings from the next step on; the states stay."""
+        """Use other settings from the next step on; the states stay."""
         self._s[:] = array("d", self._numbers(settings, further))
 
     def step(self, reference: Reference, measurement: Measurement) -> array[float]:
-        """One sample time; gives ``outputs``, which the next step overwrites."""
+        """Advance by one sample time; returns ``outputs``, which the next step overwrites."""
         _INPUTS.pack_into(self._u, 0, *reference, *measurement[1:])
         self._evaluate()
         self._x[:] = self._next

@@ -1,4 +1,4 @@
-"""From a wanted difference of the pilot pressures to two currents, (6.24)-(6.26), and what the pilot stage does with them.
+"""From a wanted difference of the pilot pressures to two currents, (6.24)-(6.26), and the response of the pilot stage.
 
     p_+* - p_-* = k s_s* / A_s   (6.24);   i = h^-1(p)   (6.25), (6.26)
 
@@ -22,7 +22,7 @@ from boom_model.regularisation import Expression
 
 
 def require_pilot_stage(machine: Machine, mode: str) -> None:
-    """Raises ControlError where the machine has no pilot valves, or some that nothing here inverts."""
+    """Raises ControlError if the machine has no pilot valves, or valves without an inverse here."""
     stage, spool = machine.structure.pilot_valves, machine.structure.spool
     if not stage.present:
         raise ControlError(
@@ -69,7 +69,7 @@ class PilotState(NamedTuple):
 
 
 class PilotValve:
-    """One pilot valve, followed from the commanded currents: exact for held currents, (5.7c)."""
+    """One pilot valve, simulated from the commanded currents: exact for held currents, (5.7c)."""
 
     def __init__(self, p: Any, e: Any, sample_time: float) -> None:
         a1 = pilot_valve.pole(p, e)

@@ -3,8 +3,8 @@
     e'' = f~ / m,  f~' = K (v~ - e'),  v~ = -k_p e - k_v e' - k_d f~,   e = s_p - s_p*,  f~ = f_p - f_ff
     s^3 + K k_d s^2 + (K / m) (1 + k_v) s + (K / m) k_p = (s + a) (s^2 + 2 zeta w s + w^2)
 
-w is the spring's own frequency sqrt(K / m), or w_least where that is lower. K k_d is limited, since what is left of the valve's lag
-forbids more; zeta then is what the limit leaves.
+w is the spring's own frequency sqrt(K / m), or w_least where that is lower. K k_d is limited because of the remaining lag of the
+valve; zeta then follows from the limit.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The valve as the controller follows it: pilot stage and spool, from the commanded currents. Inverted for a wanted position.
+"""The controller's simulation of the valve (pilot stage, spool) from the commanded currents, and its inverse for a position.
 
 Nothing of the valve is measured. Pilot stage (5.7c) exactly; spool (3.21) without its mass, whose time constant is below 2 ms:
 
@@ -6,7 +6,7 @@ Nothing of the valve is measured. Pilot stage (5.7c) exactly; spool (3.21) witho
 
 Inverse: the set point goes through a first-order filter of time constant ``spool_response``, which gives a position and a velocity
 and so a pressure; the current brings nu nearer to what that pressure needs by the share 1 - exp(-T_s / pilot_response). Inside
-the dead zone, where nothing flows and noise would only make the solenoids hum, the slower ``rest_response`` counts.
+the dead zone, where nothing flows and noise would only make the solenoids hum, the slower ``rest_response`` applies.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from boom_model.regularisation import Expression
 SUBSTEPS = 4
 _NEWTON = 3
 _LEAST_SLOPE = 0.02
-"""Of tanh in the Newton iteration: keeps its step finite where the friction is saturated."""
+"""Least slope of tanh in the Newton iteration: keeps its step finite where the friction is saturated."""
 
 
 class ValveState(NamedTuple):
-    """s_s now and a sample time ago [m] and s_s' [m/s] as followed, filtered set point [m]; both pilot valves.
+    """s_s now and a sample time ago [m] and s_s' [m/s] as simulated, filtered set point [m]; both pilot valves.
 
-    As it begins: no current for long.
+    Initially: no current for long.
     """
 
     position: Expression = 0.0
@@ -69,7 +69,7 @@ class ValveFollower:
         return ValveState(position, x.position, moving, target, retract, extend), plus, minus
 
     def position_before(self, x: ValveState, dead_time: Expression) -> Expression:
-        """s_s [m] when the sample was taken; what is followed is ahead by the ``dead_time`` [s] of commands."""
+        """s_s [m] when the sample was taken; the simulated position is ahead by the ``dead_time`` [s] of commands."""
         return x.position - ca.fmin(dead_time / self._step, 1.0) * (x.position - x.before)
 
     def _moved(

@@ -3,7 +3,7 @@
 Spool (3.21) without its mass, whose time constant is below 2 ms:  A_s (p_+ - p_-) = k s_s + d_v s_s' + f_c tanh(s_s' / sigma_s).
 The set point goes through a first-order filter of time constant ``spool_response``, which gives s_s'. Pilot stage (5.7c): the
 current of the next interval is the one under which nu has come by its share 1 - exp(-T_s / pilot_response) nearer to h^-1(p).
-The valve's own state is followed from the commanded currents; nothing of it is measured.
+The valve's state is simulated from the commanded currents; none of it is measured.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from boom_model.regularisation import Expression
 
 
 class InverseState(NamedTuple):
-    """Filtered set point of the spool [m]; both pilot valves. As it begins: no current for long, the spool is centred."""
+    """Filtered set point of the spool [m]; both pilot valves. Initially: no current for long, the spool is centred."""
 
     filtered: Expression = 0.0
     retract: PilotState = PilotState()

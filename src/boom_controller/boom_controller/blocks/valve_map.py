@@ -19,7 +19,7 @@ from boom_model.regularisation import Expression
 from boom_model.slots import Metering
 
 NODES = (0.0, 0.02, 0.05, 0.1, 0.16, 0.24, 0.34, 0.43, 0.52, 0.6, 0.68, 0.76, 0.84, 0.92, 1.0, 1.25)
-"""Of (x - x_0) / (1 - x_0), x = |s_s| / s_max; the last ones lie beyond the full stroke, up to the largest opening."""
+"""Nodes in (x - x_0) / (1 - x_0), x = |s_s| / s_max; the last ones lie beyond the full stroke, up to the largest opening."""
 
 
 class ValveMap:
@@ -39,7 +39,7 @@ class ValveMap:
         return _root(self.retract, -wanted, -omega, -psi)
 
     def areas(self, position: Expression) -> tuple[Expression, Expression]:
-        """(supply, tank) area [m^2] at s_s [m], as interpolated: what the root is a root of."""
+        """(supply, tank) area [m^2] at s_s [m], as interpolated, the function whose root is sought."""
         sides = [_areas(nodes, ca.fabs(position)) for nodes in (self.extend, self.retract)]
         supply, tank = (ca.if_else(position < 0, *both) for both in zip(*sides, strict=True))
         return supply, tank

@@ -1,13 +1,13 @@
-"""The control laws: each is a module of this folder, and is found by itself.
+"""The control laws: each is a module of this folder and is found automatically.
 
 A law's module holds
 
-- ``LAWS``: name -> what it is, in a phrase; plain strings, read without importing the module,
-- ``SETTINGS``: what the law can be told, a frozen dataclass derived from :class:`boom_controller.settings.LawSettings`, whose
+- ``LAWS``: name -> description in a phrase; plain strings, read without importing the module,
+- ``SETTINGS``: the settings of the law, a frozen dataclass derived from :class:`boom_controller.settings.LawSettings`, whose
   fields become parameters of the node,
-- ``make(name, machine, pose, settings)``: gives the law of that name, a :class:`boom_controller.types.Controller`.
+- ``make(name, machine, pose, settings)``: returns the law of that name, a :class:`boom_controller.types.Controller`.
 
-Whatever offers a choice of laws reads this: node, commands, documents. :mod:`boom_controller.controller` makes the laws.
+Node, commands and documents read the choice of laws here. :mod:`boom_controller.controller` creates the laws.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ DEFAULT = "improved"
 
 
 def described() -> dict[str, str]:
-    """Name of every law -> what it is. Needs the standard library only: ``./boom COMMAND --help`` asks before the set-up.
+    """Name of every law -> description. Needs the standard library only: ``./boom COMMAND --help`` calls it before the set-up.
 
     Raises:
-        TypeError: a module without ``LAWS``, or two laws of one name.
+        TypeError: a module without ``LAWS``, or two laws with one name.
     """
     found: dict[str, str] = {}
     for name in _names():

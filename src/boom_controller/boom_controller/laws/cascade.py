@@ -1,7 +1,7 @@
 """The cascade of chapter 6: feedforward and feedback force, force controller, valve map, currents.
 
-Mode ``thesis`` is (6.2)-(6.26) as printed, with the readings of the machine notes. Mode ``baseline`` differs in what
-``Variant`` says and nothing else; docs/control.md tells why.
+Mode ``thesis`` is (6.2)-(6.26) as printed, with the readings of the machine notes. Mode ``baseline`` differs only in the
+fields of ``Variant``; docs/control.md explains why.
 
 Anti-windup: while the wanted spool position is beyond its limit, the integral states do not move further out.
 """
@@ -28,7 +28,7 @@ from boom_model.regularisation import Expression
 
 LAWS = {
     "thesis": "(6.2)-(6.28) as printed, misprints read as in the machine notes, with anti-windup",
-    "baseline": "the least change of it that is stable everywhere",
+    "baseline": "the smallest change of it that is stable everywhere",
 }
 
 
@@ -47,12 +47,12 @@ SETTINGS = CascadeSettings
 
 @dataclass(frozen=True)
 class Variant:
-    """Where a mode departs from the printed law.
+    """Differences of a mode from the printed law.
 
     Attributes:
         friction_at_reference: tau~_f of (6.13a) at the wanted rate instead of the measured one.
-        pilot_inverse: currents that make up for the lag of the pilot stage, instead of (6.25), (6.26).
-        spool_inverse: pilot pressures that make up for the spool's friction too, instead of (6.24).
+        pilot_inverse: currents that compensate for the lag of the pilot stage, instead of (6.25), (6.26).
+        spool_inverse: pilot pressures that also compensate for the spool's friction, instead of (6.24).
     """
 
     friction_at_reference: bool = False
@@ -103,7 +103,7 @@ class Cascade:
         self._law = FlatLaw(mode, CascadeState(), self._after, SETTINGS, settings, _named(self._gains))
 
     def reset(self, measurement: Measurement) -> None:
-        """Rest at the measured angle: what the pressures carry beyond gravity becomes the position's integral."""
+        """Start at rest at the measured angle: the force beyond gravity becomes the integral state of the position."""
         m = measurement
         q = self._model.at(OperatingPoint(m.angle, 0.0, m.hose_pressure, m.rod_pressure, m.angle, 0.0, 0.0, 0.0, 0.0))
         carried = q.jacobian * q.force - q.gravity
@@ -114,7 +114,7 @@ class Cascade:
         return Output._make((*self._law.step(reference, measurement), nan, ""))
 
     def change(self, settings: CascadeSettings) -> None:
-        """Gains, limits and neutral pressure; integral states go on such that forces and spool keep their values.
+        """Change gains, limits and neutral pressure; integral states are adapted so that forces and spool keep their values.
 
         Raises:
             ControlError: another sample time.

@@ -1,10 +1,10 @@
-"""Mode ``improved``: the boom as a mass on an oil spring that the valve's flow drives; no force loop.
+"""Mode ``improved``: the boom as a mass on an oil spring driven by the valve's flow; no force loop.
 
 Every sample time (docs/control.md derives it):
 
 1. observers: load at the tip (``load_observer``), compliance of both chambers, flow that the valve's model misses
-   (``flow_observer``); they see the valve where it was when the sample was taken;
-2. speed wanted of the oil, v = J(q*) q*' ahead by ``preview`` - k_p e - k_v e' - k_d f~ - d^, with gains by pole placement for the
+   (``flow_observer``); they use the valve's position at the time of the sample;
+2. wanted speed of the oil, v = J(q*) q*' ahead by ``preview`` - k_p e - k_v e' - k_d f~ - d^, with gains by pole placement for the
    estimated stiffness and mass and f~ predicted over the valve's remaining lag (``state_feedback``); further ahead by the dead
    time, which is the sample's age and ``command_delay``;
 3. flow map: Sigma = K v + d/dt f_ff, solved for the spool position by (6.23) (``valve_map``);
@@ -36,10 +36,10 @@ from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
 
 LAWS = {
-    "improved": "the boom as a mass on an oil spring that the valve's flow drives; observers for load, oil and missing flow",
+    "improved": "the boom as a mass on an oil spring driven by the valve's flow; observers for load, oil and missing flow",
 }
 CAVITATION = 3.0e5
-"""Pa. Below it the rod side may draw oil through its anti-cavitation valve, and tells nothing about its compliance."""
+"""Pa. Below this the rod side may draw oil through its anti-cavitation valve and gives no information on its compliance."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class ImprovedSettings(LawSettings):
     preview: float = tunable(0.035, "s", 0.0, 0.2, "lead of the reference over the valve's remaining lag, improved")
     remaining_lag: float = tunable(0.015, "s", 0.0, 0.2, "lag over which the force is predicted, improved")
     command_delay: float = tunable(
-        0.0, "s", 0.0, 0.05, "dead time from a command to the solenoids, made up for as the samples' age is, improved"
+        0.0, "s", 0.0, 0.05, "dead time from a command to the solenoids, compensated like the samples' age, improved"
     )
     dead_zone_speed: float = tunable(
         1.0e-3, "m/s", 1e-4, 0.02, "piston speed below which the spool stays inside its dead zone, improved"
@@ -91,7 +91,7 @@ def make(mode: str, machine: Machine, pose: Pose, settings: ImprovedSettings) ->
 
 
 class ImprovedState(NamedTuple):
-    """What the law remembers. As it begins: valve centred, nominal oil, no load beyond the configuration's."""
+    """States of the law. Initially: valve centred, nominal oil, no load beyond the configured one."""
 
     valve: ValveState = ValveState()
     load: LoadState = LoadState()
@@ -120,7 +120,7 @@ class Improved:
         self._reason = ""
 
     def reset(self, measurement: Measurement) -> None:
-        """Rest: valve centred, nominal oil, no load beyond the configuration's."""
+        """Start at rest: valve centred, nominal oil, no load beyond the configured one."""
         hose, rod = measurement.hose_pressure, measurement.rod_pressure
         self._law.start(
             ImprovedState(
@@ -140,7 +140,7 @@ class Improved:
         return Output._make((*quantities, self._reason))
 
     def change(self, settings: ImprovedSettings) -> None:
-        """Everything but the sample time; the observers' states stay.
+        """Change everything except the sample time; the observers keep their states.
 
         Raises:
             ControlError: another sample time.
@@ -195,7 +195,7 @@ class Improved:
         ]  # fmt: skip
 
     def _flows(self, q: Quantities, position: Expression) -> tuple[Expression, Expression]:
-        """(q_h, q_b) [m^3/s] into the ports, at the spool position s_s [m] that is followed."""
+        """(q_h, q_b) [m^3/s] into the ports, at the computed spool position s_s [m]."""
         supply, tank = self._map.areas(position)
         return (
             ca.if_else(position < 0, q.extend_supply * supply, q.retract_tank * tank),
@@ -220,7 +220,7 @@ class Improved:
 
 
 def _ahead(r: Reference, t: Expression) -> Reference:
-    """The reference t [s] later, as its derivatives tell."""
+    """The reference t [s] later, from its derivatives."""
     return Reference(
         r.angle + t * (r.rate + t / 2 * (r.acceleration + t / 3 * r.jerk)),
         r.rate + t * (r.acceleration + t / 2 * r.jerk),

@@ -1,7 +1,7 @@
-"""The whole controller without ROS: samples and requests in, once a period a cycle with currents, state and reason out.
+"""The whole controller without ROS: from samples and requests to currents, state and reason, in one cycle per period.
 
-Two clocks. ``now`` [s] is the one that supervises: steady, or the simulation's in lockstep. References and the control law run on
-the stamps of the angle, so that the error compares the reference of a moment with the angle of that moment, however late it came.
+Two clocks. ``now`` [s] is the supervising clock: steady, or the simulation's in lockstep. References and the control law run on
+the stamps of the angle, so that reference and angle of the same instant are compared, however late the sample came.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from boom_model.machine import Machine, Pose
 
 _NO_OUTPUT = Output(0.0, 0.0)
 MOST_APART = 0.75
-"""Sample times between the stamps of one set. Three sensors that each keep their own time are at most two thirds apart."""
+"""Sample times between the stamps of one set. Three sensors with separate timing are at most two thirds apart."""
 
 
 class ControlLoop:
     """References, control law and supervision of one boom.
 
     Args:
-        mode: of the control law, see ``controller.MODES``.
+        mode: mode of the control law, see ``controller.MODES``.
         settings: of the control law.
         supervision: limits and times.
-        watch_cycles: False where time is simulated and cycles cannot come late.
+        watch_cycles: False if time is simulated, so that cycles cannot be late.
 
     Attributes:
         supervision: the state machine.
@@ -74,10 +74,10 @@ class ControlLoop:
     # ---------------------------------------------------------------------------------------------------- configuration
 
     def configure(self, machine: Machine, pose: Pose) -> None:
-        """The machine in its pose; not while it moves.
+        """Set the machine and its pose; not during motion.
 
         Raises:
-            ControlError, ModelError: the control law cannot be made for it, or the boom moves.
+            ControlError, ModelError: the control law cannot be created for it, or the boom moves.
         """
         if self.supervision.moving:
             raise ControlError("the boom moves: stop it before the configuration changes")
@@ -87,10 +87,13 @@ class ControlLoop:
         self._use_supervision(self.supervision.settings)
 
     def configuration_changes(self, now: float) -> None:
-        """Another machine, pose or load was told: a boom in motion is stopped, then ``configure`` can be called."""
+        """React to a changed machine, pose or load: stop a moving boom, after which ``configure`` can be called."""
         if self.supervision.moving:
             self._stop(
-                StopCause("configuration_changed", "another machine, pose or load was told during the motion"), now
+                StopCause(
+                    "configuration_changed", "machine, pose or load changed in the configuration during the motion"
+                ),
+                now,
             )
 
     @property
@@ -105,10 +108,10 @@ class ControlLoop:
         settings: Settings | None = None,
         supervision: SupervisionSettings | None = None,
     ) -> None:
-        """Other numbers from the next cycle on, without a jump of the currents.
+        """Change settings from the next cycle on, without a jump of the currents.
 
         Raises:
-            ControlError: no such mode, or the change needs a new start.
+            ControlError: no such mode, or the change needs a restart.
         """
         controlled = self.supervision.closed_loop
         blend = self.supervision.settings.blend if controlled else 0.0
@@ -132,7 +135,7 @@ class ControlLoop:
     # ------------------------------------------------------------------------------------------------------------ samples
 
     def joint(self, angle: float, rate: float, stamp: float, measured: float) -> None:
-        """Angle [rad] and rate [rad/s], stamped [s], measured at the supervising clock's time [s]."""
+        """Accept angle [rad] and rate [rad/s] with stamp [s] and time of measurement on the supervising clock [s]."""
         self.sensors.take_joint(angle, rate, stamp, measured)
 
     def hose_pressure(self, pressure: float, stamp: float, measured: float) -> None:
@@ -144,17 +147,17 @@ class ControlLoop:
         self.sensors.rod.take((pressure,), stamp, measured)
 
     def currents(self, retract: float, extend: float, stamp: float, measured: float) -> None:
-        """Measured currents [A], like ``joint``. They need not be there."""
+        """Measured currents [A], like ``joint``; optional."""
         self.sensors.currents.take((retract, extend), stamp, measured)
 
     def due(self, now: float) -> bool:
-        """True where a cycle is to run now because the sensors are complete; two never follow within a quarter period."""
+        """True if a cycle has to run now because the sensors are complete; never twice within a quarter period."""
         return self.sensors.complete(MOST_APART * self._period) and (
             self._last_cycle is None or now - self._last_cycle >= 0.25 * self._period
         )
 
     def overdue(self, now: float) -> bool:
-        """True where a cycle is to run although samples are missing: one of a set is late, or all are."""
+        """True if a cycle has to run although samples are missing: one of a set is late, or all are."""
         if self._last_cycle is None:
             return True
         return now - self._last_cycle >= (1.3 if self.sensors.begun else 1.7) * self._period
@@ -168,7 +171,7 @@ class ControlLoop:
             self._stop(StopCause("emergency_stop", "emergency stop"), now)
 
     def stop_now(self, now: float) -> None:
-        """The emergency stop by service: once."""
+        """Stop once: the emergency stop by service."""
         self._stop(StopCause("emergency_stop", "emergency stop by service"), now)
 
     def conflict(self, text: str) -> None:
@@ -176,7 +179,7 @@ class ControlLoop:
         self._interlock.conflict = text
 
     def fault(self, text: str, now: float) -> bool:
-        """This program failed. Ramps to zero, the second time at once: the cycle itself may be what fails. True while it ramps."""
+        """Handle a failure of this program: ramp to zero, at once the second time. True during the ramp."""
         again = self.supervision.finding is not None and self.supervision.finding.reason == "internal_error"
         self._stop(StopCause("internal_error", text), now)
         if again or not self._watch_cycles:
@@ -189,7 +192,7 @@ class ControlLoop:
         return self.supervision.resume(self._interlock.standing(now))
 
     def stream(self, wanted: float, now: float) -> None:
-        """A wanted angle [rad] of /boom/reference."""
+        """Accept a wanted angle [rad] of /boom/reference."""
         if not math.isfinite(wanted):
             self._refuse_stream(f"the reference is {wanted}: it is not used")
             return
@@ -232,10 +235,10 @@ class ControlLoop:
         begin: float | None = None,
         tolerances: Tolerances | None = None,
     ) -> int:
-        """A planned motion, from the next cycle on, or from the stamp `begin` [s]. Returns its number, for ``Cycle.endings``.
+        """Start a planned motion at the next cycle, or at the stamp `begin` [s]. Returns its number, for ``Cycle.endings``.
 
         Raises:
-            TrajectoryError: it is refused; says why.
+            TrajectoryError: it is refused; the message says why.
         """
         state = self.supervision.state
         if state in (MotionState.STOPPING, MotionState.STOPPED):
@@ -261,7 +264,7 @@ class ControlLoop:
         return self._goals.start(TrackingGoal(asked, trajectory.duration, trajectory.goal))
 
     def cancel(self, number: int | None = None) -> bool:
-        """End a trajectory (that of this number, or whatever moves): the boom comes to rest and is held."""
+        """End a trajectory (of this number, or any): the boom comes to rest and is held."""
         if number is not None and not self._goals.runs(number):
             return False
         self._goals.end(Code.SUCCESSFUL, "cancelled: the boom holds its position")
@@ -281,7 +284,7 @@ class ControlLoop:
     # -------------------------------------------------------------------------------------------------------------- cycle
 
     def cycle(self, now: float) -> Cycle:
-        """One period."""
+        """Run one period."""
         begin = perf_counter()
         sensors, supervision = self.sensors, self.supervision
         gap = 0.0 if self._last_cycle is None else now - self._last_cycle
@@ -332,7 +335,7 @@ class ControlLoop:
         return reference, output
 
     def _begin(self) -> None:
-        """From idle into the closed loop."""
+        """Change from idle to closed loop."""
         if self.supervision.state is not MotionState.IDLE:
             return
         assert self.law.controller is not None and self._watch is not None  # readiness was checked
@@ -389,11 +392,11 @@ class ControlLoop:
         return ("warning", self._note) if self._note else ("ok", "")
 
     def pop_endings(self) -> list[tuple[int, Ending]]:
-        """Trajectories that ended since this was asked last, by their number; ``cycle`` asks."""
+        """Trajectories that ended since the last call, by their number; called by ``cycle``."""
         return self._goals.pop_endings()
 
     def goal_progress(self, number: int) -> tuple[float, float, float] | None:
-        """Of the running trajectory of that number: wanted and measured angle [rad], time since its start [s]."""
+        """Progress of the running trajectory of that number: wanted and measured angle [rad], time since its start [s]."""
         if not self._goals.runs(number):
             return None
         return self.references.present.angle, self.sensors.joint.values[0], self.references.elapsed

@@ -1,7 +1,7 @@
-"""Settings that change in motion glide to their new values: p = old + (3 w^2 - 2 w^3) (new - old), w from 0 to 1.
+"""Settings that change in motion move gradually to their new values: p = old + (3 w^2 - 2 w^3) (new - old), w from 0 to 1.
 
-A law may be bumpless in its integral states and still answer a step of a number with a peak: a lead for the pilot stage makes a
-kick of every step of the neutral pressure. In small steps nothing is left of it.
+A law may be bumpless in its integral states and still respond to a step of a number with a peak: a lead for the pilot stage turns
+every step of the neutral pressure into a peak. Small steps avoid it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from boom_controller.controller import Settings
 
 
 class GradualSettings:
-    """The way from one set of settings to another in so many steps.
+    """The transition from one set of settings to another in so many steps.
 
     Args:
         old, new: both valid.

@@ -1,10 +1,10 @@
-"""From one control law to another without a jump of the currents.
+"""Transition from one control law to another without a jump of the currents.
 
     u = (1 - w) u_old + w u_new,  w = 3 x^2 - 2 x^3,  x = 0 in the first half of the time, then rising to 1
 
-The new law starts at rest from the present measurement, and its first currents are large while it opens a valve that it believes
-closed: so it runs in the shadow of the old one at first. Both run until the new one has taken over. Source: bumpless transfer by
-fading.
+The new law starts at rest from the present measurement, and its first currents are large while it opens a valve that it assumes
+closed. It therefore runs at first without effect beside the old one. Both run until the new one has taken over. Source: bumpless
+transfer by fading.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ class Handover:
 
     Args:
         old, new: the laws; `new` has been reset.
-        steps: sample times that it takes.
+        steps: duration in sample times.
     """
 
     def __init__(self, old: Controller, new: Controller, steps: int) -> None:
@@ -32,7 +32,7 @@ class Handover:
         return self._done >= self._steps
 
     def reset(self, measurement: Measurement) -> None:
-        """Starts from rest with the new law alone."""
+        """Start from rest with the new law alone."""
         self._done = self._steps
         self.new.reset(measurement)
 
@@ -50,6 +50,6 @@ class Handover:
         )
 
     def change(self, settings: Settings) -> None:
-        """Other settings for both. Raises ControlError where this needs a new controller."""
+        """Other settings for both. Raises ControlError if this needs a new controller."""
         self.new.change(settings)
         self._old.change(settings)

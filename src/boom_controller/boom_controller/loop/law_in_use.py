@@ -1,7 +1,7 @@
-"""The control law that commands: its mode and settings, changed in motion without a jump of the currents. No ROS.
+"""The active control law: its mode and settings, changed in motion without a jump of the currents. No ROS.
 
-To make a law takes a tenth of a second, and ten times that where it has to be compiled: too long for a boom that moves. So all are
-made while it stands, when the machine is told.
+Creating a law takes a tenth of a second, and ten times that if it has to be compiled: too long for a moving boom. So all laws are
+created at rest, when the machine becomes known.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ class LawInUse:
         settings: of the law.
 
     Attributes:
-        mode, settings: as they count now; settings that glide are on their way.
+        mode, settings: present values; gradual changes are in progress.
         configuration: machine and pose; None before :meth:`configure`.
-        controller: the law; while two hand over, both of them.
+        controller: the law; both laws during a handover.
     """
 
     def __init__(self, mode: str, settings: Settings) -> None:
@@ -35,10 +35,10 @@ class LawInUse:
         self._gradual: GradualSettings | None = None
 
     def configure(self, machine: Machine, pose: Pose) -> None:
-        """The machine in its pose.
+        """Set the machine and its pose.
 
         Raises:
-            ControlError, ModelError: a law cannot be made for it; the old ones stay.
+            ControlError, ModelError: a law cannot be created for it; the old ones stay.
         """
         wanted_first = sorted(MODES, key=lambda mode: mode != self.mode)
         self._laws = {mode: make_controller(mode, machine, pose, self.settings) for mode in wanted_first}
@@ -46,7 +46,7 @@ class LawInUse:
         self.configuration = (machine, pose)
 
     def change_settings(self, settings: Settings, seconds: float) -> None:
-        """Other settings, reached within so many seconds [s]; 0: at once.
+        """Change the settings within so many seconds [s]; 0: at once.
 
         Raises:
             ControlError: another sample time.
@@ -59,7 +59,7 @@ class LawInUse:
         self.glide()
 
     def glide(self) -> bool:
-        """One step further where settings are on their way. True where they have changed."""
+        """Advance a gradual change of settings by one step. True if they have changed."""
         if self._gradual is None:
             return False
         self.settings = self._gradual.next()
@@ -70,7 +70,7 @@ class LawInUse:
         return True
 
     def change_mode(self, mode: str, present: Measurement | None, seconds: float) -> None:
-        """Another law. ``present``: what the sensors show, from which it takes over within ``seconds`` [s]; None: at once.
+        """Change the law. ``present``: sensor values from which it takes over within ``seconds`` [s]; None: at once.
 
         Raises:
             ControlError: no such mode.
@@ -90,7 +90,7 @@ class LawInUse:
         self.mode = mode
 
     def step(self, reference: Reference, measurement: Measurement) -> Output:
-        """One sample time of a law that is configured."""
+        """One sample time of a configured law."""
         controller = self.controller
         assert controller is not None  # nothing is tracked or held before
         output = controller.step(reference, measurement)

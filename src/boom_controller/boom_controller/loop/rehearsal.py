@@ -1,8 +1,8 @@
-"""A cycle for nobody, run between two cycles: what it touches is in the processor's caches then. No ROS.
+"""Warm-up cycle between two cycles, which keeps code and data of a cycle in the processor's caches. No ROS.
 
-Between two cycles of 10 ms the processor forgets code and data of the control law: other programs, and other tenants of the
-computer, use the same caches. A cycle takes five times as long then as in a loop without pauses. So a second loop with states of
-its own goes the way of a cycle just before. Nothing of it goes anywhere.
+Between two cycles of 10 ms other programs, and other tenants of the computer, displace code and data of the control law from the
+caches. A cycle then takes five times as long as in a loop without pauses. So a second loop with its own states computes a cycle
+just before. Its results are not used.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from boom_model.machine import Machine, Pose
 
 
 class Rehearsal:
-    """The second loop. Arguments, :meth:`configure` and :meth:`change`: as of the :class:`ControlLoop` that it goes before."""
+    """The second loop. Arguments, :meth:`configure` and :meth:`change` are those of :class:`ControlLoop`."""
 
     def __init__(self, mode: str, settings: Settings, supervision: SupervisionSettings) -> None:
         self._loop = ControlLoop(mode, settings, supervision)
 
     def configure(self, machine: Machine, pose: Pose) -> None:
-        """The machine in its pose."""
+        """Set the machine and its pose."""
         self._loop.configure(machine, pose)
 
     def change(self, **changes: Any) -> None:
-        """Other numbers."""
+        """Change settings."""
         self._loop.change(**changes)
 
     def run(self, sensors: SensorSet, now: float) -> str:

@@ -1,1 +1,1 @@
-"""The parts of the ROS shell."""
+"""The parts of the ROS node."""

@@ -9,7 +9,7 @@ _SENSORS = ("joint", "hose", "rod")
 
 
 class TickGate:
-    """Which tick is to be answered.
+    """Decides which tick to answer.
 
     Args:
         with_reference: a cycle also waits for the reference of its tick.
@@ -17,7 +17,7 @@ class TickGate:
 
     Attributes:
         tick_ns: the newest tick.
-        begun: the first command is out, without which the simulation stands.
+        begun: the first command, without which the simulation does not start, has been sent.
     """
 
     def __init__(self, with_reference: bool, delay_ns: int) -> None:
@@ -29,16 +29,16 @@ class TickGate:
         self._stamps = dict.fromkeys((*_SENSORS, "reference"), -1)
 
     def arrived(self, name: str, stamp_ns: int) -> None:
-        """A sample of joint, hose, rod or reference."""
+        """Note a sample of joint, hose, rod or reference."""
         self._stamps[name] = stamp_ns
 
     def may_begin(self) -> bool:
-        """True until the first command is out or a tick has come, once a reference is there where one is waited for."""
+        """True until the first command is sent or a tick has come, and once the reference is there if required."""
         waited_for = self._stamps["reference"] >= 0 or not self._with_reference
         return not self.begun and self.tick_ns < 0 and waited_for
 
     def due(self) -> bool:
-        """True once for each tick, as soon as all samples of it are there."""
+        """True once for each tick, as soon as all its samples are there."""
         tick = self.tick_ns
         if tick <= (self._answered_ns if self.begun else -1):
             return False

@@ -1,4 +1,4 @@
-"""Between ROS messages and the core. Absolute pressures become gauge here, once."""
+"""Converts between ROS messages and the core. Converts absolute to gauge pressure, only here."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def fill_reference(message: ReferenceState, cycle: Cycle, stamp_ns: int) -> Refe
 
 
 def fill_state(message: ControllerState, cycle: Cycle, stamp_ns: int) -> ControllerState:
-    """All that a cycle knew, wanted and did."""
+    """Inputs, reference and outputs of a cycle."""
     r, m, o = cycle.reference, cycle.measurement, cycle.output
     set_ns(message.header.stamp, stamp_ns)
     message.mode = cycle.state.value

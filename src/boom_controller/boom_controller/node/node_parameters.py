@@ -1,4 +1,4 @@
-"""What the node can be told: its own parameters, those of the control laws and those of the supervision, in one table."""
+"""Parameters of the node in one table: its own, those of the control laws and those of the supervision."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ PARAMETERS = (
 
 
 def settings_of(values: Mapping[str, Any]) -> Settings:
-    """The control law's settings of parameter values by name.
+    """Settings of the control law from parameter values by name.
 
     Raises:
         ControlError: values that exclude each other.
@@ -47,7 +47,7 @@ def settings_of(values: Mapping[str, Any]) -> Settings:
 
 
 def supervision_of(values: Mapping[str, Any]) -> SupervisionSettings:
-    """The supervision's settings of parameter values by name.
+    """Settings of the supervision from parameter values by name.
 
     Raises:
         ControlError: values that exclude each other.

@@ -1,7 +1,7 @@
-"""The action TrackTrajectory: goals in, feedback and a result that says why. A goal that is refused is answered by its result.
+"""The action TrackTrajectory: goals, feedback and a result with the reason. The result also answers a refused goal.
 
-rclpy tells a client of a rejected goal nothing but that it was rejected; so every goal is accepted, and one that cannot be tracked
-is aborted at once with code and sentence.
+A rejected goal in rclpy carries no reason; so every goal is accepted, and one that cannot be tracked is aborted at once with code
+and sentence.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from boom_node.stamps import seconds_to_ns, set_ns
 
 
 class _Server(ActionServer):
-    """rclpy's action server, but a goal that is on its way is no task.
+    """rclpy's action server, except that a running goal is not a task.
 
-    rclpy executes a goal as a coroutine that waits until it is over. The EventsExecutor runs a task that waits again and again, at
-    the cost of a whole core, and whatever brings samples has to fight for the queue that it turns: they came up to 100 ms late.
-    Here the task begins where the goal has ended, and ends at once.
+    rclpy executes a goal as a coroutine that waits until it is over. The EventsExecutor polls a waiting task without end, at the
+    cost of a whole core, and samples compete with it for the queue: they came up to 100 ms late. Here the task begins when the
+    goal has ended, and ends at once.
     """
 
     begin: Callable[[Any], None]
 
     def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
-        """A goal was accepted."""
+        """Note an accepted goal."""
         self.begin(goal_handle)
 
     def end(self, goal_handle: Any, ending: Ending) -> None:
-        """It has ended: tell the client."""
+        """Tell the client that the goal has ended."""
 
         def result(_: Any) -> Any:
             if goal_handle.is_cancel_requested:
@@ -54,7 +54,7 @@ class TrajectoryAction:
     Args:
         node: the node.
         start: starts a goal and returns its number; raises TrajectoryError.
-        cancel: ends the trajectory of a number; False where it does not run.
+        cancel: ends the trajectory of a number; False if it does not run.
     """
 
     def __init__(self, node: Any, start: Callable[[Any], int], cancel: Callable[[int], bool]) -> None:
@@ -68,7 +68,7 @@ class TrajectoryAction:
         return self._server is not None
 
     def offer(self) -> None:
-        """Make the server."""
+        """Create the server."""
         self._server = _Server(
             self._node,
             TrackTrajectory,
@@ -82,11 +82,11 @@ class TrajectoryAction:
 
     @property
     def running(self) -> list[int]:
-        """Numbers of the goals on their way."""
+        """Numbers of the running goals."""
         return list(self._running)
 
     def end(self, number: int, ending: Ending) -> bool:
-        """A trajectory has ended. False where it was no goal of the action."""
+        """Note an ended trajectory. False if it was not a goal of the action."""
         handle = self._running.pop(number, None)
         if handle is None or self._server is None:
             return False
@@ -121,6 +121,6 @@ class TrajectoryAction:
         return CancelResponse.ACCEPT
 
     def destroy(self) -> None:
-        """Take the server away."""
+        """Destroy the server."""
         if self._server is not None:
             self._server.destroy()

@@ -1,1 +1,1 @@
-"""What control laws estimate: load, compliance and missing flow, a supply that does not deliver."""
+"""Observers of the control laws: load, compliance and missing flow, insufficient supply."""

@@ -1,4 +1,4 @@
-"""What the oil does, learnt while running: how soft each chamber is, and how much flow the valve's model misses.
+"""Learns the oil's behaviour while running: the compliance of each chamber, and the flow that the valve's model misses.
 
 Compliance of a chamber, against the nominal one:  int k (q - A v) dt = kappa (p - p_0), k the nominal dp/dV. Both
 sides pass the same high-pass filter; kappa follows by a normalised gradient, only while the pressure

@@ -2,8 +2,8 @@
 
     w^' = (J f_p - tau~_f - g(q_2; m)) / D(m) + 2 p (w - w^),   m^' = p^2 (w - w^) / c,   c = -(dg/dm + dD/dm w^') / D
 
-Both poles at -p. Where gravity says little about the load (c near zero: a folded boom with the tip above the joint) the estimate
-moves slowly. A surprise far above the gyro's noise is answered with faster poles: a load that is grasped is known after 0.1 s.
+Both poles at -p. Where gravity depends little on the load (c near zero: a folded boom with the tip above the joint) the estimate
+moves slowly. A rate error far above the gyro's noise selects faster poles: a grasped load is known after 0.1 s.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from boom_controller.blocks.limits import limited
 from boom_model.regularisation import Expression
 
 LEAST_EFFECT = 1e-4
-"""rad/s^2 per kg: where c is about as small, the load is hardly observable."""
+"""rad/s^2 per kg: for c of about this size or less the load is hardly observable."""
 LIGHTEST = -500.0
-"""kg. Below the configuration's load, as a friction that is wrong may pretend."""
+"""kg. Allowed below the configured load, because wrong friction may look like that."""
 
 
 class LoadState(NamedTuple):
-    """m^ [kg] beyond what the configuration tells, w^ [rad/s]."""
+    """m^ [kg] beyond the configured load, w^ [rad/s]."""
 
     load: Expression = 0.0
     rate: Expression = 0.0

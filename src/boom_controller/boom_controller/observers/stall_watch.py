@@ -1,8 +1,8 @@
-"""Recognises a load that cannot be held: the valve is open to lift, and the supply does not deliver.
+"""Recognises a load that cannot be held: the valve is open to lift, and the supply does not deliver enough.
 
-Of the head side alone: delivered speed v + f_h' / K_h, f_h = A_a p_h, against the speed Q = q_h / A_a that the open valve
+Uses the head side only: delivered speed v + f_h' / K_h, f_h = A_a p_h, against the speed Q = q_h / A_a that the open valve
 would give with its full pressure margin: less than a quarter of it for ``stall_time``. With an unlimited supply that does not
-happen, however heavy the load is: what does not move the piston compresses the oil.
+happen for any load: flow that does not move the piston compresses the oil.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import casadi as ca
 from boom_model.regularisation import Expression
 
 LEAST_SPEED = 0.02
-"""m/s. Below it the valve is as good as closed."""
+"""m/s. Below this the valve counts as closed."""
 DELIVERED_SHARE = 0.25
 SMOOTHING = 10.0
 """1/s, of the delivered speed."""

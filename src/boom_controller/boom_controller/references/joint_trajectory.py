@@ -1,7 +1,7 @@
 """A planned motion: points with times become a reference over time. No ROS.
 
 The fields of the points decide, as in ros2_controllers: accelerations give quintics, rates alone cubics, angles alone straight
-lines. Straight lines have corners that no crane can follow, so they are led through the trajectory generator (6.27), which
+lines. Straight lines have corners that no crane can follow, so they pass through the trajectory generator (6.27), which
 delays them by some 0.4 s. All points have the same fields. A first point later than zero is reached from the present reference.
 """
 
@@ -22,7 +22,7 @@ from boom_controller.types import Reference
 SETTLING = 1.2
 """s. The generator's four poles at -10 1/s have come within 0.3 % of a straight line's end by then."""
 MOST_POINTS = 1000
-"""More would hold up the cycles while they are read and checked: some 10 us a point."""
+"""More points would delay the cycles while they are read and checked, some 10 us per point."""
 _SAMPLES = 25
 _REST_RATE = 1e-3
 
@@ -39,7 +39,7 @@ class Code(IntEnum):
 
 
 class TrajectoryError(ValueError):
-    """A trajectory that is refused; the message is one line that says why. ``code``: as the action tells it."""
+    """A trajectory that is refused; the message is one line that says why. ``code``: for the action."""
 
     exit_status = 2
 
@@ -50,7 +50,7 @@ class TrajectoryError(ValueError):
 
 @dataclass(frozen=True)
 class TrajectoryPoint:
-    """Where the boom shall be at `time` [s] after the start: angle [rad], rate [rad/s], acceleration [rad/s^2] or None."""
+    """Wanted position at `time` [s] after the start: angle [rad], rate [rad/s], acceleration [rad/s^2] or None."""
 
     time: float
     angle: float
@@ -60,7 +60,7 @@ class TrajectoryPoint:
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a trajectory may ask for: angle [rad] between low and high, at most `rate` [rad/s]; the start may be off [rad]."""
+    """Limits of a trajectory: angle [rad] between low and high, at most `rate` [rad/s]; the start may be off [rad]."""
 
     low: float
     high: float
@@ -72,9 +72,9 @@ class JointTrajectory:
     """A checked trajectory.
 
     Attributes:
-        duration: [s] from the start until the goal shall be reached.
+        duration: [s] from the start to the goal.
         goal: angle of the last point [rad].
-        smoothed: True where only angles were given: what ``at`` gives has to go through the trajectory generator.
+        smoothed: True if only angles were given: the result of ``at`` has to pass through the trajectory generator.
     """
 
     def __init__(self, times: Sequence[float], pieces: Sequence[Polynomial], goal: float, smoothed: bool) -> None:
@@ -86,7 +86,7 @@ class JointTrajectory:
         self.duration = self._planned + (SETTLING if smoothed else 0.0)
 
     def at(self, time: float) -> Reference:
-        """The reference at `time` [s] since the start: before it the first point, behind the end the last one, at rest."""
+        """The reference at `time` [s] since the start: before it the first point, after the end the last one, at rest."""
         if time >= self._planned:
             return Reference(self.goal, 0.0, 0.0, 0.0)
         if time < 0.0:

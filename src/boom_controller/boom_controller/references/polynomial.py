@@ -1,4 +1,4 @@
-"""Polynomials of time: what a reference between two points is made of.
+"""Polynomials of time, the pieces of a reference between two points.
 
 q(t) = c_0 + c_1 t + ... + c_5 t^5, t counted from the beginning of the piece. Conditions at both ends give the coefficients:
 angle, rate and acceleration a quintic, angle and rate a cubic, angle alone a straight line. Source: Hermite interpolation.

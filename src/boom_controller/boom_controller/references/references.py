@@ -1,12 +1,13 @@
-"""Where the boom shall be: the one reference that the control law sees, whatever it comes from, without a jump.
+"""The one reference of the control law, without jumps, whatever its source.
 
 Sources: a stream of wanted angles through the trajectory generator (6.27), a planned trajectory, and rest. When the source
-changes, what the old one was ahead of the new one (angle, rate, acceleration) fades as a quintic within ``blend`` seconds, so that
-angle, rate and acceleration go on. To rest it comes by a bounded ramp, see :func:`boom_controller.references.polynomial.to_rest`.
+changes, the difference between the old and the new one (angle, rate, acceleration) fades as a quintic within ``blend`` seconds, so
+that angle, rate and acceleration are continuous. It comes to rest by a bounded ramp, see
+:func:`boom_controller.references.polynomial.to_rest`.
 
-In real time a stream and the cycles each have a clock of their own: between two cycles there may come none or two wanted angles,
-which would double or skip a step. So what counts is the angle wanted one and a half sample times before the sensors' sample, on
-the straight line between the two that came around then.
+In real time stream and cycles have separate clocks: between two cycles there may be none or two wanted angles, which would double
+or skip a step. So the wanted angle is interpolated at one and a half sample times before the sensors' sample, between the two that
+came around that time.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ class References:
     Args:
         generator: the trajectory generator; it steps every `sample_time` [s].
         sample_time: [s].
-        deceleration: of the ramp to rest [rad/s^2].
+        deceleration: deceleration of the ramp to rest [rad/s^2].
         fastest: rate [rad/s] to which a stream of wanted angles is limited.
         blend: time in which a change of source fades [s].
 
     Attributes:
         present: the reference now.
-        kind: what it comes from.
+        kind: its source.
     """
 
     def __init__(
@@ -51,7 +52,7 @@ class References:
         self.reset(0.0, 0.0)
 
     def reset(self, angle: float, now: float) -> None:
-        """Rest at the angle from `now` on, whatever was before."""
+        """Rest at the angle from `now` on, whatever the previous reference."""
         self.kind: Kind = "rest"
         self.present = Reference(angle)
         self._now = self._begin = now
@@ -71,11 +72,11 @@ class References:
 
     @property
     def wanted(self) -> float:
-        """The angle that a stream asks for [rad], as it came in last."""
+        """The last angle [rad] received from a stream."""
         return self._wanted
 
     def rest(self) -> None:
-        """Come to rest by the ramp, from whatever motion."""
+        """Come to rest by the ramp, from any motion."""
         before = self.present
         self.kind = "rest"
         self._fading = None
@@ -84,9 +85,9 @@ class References:
         self._piece = to_rest(before, self._length)
 
     def stream(self, wanted: float, came: float | None = None) -> None:
-        """From now on follow wanted angles [rad] through the generator; call again with every new one.
+        """Follow wanted angles [rad] through the generator from now on; call again with every new one.
 
-        ``came``: when, by the clock of ``sampled`` in :meth:`advance` [s]; None where each cycle has its own.
+        ``came``: when, by the clock of ``sampled`` in :meth:`advance` [s]; None if each cycle has its own.
         """
         self._wanted = wanted
         if self.kind != "stream":
@@ -98,7 +99,7 @@ class References:
             self._heard.append((came, wanted))
 
     def start(self, trajectory: JointTrajectory, begin: float) -> None:
-        """Follow a trajectory whose start is at the time `begin` [s]; one that lies in the past is joined on its way."""
+        """Follow a trajectory whose start is at the time `begin` [s]; one that has already started is joined in progress."""
         self._trajectory = trajectory
         self.kind = "trajectory"
         self._begin = begin
@@ -131,7 +132,7 @@ class References:
         return self.present
 
     def change(self, pole: float) -> None:
-        """Another pole of the generator [1/s], without a jump."""
+        """Change the pole of the generator [1/s], without a jump."""
         self._generator.change(pole)
 
     def _wanted_at(self, time: float) -> float:

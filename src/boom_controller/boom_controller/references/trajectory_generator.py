@@ -43,7 +43,7 @@ class TrajectoryGenerator:
         self._set(pole)
 
     def reset(self, angle: float) -> Reference:
-        """Rests at the angle [rad]."""
+        """Start at rest at the angle [rad]."""
         self._x = [angle / self._f0, 0.0, 0.0, 0.0]
         return Reference(angle)
 
@@ -62,7 +62,7 @@ class TrajectoryGenerator:
         return Reference(f0 * y0, f0 * y1, f0 * y2, f0 * y3)
 
     def change(self, pole: float) -> None:
-        """Another pole [1/s] from the next step on; angle and derivatives go on without a jump."""
+        """Use another pole [1/s] from the next step on; angle and derivatives continue without a jump."""
         if pole == self._pole:
             return
         reached = [self._f0 * x for x in self._x]

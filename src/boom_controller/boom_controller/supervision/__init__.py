@@ -1,1 +1,1 @@
-"""What is watched, every reason to stop, and how a stop goes."""
+"""Monitoring, reasons to stop, and the course of a stop."""

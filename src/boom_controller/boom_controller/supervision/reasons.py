@@ -1,4 +1,4 @@
-"""Every reason for which the boom is stopped: one table, read by the supervision, the README's test and the diagnostics."""
+"""Every reason to stop the boom in one table, used by the supervision, the README's test and the diagnostics."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 Reaction = Literal["reference", "currents"]
-"""``reference``: the loop goes on, its reference comes to rest by a ramp, then the currents are ramped to zero.
-``currents``: the loop is not to be trusted any more, the currents are ramped to zero at once, which closes the valve."""
+"""``reference``: the loop continues, its reference comes to rest by a ramp, then the currents are ramped to zero.
+``currents``: the loop is not trusted any more, and the currents are ramped to zero at once, which closes the valve."""
 
 
 @dataclass(frozen=True)
 class Reason:
-    """A reason to stop: its name, what it means, how the boom is brought to rest, and what to do before it may go on."""
+    """A reason to stop: its name, what it means, how the boom is brought to rest, and what to do before it may continue."""
 
     id: str
     cause: str
@@ -29,12 +29,12 @@ REASONS: dict[str, Reason] = {
                "restore the sensor, the bus or the clocks"),
         Reason("sensor_not_a_number", "a sensor sent NaN or infinity several times in a row", "currents",
                "restore the sensor"),
-        Reason("sensor_out_of_range", "a sensor sent several times in a row what it cannot measure", "currents",
+        Reason("sensor_out_of_range", "a sensor sent impossible values several times in a row", "currents",
                "restore the sensor"),
-        Reason("sensors_disagree", "angle and rate tell different motions", "currents",
-               "find out which of both is wrong"),
+        Reason("sensors_disagree", "angle and rate contradict each other", "currents",
+               "find out which of the two is wrong"),
         Reason("angle_limit", "the boom is outside its angles and moves further out", "reference",
-               "give a reference that leads back"),
+               "give a reference that leads back inside"),
         Reason("speed_limit", "the boom moves faster than allowed", "currents",
                "find out why: valve, load, parameters"),
         Reason("pressure_limit", "a pressure stays above what is allowed", "reference",
@@ -45,14 +45,14 @@ REASONS: dict[str, Reason] = {
                "look at the last motion before the next one"),
         Reason("load_not_held", "the load is heavier than the supply can hold", "currents",
                "set the load down"),
-        Reason("currents_not_followed", "the solenoids do not get what is commanded", "currents",
+        Reason("currents_not_followed", "the solenoids do not get the commanded current", "currents",
                "enable the motion on the bridge, look at its diagnostics"),
-        Reason("configuration_changed", "another machine, pose or load was told during a motion", "reference",
+        Reason("configuration_changed", "machine, pose or load changed in the configuration during a motion", "reference",
                "move with the new configuration"),
-        Reason("two_publishers", "more than one publishes commands or a sensor", "currents",
-               "end all but one; of a process that was killed the publisher goes within 10 s"),
+        Reason("two_publishers", "more than one node publishes commands or a sensor", "currents",
+               "end all but one; the publisher of a killed process disappears within 10 s"),
         Reason("internal_error", "a callback of the node raised an exception", "currents",
-               "report the traceback in the log; start the node anew"),
+               "report the traceback in the log; restart the node"),
     )
 }  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""The boom's sensors together: is the set complete, is it to be believed, and what does it show. No ROS."""
+"""The set of the boom's sensors: completeness, plausibility and values. No ROS."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _CURRENT = Range("current", "A", -0.05, 10.0)
 
 
 class SensorSet:
-    """Angle with rate and both pressures, without which nothing moves; the measured currents need not be there.
+    """Angle with rate and both pressures, which are required, and the measured currents, which are optional.
 
-    Times are seconds: stamps by the senders' clock, ``now`` and ``measured`` by the one that supervises.
+    Times are seconds: stamps by the senders' clock, ``now`` and ``measured`` by the supervising clock.
 
     Attributes:
         joint, hose, rod, currents: the sensors.
@@ -35,42 +35,42 @@ class SensorSet:
         self._age = 0.0
 
     def set_stroke(self, low: float, high: float) -> None:
-        """The boom's angles lie between ``low`` and ``high`` [rad]. Forgets the samples of the angle."""
+        """Set the range of the boom's angles, ``low`` to ``high`` [rad]. Forgets the samples of the angle."""
         self.joint = Sensor("angle", (Range("angle", "rad", low - _BEYOND, high + _BEYOND), _RATE))
 
     def take_joint(self, angle: float, rate: float, stamp: float, measured: float) -> None:
-        """Angle [rad] and rate [rad/s]."""
+        """Accept angle [rad] and rate [rad/s]."""
         if self.joint.take((angle, rate), stamp, measured):
             self._agreement.update(stamp, angle, rate)
 
     def forget(self) -> None:
-        """Begin again: the next samples are taken whatever their stamps."""
+        """Start again: accept the next samples whatever their stamps."""
         for sensor in (self.joint, self.hose, self.rod, self.currents):
             sensor.forget()
         self._agreement.reset()
 
     def complete(self, most_apart: float) -> bool:
-        """True once each has brought a new sample since :meth:`use`, and all are of one time: at most ``most_apart`` [s].
+        """True once each has delivered a new sample since :meth:`use`, all within ``most_apart`` [s].
 
-        A sample that came just after the cycle of its set waits for the others of the next one, and is old by then.
+        A sample that came just after the cycle of its set would otherwise wait for the others of the next one, and be old by then.
         """
         stamps = (self.joint.stamp, self.hose.stamp, self.rod.stamp)
         return self.joint.fresh and self.hose.fresh and self.rod.fresh and max(stamps) - min(stamps) <= most_apart
 
     @property
     def begun(self) -> bool:
-        """True once one has brought a new sample since :meth:`use`."""
+        """True once one has delivered a new sample since :meth:`use`."""
         return self.joint.fresh or self.hose.fresh or self.rod.fresh
 
     def newest(self) -> Measurement:
-        """What they show."""
+        """The newest sensor values."""
         angle, rate = self.joint.values
         return Measurement(self.joint.stamp, angle, rate, self.hose.values[0], self.rod.values[0], self._age)
 
     def use(self, now: float) -> Measurement:
-        """:meth:`newest`, for a cycle at ``now`` [s]; from here on fresh is what comes later.
+        """:meth:`newest`, for a cycle at ``now`` [s]; later samples count as fresh.
 
-        Where no new angle came the age stays as it was: the reference goes on by a period, and so shall the law.
+        Without a new angle the age stays unchanged: the reference advances by a period, and so does the law.
         """
         joint = self.joint
         if joint.fresh:
@@ -79,11 +79,11 @@ class SensorSet:
         return self.newest()
 
     def measured_currents(self, now: float, timeout: float) -> tuple[float, ...] | None:
-        """(i_+, i_-) [A], or None where nobody measures."""
+        """(i_+, i_-) [A], or None if they are not measured."""
         return self.currents.values if now - self.currents.measured < timeout else None
 
     def finding(self, now: float, s: SupervisionSettings) -> StopCause | None:
-        """What is wrong with them at the time ``now`` [s], or None."""
+        """The fault of the sensors at the time ``now`` [s], or None."""
         for sensor in (self.joint, self.hose, self.rod):
             if now - sensor.measured > s.sensor_timeout or sensor.bad >= s.bad_samples:
                 return sensor.finding(now, s.sensor_timeout, s.bad_samples)
@@ -94,4 +94,4 @@ class SensorSet:
 
 
 LARGEST_AGE = 0.02
-"""s. A dead time that is longer is no dead time that a law should make up for."""
+"""s. Longer dead times are not compensated."""

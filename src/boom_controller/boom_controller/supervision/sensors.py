@@ -1,7 +1,7 @@
-"""Are the sensors to be believed: age, range, finite numbers, and whether angle and rate tell the same motion. No ROS.
+"""Plausibility of the sensors: age, range, finite numbers, and agreement of angle and rate. No ROS.
 
-A sample that is wrong is not used. Three wrong ones in a row of one sensor, or a good one that has become too old, stop the boom:
-one bad sample among good ones does not. Times are seconds of the clock that supervises (steady, or simulated in lockstep).
+A wrong sample is not used. Three wrong ones in a row from one sensor, or a good one that has become too old, stop the boom; a
+single bad sample among good ones does not. Times are seconds of the supervising clock (steady, or simulated in lockstep).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from boom_controller.supervision.reasons import StopCause
 
 @dataclass(frozen=True)
 class Range:
-    """What a sensor can show: name, unit, lowest and highest value [unit]."""
+    """Range of a sensor value: name, unit, lowest and highest value [unit]."""
 
     name: str
     unit: str
@@ -26,7 +26,7 @@ class Sensor:
     """One sensor topic and its newest good sample.
 
     Args:
-        label: how the operator knows it.
+        label: name for the operator.
         ranges: of its values, in order.
 
     Attributes:
@@ -48,7 +48,7 @@ class Sensor:
         self._last_bad: StopCause | None = None
 
     def take(self, values: tuple[float, ...], stamp: float, measured: float) -> bool:
-        """A sample arrives: its stamp [s] and when it was measured by our clock [s]. False where it is not used."""
+        """Accept a sample with its stamp [s] and its time of measurement on our clock [s]. False if it is not used."""
         finding = self._wrong(values)
         if finding is None:
             if stamp <= self.stamp:
@@ -61,11 +61,11 @@ class Sensor:
         return False
 
     def forget(self) -> None:
-        """Begin again: the next sample is taken whatever its stamp."""
+        """Start again: accept the next sample whatever its stamp."""
         self.__init__(self.label, self._ranges)  # type: ignore[misc]
 
     def finding(self, now: float, timeout: float, most_bad: int) -> StopCause | None:
-        """What is wrong with it at the time `now` [s], or None."""
+        """The fault of the sensor at the time `now` [s], or None."""
         if self.bad >= most_bad:
             return self._last_bad
         age = now - self.measured
@@ -92,7 +92,7 @@ class Agreement:
 
         r' = q_2' - d q_2 / dt - r / T
 
-    r [rad] is how far both have drifted apart within about the last T seconds; zero for two good sensors. Discretised per
+    r [rad] is the drift between both within about the last T seconds; zero for two good sensors. Discretised per
     sample: r <- (r + rate dt - change of angle) exp(-dt / T).
     """
 
@@ -102,12 +102,12 @@ class Agreement:
         self.reset()
 
     def reset(self) -> None:
-        """Begin again."""
+        """Start again."""
         self.apart = 0.0
         self._last: tuple[float, float, float] | None = None
 
     def update(self, time: float, angle: float, rate: float) -> float:
-        """A sample: time [s], angle [rad], rate [rad/s]. Returns r [rad]."""
+        """Update with a sample: time [s], angle [rad], rate [rad/s]. Returns r [rad]."""
         if self._last is not None:
             before, angle_before, rate_before = self._last
             dt = time - before

@@ -1,14 +1,14 @@
-"""The state of the motion, and how a stop goes. No ROS; times are seconds of the clock that supervises.
+"""The state of the motion, and the course of a stop. No ROS; times are seconds of the supervising clock.
 
 | state | event | next |
 |---|---|---|
 | idle | a reference is accepted | track |
 | track | end, abort or cancel of a trajectory; the stream of references falls silent | hold |
 | hold | a reference is accepted | track |
-| idle | a reason to stop that is asked for (emergency stop) | stopped |
+| idle | a requested stop (emergency stop) | stopped |
 | hold, track | a reason to stop | stopping |
 | stopping | the currents have come to zero | stopped |
-| stopped | ~/resume, and no reason stands any more | idle |
+| stopped | ~/resume, and no reason persists | idle |
 
 In idle and stopped both currents are zero: the centred spool holds the boom.
 """
@@ -21,11 +21,11 @@ from boom_controller.supervision.reasons import REASONS, StopCause
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 
 FAULT_RAMP = 0.05
-"""s. Where the program itself has failed the currents are zero within 100 ms, also where the next cycle fails."""
+"""s. After a failure of the program itself the currents are zero within 100 ms, even if the next cycle fails."""
 
 
 class MotionState(StrEnum):
-    """See the module's table."""
+    """States of the table above."""
 
     IDLE = "idle"
     HOLD = "hold"
@@ -39,7 +39,7 @@ class Supervision:
 
     Attributes:
         state: of the motion.
-        finding: why it is stopped or stopping; None otherwise.
+        finding: reason for the stop; None otherwise.
     """
 
     def __init__(self, settings: SupervisionSettings) -> None:
@@ -64,17 +64,17 @@ class Supervision:
         return self.state in (MotionState.HOLD, MotionState.TRACK, MotionState.STOPPING)
 
     def track(self) -> None:
-        """A reference was accepted."""
+        """Note an accepted reference."""
         self.state = MotionState.TRACK
 
     def hold(self) -> None:
-        """The motion ended; the boom is held where it is."""
+        """Hold the boom where it is, after the motion has ended."""
         self.state = MotionState.HOLD
 
     def stop(self, finding: StopCause, now: float) -> bool:
-        """Bring the boom to rest for this reason. True where that is news.
+        """Bring the boom to rest for this reason. True if this changes anything.
 
-        A stop by the reference becomes one by the currents where the new reason asks for it; the first reason is told.
+        A stop by the reference becomes one by the currents if the new reason requires it; the first reason is reported.
         """
         if self.state is MotionState.STOPPED:
             return False
@@ -95,7 +95,7 @@ class Supervision:
         return True
 
     def advance(self, now: float, resting: bool) -> float:
-        """Go on to the time `now` [s]; `resting`: the reference stands still. Returns the part 0 .. 1 of the currents left."""
+        """Advance to the time `now` [s]; `resting`: the reference stands still. Returns the share 0 .. 1 of the currents left."""
         if self.state is not MotionState.STOPPING:
             return 1.0 if self.moving else 0.0
         if self._ramp_from is None:
@@ -112,7 +112,7 @@ class Supervision:
         return left
 
     def resume(self, standing: StopCause | None) -> tuple[bool, str]:
-        """The explicit command to go on; `standing`: a reason that still holds. Success, and a line for the operator."""
+        """Handle the command to continue; `standing`: a persisting reason. Returns success and a line for the operator."""
         if self.state is MotionState.STOPPING:
             return False, "the boom is still coming to rest: call again"
         if self.state is not MotionState.STOPPED:
@@ -123,7 +123,7 @@ class Supervision:
         return True, "ready: waiting for a reference"
 
     def drop(self) -> None:
-        """To idle at once (deactivation): the caller takes the currents away. A stop that stands stays."""
+        """Go to idle at once (deactivation); the caller removes the currents. A persisting stop stays."""
         if self.state is MotionState.STOPPING:
             self.state = MotionState.STOPPED
         elif self.state is not MotionState.STOPPED:

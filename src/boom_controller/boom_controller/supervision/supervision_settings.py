@@ -1,4 +1,4 @@
-"""What the supervision, the references and the action can be told: one table, like ``settings`` for the control laws."""
+"""Settings of the supervision, the references and the action in one table, like ``settings`` for the control laws."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A trajectory that is tracked for somebody: its tolerances on the way, at the end, in time, and how it ended. No ROS."""
+"""A tracked trajectory: its tolerances on the way, at the end and in time, and its result. No ROS."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Tolerances:
 
     @classmethod
     def asked(cls, path: float, goal: float, time: float, settings: SupervisionSettings) -> Tolerances:
-        """From the fields of the action: 0 = the settings' value, negative = none; in the settings 0 = none."""
+        """From the fields of the action: 0 = value of the settings, negative = none; in the settings 0 = none."""
 
         def chosen(given: float, default: float) -> float | None:
             value = default if given == 0.0 else given
@@ -33,7 +33,7 @@ class Tolerances:
 
 @dataclass(frozen=True)
 class Ending:
-    """How a tracked trajectory ended: code, one sentence (empty on success), largest angle error met [rad]."""
+    """How a tracked trajectory ended: code, one sentence (empty on success), largest angle error [rad]."""
 
     code: Code
     text: str
@@ -54,7 +54,7 @@ class TrackingGoal:
         self.largest_error = 0.0
 
     def look(self, elapsed: float, wanted: float, angle: float) -> Ending | None:
-        """`elapsed` [s] since the start, wanted and measured angle [rad]. An ending, or None while it goes on."""
+        """`elapsed` [s] since the start, wanted and measured angle [rad]. Returns an ending, or None while it continues."""
         error = abs(wanted - angle)
         if elapsed >= 0.0:
             self.largest_error = max(self.largest_error, error)
@@ -76,7 +76,7 @@ class TrackingGoal:
         return None
 
     def ended(self, code: Code, text: str) -> Ending:
-        """Ended by something else: a stop, another goal, a cancel."""
+        """End by another cause: a stop, another goal, a cancel."""
         return self._end(code, text)
 
     def _end(self, code: Code, text: str) -> Ending:
@@ -84,7 +84,7 @@ class TrackingGoal:
 
 
 class Goals:
-    """At most one trajectory at a time, by its number, and the endings that have not been told yet."""
+    """At most one trajectory at a time, by its number, and the endings that have not been reported yet."""
 
     def __init__(self) -> None:
         self._running: tuple[int, TrackingGoal] | None = None
@@ -92,7 +92,7 @@ class Goals:
         self._endings: list[tuple[int, Ending]] = []
 
     def start(self, goal: TrackingGoal) -> int:
-        """A new one; end the one before first. Returns its number."""
+        """Start a new one, after ending the one before. Returns its number."""
         self._count += 1
         self._running = (self._count, goal)
         return self._count
@@ -102,7 +102,7 @@ class Goals:
         return self._running is not None and self._running[0] == number
 
     def look(self, elapsed: float, wanted: float, angle: float) -> Ending | None:
-        """As :meth:`TrackingGoal.look`, for the one that is tracked."""
+        """As :meth:`TrackingGoal.look`, for the tracked one."""
         if self._running is None:
             return None
         number, goal = self._running
@@ -113,13 +113,13 @@ class Goals:
         return ending
 
     def end(self, code: Code, text: str) -> None:
-        """Whatever is tracked ends by something else."""
+        """End the tracked trajectory by another cause."""
         if self._running is not None:
             number, goal = self._running
             self._running = None
             self._endings.append((number, goal.ended(code, text)))
 
     def pop_endings(self) -> list[tuple[int, Ending]]:
-        """Trajectories that ended since this was asked last, by their number."""
+        """Trajectories that ended since the last call, by their number."""
         endings, self._endings = self._endings, []
         return endings

@@ -13,7 +13,7 @@ _OUTWARD_RATE = 0.02  # rad/s. Ten times the noise of the gyro: the boom really 
 
 
 class _Lasting:
-    """True once something has held without a break for a while."""
+    """True once a condition has held without interruption for some time."""
 
     def __init__(self) -> None:
         self._since: float | None = None
@@ -28,7 +28,7 @@ class _Lasting:
 
 
 class MotionWatch:
-    """Looks at every cycle.
+    """Checks every cycle.
 
     Args:
         settings: the limits.
@@ -41,12 +41,12 @@ class MotionWatch:
         self.reset()
 
     def reset(self) -> None:
-        """Begin again."""
+        """Start again."""
         self._fast, self._pressed, self._unlike = _Lasting(), _Lasting(), _Lasting()
         self._missed: deque[float] = deque()
 
     def cycle(self, gap: float, period: float, now: float) -> StopCause | None:
-        """A cycle comes `gap` [s] after the last one; they are due every `period` [s]."""
+        """Check a cycle that comes `gap` [s] after the last one; cycles are due every `period` [s]."""
         if gap > 1.5 * period:
             self._missed.extend([now] * min(round(gap / period) - 1, self.settings.most_missed))
         while self._missed and now - self._missed[0] > 1.0:
@@ -61,10 +61,10 @@ class MotionWatch:
         return None
 
     def motion(self, measurement: Measurement, reference: Reference, output: Output, now: float) -> StopCause | None:
-        """Is the motion within its limits, and near its reference?"""
+        """Check whether the motion is within its limits and near its reference."""
         s, m = self.settings, measurement
         if not (math.isfinite(output.retract) and math.isfinite(output.extend)):
-            return StopCause("divergence", "the control law gave a current that is no number")
+            return StopCause("divergence", "the control law gave a current that is not a number")
         if output.reason:
             return StopCause("load_not_held", output.reason)
         if self._fast(abs(m.rate) > s.largest_rate, now, s.persistence):
@@ -87,7 +87,7 @@ class MotionWatch:
     def currents(
         self, commanded: tuple[float, float], measured: tuple[float, ...] | None, now: float
     ) -> StopCause | None:
-        """Do the solenoids get what is commanded [A]? ``measured`` None: nobody measures."""
+        """Check whether the solenoids get the commanded currents [A]. ``measured`` None: not measured."""
         if measured is None:
             return None
         worst = max(abs(commanded[0] - measured[0]), abs(commanded[1] - measured[1]))

@@ -37,8 +37,8 @@ EFFECTS: dict[str, Effect] = {effect.id: effect for effect in CATALOGUE}
 
 
 def effect_name(effect: str | None) -> str:
-    """Name of an effect in a table: its id in words; physics of no catalogue where it has none."""
-    return "physics of no catalogue" if effect is None else effect.replace("_", " ")
+    """Name of an effect in a table: its id in words; unmodelled physics where it has none."""
+    return "unmodelled physics" if effect is None else effect.replace("_", " ")
 
 
 def check_effects(values: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:

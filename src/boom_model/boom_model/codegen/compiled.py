@@ -21,10 +21,10 @@ from boom_model.errors import BuildError
 
 _FLAGS = ("-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-shared", "-fPIC", "-std=c11")
 _WIDE = {"avx2": "-mavx2", "fma": "-mfma", "bmi2": "-mbmi2"}
-"""Processor flags -> compiler flags; together they make a run a third faster. The cache's key holds them: a cache folder that
-several computers share has one library for each kind."""
+"""Processor flags -> compiler flags; together they make a run a third faster. They are part of the cache key, so that a cache
+folder shared by several computers has one library for each kind."""
 LANES = 4
-"""Runs that are integrated side by side where several are wanted: four doubles are a register of today's processors."""
+"""Number of runs that are integrated side by side: four doubles fill a register of today's processors."""
 
 
 def _compiler() -> str:
@@ -47,10 +47,10 @@ def _flags() -> tuple[str, ...]:
 
 @lru_cache(maxsize=256)
 def load_c(source: str) -> ctypes.CDLL:
-    """The library that C source makes, from the cache where it is already there.
+    """The library compiled from C source, from the cache if it is there.
 
     Raises:
-        BuildError: no compiler, source that it refuses, or the cache folder is not writable or not the user's own.
+        BuildError: no compiler, refused source, or the cache folder is not writable or not the user's own.
     """
     compiler, flags = _compiler(), _flags()
     key = hashlib.sha256("\n".join((compiler, *flags, source)).encode()).hexdigest()[:24]
@@ -89,7 +89,7 @@ def model_source(equations: Equations, lanes: int = 1) -> str:
 
 
 def build(equations: Equations, lanes: int = 1) -> ctypes.CDLL:
-    """The compiled integrator of a model, from the cache where it is already there.
+    """The compiled integrator of a model, from the cache if it is there.
 
     lanes: 1, or ``LANES`` for the observer that predicts with as many parameter vectors at once.
 

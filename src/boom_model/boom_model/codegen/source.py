@@ -1,7 +1,7 @@
 """CasADi expressions -> C for the integrator: one prepared part per run, one part per step, and a sparse elimination.
 
-What depends on the parameters alone is computed once per run (``model_prepare``), which CasADi's own generator does not do;
-what remains is straight-line code without branches on pointers. The linear systems of the Rosenbrock method,
+Expressions of the parameters alone are computed once per run (``model_prepare``), which CasADi's own generator does not do;
+the rest is straight-line code without branches on pointers. The linear systems of the Rosenbrock method,
 (I / (gamma h) - J) k = b, are factorised by straight-line code for the sparsity of J, pivots on the diagonal in
 minimum-degree order (the shift makes them safe for small h; a step with a bad pivot is rejected by its error).
 """
@@ -95,7 +95,7 @@ def _elimination(pattern: np.ndarray) -> tuple[str, str, int]:
 
 
 def _minimum_degree(pattern: np.ndarray) -> tuple[list[int], np.ndarray]:
-    """Order of the pivots that makes few new non-zeros, and where they are then."""
+    """Order of the pivots with few new non-zeros, and the resulting pattern."""
     filled = pattern | np.eye(len(pattern), dtype=bool)
     order: list[int] = []
     left = set(range(len(pattern)))

@@ -1,4 +1,4 @@
-"""The components of a boom: one file, one equation of the thesis each. Every file here is found by itself and registers itself."""
+"""The components of a boom: one file, one equation of the thesis each. Every file here is found and registers itself."""
 
 from importlib import import_module
 from pkgutil import iter_modules

@@ -19,8 +19,8 @@ from boom_report.page import chart, page
 from boom_report.templates import render
 
 _METHOD = (
-    "Doubts are raised in this order: clock and delay, sensors, parameters within and outside their tolerance, physics of the "
-    "catalogue, physics of no catalogue; an earlier one that explains the data ends the search. Everything is judged on data "
+    "Possible causes are tried in this order: clock and delay, sensors, parameters within and outside their tolerance, physics of "
+    "the catalogue, unmodelled physics; an earlier one that explains the data ends the search. Everything is judged on data "
     "that nothing was fitted to. Stretches with gaps, losses or stuck sensors are left out, not explained. The boom turns up "
     "for positive angles, 0 rad is horizontal; pressures are gauge."
 )

@@ -135,7 +135,7 @@ def headline(result: DiagnosisResult) -> str:
     if kind == "no_mismatch":
         return f"The model of {result.machine.name} explains {_these(result)}: what differs is within sensor noise."
     if kind == "not_enough_excitation":
-        return f"Nothing can be said: {_these(result)} do not move the boom enough to tell one cause from another."
+        return f"No diagnosis: {_these(result)} do not move the boom enough to separate the causes."
     if not document.findings:
         moved = ", ".join(list(result.tolerances_used)[:3])
         return f"Parameters within their tolerance explain the difference{f' ({moved})' if moved else ''}: the physics is right."
@@ -153,7 +153,7 @@ def statement(finding: Finding, kind: str = "identified") -> str:
     if finding.effect is None:
         adjective = next(word for least, _, word in _SURE if finding.confidence >= least)
         return (
-            f"Something that no catalogue lists acts on the {subsystem} (equation {finding.equation}){where}; this is "
+            f"Unmodelled physics acts on the {subsystem} (equation {finding.equation}){where}; this is "
             f"{adjective} (confidence {p})."
         )
     numbers = ", ".join(f"{name} = {shown(e).text}" for name, e in finding.parameters.items())

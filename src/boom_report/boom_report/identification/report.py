@@ -21,9 +21,10 @@ from boom_report.validation import figure, tables
 from boom_report.validation.verdict import verdict
 
 _METHOD = (
-    "Each number is given with its 90 % interval. Residuals that lie close together in time are alike; the intervals count "
+    "Each number is given with its 90 % interval. Residuals close together in time are correlated, so the intervals count "
     "stretches of data, not samples. An interval covers the noise of the recordings, not an error of the model's structure or "
-    "of a catalogue value. What the recordings cannot tell stays as it was in the machine file and is listed with the reason."
+    "of a data sheet value. Numbers that the recordings do not determine keep their value in the machine file and are listed "
+    "with the reason."
 )
 
 

@@ -73,7 +73,7 @@ def piston_positions(machine: Machine, angle: Array) -> Array:
 def track(machine: Machine, time: Array, reference: Array, angle: Array) -> Tracking:
     """Compares columns of one grid: time (n,) [s], reference and angle (n,) [rad]. Raises TrackingError where n is zero."""
     if len(time) == 0:
-        raise TrackingError("there is no moment at which both reference and angle are known")
+        raise TrackingError("reference and angle are never known at the same time")
     error = piston_positions(machine, reference) - piston_positions(machine, angle)
     return Tracking(time, reference, angle, error, errors(error))
 

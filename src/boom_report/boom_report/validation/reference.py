@@ -27,8 +27,8 @@ TRAJECTORIES = (
 )
 
 REMARK = (
-    "The thesis' values are those of its own measurements of a real crane, in the same pose and load; ours are other "
-    "recordings, so they orient and do not compare."
+    "The values of the thesis come from its own measurements of a real crane, in the same pose and with the same load; ours "
+    "are other recordings, so they are for orientation only."
 )
 
 

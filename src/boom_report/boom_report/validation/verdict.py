@@ -44,7 +44,7 @@ def verdict(bag: BagValidation) -> Verdict:
     if bag.full.stopped:
         short = f"stopped: {bag.full.stopped}"
         until = f" Up to there: {numbers}." if judged else ""
-        return Verdict("stopped", short, f"The full model did not get to the end: {bag.full.stopped}.{until}")
+        return Verdict("stopped", short, f"The full model did not reach the end: {bag.full.stopped}.{until}")
     if off:
         (worst, times), others = off[0], [c.label for c, _ in off[1:]]
         most = f"{_with_number(worst, bag)}, {number(times, 2)} x its noise limit"
@@ -64,7 +64,7 @@ def verdict(bag: BagValidation) -> Verdict:
         text = f"no prediction could be compared in {_listed(missing)}"
         return Verdict("not compared", f"not compared: {text}", f"{text[0].upper()}{text[1:]}.{_why(bag.full)}")
     if bag.too_little:
-        return Verdict("not compared", f"not compared: {bag.too_little}", f"Nothing can be said: {bag.too_little}.")
+        return Verdict("not compared", f"not compared: {bag.too_little}", f"No verdict: {bag.too_little}.")
     sentence = f"The full model agrees with the measurement within the sensors' noise: {numbers}."
     return Verdict("agrees", "agrees within sensor noise", sentence)
 
@@ -100,7 +100,7 @@ def _with_number(channel: Sensor, bag: BagValidation) -> str:
 
 
 def _not_compared(labels: list[str]) -> str:
-    return f" Not compared, for want of valid samples: {_listed(labels)}." if labels else ""
+    return f" Not compared, for lack of valid samples: {_listed(labels)}." if labels else ""
 
 
 def _why(prediction: Prediction) -> str:

@@ -1,1 +1,1 @@
-"""The blind trial: physics concealed in a second plant, found (or not) by a diagnosis that cannot see the answers, scored."""
+"""The blind trial: physics is concealed in a second plant, a diagnosis that cannot see the answers looks for it, and is scored."""

@@ -1,8 +1,8 @@
-"""Runs a program that can open nothing of a trial but its own case: python -m boom_trials.blind.blindfold MODULE ARGUMENTS...
+"""Runs a program that can open nothing of a trial except its own case: python -m boom_trials.blind.blindfold MODULE ARGUMENTS...
 
-The working directory is the case's folder, TRIAL/blind/NAME. Whatever the interpreter is asked to open, list, rename, or to start
-a program with, below TRIAL and outside the case is refused, in this process and in all that are forked from it. The sealed answers
-lie below TRIAL too; nothing tells the command where.
+The working directory is the case's folder, TRIAL/blind/NAME. An audit hook refuses to open, list or rename anything
+below TRIAL and outside the case, and to start a program on it, in this process and in all processes forked from it. The sealed
+answers lie below TRIAL too; the command does not know where.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _STARTED = "subprocess.Popen"
 
 
 def put_on(case: str) -> None:
-    """From now on, everything in the trial around the folder ``case`` is out of reach."""
+    """From now on refuse access to everything in the trial outside the folder ``case``."""
     own = os.path.realpath(case)
     trial = os.path.dirname(os.path.dirname(own))
 
@@ -50,7 +50,7 @@ def put_on(case: str) -> None:
 
 
 def main() -> None:
-    """Put the blindfold on and run the module; its exit status is this process's."""
+    """Install the hook and run the module; returns with its exit status."""
     put_on(os.getcwd())
     del sys.argv[0]
     runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)

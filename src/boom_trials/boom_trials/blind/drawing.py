@@ -1,4 +1,4 @@
-"""Small pictures as SVG text: lines over time, bars, calibration. No library, no script; they print and zoom as they are."""
+"""Small pictures as SVG text: lines over time, bars, calibration. No library, no script; they print and zoom."""
 
 from __future__ import annotations
 

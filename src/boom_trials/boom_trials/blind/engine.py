@@ -1,8 +1,8 @@
-"""Runs one function over many cases: in local worker processes, or through a dask cluster somebody else has started.
+"""Runs one function over many cases: in local worker processes, or on an existing dask cluster.
 
-A result that raises is repeated (``RETRIES``), a worker that dies costs the case it was at, which another one repeats. What is
-finished is told as it comes in. Local workers are told their work through pipes that they inherit: no port is opened, and they end
-with the process that started them, however that ends.
+A call that raises is repeated (``RETRIES``); if a worker dies, another one repeats its case. Results are passed on as they arrive.
+Local workers receive their work through inherited pipes: no port is opened, and they end with the process that started them,
+however that ends.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ RETRIES = 2
 
 
 class EngineError(RuntimeError):
-    """The workers cannot be had, or a case failed again and again."""
+    """There are no workers, or a case failed repeatedly."""
 
     exit_status = 2
 
@@ -34,19 +34,19 @@ class Engine(Protocol):
         self, function: Callable[..., Any], cases: Sequence[str], arguments: Callable[[str], tuple[Any, ...]],
         done: Callable[[str, Any], None],
     ) -> None:  # fmt: skip
-        """Calls function(*arguments(case)) for every case; done(case, result) here, in the order in which they finish.
+        """Calls function(*arguments(case)) for every case; done(case, result) in this process, in the order in which they finish.
 
         Raises:
-            EngineError: a case failed in every attempt; the others that were running are given up.
+            EngineError: a case failed in every attempt; other running cases are abandoned.
         """
 
 
 @contextmanager
 def workers(scheduler: str | None, count: int, patience: float = 10.0) -> Iterator[Engine]:
-    """``count`` local worker processes, or those of the scheduler at an address (tcp://HOST:PORT), waited for ``patience`` [s].
+    """``count`` local worker processes, or those of the scheduler at tcp://HOST:PORT, waiting for it for ``patience`` [s].
 
     Raises:
-        EngineError: nobody answers at that address.
+        EngineError: no scheduler answers at that address.
     """
     if scheduler is not None:
         with _cluster(scheduler, patience) as engine:
@@ -60,7 +60,7 @@ def workers(scheduler: str | None, count: int, patience: float = 10.0) -> Iterat
 
 
 class _Worker:
-    """A process that is given one call at a time."""
+    """A process that executes one call at a time."""
 
     def __init__(self) -> None:
         context = get_context("spawn")
@@ -70,7 +70,7 @@ class _Worker:
         theirs.close()
 
     def end(self) -> None:
-        """Ends it, whatever it does."""
+        """End the process, whatever it is doing."""
         self._process.kill()
         self._process.join()
         self.pipe.close()
@@ -116,13 +116,13 @@ class _Local:
                 worker.end()
 
     def close(self) -> None:
-        """Ends all workers."""
+        """End all workers."""
         for worker in self._idle:
             worker.end()
 
 
 def _serve(pipe: Connection, parent: int) -> None:
-    """What a local worker does: calls until the pipe is closed."""
+    """Main loop of a local worker: executes calls until the pipe is closed."""
     die_with_parent(parent)()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the trial, which ends its workers
     os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -181,7 +181,7 @@ def _cluster(scheduler: str, patience: float) -> Iterator[Engine]:
             client = Client(scheduler, timeout=f"{patience}s")
         except (OSError, ValueError) as error:
             raise EngineError(
-                f"--scheduler {scheduler}: nobody answers ({error}): start `dask scheduler` there, or leave the option out"
+                f"--scheduler {scheduler}: no answer ({error}): start `dask scheduler` there, or leave the option out"
             ) from None
         with client:
             yield _Dask(client)

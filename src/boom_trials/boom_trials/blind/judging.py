@@ -1,4 +1,4 @@
-"""Opens a case: answer, diagnosis and the sealed recording become one row of the score."""
+"""Opens a case: turns answer, diagnosis and sealed recording into one row of the score."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from concealed_plant.generator import HOLD_OUT
 OUTCOME, DIAGNOSIS = "outcome.json", "diagnosis"
 ROW = "row.json"
 PREDICTED = 0.99
-"""Least share of the samples that a whole run predicts."""
+"""Least share of the samples that a complete run predicts."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def judge(case: str, blind: Path, sealed: Path, machine: str) -> dict[str, Any]:
 
 
 def row_of(document: Mapping[str, Any]) -> Row:
-    """A document of ``judge`` as a row."""
+    """The row of a document of ``judge``."""
     said = Said("", failure=document["failure"] or "no answer")
     if document["said"] is not None:
         said = Said.from_document(document["said"])
@@ -109,7 +109,7 @@ def _floats(values: Any) -> tuple[float, ...]:
 def _explained(case: Path, answer: Mapping[str, Any], nominal: Machine) -> Machine | None:
     """The machine that the diagnosis wrote, the nominal one if it wrote none, None if it is not one.
 
-    A load that is grasped is grasped at its own time in every recording: like the oracle, the machine is told when.
+    A load is grasped at a different time in every recording: like the oracle, the machine is told when.
     """
     path = case / DIAGNOSIS / "machine.yaml"
     if not path.exists():
@@ -126,7 +126,7 @@ def _explained(case: Path, answer: Mapping[str, Any], nominal: Machine) -> Machi
 
 
 def _errors(bag: Path, machine: Machine | None) -> list[float | None]:
-    """Normalised rms error per channel of a machine's free run; None where it broke off or could not be run."""
+    """Normalised rms error per channel of a machine's free run; None if it stopped early or could not run."""
     recording = load(bag)
     if machine is None:
         return [None] * len(OUTPUTS)

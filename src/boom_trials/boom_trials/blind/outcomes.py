@@ -1,4 +1,4 @@
-"""What is scored: the truth of a case, what the diagnosis said, and how well its model does on the sealed recording. Pure data."""
+"""Data for the score: the truth of a case, the answer of the diagnosis, and the errors of its model on the sealed recording."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Truth:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Ids of what is concealed."""
+        """Ids of the concealed effects."""
         return tuple(effect.effect for effect in self.effects)
 
 
@@ -68,7 +68,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Said:
-    """What the diagnosis answered. ``failure``: why there is no answer; then the verdict is empty."""
+    """The answer of the diagnosis. ``failure``: why there is none; the verdict is then empty."""
 
     verdict: str
     findings: tuple[Finding, ...] = ()
@@ -76,7 +76,7 @@ class Said:
 
     @staticmethod
     def from_document(document: Mapping[str, Any]) -> Said:
-        """From diagnosis.json (contract). Raises KeyError or TypeError for a document that is not like the contract."""
+        """From diagnosis.json (contract). Raises KeyError or TypeError for a document that violates the contract."""
         findings = tuple(
             Finding(
                 f["effect"],
@@ -95,11 +95,11 @@ class Said:
 
     @property
     def first(self) -> Finding | None:
-        """The finding that explains most, where the verdict blames something."""
+        """The finding that explains most, if the verdict names something."""
         return self.findings[0] if self.verdict in NAMING and self.findings else None
 
     def ranking(self) -> list[str | None]:
-        """Effects in the order of how likely they are said to be: the first finding, its alternatives, further findings."""
+        """Effects in the order of their stated probability: the first finding, its alternatives, further findings."""
         first = self.first
         if first is None:
             return []
@@ -113,9 +113,9 @@ class Row:
     """One case, opened.
 
     Attributes:
-        nominal, explained: normalised rms error on the sealed recording, per channel (inf: the run broke off).
+        nominal, explained: normalised rms error on the sealed recording, per channel (inf: the run stopped early).
         own_fit: the diagnosis' own held-out errors, stage -> per channel.
-        seconds: what the diagnosis took [s].
+        seconds: duration of the diagnosis [s].
     """
 
     truth: Truth
@@ -127,12 +127,12 @@ class Row:
 
     @property
     def true_effect(self) -> TrueEffect:
-        """The only concealed effect. Raises IndexError where there is none."""
+        """The only concealed effect. Raises IndexError if there is none."""
         return self.truth.effects[0]
 
     @property
     def right_first(self) -> bool:
-        """The concealed effect (unknown physics where no catalogue has it) is named first."""
+        """The concealed effect is named first (unknown physics, if it is in no catalogue)."""
         first = self.said.first
         if first is None or not self.truth.effects:
             return False
@@ -142,7 +142,7 @@ class Row:
     def gap_closed(self) -> float | None:
         """Share of the log-gap from the nominal model to the oracle that the explained model closes; None: there is no gap.
 
-        Means over the channels of log error. Below zero: worse than nominal; capped at -1 and, for a run that broke off, -1.
+        Means over the channels of log error. Below zero: worse than nominal; capped at -1 and -1 for a run that stopped early.
         """
         if not (self.nominal and self.explained and self.truth.oracle):
             return None
@@ -153,7 +153,7 @@ class Row:
 
 
 SMALLEST_GAP = 0.4
-"""Mean log error (a factor of 1.5) that has to lie between nominal and oracle for the gap to mean anything."""
+"""Least mean log error between nominal and oracle (a factor of 1.5) that counts as a gap."""
 _BROKEN = 100.0
 
 

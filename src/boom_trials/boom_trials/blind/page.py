@@ -13,14 +13,15 @@ from boom_trials.blind.trial import State
 from concealed_plant.concealments import CONCEALMENTS
 
 _INTRODUCTION = """\
-Physics is concealed in a second plant, the diagnosis has to find it blindly, and is scored. Anybody can repeat it:
+`./boom prove` conceals physics in a second plant, lets the diagnosis find it blindly, and scores the answers. To repeat it:
 
 ```
 ./boom prove --cases 300
 ./boom prove --seed {seed} --cases {count} --output output/prove-{seed}-{count}
 ```
 
-The first takes a fresh seed, the second repeats the trial below. How it is kept honest: [proof_method.md](proof_method.md)."""
+The first command uses a fresh seed, the second repeats the trial below. How the trial is kept honest:
+[proof_method.md](proof_method.md)."""
 
 
 def page(state: State, rows: Sequence[Row], seconds: float) -> str:
@@ -28,9 +29,9 @@ def page(state: State, rows: Sequence[Row], seconds: float) -> str:
     parts = [
         "# The blind trial",
         _INTRODUCTION.format(seed=state.seed, count=state.count),
-        f"This page was written by the command: {tables.heading(state)}; {seconds / 60:.0f} minutes.\n"
+        f"The command wrote this page: {tables.heading(state)}; {seconds / 60:.0f} minutes.\n"
         f"SHA-256 of the sealed answers: `{state.sha256}`.",
-        "## What was asked, what was reached",
+        "## Required and measured",
         tables.measures_table(rows),
         _missed(rows),
         "## Accuracy against detectability",
@@ -40,15 +41,16 @@ def page(state: State, rows: Sequence[Row], seconds: float) -> str:
         "## Held-out errors",
         _errors(rows),
         "## Every effect",
-        "Right first of all cases at each multiple of the detectable size; what was said instead at 1 x and above. The size is the "
-        "median of the detectable ones, and depends on what the operator happened to do. The whole confusion matrix "
-        "is in the report.",
+        "Cases in which the effect was named first, of all cases at each multiple of the detectable size, and what was named "
+        "instead at 1 x and above. The size is the median of the detectable sizes, which depend on how the operator happened to "
+        "move. The whole confusion matrix is in the report.",
         _effects(rows),
-        "## Everything else",
+        "## Other cases",
         _kinds(rows),
         "## The worst cases",
-        "Their pictures are in the report that the command writes.",
+        "The report of the command shows their pictures.",
         _worst(rows),
+        "Terms: [glossary](glossary.md).",
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -56,10 +58,10 @@ def page(state: State, rows: Sequence[Row], seconds: float) -> str:
 def _missed(rows: Sequence[Row]) -> str:
     measures = scoring.measures(rows)
     missed, open_ = [m.title for m in measures if m.met is False], [m.title for m in measures if m.too_few]
-    said = [f"Not met: {'; '.join(missed)}. The tables below show where it is lost."] if missed else []
+    said = [f"Not met: {'; '.join(missed)}. The tables below show where."] if missed else []
     if open_:
-        said.append(f"Short of what is asked, by no more than so few cases are by chance: {'; '.join(open_)}.")
-    return " ".join(said) or "Every measure that had cases is met."
+        said.append(f"Short of the requirement, but within chance for so few cases: {'; '.join(open_)}.")
+    return " ".join(said) or "Every measure with cases is met."
 
 
 def _confidence(rows: Sequence[Row]) -> str:
@@ -85,7 +87,7 @@ def _errors(rows: Sequence[Row]) -> str:
 def _effects(rows: Sequence[Row]) -> str:
     """A line per effect of the catalogue and per effect outside it."""
     lines = [
-        "| concealed | its form here | size at 1 x | 0.5 x | 1 x | 3 x | said instead |",
+        "| concealed | concealed form | size at 1 x | 0.5 x | 1 x | 3 x | named instead |",
         "|---|---|---|---|---|---|---|",
     ]
     for name, row in CONCEALMENTS.items():
@@ -106,7 +108,7 @@ def _effects(rows: Sequence[Row]) -> str:
 
 
 def _kinds(rows: Sequence[Row]) -> str:
-    lines = ["| kind | cases | said |", "|---|---|---|"]
+    lines = ["| kind | cases | answer |", "|---|---|---|"]
     table = scoring.confusion(rows)
     for kind in scoring.KINDS:
         said = table.get(kind)

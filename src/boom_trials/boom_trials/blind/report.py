@@ -16,11 +16,11 @@ from boom_trials.blind.trial import Trial
 from concealed_plant.concealments import KNOWN
 
 _MEANING = (
-    "A second plant, written apart from the model and with other functional forms for every effect, was given cranes drawn "
+    "A second plant, written independently of the model and with another functional form for every effect, simulated cranes drawn "
     "around the machine file within its tolerances, so that the nominal model is never exactly right. One detectability is the "
-    "size at which what an effect does, and no change of the machine's numbers within tolerance could do, has as much energy in "
-    "the recording as all noise. The diagnosis saw one recording of each crane and nothing else. Models are judged on a second "
-    "recording that it never saw; the oracle is the second plant itself, driven by the same measured currents."
+    "size at which the part of an effect that no change of the machine's numbers within tolerance could imitate has as much "
+    "energy in the recording as all noise. The diagnosis saw one recording of each crane and nothing else. Models are judged "
+    "on a second recording that it never saw; the oracle is the second plant itself, driven by the same measured currents."
 )
 
 

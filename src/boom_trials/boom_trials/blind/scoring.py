@@ -1,4 +1,4 @@
-"""From opened cases to the table of the trial: every measure with its count, its 95 % bounds and what is asked.
+"""From opened cases to the table of the trial: every measure with its count, its 95 % bounds and the requirement.
 
 Shares carry the exact bounds of Clopper and Pearson. Nothing here reads files or knows how a case was made.
 """
@@ -22,11 +22,11 @@ CONFIDENT = 0.9
 ONSET_TOLERANCE = 0.3
 BINS = 10
 OWN_STAGES = ("nominal", "parameters_only", "explained", "noise_floor")
-"""What a diagnosis tells of the data that it held out itself."""
+"""Stages in the held-out errors that a diagnosis reports itself."""
 ONE_OF_PAIR, NONE_OF_PAIR = "pair, one of them first", "pair, none of them first"
-"""Kinds of pairs by what was named first."""
+"""Kinds of pairs by the first name."""
 KINDS = ("healthy", "parameters", ONE_OF_PAIR, NONE_OF_PAIR, "idle")
-"""Cases that are no single effect."""
+"""Cases without a single effect."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,12 @@ class Measure:
 
     Attributes:
         key: short name for the JSON document.
-        title: what it says.
-        value: measured; None: there was no case for it.
+        title: name in tables.
+        value: measured value; None: there was no case.
         low, high: 95 % bounds of a share or a median, the lower one of a calibration error; None: no bound (a median of fewer
             than six).
-        count: cases it rests on.
-        least, most: what is asked; None: not asked.
+        count: number of cases.
+        least, most: the requirement; None: no limit.
         unit: "%" or another.
     """
 
@@ -56,9 +56,9 @@ class Measure:
 
     @property
     def met(self) -> bool | None:
-        """Whether what is asked is reached; None where nothing is asked, nothing was measured, or these cases cannot tell.
+        """Whether the requirement is met; None without a requirement or a value, or if there are too few cases.
 
-        Missed is what the bounds lie beyond, too: a value that misses by chance is none.
+        It is missed only if the bounds miss it too: a value that misses by chance does not count.
         """
         if self.value is None or (self.least is None and self.most is None):
             return None
@@ -70,7 +70,7 @@ class Measure:
 
     @property
     def too_few(self) -> bool:
-        """The value misses what is asked, by no more than so few cases do by chance."""
+        """The value misses the requirement, but within chance for so few cases."""
         return self.value is not None and (self.least is not None or self.most is not None) and self.met is None
 
 
@@ -104,7 +104,7 @@ def measures(rows: Sequence[Row]) -> list[Measure]:
         _share("wrong_confident", "wrong effect named with a confidence of 0.9 or more", rows, wrong_and_sure, most=3),
         _share("false_alarm", "false alarm on a healthy machine", healthy, alarmed, most=2),
         _share("wrong_parameters", "wrong parameters reported as physics", wrong, alarmed, most=5),
-        _share("outside", "physics of no catalogue recognised as unknown", outside, lambda r: r in unknown, 85),
+        _share("outside", "unmodelled physics recognised as unknown", outside, lambda r: r in unknown, 85),
         _median(
             "outside_gap", "held-out log-gap that the learnt term closes, median", [r.gap_closed for r in unknown], 50
         ),
@@ -120,18 +120,18 @@ def measures(rows: Sequence[Row]) -> list[Measure]:
 
 
 def right_subsystem(row: Row) -> bool:
-    """The first finding lies in a subsystem where the concealed effect may rightly be placed."""
+    """The first finding names a rightful subsystem of the concealed effect."""
     first = row.said.first
     return first is not None and any(first.subsystem in effect.subsystems for effect in row.truth.effects)
 
 
 def alarmed(row: Row) -> bool:
-    """The verdict blames something beyond the machine's numbers."""
+    """The verdict names something beyond the machine's numbers."""
     return row.said.verdict in NAMING
 
 
 def wrong_and_sure(row: Row) -> bool:
-    """An effect of the catalogue is named first with confidence, and it is not there."""
+    """A wrong effect of the catalogue is named first with confidence."""
     first = row.said.first
     return (
         first is not None
@@ -156,7 +156,7 @@ def onset_errors(rows: Iterable[Row]) -> list[float]:
 
 
 def inside_intervals(rows: Iterable[Row]) -> list[bool]:
-    """Per parameter of a rightly named effect, where it means the same in both forms: is the truth inside the interval."""
+    """For each parameter of a rightly named effect with the same meaning in both forms: whether the interval holds the truth."""
     inside = []
     for row in rows:
         for effect in row.truth.effects:
@@ -212,7 +212,7 @@ def held_out_stages(rows: Iterable[Row]) -> list[tuple[str, list[tuple[float, ..
 
 
 def label(row: Row) -> str:
-    """What the diagnosis said, in one word: the effect named first, or the verdict."""
+    """The answer in one word: the effect named first, or the verdict."""
     if row.said.failure:
         return "failed"
     first = row.said.first
@@ -222,7 +222,7 @@ def label(row: Row) -> str:
 
 
 def confusion(rows: Iterable[Row]) -> dict[str, Counter[str]]:
-    """True effect (at 1 x detectability and above), or kind of case -> what was said, counted."""
+    """True effect (at 1 x detectability and above), or kind of case -> counted answers."""
     table: dict[str, Counter[str]] = {}
     for row in rows:
         if row.truth.kind in ("effect", "outside"):
@@ -236,20 +236,20 @@ def confusion(rows: Iterable[Row]) -> dict[str, Counter[str]]:
 
 
 def kind(row: Row) -> str:
-    """Kind of a case; of a pair whether an effect of it was named first, since it has no single one that is right."""
+    """Kind of a case; for a pair whether one of its effects was named first."""
     if row.truth.kind != "pair":
         return row.truth.kind
     return ONE_OF_PAIR if row.right_first else NONE_OF_PAIR
 
 
 def worst(rows: Sequence[Row], count: int = 10) -> list[tuple[float, str, Row]]:
-    """The worst cases: how bad, what went wrong in words, the row; worst first. Cases without a fault are left out."""
+    """The worst cases first: severity, fault in words, row. Cases without a fault are left out."""
     judged = [(*_fault(row), row) for row in rows]
     return sorted((entry for entry in judged if entry[0] > 0), key=lambda entry: -entry[0])[:count]
 
 
 def _fault(row: Row) -> tuple[float, str]:
-    """How bad a case went, 0 for well, and what went wrong."""
+    """Severity of the fault of a case (0: none), and the fault in words."""
     true = " and ".join(f"{e.effect} ({e.strength:g} x)" for e in row.truth.effects) or row.truth.kind
     first = row.said.first
     if row.said.failure:
@@ -305,7 +305,7 @@ def _median(key: str, title: str, values: Iterable[float | None], least: float) 
 
 
 def median_bounds(ordered: Sequence[float], level: float = 0.95) -> tuple[float, float] | tuple[None, None]:
-    """Bounds of the median whatever the distribution: two of the values, in ascending order; None for fewer than six."""
+    """Bounds of the median for any distribution: two of the values, in ascending order; None for fewer than six."""
     outside = int(binom.ppf((1.0 - level) / 2.0, len(ordered), 0.5))
     return (ordered[outside - 1], ordered[-outside]) if outside else (None, None)
 

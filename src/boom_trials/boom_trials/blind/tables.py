@@ -1,4 +1,4 @@
-"""The score in words: for a terminal, as Markdown and as a JSON document."""
+"""The score for a terminal, as Markdown and as a JSON document."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def value_text(measure: Measure) -> str:
 
 
 def wanted_text(measure: Measure) -> str:
-    """What is asked."""
+    """The requirement."""
     if measure.unit != "%":
         return f"at most {measure.most:g}"
     if measure.least is not None and measure.most is not None:
@@ -33,12 +33,12 @@ def wanted_text(measure: Measure) -> str:
 
 
 def met_text(measure: Measure) -> str:
-    """Yes, no, cases too few to tell, or nothing to judge."""
+    """Yes, no, too few cases, or "-" without a value."""
     return "too few cases" if measure.too_few else {True: "yes", False: "no", None: "-"}[measure.met]
 
 
 def heading(state: State) -> str:
-    """What the numbers are of."""
+    """Identification of the trial."""
     return (
         f"seed {state.seed}, {state.count} cases, machine {state.machine}, version {state.version}, begun {state.begun}, "
         f"answers {state.sha256[:16]}"
@@ -47,12 +47,12 @@ def heading(state: State) -> str:
 
 def percent(error: float) -> str:
     """A normalised error (1 = the channel's standard deviation)."""
-    return f"{100 * error:.2f} %" if isfinite(error) else "broke off"
+    return f"{100 * error:.2f} %" if isfinite(error) else "stopped"
 
 
 def measures_table(rows: Sequence[Row]) -> str:
     """Every measure, as Markdown."""
-    lines = ["| measure | cases | measured (95 % bounds) | asked | met |", "|---|---|---|---|---|"]
+    lines = ["| measure | cases | measured (95 % bounds) | required | met |", "|---|---|---|---|---|"]
     for m in scoring.measures(rows):
         lines.append(f"| {m.title} | {m.count} | {value_text(m)} | {wanted_text(m)} | {met_text(m)} |")
     return "\n".join(lines)

@@ -3,11 +3,11 @@
 Below the trial's folder:
 
     state.json              seed, number of cases, machine, version, checksum of the answers
-    blind/CASE/recording    what the diagnosis gets; it works in blind/CASE and cannot open anything else of the trial
-    blind/CASE/diagnosis    what it says
+    blind/CASE/recording    input of the diagnosis, which works in blind/CASE and cannot open anything else of the trial
+    blind/CASE/diagnosis    its answer
     sealed/CASE             answer, second recording, row of the score
 
-Every file is written whole or not at all, so that a trial which was stopped goes on where it was.
+Every file is written completely or not at all, so that a stopped trial can continue.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from concealed_plant.cases import CaseSpec, cases
 from concealed_plant.generator import ANSWER, RECORDING, make_case
 
 DIAGNOSIS = "boom_bringup.cli"
-"""The program on trial: what a user starts with ./boom, run as a process of its own."""
+"""The program on trial, the same that ./boom starts, in a separate process."""
 PATIENCE = 600.0
-"""s. A diagnosis that takes longer has no answer."""
+"""s. A diagnosis that takes longer counts as failed."""
 _STOPPED = (-signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM)
 STATE = "state.json"
 Progress = Callable[[str, int, int], None]
-"""(what is being done, cases finished, cases in all)"""
+"""(current step, cases finished, all cases)"""
 
 
 class TrialError(RuntimeError):
@@ -52,7 +52,7 @@ class TrialError(RuntimeError):
 
 @dataclass(frozen=True)
 class State:
-    """What a trial is; sha256 of the answers is empty until all cases are made, seconds is the time spent on it in all runs."""
+    """State of a trial; the SHA-256 of the answers is empty until all cases are made, seconds is the total time of all runs."""
 
     seed: int
     count: int
@@ -88,34 +88,34 @@ class Trial:
         self._keep(self.state)
 
     def prepare(self, engine: Engine, progress: Progress) -> str:
-        """Makes and seals all cases; returns the checksum of the answers.
+        """Make and seal all cases; returns the checksum of the answers.
 
         Raises:
-            TrialError: the answers are not those that were sealed before.
+            TrialError: the answers differ from those sealed before.
         """
         missing = [name for name in self.specs if not (self.sealed / name / ANSWER).exists()]
         self._each(engine, make_case, missing, lambda name: (self.specs[name], self.machine, self.blind, self.sealed),
                    "making cases", progress)  # fmt: skip
         checksum = self._checksum()
         if self.state.sha256 and self.state.sha256 != checksum:
-            raise TrialError(f"{self.folder}: the answers are not those that were sealed: their checksum is {checksum}")
+            raise TrialError(f"{self.folder}: the answers differ from the sealed ones: their checksum is {checksum}")
         self.state = replace(self.state, sha256=checksum)
         self._keep(self.state)
         return checksum
 
     def diagnose(self, engine: Engine, progress: Progress) -> None:
-        """Lets the diagnosis work on every recording that it has not answered yet."""
+        """Run the diagnosis on every recording without an answer."""
         missing = [name for name in self.specs if not (self.blind / name / judging.OUTCOME).exists()]
         self._each(engine, diagnose, missing, lambda name: (self.blind / name,), "diagnosing", progress)
 
     def score(self, engine: Engine, progress: Progress) -> list[Row]:
-        """Opens the seal: one row per case, in the trial's order.
+        """Open the answers; returns one row per case, in the order of the trial.
 
         Raises:
-            TrialError: the answers were changed since they were sealed.
+            TrialError: the answers have changed since they were sealed.
         """
         if self._checksum() != self.state.sha256:
-            raise TrialError(f"{self.folder}: the answers were changed after they were sealed; this trial says nothing")
+            raise TrialError(f"{self.folder}: the answers were changed after they were sealed; this trial is void")
         documents: dict[str, dict[str, Any]] = {}
         self._each(engine, judging.judge, list(self.specs), lambda name: (name, self.blind, self.sealed, str(self.machine)),
                    "scoring", progress, documents.__setitem__)  # fmt: skip
@@ -146,7 +146,7 @@ class Trial:
         return total.hexdigest()
 
     def spent(self, seconds: float) -> None:
-        """Adds the time of a run, finished or not, unless all that it did was to draw the pages anew."""
+        """Add the time of a run, finished or not, unless it only rewrote the pages."""
         self.state = replace(self.state, seconds=self.state.seconds + seconds)
         self._keep(self.state)
 
@@ -160,7 +160,7 @@ class Trial:
 
 
 def stored(folder: Path) -> State | None:
-    """The state of the trial in a folder; None where there is none.
+    """The state of the trial in a folder; None if there is none.
 
     Raises:
         TrialError: the file cannot be understood.
@@ -177,12 +177,12 @@ def stored(folder: Path) -> State | None:
 
 
 def diagnose(case: Path) -> float:
-    """Runs the diagnosis on case/recording, blindfolded, in that folder; writes case/outcome.json; returns its seconds.
+    """Run the diagnosis on case/recording under the audit hook, in that folder; write case/outcome.json; return its duration [s].
 
-    Whatever goes wrong in the diagnosis is an outcome, not an error: no answer is a wrong answer.
+    A failure of the diagnosis is an outcome, not an error: it counts as a wrong answer.
 
     Raises:
-        InterruptedError: it was stopped from outside; that is no answer, and the case is to be repeated.
+        InterruptedError: it was stopped from outside, so the case has to be repeated.
     """
     output = case / judging.DIAGNOSIS
     shutil.rmtree(output, ignore_errors=True)
@@ -224,4 +224,4 @@ def diagnose(case: Path) -> float:
 
 def _last_line(path: Path) -> str:
     lines = path.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    return lines[-1][:200] if lines else "it said nothing"
+    return lines[-1][:200] if lines else "it printed nothing"

@@ -1,1 +1,1 @@
-"""The controller on machines, loads and supplies off their numbers: ch. 6.5 and beyond."""
+"""The controller on off-nominal machines, loads and supplies: ch. 6.5 and beyond."""

@@ -16,7 +16,7 @@ MEASURES = ("mae_mm", "maxe_mm", "rmse_mm")
 def document(
     results: Mapping[str, Sequence[Result]], modes: Sequence[str], bags: Sequence[str], seed: int
 ) -> dict[str, Any]:
-    """All numbers; the parts that were not asked for are left out."""
+    """All numbers; parts that were not requested are left out."""
     configured = results["configurations"]
     numbers: dict[str, Any] = {"modes": {mode: {} for mode in modes}, "trajectories": list(bags), "seed": seed}
     for mode in modes:
@@ -41,7 +41,7 @@ def document(
 
 
 def _intervals(results: Sequence[Result]) -> dict[str, Any]:
-    """5 % and 95 % points of the means over the seeds, where there are several."""
+    """5 % and 95 % points of the means over the seeds, if there are several."""
     seeds = list(dict.fromkeys(r.job.seed for r in results))
     if len(seeds) < 2:
         return {}
@@ -55,7 +55,7 @@ def _intervals(results: Sequence[Result]) -> dict[str, Any]:
 
 
 def _stops(results: Sequence[Result]) -> dict[str, Any]:
-    """How often, and when at the latest, the controller asked to stop; left out where it never did."""
+    """Number and latest time of stops by the controller; empty if there were none."""
     stops = [r.stopped for r in results if r.stopped]
     if not stops:
         return {}

@@ -1,4 +1,4 @@
-"""Charts of the robustness report, as plotly.js takes them: data and layout."""
+"""Charts of the robustness report, in the form of plotly.js: data and layout."""
 
 from __future__ import annotations
 

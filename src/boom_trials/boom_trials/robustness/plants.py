@@ -1,7 +1,7 @@
-"""What the closed loop is tried on: trajectories, configurations of Tables 6.1 and 6.2, plants off nominal, Monte Carlo.
+"""Test cases of the closed loop: trajectories, configurations of Tables 6.1 and 6.2, off-nominal plants, Monte Carlo.
 
-A plant is the nominal machine with factors on some numbers and a load beside that of the recording's configuration. The
-controller always knows the nominal machine and the configuration only.
+A plant is the nominal machine with factors on some numbers and a load in addition to the configured one. The controller
+always knows only the nominal machine and the configuration.
 """
 
 from __future__ import annotations
@@ -30,24 +30,24 @@ DEAD_ZONE, SPRING, PILOT_POLE = "main_valve_orifices.x0", "main_valve_spool.k", 
 PILOT_GAIN = "pilot_valves.b0_s"
 AREAS = tuple(f"main_valve_orifices.{name}" for name in ("A_sa_max", "A_sb_max", "A_tb_max"))
 OFF_NOMINAL = 0.05
-"""Relative: by how much dead zone, spring, areas and pilot lag are off."""
+"""Relative deviation of dead zone, spring, areas and pilot lag."""
 FULL_PUMP_FLOW, SUPPLY_PRESSURE = 1.4e-3, 2.5e7
 """84 l/min and 250 bar: the real supply (machine notes)."""
 
 
 @dataclass(frozen=True)
 class PlantCase:
-    """A plant: factors of the nominal numbers by dotted key, load [kg] beside the configuration's."""
+    """A plant: factors of the nominal numbers by dotted key, load [kg] in addition to the configured one."""
 
     name: str
     load: float = 0.0
     factors: Mapping[str, float] = field(default_factory=dict)
 
     def machine(self, nominal: Machine, limited: bool) -> Machine:
-        """The machine as it is; ``limited``: its pump gives 84 l/min.
+        """The machine of the plant; ``limited``: its pump delivers 84 l/min.
 
         Raises:
-            MachineError: a factor leads out of the range of its parameter.
+            MachineError: a factor leaves the range of its parameter.
         """
         changed = {key: nominal.parameters[key].value[0] * factor for key, factor in self.factors.items()}
         machine = nominal.with_values(changed)
@@ -58,7 +58,7 @@ class PlantCase:
         return machine
 
     def off(self, factors: Mapping[str, float], name: str = "") -> PlantCase:
-        """The same with further factors."""
+        """The same plant with further factors."""
         return replace(self, name=name or self.name, factors={**self.factors, **factors})
 
 
@@ -86,7 +86,7 @@ def lag_factors(factor: float) -> dict[str, float]:
 
 
 def off_nominal() -> list[PlantCase]:
-    """C0 with one group of numbers 5 % off at a time, both ways."""
+    """C0 with one group of numbers 5 % off at a time, in both directions."""
     cases = []
     for sign, word in ((1, "+"), (-1, "-")):
         factor = 1 + sign * OFF_NOMINAL
@@ -102,7 +102,7 @@ def off_nominal() -> list[PlantCase]:
 
 
 def monte_carlo(count: int, seed: int, *, loaded: bool = True) -> list[PlantCase]:
-    """Plants drawn from the whole of Table 6.1, dead zone, spring, areas and pilot lag within 5 %; all uniform.
+    """Plants drawn from all of Table 6.1, dead zone, spring, areas and pilot lag within 5 %; all uniform.
 
     loaded: False leaves Table 6.1 out (C0 on off-nominal plants).
     """

@@ -17,7 +17,7 @@ from boom_trials.robustness.tables import PRINTED, three
 
 _METHOD = (
     "Plant: the full model (5.39), stepped by 10 ms with held currents; sensors of ch. 6.4 (angle quantised, pressure noise "
-    "0.17 bar rms and 0.1 bar steps, rate noise 1.5 mrad/s). The load of the configuration hangs on from the first instant, "
+    "0.17 bar rms and 0.1 bar steps, rate noise 1.5 mrad/s). The load of the configuration is attached from the first instant, "
     "beside what the recording says, and the controller does not know of it. A piston more than 100 mm from its reference "
     "counts as diverged and is left out of the means. Force oscillation: rms of the piston force against the one that the "
     "reference needs (6.2), above 0.8 Hz."

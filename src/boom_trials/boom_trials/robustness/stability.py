@@ -34,7 +34,7 @@ def stability_jobs(modes: Sequence[str], folder: str, machine: str) -> list[Job]
 
 
 def is_stable(result: Result) -> bool:
-    """As the module says."""
+    """Whether a run is stable in the sense of the module."""
     return not result.diverged and result.final_oscillation < LARGEST
 
 

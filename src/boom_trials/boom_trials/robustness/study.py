@@ -1,8 +1,8 @@
 """The robustness test of chapter 6.4: many runs of the closed loop, spread over processes, and their numbers.
 
 Measures of (6.29) are those of ``boom_report.tracking.position_error``. Force oscillation: rms of f_p - f_p^f above 0.8 Hz,
-f_p from the true p_h and p_b, f_p^f the force (6.2) that the reference needs with the load that really hangs on: the same for
-all modes.
+f_p from the true p_h and p_b, f_p^f the force (6.2) that the reference needs with the true load: the same for all
+modes.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class Job:
         mode: of the controller; bag: name of the trajectory in ``folder``; case: the plant; seed: of the sensors' noise.
         folder: that holds the bags. machine: name or path of the machine file.
         limited: supply of 250 bar and 84 l/min. delay: dead time of the valve chain [sample times].
-        keep: also give the history (for pictures).
-        duration: [s] of the trajectory that is run; 0: all of it.
+        keep: also return the history (for pictures).
+        duration: [s] of the trajectory to run; 0: all.
         settings: of the controller.
     """
 
@@ -66,7 +66,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Result:
-    """What came of a run: errors of the piston [m], force oscillation [N] (NaN if it diverged), why it diverged or stopped."""
+    """Result of a run: errors of the piston [m], force oscillation [N] (NaN if it diverged), why it diverged or stopped."""
 
     job: Job
     mae: float
@@ -88,7 +88,7 @@ def carry_out(jobs: Sequence[Job], workers: int | None = None, told: Callable[[]
     """All jobs, in their order, on ``workers`` processes (default: all cores); ``told`` is called after each.
 
     Raises:
-        RecordingError: a bag is missing or cannot be read. MachineError, ControlError: from the first run that has it.
+        RecordingError: a bag is missing or cannot be read. MachineError, ControlError: from the first run that raises it.
     """
     count = min(workers or os.cpu_count() or 1, len(jobs))
     results = []
@@ -154,7 +154,7 @@ def force(machine: Machine, history: History) -> Array:
 
 
 def summary(results: Iterable[Result]) -> dict[str, Any]:
-    """Means over the runs that came to their end, how many diverged, how many the controller stopped (if any): as in the JSON."""
+    """Means over the finished runs, number diverged, number stopped by the controller (if any), as in the JSON."""
     every = list(results)
     good = [r for r in every if r.finished]
 
@@ -196,7 +196,7 @@ def _oscillation(error: Array, history: History, period: float) -> tuple[float, 
 def _feedforward(
     machine: str, pose: tuple[float, float, float], load: float, folder: str, bag: str, settings: Settings
 ) -> Array:
-    """f_p^f (n,) [N] of (6.2) along the reference, with the load [kg] that really hangs on."""
+    """f_p^f (n,) [N] of (6.2) along the reference, with the true load [kg]."""
     model = ControlModel(_machine(machine), _machine(machine).pose(*pose))
     references, _ = _references(folder, bag, settings.sample_time, settings.generator_pole)
     points = (OperatingPoint(r.angle, 0.0, 0.0, 0.0, *r, load) for r in references)

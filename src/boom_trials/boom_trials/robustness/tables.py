@@ -1,4 +1,4 @@
-"""The result of the robustness test on a terminal: Table 6.3 of the thesis beside ours, and what else was asked for."""
+"""The result of the robustness test on a terminal: Table 6.3 of the thesis beside ours, and further requested results."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def print_document(numbers: Mapping[str, Any], console: Console, *, limited: boo
                 console.print(title, markup=False)
                 console.print(_monte_carlo(numbers[part]))
         if "stability_map" in numbers:
-            console.print("largest dead time [ms] up to which the loop is stable (-: not even without)", markup=False)
+            console.print("largest dead time [ms] up to which the loop is stable (-: never stable)", markup=False)
             console.print(_stability(numbers["stability_map"]))
     console.file.write("\n".join(line.rstrip() for line in printed.get().splitlines()) + "\n")
 
