@@ -21,7 +21,7 @@ from boom_recording.loading import load
 from boom_report.tracking.position_error import piston_positions
 from boom_trials.robustness.crane import History
 from boom_trials.robustness.plants import CONFIGURATIONS
-from boom_trials.robustness.study import Job, carry_out_one
+from boom_trials.robustness.study import StudyRun, carry_out_one
 
 BAG = "healthy/folded_fast"
 FOLDER = Path(__file__).parents[1] / "bags"
@@ -81,7 +81,7 @@ def main() -> None:
     machine = load_machine("tz17")
     found: dict[str, History] = {}
     for mode in ("thesis", "baseline"):
-        history = carry_out_one(Job(mode, BAG, CONFIGURATIONS["C0"], folder=str(FOLDER), keep=True)).history
+        history = carry_out_one(StudyRun(mode, BAG, CONFIGURATIONS["C0"], folder=str(FOLDER), keep=True)).history
         assert history is not None  # it was asked for
         found[mode] = history
     thesis, baseline = found["thesis"], found["baseline"]

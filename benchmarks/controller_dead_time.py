@@ -19,7 +19,7 @@ from boom_model.machine_file import shipped_machine
 from boom_recording.loading import load
 from boom_recording.recording import Recording
 from boom_report.tracking import position_error
-from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
+from boom_sim.simulated_crane import PERIOD, CraneStart, SimulatedCrane
 from boom_trials.closed_loop import follow, wanted_angles
 
 BAGS = ("healthy/folded_fast", "healthy/extended", "healthy/extended_log")
@@ -35,7 +35,7 @@ def mean_error(recording: Recording, mode: str, seconds: float, dead_time: float
     settings = Settings()
     try:
         result = follow(
-            SimulatedCrane(machine, pose, Start(float(wanted[0])), machine.sensor_noise()),
+            SimulatedCrane(machine, pose, CraneStart(float(wanted[0])), machine.sensor_noise()),
             make_controller(mode, machine, pose, settings), TrajectoryGenerator(settings.generator_pole, PERIOD), wanted, c,
             dead_time=dead_time, age=age,
         )  # fmt: skip

@@ -57,7 +57,7 @@ from boom_recording.errors import RecordingError
 from boom_recording.loading import load
 from boom_recording.recording import Recording
 from boom_report.tracking import position_error as tracking
-from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
+from boom_sim.simulated_crane import PERIOD, CraneStart, SimulatedCrane
 from boom_trials.closed_loop import follow, wanted_angles
 
 RETURN_S = 5.0
@@ -251,7 +251,7 @@ def in_process(recording: Recording, machine: Machine, wanted: np.ndarray, mode:
     pose = machine.pose(c.outer_boom_angle, c.telescope_length, 0.0 if math.isnan(c.load_mass) else c.load_mass)
     settings = Settings()
     result = follow(
-        SimulatedCrane(machine, pose, Start(float(wanted[0])), machine.sensor_noise()),
+        SimulatedCrane(machine, pose, CraneStart(float(wanted[0])), machine.sensor_noise()),
         make_controller(mode, machine, pose, settings), TrajectoryGenerator(settings.generator_pole, PERIOD), wanted, c,
     )  # fmt: skip
     found = tracking.of_recording(result, machine)

@@ -23,7 +23,7 @@ from typing import Any
 
 from boom_controller.laws import cascade
 from boom_trials.robustness.plants import CONFIGURATIONS, TRAJECTORIES
-from boom_trials.robustness.study import Job, Result, carry_out, carry_out_one, summary, with_poses
+from boom_trials.robustness.study import Result, StudyRun, carry_out, carry_out_one, summary, with_poses
 
 BAGS = [bag for group in TRAJECTORIES.values() for bag in group]
 FOLDER = str(Path(__file__).parents[1] / "bags")
@@ -34,7 +34,7 @@ def runs(variant: cascade.Variant) -> dict[str, list[Result]]:
     """Configuration -> results of all trajectories; for a process of its own, in which the variant takes the baseline's place."""
     cascade.VARIANTS["baseline"] = variant
     return {
-        name: [carry_out_one(Job("baseline", bag, case, folder=FOLDER)) for bag in BAGS]
+        name: [carry_out_one(StudyRun("baseline", bag, case, folder=FOLDER)) for bag in BAGS]
         for name, case in CONFIGURATIONS.items()
     }
 
@@ -68,7 +68,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", metavar="F", help="write the numbers to this file")
     args = parser.parse_args()
-    improved = oscillation(carry_out([Job("improved", bag, CONFIGURATIONS["C0"], folder=FOLDER) for bag in BAGS]))
+    improved = oscillation(carry_out([StudyRun("improved", bag, CONFIGURATIONS["C0"], folder=FOLDER) for bag in BAGS]))
     found: dict[str, Any] = {"improved": {"force_oscillation_n": improved}}
     print(f"{'improved':24s} force {text(improved)} kN", flush=True)
     chosen = [s for s in itertools.product((False, True), repeat=3) if s[1] or not s[2]]

@@ -29,7 +29,7 @@ from boom_model.machine_file import load_machine
 from boom_recording.loading import load
 from boom_recording.recording import Recording
 from boom_sim.offline import simulate
-from boom_sim.simulated_crane import Start
+from boom_sim.simulated_crane import CraneStart
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "healthy" / "extended"
 ALLOWED = 2
@@ -65,7 +65,7 @@ def recorded(effect: str, like: Recording, duration: float, seed: int) -> Record
 
     def run(rise: float) -> Recording:
         return simulate(
-            machine, like.configuration, Start(angle + rise, hose, rod), driven.time, driven.values,
+            machine, like.configuration, CraneStart(angle + rise, hose, rod), driven.time, driven.values,
             noise=machine.sensor_noise(), seed=seed, duration=duration, name=f"{effect}, simulated",
         )  # fmt: skip
 

@@ -19,7 +19,7 @@ from fuzzing import Outcome, main, mutate, mutate_text
 
 from boom_bringup import cli
 from boom_sim import csv_currents
-from boom_sim.settings import SettingError
+from boom_sim.settings import SimulationSettingError
 from boom_sim.simulated_crane import LARGEST_CURRENT
 
 _PLAIN = "time_s,retract_a,extend_a\n" + "".join(
@@ -50,7 +50,7 @@ def case(random: Random, folder: Path) -> Outcome:
     path.write_bytes(damaged)
     try:
         times, currents = csv_currents.read(path)
-    except SettingError as error:
+    except SimulationSettingError as error:
         text = str(error)
         fault = "" if text.isprintable() and len(text) < 600 and str(path) in text else f"no plain line: {text[:60]!a}"
         answer = "refused"

@@ -228,7 +228,7 @@ def _read(kind: str, path: Path, random: Random) -> tuple[str, str]:
             make_urdf.make_urdf(make_urdf.load_machine(path))
         with contextlib.suppress(concealed.MachineFileError):
             told = concealed.MachineFile.read(path)
-            concealed.quantities(told, concealed.Pose(0.28, 2.2, 0.0))
+            concealed.quantities(told, concealed.Posture(0.28, 2.2, 0.0))
             concealed.linkage(told, 11)
         if random.random() < 0.01 or machine.learned:
             plant = Plant(machine, machine.tabulated[0])

@@ -12,7 +12,7 @@ import argparse
 from pathlib import Path
 
 from boom_trials.robustness.plants import TRAJECTORIES, PlantCase
-from boom_trials.robustness.study import Job, carry_out_one
+from boom_trials.robustness.study import StudyRun, carry_out_one
 
 FOLDER = str(Path(__file__).parents[1] / "bags")
 LOADS_KG = (700.0, 2000.0)
@@ -24,7 +24,9 @@ def main() -> None:
     parser.add_argument("--loads", nargs="+", type=float, default=LOADS_KG, metavar="KG", help="default: 700 2000")
     for load in parser.parse_args().loads:
         for bag in TRAJECTORIES["extended"]:
-            result = carry_out_one(Job("improved", bag, PlantCase(f"{load:g} kg", load), folder=FOLDER, limited=True))
+            result = carry_out_one(
+                StudyRun("improved", bag, PlantCase(f"{load:g} kg", load), folder=FOLDER, limited=True)
+            )
             said = f"MAE {1e3 * result.mae:.2f} mm" if result.finished else result.diverged
             if result.stopped is not None:
                 said = f"stopped after {result.stopped[0]:.2f} s: {result.stopped[1]}"

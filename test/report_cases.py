@@ -14,7 +14,7 @@ from boom_diagnosis.document import (
     SUBSYSTEMS,
     Alternative,
     BagResult,
-    Channel,
+    ChannelFit,
     DiagnosisResult,
     Document,
     EquationEvidence,
@@ -99,7 +99,7 @@ def bag(name: str, seed: int, *, held_out: bool, events: tuple[Event, ...] = ())
     stages = ("nominal", "parameters_only", "explained")
     series = {"nominal": r["nominal"], "parameters_only": r["nominal"], "explained": r["explained"]}
     channels = {
-        c: Channel(
+        c: ChannelFit(
             c, BY_NAME[c].unit, r["time"], r["measured"][:, i], np.ones(len(r["time"]), bool), noise()[i],
             {stage: series[stage][:, i] for stage in stages},
         )

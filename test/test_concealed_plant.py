@@ -13,8 +13,8 @@ from boom_model.sensors import OUTPUTS
 from boom_recording.loading import load
 from concealed_plant.concealments import KNOWN
 from concealed_plant.kernel import NAMES
-from concealed_plant.machine import MachineFile, Pose, linkage, quantities
-from concealed_plant.plant import Start, per_millisecond, run
+from concealed_plant.machine import MachineFile, Posture, linkage, quantities
+from concealed_plant.plant import InitialValues, per_millisecond, run
 
 ROOT = Path(__file__).parent.parent
 FILE = Path(str(files("boom_model").joinpath("machines", "tz17.yaml")))
@@ -34,10 +34,12 @@ def _concealed(recording):
         columns.append(signal.values[np.maximum(last, 0)])
     rest = {name: float(np.mean(s.values[s.time < 0.95])) for name, s in recording.signals.items()}
     at = recording.configuration
-    pose = Pose(at.outer_boom_angle, at.telescope_length, 0.0 if np.isnan(at.load_mass) else at.load_mass)
+    pose = Posture(at.outer_boom_angle, at.telescope_length, 0.0 if np.isnan(at.load_mass) else at.load_mass)
     machine = MachineFile.read(FILE)
     table, m = linkage(machine), quantities(machine, pose)
-    done = run(m, table, Start(rest["angle"], rest["rod_pressure"]), per_millisecond(np.stack(columns, axis=-1)))
+    done = run(
+        m, table, InitialValues(rest["angle"], rest["rod_pressure"]), per_millisecond(np.stack(columns, axis=-1))
+    )
     time = np.arange(1, len(done.outputs) + 1) / 1000.0
     return {
         name: np.interp(recording.signals[name].time, time, done.outputs[:, k]) for k, name in enumerate(OUTPUTS)
@@ -61,7 +63,7 @@ def test_with_nothing_concealed_it_is_the_model_and_the_recorded_machine(bag):
 def test_the_locked_body_is_that_of_the_model(q3, q4, load):
     machine = load_machine("tz17")
     model = locked_inertia(machine.document["rigid_body"], q3, q4)
-    m = quantities(MachineFile.read(FILE), Pose(q3, q4, load))
+    m = quantities(MachineFile.read(FILE), Posture(q3, q4, load))
     assert m.load == load
     assert m.inertia == pytest.approx(model.D0, rel=1e-3)
     assert (m.moment_x, m.moment_y) == pytest.approx((model.Sx, model.Sy), rel=1e-3)

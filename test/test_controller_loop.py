@@ -18,7 +18,7 @@ from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.sensors import IDEAL
-from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
+from boom_sim.simulated_crane import PERIOD, CraneStart, SimulatedCrane
 
 MODES = ("baseline", "improved")
 
@@ -35,7 +35,7 @@ class Crane:
         self.dead_time, self.told = dead_time, told
         self.wanted: Callable[[float], float] = lambda time: 0.3 + 0.05 * time
         pose = machine.pose(0.28, 2.2, 0.0)
-        self.crane = SimulatedCrane(machine, pose, Start(0.3), IDEAL)
+        self.crane = SimulatedCrane(machine, pose, CraneStart(0.3), IDEAL)
         self.loop = ControlLoop(mode, Settings(), SupervisionSettings())
         self.loop.configure(machine, pose)
         self.cycles: list[Cycle] = []

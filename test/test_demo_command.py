@@ -19,7 +19,7 @@ from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
 from boom_report.tracking import position_error
-from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
+from boom_sim.simulated_crane import PERIOD, CraneStart, SimulatedCrane
 from boom_trials.closed_loop import follow, wanted_angles
 
 pytestmark = pytest.mark.process
@@ -84,7 +84,7 @@ def test_the_closed_loop_of_processes_follows_as_well_as_the_one_in_one_process(
     recording, machine = load(short), load_machine("tz17")
     c, wanted = recording.configuration, wanted_angles(recording)
     pose = machine.pose(c.outer_boom_angle, c.telescope_length, c.load_mass)
-    crane = SimulatedCrane(machine, pose, Start(float(wanted[0])), machine.sensor_noise())
+    crane = SimulatedCrane(machine, pose, CraneStart(float(wanted[0])), machine.sensor_noise())
     generator = TrajectoryGenerator(Settings().generator_pole, PERIOD)
     alone = follow(crane, make_controller("improved", machine, pose), generator, wanted, c)
     numbers = position_error.of_recording(alone, machine).errors.document()

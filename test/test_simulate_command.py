@@ -15,7 +15,7 @@ from boom_model.errors import SimulationError
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
 from boom_report.tracking import position_error
-from boom_sim.simulated_crane import Sample, SimulatedCrane
+from boom_sim.simulated_crane import CraneSample, SimulatedCrane
 
 BAGS = Path(__file__).parents[1] / "bags"
 
@@ -106,7 +106,7 @@ def test_a_campaign_keeps_the_bags_and_what_ran_of_the_last(
 ) -> None:
     advance, count = SimulatedCrane.advance, 0
 
-    def broken(crane: SimulatedCrane) -> Sample:
+    def broken(crane: SimulatedCrane) -> CraneSample:
         nonlocal count
         count += 1
         if count > 500 and crane.time > 1.5:

@@ -54,7 +54,7 @@ class UsageError(ValueError):
     exit_status = 2
 
 
-class _Parser(argparse.ArgumentParser):
+class _CommandParser(argparse.ArgumentParser):
     """Reports a wrong option in one line, with the nearest valid one."""
 
     def error(self, message: str) -> NoReturn:
@@ -132,7 +132,7 @@ def parse(module: ModuleType, prog: str, words: list[str]) -> argparse.Namespace
     Raises:
         UsageError: the command does not accept an option or a value.
     """
-    parser = _Parser(
+    parser = _CommandParser(
         prog=prog,
         description=module.__doc__ or module.HELP,
         formatter_class=argparse.RawDescriptionHelpFormatter,

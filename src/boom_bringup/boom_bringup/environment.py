@@ -53,7 +53,7 @@ _OPENING_VARIABLES = ("FASTDDS_BUILTIN_TRANSPORTS", "ROS_DISCOVERY_SERVER", "ROS
 _PROFILE_VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
 
 
-class SettingError(ValueError):
+class EnvironmentSettingError(ValueError):
     """A variable of the user's environment has an impossible value; the message says which and what it may be."""
 
     exit_status = 2
@@ -91,7 +91,9 @@ def network_mode(environment: Mapping[str, str]) -> str:
     """
     mode = environment.get("BOOM_NETWORK", "") or "loopback"
     if mode not in NETWORK_MODES:
-        raise SettingError(f"BOOM_NETWORK={mode} is unknown: set it to {' or '.join(NETWORK_MODES)}, or unset it")
+        raise EnvironmentSettingError(
+            f"BOOM_NETWORK={mode} is unknown: set it to {' or '.join(NETWORK_MODES)}, or unset it"
+        )
     given = [environment[name] for name in _PROFILE_VARIABLES if environment.get(name)]
     if any(Path(path).name != LOOPBACK_PROFILE.name for path in given):
         return "custom"
@@ -177,7 +179,7 @@ def private_domain() -> Iterator[str]:
             if _is_silent(number):
                 yield str(number)
                 return
-    raise SettingError(
+    raise EnvironmentSettingError(
         f"ROS domains {PRIVATE_DOMAINS[0]} to {PRIVATE_DOMAINS[-1]} are all in use: wait until other demos or tests have ended"
     )
 

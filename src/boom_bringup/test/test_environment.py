@@ -54,7 +54,9 @@ def test_a_profile_of_the_user_decides():
 
 
 def test_an_unknown_network_is_an_error_that_names_the_known_ones():
-    with pytest.raises(environment.SettingError, match="BOOM_NETWORK=wan is unknown: set it to loopback or lan"):
+    with pytest.raises(
+        environment.EnvironmentSettingError, match="BOOM_NETWORK=wan is unknown: set it to loopback or lan"
+    ):
         environment.for_processes({"BOOM_NETWORK": "wan"})
 
 
@@ -102,5 +104,5 @@ def test_a_domain_on_which_somebody_is_heard_is_left_alone():
 def test_no_domain_left_is_an_error_that_says_what_to_do(monkeypatch):
     with environment.private_domain() as held:
         monkeypatch.setattr(environment, "PRIVATE_DOMAINS", [int(held)])
-        with pytest.raises(environment.SettingError, match="wait until"), environment.private_domain():
+        with pytest.raises(environment.EnvironmentSettingError, match="wait until"), environment.private_domain():
             pass

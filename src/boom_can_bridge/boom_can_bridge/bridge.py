@@ -10,11 +10,11 @@ import can
 import numpy as np
 
 from .codec import Codec
-from .command_gate import CommandGate, Output
+from .command_gate import CommandGate, GatedCommand
 from .connection import BusSettings, open_bus
 from .errors import CanConfigurationError
 from .frame_log import FrameLog
-from .lockstep import Lockstep
+from .lockstep import BusLockstep
 from .mapping import SENSOR_FIELDS
 from .receiver import FrameChecker, Reading, Receiver
 from .sender import CommandSender, Pace
@@ -85,7 +85,7 @@ class Bridge:
         largest = min(settings.largest_current, limits["retract_current"].maximum, limits["extend_current"].maximum)
         self.gate = CommandGate(largest, settings.rise_rate, settings.command_timeout, settings.revoke_after)
         self.watchdog = Watchdog(SENSOR_FIELDS, settings.watchdog)
-        self.lockstep = Lockstep(self.codec, self._is_idle) if settings.lockstep else None
+        self.lockstep = BusLockstep(self.codec, self._is_idle) if settings.lockstep else None
         self.checker = FrameChecker(self.codec, settings.proof, self.lockstep)
         pace = self.lockstep or Pace()
         self._clock = pace.clock
@@ -171,7 +171,7 @@ class Bridge:
         self.sender.wake()
 
     @property
-    def output(self) -> Output:
+    def output(self) -> GatedCommand:
         """The output that was sent last."""
         return self.sender.last
 

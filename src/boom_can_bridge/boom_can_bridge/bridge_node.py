@@ -101,7 +101,7 @@ class BridgeNode(LifecycleNode):
 
     # ------------------------------------------------------------------------------------------------------- lifecycle
 
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Read the DBC file, open the bus, listen."""
         try:
             bridge = Bridge(self._settings, self._publish, self._on_connection, on_cycle=self._publish_clock)
@@ -140,12 +140,12 @@ class BridgeNode(LifecycleNode):
             self._bridge.activate(False)
         return super().on_deactivate(state)
 
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_cleanup(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Close the bus."""
         self.close()
         return TransitionCallbackReturn.SUCCESS
 
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_shutdown(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Close the bus for good."""
         self.close()
         return TransitionCallbackReturn.SUCCESS

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Output:
+class GatedCommand:
     """The output: currents [A], whether the ECU may use them, and the reason if not (empty = they are used)."""
 
     retract: float
@@ -117,7 +117,7 @@ class CommandGate:
         self._first_since_enable = self._first_since_enable or self._enabled
         return True
 
-    def output(self, now: float) -> Output:
+    def output(self, now: float) -> GatedCommand:
         """What to send at `now` [s]."""
         elapsed = 0.0 if self._sent_at is None else now - self._sent_at
         self._sent_at = now
@@ -129,12 +129,12 @@ class CommandGate:
         reason = self._reason(silence)
         if reason:
             self._sent = (0.0, 0.0)
-            return Output(0.0, 0.0, False, reason)
+            return GatedCommand(0.0, 0.0, False, reason)
         most = self.rise_rate * elapsed
         retract = min(self._command[0], self._sent[0] + most)
         extend = min(self._command[1], self._sent[1] + most)
         self._sent = (retract, extend)
-        return Output(retract, extend, True, "")
+        return GatedCommand(retract, extend, True, "")
 
     def _reason(self, silence: float) -> str:
         if self._stop:

@@ -21,7 +21,7 @@ MOST_REPEATS = 5
 IDLE_S = 1.0
 
 
-class Lockstep(Pace):
+class BusLockstep(Pace):
     """Counts the cycles of the ECU, and releases the sender when one is complete.
 
     Args:
@@ -75,7 +75,7 @@ class Lockstep(Pace):
         """Time from which the next command acts [s]."""
         return (self._newest + 1) * PERIOD_S
 
-    def sent(self, commanded: bool) -> None:
+    def sent(self, _commanded: bool) -> None:
         """Note a sent command frame, which the next cycle answers."""
         self._asked = self._newest + 1
         self._repeats = 0

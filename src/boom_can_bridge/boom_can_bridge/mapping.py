@@ -63,7 +63,7 @@ class FrameSpec:
         return 0 if self.counter is None else 1 << self.counter.bits
 
 
-class _Reader:
+class _MappingReader:
     """Builds the frames of one mapping; `where` prefixes every error message."""
 
     def __init__(self, database: Any, document: dict[str, Any], dbc: Path, mapping: Path) -> None:
@@ -317,4 +317,4 @@ def read(dbc: str | Path, mapping: str | Path | None) -> dict[str, FrameSpec]:
     """
     dbc_path, mapping_path = find_files(dbc, mapping)
     document = read_mapping(mapping_path)
-    return _Reader(read_dbc(dbc_path), document, dbc_path, mapping_path).frames()
+    return _MappingReader(read_dbc(dbc_path), document, dbc_path, mapping_path).frames()

@@ -19,7 +19,7 @@ from .clock_map import ClockMap
 from .codec import Codec, CounterCheck, Decoded
 from .connection import BackOff, BusSettings, BusUnavailableError, close_bus, open_bus
 from .errors import CanConfigurationError, FrameError
-from .lockstep import Lockstep
+from .lockstep import BusLockstep
 from .plausibility import RateCheck
 
 RECEIVE_TIMEOUT_S = 0.05
@@ -113,7 +113,7 @@ class FrameChecker:
         lockstep: derives the time from the frames of a simulated ECU
     """
 
-    def __init__(self, codec: Codec, proof: int = 5, lockstep: Lockstep | None = None) -> None:
+    def __init__(self, codec: Codec, proof: int = 5, lockstep: BusLockstep | None = None) -> None:
         self.codec = codec
         self.counts = Counts()
         self.clock = ClockMap()

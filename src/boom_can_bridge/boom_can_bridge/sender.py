@@ -9,7 +9,7 @@ from typing import Any
 import can
 
 from .codec import Codec
-from .command_gate import CommandGate, Output
+from .command_gate import CommandGate, GatedCommand
 from .connection import send_now
 from .errors import FrameError
 
@@ -75,7 +75,7 @@ class CommandSender:
         self.lock = threading.RLock()
         self.sent = 0
         self.dropped = 0
-        self.last = Output(0.0, 0.0, False, "not active")
+        self.last = GatedCommand(0.0, 0.0, False, "not active")
         self.latencies: deque[float] = deque(maxlen=1000)
         self.failures: Counter[str] = Counter()
         self._codec = codec

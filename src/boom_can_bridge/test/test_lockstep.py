@@ -10,7 +10,7 @@ from boom_can_bridge.bridge import Bridge, BridgeSettings
 from boom_can_bridge.codec import Codec
 from boom_can_bridge.connection import BusSettings
 from boom_can_bridge.errors import CanConfigurationError
-from boom_can_bridge.lockstep import Lockstep
+from boom_can_bridge.lockstep import BusLockstep
 
 CODEC = Codec.load("tz17")
 SENSORS = ("imu", "pressures", "currents")
@@ -22,7 +22,7 @@ def cycle(lockstep, lost=0):
 
 
 def test_a_cycle_of_frames_is_one_period():
-    lockstep = Lockstep(CODEC)
+    lockstep = BusLockstep(CODEC)
     assert lockstep.clock() == 0.0
     assert cycle(lockstep) == [0.0, 0.0, 0.0]
     assert lockstep.complete
@@ -33,7 +33,7 @@ def test_a_cycle_of_frames_is_one_period():
 
 
 def test_lost_frames_count_so_that_time_stays_right():
-    lockstep = Lockstep(CODEC)
+    lockstep = BusLockstep(CODEC)
     cycle(lockstep)
     lockstep.frame_time("imu", 0)  # the others of this cycle are lost
     assert not lockstep.complete
@@ -43,7 +43,7 @@ def test_lost_frames_count_so_that_time_stays_right():
 
 
 def test_the_next_command_waits_for_the_cycle_that_answers_the_last():
-    lockstep = Lockstep(CODEC)
+    lockstep = BusLockstep(CODEC)
     assert lockstep.until(5.0, 5.0) == float("-inf")
     lockstep.sent(commanded=True)
     assert lockstep.until(5.0, 5.0) > 5.1
@@ -53,7 +53,7 @@ def test_the_next_command_waits_for_the_cycle_that_answers_the_last():
 
 def test_frames_without_a_counter_cannot_tell_the_time():
     with pytest.raises(CanConfigurationError, match="needs a counter"):
-        Lockstep(Codec.load("other_machine"))
+        BusLockstep(Codec.load("other_machine"))
 
 
 class SimulatedEcu:

@@ -114,7 +114,7 @@ class ControllerNode(LifecycleNode):
 
     # ------------------------------------------------------------------------------------------------------- lifecycle
 
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Create the loop, which waits for the machine configuration."""
         self._failure = ""
         try:
@@ -150,12 +150,12 @@ class ControllerNode(LifecycleNode):
         self._end_motion()
         return super().on_deactivate(state)
 
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_cleanup(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the loop."""
         self._loop = None
         return TransitionCallbackReturn.SUCCESS
 
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_shutdown(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Bring the currents to zero for good."""
         self._end_motion()
         return TransitionCallbackReturn.SUCCESS

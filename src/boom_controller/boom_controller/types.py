@@ -26,7 +26,7 @@ class Measurement(NamedTuple):
     age: float = 0.0
 
 
-class Output(NamedTuple):
+class ControlOutput(NamedTuple):
     """Currents [A] and the quantities behind them, SI; NaN if a mode has no such quantity.
 
     Attributes:
@@ -63,7 +63,7 @@ class Controller(Protocol):
     def reset(self, measurement: Measurement) -> None:
         """Start from rest here, bumpless: the integral states are set so that the boom holds."""
 
-    def step(self, reference: Reference, measurement: Measurement) -> Output:
+    def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         """Advance by one sample time of the settings; ``measurement`` is the newest, and the currents act until the next step."""
 
     def change(self, settings: Any) -> None:

@@ -18,7 +18,7 @@ from boom_controller.references.joint_trajectory import Code, TrajectoryError, T
 from boom_controller.supervision.state_machine import MotionState
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.supervision.tracking_goal import Tolerances
-from boom_controller.types import Measurement, Output, Reference
+from boom_controller.types import ControlOutput, Measurement, Reference
 from boom_model.machine import Machine, Pose
 from boom_model.machine_file import load_machine
 
@@ -41,10 +41,10 @@ class Law:
     def change(self, settings: Settings) -> None:
         self.gain = -settings.force_pole
 
-    def step(self, reference: Reference, measurement: Measurement) -> Output:
+    def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         u = (reference.rate + self.gain * (reference.angle - measurement.angle)) / GAIN
         u = min(max(u, -1.0), 1.0)
-        return Output(max(-u, 0.0), max(u, 0.0), reason=self.reason, estimated_load=self.load)
+        return ControlOutput(max(-u, 0.0), max(u, 0.0), reason=self.reason, estimated_load=self.load)
 
 
 class Boom:

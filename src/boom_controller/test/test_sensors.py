@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from boom_controller.supervision.sensors import Agreement, Range, Sensor
+from boom_controller.supervision.sensors import Agreement, Range, SupervisedSensor
 
 
-def sensor() -> Sensor:
-    return Sensor("hose pressure", (Range("hose pressure", "Pa", -1e5, 6e7),))
+def sensor() -> SupervisedSensor:
+    return SupervisedSensor("hose pressure", (Range("hose pressure", "Pa", -1e5, 6e7),))
 
 
 def test_a_sensor_that_never_came_counts_as_gone() -> None:

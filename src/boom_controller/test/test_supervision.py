@@ -12,13 +12,13 @@ from boom_controller.supervision.reasons import REASONS, StopCause
 from boom_controller.supervision.state_machine import MotionState, Supervision
 from boom_controller.supervision.supervision_settings import SUPERVISION, SupervisionSettings
 from boom_controller.supervision.watch import MotionWatch
-from boom_controller.types import Measurement, Output, Reference
+from boom_controller.types import ControlOutput, Measurement, Reference
 
 SETTINGS = SupervisionSettings()
 BY_CURRENTS = StopCause("divergence", "far away")
 BY_REFERENCE = StopCause("pressure_limit", "400 bar")
 STILL = Measurement(0.0, 0.4, 0.0, 8e6, 1e6)
-CALM = Output(0.0, 0.3)
+CALM = ControlOutput(0.0, 0.3)
 
 
 def tracking() -> Supervision:
@@ -97,7 +97,7 @@ def test_deactivation_keeps_a_stop_that_stands() -> None:
     assert other.state is MotionState.IDLE
 
 
-def seen(measurement: Measurement, reference: Reference, output: Output = CALM, seconds: float = 0.2) -> str:
+def seen(measurement: Measurement, reference: Reference, output: ControlOutput = CALM, seconds: float = 0.2) -> str:
     """The reason that is found within some time."""
     watch = MotionWatch(SETTINGS, (0.0, 1.5))
     for k in range(round(100 * seconds) + 1):
@@ -116,11 +116,11 @@ def seen(measurement: Measurement, reference: Reference, output: Output = CALM, 
         (STILL._replace(hose_pressure=3.6e7), CALM, "pressure_limit"),
         (STILL._replace(rod_pressure=3.6e7), CALM, "pressure_limit"),
         (STILL._replace(angle=0.65), CALM, "divergence"),
-        (STILL, Output(math.nan, 0.0), "divergence"),
-        (STILL, Output(0.0, 0.5, reason="the load cannot be held"), "load_not_held"),
+        (STILL, ControlOutput(math.nan, 0.0), "divergence"),
+        (STILL, ControlOutput(0.0, 0.5, reason="the load cannot be held"), "load_not_held"),
     ],
 )
-def test_each_limit_has_its_reason(measurement: Measurement, output: Output, reason: str) -> None:
+def test_each_limit_has_its_reason(measurement: Measurement, output: ControlOutput, reason: str) -> None:
     assert seen(measurement, Reference(0.4), output) == reason
 
 

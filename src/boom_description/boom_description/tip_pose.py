@@ -30,7 +30,7 @@ class UrdfError(Exception):
 
 
 @dataclass(frozen=True)
-class Pose:
+class TipPose:
     """A frame relative to another: position (3,) [m] and unit quaternion (x, y, z, w)."""
 
     position: Vector
@@ -89,7 +89,7 @@ class TipKinematics:
         joints_of_model = zip(self._model.names, self._model.joints, strict=True)
         self._places = [(name, joint.idx_v) for name, joint in joints_of_model if joint.nv == 1]
 
-    def pose(self, joints: Mapping[str, float]) -> Pose:
+    def pose(self, joints: Mapping[str, float]) -> TipPose:
         """Pose of the tip in `root_frame` for joint values [rad or m] by name.
 
         Raises KeyError for a joint of `joint_names` that has no value and ValueError for one that is not finite. Others
@@ -106,7 +106,7 @@ class TipKinematics:
         self._pinocchio.framesForwardKinematics(self._model, self._data, position)
         found: Vector = self._pinocchio.SE3ToXYZQUAT(self._data.oMf[self._frame])
         # both signs are the same rotation; the one with w >= 0 is given
-        return Pose(found[:3], -found[3:] if found[6] < 0.0 else found[3:])
+        return TipPose(found[:3], -found[3:] if found[6] < 0.0 else found[3:])
 
     def _value(self, name: str, joints: Mapping[str, float]) -> float:
         leader, multiplier, offset = self._mimics.get(name, (name, 1.0, 0.0))

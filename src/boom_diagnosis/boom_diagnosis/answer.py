@@ -152,9 +152,9 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         verdict, tuple(findings), _subsystems(ranked, findings), fit, said, about.seed, about.inputs_sha256, about.version,
         tuple(ranked),
     )  # fmt: skip
-    bags = tuple(
-        bag_result(case, i, cells, inputs, tight.nominal[i], machines, runs, spans) for i in range(len(case.bags))
-    ) + tuple(proving_result(case, i, machines, runs, spans) for i in range(len(case.proving)))
+    bags = tuple(bag_result(case, i, cells, inputs, tight.nominal[i], runs) for i in range(len(case.bags))) + tuple(
+        proving_result(case, i, runs) for i in range(len(case.proving))
+    )
     explained = case.learned.point.parts if case.learned else tight.explained
     left = case.learned.point.excess(case.floor) if case.learned else tight.excess_after
     remaining = _remaining(fit, tight.excess_before, left) if verdict not in ("no_mismatch", "parameters_only") else ""
@@ -309,7 +309,7 @@ def _findings(case: Case, odds: Odds, cells: list[NDArray[np.int64]]) -> list[Fi
         others = sorted(((p, e) for e, p in odds.effects[k].items() if e != effect), reverse=True)
         alternatives = (*(Alternative(e, p) for p, e in others[:3] if p > 0.005), Alternative(None, odds.unknown))
         before = case.rounds[k].base
-        place = regimes.where(case.bags, cells, _gains(before, w.fitted.point))
+        place = regimes.where(cells, _gains(before, w.fitted.point))
         row = EFFECTS[effect]
         numbers = _short(estimates(case.final, max(1.0, case.temperature / 3.0)), effect)
         result.append(
@@ -340,7 +340,7 @@ def _unknown_finding(
     key = learned.term.equation if learned else max(rows, key=lambda k: rows[k])
     link = next(link for link in LINKS if link.key == key)
     rest = [0.5 * np.sum(np.minimum(np.abs(w), 8.0) ** 2 - case.healthy_squares, axis=1) for w in tight.explained]
-    place = regimes.where(case.bags, cells, rest)
+    place = regimes.where(cells, rest)
     near = _near(case)
     nearest = f"; the nearest is {label_of(near[0].fitted.effect)}" if near else " or comes near"
     unlike = max(case.impossible, key=lambda f: f.gain, default=None)

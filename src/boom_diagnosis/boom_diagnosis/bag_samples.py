@@ -11,7 +11,7 @@ from boom_diagnosis.recent import Recent
 from boom_estimation.currents import GAP, HeldCurrents, held_currents
 from boom_estimation.initial_state import resting_start, stationary_guess
 from boom_model.machine import Machine
-from boom_model.observer import Gains, Linearised, Samples
+from boom_model.observer import KalmanGains, Linearised, Samples
 from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS, PRESSURES
 from boom_recording.recording import Recording
@@ -53,7 +53,7 @@ class Bag:
     resting: bool
     start: dict[str, float]
     plants: list[tuple[Machine, frozenset[str], Plant]] = field(default_factory=list, compare=False, repr=False)
-    gains: Recent[Gains] = field(default_factory=lambda: Recent(GAINS), compare=False, repr=False)
+    gains: Recent[KalmanGains] = field(default_factory=lambda: Recent(GAINS), compare=False, repr=False)
     trajectories: Recent[Linearised] = field(default_factory=lambda: Recent(TRAJECTORIES), compare=False, repr=False)
 
     @property

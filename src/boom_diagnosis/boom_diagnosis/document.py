@@ -202,7 +202,7 @@ def _finite(value: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class Channel:
+class ChannelFit:
     """One measured channel of a recording and what the models said about it.
 
     Attributes:
@@ -239,7 +239,7 @@ class BagResult:
     held_out_from: float | None
     duration: float
     events: tuple[Event, ...]
-    channels: Mapping[str, Channel]
+    channels: Mapping[str, ChannelFit]
     windows: tuple[tuple[float, float], ...]
     time: Array
     equations: Mapping[str, Array]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.prediction import CURRENT_NOISE
 from boom_estimation.currents import held_currents
-from boom_estimation.free_run import Prediction, plant_for, predict
+from boom_estimation.free_run import FreeRun, plant_for, predict
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
@@ -31,12 +31,12 @@ class Span:
     end: float
 
 
-def free_run(recording: Recording, machine: Machine) -> Prediction:
+def free_run(recording: Recording, machine: Machine) -> FreeRun:
     """The full model's free run over a recording, moments at which the oil evaporates included: what lies behind is judged, too."""
     return predict(recording, machine, "full", through_evaporation=True)
 
 
-def errors(span: Span, run: Prediction) -> Errors:
+def errors(span: Span, run: FreeRun) -> Errors:
     """Root mean square error over the standard deviation of the measured channel, one per channel."""
     result = []
     for name in OUTPUTS:

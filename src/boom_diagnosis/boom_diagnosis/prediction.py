@@ -21,8 +21,8 @@ from boom_model.catalogue import CATALOGUE, EFFECTS, check_effects
 from boom_model.codegen.compiled import LANES
 from boom_model.machine import Machine
 from boom_model.observer import (
-    Gains,
     Job,
+    KalmanGains,
     Linearised,
     NoiseModel,
     Observed,
@@ -103,12 +103,12 @@ class Predictor:
         self.tuned = dict(tuned or {})
         self._samples = [lru_cache(maxsize=32)(bag.samples) for bag in self.bags]
         self.base: list[Plant] = [self.plant(i, ()) for i in range(len(self.bags))]
-        self._given: list[Gains] | None = None
+        self._given: list[KalmanGains] | None = None
         self._gain: dict[tuple[int, tuple[str, ...]], Array] = {}
         self._filling = RLock()
 
     @property
-    def gains(self) -> list[Gains]:
+    def gains(self) -> list[KalmanGains]:
         """Of every recording, computed when first needed."""
         with self._filling:
             if self._given is None:
@@ -194,7 +194,7 @@ class Predictor:
         known = {name: value for name, value in self.tuned.items() if name in plant.parameter_names}
         return self._gains(i, plant, known | _at_first(plant)).gain
 
-    def _gains(self, i: int, plant: Plant, values: Values) -> Gains:
+    def _gains(self, i: int, plant: Plant, values: Values) -> KalmanGains:
         p = self.parameters(plant, values)
         noise = noise_model(plant, self.machine, p, self.looseness, self.boost)
         key = (plant, p.tobytes(), self.looseness, *sorted(self.boost.items()))
@@ -299,7 +299,7 @@ def _for(plant: Plant, base: Plant, gain: Array) -> Array:
     return result
 
 
-def _whiten(observed: Observed, gains: Gains, bag: Bag, late: int) -> Array:
+def _whiten(observed: Observed, gains: KalmanGains, bag: Bag, late: int) -> Array:
     """Whitened innovations; those of pressures that arrive ``late`` intervals go back to the interval of their stamp."""
     e = np.where(np.isfinite(observed.innovations), observed.innovations, 0.0)
     if late:

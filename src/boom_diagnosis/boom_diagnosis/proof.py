@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from boom_diagnosis import regimes
 from boom_diagnosis.bag_samples import Bag
-from boom_diagnosis.document import STAGES, BagResult, Channel, Fit, LadderStep, Verdict
+from boom_diagnosis.document import STAGES, BagResult, ChannelFit, Fit, LadderStep, Verdict
 from boom_diagnosis.fitting import Point
 from boom_diagnosis.found_machine import found_machine
 from boom_diagnosis.freerun import Span, errors, free_run, median, noise_floor
 from boom_diagnosis.learning import Learned
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.weighing import Z90, posterior
-from boom_estimation.free_run import Prediction
+from boom_estimation.free_run import FreeRun
 from boom_input.channels import SENSORS
 from boom_model.catalogue import beginning
 from boom_model.learned import LearnedTerm
@@ -131,7 +131,7 @@ def worsening(case: Case, before: Point, after: Point) -> float:
 
 
 def fit_and_ladder(
-    case: Case, machines: Mapping[str, Machine], runs: Mapping[str, list[Prediction]], spans: Spans
+    case: Case, machines: Mapping[str, Machine], runs: Mapping[str, list[FreeRun]], spans: Spans
 ) -> tuple[Fit, tuple[LadderStep, ...]]:
     """Errors of the free runs of every stage, median over the recordings; the ladder of stages."""
     names = [s.recording.name for s in spans.all]
@@ -159,8 +159,8 @@ def fit_and_ladder(
 
 
 def _channels(
-    recording: Recording, machine: Machine, i: int, runs: Mapping[str, list[Prediction]]
-) -> dict[str, Channel]:
+    recording: Recording, machine: Machine, i: int, runs: Mapping[str, list[FreeRun]]
+) -> dict[str, ChannelFit]:
     noise = machine.sensor_noise()
     result = {}
     for sensor in SENSORS:
@@ -168,7 +168,7 @@ def _channels(
         if signal is None:
             continue
         stages = {stage: runs[stage][i].values[sensor.name] for stage in STAGES} if sensor.predicted else {}
-        result[sensor.name] = Channel(
+        result[sensor.name] = ChannelFit(
             sensor.name, sensor.unit, signal.time, signal.values, signal.valid, noise.deviation(sensor), stages
         )
     return result
@@ -176,7 +176,7 @@ def _channels(
 
 def bag_result(
     case: Case, i: int, cells: list[NDArray[np.int64]], inputs: list[dict[str, Array]], nominal: Array,
-    machines: Mapping[str, Machine], runs: Mapping[str, list[Prediction]], spans: Spans,
+    runs: Mapping[str, list[FreeRun]],
 ) -> BagResult:  # fmt: skip
     """A recording that was fitted. nominal: (n, NY) its whitened innovations under the nominal machine."""
     bag = case.bags[i]
@@ -194,9 +194,7 @@ def bag_result(
     )  # fmt: skip
 
 
-def proving_result(
-    case: Case, i: int, machines: Mapping[str, Machine], runs: Mapping[str, list[Prediction]], spans: Spans
-) -> BagResult:
+def proving_result(case: Case, i: int, runs: Mapping[str, list[FreeRun]]) -> BagResult:
     """A recording that nothing was fitted to."""
     bag: Bag = case.proving[i]
     k = len(case.bags) + i

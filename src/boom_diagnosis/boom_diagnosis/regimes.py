@@ -103,7 +103,7 @@ def windows(gain: Array, share: float = 0.8, longest: int = 6) -> tuple[tuple[fl
     return tuple((round(a * WINDOW, 2), round(b * WINDOW, 2)) for a, b, _ in best)
 
 
-def where(bags: list[Bag], cells: list[Index], gains: list[Array]) -> Where:
+def where(cells: list[Index], gains: list[Array]) -> Where:
     """In which regimes an explanation gains, and when. gains: (n,) per recording, decrease of the loss per interval."""
     index, gain = np.concatenate(cells), np.maximum(np.concatenate(gains), -5.0)
     sums = np.array([float(gain[index == k].sum()) for k in range(len(CELLS))])

@@ -73,7 +73,7 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class Experiment:
+class PreparedRecording:
     """A recording with the model that has to reproduce it.
 
     Attributes:
@@ -152,7 +152,7 @@ def prepare(
     *,
     held_out: Sequence[tuple[float, float]] = (),
     name: str | None = None,
-) -> Experiment:
+) -> PreparedRecording:
     """An experiment of a recording.
 
     Args:
@@ -174,7 +174,9 @@ def prepare(
         segment = _segment(recording, plant, currents, start, end, period, held_out)
         if segment is not None:
             segments.append(segment)
-    return Experiment(name or recording.name, recording, plant, currents, tuple(segments), recording.duration, period)
+    return PreparedRecording(
+        name or recording.name, recording, plant, currents, tuple(segments), recording.duration, period
+    )
 
 
 def last_part(recording: Recording, share: float) -> list[tuple[float, float]]:

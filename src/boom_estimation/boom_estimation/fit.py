@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_estimation.problem import Problem
+from boom_estimation.problem import EstimationProblem
 from boom_estimation.unknown import Unknown
-from boom_estimation.whitening import Gains
+from boom_estimation.whitening import PredictorGains
 from boom_model.plant import FAST, FINE
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ _RENEW = 0.02
 
 
 @dataclass(frozen=True)
-class Fit:
+class FitResult:
     """Result of a search.
 
     Attributes:
@@ -77,7 +77,7 @@ class Fit:
     samples: int
     innovations: tuple[Array, ...]
     derivatives: tuple[Array, ...]
-    gains: tuple[Gains, ...]
+    gains: tuple[PredictorGains, ...]
     iterations: int
     converged: bool
 
@@ -92,13 +92,13 @@ class Fit:
 
 
 def fit(
-    problem: Problem,
+    problem: EstimationProblem,
     start: Array | None = None,
     *,
     iterations: int = 15,
     level: float | None = None,
     progress: Progress | None = None,
-) -> Fit:
+) -> FitResult:
     """Search from ``start`` (m,) in z, by default zero, the nominal values.
 
     level: fixed at this value; by default adapted as described above.
@@ -128,7 +128,7 @@ def fit(
         if converged or count >= iterations or _stalled(costs):
             break
         count += 1
-        local = _Local(z, cost, gradient, data, prior, bounds)
+        local = _LocalModel(z, cost, gradient, data, prior, bounds)
         found, radius, settled = _improvement(problem, gains, local, radius, _tolerance(now))
         spread = np.sqrt(np.diag(np.linalg.inv(data + np.diag(np.maximum(prior, 1e-6)))))
         if settled and (now <= 1.0 or level is not None):
@@ -145,7 +145,7 @@ def fit(
         moved, z = np.abs(found[0] - z).max(), found[0]
         if converged or moved > _RENEW:
             gains = problem.gains(z, gains, level=now)
-    return Fit(
+    return FitResult(
         tuple(problem.unknowns), z, problem.values(z), cost, now, data + np.diag(prior), data,
         sum(int(g.used.sum()) for g in gains), tuple(i for i, _ in white), tuple(d for _, d in white), tuple(gains),
         count, converged,
@@ -153,7 +153,7 @@ def fit(
 
 
 @dataclass(frozen=True)
-class _Local:
+class _LocalModel:
     """The cost around z (m,), as gradient, matrix and prior of its quadratic model, and the bounds (m, 2)."""
 
     z: Array
@@ -165,7 +165,7 @@ class _Local:
 
 
 def _improvement(
-    problem: Problem, gains: Sequence[Gains], local: _Local, radius: float, tolerance: float
+    problem: EstimationProblem, gains: Sequence[PredictorGains], local: _LocalModel, radius: float, tolerance: float
 ) -> tuple[tuple[Array, float] | None, float, bool]:
     """A step that lowers the cost, by trust region.
 
@@ -203,7 +203,7 @@ def _stalled(costs: Sequence[tuple[float, float]]) -> bool:
 
 
 def _further(
-    problem: Problem, gains: Sequence[Gains], z: Array, found: tuple[Array, float], radius: float, bounds: Array,
+    problem: EstimationProblem, gains: Sequence[PredictorGains], z: Array, found: tuple[Array, float], radius: float, bounds: Array,
     tolerance: float,
 ) -> tuple[Array, float]:  # fmt: skip
     """Lengthen a step that gained more than predicted, while that helps and it stays inside the radius."""
@@ -228,7 +228,7 @@ def _tolerance(level: float) -> float:
     return min(FINE * level**2, FAST)
 
 
-def _white(g: Gains, innovations: Array, derivatives: Array) -> tuple[Array, Array]:
+def _white(g: PredictorGains, innovations: Array, derivatives: Array) -> tuple[Array, Array]:
     both = g.whiten(np.concatenate((innovations[:, :, None], derivatives), axis=2))
     return both[:, :, 0], both[:, :, 1:]
 
@@ -242,12 +242,12 @@ def _normal_equations(white: Sequence[tuple[Array, Array]], count: int) -> tuple
     return gradient, data
 
 
-def cost_at(problem: Problem, gains: Sequence[Gains], z: Array, tolerance: float = FINE) -> float:
+def cost_at(problem: EstimationProblem, gains: Sequence[PredictorGains], z: Array, tolerance: float = FINE) -> float:
     """Squared innovations and priors at z (m,), with given gains."""
     return _cost(problem, gains, [run.innovations for run in problem.observed(z, gains, tolerance=tolerance)], z)
 
 
-def _cost(problem: Problem, gains: Sequence[Gains], innovations: Sequence[Array], z: Array) -> float:
+def _cost(problem: EstimationProblem, gains: Sequence[PredictorGains], innovations: Sequence[Array], z: Array) -> float:
     total = float(sum(v**2 for u, v in zip(problem.unknowns, z, strict=True) if u.prior))
     for g, e in zip(gains, innovations, strict=True):
         lost = g.used & ~np.isfinite(e)
@@ -255,7 +255,9 @@ def _cost(problem: Problem, gains: Sequence[Gains], innovations: Sequence[Array]
     return total
 
 
-def _settle(problem: Problem, z: Array, gains: list[Gains], level: float) -> tuple[float, list[Gains]]:
+def _settle(
+    problem: EstimationProblem, z: Array, gains: list[PredictorGains], level: float
+) -> tuple[float, list[PredictorGains]]:
     """The level, lowered as long as the innovations are hardly larger than it predicts, and the gains for it."""
     size = _size(problem, z, gains, level)
     while level > 1.0 and size < _EXPECTED:
@@ -269,7 +271,7 @@ def _settle(problem: Problem, z: Array, gains: list[Gains], level: float) -> tup
     return level, gains
 
 
-def _size(problem: Problem, z: Array, gains: Sequence[Gains], level: float) -> float:
+def _size(problem: EstimationProblem, z: Array, gains: Sequence[PredictorGains], level: float) -> float:
     """Root mean square of the innovations, in units of their predicted size."""
     total, count = 0.0, 0
     for g, run in zip(gains, problem.observed(z, gains, tolerance=_tolerance(level)), strict=True):

@@ -51,7 +51,7 @@ class Metrics:
 
 
 @dataclass(frozen=True)
-class Prediction:
+class FreeRun:
     """Prediction of a model (or a bag made by one) for a recording.
 
     Attributes:
@@ -68,7 +68,7 @@ class Prediction:
     stopped: str = ""
 
 
-def predict(recording: Recording, machine: Machine, kind: Kind, *, through_evaporation: bool = False) -> Prediction:
+def predict(recording: Recording, machine: Machine, kind: Kind, *, through_evaporation: bool = False) -> FreeRun:
     """Free runs of one model over a recording, at the stamps of its channels.
 
     through_evaporation: the runs continue where the oil of the head side would evaporate.
@@ -100,7 +100,7 @@ def predict(recording: Recording, machine: Machine, kind: Kind, *, through_evapo
             known = where < len(run.time)
             values[name][k[known]] = run.output(name)[where[known]]
         runs.append(f"{start:.2f} s to {end:.2f} s: {begin.how}")
-    return Prediction(kind, values, metrics(recording, values), tuple(runs), stopped)
+    return FreeRun(kind, values, metrics(recording, values), tuple(runs), stopped)
 
 
 def _run(plant: Plant, currents: HeldCurrents, sampled: Array, begin: InitialState) -> tuple[Trajectory | None, str]:

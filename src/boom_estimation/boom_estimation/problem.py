@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_estimation.experiment import Experiment, Segment
+from boom_estimation.experiment import PreparedRecording, Segment
 from boom_estimation.unknown import Unknown, parameters
-from boom_estimation.whitening import Gains, first_gains, gains
+from boom_estimation.whitening import PredictorGains, first_gains, gains
 from boom_model.batch import run_jobs
 from boom_model.observer import Job, Observed, observe_all
 from boom_model.plant import FINE
@@ -26,7 +26,7 @@ FREE_TOLERANCE = 1e-5
 
 
 @dataclass
-class Problem:
+class EstimationProblem:
     """The unknowns to estimate, and the experiments.
 
     Attributes:
@@ -35,16 +35,16 @@ class Problem:
         stop: set to non-zero from another thread to end all runs.
     """
 
-    experiments: Sequence[Experiment]
+    experiments: Sequence[PreparedRecording]
     unknowns: Sequence[Unknown]
     stop: ctypes.c_int = field(default_factory=lambda: ctypes.c_int(0))
 
     @property
-    def segments(self) -> list[tuple[Experiment, Segment]]:
+    def segments(self) -> list[tuple[PreparedRecording, Segment]]:
         """Every stretch, in order."""
         return [(e, s) for e in self.experiments for s in e.segments]
 
-    def parameters(self, experiment: Experiment, z: Array) -> Array:
+    def parameters(self, experiment: PreparedRecording, z: Array) -> Array:
         """Parameter vector (NP,) of an experiment's plant."""
         return parameters(experiment.plant, self.unknowns, z, experiment.name)
 
@@ -58,14 +58,14 @@ class Problem:
         outputs = run_jobs(jobs, tolerance=FREE_TOLERANCE, stop=self.stop)
         return [s.measured - s.at_nodes(y) for (_, s), y in zip(self.segments, outputs, strict=True)]
 
-    def observed(self, z: Array, gains: Sequence[Gains], *, tolerance: float = FINE) -> list[Observed]:
+    def observed(self, z: Array, gains: Sequence[PredictorGains], *, tolerance: float = FINE) -> list[Observed]:
         """Innovations and states of the observers of all segments. Differences of them need 1e-6 or finer."""
         return observe_all([self._job(i, z, g) for i, g in enumerate(gains)], tolerance=tolerance)
 
     def sensitivities(
         self,
         z: Array,
-        gains: Sequence[Gains],
+        gains: Sequence[PredictorGains],
         columns: Sequence[int] | None = None,
         *,
         steps: Array | None = None,
@@ -98,17 +98,17 @@ class Problem:
                 derivatives[i][:, :, column] = np.nan_to_num((seen - nominal[i]) / step)
         return [nominal[i] for i in range(len(self.segments))], derivatives
 
-    def first_gains(self) -> list[Gains]:
+    def first_gains(self) -> list[PredictorGains]:
         """Initial gains for every segment."""
         return [first_gains(e, s) for e, s in self.segments]
 
-    def gains(self, z: Array, along: Sequence[Gains], *, level: float = 1.0) -> list[Gains]:
+    def gains(self, z: Array, along: Sequence[PredictorGains], *, level: float = 1.0) -> list[PredictorGains]:
         """New gains for every segment, linearised along the observers with z and the gains ``along``."""
         states = [run.states for run in self.observed(z, along, tolerance=FREE_TOLERANCE)]
         runs = [(e, s, self.parameters(e, z), x) for (e, s), x in zip(self.segments, states, strict=True)]
         return gains(runs, level=level)
 
-    def _job(self, index: int, z: Array, gain: Gains) -> Job:
+    def _job(self, index: int, z: Array, gain: PredictorGains) -> Job:
         experiment, segment = self.segments[index]
         p = self.parameters(experiment, z)
         state = experiment.initial_state(segment, p)

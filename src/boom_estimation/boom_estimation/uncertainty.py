@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_estimation.fit import Fit, cost_at
-from boom_estimation.problem import Problem
+from boom_estimation.fit import FitResult, cost_at
+from boom_estimation.problem import EstimationProblem
 from boom_estimation.unknown import Unknown
 
 Array = NDArray[np.float64]
@@ -55,7 +55,7 @@ class Uncertainty:
         return [k for k in range(len(self.sigma)) if k != j and abs(self.correlation[j, k]) > TOGETHER]
 
 
-def uncertainty(problem: Problem, fit: Fit, *, profile: bool = True) -> Uncertainty:
+def uncertainty(problem: EstimationProblem, fit: FitResult, *, profile: bool = True) -> Uncertainty:
     """Intervals of a fit of a problem; ``profile``: examine the ridges, at a cost of two predictions per unknown."""
     covariance = fit.covariance
     sigma = np.sqrt(np.diag(covariance))
@@ -76,7 +76,7 @@ def uncertainty(problem: Problem, fit: Fit, *, profile: bool = True) -> Uncertai
     )  # fmt: skip
 
 
-def _colour(problem: Problem, fit: Fit, covariance: Array) -> Array:
+def _colour(problem: EstimationProblem, fit: FitResult, covariance: Array) -> Array:
     """Factor (m,), at least one, by which the gradient scatters more than that of white innovations."""
     count = len(fit.z)
     scatter = np.zeros((count, count))
@@ -91,7 +91,7 @@ def _colour(problem: Problem, fit: Fit, covariance: Array) -> Array:
     return np.sqrt(np.maximum(1.0, real / np.maximum(plain, 1e-300)))
 
 
-def _curvature(problem: Problem, fit: Fit, covariance: Array) -> tuple[Array, Array]:
+def _curvature(problem: EstimationProblem, fit: FitResult, covariance: Array) -> tuple[Array, Array]:
     """Factors (m,) below and above by which the cost rises more slowly along the ridge than its quadratic model.
 
     Where that is doubtful, the ridge is curved, and the others move to their best fit (profile likelihood).
@@ -115,7 +115,7 @@ def _widening(rise: float) -> float:
     return float(np.sqrt(NINETY**2 / np.clip(rise, NINETY**2 / _WIDEST**2, NINETY**2)))
 
 
-def _followed(problem: Problem, fit: Fit, z: Array, held: int, bounds: Array) -> float:
+def _followed(problem: EstimationProblem, fit: FitResult, z: Array, held: int, bounds: Array) -> float:
     """Cost with all unknowns but ``held`` moved from z (m,) by one Gauss-Newton step."""
     innovations, derivatives = problem.sensitivities(z, fit.gains)
     others = np.arange(len(z)) != held

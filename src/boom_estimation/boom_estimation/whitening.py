@@ -23,7 +23,7 @@ from os import cpu_count
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_estimation.experiment import Experiment, Segment
+from boom_estimation.experiment import PreparedRecording, Segment
 from boom_input.channels import PREDICTED
 from boom_model.observer import riccati
 from boom_model.plant import Plant
@@ -39,7 +39,7 @@ _LONGEST_STILL = 200.0
 
 
 @dataclass(frozen=True)
-class Gains:
+class PredictorGains:
     """Gains of the observer of one segment, and the size of its innovations; n intervals between the nodes.
 
     Attributes:
@@ -70,7 +70,7 @@ class _Line:
     scale: Array
 
 
-def first_gains(experiment: Experiment, segment: Segment) -> Gains:
+def first_gains(experiment: PreparedRecording, segment: Segment) -> PredictorGains:
     """Initial gains, before any run is known: measured states are corrected by a third of their innovation."""
     plant, n = experiment.plant, len(segment.nodes) - 1
     gain = np.linalg.pinv(plant.output_matrix() * plant.scale) * plant.scale[:, None] / 3
@@ -78,16 +78,18 @@ def first_gains(experiment: Experiment, segment: Segment) -> Gains:
     if "hose_pressure" in names:
         gain[names.index("head_pressure")] += gain[names.index("hose_pressure")]
     used = segment.valid[1:]
-    return Gains(np.repeat(gain[None], n, axis=0), np.zeros((n, len(OUTPUTS), len(OUTPUTS))), used)
+    return PredictorGains(np.repeat(gain[None], n, axis=0), np.zeros((n, len(OUTPUTS), len(OUTPUTS))), used)
 
 
-def gains(runs: Sequence[tuple[Experiment, Segment, Array, Array]], *, level: float = 1.0) -> list[Gains]:
+def gains(
+    runs: Sequence[tuple[PreparedRecording, Segment, Array, Array]], *, level: float = 1.0
+) -> list[PredictorGains]:
     """The gains along runs: experiment, segment, parameters (NP,), states (n, NX) at the intervals' beginnings each.
 
     level: factor of the standard deviations of w and v.
     """
 
-    def one(run: tuple[Experiment, Segment, Array, Array]) -> Gains:
+    def one(run: tuple[PreparedRecording, Segment, Array, Array]) -> PredictorGains:
         experiment, segment, parameters, states = run
         return _filtered(experiment.plant, _line(experiment, segment, parameters, states, level))
 
@@ -95,7 +97,7 @@ def gains(runs: Sequence[tuple[Experiment, Segment, Array, Array]], *, level: fl
         return list(pool.map(one, runs))
 
 
-def _line(experiment: Experiment, segment: Segment, parameters: Array, states: Array, level: float) -> _Line:
+def _line(experiment: PreparedRecording, segment: Segment, parameters: Array, states: Array, level: float) -> _Line:
     plant = experiment.plant
     known: NDArray[np.bool_] = np.asarray(np.isfinite(states).all(axis=1))
     reached = len(states) if known.all() else max(1, int(np.argmin(known)))
@@ -153,7 +155,7 @@ def _transition(by_state: Array, by_input: Array, step: Array, scale: Array) -> 
     return result[:, :n, :n], result[:, :n, n:]
 
 
-def _filtered(plant: Plant, line: _Line) -> Gains:
+def _filtered(plant: Plant, line: _Line) -> PredictorGains:
     """The filter along a line; after the end of a failed run nothing is corrected or counted."""
     n, count = len(line.used), len(line.a)
     gain, root = np.zeros((n, len(plant.state_names), len(OUTPUTS))), np.zeros((n, len(OUTPUTS), len(OUTPUTS)))
@@ -161,4 +163,4 @@ def _filtered(plant: Plant, line: _Line) -> Gains:
     gain[:count] = made * line.scale[None, :, None]
     root[:count] = np.linalg.inv(np.linalg.cholesky(innovation))
     root[~line.used.any(axis=1)] = 0.0
-    return Gains(gain, root, line.used)
+    return PredictorGains(gain, root, line.used)

@@ -7,7 +7,7 @@ import pytest
 from diagnosis_samples import BAGS, FOLDED, PERIOD, constant, tz17
 
 from boom_estimation import (
-    Problem,
+    EstimationProblem,
     Unknown,
     effect_unknown,
     fit,
@@ -69,9 +69,9 @@ OFF = {SA.replace(".", "__"): 1.3, SB.replace(".", "__"): 0.75, FRICTION.replace
 
 def problem(
     machine: Machine, *recordings: Recording, names: tuple[str, ...] = (SA, SB, FRICTION, "fluid.beta")
-) -> Problem:
+) -> EstimationProblem:
     unknowns = [machine_unknown(machine, name, widen=3.0, least=0.3) for name in names]
-    return Problem([prepare(r, machine) for r in recordings], unknowns)
+    return EstimationProblem([prepare(r, machine) for r in recordings], unknowns)
 
 
 def test_numbers_that_are_a_third_wrong_come_back_inside_their_intervals() -> None:
@@ -108,7 +108,7 @@ def test_an_effect_is_estimated_like_any_other_number() -> None:
     loaded = tz17().with_effects({"pressure_bias": {"hose": 1.5e5}})
     nominal = with_effects_present(tz17(), {"pressure_bias": {}})
     unknown = effect_unknown("pressure_bias", "hose")
-    found = fit(Problem([prepare(recorded(loaded, 7.0), nominal)], [unknown]))
+    found = fit(EstimationProblem([prepare(recorded(loaded, 7.0), nominal)], [unknown]))
     assert found.number("effects.pressure_bias.hose") == pytest.approx(1.5e5, rel=0.05)
 
 
@@ -116,7 +116,7 @@ def test_delays_are_estimated_from_runs_with_shifted_inputs() -> None:
     late = tz17().with_effects({"command_delay": {"T": 0.033}, "pressure_delay": {"T": 0.027}})
     nominal = with_effects_present(tz17(), {"command_delay": {}, "pressure_delay": {}})
     unknowns = [effect_unknown("command_delay", "T"), effect_unknown("pressure_delay", "T")]
-    found = fit(Problem([prepare(recorded(late, 7.0), nominal)], unknowns))
+    found = fit(EstimationProblem([prepare(recorded(late, 7.0), nominal)], unknowns))
     assert found.values == pytest.approx([0.033, 0.027], abs=1.5e-3)
 
 
@@ -125,7 +125,7 @@ def test_an_unknown_of_one_recording_leaves_the_others_alone() -> None:
     biased = recorded(tz17().with_effects({"pressure_bias": {"hose": 2e5}}), 5.0, name="biased")
     plain = recorded(tz17(), 5.0, seed=2, name="plain")
     unknowns = [effect_unknown("pressure_bias", "hose", bag=name) for name in ("biased", "plain")]
-    found = fit(Problem([prepare(r, nominal) for r in (biased, plain)], unknowns))
+    found = fit(EstimationProblem([prepare(r, nominal) for r in (biased, plain)], unknowns))
     assert found.values == pytest.approx([2e5, 0.0], abs=1.5e4)
 
 
@@ -135,7 +135,10 @@ def test_held_out_samples_do_not_touch_the_fit() -> None:
     hose = recording.signals["hose_pressure"]
     spoilt.signals["hose_pressure"] = replace(hose, values=np.where(hose.time > 7.6, 2e7, hose.values))
     fits = [
-        fit(Problem([prepare(r, tz17(), held_out=last_part(r, 0.25))], [machine_unknown(tz17(), SA)]), iterations=3)
+        fit(
+            EstimationProblem([prepare(r, tz17(), held_out=last_part(r, 0.25))], [machine_unknown(tz17(), SA)]),
+            iterations=3,
+        )
         for r in (recording, spoilt)
     ]
     assert fits[0].values == pytest.approx(fits[1].values, rel=1e-9)
@@ -143,7 +146,7 @@ def test_held_out_samples_do_not_touch_the_fit() -> None:
 
 def test_two_numbers_of_which_only_the_product_acts_are_told_together_only() -> None:
     pair = [Unknown(name, "", 1.0, 0.3, 0.1, 10.0, True, factor_of=(SA,)) for name in ("one factor", "another factor")]
-    twice = Problem([prepare(recorded(tz17(), 7.0), tz17())], pair)
+    twice = EstimationProblem([prepare(recorded(tz17(), 7.0), tz17())], pair)
     known = uncertainty(twice, fit(twice, iterations=3))
     assert known.partners(0) == [1]
     assert known.shrinkage == pytest.approx([0.707, 0.707], abs=0.02)
@@ -151,7 +154,7 @@ def test_two_numbers_of_which_only_the_product_acts_are_told_together_only() -> 
 
 def test_a_bound_is_not_crossed() -> None:
     held = replace(machine_unknown(wrong(**OFF), SA, widen=3.0), low=1.1 * number(tz17(), SA))
-    found = fit(Problem([prepare(recorded(tz17(), 7.0), wrong(**OFF))], [held]), iterations=8)
+    found = fit(EstimationProblem([prepare(recorded(tz17(), 7.0), wrong(**OFF))], [held]), iterations=8)
     assert found.values[0] == pytest.approx(held.low)
 
 
@@ -203,7 +206,7 @@ def test_two_accumulators_that_changed_places_are_found_from_another_start() -> 
     machine = wrong(accumulators__p_g0_1=0.72, accumulators__p_g0_2=1.3)
     unknowns = [machine_unknown(machine, name, widen=3.0, least=0.3) for name in charges]
     recording = recorded(tz17(), 9.0)
-    found, _, _ = search(Problem([prepare(recording, machine)], unknowns), 3, 0, lambda _: None)
+    found, _, _ = search(EstimationProblem([prepare(recording, machine)], unknowns), 3, 0, lambda _: None)
     assert found.level <= 1.3
     assert sorted(found.values) == pytest.approx(sorted(number(tz17(), name) for name in charges), rel=0.1)
 
@@ -221,7 +224,9 @@ def test_a_recording_with_a_gap_in_motion_is_used_on_both_sides_of_it() -> None:
     damaged = load(BAGS / "damaged/gap_in_motion")
     experiment = prepare(damaged, wrong(**{SA.replace(".", "__"): 1.3}))
     assert [segment.rest is None for segment in experiment.segments] == [False, True]
-    found = fit(Problem([experiment], [machine_unknown(wrong(**{SA.replace(".", "__"): 1.3}), SA, widen=3.0)]))
+    found = fit(
+        EstimationProblem([experiment], [machine_unknown(wrong(**{SA.replace(".", "__"): 1.3}), SA, widen=3.0)])
+    )
     assert found.values[0] == pytest.approx(number(tz17(), SA), rel=0.01)
     assert found.level < 1.3
 

@@ -19,7 +19,7 @@ scatter: over seven simulated campaigns errors were 1.5 times (rms) as large as 
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Identified:
     """One parameter that the recordings determine; the others are `NotDetermined`.
 
     Attributes:
@@ -115,7 +115,7 @@ def interval(value: float, variance: float) -> tuple[float, float]:
     return value - half, value + half
 
 
-def too_wide(found: Estimate, tolerance: float) -> str:
+def too_wide(found: Identified, tolerance: float) -> str:
     """Why an estimate adds nothing to the prior (relative ``tolerance``); empty if it does."""
     half = max(abs(bound - found.value) for bound in found.interval_90)
     if half <= tolerance * abs(found.value):

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_identification import estimate
-from boom_identification.estimate import Estimate, NotDetermined
+from boom_identification.estimate import Identified, NotDetermined
 from boom_identification.stationary import Points
 from boom_model.component_numbers import component_parameters
 from boom_model.components import cylinder, friction
@@ -45,7 +45,7 @@ class FrictionResult:
     torque: Array
     fitted: Array
     residual: float
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[Identified, ...]
     not_determined: tuple[NotDetermined, ...]
 
 
@@ -70,7 +70,7 @@ def identify_friction(points: Points, machine: Machine, pose: Pose) -> FrictionR
     """tau_C and k_v of both directions; a direction without enough speeds is not determined."""
     torque = friction_torque(points, machine, pose)
     values = {key: machine.parameters[f"friction.{key}"].value[0] for key in _KEYS}
-    found: list[Estimate] = []
+    found: list[Identified] = []
     missing: list[NotDetermined] = []
     for sign, suffix, direction in ((1.0, "pos", "lifting"), (-1.0, "neg", "lowering")):
         keys = (f"tau_C_{suffix}", f"k_v_{suffix}")
@@ -83,7 +83,7 @@ def identify_friction(points: Points, machine: Machine, pose: Pose) -> FrictionR
         for k, key in enumerate(keys):
             unit = machine.parameters[f"friction.{key}"].specification.unit
             bounds = estimate.interval(float(solution[k]), float(covariance[k, k]))
-            new = Estimate(f"friction.{key}", float(solution[k]), unit, bounds, _HOW)
+            new = Identified(f"friction.{key}", float(solution[k]), unit, bounds, _HOW)
             values[key] = new.value
             why = estimate.too_wide(new, machine.parameters[new.key].tolerance)
             if why:

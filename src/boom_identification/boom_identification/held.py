@@ -13,8 +13,8 @@ from math import log
 
 import numpy as np
 
-from boom_estimation.fit import Fit, cost_at
-from boom_estimation.problem import Problem
+from boom_estimation.fit import FitResult, cost_at
+from boom_estimation.problem import EstimationProblem
 from boom_estimation.uncertainty import NINETY, Uncertainty
 from boom_estimation.unknown import Unknown
 from boom_identification.estimate import NotDetermined
@@ -52,7 +52,9 @@ _PAIRING = 3.0
 """Standard deviations by which both accumulators must differ in pre-charge and in orifice."""
 
 
-def tied(problem: Problem, best: Fit, machine: Machine) -> list[tuple[str, tuple[str, ...], tuple[str, ...]]]:
+def tied(
+    problem: EstimationProblem, best: FitResult, machine: Machine
+) -> list[tuple[str, tuple[str, ...], tuple[str, ...]]]:
     """Groups of numbers that the recordings determine only in combination: reason, numbers to name, all members.
 
     Args:
@@ -69,7 +71,7 @@ def tied(problem: Problem, best: Fit, machine: Machine) -> list[tuple[str, tuple
             Unknown(f"factor of {name}", "", 1.0, abs(log(FACTOR)), 0.1, 10.0, True, (name,), prior=False)
             for name in exponents
         ]
-        wider = Problem(problem.experiments, (*best.unknowns, *factors))
+        wider = EstimationProblem(problem.experiments, (*best.unknowns, *factors))
         costs = [
             cost_at(wider, best.gains, np.concatenate((best.z, step * np.array(list(exponents.values())))))
             for step in (0.0, 1.0)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from boom_identification import estimate
-from boom_identification.estimate import Estimate, NotDetermined
+from boom_identification.estimate import Identified, NotDetermined
 from boom_identification.stationary import Points
 from boom_model.component_numbers import component_parameters
 from boom_model.components import friction, hose_burst_valve
@@ -61,7 +61,7 @@ class HoseBurstValveResult:
     coefficients: Array | None
     node_bar: float
     residual_lpm: float
-    estimates: tuple[Estimate, ...] = ()
+    estimates: tuple[Identified, ...] = ()
     not_determined: tuple[NotDetermined, ...] = ()
 
     def flow(self, drop_bar: Array) -> Array:
@@ -149,7 +149,7 @@ def from_curve(drop_bar: Array, flow_lpm: Array, source: str) -> HoseBurstValveR
     covariance = tie @ estimate.cluster_covariance(reduced, residual, np.arange(len(residual))) @ tie.T
     units = {"a11": "l/min/bar", "a12": "l/min/bar^0.5", "a21": "l/min/bar", "a30": "l/min", "a31": "l/min/bar"}
     estimates = tuple(
-        Estimate(
+        Identified(
             f"hose_burst_valve.{name}", float(a[NAMES.index(name)]), units[name],
             estimate.interval(float(a[NAMES.index(name)]), float(covariance[NAMES.index(name), NAMES.index(name)])),
             f"(5.36), {len(drop_bar)} points of {source}",

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from boom_identification import hose_burst_valve, machine_output
-from boom_identification.estimate import Estimate, NotDetermined
+from boom_identification.estimate import Identified, NotDetermined
 from boom_identification.friction import FrictionResult, identify_friction
 from boom_identification.hose_burst_valve import HoseBurstValveResult
 from boom_identification.main_valve import MainValveResult, identify_main_valve
 from boom_identification.pilot_valve import PilotValves, identify_pilot_valves
-from boom_identification.spool import Spool, spool_of
+from boom_identification.spool import SpoolNumbers, spool_of
 from boom_identification.stationary import Points, pose_of, stationary_points
 from boom_identification.validation import BagValidation, validate
 from boom_model.machine import Machine, Pose
@@ -28,7 +28,7 @@ class Refined(Protocol):
     """Result of a refinement (all numbers together)."""
 
     @property
-    def estimates(self) -> Sequence[Estimate]:
+    def estimates(self) -> Sequence[Identified]:
         """The determined parameters."""
 
     @property
@@ -72,9 +72,9 @@ class Identification:
     main_valve: MainValveResult | None = None
     hose_burst_valve: HoseBurstValveResult | None = None
     friction: FrictionResult | None = None
-    spool: Spool | None = None
+    spool: SpoolNumbers | None = None
     refined: Refined | None = None
-    estimates: tuple[Estimate, ...] = ()
+    estimates: tuple[Identified, ...] = ()
     not_determined: tuple[NotDetermined, ...] = ()
     validation: tuple[BagValidation, ...] = ()
 
@@ -212,7 +212,7 @@ def _from_recordings(
     return replace(result, validation=tuple(validation))
 
 
-def _with(result: Identification, found: Sequence[Estimate], missing: Sequence[NotDetermined]) -> Identification:
+def _with(result: Identification, found: Sequence[Identified], missing: Sequence[NotDetermined]) -> Identification:
     """Replace older results of the same key by new ones; a number found is no longer missing."""
     good = []
     for estimate in found:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from boom_identification.estimate import Estimate
+from boom_identification.estimate import Identified
 from boom_input.whole import write_whole
 from boom_model.components import hose_burst_valve
 from boom_model.machine import TOLERANCES, Machine, check_range
@@ -24,7 +24,7 @@ _GEOMETRY = ("kinematics.", "cylinder.l_")
 _ANGLES = 401
 
 
-def vector_values(machine: Machine, estimates: Iterable[Estimate]) -> dict[str, float | tuple[float, ...]]:
+def vector_values(machine: Machine, estimates: Iterable[Identified]) -> dict[str, float | tuple[float, ...]]:
     """Estimates of components (``pilot_valves.h.0``) as values of parameters (``pilot_valves.h``), by dotted key."""
     values: dict[str, float | tuple[float, ...]] = {}
     for found in estimates:
@@ -39,7 +39,7 @@ def vector_values(machine: Machine, estimates: Iterable[Estimate]) -> dict[str, 
     return values
 
 
-def fits(machine: Machine, found: Estimate) -> str:
+def fits(machine: Machine, found: Identified) -> str:
     """Why a machine file cannot hold this number; empty if it can."""
     key = found.key if found.key in machine.parameters else found.key.rpartition(".")[0]
     try:
@@ -49,7 +49,7 @@ def fits(machine: Machine, found: Estimate) -> str:
     return ""
 
 
-def document_with(machine: Machine, estimates: Iterable[Estimate]) -> dict[str, Any]:
+def document_with(machine: Machine, estimates: Iterable[Identified]) -> dict[str, Any]:
     """The machine's document with the estimates in it; everything else unchanged.
 
     Raises:
@@ -77,7 +77,7 @@ def document_with(machine: Machine, estimates: Iterable[Estimate]) -> dict[str, 
     return document
 
 
-def write_machine(path: Path, machine: Machine, estimates: Iterable[Estimate], *, command: str) -> None:
+def write_machine(path: Path, machine: Machine, estimates: Iterable[Identified], *, command: str) -> None:
     """Write the file completely or not at all.
 
     Raises:
@@ -92,13 +92,13 @@ def write_machine(path: Path, machine: Machine, estimates: Iterable[Estimate], *
     write_whole(path, head + text)
 
 
-def confidence(estimates: Iterable[Estimate]) -> str:
+def confidence(estimates: Iterable[Identified]) -> str:
     """``high``, ``medium`` or ``low``: the tolerance of the machine notes that covers the widest 90 % interval."""
     widest = max(max(abs(bound - e.value) for bound in e.interval_90) / max(abs(e.value), 1e-300) for e in estimates)
     return next((name for name in ("high", "medium") if widest <= TOLERANCES[name]), "low")
 
 
-def _provenance(own: list[Estimate], old: Any) -> dict[str, str]:
+def _provenance(own: list[Identified], old: Any) -> dict[str, str]:
     before = old.get("value") if isinstance(old, Mapping) else old
     source = old.get("prov", "not told") if isinstance(old, Mapping) else "not told"
     bounds = ", ".join(f"{low:.5g} .. {high:.5g}" for low, high in (e.interval_90 for e in own))
@@ -109,7 +109,7 @@ def _provenance(own: list[Estimate], old: Any) -> dict[str, str]:
     }
 
 
-def _meter_out(document: dict[str, Any], machine: Machine, found: Mapping[str, Estimate]) -> None:
+def _meter_out(document: dict[str, Any], machine: Machine, found: Mapping[str, Identified]) -> None:
     """The law of A_ta is a text in the file: A_sb/(c0-c1*u^2)."""
     c0, c1 = (
         found[f"{_LAW}.{k}"].value if f"{_LAW}.{k}" in found else machine.parameters[f"{_LAW}.{k}"].value[0]

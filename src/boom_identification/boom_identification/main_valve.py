@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from boom_identification import estimate, splines
-from boom_identification.estimate import Estimate, NotDetermined
+from boom_identification.estimate import Identified, NotDetermined
 from boom_identification.splines import PSpline
 from boom_identification.stationary import Points
 from boom_model.component_numbers import component_parameters
@@ -93,7 +93,7 @@ class MainValveResult:
     dead_zone: float
     ports: tuple[PortAreas, PortAreas]
     polygons: dict[str, tuple[Array, Array]]
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[Identified, ...]
     not_determined: tuple[NotDetermined, ...]
     law: dict[str, tuple[Array, Array]]
     residual_lpm: float
@@ -190,7 +190,7 @@ def _spline(points: Points, area: Array, dead_zone: float, smoothing: float | No
 
 def _law(
     points: Points, machine: Machine, pose: Pose
-) -> tuple[tuple[Estimate, ...], tuple[NotDetermined, ...], dict[str, float], float]:
+) -> tuple[tuple[Identified, ...], tuple[NotDetermined, ...], dict[str, float], float]:
     """The machine file's law, fitted to the flows at both ports of all points on the sides with data."""
     prior = {key: machine.parameters[f"main_valve_orifices.{key}"].value[0] for key in LAW}
     sides = [s for s, sign in zip(SIDES, (-1, 1), strict=True) if _seen(points.where(np.sign(points.spool) == sign))]
@@ -228,7 +228,7 @@ def _law(
 
 def _fit(
     used: Points, machine: Machine, pose: Pose, prior: dict[str, float], free: list[str]
-) -> tuple[list[Estimate], float]:
+) -> tuple[list[Identified], float]:
     """Estimates of the ``free`` numbers of the law, the others at their ``prior``, and the rms error of the flows [l/min].
 
     Raises:
@@ -262,7 +262,7 @@ def _fit(
     for k, key in enumerate(free):
         value = float(fit.x[k] * start[k])
         bounds = estimate.interval(value, float(covariance[k, k]) * start[k] ** 2)
-        found.append(Estimate(f"main_valve_orifices.{key}", value, LAW[key], bounds, how))
+        found.append(Identified(f"main_valve_orifices.{key}", value, LAW[key], bounds, how))
     return found, float(np.sqrt(np.mean((residual * weight) ** 2))) * 6e4
 
 

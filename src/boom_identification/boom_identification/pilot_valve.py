@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_identification import signals
-from boom_identification.estimate import Estimate, NotDetermined, interval
+from boom_identification.estimate import Identified, NotDetermined, interval
 from boom_identification.pilot_dynamics import Arx, FirstOrder, Pair, arx, first_order_arx, output_error
 from boom_identification.pilot_joint import joint_fit
 from boom_identification.pilot_static import Averaged, AveragedTrace, StaticCurve, averaged, fit_curve
@@ -37,7 +37,7 @@ PARAMETERS = ("pilot_valves.a1_s", "pilot_valves.b0_s", "pilot_valves.b1_s", "pi
 
 
 @dataclass(frozen=True)
-class Candidate:
+class PoleCandidate:
     """One order and delay: simulated error on the validation data [Pa rms], one-step error on the training data [A rms]."""
 
     n: int
@@ -95,7 +95,7 @@ class ValveResult:
     arx: FirstOrder
     arx_raw: FirstOrder
     model: FirstOrder
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[PoleCandidate, ...]
     bias: tuple[BiasPoint, ...]
 
 
@@ -122,7 +122,7 @@ class PilotValves:
         """The curve for the machine file: from the joint fit if there is one."""
         return self.curve if self.joint is None else self.joint[0]
 
-    def estimates(self) -> list[Estimate]:
+    def estimates(self) -> list[Identified]:
         """The determined parameters with intervals, named as in the machine file."""
         result = []
         curve = self.final_curve
@@ -130,12 +130,12 @@ class PilotValves:
             how = f"(5.2), {curve.points} stationary points" + (", fitted with the linear part" if self.joint else "")
             for k, (value, unit) in enumerate(zip(curve.h, ("bar/A^2", "bar/A", "bar"), strict=True)):
                 bounds = interval(value, float(curve.covariance[k, k]))
-                result.append(Estimate(f"pilot_valves.h.{k}", value, unit, bounds, how))
+                result.append(Identified(f"pilot_valves.h.{k}", value, unit, bounds, how))
         if self.joint is not None:
             names = (("a1_s", "1/s"), ("b0_s", "1/s"), ("b1_s", "-"))
             rows = zip(names, self.joint[1].state_space, self.joint[1].intervals(), strict=True)
             how = f"output error of the whole Wiener model, {len(self.traces)} traces"
-            result += [Estimate(f"pilot_valves.{n}", value, unit, bounds, how) for (n, unit), value, bounds in rows]
+            result += [Identified(f"pilot_valves.{n}", value, unit, bounds, how) for (n, unit), value, bounds in rows]
         return result
 
 
@@ -239,13 +239,13 @@ def _pairs(stretches: Iterable[Averaged], curve: StaticCurve) -> list[Pair]:
 
 def _candidates(
     pairs: Sequence[Pair], held: Sequence[Pair], curve: StaticCurve, period: float
-) -> tuple[Candidate, ...]:
+) -> tuple[PoleCandidate, ...]:
     found = []
     for (n, m), delay_s in product(ORDERS, DELAYS_S):
         delay = round(delay_s / period)
         fitted = arx(pairs, n, m, delay)
         error = _simulated_error(fitted, held, curve) if fitted.stable else np.inf
-        found.append(Candidate(n, m, delay * period, fitted.one_step, error, fitted.stable))
+        found.append(PoleCandidate(n, m, delay * period, fitted.one_step, error, fitted.stable))
     return tuple(found)
 
 

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_estimation.experiment import Experiment, last_part, prepare
-from boom_estimation.fit import Fit, fit
-from boom_estimation.problem import Problem
+from boom_estimation.experiment import PreparedRecording, last_part, prepare
+from boom_estimation.fit import FitResult, fit
+from boom_estimation.problem import EstimationProblem
 from boom_estimation.uncertainty import TOLD, Uncertainty, uncertainty
 from boom_estimation.unknown import Unknown, machine_unknown
-from boom_identification.estimate import Estimate, NotDetermined
+from boom_identification.estimate import Identified, NotDetermined
 from boom_identification.held import AREAS, CHARGES, ORIFICES, held_numbers, pairing_told, tied
 from boom_identification.machine_output import vector_values
 from boom_identification.search import PASSABLE_LEVEL, search
@@ -75,7 +75,7 @@ class Refinement:
     """
 
     machine: Machine
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[Identified, ...]
     not_determined: tuple[NotDetermined, ...]
     groups: tuple[tuple[str, ...], ...] = ()
     held_out: tuple[HeldOut, ...] = ()
@@ -132,7 +132,7 @@ def refine(
     silent = tuple(NotDetermined(u.name, "not enough excitation in these recordings") for u in asked if u.name in dull)
     if not lively:
         return Refinement(machine, (), silent)
-    problem = Problem(experiments, lively)
+    problem = EstimationProblem(experiments, lively)
     best, iterations, used = search(problem, starts, seed, say)
     say("intervals")
     spread = uncertainty(problem, best)
@@ -161,7 +161,7 @@ def _unknowns(machine: Machine) -> list[str]:
     return [name for name in UNKNOWNS if name in components]
 
 
-def _moves(experiment: Experiment) -> bool:
+def _moves(experiment: PreparedRecording) -> bool:
     """Whether the boom moves long enough in the training data: a boom at rest shows only its sensors."""
     moving = 0.0
     for segment in experiment.segments:
@@ -170,9 +170,9 @@ def _moves(experiment: Experiment) -> bool:
     return moving > _SHORTEST_MOTION
 
 
-def _unexcited(experiments: Sequence[Experiment], asked: Sequence[Unknown]) -> set[str]:
+def _unexcited(experiments: Sequence[PreparedRecording], asked: Sequence[Unknown]) -> set[str]:
     """Unknowns about which the recordings, at the prior values, give almost no information, each taken separately."""
-    problem = Problem(experiments, asked)
+    problem = EstimationProblem(experiments, asked)
     z = np.zeros(len(asked))
     if not experiments:
         return {u.name for u in asked}
@@ -184,7 +184,7 @@ def _unexcited(experiments: Sequence[Experiment], asked: Sequence[Unknown]) -> s
     return {u.name for u, information in zip(asked, told, strict=True) if 1.0 / np.sqrt(1.0 + information) > TOLD}
 
 
-def _reasons(best: Fit, spread: Uncertainty, groups: Sequence[Collection[str]]) -> dict[str, tuple[str, bool]]:
+def _reasons(best: FitResult, spread: Uncertainty, groups: Sequence[Collection[str]]) -> dict[str, tuple[str, bool]]:
     """Why unknowns are not determined: name -> (reason, whether another motion would help)."""
     if best.level > PASSABLE_LEVEL:
         why = "no values were found with which the model reproduces the recordings"
@@ -211,13 +211,15 @@ def _reasons(best: Fit, spread: Uncertainty, groups: Sequence[Collection[str]]) 
     return result
 
 
-def _only(problem: Problem, full: Fit, kept: Sequence[int], say: Progress) -> Fit:
+def _only(problem: EstimationProblem, full: FitResult, kept: Sequence[int], say: Progress) -> FitResult:
     """The fit again with undetermined numbers held at their prior values, so that all numbers are consistent."""
-    fewer = Problem(problem.experiments, [problem.unknowns[j] for j in kept])
+    fewer = EstimationProblem(problem.experiments, [problem.unknowns[j] for j in kept])
     return fit(fewer, full.z[list(kept)], iterations=10, level=full.level, progress=lambda text: say("again: " + text))
 
 
-def _estimates(best: Fit, spread: Uncertainty, kept: Sequence[int], lively: Sequence[Unknown]) -> list[Estimate]:
+def _estimates(
+    best: FitResult, spread: Uncertainty, kept: Sequence[int], lively: Sequence[Unknown]
+) -> list[Identified]:
     """Determined numbers; if the fit was repeated, the interval of the first fit is shifted with the value."""
     result = []
     for position, j in enumerate(kept):
@@ -229,11 +231,11 @@ def _estimates(best: Fit, spread: Uncertainty, kept: Sequence[int], lively: Sequ
         low, high = (float(spread.low[j]), float(spread.high[j]))
         if not low <= value <= high or abs(value - middle) > 0.5 * half:
             low, high = value - half, value + half
-        result.append(Estimate(unknown.name, value, unknown.unit, (low, high), "all recordings at once"))
+        result.append(Identified(unknown.name, value, unknown.unit, (low, high), "all recordings at once"))
     return result
 
 
-def _in_order(estimates: list[Estimate]) -> list[Estimate]:
+def _in_order(estimates: list[Identified]) -> list[Identified]:
     """Exchange the accumulators if needed: by (5.43) number 1 is the one with the higher pre-charge."""
     found = {e.key: e for e in estimates}
     pairs = (CHARGES, ORIFICES)
@@ -258,7 +260,7 @@ def free_run_errors(
     experiments = [
         prepare(r, machine, held_out=last_part(r, held_out), name=f"{k}:{r.name}") for k, r in enumerate(recordings)
     ]
-    errors = iter(Problem(experiments, []).free_errors(np.zeros(0)))
+    errors = iter(EstimationProblem(experiments, []).free_errors(np.zeros(0)))
     result = []
     for experiment in experiments:
         collected = [next(errors)[~segment.training] for segment in experiment.segments]

@@ -13,8 +13,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_estimation.fit import Fit, cost_at, fit
-from boom_estimation.problem import Problem
+from boom_estimation.fit import FitResult, cost_at, fit
+from boom_estimation.problem import EstimationProblem
 from boom_model.plant import FAST
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ _APART = 0.7
 _DRAWN = 0.5
 
 
-def search(problem: Problem, starts: int, seed: int, say: Progress) -> tuple[Fit, int, int]:
+def search(problem: EstimationProblem, starts: int, seed: int, say: Progress) -> tuple[FitResult, int, int]:
     """The best of at most ``starts`` searches, all iterations, and the number of searches.
 
     The first that agrees with the recordings is the last. seed: of the drawn starts.
@@ -54,7 +54,7 @@ def search(problem: Problem, starts: int, seed: int, say: Progress) -> tuple[Fit
     return best, iterations, used
 
 
-def _others(problem: Problem, best: Fit, count: int, seed: int) -> list[Array]:
+def _others(problem: EstimationProblem, best: FitResult, count: int, seed: int) -> list[Array]:
     """``count`` starting points z (m,) after ``best``."""
     names = [u.name for u in problem.unknowns]
     block = [j for j, name in enumerate(names) if name.startswith("accumulators.")]

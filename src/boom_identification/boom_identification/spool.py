@@ -41,7 +41,7 @@ class SpoolConstant:
 
 
 @dataclass(frozen=True)
-class Spool:
+class SpoolNumbers:
     """Constants and pictures: speed (n,) [m/s], friction (n,) [N]; time (m,) [s], position (m,) [m] after a step."""
 
     constants: tuple[SpoolConstant, ...]
@@ -51,7 +51,7 @@ class Spool:
     position: Array
 
 
-def spool_of(machine: Machine, pose: Pose) -> Spool:
+def spool_of(machine: Machine, pose: Pose) -> SpoolNumbers:
     """The spool of a pilot-operated machine; any pose."""
     p, e = component_parameters(machine, pose)
     s, section = p.main_valve_spool, machine.document["main_valve_spool"]
@@ -83,4 +83,4 @@ def spool_of(machine: Machine, pose: Pose) -> Spool:
 
     time = np.linspace(0.0, STEP_DURATION, 301)
     answer = solve_ivp(rates, (0.0, STEP_DURATION), [0.0, 0.0], method="LSODA", t_eval=time, rtol=1e-6, atol=1e-10)
-    return Spool(constants, speeds, friction, time, np.asarray(answer.y[0], float))
+    return SpoolNumbers(constants, speeds, friction, time, np.asarray(answer.y[0], float))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_estimation.free_run import Metrics, Prediction, metrics, predict
+from boom_estimation.free_run import FreeRun, Metrics, metrics, predict
 from boom_input.channels import PREDICTED
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
@@ -30,8 +30,8 @@ class BagValidation:
     """One recording with both predictions; ``limits`` are the errors up to which a model counts as right."""
 
     recording: Recording
-    full: Prediction
-    reduced: Prediction
+    full: FreeRun
+    reduced: FreeRun
     reduced_vs_full_angle_mae_rad: float | None
     limits: Metrics
 
@@ -134,7 +134,7 @@ def noise_limits(machine: Machine, *, both: bool = False) -> Metrics:
     return Metrics(limits)
 
 
-def from_bag(recording: Recording, simulated: Recording) -> Prediction:
+def from_bag(recording: Recording, simulated: Recording) -> FreeRun:
     """A prediction from a bag of a simulation: interpolated, with both times counted from their beginning."""
     values = {}
     for name in OUTPUTS:
@@ -145,4 +145,4 @@ def from_bag(recording: Recording, simulated: Recording) -> Prediction:
         for k in gaps:
             predicted[(time > own[k]) & (time < own[k + 1])] = np.nan
         values[name] = predicted
-    return Prediction("full", values, metrics(recording, values), (f"simulated by other processes: {simulated.name}",))
+    return FreeRun("full", values, metrics(recording, values), (f"simulated by other processes: {simulated.name}",))

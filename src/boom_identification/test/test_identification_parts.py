@@ -8,7 +8,7 @@ from diagnosis_samples import tz17
 from scipy.interpolate import make_lsq_spline
 
 from boom_identification import estimate, hose_burst_valve, pilot_dynamics, signals, splines
-from boom_identification.estimate import Estimate
+from boom_identification.estimate import Identified
 from boom_identification.machine_output import document_with, vector_values, write_machine
 from boom_identification.spool import spool_of
 from boom_model.component_numbers import component_parameters
@@ -198,10 +198,10 @@ class TestSpool:
 
 class TestMachineOutput:
     FOUND = (
-        Estimate("friction.tau_C_pos", 3900.0, "N m", (3850.0, 3950.0), "(5.38)"),
-        Estimate("pilot_valves.h.0", 75.0, "bar/A^2", (74.0, 76.0), "(5.2)"),
-        Estimate("main_valve_orifices.A_ta_law.c1", -0.25, "-", (-0.3, -0.2), "(5.17)"),
-        Estimate("hose_burst_valve.a21", 8.0, "l/min/bar", (7.9, 8.1), "(5.36)"),
+        Identified("friction.tau_C_pos", 3900.0, "N m", (3850.0, 3950.0), "(5.38)"),
+        Identified("pilot_valves.h.0", 75.0, "bar/A^2", (74.0, 76.0), "(5.2)"),
+        Identified("main_valve_orifices.A_ta_law.c1", -0.25, "-", (-0.3, -0.2), "(5.17)"),
+        Identified("hose_burst_valve.a21", 8.0, "l/min/bar", (7.9, 8.1), "(5.36)"),
     )
 
     def test_what_was_found_is_read_again_and_the_rest_is_as_it_was(self, tmp_path: Path) -> None:
@@ -227,4 +227,4 @@ class TestMachineOutput:
 
     def test_an_impossible_value_is_refused(self) -> None:
         with pytest.raises(MachineError, match=r"friction\.tau_C_pos"):
-            document_with(tz17(), [Estimate("friction.tau_C_pos", -5.0, "N m", (-6.0, -4.0), "")])
+            document_with(tz17(), [Identified("friction.tau_C_pos", -5.0, "N m", (-6.0, -4.0), "")])

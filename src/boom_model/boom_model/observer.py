@@ -68,7 +68,7 @@ class Observed:
 
 
 @dataclass(frozen=True)
-class Gains:
+class KalmanGains:
     """Kalman gains (n, NX, NY) and W (n, NY, NY): W e has unit variance if the noise is as assumed."""
 
     gain: Array
@@ -275,7 +275,7 @@ def linearised(
     )
 
 
-def kalman(plant: Plant, samples: Samples, along: Linearised, noise: NoiseModel) -> Gains:
+def kalman(plant: Plant, samples: Samples, along: Linearised, noise: NoiseModel) -> KalmanGains:
     """Gains of the extended Kalman filter along a trajectory linearised with this noise of the currents."""
     names, step, middle = plant.state_names, np.diff(samples.grid), along.middle
     density = np.array([noise.disturbance.get(name, 0.0) ** 2 for name in names])[None, :].repeat(len(step), axis=0)
@@ -287,7 +287,7 @@ def kalman(plant: Plant, samples: Samples, along: Linearised, noise: NoiseModel)
     gain, innovation = riccati(plant, along.transition, process, along.output, valid, variance, covariance)
     if not np.isfinite(innovation).all():
         raise SimulationError("the covariance of the observer grew without bounds", float(samples.grid[0]), None)
-    return Gains(gain, np.linalg.inv(np.linalg.cholesky(innovation)))
+    return KalmanGains(gain, np.linalg.inv(np.linalg.cholesky(innovation)))
 
 
 def riccati(

@@ -114,7 +114,7 @@ def place_bodies(rigid_body: Mapping[str, Any], q3: float, q4: float) -> list[Bo
         inertia_across = float(turn[2] @ inertia @ turn[2])
         placed.append(Body(name, mass, _place(rigid_body, key, item, center_in_plane[:2], q3, q4), inertia_across))
     placed.append(Body("tip", hanging_mass(rigid_body), tip_position(rigid_body, q3, q4), 0.0))
-    return placed + _arm_cylinders(rigid_body, q3, q4)
+    return placed + _arm_cylinders(rigid_body, q3)
 
 
 def check_pose(rigid_body: Mapping[str, Any], q3: float, q4: float) -> None:
@@ -210,7 +210,7 @@ def scalar(value: Any, key: str) -> float:
     return float(value)
 
 
-def _arm_cylinders(rigid_body: Mapping[str, Any], q3: float, q4: float) -> list[Body]:
+def _arm_cylinders(rigid_body: Mapping[str, Any], q3: float) -> list[Body]:
     """Barrels and rods lie on the line from the foot on the boom to the eye on the arm."""
     key = "rigid_body.planar.arm_cylinder"
     cylinder = entry(entry(rigid_body, "rigid_body", "planar"), "rigid_body.planar", "arm_cylinder")

@@ -17,7 +17,7 @@ from boom_estimation.initial_state import UNCERTAINTY
 from boom_input.channels import PREDICTED
 from boom_model.plant import Stepper
 from boom_model.sensors import OUTPUTS, SensorNoise
-from boom_monitor.model import Point, WatchModel
+from boom_monitor.model import ModelPoint, WatchModel
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ class WatchFilter:
         self._noise = np.array([noise.variance(sensor) for sensor in PREDICTED])
         self._noise[OUTPUTS.index("angle")] += _JITTER**2
         self._current_variance = noise.current_sigma**2 + noise.current_quantum**2 / 12
-        self._point: Point = model.at(self.state, (0.0, 0.0))
+        self._point: ModelPoint = model.at(self.state, (0.0, 0.0))
         self._output = self._point.y.copy()
         causes = len(model.tolerated) + len(model.suspects)
         self._effect = np.zeros((len(names), causes))

@@ -57,7 +57,7 @@ class Suspect:
 
 
 @dataclass(frozen=True)
-class Point:
+class ModelPoint:
     """The model at one point: derivatives of f to state (n, n), causes (n, c), currents (n, 2); y (NY,) and its derivatives.
 
     The arrays belong to the model and change with its next point.
@@ -131,7 +131,7 @@ class WatchModel:
         load = {"pose.load": max(LOAD_TOLERANCE, LOAD_SHARE * pose.load)}
         return [*result, ("masses of the boom", masses), ("load", load)]
 
-    def _compiled(self, directions: Array) -> tuple[Callable[[], None], Point]:
+    def _compiled(self, directions: Array) -> tuple[Callable[[], None], ModelPoint]:
         """A function that evaluates the model at the stored state and currents, directly into the arrays of the point."""
         m = self.plant.equations
         along = ca.DM(directions)
@@ -155,9 +155,9 @@ class WatchModel:
             buffer.set_res(k, array.reshape(-1, order="F").data)
         f_x, f_c, f_u, y, y_x, y_c = arrays
         self._buffer = buffer  # holds the addresses that evaluate() uses
-        return evaluate, Point(f_x, f_c, f_u, y.reshape(-1), y_x, y_c)
+        return evaluate, ModelPoint(f_x, f_c, f_u, y.reshape(-1), y_x, y_c)
 
-    def at(self, state: Array, currents: tuple[float, float]) -> Point:
+    def at(self, state: Array, currents: tuple[float, float]) -> ModelPoint:
         """The model with its derivatives at state (n,), currents [A]."""
         self._state[:] = state
         self._currents[:] = currents

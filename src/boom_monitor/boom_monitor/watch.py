@@ -46,7 +46,7 @@ _EARLIER = 1e-9
 
 
 @dataclass(frozen=True)
-class Settings:
+class WatchSettings:
     """Settings of the watch.
 
     Attributes:
@@ -113,8 +113,8 @@ class Watch:
         BuildError, MachineError, ModelError: the model cannot be built.
     """
 
-    def __init__(self, machine: Machine, pose: Pose, settings: Settings | None = None) -> None:
-        self.settings = settings or Settings()
+    def __init__(self, machine: Machine, pose: Pose, settings: WatchSettings | None = None) -> None:
+        self.settings = settings or WatchSettings()
         self._noise = machine.sensor_noise()
         self._model = WatchModel(machine, pose)
         self._samples: dict[str, deque[tuple[float, float]]] = {

@@ -27,7 +27,7 @@ from boom_node.parameters import ParameterSpec, declare
 from boom_node.stamps import far, ns_to_seconds, to_ns
 from boom_recording import channels
 
-_DEFAULT = watch.Settings()
+_DEFAULT = watch.WatchSettings()
 PARAMETERS = (
     ParameterSpec(
         "machine", "", "machine file, shipped name or path; empty: the machine that the configuration names", read_only=True
@@ -51,7 +51,7 @@ class WatchNode(Node):
     def __init__(self) -> None:
         super().__init__("boom_diagnosis_watch")
         self._values = values = declare(self, PARAMETERS)
-        self._settings = watch.Settings(values.threshold, values.memory, values.hold, values.delay)
+        self._settings = watch.WatchSettings(values.threshold, values.memory, values.hold, values.delay)
         self._machine = None
         if values.machine:
             try:

@@ -11,7 +11,7 @@ from diagnosis_samples import BAGS, simulated, tz17
 from boom_model.sensors import OUTPUTS
 from boom_monitor.filter import Information
 from boom_monitor.model import Suspect, WatchModel
-from boom_monitor.watch import CURRENTS, Alarm, Settings, Status, Watch, judged
+from boom_monitor.watch import CURRENTS, Alarm, Status, Watch, WatchSettings, judged
 from boom_monitor.words import message, values
 from boom_recording.loading import load
 from boom_recording.recording import Recording
@@ -20,7 +20,7 @@ EVERY = 0.2  # s between two questions
 
 
 def watched(
-    recording: Recording, settings: Settings | None = None, until: float = math.inf
+    recording: Recording, settings: WatchSettings | None = None, until: float = math.inf
 ) -> tuple[Watch, list[Status]]:
     """What a watch says over a recording, asked every 0.2 s; its samples come in the order of their stamps."""
     c = recording.configuration
@@ -75,7 +75,7 @@ def test_what_a_recording_hides_is_told_within_ten_seconds_with_its_subsystem(na
 
 
 def test_an_alarm_ends_when_the_machine_is_back_within_its_tolerance():
-    _, said = watched(load(BAGS / "explained" / "hose_burst_valve_lag_a"), Settings(hold=3.0), until=32.0)
+    _, said = watched(load(BAGS / "explained" / "hose_burst_valve_lag_a"), WatchSettings(hold=3.0), until=32.0)
     alarmed = [s.time for s in said if s.alarm is not None]
     assert alarmed[0] > 17.0
     assert alarmed[-1] < 30.0

@@ -132,7 +132,7 @@ class BagReader:
             result[topic] = TopicSamples(topic, of_topic(topic), stamps, log, values, timed, valid)
         return result
 
-    def configuration(self, *, required: bool) -> Configuration | None:
+    def configuration(self) -> Configuration | None:
         """The machine's configuration. Raises RecordingError where two differ."""
         if not self.configurations:
             return None

@@ -191,7 +191,7 @@ class BagWriter:
 class _PlainDumper(yaml.SafeDumper):
     """YAML without anchors, which the parser of rosbag2 does not accept."""
 
-    def ignore_aliases(self, data: Any) -> bool:
+    def ignore_aliases(self, _data: Any) -> bool:
         return True
 
 

@@ -49,7 +49,7 @@ def read_blf(stream: BinaryIO, left_out: Counter[str], warnings: list[str]) -> I
     place = stream.tell()
     budget = Budget(stream.seek(0, SEEK_END), _FREE)
     stream.seek(place)
-    reader = _Reader(left_out, warnings, _system_time(header, warnings))
+    reader = _BlfReader(left_out, warnings, _system_time(header, warnings))
     for block in reader.containers(stream, budget):
         yield from reader.frames(block)
     if len(reader.rest) > _OBJECT.size and not warnings:
@@ -82,7 +82,7 @@ def is_date(seconds: float) -> bool:
     return 1e9 <= seconds < 2**31 - 7 * 86_400
 
 
-class _Reader:
+class _BlfReader:
     """Takes the containers in turn.
 
     Attributes:

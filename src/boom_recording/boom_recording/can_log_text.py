@@ -25,7 +25,7 @@ class SkippedError(Exception):
 
 def read_text(stream: BinaryIO, suffix: str, left_out: Counter[str], warnings: list[str]) -> Iterator[Raw]:
     """The data frames of a log; what of it cannot be read is told in `left_out` and `warnings`."""
-    parsers: dict[str, type[_Parser]] = {".asc": _Asc, ".log": _Candump, ".csv": _Csv, ".trc": _Trc}
+    parsers: dict[str, type[_LineParser]] = {".asc": _Asc, ".log": _Candump, ".csv": _Csv, ".trc": _Trc}
     parser = parsers[suffix]()
     last = 0.0
     first: float | None = None
@@ -60,7 +60,7 @@ def read_text(stream: BinaryIO, suffix: str, left_out: Counter[str], warnings: l
         warnings.append(f"{left_out[_UNREADABLE]} lines could not be read")
 
 
-class _Parser:
+class _LineParser:
     """Reads the lines of one format.
 
     Attributes:
@@ -103,7 +103,7 @@ def _exactly(text: str, length: int) -> bytes:
     return data
 
 
-class _Candump(_Parser):
+class _Candump(_LineParser):
     """``(1790000000.000300) can0 101#AC4C09C28206E7E3 R``, as candump -L writes it."""
 
     def parse(self, line: str) -> Raw | None:
@@ -126,7 +126,7 @@ class _Candump(_Parser):
         return float(stamp[1:-1]), _identifier(name, 16, len(name) > 3), bytes.fromhex(data.split("_")[0])
 
 
-class _Csv(_Parser):
+class _Csv(_LineParser):
     """Columns timestamp,arbitration_id,extended,remote,error,dlc,data (base64), as python-can writes them."""
 
     def parse(self, line: str) -> Raw | None:
@@ -143,7 +143,7 @@ class _Csv(_Parser):
         return float(stamp), _identifier(name, 16, extended == "1"), content
 
 
-class _Asc(_Parser):
+class _Asc(_LineParser):
     """``0.000300 1  101             Rx   d 8 AC 4C 09 C2 82 06 E7 E3``, behind a header with date and number base."""
 
     _HEADER = re.compile(
@@ -233,7 +233,7 @@ class _Asc(_Parser):
         return datetime(int(words[-1]), self._MONTHS[month.lower()[:3]], int(day)) + timedelta(seconds=seconds)
 
 
-class _Trc(_Parser):
+class _Trc(_LineParser):
     """PCAN's ``.trc``, versions 1.0, 1.1, 1.3 and 2.x."""
 
     # place of time, identifier, length, kind; the data follow the length (and in 2.x stand where the header says)

@@ -130,7 +130,7 @@ def _missing(steps: Floats, period: float) -> NDArray[np.int64]:
     return np.asarray(np.maximum(np.rint(np.diff(settled) / period), 0), np.int64)
 
 
-def check_values(samples: TopicSamples, limits: Thresholds = THRESHOLDS) -> list[StampedEvent]:
+def check_values(samples: TopicSamples) -> list[StampedEvent]:
     """Mask NaN and infinite values and those outside the channel's plausible range."""
     events: list[StampedEvent] = []
     for channel in samples.channels:

@@ -70,7 +70,7 @@ def _load(path: Path, bag: bag_folder.BagFiles, require: tuple[str, ...], joint:
         signals=_signals(topics, start_ns),
         events=sorted(events, key=lambda event: (event.start_s, event.topic, event.kind)),
         notes=sorted(set(reader.notes)),
-        stored_configuration=reader.configuration(required=MACHINE_CONFIGURATION in require),
+        stored_configuration=reader.configuration(),
     )
     recording.warnings = bag.warnings + _losses(damages, reader, bag, recording)
     return recording

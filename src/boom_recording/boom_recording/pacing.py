@@ -4,10 +4,10 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 
-from boom_recording.replay import PERIOD_NS, Sample
+from boom_recording.replay import PERIOD_NS, ReplaySample
 
 
-class Pacer:
+class ReplayPacer:
     """Calls `send` for each sample when it is due.
 
     rate       replayed seconds per second
@@ -21,7 +21,7 @@ class Pacer:
     def __init__(
         self,
         rate: float,
-        send: Callable[[Sample, int], None],
+        send: Callable[[ReplaySample, int], None],
         tick: Callable[[int], None] | None = None,
         start_ns: int = 0,
     ) -> None:
@@ -69,7 +69,7 @@ class Pacer:
             self._stopped = True
             self._changed.notify_all()
 
-    def run(self, samples: Iterable[Sample]) -> bool:
+    def run(self, samples: Iterable[ReplaySample]) -> bool:
         """Send `samples` (by time). True if the last was sent, False if `stop` came first."""
         next_tick = 0
         for sample in samples:

@@ -39,7 +39,7 @@ CONTENTS = (COMMANDS, REFERENCE)
 
 
 @dataclass(frozen=True)
-class Sample:
+class ReplaySample:
     """One message to send.
 
     stamp_ns   [ns] since the start of the recording, or of the part that is replayed
@@ -52,7 +52,7 @@ class Sample:
     gap: bool = False
 
 
-def samples(recording: Recording, what: str) -> list[Sample]:
+def samples(recording: Recording, what: str) -> list[ReplaySample]:
     """All messages of a recording by time. Raises RecordingError if `recording` has nothing valid of that kind."""
     if what not in CONTENTS:
         raise RecordingError(f"'{what}' cannot be replayed: choose one of {', '.join(CONTENTS)}")
@@ -68,21 +68,21 @@ def samples(recording: Recording, what: str) -> list[Sample]:
         )
     stamps = (signals[0].stamps_ns[valid] - recording.start_ns).tolist()
     columns = [signal.values[valid].tolist() for signal in signals]
-    measured = [Sample(stamp, values) for stamp, values in zip(stamps, zip(*columns, strict=True), strict=True)]
+    measured = [ReplaySample(stamp, values) for stamp, values in zip(stamps, zip(*columns, strict=True), strict=True)]
     return _with_gaps(measured) if what == COMMANDS else measured
 
 
-def _with_gaps(measured: list[Sample]) -> list[Sample]:
+def _with_gaps(measured: list[ReplaySample]) -> list[ReplaySample]:
     limit = round(THRESHOLDS.gap * 1e9)
-    result: list[Sample] = []
+    result: list[ReplaySample] = []
     for sample in measured:
         if result and sample.stamp_ns - result[-1].stamp_ns > limit:
-            result.append(Sample(result[-1].stamp_ns + limit, (0.0, 0.0), gap=True))
+            result.append(ReplaySample(result[-1].stamp_ns + limit, (0.0, 0.0), gap=True))
         result.append(sample)
     return result
 
 
-def part(everything: list[Sample], start_s: float, duration_s: float) -> list[Sample]:
+def part(everything: list[ReplaySample], start_s: float, duration_s: float) -> list[ReplaySample]:
     """The samples from `start_s` on for `duration_s` (0 = to the end), stamped from the start of that part.
 
     The first sample is the one that acts at `start_s`. Raises RecordingError if nothing is left.
@@ -91,11 +91,11 @@ def part(everything: list[Sample], start_s: float, duration_s: float) -> list[Sa
     end = start + round(duration_s * 1e9) if duration_s > 0 else None
     first = bisect_left(everything, start, key=lambda sample: sample.stamp_ns)
     chosen = [
-        Sample(s.stamp_ns - start, s.values, s.gap) for s in everything[first:] if end is None or s.stamp_ns < end
+        ReplaySample(s.stamp_ns - start, s.values, s.gap) for s in everything[first:] if end is None or s.stamp_ns < end
     ]
     if first > 0 and (not chosen or chosen[0].stamp_ns > 0) and first < len(everything):
         before = everything[first - 1]
-        chosen.insert(0, Sample(0, before.values, before.gap))
+        chosen.insert(0, ReplaySample(0, before.values, before.gap))
     if not chosen:
         last = everything[-1].stamp_ns / 1e9
         raise RecordingError(
@@ -105,7 +105,7 @@ def part(everything: list[Sample], start_s: float, duration_s: float) -> list[Sa
 
 
 @dataclass
-class Lockstep:
+class ReplayLockstep:
     """Answers the ticks of the simulation; see the docstring of the module.
 
     start_ns   simulated time of the first sample [ns]
@@ -113,7 +113,7 @@ class Lockstep:
     on_ticks   True: commands act from their tick on, whatever their stamp (over CAN); each tick gets the current nearest to it
     """
 
-    chosen: list[Sample]
+    chosen: list[ReplaySample]
     start_ns: int = 0
     period_ns: int = PERIOD_NS
     what: str = COMMANDS
@@ -131,13 +131,13 @@ class Lockstep:
         mean = np.angle(np.exp(1j * turn * (stamps % self.period_ns)).sum()) / turn
         self._phase_ns = round(float(mean) if self.on_ticks else float(mean) % self.period_ns)
 
-    def first(self) -> Sample:
+    def first(self) -> ReplaySample:
         """The command for t_0, to be sent without a tick."""
         answer = self.answer(self.start_ns)
         assert answer is not None  # nothing was answered before
         return answer
 
-    def answer(self, clock_ns: int) -> Sample | None:
+    def answer(self, clock_ns: int) -> ReplaySample | None:
         """The command for tick `clock_ns` (stamped in simulated time), or None if that tick was answered already."""
         tick = round((clock_ns - self.start_ns) / self.period_ns)
         if tick <= self._answered:
@@ -151,7 +151,7 @@ class Lockstep:
             self._next += 1
             self._acting, stamp, gap = sample.values, max(sample.stamp_ns, begin), sample.gap
         self._acting_from = stamp
-        return Sample(self.start_ns + stamp, self._acting, gap)
+        return ReplaySample(self.start_ns + stamp, self._acting, gap)
 
     @property
     def next_tick_ns(self) -> int:
@@ -164,7 +164,7 @@ class Lockstep:
         return self._next >= len(self.chosen)
 
 
-def endless(chosen: list[Sample], loop: bool) -> Iterator[Sample]:
+def endless(chosen: list[ReplaySample], loop: bool) -> Iterator[ReplaySample]:
     """The samples once, or repeated with stamps that continue to increase by the length of the part."""
     yield from chosen
     offset = 0
@@ -172,4 +172,4 @@ def endless(chosen: list[Sample], loop: bool) -> Iterator[Sample]:
     while loop:
         offset += length
         for sample in chosen:
-            yield Sample(sample.stamp_ns + offset, sample.values, sample.gap)
+            yield ReplaySample(sample.stamp_ns + offset, sample.values, sample.gap)

@@ -32,7 +32,7 @@ from boom_recording import replay
 from boom_recording.channels import CURRENT_COMMAND, DEFAULT_JOINT, JOINT_STATES, REFERENCE, SOLENOID_CURRENTS
 from boom_recording.errors import RecordingError
 from boom_recording.loading import load
-from boom_recording.pacing import Pacer
+from boom_recording.pacing import ReplayPacer
 
 PARAMETERS = (
     ParameterSpec("bag", "", "rosbag2 directory or .mcap file", read_only=True),
@@ -121,7 +121,7 @@ class ReplayNode(Node):
         if values.wait_for_motion:
             self.create_subscription(Bool, "/boom_can_bridge/motion_enabled", self._on_motion, qos.LATCHED)
         self.create_service(SetBool, "~/pause", self._on_pause)
-        self._pacer = Pacer(
+        self._pacer = ReplayPacer(
             values.rate,
             self._send_paced,
             self._publish_clock if values.clock else None,
@@ -130,7 +130,7 @@ class ReplayNode(Node):
         if values.paused:
             self._pacer.pause()
         self._lockstep = (
-            replay.Lockstep(
+            replay.ReplayLockstep(
                 self._samples, stamps.seconds_to_ns(values.start_time), what=values.what, on_ticks=values.on_ticks
             )
             if values.lockstep
@@ -155,7 +155,7 @@ class ReplayNode(Node):
             self._thread.join()
         self._end_with_zero()
 
-    def stop_safely(self, reason: str) -> None:
+    def stop_safely(self, _reason: str) -> None:
         """Stop sending after a callback has raised; commands end with zero currents."""
         self._pacer.stop()
         self._state = "failed"
@@ -268,11 +268,11 @@ class ReplayNode(Node):
         self.get_logger().info(f"replayed {self._sent} messages to {self._topic}")
         shell.finish(0)
 
-    def _send_paced(self, sample: replay.Sample, clock_ns: int) -> None:
+    def _send_paced(self, sample: replay.ReplaySample, clock_ns: int) -> None:
         stamp = clock_ns if self._values.clock else self.get_clock().now().nanoseconds
-        self._send(replay.Sample(stamp, sample.values, sample.gap))
+        self._send(replay.ReplaySample(stamp, sample.values, sample.gap))
 
-    def _send(self, sample: replay.Sample) -> None:
+    def _send(self, sample: replay.ReplaySample) -> None:
         if sample.gap:
             self.get_logger().warning("gap in the recorded currents: commanding zero until they are known again")
         message = self._message(sample)
@@ -283,7 +283,7 @@ class ReplayNode(Node):
             done = self._duration_s * (((self._sent - 1) % total) + 1) / total
             self.get_logger().info(f"replayed {done:.0f} of {self._duration_s:.0f} s")
 
-    def _message(self, sample: replay.Sample) -> Any:
+    def _message(self, sample: replay.ReplaySample) -> Any:
         if self._commands:
             message: Any = SolenoidCurrents(retract=sample.values[0], extend=sample.values[1])
         else:
@@ -305,7 +305,7 @@ class ReplayNode(Node):
             now = self._lockstep.next_tick_ns
         elif self._values.clock:
             now = self._pacer.clock_ns
-        self._output.publish(self._message(replay.Sample(now, (0.0, 0.0))))
+        self._output.publish(self._message(replay.ReplaySample(now, (0.0, 0.0))))
         self._output.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGE_S))
 
     # ---- requests and health ----

@@ -10,8 +10,8 @@ from recording_samples import recording
 
 from boom_recording import replay
 from boom_recording.errors import RecordingError
-from boom_recording.pacing import Pacer
-from boom_recording.replay import Lockstep, Sample
+from boom_recording.pacing import ReplayPacer
+from boom_recording.replay import ReplayLockstep, ReplaySample
 
 MS = 1_000_000
 
@@ -52,7 +52,7 @@ def test_a_recording_without_valid_currents_is_refused() -> None:
 def test_a_part_begins_with_what_acted_then() -> None:
     everything = replay.samples(recording(), "commands")
     chosen = replay.part(everything, 1.0, 0.5)
-    assert chosen[0] == Sample(0, everything[99].values)
+    assert chosen[0] == ReplaySample(0, everything[99].values)
     assert chosen[1].stamp_ns == everything[100].stamp_ns - 1000 * MS
     assert chosen[-1].stamp_ns < 500 * MS
     with pytest.raises(RecordingError, match="the recording ends at"):
@@ -60,7 +60,7 @@ def test_a_part_begins_with_what_acted_then() -> None:
 
 
 def test_a_loop_goes_on_with_increasing_stamps() -> None:
-    chosen = [Sample(0, (1.0, 0.0)), Sample(10 * MS, (2.0, 0.0))]
+    chosen = [ReplaySample(0, (1.0, 0.0)), ReplaySample(10 * MS, (2.0, 0.0))]
     stream = replay.endless(chosen, loop=True)
     assert [next(stream).stamp_ns // MS for _ in range(6)] == [0, 10, 20, 30, 40, 50]
 
@@ -69,47 +69,49 @@ def test_a_loop_goes_on_with_increasing_stamps() -> None:
 
 
 def test_each_tick_is_answered_with_the_current_of_its_period_at_its_own_stamp() -> None:
-    step = Lockstep([Sample(3 * MS, (0.1, 0.0)), Sample(13 * MS, (0.2, 0.0)), Sample(23 * MS, (0.3, 0.0))])
-    assert step.first() == Sample(3 * MS, (0.1, 0.0))
-    assert step.answer(10 * MS) == Sample(13 * MS, (0.2, 0.0))
+    step = ReplayLockstep(
+        [ReplaySample(3 * MS, (0.1, 0.0)), ReplaySample(13 * MS, (0.2, 0.0)), ReplaySample(23 * MS, (0.3, 0.0))]
+    )
+    assert step.first() == ReplaySample(3 * MS, (0.1, 0.0))
+    assert step.answer(10 * MS) == ReplaySample(13 * MS, (0.2, 0.0))
     assert not step.finished
-    assert step.answer(20 * MS) == Sample(23 * MS, (0.3, 0.0))
+    assert step.answer(20 * MS) == ReplaySample(23 * MS, (0.3, 0.0))
     assert step.finished
 
 
 def test_of_several_currents_in_a_period_the_last_counts_and_without_one_the_value_before_stays() -> None:
-    step = Lockstep([Sample(t * MS, (t / 10, 0.0)) for t in (2, 4, 33)])
-    assert step.first() == Sample(4 * MS, (0.4, 0.0))
-    assert step.answer(10 * MS) == Sample(10 * MS, (0.4, 0.0))
-    assert step.answer(20 * MS) == Sample(20 * MS, (0.4, 0.0))
-    assert step.answer(30 * MS) == Sample(33 * MS, (3.3, 0.0))
+    step = ReplayLockstep([ReplaySample(t * MS, (t / 10, 0.0)) for t in (2, 4, 33)])
+    assert step.first() == ReplaySample(4 * MS, (0.4, 0.0))
+    assert step.answer(10 * MS) == ReplaySample(10 * MS, (0.4, 0.0))
+    assert step.answer(20 * MS) == ReplaySample(20 * MS, (0.4, 0.0))
+    assert step.answer(30 * MS) == ReplaySample(33 * MS, (3.3, 0.0))
 
 
 def test_jitter_about_a_tick_loses_no_current() -> None:
     """Stamps a little before and after t_n: each tick gets its own current, an early one acts from t_n on."""
     jitter = (0, 100, -50, 20, -90, 60)
-    chosen = [Sample(max(0, k * 10 * MS + 1000 * j), (float(k), 0.0)) for k, j in enumerate(jitter)]
-    step = Lockstep(chosen)
+    chosen = [ReplaySample(max(0, k * 10 * MS + 1000 * j), (float(k), 0.0)) for k, j in enumerate(jitter)]
+    step = ReplayLockstep(chosen)
     answers = [step.first(), *(step.answer(10 * MS * k) for k in range(1, len(chosen)))]
     assert [a.values[0] for a in answers if a] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
     assert [a.stamp_ns for a in answers if a] == [max(s.stamp_ns, 10 * MS * k) for k, s in enumerate(chosen)]
 
 
 def test_before_the_first_current_zero_is_commanded() -> None:
-    assert Lockstep([Sample(25 * MS, (0.1, 0.0))]).first() == Sample(0, (0.0, 0.0))
+    assert ReplayLockstep([ReplaySample(25 * MS, (0.1, 0.0))]).first() == ReplaySample(0, (0.0, 0.0))
 
 
 def test_a_reference_in_lockstep_begins_with_its_first_angle_and_is_stamped_with_its_tick_or_later() -> None:
-    chosen = [Sample(25 * MS, (0.3,)), Sample(35 * MS, (0.4,))]
-    step = Lockstep(chosen, what=replay.REFERENCE)
-    assert step.first() == Sample(0, (0.3,))
-    assert step.answer(10 * MS) == Sample(10 * MS, (0.3,))
-    assert step.answer(20 * MS) == Sample(25 * MS, (0.3,))
-    assert step.answer(30 * MS) == Sample(35 * MS, (0.4,))
+    chosen = [ReplaySample(25 * MS, (0.3,)), ReplaySample(35 * MS, (0.4,))]
+    step = ReplayLockstep(chosen, what=replay.REFERENCE)
+    assert step.first() == ReplaySample(0, (0.3,))
+    assert step.answer(10 * MS) == ReplaySample(10 * MS, (0.3,))
+    assert step.answer(20 * MS) == ReplaySample(25 * MS, (0.3,))
+    assert step.answer(30 * MS) == ReplaySample(35 * MS, (0.4,))
 
 
 def test_a_tick_is_answered_once() -> None:
-    step = Lockstep([Sample(0, (0.1, 0.0)), Sample(10 * MS, (0.2, 0.0))])
+    step = ReplayLockstep([ReplaySample(0, (0.1, 0.0)), ReplaySample(10 * MS, (0.2, 0.0))])
     step.first()
     assert step.answer(0) is None
     assert step.answer(10 * MS) is not None
@@ -117,7 +119,7 @@ def test_a_tick_is_answered_once() -> None:
 
 
 def test_a_start_time_shifts_stamps_and_ticks() -> None:
-    step = Lockstep([Sample(3 * MS, (0.1, 0.0)), Sample(13 * MS, (0.2, 0.0))], start_ns=5_000 * MS)
+    step = ReplayLockstep([ReplaySample(3 * MS, (0.1, 0.0)), ReplaySample(13 * MS, (0.2, 0.0))], start_ns=5_000 * MS)
     assert step.first().stamp_ns == 5_003 * MS
     assert step.next_tick_ns == 5_010 * MS
     answer = step.answer(5_010 * MS)
@@ -126,8 +128,8 @@ def test_a_start_time_shifts_stamps_and_ticks() -> None:
 
 @given(st.lists(st.integers(0, 300), min_size=1, max_size=60), st.integers(0, 1000))
 def test_the_answers_follow_the_recording_whatever_its_stamps(stamps_ms: list[int], start_ms: int) -> None:
-    chosen = [Sample(t * MS, (float(k + 1), 0.0)) for k, t in enumerate(sorted(set(stamps_ms)))]
-    step = Lockstep(chosen, start_ns=start_ms * MS)
+    chosen = [ReplaySample(t * MS, (float(k + 1), 0.0)) for k, t in enumerate(sorted(set(stamps_ms)))]
+    step = ReplayLockstep(chosen, start_ns=start_ms * MS)
     for tick in range(31):
         answer = step.first() if tick == 0 else step.answer((start_ms + 10 * tick) * MS)
         assert answer is not None
@@ -147,8 +149,8 @@ def test_the_answers_follow_the_recording_whatever_its_stamps(stamps_ms: list[in
 
 def test_the_pacer_sends_everything_in_order_with_the_clock_before_it() -> None:
     log: list[tuple[str, int]] = []
-    chosen = [Sample(k * 7 * MS, (float(k), 0.0)) for k in range(20)]
-    pacer = Pacer(
+    chosen = [ReplaySample(k * 7 * MS, (float(k), 0.0)) for k in range(20)]
+    pacer = ReplayPacer(
         1000.0, lambda s, clock: log.append(("send", clock)), lambda clock: log.append(("clock", clock)), start_ns=100
     )
     assert pacer.run(chosen)
@@ -161,18 +163,18 @@ def test_the_pacer_sends_everything_in_order_with_the_clock_before_it() -> None:
 
 
 def test_a_paused_pacer_sends_nothing_until_it_goes_on_and_stops_when_told() -> None:
-    sent: list[Sample] = []
+    sent: list[ReplaySample] = []
     first = threading.Event()
 
-    def send(sample: Sample, _: int) -> None:
+    def send(sample: ReplaySample, _: int) -> None:
         sent.append(sample)
         first.set()
 
-    pacer = Pacer(1.0, send)
+    pacer = ReplayPacer(1.0, send)
     pacer.pause()
     ended: list[bool] = []
     thread = threading.Thread(
-        target=lambda: ended.append(pacer.run([Sample(0, (0.0, 0.0)), Sample(10**15, (0.0, 0.0))]))
+        target=lambda: ended.append(pacer.run([ReplaySample(0, (0.0, 0.0)), ReplaySample(10**15, (0.0, 0.0))]))
     )
     thread.start()
     assert pacer.paused and not sent
@@ -191,7 +193,7 @@ def test_the_stamps_of_a_replay_are_whole_nanoseconds_of_the_recording() -> None
 
 def test_over_can_each_tick_gets_the_current_nearest_to_it() -> None:
     stamps = [k * 10 * MS - MS // 500 for k in range(1, 5)]  # just before the ticks, as a sender in step with them does
-    step = Lockstep([Sample(t, (k + 1.0, 0.0)) for k, t in enumerate(stamps)], on_ticks=True)
+    step = ReplayLockstep([ReplaySample(t, (k + 1.0, 0.0)) for k, t in enumerate(stamps)], on_ticks=True)
     values = [step.first().values[0]]
     while not step.finished:
         answer = step.answer(step.next_tick_ns)

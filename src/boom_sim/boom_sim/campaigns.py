@@ -22,7 +22,7 @@ from boom_recording import writing
 from boom_recording.oscilloscope import OscilloscopeTrace
 from boom_recording.recording import Configuration, Recording
 from boom_sim.pilot_bench import PWM_PERIOD, BenchNoise, measure
-from boom_sim.simulated_crane import PERIOD, EndedEarlyError, Sample, SimulatedCrane, Start
+from boom_sim.simulated_crane import PERIOD, CraneSample, CraneStart, EndedEarlyError, SimulatedCrane
 
 Array = NDArray[np.float64]
 
@@ -155,9 +155,9 @@ def _drive(
     gentleness: float,
 ) -> Recording:
     pose = machine.pose(run.outer_boom_angle, run.telescope_length, run.load)
-    start = Start(float(rng.uniform(0.2, 0.4)))
+    start = CraneStart(float(rng.uniform(0.2, 0.4)))
     crane = SimulatedCrane(machine, pose, start, noise, int(rng.integers(2**31)))
-    operator = Operator(run.shape, rng, gentleness)
+    operator = CampaignOperator(run.shape, rng, gentleness)
     samples = [crane.sample]
     for _ in range(round(duration / PERIOD)):
         retract, extend = operator.currents(crane.time, crane.sample.angle)
@@ -172,7 +172,7 @@ def _drive(
     return _recording(run.name, samples, configuration)
 
 
-def _recording(name: str, samples: list[Sample], configuration: Configuration) -> Recording:
+def _recording(name: str, samples: list[CraneSample], configuration: Configuration) -> Recording:
     """The recording of the samples, as a recorder would make it: currents carry the stamp from which they act."""
     time = np.array([s.time for s in samples])
     columns = {output: np.array([getattr(s, output) for s in samples]) for output in OUTPUTS}
@@ -190,7 +190,7 @@ _RAMP = {"staircase": 0.25, "slow": 0.4, "general": 0.5, "fast": 0.15}
 """s. The joystick takes this time from the dead zone to its end, because an abrupt stop lets the oil cavitate."""
 
 
-class Operator:
+class CampaignOperator:
     """Moves the joystick: chooses a current and a direction, holds, ramps or reverses, and stays between two angles.
 
     Args:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from boom_input.files import InputError, read_bytes
 from boom_input.shown import quoted
-from boom_sim.settings import SettingError
+from boom_sim.settings import SimulationSettingError
 from boom_sim.simulated_crane import LARGEST_CURRENT
 
 COLUMNS = ("time_s", "retract_a", "extend_a")
@@ -45,17 +45,19 @@ def read(path: Path) -> tuple[Array, Array]:
         head, header = next(lines, (1, ""))
         separator = next((s for s in ",;\t" if _names(header, s) == COLUMNS), "")
         if not separator:
-            raise SettingError(
+            raise SimulationSettingError(
                 f"{path}: the first line must be {','.join(COLUMNS)}, separated by commas, semicolons or tabs; "
                 f"it is {quoted(repr(header), 80)}"
             )
         table = _table(path, lines, separator)
     except InputError as error:
-        raise SettingError(str(error)) from None
+        raise SimulationSettingError(str(error)) from None
     if not len(table):
-        raise SettingError(f"{path}, line {head}: no currents, only a header")
+        raise SimulationSettingError(f"{path}, line {head}: no currents, only a header")
     if table[-1, 0] < 0.0:
-        raise SettingError(f"{path}: the last time, {table[-1, 0]:g} s, lies before the beginning of the run at 0 s")
+        raise SimulationSettingError(
+            f"{path}: the last time, {table[-1, 0]:g} s, lies before the beginning of the run at 0 s"
+        )
     return table[:, 0], table[:, 1:]
 
 
@@ -65,7 +67,7 @@ def _text(path: Path) -> str:
     try:
         return content.decode(encoding)
     except UnicodeDecodeError:
-        raise SettingError(f"{path}: cannot be read: not a text file (UTF-8 or UTF-16)") from None
+        raise SimulationSettingError(f"{path}: cannot be read: not a text file (UTF-8 or UTF-16)") from None
 
 
 def _lines(text: str) -> Iterator[tuple[int, str]]:
@@ -99,19 +101,21 @@ def _table(path: Path, lines: Iterator[tuple[int, str]], separator: str) -> Arra
         where = f"{path}, line {number}"
         if len(cells) != 3 or not all(map(_NUMBER.fullmatch, cells)):
             hint = "; decimal commas need semicolons between the columns" if separator == "," and len(cells) > 3 else ""
-            raise SettingError(f"{where}: expected three numbers, found {quoted(repr(line), 60)}{hint}")
+            raise SimulationSettingError(f"{where}: expected three numbers, found {quoted(repr(line), 60)}{hint}")
         marks = {c for cell in cells for c in cell if c in ".,"} | ({mark} if mark else set())
         if len(marks) > 1 or (separator == "," and "," in marks):
-            raise SettingError(
+            raise SimulationSettingError(
                 f"{where}: decimal points and commas are mixed, {quoted(repr(line), 60)}: write one of them"
             )
         mark = "".join(marks)
         time, *currents = (float(cell.replace(",", ".")) for cell in cells)
         if not before < time <= LATEST:
-            raise SettingError(f"{where}: time {time:g} s: times must increase from line to line, up to {LATEST:g} s")
+            raise SimulationSettingError(
+                f"{where}: time {time:g} s: times must increase from line to line, up to {LATEST:g} s"
+            )
         for current in currents:
             if not 0.0 <= current <= LARGEST_CURRENT:
-                raise SettingError(f"{where}: current {current:g} A: allowed is 0 .. {LARGEST_CURRENT:g} A")
+                raise SimulationSettingError(f"{where}: current {current:g} A: allowed is 0 .. {LARGEST_CURRENT:g} A")
         before = time
         values.extend((time, *currents))
     return np.frombuffer(values).reshape(-1, 3)

@@ -96,7 +96,7 @@ class EcuNode(Node):
         """Leave the bus."""
         self._loop.end()
 
-    def stop_safely(self, reason: str) -> None:
+    def stop_safely(self, _reason: str) -> None:
         """Close the valve until one command of zero, after a callback has raised."""
         with self._loop.lock:
             self._ecu.stop()

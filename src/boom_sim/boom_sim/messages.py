@@ -9,7 +9,7 @@ from std_msgs.msg import Header
 from boom_input.channels import AMBIENT_PRESSURE_PA
 from boom_interfaces.msg import GroundTruth, MachineConfiguration, SolenoidCurrents
 from boom_node.stamps import set_ns
-from boom_sim.simulated_crane import Sample
+from boom_sim.simulated_crane import CraneSample
 
 
 def header(nanoseconds: int, frame: str = "") -> Header:
@@ -17,7 +17,7 @@ def header(nanoseconds: int, frame: str = "") -> Header:
     return Header(stamp=set_ns(Time(), nanoseconds), frame_id=frame)
 
 
-def joint_state(sample: Sample, joint: str, fixed: dict[str, float], stamp_ns: int) -> JointState:
+def joint_state(sample: CraneSample, joint: str, fixed: dict[str, float], stamp_ns: int) -> JointState:
     """The boom's joint as the IMU shows it [rad, rad/s], and the locked joints at their known positions."""
     return JointState(
         header=header(stamp_ns),
@@ -32,7 +32,7 @@ def pressure(gauge: float, frame: str, variance: float, stamp_ns: int) -> FluidP
     return FluidPressure(header=header(stamp_ns, frame), fluid_pressure=gauge + AMBIENT_PRESSURE_PA, variance=variance)
 
 
-def currents(sample: Sample, stamp_ns: int) -> SolenoidCurrents:
+def currents(sample: CraneSample, stamp_ns: int) -> SolenoidCurrents:
     """Measured solenoid currents [A]."""
     return SolenoidCurrents(header=header(stamp_ns), retract=sample.retract_current, extend=sample.extend_current)
 

@@ -14,7 +14,7 @@ from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS, SensorNoise
 from boom_recording import writing
 from boom_recording.recording import Configuration, Recording
-from boom_sim.simulated_crane import PERIOD, EndedEarlyError, Start
+from boom_sim.simulated_crane import PERIOD, CraneStart, EndedEarlyError
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 def simulate(
     machine: Machine,
     configuration: Configuration,
-    start: Start,
+    start: CraneStart,
     time: Array,
     currents: Array,
     *,

@@ -8,7 +8,7 @@ LARGEST_BACKLOG = 50
 """Periods. A larger backlog, after half a second of standstill, is skipped."""
 
 
-class Pacer:
+class SimulationPacer:
     """Counts periods against a steady clock [s].
 
     Attributes:

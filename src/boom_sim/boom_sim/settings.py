@@ -15,7 +15,7 @@ from boom_model.machine_file import load_machine
 from boom_model.sensors import IDEAL
 from boom_node.parameters import ParameterSpec
 from boom_node.publishers import PARAMETER as SHARED_TOPICS
-from boom_sim.simulated_crane import SimulatedCrane, Start
+from boom_sim.simulated_crane import CraneStart, SimulatedCrane
 
 UNSET = -1.0e9
 """A number parameter that was not given; ROS parameters have no empty number."""
@@ -58,7 +58,7 @@ NODE_PARAMETERS = (
 """Parameters of the simulation on topics; the ECU stand-in has :data:`PARAMETERS` and its own."""
 
 
-class SettingError(ModelError):
+class SimulationSettingError(ModelError):
     """A parameter of the simulation that cannot be used; one line that says why."""
 
 
@@ -70,7 +70,7 @@ def make_crane(values: SimpleNamespace) -> SimulatedCrane:
     """
     machine = with_effects(load_machine(values.machine), values.effects)
     pose = machine.pose(values.outer_boom_angle, values.telescope_length, values.load_mass)
-    start = Start(values.initial_angle, _given(values.initial_hose_pressure), _given(values.initial_rod_pressure))
+    start = CraneStart(values.initial_angle, _given(values.initial_hose_pressure), _given(values.initial_rod_pressure))
     noise = machine.sensor_noise() if values.sensors == "thesis" else IDEAL
     return SimulatedCrane(machine, pose, start, noise, values.seed)
 
@@ -86,9 +86,11 @@ def with_effects(machine: Machine, text: str) -> Machine:
     try:
         given: Any = parse_yaml(text, "effects")
     except InputError as error:
-        raise SettingError(str(error)) from None
+        raise SimulationSettingError(str(error)) from None
     if not isinstance(given, dict):
-        raise SettingError(f"effects: {quoted(repr(text))} is not of the form {{effect: {{parameter: number}}}}")
+        raise SimulationSettingError(
+            f"effects: {quoted(repr(text))} is not of the form {{effect: {{parameter: number}}}}"
+        )
     return machine.with_effects({**machine.effects, **given})
 
 
@@ -103,7 +105,7 @@ def robot_description(text: str) -> str:
     try:
         return read_text(text.strip())
     except InputError as error:
-        raise SettingError(f"robot_description: {error}") from None
+        raise SimulationSettingError(f"robot_description: {error}") from None
 
 
 def _given(value: float) -> float:

@@ -47,7 +47,7 @@ class EndedEarlyError(SimulationError):
 
 
 @dataclass(frozen=True)
-class Start:
+class CraneStart:
     """Rest state at the beginning: boom angle [rad]; pressures [Pa gauge], NaN = those that carry the boom (p_b 10 bar)."""
 
     angle: float
@@ -62,7 +62,7 @@ class Start:
         return plant.equilibrium(self.angle, rod)
 
 
-class Sample(NamedTuple):
+class CraneSample(NamedTuple):
     """What the sensors show; SI, pressures gauge.
 
     Attributes:
@@ -113,7 +113,7 @@ class SimulatedCrane:
 
     period = PERIOD
 
-    def __init__(self, machine: Machine, pose: Pose, start: Start, noise: SensorNoise, seed: int = 0) -> None:
+    def __init__(self, machine: Machine, pose: Pose, start: CraneStart, noise: SensorNoise, seed: int = 0) -> None:
         low, high = machine.angle_limits
         if not low <= start.angle <= high:
             raise ModelError(f"initial angle of {start.angle:g} rad is outside the stroke, {low:.3f} .. {high:.3f} rad")
@@ -139,7 +139,7 @@ class SimulatedCrane:
         return self._ticks * PERIOD
 
     @property
-    def sample(self) -> Sample:
+    def sample(self) -> CraneSample:
         """The present sensor values."""
         return self._sample
 
@@ -188,7 +188,7 @@ class SimulatedCrane:
         values = self.machine.values(self.pose)
         self._stepper.change_parameters(np.array([values[name] for name in self._plant.parameter_names]))
 
-    def advance(self) -> Sample:
+    def advance(self) -> CraneSample:
         """Integrate one period and measure at its end.
 
         Raises:
@@ -223,7 +223,7 @@ class SimulatedCrane:
             if time >= end - _COINCIDENT:
                 return y
 
-    def _measure(self, y: Array) -> Sample:
+    def _measure(self, y: Array) -> CraneSample:
         true = y
         if self._plant.pressure_delay > 0:
             wanted = self.time - self._plant.pressure_delay + _COINCIDENT
@@ -234,4 +234,4 @@ class SimulatedCrane:
         since, *given = self._commands.given
         i_r, i_e = (float(v) for v in self._noise.currents(np.array(given), self._rng))
         current_time = max(since, self.time - PERIOD) if self._ticks else math.nan
-        return Sample(time=self.time, current_time=current_time, retract_current=i_r, extend_current=i_e, **shown)
+        return CraneSample(time=self.time, current_time=current_time, retract_current=i_r, extend_current=i_e, **shown)

@@ -32,8 +32,8 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from boom_sim import messages, settings
-from boom_sim.pacing import Pacer, WatchedCommand
-from boom_sim.simulated_crane import PERIOD, CommandError, Sample
+from boom_sim.pacing import SimulationPacer, WatchedCommand
+from boom_sim.simulated_crane import PERIOD, CommandError, CraneSample
 from boom_sim.unheard_motion import LOOK_EVERY_S, UnheardMotion
 
 
@@ -84,7 +84,7 @@ class SimulationNode(Node):
         if not self._values.controller_follows:
             self.create_timer(LOOK_EVERY_S, self._look_for_listeners, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._origin_ns = 0 if self._lockstep else self.get_clock().now().nanoseconds
-        self._pacer = Pacer(PERIOD)
+        self._pacer = SimulationPacer(PERIOD)
         pose = self._crane.pose
         note = f"simulated, seed {self._values.seed}"
         if self._crane.machine.effects:
@@ -137,7 +137,7 @@ class SimulationNode(Node):
                 self._publish(self._crane.sample, tick=False)  # only now is anybody sure to listen
             self._advance()
 
-    def stop_safely(self, reason: str) -> None:
+    def stop_safely(self, _reason: str) -> None:
         """Close the valve after a callback has raised."""
         self._crane.command(0.0, 0.0)
 
@@ -198,7 +198,7 @@ class SimulationNode(Node):
             return
         self._publish(sample)
 
-    def _publish(self, sample: Sample, *, tick: bool = True) -> None:
+    def _publish(self, sample: CraneSample, *, tick: bool = True) -> None:
         stamp = self._origin_ns + seconds_to_ns(sample.time)
         if sample.current_time == sample.current_time:
             self._currents.publish(messages.currents(sample, self._origin_ns + seconds_to_ns(sample.current_time)))
@@ -220,7 +220,7 @@ class SimulationNode(Node):
         self._failure = self._refused = ""
         self._watch = WatchedCommand()
         if not self._lockstep:
-            self._pacer = Pacer(PERIOD)
+            self._pacer = SimulationPacer(PERIOD)
         else:
             self._publish(self._crane.sample, tick=False)
         self._diagnostics.update()

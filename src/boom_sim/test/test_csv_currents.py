@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from boom_sim import csv_currents
-from boom_sim.settings import SettingError
+from boom_sim.settings import SimulationSettingError
 
 PLAIN = "time_s,retract_a,extend_a\n0,0,0\n1.5,0,0.25\n"
 
@@ -67,7 +67,7 @@ def test_what_spreadsheets_write_is_read(content: str | bytes, tmp_path: Path) -
 def test_what_is_not_clear_is_refused_in_one_line(content: str | bytes, message: str, tmp_path: Path) -> None:
     path = tmp_path / "c.csv"
     path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
-    with pytest.raises(SettingError, match=message) as caught:
+    with pytest.raises(SimulationSettingError, match=message) as caught:
         csv_currents.read(path)
     assert str(caught.value).isprintable() and len(str(caught.value)) < 500
 
@@ -77,5 +77,5 @@ def test_an_hour_of_currents_is_read_in_a_moment_and_more_than_a_file_can_hold_i
     path.write_text("time_s;retract_a;extend_a\n" + "".join(f"{k / 10:.1f};0;0.3\n" for k in range(36_000)))
     assert len(csv_currents.read(path)[0]) == 36_000
     path.write_bytes(b"x" * 20_000_001)
-    with pytest.raises(SettingError, match="larger than 20 MB"):
+    with pytest.raises(SimulationSettingError, match="larger than 20 MB"):
         csv_currents.read(path)

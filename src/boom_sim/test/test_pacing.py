@@ -4,29 +4,29 @@ from __future__ import annotations
 
 import pytest
 
-from boom_sim.pacing import LARGEST_BACKLOG, Pacer, WatchedCommand
+from boom_sim.pacing import LARGEST_BACKLOG, SimulationPacer, WatchedCommand
 
 
 def test_periods_follow_the_steady_clock_without_drift() -> None:
-    pacer = Pacer(0.01)
+    pacer = SimulationPacer(0.01)
     pacer.due(5.0)
     assert sum(pacer.due(5.0 + 0.0101 * k) for k in range(1, 1001)) == pytest.approx(1010, abs=1)
 
 
 def test_late_tick_is_made_up_for() -> None:
-    pacer = Pacer(0.01)
+    pacer = SimulationPacer(0.01)
     pacer.due(0.0)
     assert pacer.due(0.1) == 10
 
 
 def test_a_tick_that_is_called_twice_is_one_period() -> None:
-    pacer = Pacer(0.01)
+    pacer = SimulationPacer(0.01)
     pacer.due(0.0)
     assert [pacer.due(t) for t in (0.01, 0.02, 0.02, 0.04, 0.05)] == [1, 1, 0, 2, 1]
 
 
 def test_long_standstill_is_skipped_and_counted() -> None:
-    pacer = Pacer(0.01)
+    pacer = SimulationPacer(0.01)
     pacer.due(0.0)
     assert pacer.due(10.0) == LARGEST_BACKLOG
     assert pacer.skipped == 1000 - LARGEST_BACKLOG
@@ -34,7 +34,7 @@ def test_long_standstill_is_skipped_and_counted() -> None:
 
 
 def test_paused_time_is_not_made_up_for() -> None:
-    pacer = Pacer(0.01)
+    pacer = SimulationPacer(0.01)
     pacer.due(0.0)
     pacer.hold(5.0)
     assert pacer.due(5.01) == 1

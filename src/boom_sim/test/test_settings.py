@@ -39,7 +39,7 @@ def test_a_setting_that_cannot_be_used_is_one_plain_line(changed: dict[str, obje
 
 
 def test_a_robot_description_that_is_missing_is_named() -> None:
-    with pytest.raises(settings.SettingError, match=r"nowhere.urdf: cannot be read"):
+    with pytest.raises(settings.SimulationSettingError, match=r"nowhere.urdf: cannot be read"):
         settings.robot_description("nowhere.urdf")
 
 

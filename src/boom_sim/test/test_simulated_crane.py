@@ -11,7 +11,7 @@ from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.sensors import IDEAL, SensorNoise
-from boom_sim.simulated_crane import PERIOD, CommandError, Sample, SimulatedCrane, Start
+from boom_sim.simulated_crane import PERIOD, CommandError, CraneSample, CraneStart, SimulatedCrane
 
 
 @pytest.fixture(scope="module")
@@ -22,10 +22,10 @@ def machine() -> Machine:
 def crane(
     machine: Machine, noise: SensorNoise = IDEAL, seed: int = 0, angle: float = 0.3, load: float = 0.0
 ) -> SimulatedCrane:
-    return SimulatedCrane(machine, machine.pose(0.28, 2.2, load), Start(angle), noise, seed)
+    return SimulatedCrane(machine, machine.pose(0.28, 2.2, load), CraneStart(angle), noise, seed)
 
 
-def run(simulated: SimulatedCrane, seconds: float) -> list[Sample]:
+def run(simulated: SimulatedCrane, seconds: float) -> list[CraneSample]:
     return [simulated.advance() for _ in range(round(seconds / PERIOD))]
 
 
@@ -45,7 +45,7 @@ def test_extend_current_lifts_and_retract_current_lowers(machine: Machine) -> No
 
 
 def test_same_seed_and_commands_give_the_same_bits(machine: Machine) -> None:
-    def once(seed: int) -> list[Sample]:
+    def once(seed: int) -> list[CraneSample]:
         simulated = crane(machine, SensorNoise(), seed)
         simulated.command(0.0, 0.5, at=0.004)
         return run(simulated, 1.0)

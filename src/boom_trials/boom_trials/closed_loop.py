@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_controller.references.trajectory_generator import TrajectoryGenerator
-from boom_controller.types import Controller, Measurement, Output, Reference
+from boom_controller.types import Controller, ControlOutput, Measurement, Reference
 from boom_input.channels import CURRENTS
 from boom_model.errors import SimulationError
 from boom_model.sensors import OUTPUTS
 from boom_recording import writing
 from boom_recording.recording import Configuration, Recording
-from boom_sim.simulated_crane import PERIOD, EndedEarlyError, Sample, SimulatedCrane
+from boom_sim.simulated_crane import PERIOD, CraneSample, EndedEarlyError, SimulatedCrane
 
 Array = NDArray[np.float64]
 
@@ -36,13 +36,13 @@ class Crane(Protocol):
     """Sample time [s]."""
 
     @property
-    def sample(self) -> Sample:
+    def sample(self) -> CraneSample:
         """What the sensors show now."""
 
     def command(self, retract: float, extend: float, at: float | None = None) -> None:
         """Both currents [A] from ``at`` [s] on, within the period that follows."""
 
-    def advance(self) -> Sample:
+    def advance(self) -> CraneSample:
         """One period. Raises SimulationError where a state leaves its range."""
 
 
@@ -58,8 +58,8 @@ class LoopRun:
         astray: beginning of the period [s] after which the crane was too far from its reference; None if it never was.
     """
 
-    samples: list[Sample]
-    outputs: list[Output] = field(default_factory=list)
+    samples: list[CraneSample]
+    outputs: list[ControlOutput] = field(default_factory=list)
     failed: SimulationError | None = None
     stopped: tuple[float, str] | None = None
     astray: float | None = None

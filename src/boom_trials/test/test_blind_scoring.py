@@ -6,16 +6,16 @@ from dataclasses import replace
 import pytest
 
 from boom_trials.blind import scoring, tables
-from boom_trials.blind.outcomes import Finding, Row, Said, TrueEffect, Truth
+from boom_trials.blind.outcomes import ConcealedEffect, NamedEffect, Row, Said, Truth
 from boom_trials.blind.page import page
 from boom_trials.blind.report import _confusion
-from boom_trials.blind.trial import State
+from boom_trials.blind.trial import TrialState
 
 ORACLE, NOMINAL, HALFWAY = (0.01,) * 4, (0.16,) * 4, (0.04,) * 4
 
 
 def effect(name, strength=3.0, known=True, subsystems=("load",), **more):
-    return TrueEffect(name, known, subsystems, strength, **more)
+    return ConcealedEffect(name, known, subsystems, strength, **more)
 
 
 def truth(kind, *effects):
@@ -23,7 +23,7 @@ def truth(kind, *effects):
 
 
 def named(name, confidence=0.8, subsystem="load", alternatives=(), **parameters):
-    return Finding(name, subsystem, confidence, parameters, tuple(alternatives))
+    return NamedEffect(name, subsystem, confidence, parameters, tuple(alternatives))
 
 
 def row(kind, effects, verdict, *findings, explained=HALFWAY):
@@ -176,7 +176,7 @@ def test_a_pair_is_right_in_the_confusion_matrix_where_one_of_its_two_is_named_f
 
 def test_every_measure_is_told_in_the_table_and_in_the_document():
     rows = [row("effect", [PAYLOAD], "identified", named("payload")), row("healthy", [], "no_mismatch")]
-    state = State(5, 2, "tz17.yaml", "0.1", "2026-01-01 10:00", "ab" * 32)
+    state = TrialState(5, 2, "tz17.yaml", "0.1", "2026-01-01 10:00", "ab" * 32)
     text, document = page(state, rows, 12.0), tables.document(state, rows, 12.0)
     for m in scoring.measures(rows):
         assert m.title in text
@@ -214,6 +214,6 @@ def test_a_median_of_few_and_a_calibration_error_of_few_cannot_tell():
 
 def test_what_too_few_cases_leave_open_is_said_on_the_page():
     rows = [row("effect", [PAYLOAD], "identified", named(name)) for name in ("payload", "flow_force")]
-    text = page(State(5, 2, "tz17.yaml", "0.1", "2026-01-01 10:00", "ab" * 32), rows, 12.0)
+    text = page(TrialState(5, 2, "tz17.yaml", "0.1", "2026-01-01 10:00", "ab" * 32), rows, 12.0)
     assert "too few cases" in text and "Not met" not in text and "| no |" not in text
     assert "Short of the requirement, but within chance for so few cases: right effect named first" in text

@@ -17,7 +17,7 @@ from boom_model.plant import Plant
 from boom_model.sensors import IDEAL, OUTPUTS
 from boom_model.variation import BULK_MODULUS, FRICTION, LOAD, PRECHARGE
 from boom_report.tracking.position_error import piston_positions
-from boom_sim.simulated_crane import PERIOD, Sample, SimulatedCrane, Start
+from boom_sim.simulated_crane import PERIOD, CraneSample, CraneStart, SimulatedCrane
 from boom_trials.closed_loop import Crane
 from boom_trials.closed_loop import run as drive
 from boom_trials.robustness.crane import Grasp, TrialCrane, carried_out, start_state
@@ -33,14 +33,14 @@ from boom_trials.robustness.plants import (
     off_nominal,
 )
 from boom_trials.robustness.stability import is_stable, stability_document
-from boom_trials.robustness.study import Job, Result, carry_out, carry_out_one, summary, with_poses
+from boom_trials.robustness.study import Result, StudyRun, carry_out, carry_out_one, summary, with_poses
 
 FOLDER = str(Path(__file__).parents[3] / "bags")
 MACHINE = load_machine("tz17")
 
 
 def short(mode: str, bag: str, case: PlantCase, duration: float = 10.0, **other: object) -> Result:
-    return carry_out_one(Job(mode, bag, case, folder=FOLDER, duration=duration, **other))  # type: ignore[arg-type]
+    return carry_out_one(StudyRun(mode, bag, case, folder=FOLDER, duration=duration, **other))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("bag", ["healthy/folded_fast", "healthy/extended", "healthy/extended_log"])
@@ -99,7 +99,7 @@ def test_both_cranes_are_driven_alike_also_with_dead_times_that_are_no_whole_per
     references = [generator.step(0.35) for _ in range(100)]
     cranes: tuple[Crane, Crane] = (
         TrialCrane(plant, start_state(plant, MACHINE, pose, 0.3), 100, noise=IDEAL),
-        SimulatedCrane(MACHINE, pose, Start(0.3), IDEAL),
+        SimulatedCrane(MACHINE, pose, CraneStart(0.3), IDEAL),
     )
     first, second = (
         [s.angle for s in drive(make_controller("improved", MACHINE, pose), crane, references, dead_time=dead_time).samples]
@@ -111,7 +111,7 @@ def test_both_cranes_are_driven_alike_also_with_dead_times_that_are_no_whole_per
 
 def result(mae: float, diverged: str = "", bag: str = "healthy/extended", **job: object) -> Result:
     number = nan if diverged else 1e3
-    made = Job("improved", bag, CONFIGURATIONS["C0"], **job)  # type: ignore[arg-type]
+    made = StudyRun("improved", bag, CONFIGURATIONS["C0"], **job)  # type: ignore[arg-type]
     return Result(made, mae, 2 * mae, 1.5 * mae, number, number, diverged, None)
 
 
@@ -177,7 +177,7 @@ def test_the_stability_map_holds_one_row_a_case_with_the_dead_times_in_order() -
 
 def test_workers_give_the_results_in_the_order_of_the_jobs() -> None:
     jobs = [
-        Job("improved", bag, CONFIGURATIONS["C0"], folder=FOLDER, duration=1.5)
+        StudyRun("improved", bag, CONFIGURATIONS["C0"], folder=FOLDER, duration=1.5)
         for bag in ("healthy/extended", "healthy/folded_fast", "healthy/extended")
     ]
     told: list[int] = []
@@ -188,8 +188,8 @@ def test_workers_give_the_results_in_the_order_of_the_jobs() -> None:
 
 
 def test_a_sample_begins_with_the_outputs_of_the_model_and_these_with_what_the_law_sees() -> None:
-    assert Sample._fields[: len(OUTPUTS) + 1] == ("time", *OUTPUTS)
-    assert Measurement._fields[:-1] == Sample._fields[: len(Measurement._fields) - 1]
+    assert CraneSample._fields[: len(OUTPUTS) + 1] == ("time", *OUTPUTS)
+    assert Measurement._fields[:-1] == CraneSample._fields[: len(Measurement._fields) - 1]
 
 
 def test_every_trajectory_is_there_three_in_each_pose() -> None:

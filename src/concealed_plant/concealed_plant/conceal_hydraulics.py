@@ -14,7 +14,7 @@ from concealed_plant.plant import PERIOD, Courses
 @conceals(
     "piston_leakage", "cylinder", "l/min at 100 bar", (0.003, 12.0), "turbulent, with the square root of the drop"
 )
-def piston_leakage(size: float, r: Array, scene: Scene) -> Hidden:
+def piston_leakage(size: float, _r: Array, _scene: Scene) -> Hidden:
     """Flow past the seal."""
     return Hidden({"seal_gap": size * LPM / sqrt(1e7)})
 
@@ -28,13 +28,13 @@ def piston_leakage(size: float, r: Array, scene: Scene) -> Hidden:
     manner="ends",
     stretched=True,
 )
-def end_cushioning(size: float, r: Array, scene: Scene) -> Hidden:
+def end_cushioning(size: float, r: Array, _scene: Scene) -> Hidden:
     """A spear enters before the end of stroke."""
     return Hidden({"spear_resistance": size, "spear_length": within(r[0], 0.05, 0.1)})
 
 
 @conceals("entrained_air", "oil", "-", (5e-5, 0.1), "isothermal, going into solution with pressure (Henry)")
-def entrained_air(size: float, r: Array, scene: Scene) -> Hidden:
+def entrained_air(size: float, r: Array, _scene: Scene) -> Hidden:
     """Air in the oil."""
     return Hidden({"air": size, "air_dissolves": within(r[0], 3.0e6, 6.0e6)})
 
@@ -48,7 +48,7 @@ def entrained_air(size: float, r: Array, scene: Scene) -> Hidden:
     twins=("accumulators.p_g0_1", "accumulators.p_g0_2"),
     tolerance=0.05,
 )
-def accumulator_precharge(size: float, r: Array, scene: Scene) -> Hidden:
+def accumulator_precharge(size: float, r: Array, _scene: Scene) -> Hidden:
     """Gas lost, or too much gas filled in."""
     share = 1.0 - size if r[0] < 0.8 else 1.0 + min(size, 0.05) + 0.3 * max(size - 0.05, 0.0)
     return Hidden({"gas_lost_1": share + 0.1 * size, "gas_lost_2": share - 0.1 * size}, parameters={"r": share})
@@ -61,7 +61,7 @@ def accumulator_precharge(size: float, r: Array, scene: Scene) -> Hidden:
     (0.001, 2.0),
     "to a wall that warms itself, faster for larger differences",
 )
-def accumulator_heat_loss(size: float, r: Array, scene: Scene) -> Hidden:
+def accumulator_heat_loss(size: float, r: Array, _scene: Scene) -> Hidden:
     """Gas that exchanges heat."""
     return Hidden({"wall_rate": size, "wall_size": within(r[0], 4.0, 10.0)})
 
@@ -75,7 +75,7 @@ def accumulator_heat_loss(size: float, r: Array, scene: Scene) -> Hidden:
     twins=("accumulators.d_1", "accumulators.d_2"),
     tolerance=0.04,
 )
-def accumulator_restrictor(size: float, r: Array, scene: Scene) -> Hidden:
+def accumulator_restrictor(size: float, _r: Array, _scene: Scene) -> Hidden:
     """The throats in the accumulators' ports."""
     return Hidden({"clogged": 1.0 - 0.75 * size, "clogged_viscous": 4.0e9 * size})
 
@@ -83,7 +83,7 @@ def accumulator_restrictor(size: float, r: Array, scene: Scene) -> Hidden:
 @conceals(
     "hose_burst_valve_lag", "hose_burst_valve", "s", (0.001, 0.4), "a poppet with mass: second order, critically damped"
 )
-def hose_burst_valve_lag(size: float, r: Array, scene: Scene) -> Hidden:
+def hose_burst_valve_lag(size: float, _r: Array, _scene: Scene) -> Hidden:
     """The poppet needs time; tau is the delay of the ramp that both forms have in common."""
     return Hidden({"poppet_frequency": 2.0 / size}, parameters={"tau": size})
 
@@ -105,7 +105,7 @@ def hose_burst_valve_setting(size: float, r: Array, scene: Scene) -> Hidden:
 
 
 @conceals("valve_dead_zone", "main_valve", "-", (0.0005, 0.2), "the edges are moved bodily, their slope stays")
-def valve_dead_zone(size: float, r: Array, scene: Scene) -> Hidden:
+def valve_dead_zone(size: float, r: Array, _scene: Scene) -> Hidden:
     """Overlap differs, in one direction or in both."""
     up, down = sign(r[0]) * size, sign(r[1]) * size * within(r[2], 0.0, 1.0)
     if r[3] < 0.5:
@@ -130,7 +130,7 @@ def valve_hysteresis(size: float, r: Array, scene: Scene) -> Hidden:
 @conceals(
     "flow_force", "main_valve", "m^2", (3e-8, 3e-4), "area times drop with a jet angle that turns as the edge opens"
 )
-def flow_force(size: float, r: Array, scene: Scene) -> Hidden:
+def flow_force(size: float, _r: Array, _scene: Scene) -> Hidden:
     """Flow that closes the spool."""
     return Hidden({"jet": size})
 
@@ -145,7 +145,7 @@ def flow_force(size: float, r: Array, scene: Scene) -> Hidden:
     tolerance=0.212,
     met="spring_factor",
 )
-def spring_rate(size: float, r: Array, scene: Scene) -> Hidden:
+def spring_rate(size: float, r: Array, _scene: Scene) -> Hidden:
     """Return spring, or pilot gain."""
     factor = 1.0 + size if r[0] < 0.5 else 1.0 / (1.0 + size)
     return Hidden({"spring_factor": factor, "spring_hardening": 0.1 * r[1] * size}, parameters={"r": factor})
@@ -154,7 +154,7 @@ def spring_rate(size: float, r: Array, scene: Scene) -> Hidden:
 @conceals(
     "compensator_droop", "main_valve supply", "-", (0.003, 0.9), "the margin sinks with flow and with load pressure"
 )
-def compensator_droop(size: float, r: Array, scene: Scene) -> Hidden:
+def compensator_droop(size: float, _r: Array, _scene: Scene) -> Hidden:
     """The compensator's spring yields."""
     return Hidden({"sag": size})
 
@@ -168,7 +168,7 @@ def compensator_droop(size: float, r: Array, scene: Scene) -> Hidden:
     twins=("pilot_valves.a1_s",),
     tolerance=0.03,
 )
-def pilot_lag(size: float, r: Array, scene: Scene) -> Hidden:
+def pilot_lag(size: float, r: Array, _scene: Scene) -> Hidden:
     """Cold oil, which leaves through another passage than it enters."""
     unlike = within(r[0], -0.4, 0.4)
     changes = {"slower_rising": 1.0 + (1.0 + unlike) * size, "slower_falling": 1.0 + (1.0 - unlike) * size}
@@ -184,7 +184,7 @@ def command_delay(size: float, r: Array, scene: Scene) -> Hidden:
 
 
 @conceals("pump_flow_limit", "supply", "-", (0.002, 0.75), "a hard limit that sinks with pressure")
-def pump_flow_limit(size: float, r: Array, scene: Scene) -> Hidden:
+def pump_flow_limit(size: float, _r: Array, scene: Scene) -> Hidden:
     """The pump cannot deliver the flow that the valve requests; the size is the missing share of its largest flow and a reserve."""
     return Hidden({"pump": 1.0 / (scene.peak * (1.1 - size))})
 
@@ -192,7 +192,7 @@ def pump_flow_limit(size: float, r: Array, scene: Scene) -> Hidden:
 @conceals(
     "return_line_pressure", "return_line", "Pa at 120 l/min", (5e3, 6e6), "flow to the power 1.75, with a laminar share"
 )
-def return_line_pressure(size: float, r: Array, scene: Scene) -> Hidden:
+def return_line_pressure(size: float, r: Array, _scene: Scene) -> Hidden:
     """A filter that clogs."""
     laminar = within(r[0], 0.1, 0.4)
     return Hidden({"back_turbulent": (1.0 - laminar) * size, "back_laminar": laminar * size})

@@ -17,7 +17,7 @@ from concealed_plant.plant import Courses
     twins=("load",),
     tolerance=20.0,
 )
-def payload(size: float, r: Array, scene: Scene) -> Hidden:
+def payload(size: float, r: Array, _scene: Scene) -> Hidden:
     """A mass present throughout."""
     changes = {"extra_load": size, "load_gyration": size * within(r[0], 0.3, 1.3)}
     return Hidden(changes, parameters={"mass": size})
@@ -42,7 +42,7 @@ def payload_change(size: float, r: Array, scene: Scene) -> Hidden:
     "a pendulum of any swing with a drag that grows with it, pulling along its rope",
     stretched=True,
 )
-def swinging_load(size: float, r: Array, scene: Scene) -> Hidden:
+def swinging_load(size: float, r: Array, _scene: Scene) -> Hidden:
     """A load on a rope."""
     length = within(r[0], 0.8, 3.0)
     changes = {"pendulum_mass": size, "pendulum_length": length, "pendulum_drag": within(r[1], 0.01, 0.05)}
@@ -56,7 +56,7 @@ def swinging_load(size: float, r: Array, scene: Scene) -> Hidden:
     (0.003, 1.5),
     "the mode acts back on the boom, its damping grows with its speed",
 )
-def boom_flexibility(size: float, r: Array, scene: Scene) -> Hidden:
+def boom_flexibility(size: float, r: Array, _scene: Scene) -> Hidden:
     """An elastic mode."""
     frequency = within(r[0], 1.2, 5.0)
     changes = {"bend_share": size, "bend_frequency": frequency, "bend_loss": within(r[1], 0.01, 0.05)}
@@ -66,7 +66,7 @@ def boom_flexibility(size: float, r: Array, scene: Scene) -> Hidden:
 @conceals(
     "stribeck_friction", "friction", "N m", (20.0, 12000.0), "falls off as 1 / (1 + (w / w_s)^2), not as a bell curve"
 )
-def stribeck_friction(size: float, r: Array, scene: Scene) -> Hidden:
+def stribeck_friction(size: float, r: Array, _scene: Scene) -> Hidden:
     """Break-away above sliding friction."""
     return Hidden({"stiction": size, "stiction_rate": within(r[0], 0.008, 0.05)})
 
@@ -78,7 +78,7 @@ def stribeck_friction(size: float, r: Array, scene: Scene) -> Hidden:
     (0.003, 1.0),
     "four elastic sliders side by side that break loose one by one",
 )
-def presliding_friction(size: float, r: Array, scene: Scene) -> Hidden:
+def presliding_friction(size: float, r: Array, _scene: Scene) -> Hidden:
     """Hysteresis before sliding; the size is the share of the Coulomb torque with this behaviour."""
     return Hidden({"slider_share": size, "slider_stiffness": 10.0 ** within(r[0], 5.3, 7.0)})
 
@@ -126,7 +126,7 @@ def resting_on_something(size: float, r: Array, scene: Scene) -> Hidden:
     "the carrier rocks on its tyres; the IMU sees it",
     known=False,
 )
-def base_rocking(size: float, r: Array, scene: Scene) -> Hidden:
+def base_rocking(size: float, r: Array, _scene: Scene) -> Hidden:
     """The base moves."""
     return Hidden(
         {"rock_compliance": size, "rock_frequency": within(r[0], 0.6, 1.6), "rock_loss": within(r[1], 0.03, 0.1)}
@@ -141,6 +141,6 @@ def base_rocking(size: float, r: Array, scene: Scene) -> Hidden:
     "a worn pin: the piston moves free when the force turns",
     known=False,
 )
-def linkage_play(size: float, r: Array, scene: Scene) -> Hidden:
+def linkage_play(size: float, _r: Array, _scene: Scene) -> Hidden:
     """Play between piston rod and boom."""
     return Hidden({"play": size})

@@ -37,14 +37,14 @@ from concealed_plant.kernel import STEPS, limiting_from
 from concealed_plant.machine import (
     DEVIATIONS_IN_TOLERANCE,
     DRAWN,
-    Linkage,
+    BoomLinkage,
     MachineFile,
-    Pose,
+    Posture,
     linkage,
     load_deviation,
     quantities,
 )
-from concealed_plant.plant import Courses, Run, RunError, Start, per_millisecond, run
+from concealed_plant.plant import Courses, InitialValues, Run, RunError, per_millisecond, run
 from concealed_plant.quantities import Quantities
 
 Array = NDArray[np.float64]
@@ -72,12 +72,12 @@ _TRIES = 24
 
 
 @dataclass(frozen=True)
-class Setting:
+class DetectionSetting:
     """A specimen at work: everything about a recording except the concealed physics. currents (k, 2) [A], every 10 ms."""
 
     specimen: MachineFile
-    pose: Pose
-    start: Start
+    pose: Posture
+    start: InitialValues
     currents: Array
     starts: Array
 
@@ -104,7 +104,7 @@ class TooFaintError(ValueError):
 class Detectability:
     """Signatures in one setting. Raises RunError if the undisturbed crane leaves its range."""
 
-    def __init__(self, setting: Setting, rng: np.random.Generator) -> None:
+    def __init__(self, setting: DetectionSetting, rng: np.random.Generator) -> None:
         self._setting, self._rng = setting, rng
         self.linkage = linkage(setting.specimen)
         self.m = quantities(setting.specimen, setting.pose)
@@ -319,7 +319,7 @@ class Detectability:
         }
         moved = setting.specimen.specimen(factors)
         table = linkage(moved) if any(key.startswith("kinematics.") for key in deviations) else self.linkage
-        return run(quantities(moved, pose), table, Start(angle, pressure), self._held, steps=steps).outputs
+        return run(quantities(moved, pose), table, InitialValues(angle, pressure), self._held, steps=steps).outputs
 
     def _white(self, difference: Array) -> Array:
         spectrum = _spectrum(difference) * self._weights * np.sqrt(2.0)
@@ -331,7 +331,7 @@ def _free(twins: tuple[str, ...]) -> list[int]:
     return [k for k, key in enumerate(NUMBERS) if key not in twins]
 
 
-def scene(m: Quantities, setting: Setting, plain: Run) -> Scene:
+def scene(m: Quantities, setting: DetectionSetting, plain: Run) -> Scene:
     """The data of the undisturbed recording that an effect may need."""
     angle, drop, knee = plain["angle"], plain["hose"] - plain["head"], limiting_from(m)
     limited = drop[drop < knee]
@@ -341,7 +341,7 @@ def scene(m: Quantities, setting: Setting, plain: Run) -> Scene:
     )  # fmt: skip
 
 
-def outputs(m: Quantities, table: Linkage, setting: Setting, hidden: Hidden) -> Array:
+def outputs(m: Quantities, table: BoomLinkage, setting: DetectionSetting, hidden: Hidden) -> Array:
     """Outputs (n, 4) of ideal sensors in a setting with an effect. Raises RunError."""
     changed = m._replace(**dict(hidden.changes))
     held = per_millisecond(setting.currents, hidden.late)

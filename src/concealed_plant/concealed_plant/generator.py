@@ -21,20 +21,28 @@ from boom_recording import writing
 from boom_recording.recording import Configuration, Recording
 from concealed_plant.cases import CaseSpec, pair
 from concealed_plant.concealments import CONCEALMENTS
-from concealed_plant.detectability import Detectability, Setting, Sized, TooFaintError, outputs, scene, together
+from concealed_plant.detectability import (
+    Detectability,
+    DetectionSetting,
+    Sized,
+    TooFaintError,
+    outputs,
+    scene,
+    together,
+)
 from concealed_plant.hidden import Hidden
 from concealed_plant.machine import (
     DEVIATIONS_IN_TOLERANCE,
     DRAWN,
     MachineFile,
-    Pose,
+    Posture,
     linkage,
     load_deviation,
     quantities,
     scattered,
 )
 from concealed_plant.operator import Operator
-from concealed_plant.plant import RunError, Start, per_millisecond, run
+from concealed_plant.plant import InitialValues, RunError, per_millisecond, run
 from concealed_plant.sensing import SEEN, Bus, record
 
 Array = NDArray[np.float64]
@@ -111,8 +119,8 @@ class _Crane:
     """A specimen in a pose, and how it was drawn."""
 
     specimen: MachineFile
-    told: Pose
-    true: Pose
+    told: Posture
+    true: Posture
     wrong: dict[str, float] = field(default_factory=dict)
 
 
@@ -214,7 +222,7 @@ def _crane(spec: CaseSpec, file: MachineFile, rng: np.random.Generator) -> _Cran
     else:
         q3, q4 = float(rng.uniform(0.1, 1.5)), float(rng.uniform(0.5, 3.0))
     load = float(np.round(rng.uniform(100.0, 350.0))) if rng.uniform() < 0.25 and q4 > 0 else 0.0
-    told = Pose(q3, q4, load)
+    told = Posture(q3, q4, load)
     off = load_deviation(load) * SCATTER * rng.standard_normal() if load else 0.0
     own = {key for name in names for key in CONCEALMENTS[name].twins}  # off by what is concealed and nothing else
     scatter = scattered(file, told, rng, SCATTER)
@@ -224,7 +232,7 @@ def _crane(spec: CaseSpec, file: MachineFile, rng: np.random.Generator) -> _Cran
     factors = {
         key: 1.0 + deviations * file.tolerance(key, told) / DEVIATIONS_IN_TOLERANCE for key, deviations in wrong.items()
     }
-    return _Crane(specimen.specimen(factors), told, Pose(q3, q4, load + off), wrong)
+    return _Crane(specimen.specimen(factors), told, Posture(q3, q4, load + off), wrong)
 
 
 def _wrong(rng: np.random.Generator) -> dict[str, float]:
@@ -248,14 +256,14 @@ def _halfway(spec: CaseSpec) -> dict[str, float]:
     return {row.met: 1.0 + 0.75 * row.tolerance * strength for row, strength in rows if row.met}
 
 
-def _at_work(crane: _Crane, rng: np.random.Generator, manner: str, changes: Mapping[str, float]) -> Setting:
+def _at_work(crane: _Crane, rng: np.random.Generator, manner: str, changes: Mapping[str, float]) -> DetectionSetting:
     """The crane driven by an operator as if it had ``changes``. Raises RunError."""
     m, table = quantities(crane.specimen, crane.true), linkage(crane.specimen)
-    start = Start(
+    start = InitialValues(
         float(rng.uniform(1.0, 1.3) if manner == "ends" else rng.uniform(0.25, 0.7)), float(rng.uniform(0.6e6, 1.6e6))
     )
     currents, starts = Operator(m._replace(**dict(changes)), table, rng).drive(DURATION, start.angle, manner)
-    return Setting(crane.specimen, crane.true, start, currents, starts)
+    return DetectionSetting(crane.specimen, crane.true, start, currents, starts)
 
 
 def _second(
@@ -278,7 +286,7 @@ def _second(
 
 
 def _recorded_again(
-    setting: Setting, rows: list[Any], sized: list[Sized], hidden: Hidden, configuration: Configuration, bus: Bus,
+    setting: DetectionSetting, rows: list[Any], sized: list[Sized], hidden: Hidden, configuration: Configuration, bus: Bus,
     rng: np.random.Generator,
 ) -> tuple[Recording, tuple[float | None, ...], float | None]:  # fmt: skip
     table, m = linkage(setting.specimen), quantities(setting.specimen, setting.pose)
@@ -287,7 +295,7 @@ def _recorded_again(
     same = Hidden(hidden.changes, laid.courses, hidden.sensing, laid.late)
     shown = outputs(m, table, setting, same)
     recording = record(HOLD_OUT, shown, per_millisecond(setting.currents), configuration, bus, rng)
-    measured = Setting(setting.specimen, setting.pose, setting.start, _as_measured(recording), setting.starts)
+    measured = DetectionSetting(setting.specimen, setting.pose, setting.start, _as_measured(recording), setting.starts)
     return recording, _errors(outputs(m, table, measured, same), recording), laid.onset
 
 

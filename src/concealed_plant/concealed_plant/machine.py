@@ -53,7 +53,7 @@ class MachineFileError(ValueError):
 
 
 @dataclass(frozen=True)
-class Pose:
+class Posture:
     """Locked joints and the configured load: q_3 [rad], q_4 [m], [kg]."""
 
     outer_boom_angle: float
@@ -62,7 +62,7 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Linkage:
+class BoomLinkage:
     """s_p(q_2) as an equidistant table: angles [rad], strokes [m], levers ds_p/dq_2 [m/rad]."""
 
     angles: Array
@@ -116,7 +116,7 @@ class MachineFile:
             return float(value) * self.factors.get(key, 1.0)
         return float(value[component]) * self.factors.get(f"{key}.{component}", 1.0)
 
-    def tolerance(self, key: str, pose: Pose) -> float:
+    def tolerance(self, key: str, pose: Posture) -> float:
         """Relative tolerance of a key of ``DRAWN``."""
         if key.startswith("rigid_body."):
             near = [c for c in self.entry("rigid_body.configs").values() if abs(c["q3"] - pose.outer_boom_angle) < 0.3]
@@ -136,7 +136,7 @@ def load_deviation(load: float) -> float:
     return max(LOAD_SHARE * load, LOAD_FLOOR) / DEVIATIONS_IN_TOLERANCE
 
 
-def scattered(machine: MachineFile, pose: Pose, rng: np.random.Generator, deviations: float) -> dict[str, float]:
+def scattered(machine: MachineFile, pose: Posture, rng: np.random.Generator, deviations: float) -> dict[str, float]:
     """Factors of every drawn key: normal with ``deviations`` of the key's own standard deviations, inside its tolerance."""
     factors = {}
     for key in DRAWN:
@@ -146,7 +146,7 @@ def scattered(machine: MachineFile, pose: Pose, rng: np.random.Generator, deviat
     return factors
 
 
-def quantities(machine: MachineFile, pose: Pose) -> Quantities:
+def quantities(machine: MachineFile, pose: Posture) -> Quantities:
     """The numbers of the machine in a pose, without concealed effects."""
     f = machine.number
     inertia, moment, tip = locked_body(pose)
@@ -188,7 +188,7 @@ def _meter_out(machine: MachineFile) -> tuple[float, float]:
     return float(found[1]) / factor, float(found[2]) / factor
 
 
-def linkage(machine: MachineFile, count: int = 6001) -> Linkage:
+def linkage(machine: MachineFile, count: int = 6001) -> BoomLinkage:
     """The four-bar linkage: its closed form as the intersection of two circles, tabulated over the whole range of the boom angle.
 
     The pin-to-pin length at zero stroke follows from the angle at which the stroke begins according to the file.
@@ -202,7 +202,7 @@ def linkage(machine: MachineFile, count: int = 6001) -> Linkage:
     strokes = lengths - float(_pin_to_pin(machine, np.array([low]))[0])
     step = 1e-5
     levers = (_pin_to_pin(machine, angles + step) - _pin_to_pin(machine, angles - step)) / (2 * step)
-    return Linkage(angles, strokes, levers)
+    return BoomLinkage(angles, strokes, levers)
 
 
 def _pin_to_pin(machine: MachineFile, angles: Array) -> Array:
@@ -219,7 +219,7 @@ def _pin_to_pin(machine: MachineFile, angles: Array) -> Array:
     return np.asarray(np.abs(pivot + long_bar * direction - foot), dtype=np.float64)
 
 
-def locked_body(pose: Pose) -> tuple[float, tuple[float, float], tuple[float, float]]:
+def locked_body(pose: Posture) -> tuple[float, tuple[float, float], tuple[float, float]]:
     """D_0 [kg m^2], (S_x, S_y) [kg m] and the tip [m] in the boom's frame, without load: the table of the machine notes."""
     turn = complex(math.cos(pose.outer_boom_angle), math.sin(pose.outer_boom_angle))
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from concealed_plant.kernel import opening, pilot
-from concealed_plant.machine import Linkage
-from concealed_plant.plant import Start, per_millisecond, run
+from concealed_plant.machine import BoomLinkage
+from concealed_plant.plant import InitialValues, per_millisecond, run
 from concealed_plant.quantities import Quantities
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ class Operator:
         rng: the only source of randomness.
     """
 
-    def __init__(self, m: Quantities, linkage: Linkage, rng: np.random.Generator) -> None:
+    def __init__(self, m: Quantities, linkage: BoomLinkage, rng: np.random.Generator) -> None:
         self._m, self._linkage, self._rng = m, linkage, rng
         self._expected = [self._expectation(lifting) for lifting in (False, True)]
 
@@ -63,7 +63,7 @@ class Operator:
             kind = manner if manner not in ("", "ends") else str(self._rng.choice(_MIX))
             shape = self._shape(kind)[: end - at]
             if (at - looked) * PERIOD_S > _LOOK:
-                seen = run(self._m, self._linkage, Start(start), per_millisecond(currents[:at]), steps=_BY_EYE)
+                seen = run(self._m, self._linkage, InitialValues(start), per_millisecond(currents[:at]), steps=_BY_EYE)
                 angle, looked = float(seen["angle"][-1]), at
                 lifting = angle < low + 0.05 or (lifting and angle < high - 0.05)
             room = (high - angle) if lifting else (angle - low)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from concealed_plant.kernel import MILLISECOND, NAMES, STEPS, simulate
-from concealed_plant.machine import Linkage
+from concealed_plant.machine import BoomLinkage
 from concealed_plant.quantities import Quantities
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class Courses:
 
 
 @dataclass(frozen=True)
-class Start:
+class InitialValues:
     """The boom rests at this angle [rad] with this rod pressure [Pa]; the head side carries it."""
 
     angle: float
@@ -65,7 +65,12 @@ def per_millisecond(currents: Array, late: Array | None = None) -> Array:
 
 
 def run(
-    m: Quantities, linkage: Linkage, start: Start, currents: Array, courses: Courses = Courses(), steps: int = STEPS
+    m: Quantities,
+    linkage: BoomLinkage,
+    start: InitialValues,
+    currents: Array,
+    courses: Courses = Courses(),
+    steps: int = STEPS,
 ) -> Run:
     """Free run over currents (n, 2) [A] in each millisecond, after the boom has settled under the first current.
 

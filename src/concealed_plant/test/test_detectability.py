@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 
 from concealed_plant.concealments import CONCEALMENTS
-from concealed_plant.detectability import NUMBERS, Detectability, Setting
+from concealed_plant.detectability import NUMBERS, Detectability, DetectionSetting
 from concealed_plant.kernel import STEPS
-from concealed_plant.machine import MachineFile, Pose, linkage, quantities
+from concealed_plant.machine import MachineFile, Posture, linkage, quantities
 from concealed_plant.operator import Operator
-from concealed_plant.plant import RunError, Start, per_millisecond, run
+from concealed_plant.plant import InitialValues, RunError, per_millisecond, run
 
 FILE = Path(__file__).parents[2] / "boom_model" / "boom_model" / "machines" / "tz17.yaml"
 DRAWS = np.array([0.3, 0.6, 0.4, 0.7, 0.2])
 
 
 def at_work(load=0.0):
-    specimen, pose, start = MachineFile.read(FILE), Pose(0.28, 2.2, load), Start(0.5)
+    specimen, pose, start = MachineFile.read(FILE), Posture(0.28, 2.2, load), InitialValues(0.5)
     driver = Operator(quantities(specimen, pose), linkage(specimen), np.random.default_rng(3))
     currents, starts = driver.drive(14.0, start.angle, "work")
-    return Detectability(Setting(specimen, pose, start, currents, starts), np.random.default_rng(4))
+    return Detectability(DetectionSetting(specimen, pose, start, currents, starts), np.random.default_rng(4))
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_beside_another_effect_a_number_within_tolerance_is_worth_next_to_nothin
 
 
 def test_where_the_boom_starts_is_not_told(seen):
-    higher = started(seen, Start(0.52))
+    higher = started(seen, InitialValues(0.52))
     assert np.linalg.norm(seen._white(higher - seen.plain)) > 50.0
     assert seen.separation(higher)[0] < 1.0
 

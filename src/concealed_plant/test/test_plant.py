@@ -8,13 +8,13 @@ import pytest
 from concealed_plant import sensing
 from concealed_plant.cases import CaseSpec
 from concealed_plant.concealments import CONCEALMENTS
-from concealed_plant.detectability import Setting, outputs, scene, together
+from concealed_plant.detectability import DetectionSetting, outputs, scene, together
 from concealed_plant.generator import _crane
 from concealed_plant.hidden import Hidden, Sensing
 from concealed_plant.kernel import limited, orifice, spear, stiffness
-from concealed_plant.machine import DEVIATIONS_IN_TOLERANCE, MachineFile, Pose, linkage, quantities, scattered
+from concealed_plant.machine import DEVIATIONS_IN_TOLERANCE, MachineFile, Posture, linkage, quantities, scattered
 from concealed_plant.operator import Operator
-from concealed_plant.plant import RunError, Start, per_millisecond, run
+from concealed_plant.plant import InitialValues, RunError, per_millisecond, run
 
 FILE = Path(__file__).parents[2] / "boom_model" / "boom_model" / "machines" / "tz17.yaml"
 DURATION = 14.0
@@ -22,10 +22,10 @@ DURATION = 14.0
 
 @pytest.fixture(scope="module")
 def setting():
-    specimen, pose, start = MachineFile.read(FILE), Pose(0.28, 2.2, 0.0), Start(0.5)
+    specimen, pose, start = MachineFile.read(FILE), Posture(0.28, 2.2, 0.0), InitialValues(0.5)
     driver = Operator(quantities(specimen, pose), linkage(specimen), np.random.default_rng(3))
     currents, starts = driver.drive(DURATION, start.angle, "work")
-    return Setting(specimen, pose, start, currents, starts)
+    return DetectionSetting(specimen, pose, start, currents, starts)
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def test_late_currents_come_later_by_their_dead_time():
 
 
 def test_specimens_stay_within_their_tolerances_and_differ():
-    machine, pose = MachineFile.read(FILE), Pose(0.28, 2.2, 0.0)
+    machine, pose = MachineFile.read(FILE), Posture(0.28, 2.2, 0.0)
     first, second = (scattered(machine, pose, np.random.default_rng(k), 0.5) for k in (1, 2))
     assert first != second
     for key, factor in first.items():

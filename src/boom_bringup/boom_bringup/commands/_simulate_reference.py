@@ -69,7 +69,7 @@ def simulate_reference(
     from boom_controller.controller import Settings, make_controller
     from boom_controller.references.trajectory_generator import TrajectoryGenerator
     from boom_report.console import console_for
-    from boom_sim.simulated_crane import PERIOD, SimulatedCrane, Start
+    from boom_sim.simulated_crane import PERIOD, CraneStart, SimulatedCrane
     from boom_trials.closed_loop import follow, wanted_angles
 
     angles = wanted_angles(recording)
@@ -80,7 +80,7 @@ def simulate_reference(
     settings = Settings(sample_time=PERIOD)
     controller = make_controller(law.mode, law.told, law.told.pose(*place), settings)
     generator = TrajectoryGenerator(settings.generator_pole, PERIOD)
-    start = Start(float(angles[0]) if angle is None else angle)
+    start = CraneStart(float(angles[0]) if angle is None else angle)
     crane = SimulatedCrane(machine, machine.pose(*place), start, noise, seed)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.0f} of {task.total:.0f} s"))
     with Progress(*columns, console=console_for(sys.stderr), transient=True) as progress:

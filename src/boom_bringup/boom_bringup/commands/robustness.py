@@ -25,7 +25,7 @@ from boom_controller import laws
 
 if TYPE_CHECKING:
     from boom_trials.robustness.plants import PlantCase
-    from boom_trials.robustness.study import Job, Result
+    from boom_trials.robustness.study import Result, StudyRun
 
 HELP = "run all control laws on varied plants: Table 6.3 of the thesis"
 
@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
             f"--bags {args.bags}: there is no {missing[0]}: run in the folder of the repository, or give the folder of its bags"
         )
     seeds = range(args.seed, args.seed + args.repeat)
-    parts: dict[str, list[Job]] = {
+    parts: dict[str, list[StudyRun]] = {
         "configurations": [
             _job(args, mode, bag, case, seed, keep=report is not None and bag == PICTURED and seed == args.seed)
             for mode in modes for case in CONFIGURATIONS.values() for seed in seeds for bag in bags
@@ -137,10 +137,10 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _job(args: argparse.Namespace, mode: str, bag: str, case: PlantCase, seed: int, keep: bool = False) -> Job:
-    from boom_trials.robustness.study import Job
+def _job(args: argparse.Namespace, mode: str, bag: str, case: PlantCase, seed: int, keep: bool = False) -> StudyRun:
+    from boom_trials.robustness.study import StudyRun
 
-    return Job(mode, bag, case, seed, args.bags, args.machine, limited=args.supply == "limited", keep=keep)
+    return StudyRun(mode, bag, case, seed, args.bags, args.machine, limited=args.supply == "limited", keep=keep)
 
 
 def _default_report() -> Path:

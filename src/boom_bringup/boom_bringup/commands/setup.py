@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add no option."""
 
 
-def run(args: argparse.Namespace) -> int:
+def run(_args: argparse.Namespace) -> int:
     """Print what is set up. `./boom` has done the work before calling this."""
     version = ".".join(str(part) for part in sys.version_info[:3])
     print(f"boom {__version__} is set up: Python {version} in {os.path.relpath(sys.prefix)}")

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from boom_model.machine import Machine
     from boom_recording.recording import Configuration, Recording
-    from boom_sim.simulated_crane import EndedEarlyError, Start
+    from boom_sim.simulated_crane import CraneStart, EndedEarlyError
 
     Array = NDArray[np.float64]
 
@@ -130,18 +130,18 @@ class _Given:
 
     machine: Machine
     configuration: Configuration
-    start: Start
+    start: CraneStart
     stamps: Array | None = None
     currents: Array | None = None
     recording: Recording | None = None
 
 
 def _given(args: argparse.Namespace, source: Path) -> _Given:
-    from boom_sim.simulated_crane import Start
+    from boom_sim.simulated_crane import CraneStart
 
     given = _from_reference(args, source) if args.reference else _with_currents(args, source)
     if args.angle is not None:
-        given.start = Start(args.angle)  # the measured pressures belong to the measured angle
+        given.start = CraneStart(args.angle)  # the measured pressures belong to the measured angle
     pose = {
         "outer_boom_angle": args.outer_boom_angle,
         "telescope_length": args.telescope_length,
@@ -150,20 +150,20 @@ def _given(args: argparse.Namespace, source: Path) -> _Given:
     changed = {key: value for key, value in pose.items() if value is not None}
     if changed:
         given.configuration = replace(given.configuration, **changed)
-        given.start = Start(given.start.angle)
+        given.start = CraneStart(given.start.angle)
     return given
 
 
 def _from_reference(args: argparse.Namespace, source: Path) -> _Given:
     from boom_bringup import replica
     from boom_bringup.commands._simulate_reference import load_reference
-    from boom_sim.simulated_crane import Start
+    from boom_sim.simulated_crane import CraneStart
 
     if source.suffix == ".csv" or args.model != "full":
         raise SimulateError("--reference takes a bag and runs the full model: leave out --model, or give a bag")
     recording = load_reference(source)
     machine, _ = replica.machine_of({args.input: recording}, args.machine)
-    return _Given(machine, recording.configuration, Start(0.0), recording=recording)
+    return _Given(machine, recording.configuration, CraneStart(0.0), recording=recording)
 
 
 def _with_currents(args: argparse.Namespace, source: Path) -> _Given:
@@ -171,19 +171,19 @@ def _with_currents(args: argparse.Namespace, source: Path) -> _Given:
     from boom_model.machine_file import load_machine
     from boom_recording.recording import Configuration
     from boom_sim import csv_currents
-    from boom_sim.simulated_crane import Start
+    from boom_sim.simulated_crane import CraneStart
 
     if source.suffix == ".csv":
         stamps, currents = csv_currents.read(source)
         configuration = Configuration("tz17", 0.28, 2.2, 0.0)
         machine = load_machine(configuration.machine if args.machine is None else args.machine)
-        return _Given(machine, configuration, Start(0.3), stamps, currents)
+        return _Given(machine, configuration, CraneStart(0.3), stamps, currents)
     recording, stamps, currents = _from_bag(source)
     machine, _ = replica.machine_of({args.input: recording}, args.machine)
-    start = Start(0.0)
+    start = CraneStart(0.0)
     if args.angle is None:
         rest = replica.rest_of(recording, args.input, "give --angle")
-        start = Start(rest["angle"], rest["hose_pressure"], rest["rod_pressure"])
+        start = CraneStart(rest["angle"], rest["hose_pressure"], rest["rod_pressure"])
     if args.duration is None:
         args.duration = recording.duration
     return _Given(machine, recording.configuration, start, stamps, currents, recording)

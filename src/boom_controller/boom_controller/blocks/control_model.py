@@ -34,7 +34,7 @@ class OperatingPoint(NamedTuple):
     load: float
 
 
-class Quantities(NamedTuple):
+class ModelQuantities(NamedTuple):
     """Quantities of the model at a point; SI.
 
     Attributes:
@@ -88,19 +88,19 @@ class ControlModel:
         self.machine, self.pose = machine, pose
         self.p, self.e = component_parameters(machine, pose)
         self._in = array("d", [0.0] * len(OperatingPoint._fields))
-        self._out = array("d", [0.0] * len(Quantities._fields))
+        self._out = array("d", [0.0] * len(ModelQuantities._fields))
         self._whole, self._coming = _functions(machine, self.p, self.e)
         self._evaluate = on_buffers(self._whole, [self._in], [self._out])
 
-    def at(self, point: OperatingPoint) -> Quantities:
+    def at(self, point: OperatingPoint) -> ModelQuantities:
         """All quantities at a point, numbers."""
         self._in[:] = array("d", point)
         self._evaluate()
-        return Quantities(*self._out)
+        return ModelQuantities(*self._out)
 
-    def expressions(self, point: OperatingPoint) -> Quantities:
+    def expressions(self, point: OperatingPoint) -> ModelQuantities:
         """:meth:`at` for a point of expressions."""
-        return Quantities(*ca.vertsplit(self._whole(ca.vertcat(*point))))
+        return ModelQuantities(*ca.vertsplit(self._whole(ca.vertcat(*point))))
 
     def coming(self, reference: Reference, load: Expression) -> Coming:
         """Quantities for a point of the reference, with a load [kg] beyond the pose's: the part of :meth:`at` without sensors.
@@ -144,7 +144,7 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
     compliance = sum(gas, cylinder.head_volume(position, p) / oil.bulk_modulus(v.hose_pressure, p, e))
     stiffness_rod = oil.bulk_modulus(v.rod_pressure, p, e) / cylinder.rod_volume(position, p)
     extend, retract = (_flow_per_area(structure, side, v, p, e) for side in (-1.0, 1.0))
-    values = Quantities(
+    values = ModelQuantities(
         force=cylinder.force(v.hose_pressure, v.rod_pressure, p),
         position=position,
         jacobian=jacobian,

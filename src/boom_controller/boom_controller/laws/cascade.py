@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from boom_controller.blocks.control_model import ControlModel, OperatingPoint, Quantities
+from boom_controller.blocks.control_model import ControlModel, ModelQuantities, OperatingPoint
 from boom_controller.blocks.flat import FlatLaw
 from boom_controller.blocks.pilot_stage import StaticPilot, require_pilot_stage
 from boom_controller.blocks.position_feedback import feedback_torque, integral_for, position_gains
@@ -22,7 +22,7 @@ from boom_controller.blocks.valve_inverse import InverseState, ValveInverse
 from boom_controller.blocks.valve_map import ValveMap
 from boom_controller.errors import ControlError
 from boom_controller.settings import LawSettings, tunable
-from boom_controller.types import Controller, Measurement, Output, Reference
+from boom_controller.types import Controller, ControlOutput, Measurement, Reference
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
 
@@ -109,9 +109,9 @@ class Cascade:
         carried = q.jacobian * q.force - q.gravity
         self._law.start(CascadeState(integral_for(carried, self._gains, 0.0, 0.0, q.inertia)))
 
-    def step(self, reference: Reference, measurement: Measurement) -> Output:
+    def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         """(6.2), (6.13), (6.22), (6.23), (6.24)-(6.26), one sample time."""
-        return Output._make((*self._law.step(reference, measurement), nan, ""))
+        return ControlOutput._make((*self._law.step(reference, measurement), nan, ""))
 
     def change(self, settings: CascadeSettings) -> None:
         """Change gains, limits and neutral pressure; integral states are adapted so that forces and spool keep their values.
@@ -132,7 +132,7 @@ class Cascade:
         self._settings = settings
 
     def _after(self, x: CascadeState, r: Reference, m: Measurement, s: Any) -> tuple[CascadeState, list[Expression]]:
-        """The law as expressions: states one sample time later, and all of ``Output`` up to the pilot pressures."""
+        """The law as expressions: states one sample time later, and all of ``ControlOutput`` up to the pilot pressures."""
         q = self._model.expressions(
             OperatingPoint(
                 m.angle, m.rate, m.hose_pressure, m.rod_pressure,
@@ -163,7 +163,7 @@ class Cascade:
         ]  # fmt: skip
 
     def _spool(
-        self, q: Quantities, force_error: Expression, integral: Expression, rate: Expression, s: Any
+        self, q: ModelQuantities, force_error: Expression, integral: Expression, rate: Expression, s: Any
     ) -> tuple[Expression, Expression]:
         """Wanted s_s [m] from (6.22), (6.23), and the direction in which it is limited: 1 retract, -1 extend, 0 not."""
         a, b = self._area_a * q.stiffness_head, self._area_b * q.stiffness_rod

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from boom_controller.blocks.control_model import ControlModel, OperatingPoint, Quantities
+from boom_controller.blocks.control_model import ControlModel, ModelQuantities, OperatingPoint
 from boom_controller.blocks.flat import FlatLaw
 from boom_controller.blocks.pilot_stage import StaticPilot, require_pilot_stage
 from boom_controller.blocks.state_feedback import gains, predicted_force
@@ -30,7 +30,7 @@ from boom_controller.observers.flow_observer import ChamberState, MissedState, o
 from boom_controller.observers.load_observer import LoadState, observe_load
 from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
 from boom_controller.settings import LawSettings, tunable
-from boom_controller.types import Controller, Measurement, Output, Reference
+from boom_controller.types import Controller, ControlOutput, Measurement, Reference
 from boom_model.components import cylinder
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
@@ -85,7 +85,7 @@ class ImprovedSettings(LawSettings):
 SETTINGS = ImprovedSettings
 
 
-def make(mode: str, machine: Machine, pose: Pose, settings: ImprovedSettings) -> Controller:
+def make(_mode: str, machine: Machine, pose: Pose, settings: ImprovedSettings) -> Controller:
     """See :mod:`boom_controller.laws`."""
     return Improved(machine, pose, settings)
 
@@ -132,12 +132,12 @@ class Improved:
         )
         self._reason = ""
 
-    def step(self, reference: Reference, measurement: Measurement) -> Output:
+    def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         """One sample time."""
         *quantities, is_stalled = self._law.step(reference, measurement)
         if is_stalled and not self._reason:
             self._reason = reason(quantities[-1], measurement.hose_pressure)
-        return Output._make((*quantities, self._reason))
+        return ControlOutput._make((*quantities, self._reason))
 
     def change(self, settings: ImprovedSettings) -> None:
         """Change everything except the sample time; the observers keep their states.
@@ -151,7 +151,7 @@ class Improved:
         self._settings = settings
 
     def _after(self, x: ImprovedState, r: Reference, m: Measurement, s: Any) -> tuple[ImprovedState, list[Expression]]:
-        """The law as expressions: states one sample time later; ``Output`` up to the load, and whether the supply stalls."""
+        """The law as expressions: states one sample time later; ``ControlOutput`` up to the load, and whether the supply stalls."""
         q = self._model.expressions(
             OperatingPoint(
                 m.angle, m.rate, m.hose_pressure, m.rod_pressure,
@@ -194,7 +194,7 @@ class Improved:
             q.feedforward_force, 0.0, q.feedforward_force, q.force, spool, plus, minus, load.load, stalled(stall, s),
         ]  # fmt: skip
 
-    def _flows(self, q: Quantities, position: Expression) -> tuple[Expression, Expression]:
+    def _flows(self, q: ModelQuantities, position: Expression) -> tuple[Expression, Expression]:
         """(q_h, q_b) [m^3/s] into the ports, at the computed spool position s_s [m]."""
         supply, tank = self._map.areas(position)
         return (
@@ -202,7 +202,7 @@ class Improved:
             ca.if_else(position < 0, q.extend_tank * tank, q.retract_supply * supply),
         )
 
-    def _spool(self, q: Quantities, sigma: Expression, a: Expression, b: Expression, s: Any) -> Expression:
+    def _spool(self, q: ModelQuantities, sigma: Expression, a: Expression, b: Expression, s: Any) -> Expression:
         """s_s* [m] of (6.23) for Sigma [N/s]; a, b [N/m^3] are force per volume of both chambers."""
         largest = s.largest_spool_position * self._stroke
         return ca.if_else(

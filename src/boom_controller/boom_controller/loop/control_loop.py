@@ -25,10 +25,10 @@ from boom_controller.supervision.state_machine import MotionState, Supervision
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.supervision.tracking_goal import Ending, Goals, Tolerances, TrackingGoal
 from boom_controller.supervision.watch import MotionWatch
-from boom_controller.types import Measurement, Output, Reference
+from boom_controller.types import ControlOutput, Measurement, Reference
 from boom_model.machine import Machine, Pose
 
-_NO_OUTPUT = Output(0.0, 0.0)
+_NO_OUTPUT = ControlOutput(0.0, 0.0)
 MOST_APART = 0.75
 """Sample times between the stamps of one set. Three sensors with separate timing are at most two thirds apart."""
 
@@ -314,7 +314,7 @@ class ControlLoop:
             self._goals.pop_endings(), perf_counter() - begin,
         )  # fmt: skip
 
-    def _act(self, measurement: Measurement, now: float) -> tuple[Reference, Output]:
+    def _act(self, measurement: Measurement, now: float) -> tuple[Reference, ControlOutput]:
         watch = self._watch
         if not self.supervision.closed_loop or watch is None:
             if self.supervision.state is MotionState.STOPPING:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from boom_controller.supervision.state_machine import MotionState
 from boom_controller.supervision.tracking_goal import Ending
-from boom_controller.types import Measurement, Output, Reference
+from boom_controller.types import ControlOutput, Measurement, Reference
 
 
 @dataclass(slots=True)
@@ -30,7 +30,7 @@ class Cycle:
     extend: float
     reference: Reference
     measurement: Measurement
-    output: Output
+    output: ControlOutput
     status: str
     reason: str
     load: float

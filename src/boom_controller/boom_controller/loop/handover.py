@@ -10,7 +10,7 @@ transfer by fading.
 from __future__ import annotations
 
 from boom_controller.controller import Settings
-from boom_controller.types import Controller, Measurement, Output, Reference
+from boom_controller.types import Controller, ControlOutput, Measurement, Reference
 
 
 class Handover:
@@ -36,7 +36,7 @@ class Handover:
         self._done = self._steps
         self.new.reset(measurement)
 
-    def step(self, reference: Reference, measurement: Measurement) -> Output:
+    def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         """One sample time; inner quantities are those of the new law."""
         output = self.new.step(reference, measurement)
         if self.finished:

@@ -10,7 +10,7 @@ from boom_controller.controller import MODES, Settings, make_controller
 from boom_controller.errors import ControlError
 from boom_controller.loop.gradual import GradualSettings
 from boom_controller.loop.handover import Handover
-from boom_controller.types import Controller, Measurement, Output, Reference
+from boom_controller.types import Controller, ControlOutput, Measurement, Reference
 from boom_model.machine import Machine, Pose
 
 
@@ -89,7 +89,7 @@ class LawInUse:
             self.controller = new
         self.mode = mode
 
-    def step(self, reference: Reference, measurement: Measurement) -> Output:
+    def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         """One sample time of a configured law."""
         controller = self.controller
         assert controller is not None  # nothing is tracked or held before

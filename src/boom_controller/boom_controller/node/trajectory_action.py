@@ -27,7 +27,7 @@ class _Server(ActionServer):
 
     begin: Callable[[Any], None]
 
-    def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
+    def notify_execute(self, goal_handle: Any, _execute_callback: Any) -> None:
         """Note an accepted goal."""
         self.begin(goal_handle)
 

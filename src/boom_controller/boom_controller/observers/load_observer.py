@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from boom_controller.blocks.control_model import Quantities
+from boom_controller.blocks.control_model import ModelQuantities
 from boom_controller.blocks.limits import limited
 from boom_model.regularisation import Expression
 
@@ -29,7 +29,7 @@ class LoadState(NamedTuple):
     rate: Expression = 0.0
 
 
-def observe_load(x: LoadState, q: Quantities, rate: Expression, s: Any) -> LoadState:
+def observe_load(x: LoadState, q: ModelQuantities, rate: Expression, s: Any) -> LoadState:
     """One sample time with the model at the present load, the measured rate [rad/s] and the settings ``s``."""
     acceleration = (q.jacobian * q.force - q.friction - q.gravity) / q.inertia
     effect = -(q.tip_gravity + q.tip_inertia * acceleration) / q.inertia

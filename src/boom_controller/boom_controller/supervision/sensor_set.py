@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from boom_controller.supervision.reasons import StopCause
-from boom_controller.supervision.sensors import Agreement, Range, Sensor
+from boom_controller.supervision.sensors import Agreement, Range, SupervisedSensor
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.types import Measurement
 
@@ -28,15 +28,15 @@ class SensorSet:
 
     def __init__(self) -> None:
         self.set_stroke(-math.pi, math.pi)
-        self.hose = Sensor("hose pressure", (Range("hose pressure", "Pa", *_PRESSURE),))
-        self.rod = Sensor("rod pressure", (Range("rod pressure", "Pa", *_PRESSURE),))
-        self.currents = Sensor("currents", (_CURRENT, _CURRENT))
+        self.hose = SupervisedSensor("hose pressure", (Range("hose pressure", "Pa", *_PRESSURE),))
+        self.rod = SupervisedSensor("rod pressure", (Range("rod pressure", "Pa", *_PRESSURE),))
+        self.currents = SupervisedSensor("currents", (_CURRENT, _CURRENT))
         self._agreement = Agreement()
         self._age = 0.0
 
     def set_stroke(self, low: float, high: float) -> None:
         """Set the range of the boom's angles, ``low`` to ``high`` [rad]. Forgets the samples of the angle."""
-        self.joint = Sensor("angle", (Range("angle", "rad", low - _BEYOND, high + _BEYOND), _RATE))
+        self.joint = SupervisedSensor("angle", (Range("angle", "rad", low - _BEYOND, high + _BEYOND), _RATE))
 
     def take_joint(self, angle: float, rate: float, stamp: float, measured: float) -> None:
         """Accept angle [rad] and rate [rad/s]."""

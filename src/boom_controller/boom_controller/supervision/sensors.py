@@ -22,7 +22,7 @@ class Range:
     high: float
 
 
-class Sensor:
+class SupervisedSensor:
     """One sensor topic and its newest good sample.
 
     Args:

@@ -7,7 +7,7 @@ from collections import deque
 
 from boom_controller.supervision.reasons import StopCause
 from boom_controller.supervision.supervision_settings import SupervisionSettings
-from boom_controller.types import Measurement, Output, Reference
+from boom_controller.types import ControlOutput, Measurement, Reference
 
 _OUTWARD_RATE = 0.02  # rad/s. Ten times the noise of the gyro: the boom really moves
 
@@ -60,7 +60,9 @@ class MotionWatch:
             return StopCause("missed_deadlines", f"{len(self._missed)} periods without a cycle within one second")
         return None
 
-    def motion(self, measurement: Measurement, reference: Reference, output: Output, now: float) -> StopCause | None:
+    def motion(
+        self, measurement: Measurement, reference: Reference, output: ControlOutput, now: float
+    ) -> StopCause | None:
         """Check whether the motion is within its limits and near its reference."""
         s, m = self.settings, measurement
         if not (math.isfinite(output.retract) and math.isfinite(output.extend)):

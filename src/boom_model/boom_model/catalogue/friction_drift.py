@@ -9,7 +9,7 @@ from boom_model.regularisation import Expression
 from boom_model.state import ELAPSED_TIME
 
 
-def _torque(torque: Expression, own: Any, at: Any) -> Expression:
+def _torque(torque: Expression, own: Any, _at: Any) -> Expression:
     return (1 + (own.r - 1) * (1 - ca.exp(-own.time() / own.T))) * torque
 
 

@@ -18,13 +18,13 @@ NOISE = 4e-9
 known."""
 
 
-def _conductance(stationary: Expression, own: Any, at: Any) -> Expression:
+def _conductance(stationary: Expression, own: Any, _at: Any) -> Expression:
     g = own.state("hose_burst_valve_conductance")
     own.rates["hose_burst_valve_conductance"] = (stationary - g) / own.tau
     return g
 
 
-def _at_rest(states: Mapping[str, float], p: Any, e: Any) -> dict[str, float]:
+def _at_rest(_states: Mapping[str, float], p: Any, e: Any) -> dict[str, float]:
     return {"hose_burst_valve_conductance": float(hose_burst_valve.limited_conductance(0.0, p, e))}
 
 

@@ -12,7 +12,7 @@ GRASP_TIME = 0.01
 """s. Width of the tanh with which a load is grasped or released."""
 
 
-def _load(mass: Expression, own: Any, at: Any) -> Expression:
+def _load(mass: Expression, own: Any, _at: Any) -> Expression:
     grasped = 0.5 * (1 + ca.tanh((own.time() - own.t_g) / GRASP_TIME))
     return mass + own.mass * grasped
 

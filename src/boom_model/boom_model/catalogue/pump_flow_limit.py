@@ -6,7 +6,7 @@ from boom_model.catalogue.effect import Effect, parameter
 from boom_model.regularisation import Expression
 
 
-def _supply(flow: Expression, own: Any, at: Any) -> Expression:
+def _supply(flow: Expression, own: Any, _at: Any) -> Expression:
     return flow / (1 + (flow * own.inverse_q_max) ** 32) ** (1 / 32)
 
 

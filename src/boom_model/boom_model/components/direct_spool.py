@@ -27,7 +27,7 @@ def velocity(position: Expression, retract: Expression, extend: Expression, p: A
     return (s.K_i * (retract - extend) - position) / s.T_s
 
 
-def _motion(w: Wiring, position: Expression, force: Expression) -> None:
+def _motion(w: Wiring, position: Expression, _force: Expression) -> None:
     w.rates["spool_position"] = velocity(position, w.u[0], w.u[1], w.p)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from boom_diagnosis.document import BagResult, Channel
+from boom_diagnosis.document import BagResult, ChannelFit
 from boom_input.channels import PREDICTED, SENSORS, Sensor
 from boom_report import channel_panels as common
 from boom_report.channel_panels import Curve, compared, measured, rest
@@ -33,7 +33,7 @@ def figure(bag: BagResult) -> Json:
     return {"data": traces, "layout": panels.layout(_shapes(bag, panels), bag.duration)}
 
 
-def _channel(channel: Channel, sensor: Sensor, panels: Panels) -> list[Json]:
+def _channel(channel: ChannelFit, sensor: Sensor, panels: Panels) -> list[Json]:
     values = np.where(channel.valid, channel.measured, np.nan)
     traces = measured(panels, sensor, channel.time, values)
     if not sensor.predicted:
@@ -51,7 +51,7 @@ def _hidden(stage: str) -> Json:
     return {"visible": "legendonly"} if stage == "parameters_only" else {}
 
 
-def _said(channel: Channel, sensor: Sensor) -> str:
+def _said(channel: ChannelFit, sensor: Sensor) -> str:
     """Root mean square errors before and after, in the unit of the channel's errors."""
     said = []
     for stage in ("nominal", "explained"):

@@ -12,7 +12,7 @@ from boom_identification.friction import FrictionResult
 from boom_identification.hose_burst_valve import HoseBurstValveResult
 from boom_identification.identify import Identification
 from boom_identification.main_valve import EDGES, MainValveResult, PortAreas
-from boom_identification.spool import Spool
+from boom_identification.spool import SpoolNumbers
 from boom_report.channels import number
 from boom_report.page import chart
 from boom_report.panels import Json
@@ -46,11 +46,11 @@ def sections(result: Identification) -> Markup:
     )
 
 
-def _spool_friction(spool: Spool) -> Json:
+def _spool_friction(spool: SpoolNumbers) -> Json:
     return xy([curve(spool.speed, spool.friction, "f_f", _FIT)], "spool speed [m/s]", "friction force [N]", height=280)
 
 
-def _spool_step(spool: Spool) -> Json:
+def _spool_step(spool: SpoolNumbers) -> Json:
     return xy([curve(spool.time, spool.position * 1e3, "s_s", _FIT)], "time [s]", "spool position [mm]", height=280)
 
 

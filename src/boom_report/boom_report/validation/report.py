@@ -7,7 +7,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from boom_estimation.free_run import Prediction
+from boom_estimation.free_run import FreeRun
 from boom_identification.validation import Validation
 from boom_input.whole import write_whole
 from boom_model.machine import Machine
@@ -79,7 +79,7 @@ def _samples(recording: Recording) -> int:
     return max((len(signal.time) for signal in recording.signals.values()), default=0)
 
 
-def _not_run(prediction: Prediction) -> str:
+def _not_run(prediction: FreeRun) -> str:
     return "not one step could be made" if prediction.stopped else "not run: there are no valid currents"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from markupsafe import Markup
 
-from boom_estimation.free_run import Prediction
+from boom_estimation.free_run import FreeRun
 from boom_identification.validation import BagValidation, Validation
 from boom_input.channels import PREDICTED, Sensor
 from boom_report.channels import STATISTICS, limits_text, number, ratio, statistic
@@ -54,7 +54,7 @@ def _off(channel: Sensor, bag: BagValidation) -> bool:
     return times is None or times > 1
 
 
-def _scaled(prediction: Prediction, metric: str, scale: float) -> str:
+def _scaled(prediction: FreeRun, metric: str, scale: float) -> str:
     value = prediction.metrics[metric]
     return "–" if value is None else number(value * scale)
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from boom_estimation.free_run import Prediction
+from boom_estimation.free_run import FreeRun
 from boom_identification.validation import BagValidation
 from boom_input.channels import PREDICTED, Sensor
 from boom_report.channels import error_text, number, ratio, statistic
@@ -103,7 +103,7 @@ def _not_compared(labels: list[str]) -> str:
     return f" Not compared, for lack of valid samples: {_listed(labels)}." if labels else ""
 
 
-def _why(prediction: Prediction) -> str:
+def _why(prediction: FreeRun) -> str:
     return (
         " " + "; ".join(prediction.runs) + "."
         if prediction.runs

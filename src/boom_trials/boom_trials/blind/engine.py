@@ -52,7 +52,7 @@ def workers(scheduler: str | None, count: int, patience: float = 10.0) -> Iterat
         with _cluster(scheduler, patience) as engine:
             yield engine
         return
-    local = _Local(count)
+    local = _LocalWorkers(count)
     try:
         yield local
     finally:
@@ -76,7 +76,7 @@ class _Worker:
         self.pipe.close()
 
 
-class _Local:
+class _LocalWorkers:
     def __init__(self, count: int) -> None:
         self._count = count
         self._idle: list[_Worker] = []

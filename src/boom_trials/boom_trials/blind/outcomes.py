@@ -12,7 +12,7 @@ NAMING = ("identified", "ambiguous", "sensor_or_clock", "unknown_physics")
 
 
 @dataclass(frozen=True)
-class TrueEffect:
+class ConcealedEffect:
     """One concealed effect; strength in multiples of its detectability. See ``concealed_plant.generator``."""
 
     effect: str
@@ -32,7 +32,7 @@ class Truth:
 
     name: str
     kind: str
-    effects: tuple[TrueEffect, ...]
+    effects: tuple[ConcealedEffect, ...]
     wrong: Mapping[str, float]
     oracle: tuple[float, ...]
 
@@ -40,7 +40,7 @@ class Truth:
     def from_document(document: Mapping[str, Any]) -> Truth:
         """From answer.json."""
         effects = tuple(
-            TrueEffect(
+            ConcealedEffect(
                 e["effect"], e["known"], tuple(e["subsystems"]), e["strength"], e["size"], e["unit"], e["parameters"],
                 e["onset_s"], e["detectable"],
             )
@@ -56,7 +56,7 @@ class Truth:
 
 
 @dataclass(frozen=True)
-class Finding:
+class NamedEffect:
     """One finding of diagnosis.json; parameters: name -> (value, lower, upper end of the 90 % interval)."""
 
     effect: str | None
@@ -71,14 +71,14 @@ class Said:
     """The answer of the diagnosis. ``failure``: why there is none; the verdict is then empty."""
 
     verdict: str
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[NamedEffect, ...] = ()
     failure: str = ""
 
     @staticmethod
     def from_document(document: Mapping[str, Any]) -> Said:
         """From diagnosis.json (contract). Raises KeyError or TypeError for a document that violates the contract."""
         findings = tuple(
-            Finding(
+            NamedEffect(
                 f["effect"],
                 f["subsystem"],
                 float(f["confidence"]),
@@ -94,7 +94,7 @@ class Said:
         return Said(document["verdict"], findings)
 
     @property
-    def first(self) -> Finding | None:
+    def first(self) -> NamedEffect | None:
         """The finding that explains most, if the verdict names something."""
         return self.findings[0] if self.verdict in NAMING and self.findings else None
 
@@ -126,7 +126,7 @@ class Row:
     own_fit: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property
-    def true_effect(self) -> TrueEffect:
+    def true_effect(self) -> ConcealedEffect:
         """The only concealed effect. Raises IndexError if there is none."""
         return self.truth.effects[0]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from boom_trials.blind import scoring, tables
 from boom_trials.blind.outcomes import Row
-from boom_trials.blind.trial import State
+from boom_trials.blind.trial import TrialState
 from concealed_plant.concealments import CONCEALMENTS
 
 _INTRODUCTION = """\
@@ -24,7 +24,7 @@ The first command uses a fresh seed, the second repeats the trial below. How the
 [proof_method.md](proof_method.md)."""
 
 
-def page(state: State, rows: Sequence[Row], seconds: float) -> str:
+def page(state: TrialState, rows: Sequence[Row], seconds: float) -> str:
     """The whole page; seconds: how long the run took."""
     parts = [
         "# The blind trial",

@@ -10,7 +10,7 @@ from typing import Any
 from boom_trials.blind import scoring
 from boom_trials.blind.outcomes import Row
 from boom_trials.blind.scoring import Measure
-from boom_trials.blind.trial import State
+from boom_trials.blind.trial import TrialState
 
 
 def value_text(measure: Measure) -> str:
@@ -37,7 +37,7 @@ def met_text(measure: Measure) -> str:
     return "too few cases" if measure.too_few else {True: "yes", False: "no", None: "-"}[measure.met]
 
 
-def heading(state: State) -> str:
+def heading(state: TrialState) -> str:
     """Identification of the trial."""
     return (
         f"seed {state.seed}, {state.count} cases, machine {state.machine}, version {state.version}, begun {state.begun}, "
@@ -67,7 +67,7 @@ def strengths_table(rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
-def document(state: State, rows: Sequence[Row], seconds: float) -> dict[str, Any]:
+def document(state: TrialState, rows: Sequence[Row], seconds: float) -> dict[str, Any]:
     """The document of ``prove --json``."""
     return {
         **asdict(state),

@@ -51,7 +51,7 @@ class TrialError(RuntimeError):
 
 
 @dataclass(frozen=True)
-class State:
+class TrialState:
     """State of a trial; the SHA-256 of the answers is empty until all cases are made, seconds is the total time of all runs."""
 
     seed: int
@@ -75,7 +75,7 @@ class Trial:
         self.blind, self.sealed = self.folder / "blind", self.folder / "sealed"
         self.machine = machine.resolve()
         self.specs: dict[str, CaseSpec] = {spec.name: spec for spec in cases(seed, count)}
-        self.state = State(seed, count, self.machine.name, __version__, time.strftime("%Y-%m-%d %H:%M"))
+        self.state = TrialState(seed, count, self.machine.name, __version__, time.strftime("%Y-%m-%d %H:%M"))
         known = stored(self.folder)
         if known is not None:
             if (known.seed, known.count) != (seed, count):
@@ -155,11 +155,11 @@ class Trial:
         """Whether every case has its diagnosis."""
         return all((self.blind / name / judging.OUTCOME).is_file() for name in self.specs)
 
-    def _keep(self, state: State) -> None:
+    def _keep(self, state: TrialState) -> None:
         write_whole(self.folder / STATE, json.dumps(asdict(state), indent=1) + "\n")
 
 
-def stored(folder: Path) -> State | None:
+def stored(folder: Path) -> TrialState | None:
     """The state of the trial in a folder; None if there is none.
 
     Raises:
@@ -169,7 +169,7 @@ def stored(folder: Path) -> State | None:
     if not path.exists():
         return None
     try:
-        return State(**json.loads(path.read_text(encoding="utf-8")))
+        return TrialState(**json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError) as error:
         raise TrialError(
             f"{path}: cannot be understood ({error}): remove the folder or give another --output"

@@ -15,7 +15,7 @@ from boom_input.channels import PREDICTED
 from boom_model.machine import Machine, Pose
 from boom_model.plant import Plant, Stepper
 from boom_model.sensors import OUTPUTS, SensorNoise
-from boom_sim.simulated_crane import Sample
+from boom_sim.simulated_crane import CraneSample
 from boom_trials import closed_loop
 
 Array = NDArray[np.float64]
@@ -104,7 +104,7 @@ class TrialCrane:
         """Both currents [A] from ``at`` [s] on, within the period that follows; without it at once."""
         self._next, self._from = (retract, extend), -math.inf if at is None else at
 
-    def advance(self) -> Sample:
+    def advance(self) -> CraneSample:
         """One period.
 
         Raises:
@@ -123,11 +123,11 @@ class TrialCrane:
         self.sample = sample = self._measure(len(self.true) - 1, y)
         return sample
 
-    def _measure(self, k: int, y: list[float]) -> Sample:
+    def _measure(self, k: int, y: list[float]) -> CraneSample:
         shown = [
             round((v + d) / s) * s if s else v + d for v, d, s in zip(y, self._draws[k], self._quanta, strict=True)
         ]
-        return Sample(k * self.period, *shown)  # it begins with the outputs, in their order
+        return CraneSample(k * self.period, *shown)  # it begins with the outputs, in their order
 
 
 def carried_out(

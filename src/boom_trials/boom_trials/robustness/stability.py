@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from boom_trials.robustness.plants import POSE_OF, PlantCase
-from boom_trials.robustness.study import Job, Result
+from boom_trials.robustness.study import Result, StudyRun
 
 DELAYS = (0, 2, 4, 6, 8, 10)
 """Sample times of 10 ms."""
@@ -23,12 +23,12 @@ LARGEST = 1.0e4
 PERIOD_MS = 10
 
 
-def stability_jobs(modes: Sequence[str], folder: str, machine: str) -> list[Job]:
+def stability_jobs(modes: Sequence[str], folder: str, machine: str) -> list[StudyRun]:
     """One run for every mode, pose, dead time and stiffness or load."""
     cases = [PlantCase(f"beta {b:g}", 0.0, {"fluid.beta": b} if b != 1.0 else {}) for b in STIFFNESSES]
     cases += [PlantCase(f"load {m:g}", m) for m in LOADS]
     return [
-        Job(mode, bag, case, 0, folder, machine, delay=delay, duration=DURATION)
+        StudyRun(mode, bag, case, 0, folder, machine, delay=delay, duration=DURATION)
         for mode in modes for bag in BAGS for case in cases for delay in DELAYS
     ]  # fmt: skip
 

@@ -38,7 +38,7 @@ OSCILLATION_FROM = 0.8
 
 
 @dataclass(frozen=True)
-class Job:
+class StudyRun:
     """One run.
 
     Attributes:
@@ -68,7 +68,7 @@ class Job:
 class Result:
     """Result of a run: errors of the piston [m], force oscillation [N] (NaN if it diverged), why it diverged or stopped."""
 
-    job: Job
+    job: StudyRun
     mae: float
     maxe: float
     rmse: float
@@ -84,7 +84,9 @@ class Result:
         return not self.diverged and self.stopped is None
 
 
-def carry_out(jobs: Sequence[Job], workers: int | None = None, told: Callable[[], None] | None = None) -> list[Result]:
+def carry_out(
+    jobs: Sequence[StudyRun], workers: int | None = None, told: Callable[[], None] | None = None
+) -> list[Result]:
     """All jobs, in their order, on ``workers`` processes (default: all cores); ``told`` is called after each.
 
     Raises:
@@ -112,7 +114,7 @@ def carry_out(jobs: Sequence[Job], workers: int | None = None, told: Callable[[]
     return results
 
 
-def carry_out_one(job: Job) -> Result:
+def carry_out_one(job: StudyRun) -> Result:
     """One run and its numbers."""
     nominal = _machine(job.machine)
     references, pose_key = _references(job.folder, job.bag, job.settings.sample_time, job.settings.generator_pole)
