@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 GLOSSARY = ROOT / "docs" / "glossary.md"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-PAGES += [*sorted(ROOT.glob("*/README.md")), *sorted((ROOT / "src").glob("*/README.md"))]
+PAGES += [*sorted(ROOT.glob("[!.]*/README.md")), *sorted((ROOT / "src").glob("*/README.md"))]
 LONGEST_CELL = 400
 
 pages = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

@@ -87,7 +87,7 @@ def network_mode(environment: Mapping[str, str]) -> str:
     """Tell how far messages may travel: `loopback`, `lan` or `custom`.
 
     Raises:
-        SettingError: `BOOM_NETWORK` has an unknown value.
+        EnvironmentSettingError: `BOOM_NETWORK` has an unknown value.
     """
     mode = environment.get("BOOM_NETWORK", "") or "loopback"
     if mode not in NETWORK_MODES:
@@ -142,7 +142,7 @@ def for_processes(environment: Mapping[str, str]) -> dict[str, str]:
         A new environment: variables of a sourced ROS dropped, network restricted, message fields checked.
 
     Raises:
-        SettingError: `BOOM_NETWORK` has an unknown value.
+        EnvironmentSettingError: `BOOM_NETWORK` has an unknown value.
     """
     result = {name: value for name, value in environment.items() if name not in FOREIGN_VARIABLES}
     result["RMW_IMPLEMENTATION"] = "rmw_fastrtps_cpp"
@@ -168,7 +168,7 @@ def private_domain() -> Iterator[str]:
         The value for `ROS_DOMAIN_ID`.
 
     Raises:
-        SettingError: all of `PRIVATE_DOMAINS` are taken.
+        EnvironmentSettingError: all of `PRIVATE_DOMAINS` are taken.
     """
     for number in PRIVATE_DOMAINS:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as lock:
@@ -209,7 +209,7 @@ def apply(environment: MutableMapping[str, str] | None = None) -> None:
         environment: variables to change; `os.environ` by default.
 
     Raises:
-        SettingError: `BOOM_NETWORK` has an unknown value.
+        EnvironmentSettingError: `BOOM_NETWORK` has an unknown value.
     """
     target = os.environ if environment is None else environment
     if not uses_wheels():

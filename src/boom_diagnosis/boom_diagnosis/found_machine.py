@@ -65,39 +65,33 @@ def _found(
     learned: Sequence[LearnedTerm],
 ) -> Machine:  # fmt: skip
     """Raises MachineError where the numbers do not go together."""
-    identified = []
-    components = {c: p for p in machine.parameters.values() for c in p.specification.components}
-    for name, value in numbers.items():
-        if name not in components:
-            continue
-        spread = spreads.get(name, 0.0)
-        entry = Identified(
-            name,
-            float(value),
-            components[name].specification.unit,
-            (value - spread, value + spread),
-            "diagnosis, one-step errors",
-        )
-        if not fits(machine, entry):
-            identified.append(entry)
-    document: dict[str, Any] = document_with(machine, identified)
-    if any(f"pose.{k}" in numbers for k in ("D0", "Sx", "Sy")):
+    document: dict[str, Any] = document_with(machine, _identified(machine, numbers, spreads))
+    moments = {k: float(numbers[f"pose.{k}"]) for k in ("D0", "Sx", "Sy") if f"pose.{k}" in numbers}
+    if moments:
         body = copy.deepcopy(document["rigid_body"])
-        row = body["configs"].setdefault(pose.tabulated or _DIAGNOSED, _row(pose))
-        for key in ("D0", "Sx", "Sy"):
-            if f"pose.{key}" in numbers:
-                row[key] = float(numbers[f"pose.{key}"])
+        body["configs"].setdefault(pose.tabulated or _DIAGNOSED, _row(pose)).update(moments)
         document["rigid_body"] = body
     effects = {k: dict(v) for k, v in machine.effects.items()}
-    for name, value in numbers.items():
-        if name.startswith("effects."):
-            _, effect, parameter = name.split(".")
-            effects.setdefault(effect, {})[parameter] = float(value)
+    for name in (name for name in numbers if name.startswith("effects.")):
+        _, effect, parameter = name.split(".")
+        effects.setdefault(effect, {})[parameter] = float(numbers[name])
     if effects:
         document["effects"] = effects
     if machine.learned or learned:
         document["learned"] = [entry.document() for entry in (*machine.learned, *learned)]
     return machine_from(document)
+
+
+def _identified(machine: Machine, numbers: Mapping[str, float], spreads: Mapping[str, float]) -> list[Identified]:
+    """The numbers of components that differ from the machine's."""
+    components = {c: p for p in machine.parameters.values() for c in p.specification.components}
+    entries = []
+    for name in (name for name in numbers if name in components):
+        value, spread = numbers[name], spreads.get(name, 0.0)
+        interval = (value - spread, value + spread)
+        unit = components[name].specification.unit
+        entries.append(Identified(name, float(value), unit, interval, "diagnosis, one-step errors"))
+    return [entry for entry in entries if not fits(machine, entry)]
 
 
 _DIAGNOSED = "diagnosed_pose"

@@ -89,12 +89,8 @@ class ControlLoop:
     def configuration_changes(self, now: float) -> None:
         """React to a changed machine, pose or load: stop a moving boom, after which ``configure`` can be called."""
         if self.supervision.moving:
-            self._stop(
-                StopCause(
-                    "configuration_changed", "machine, pose or load changed in the configuration during the motion"
-                ),
-                now,
-            )
+            text = "machine, pose or load changed in the configuration during the motion"
+            self._stop(StopCause("configuration_changed", text), now)
 
     @property
     def configuration(self) -> tuple[Machine, Pose] | None:
