@@ -17,7 +17,7 @@ LAW = '''
 from dataclasses import dataclass
 
 from boom_controller.settings import LawSettings, tunable
-from boom_controller.types import Output
+from boom_controller.types import ControlOutput
 
 LAWS = {"proportional": "the current in proportion to the angle error"}
 
@@ -52,7 +52,7 @@ class Proportional:
         """One sample time."""
         s, error = self._settings, reference.angle - measurement.angle
         current = min(s.opening_current + s.proportional_gain * abs(error), s.largest_current)
-        return Output(0.0, current, error) if error > 0 else Output(current, 0.0, error)
+        return ControlOutput(0.0, current, error) if error > 0 else ControlOutput(current, 0.0, error)
 
 
 def make(name, machine, pose, settings):

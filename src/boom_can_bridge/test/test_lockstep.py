@@ -45,7 +45,7 @@ def test_lost_frames_count_so_that_time_stays_right():
 def test_the_next_command_waits_for_the_cycle_that_answers_the_last():
     lockstep = BusLockstep(CODEC)
     assert lockstep.until(5.0, 5.0) == float("-inf")
-    lockstep.sent(commanded=True)
+    lockstep.sent(True)
     assert lockstep.until(5.0, 5.0) > 5.1
     cycle(lockstep)
     assert lockstep.until(5.0, 5.0) == float("-inf")

@@ -37,7 +37,8 @@ def read(path: Path) -> tuple[Array, Array]:
     """Times (m,) [s] and currents (m, 2) [A].
 
     Raises:
-        SettingError: not readable, another header, a line without numbers, times that do not increase, an impossible current.
+        SimulationSettingError: not readable, another header, a line without numbers, times that do not increase, an impossible
+            current.
     """
     try:
         text = _text(path)

@@ -79,7 +79,7 @@ def with_effects(machine: Machine, text: str) -> Machine:
     """The machine with additional effects, given as YAML text; effects of its file stay unless named again.
 
     Raises:
-        SettingError: not YAML, or not effects. MachineError: an effect, parameter or value that does not exist.
+        SimulationSettingError: not YAML, or not effects. MachineError: an effect, parameter or value that does not exist.
     """
     if not text.strip():
         return machine
@@ -98,7 +98,7 @@ def robot_description(text: str) -> str:
     """The URDF text; a path ending in .urdf is read.
 
     Raises:
-        SettingError: the file cannot be read.
+        SimulationSettingError: the file cannot be read.
     """
     if not text.strip().endswith(".urdf"):
         return text

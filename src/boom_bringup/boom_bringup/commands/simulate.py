@@ -160,7 +160,7 @@ def _from_reference(args: argparse.Namespace, source: Path) -> _Given:
     from boom_sim.simulated_crane import CraneStart
 
     if source.suffix == ".csv" or args.model != "full":
-        raise SimulateError("--reference takes a bag and runs the full model: leave out --model, or give a bag")
+        raise SimulateError("--reference needs a bag and runs the full model: leave out --model, or give a bag")
     recording = load_reference(source)
     machine, _ = replica.machine_of({args.input: recording}, args.machine)
     return _Given(machine, recording.configuration, CraneStart(0.0), recording=recording)
