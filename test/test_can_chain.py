@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = [pytest.mark.process, pytest.mark.xdist_group("can chain")]
+pytestmark = pytest.mark.process
 ROOT = Path(__file__).parents[1]
 PATIENCE = 240.0
 KILLED, PAUSED = ("kill_bridge", "kill_server", "kill_ecu"), ("pause_bridge", "pause_server")

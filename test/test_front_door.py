@@ -25,7 +25,7 @@ from boom_recording.loading import load
 from boom_recording.writing import write
 from boom_trials.robustness.plants import TRAJECTORIES
 
-pytestmark = [pytest.mark.process, pytest.mark.xdist_group("front door")]
+pytestmark = pytest.mark.process
 TABLE = re.findall(r"^\| `\./boom ([a-z-]+)", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
 BESIDE = [name for name in cli.command_names() if name not in TABLE]
 

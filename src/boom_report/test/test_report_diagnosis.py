@@ -119,7 +119,6 @@ def test_every_verdict_has_a_sensible_page(result, said):
     assert "nan" not in re.sub(r"[a-z]*nan[a-z]+", "", text.lower())
 
 
-@pytest.mark.xdist_group("front door")  # whose browser is open already
 @pytest.mark.parametrize(
     "result",
     [

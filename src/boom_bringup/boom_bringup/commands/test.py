@@ -51,8 +51,7 @@ def steps(root: Path, jobs: int, pytest_arguments: list[str]) -> dict[str, list[
     """Give the command of every step, by name."""
     python = [sys.executable, "-m"]
     program = os.path.relpath(Path(sys.executable).with_name("lint-imports"), root)
-    # Tests of one group share what is slow to make: one process runs them.
-    parallel = [] if jobs <= 1 else ["-n", str(jobs), "--dist", "loadgroup"]
+    parallel = [] if jobs <= 1 else ["-n", str(jobs)]
     return {
         "lint": [*python, "ruff", "check", "--quiet", "."],
         "format": [*python, "ruff", "format", "--check", "--quiet", "."],
