@@ -29,7 +29,7 @@ from boom_diagnosis.fitting import Point, rho
 from boom_diagnosis.freerun import UNKNOWN, free_run
 from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
-from boom_diagnosis.locating import LINKS, locate
+from boom_diagnosis.locating import links, locate
 from boom_diagnosis.proof import (
     bag_result,
     final_machine,
@@ -338,7 +338,7 @@ def _unknown_finding(
     """What remains: located, not named; in the equation whose term explains it, else in the one that both ways doubt most."""
     rows = {e.key: e.statistical + e.chain for e in equations}
     key = learned.term.equation if learned else max(rows, key=lambda k: rows[k])
-    link = next(link for link in LINKS if link.key == key)
+    link = next(link for link in links(case.machine) if link.key == key)
     rest = [0.5 * np.sum(np.minimum(np.abs(w), 8.0) ** 2 - case.healthy_squares, axis=1) for w in tight.explained]
     place = regimes.where(cells, rest)
     near = _near(case)
@@ -351,7 +351,7 @@ def _unknown_finding(
         )
         nearest = f"; the nearest is {label_of(unlike.effect)}, but as no boom can have it ({numbers})"
     said = f" What explains it is {learned.curve.reading}." if learned else ""
-    home = _touched(learned.term) if learned else _home(case, link.subsystems)
+    home = _touched(case.machine, learned.term) if learned else _home(case, link.subsystems)
     return Finding(
         None, home, link.equation, odds.unknown, {}, place.text, place.intervals,
         tuple(Alternative(w.fitted.effect, _first(odds, w.fitted.effect)) for w in near[:2]),
@@ -365,12 +365,12 @@ def _near(case: Case) -> list[Weighed]:
     return list({w.fitted.effect: w for w in (*case.taken[:1], *others)}.values())
 
 
-def _touched(term: LearnedTerm) -> str:
+def _touched(machine: Machine, term: LearnedTerm) -> str:
     """The subsystem of a term that explains all: of a torque the load, which something touches, or friction."""
     main = max(zip(term.basis, term.coefficients, strict=True), key=lambda t: abs(t[1]))[0]
     if term.equation == "torque":
         return "friction" if "rate" in main else "load"
-    return next(link.subsystems[0] for link in LINKS if link.key == term.equation)
+    return next(link.subsystems[0] for link in links(machine) if link.key == term.equation)
 
 
 def _home(case: Case, subsystems: Sequence[str]) -> str:

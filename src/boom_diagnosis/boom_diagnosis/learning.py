@@ -18,14 +18,14 @@ from boom_diagnosis.coordinates import Coordinate
 from boom_diagnosis.document import LearnedCurve
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.hypotheses import LOOSENESS, noticed, problem_at
-from boom_diagnosis.locating import LINKS, Link
+from boom_diagnosis.locating import Link, links
 from boom_diagnosis.nuisances import Nuisance
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.prediction import Predictor, with_states
 from boom_diagnosis.search import Scanner
 from boom_diagnosis.unknown_input import Forced, Regression, forced, regress
 from boom_diagnosis.weighing import Z90, posterior, precision, predictive_loss
-from boom_model.learned import PLACES, VARIABLES, LearnedTerm, evaluate, parse
+from boom_model.learned import PLACES, VARIABLES, LearnedTerm, evaluate, parse, state_of
 from boom_model.machine import Machine
 
 Array = NDArray[np.float64]
@@ -155,7 +155,7 @@ def _regressed(setting: Setting, at: Point, equations: Sequence[str]) -> Start |
         base = setting.problem(setting.machine, z, at.effects, setting.looseness)
         numbers = base.values(z, at.effects)
         inputs = forced(base.predictor, numbers)
-        for link in LINKS:
+        for link in links(setting.machine):
             if link.key in equations and link.key != "spool":  # its input is a pressure, which no state's derivative is
                 r = _regression(setting, base, numbers, inputs, link, None)
                 tried += [(r, z, link)] if r and r.share > CLEAR else []
@@ -295,7 +295,7 @@ def _ranges(machine: Machine, runs: Sequence[Array], names: Sequence[str]) -> di
     stroke = machine.parameters["main_valve_spool.s_max"].value[0] if "spool_position" in names else 1.0
     result = {}
     for name, variable in VARIABLES.items():
-        state = "spool_position" if name == "spool" else name
+        state = state_of(name, names)
         if state not in names:
             continue
         scale = stroke if name == "spool" else 1.0

@@ -9,7 +9,7 @@ with what a healthy machine of the same currents must be given.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,15 @@ SIZES = (4.0, 25.0)
 """Unknown inputs that are tried, in units of the disturbance that a healthy machine shows."""
 
 
+def links(machine: Machine) -> tuple[Link, ...]:
+    """The equations that a machine has. With no valve between hose and cylinder both are one volume, and one equation."""
+    if machine.structure.hose_burst_valve.separates:
+        return LINKS
+    hose, head = (next(link for link in LINKS if link.key == key) for key in ("hose_flow", "head_flow"))
+    joined = replace(head, title="flow into the head side", subsystems=(*hose.subsystems, *head.subsystems[1:]))
+    return tuple(joined if link is head else link for link in LINKS if link is not hose)
+
+
 def locate(
     machine: Machine, bags: Sequence[Bag], select: Sequence[Flags], nuisances: Sequence[Nuisance], z: Array,
     values: Mapping[str, float], healthy: Sequence[Bag], *, doubted: bool = True,
@@ -61,11 +70,11 @@ def locate(
     doubted: whether any equation is in doubt; the statistical way, which is the long one, is gone only then.
     """
     base = problem_at(machine, bags, select, nuisances, z, values, 1.0)
-    statistical = _statistical(base, z, values) if doubted else {link.key: 0.0 for link in LINKS}
+    statistical = _statistical(base, z, values) if doubted else {link.key: 0.0 for link in links(machine)}
     chain, inputs = _chain(base, z, values, healthy)
     rows = tuple(
         EquationEvidence(link.key, link.title, link.equation, link.subsystems, statistical[link.key], chain[link.key])
-        for link in LINKS
+        for link in links(machine)
     )
     first = max(rows, key=lambda r: r.statistical)
     second = max(rows, key=lambda r: r.chain)
@@ -89,9 +98,10 @@ def _statistical(base: Problem, z: Array, values: Mapping[str, float]) -> dict[s
         problem = Problem(boosted, base.nuisances, base.select)
         return problem.likelihood(problem.points([(z, values)])[0]) - reference
 
-    found = in_parallel(raised, [(link, size) for link in LINKS for size in SIZES])
+    own = links(p.machine)
+    found = in_parallel(raised, [(link, size) for link in own for size in SIZES])
     best = [max(0.0, *found[k : k + len(SIZES)]) for k in range(0, len(found), len(SIZES))]
-    return _shares(dict(zip((link.key for link in LINKS), best, strict=True)))
+    return _shares(dict(zip((link.key for link in own), best, strict=True)))
 
 
 def _chain(
@@ -101,10 +111,11 @@ def _chain(
     numbers = base.values(z, values)
     inputs = forced(base.predictor, numbers)
     reference = forced(Predictor(base.predictor.machine, healthy), {})
-    excess, scaled = {link.key: 0.0 for link in LINKS}, []
+    equations = links(base.predictor.machine)
+    excess, scaled = {link.key: 0.0 for link in equations}, []
     for own, other in zip(inputs, reference, strict=True):
         row = {}
-        for link in LINKS:
+        for link in equations:
             noise = max(float(np.sqrt(np.mean(other.corrections[link.state] ** 2))), 1e-30)
             row[link.key] = own.corrections[link.state] / noise
             excess[link.key] += max(0.0, float(np.mean(row[link.key] ** 2)) - 1.3)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import PERIOD
 from boom_diagnosis.prediction import Predictor, Values, capacities
-from boom_model.learned import PLACES, VARIABLES, evaluate
+from boom_model.learned import PLACES, VARIABLES, evaluate, state_of
 from boom_model.observer import observe
 
 Array = NDArray[np.float64]
@@ -179,7 +179,7 @@ def _scaled(states: Mapping[str, Array], stroke: float) -> dict[str, Array]:
     """The library's variables (n,) that these states have, scaled."""
     result = {}
     for name, variable in VARIABLES.items():
-        state, scale = ("spool_position", stroke) if name == "spool" else (name, variable.scale)
+        state, scale = state_of(name, states), stroke if name == "spool" else variable.scale
         if state in states:
             result[name] = states[state] / scale
     return result

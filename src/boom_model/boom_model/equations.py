@@ -166,6 +166,7 @@ class _Wiring:
         """Adds spool and pilot states; flows (q_h, q_b) into hose and rod side, anti-cavitation included."""
         p, e = self.p, self.e
         spool = self.add("spool_position", "s_s", "m", 5e-3, -1.0, 1.0)
+        self.quantities["spool"] = spool / p.main_valve_spool.s_max
         metering = e.through("metering_position", spool, p=p)
         passage = e.through("rod_passage", 1.0, distance=p.cylinder.l_p - self.position)
         s = self.structure
@@ -176,9 +177,8 @@ class _Wiring:
         self.valve_states = ("spool_position", *own)
         return flows.head + s.port_valves.flow(hose_pressure, p), flows.rod + s.port_valves.flow(rod_pressure, p)
 
-    def pilot_difference(self, spool: Any) -> Any:
-        """p_+ - p_- [Pa] of the pilot stage, learnt terms included; adds its states. For the spool, at s_s [m]."""
-        self.quantities["spool"] = spool / self.p.main_valve_spool.s_max
+    def pilot_difference(self) -> Any:
+        """p_+ - p_- [Pa] of the pilot stage, learnt terms included; adds its states."""
         difference = self.structure.pilot_valves.difference(self) + self.learnt("spool")
         self.auxiliary["pilot_pressure_difference"] = ("Pa", difference)
         return difference

@@ -21,7 +21,7 @@ Variables are scaled to about one, so that coefficients have the unit of the equ
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,6 +62,13 @@ VARIABLES: dict[str, Variable] = {
     "hose_pressure": Variable("Pa", 1e7, False, "p_h"),
     "spool": Variable("-", 1.0, True, "spool position over full stroke, positive: retract"),
 }
+
+
+def state_of(variable: str, states: Collection[str]) -> str:
+    """The state that a variable is, unscaled: without a valve between hose and cylinder the hose pressure is the head pressure."""
+    if variable == "spool":
+        return "spool_position"
+    return "head_pressure" if variable == "hose_pressure" and variable not in states else variable
 
 
 @dataclass(frozen=True)

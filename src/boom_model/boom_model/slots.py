@@ -39,8 +39,8 @@ class Wiring(Protocol):
     def add_pressure(self, name: str, symbol: str) -> Any:
         """A new state that is a pressure [Pa gauge]."""
 
-    def pilot_difference(self, spool: Expression) -> Expression:
-        """p_+ - p_- [Pa] of the machine's pilot stage, which pushes the spool at s_s [m]; learnt terms included."""
+    def pilot_difference(self) -> Expression:
+        """p_+ - p_- [Pa] of the machine's pilot stage, which pushes the spool; learnt terms included."""
 
 
 def _zero(*_: Any) -> Any:

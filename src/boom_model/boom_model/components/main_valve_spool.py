@@ -50,7 +50,7 @@ def friction(velocity: Expression, p: Any) -> Expression:
 
 def _motion(w: Wiring, position: Expression, force: Expression) -> None:
     velocity = w.add("spool_velocity", "w_s", "m/s", 0.1, -10.0, 10.0)
-    difference = w.pilot_difference(position)
+    difference = w.pilot_difference()
     w.rates["spool_position"] = velocity
     w.rates["spool_velocity"] = acceleration(position, velocity, difference, force, w.p, w.e)
 
