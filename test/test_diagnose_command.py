@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+from importlib.resources import files
 from types import SimpleNamespace
 
 import numpy as np
@@ -74,6 +75,28 @@ def test_a_standstill_has_a_plain_verdict_and_all_files(diagnose, tmp_path):
     assert document["verdict"] == "not_enough_excitation" and document["findings"] == []
     names = sorted(path.name for path in (tmp_path / "output" / "diagnosis").iterdir())
     assert names == ["diagnosis.json", "machine.yaml", "report.html"]
+
+
+SUPPORT = """learned:
+  - {equation: torque, basis: ["minus(angle,0.45)"], coefficients: [30.0], unit: 10000 N m, validity: {angle: [-0.5, 1.2]}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("term", "verdicts"), [("", {"no_mismatch", "parameters_only"}), (SUPPORT, {"unknown_physics"})]
+)
+def test_a_crane_without_burst_valve_accumulators_and_pilot_stage_is_diagnosed(diagnose, tmp_path, term, verdicts):
+    shipped = files("boom_model").joinpath("machines", "triangle_direct.yaml").read_text(encoding="utf-8")
+    (tmp_path / "real.yaml").write_text(shipped + term)
+    at = np.arange(0.0, 16.0, 0.01)
+    lift, lower = 0.45 * ((at % 4 > 0.8) & (at % 4 < 1.8)), 0.45 * ((at % 4 > 2.6) & (at % 4 < 3.6))
+    rows = "".join(f"{t:.2f},{r},{e}\n" for t, r, e in zip(at, lower, lift, strict=True))
+    (tmp_path / "steps.csv").write_text("time_s,retract_a,extend_a\n" + rows)
+    pose = ["--angle", "0.35", "--outer-boom-angle", "0.3", "--telescope-length", "2"]
+    assert cli.main(["simulate", "steps.csv", "--machine", "real.yaml", *pose, "--output", "bag"]) == 0
+    status, _, err = diagnose("bag", "--machine", "triangle_direct", "--json", "d.json")
+    assert status == 0, err
+    assert json.loads((tmp_path / "d.json").read_text())["verdict"] in verdicts
 
 
 def test_the_next_experiment_is_a_bag_whose_file_bears_its_name(tmp_path):

@@ -136,7 +136,8 @@ def learn(setting: Setting, at: Point, equations: Sequence[str]) -> Learned | No
         start = _sought(setting, at, equation, tolerances)
         return _fitted(setting, start) if start else None
 
-    kept = [f for f in in_parallel(sought, equations) if f is not None and f.held_out_gain > 0.0]
+    own = [e for e in equations if e != "spool" or setting.machine.structure.spool.piloted]
+    kept = [f for f in in_parallel(sought, own) if f is not None and f.held_out_gain > 0.0]
     return max(kept, key=lambda f: f.gain + f.held_out_gain) if kept else None
 
 

@@ -83,8 +83,8 @@ def check(document: Any) -> tuple[Machine | None, list[str]]:
     limits = faults.of(_limit, kinematics, "q2_stroke_min"), faults.of(_limit, kinematics, "q2_max")
     effects = faults.of(active_effects, sections.get("effects") or {}, structure.has)
     learned = faults.of(check_learned, sections.get("learned") or []) or ()
-    if not structure.spool.piloted and any(entry.equation == "spool" or "spool" in entry.validity for entry in learned):
-        faults.append("learned: this machine has no pilot stage, so that no term can use the spool")
+    if not structure.spool.piloted and any(entry.equation == "spool" for entry in learned):
+        faults.append("learned: this machine has no pilot stage, to whose pressure a term of equation spool is added")
     if faults:
         return None, faults
     machine = Machine(
