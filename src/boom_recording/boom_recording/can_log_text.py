@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from base64 import b64decode
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -60,7 +61,7 @@ def read_text(stream: BinaryIO, suffix: str, left_out: Counter[str], warnings: l
         warnings.append(f"{left_out[_UNREADABLE]} lines could not be read")
 
 
-class _LineParser:
+class _LineParser(ABC):
     """Reads the lines of one format.
 
     Attributes:
@@ -70,9 +71,9 @@ class _LineParser:
     def __init__(self) -> None:
         self.undated = ""
 
+    @abstractmethod
     def parse(self, line: str) -> Raw | None:
         """The frame in a line, None where it is a header. Raises what `read_text` catches."""
-        raise NotImplementedError
 
     def ends(self, line: str) -> bool:
         """Whether a line without a frame may stand among the frames."""
