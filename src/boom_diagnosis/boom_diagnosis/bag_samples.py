@@ -29,6 +29,8 @@ MOVING = 0.02
 """rad/s."""
 GAINS, TRAJECTORIES = 16, 3
 """Kept per recording: some 4 and 25 MB each, of a recording of 60 s."""
+JITTER = 0.1
+"""Of an interval, by which a stamp may be late."""
 BEGINNING = 0.3
 """s. At the beginning, where the boom rests."""
 
@@ -76,12 +78,18 @@ class Bag:
         for j, name in enumerate(OUTPUTS):
             signal = self.recording.signals[name]
             time = signal.time[signal.valid] - (pressure_delay if PRESSURES[j] else 0.0)
-            k = _intervals(time)
+            k = self._numbered(time)
             inside = (k >= 0) & (k < len(measured))
             k, time = k[inside], time[inside]
             measured[k, j] = signal.values[signal.valid][inside]
             share[k, j] = (time - self.grid[k]) / PERIOD
         return Samples(self.grid, share, measured, self.grid[:-1], self._mean_currents(command_delay))
+
+    def _numbered(self, time: Array) -> NDArray[np.int64]:
+        """Interval of each sample."""
+        if self.grid[0] == 0.0:
+            return _intervals(time)
+        return np.asarray(np.ceil((time - self.grid[0]) / PERIOD - JITTER) - 1, dtype=np.int64)
 
     def _mean_currents(self, delay: float) -> Array:
         """(n, 2) mean of the held currents in each interval, if they act ``delay`` [s] late.
@@ -116,14 +124,29 @@ class Bag:
         return stationary_guess(plant, self.start, self.currents.at(0.0))
 
 
-def prepare(recording: Recording) -> Bag | None:
+def _origin(recording: Recording) -> float:
+    """Where the intervals begin [s, up to 0]: behind the last of the samples that belong together.
+
+    These then lie at the end of an interval, where a sample corrects the state; at its beginning it would correct it too late.
+    """
+    phases = []
+    for name in OUTPUTS:
+        signal = recording.signals[name]
+        turn = np.exp(2j * np.pi * signal.time[signal.valid] / PERIOD)
+        phases.append(float(np.angle(np.mean(turn)) / (2 * np.pi) % 1.0))
+    around = np.sort(np.array(phases))
+    gaps = np.diff(np.append(around, around[0] + 1.0))
+    return (float(around[int(np.argmax(gaps))]) % 1.0 - 1.0) * PERIOD
+
+
+def prepare(recording: Recording, *, aligned: bool = False) -> Bag | None:
     """The recording for the observer; None where a channel or the currents have no valid sample."""
     currents = held_currents(recording)
     signals = [recording.signals[name] for name in OUTPUTS]
     if len(currents.time) == 0 or any(not s.valid.any() for s in signals):
         return None
     count = int(np.floor(recording.duration / PERIOD + 1e-9))
-    grid = np.asarray(np.arange(count + 1) * PERIOD, dtype=np.float64)
+    grid = np.asarray((_origin(recording) if aligned else 0.0) + np.arange(count + 1) * PERIOD, dtype=np.float64)
     time = grid[:-1]
     counted = np.ones((count, len(OUTPUTS)), dtype=bool)
     counted[time < BEGINNING] = False

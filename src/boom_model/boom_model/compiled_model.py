@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from boom_model.codegen.compiled import LANES, build
 from boom_model.equations import INPUTS, Equations, Kind, full_model, reduced_model
+from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine, Pose
 from boom_model.sensors import OUTPUTS
 from boom_model.structure import Structure
@@ -29,17 +30,19 @@ class CompiledModel:
         machine: the machine, its active effects included. The reduced model leaves out effects that bring states.
         pose: locked joints and load.
         kind: ``full`` or ``reduced``.
+        discrepancies: with a state for each place of the full model at which something may be missing.
 
     Raises:
         BuildError: no C compiler.
         ModelError: an effect that this machine cannot have.
     """
 
-    def __init__(self, machine: Machine, pose: Pose, kind: Kind = "full") -> None:
+    def __init__(self, machine: Machine, pose: Pose, kind: Kind = "full", *, discrepancies: bool = False) -> None:
         self.machine = machine
         self.pose = pose
         self._kind: Kind = kind
-        self.equations, self._library = _compiled(machine, kind)
+        self._discrepancies = discrepancies
+        self.equations, self._library = _compiled(machine, kind, discrepancies)
         self.state_names = self.equations.state_names
         self.parameter_names = self.equations.parameters
         values = machine.values(pose)
@@ -71,7 +74,8 @@ class CompiledModel:
     @cached_property
     def abreast(self) -> CDLL:
         """The observer for ``LANES`` parameter vectors at once, compiled on first use."""
-        return _catalogued_abreast(self.machine.structure, tuple(sorted(self.machine.effects)), self._kind)
+        effects = tuple(sorted(self.machine.effects))
+        return _catalogued_abreast(self.machine.structure, effects, self._kind, self._discrepancies)
 
     @cached_property
     def _auxiliary_function(self) -> Any:
@@ -102,22 +106,36 @@ def pointer(array: Array) -> Any:
     return array.ctypes.data_as(_DOUBLE)
 
 
-def _compiled(machine: Machine, kind: Kind) -> tuple[Equations, CDLL]:
+def _compiled(machine: Machine, kind: Kind, discrepancies: bool) -> tuple[Equations, CDLL]:
     """The model's equations and its integrator, without numbers."""
+    effects = tuple(sorted(machine.effects))
     if not machine.learned:
-        return _catalogued(machine.structure, tuple(sorted(machine.effects)), kind)
-    model = full_model if kind == "full" else reduced_model
-    equations = model(machine.structure, machine.effects, machine.learned)
+        return _catalogued(machine.structure, effects, kind, discrepancies)
+    equations = _equations(machine.structure, effects, kind, discrepancies, machine.learned)
     return equations, build(equations)
 
 
+def _equations(
+    structure: Structure,
+    effects: tuple[str, ...],
+    kind: Kind,
+    discrepancies: bool,
+    learned: tuple[LearnedTerm, ...] = (),
+) -> Equations:
+    if kind == "full":
+        return full_model(structure, effects, learned, discrepancies)
+    return reduced_model(structure, effects, learned)
+
+
 @lru_cache(maxsize=64)
-def _catalogued(structure: Structure, effects: tuple[str, ...], kind: Kind) -> tuple[Equations, CDLL]:
+def _catalogued(
+    structure: Structure, effects: tuple[str, ...], kind: Kind, discrepancies: bool
+) -> tuple[Equations, CDLL]:
     """Cached: writing the source costs as much as a run of a minute."""
-    equations = (full_model if kind == "full" else reduced_model)(structure, effects)
+    equations = _equations(structure, effects, kind, discrepancies)
     return equations, build(equations)
 
 
 @lru_cache(maxsize=64)
-def _catalogued_abreast(structure: Structure, effects: tuple[str, ...], kind: Kind) -> CDLL:
-    return build(_catalogued(structure, effects, kind)[0], LANES)
+def _catalogued_abreast(structure: Structure, effects: tuple[str, ...], kind: Kind, discrepancies: bool) -> CDLL:
+    return build(_catalogued(structure, effects, kind, discrepancies)[0], LANES)

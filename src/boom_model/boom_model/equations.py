@@ -25,7 +25,7 @@ from boom_model.components import (
     oil,
 )
 from boom_model.errors import ModelError
-from boom_model.learned import LearnedTerm
+from boom_model.learned import DISCREPANCY_TIME, PLACES, LearnedTerm, discrepancy_state
 from boom_model.state import State
 from boom_model.structure import Structure
 
@@ -99,9 +99,16 @@ def parameter_names(
 class _Wiring:
     """Symbols and the common parts of both models: kinematics, valve, spool, pilot stage, outputs."""
 
-    def __init__(self, structure: Structure, effects: Iterable[str], learned: Sequence[LearnedTerm] = ()) -> None:
+    def __init__(
+        self,
+        structure: Structure,
+        effects: Iterable[str],
+        learned: Sequence[LearnedTerm] = (),
+        discrepancies: bool = False,
+    ) -> None:
         self.structure = structure
         self.learned = tuple(learned)
+        self.discrepancies = discrepancies
         self.effects = tuple(sorted(effects))
         for name in self.effects:
             if not structure.has(EFFECTS[name].needs):
@@ -140,12 +147,25 @@ class _Wiring:
         return self.add(name, symbol, "Pa", 1e7, LOWEST_PRESSURE, HIGHEST_PRESSURE)
 
     def learnt(self, equation: str) -> Any:
-        """Sum of the terms learnt from data for an equation, in its unit; 0 without any."""
+        """Sum of the terms learnt from data for an equation, and its discrepancy, in its unit; 0 without any."""
+        return self.learnt_terms(equation) + self.discrepancy(equation, PLACES[equation].scale)
+
+    def learnt_terms(self, equation: str) -> Any:
+        """The same without discrepancy."""
         total: Any = 0.0
         for entry, coefficients in zip(self.learned, self.coefficients, strict=True):
             if entry.equation == equation:
                 total = total + learned_terms.term(entry, coefficients, self.quantities, self._memory)
         return total
+
+    def discrepancy(self, place: str, scale: Any) -> Any:
+        """What an observer may find missing at a place: d scale, T d' = -d; 0 where the equations have no discrepancies."""
+        if not self.discrepancies:
+            return 0.0
+        state = discrepancy_state(place)
+        d = self.add_state(state)
+        self.rates[state.name] = -d / DISCREPANCY_TIME
+        return scale * d
 
     def _memory(self, variable: str, time: float, value: Any) -> Any:
         name = f"memory_{variable}_{time:g}"
@@ -234,13 +254,20 @@ class _Wiring:
         )
 
 
-def full_model(structure: Structure, effects: Iterable[str] = (), learned: Sequence[LearnedTerm] = ()) -> Equations:
+def full_model(
+    structure: Structure,
+    effects: Iterable[str] = (),
+    learned: Sequence[LearnedTerm] = (),
+    discrepancies: bool = False,
+) -> Equations:
     """The full model (5.39a-u); 11 states (5.40) for the thesis' structure, fewer or more for others.
+
+    discrepancies: with a further state for each place at which something may be missing (``discrepancy_state``).
 
     Raises:
         ModelError: an effect needs a component that the structure does not have.
     """
-    w = _Wiring(structure, effects, learned)
+    w = _Wiring(structure, effects, learned, discrepancies)
     p, e = w.p, w.e
     w.kinematics()
     p_a, p_b = w.add_pressure("head_pressure", "p_a"), w.add_pressure("rod_pressure", "p_b")
@@ -259,7 +286,7 @@ def full_model(structure: Structure, effects: Iterable[str] = (), learned: Seque
             oil.bulk_modulus(p_h, p, e), p.cylinder.V_h, q_h - q_o - q_a + w.learnt("hose_flow")
         )
     else:  # one volume has one state: no null component can take a state and its equation away
-        q_a = q_h - q_o + w.learnt("hose_flow")
+        q_a = q_h - q_o + w.learnt_terms("hose_flow")
         head, net = cylinder.head_volume(w.position, p) + p.cylinder.V_h, q_a
     net = net - w.velocity * p.cylinder.A_a - leakage + w.learnt("head_flow")
     w.rates["head_pressure"] = cylinder.pressure_rate(beta_a, head, net)

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from boom_model.errors import MachineError, nearest
 from boom_model.regularisation import Expression
+from boom_model.state import State
 
 Array = NDArray[np.float64]
 
@@ -88,6 +89,16 @@ PLACES: dict[str, Place] = {
     "rod_flow": Place("5.39d", "m^3/s", 1e-4, "flow into the rod side"),
     "spool": Place("5.39n", "Pa", 1e5, "pilot pressure that pushes the spool to retract"),
 }
+
+
+DISCREPANCY_TIME = 1.0
+"""s. T of the discrepancies: what a model lacks lasts about as long as a motion. From 0.2 to 5 s it hardly matters."""
+DISCREPANCY = "discrepancy_"
+
+
+def discrepancy_state(place: str) -> State:
+    """The state by which the equation at a place (``PLACES``) may be off, over the place's scale: T d' = -d."""
+    return State(DISCREPANCY + place, "d", "-", 1.0, -1e3, 1e3, PLACES[place].equation)
 
 
 @dataclass(frozen=True)

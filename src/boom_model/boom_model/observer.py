@@ -194,14 +194,20 @@ def _side_by_side(group: Sequence[Job], tolerance: float) -> list[Observed] | No
     return [Observed(innovations[..., i], states[..., i], True) for i in range(len(group))]
 
 
+def observer_ranges(plant: Plant) -> tuple[Array, Array]:
+    """Limits (NX,) at which an observer holds the states."""
+    minimum, maximum = plant.minimum.copy(), plant.maximum.copy()
+    minimum[0], maximum[0] = minimum[0] - BEYOND_STOPS, maximum[0] + BEYOND_STOPS
+    minimum[plant.state_names.index("head_pressure")] = PULLED
+    return minimum, maximum
+
+
 def _arguments(
     plant: Plant, samples: Samples, p: Array, x: Array, currents: Array, gain: Array, innovations: Array, states: Array,
     tolerance: float, report: Array,
 ) -> tuple[Any, ...]:  # fmt: skip
     """Arguments of ``boom_observe``; the arrays must live as long as its call."""
-    minimum, maximum = plant.minimum.copy(), plant.maximum.copy()
-    minimum[0], maximum[0] = minimum[0] - BEYOND_STOPS, maximum[0] + BEYOND_STOPS
-    minimum[plant.state_names.index("head_pressure")] = PULLED
+    minimum, maximum = observer_ranges(plant)
     return (
         pointer(p), pointer(x), pointer(samples.grid), ctypes.c_long(len(samples.grid) - 1),
         pointer(samples.input_time), pointer(currents), ctypes.c_long(len(samples.input_time)),

@@ -63,8 +63,8 @@ class Trajectory:
 class Plant(CompiledModel):
     """Runs and single steps of a compiled model."""
 
-    def __init__(self, machine: Machine, pose: Pose, kind: Kind = "full") -> None:
-        super().__init__(machine, pose, kind)
+    def __init__(self, machine: Machine, pose: Pose, kind: Kind = "full", *, discrepancies: bool = False) -> None:
+        super().__init__(machine, pose, kind, discrepancies=discrepancies)
         states = self.equations.states
         self.scale: Array = np.array([s.scale for s in states])
         self.minimum: Array = np.array([s.minimum for s in states])

@@ -42,6 +42,9 @@ class Wiring(Protocol):
     def pilot_difference(self) -> Expression:
         """p_+ - p_- [Pa] of the machine's pilot stage, which pushes the spool; learnt terms included."""
 
+    def discrepancy(self, place: str, scale: Any) -> Expression:
+        """What may be missing at a place (``learned.PLACES``), where one of it is ``scale``; 0 in a model without discrepancies."""
+
 
 def _zero(*_: Any) -> Any:
     return 0.0

@@ -55,6 +55,42 @@ int boom_observe(const double *p, double *x, const double *grid, long n, const d
   return status;
 }
 
+/* From x[n][NX] at the beginning of each interval to its end, each interval for itself, with inputs as in boom_observe:
+   end[n][NX], before[n][NY] and after[n][NY]. Of lanes each has its own numbers and its own move[NX] of the beginning, and all share
+   the steps, so that differences between them are good derivatives. Returns 0, or 1 + the interval that failed. */
+long boom_intervals(const double *p, const double *x, const double *move, const double *grid, long n, const double *t_in,
+                    const double *u, long n_in, double tolerance, int order, const double *scale, const double *minimum,
+                    const double *maximum, double h, double *end, double *before, double *after) {
+  real c[NC > 0 ? NC : 1], seen[NY], number[NP], state[NX], held[NU], off[NX];
+  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 1, MOST_STEPS};
+  long next = 0, i_in = 0;
+  for (int i = 0; i < NP; i++) number[i] = boom_load(p + i * LANES);
+  for (int i = 0; i < NX; i++) off[i] = boom_load(move + i * LANES);
+  model_prepare(number, c);
+  while (i_in + 1 < n_in && t_in[i_in + 1] <= grid[0]) i_in++;
+  for (long k = 0; k < n; k++) {
+    double t = grid[k];
+    for (int i = 0; i < NX; i++) state[i] = R(x[k * NX + i]) + off[i];
+    for (int i = 0; i < NU; i++) held[i] = boom_load(u + (i_in * NU + i) * LANES);
+    if (r.first > 0.0) h = r.first;
+    model_y(state, held, c, seen);
+    for (int i = 0; i < NY; i++) boom_store(before + (k * NY + i) * LANES, seen[i]);
+    for (;;) {
+      const int steps_in = i_in + 1 < n_in && t_in[i_in + 1] < grid[k + 1];
+      const double until = steps_in ? t_in[i_in + 1] : grid[k + 1];
+      if (interval(order, &r, state, held, c, t, until, &h, 0, 0, &next, 0, 0) != OK) return 1 + k;
+      if (!steps_in) break;
+      t = until;
+      i_in++;
+      for (int i = 0; i < NU; i++) held[i] = boom_load(u + (i_in * NU + i) * LANES);
+    }
+    model_y(state, held, c, seen);
+    for (int i = 0; i < NX; i++) boom_store(end + (k * NX + i) * LANES, state[i]);
+    for (int i = 0; i < NY; i++) boom_store(after + (k * NY + i) * LANES, seen[i]);
+  }
+  return 0;
+}
+
 #if LANES == 1
 /* f[n][NX] and J[n][NX][NX] along a trajectory. */
 void boom_derivatives(const double *p, const double *x, const double *u, long n, double *f, double *J) {

@@ -21,14 +21,21 @@ SPECIFICATIONS = (
 )
 
 
-def velocity(position: Expression, retract: Expression, extend: Expression, p: Any) -> Expression:
-    """s_s' [m/s] for s_s [m] and the two currents [A]."""
+OFF = 0.04
+"""Of full stroke: what a discrepancy of one is. About as much as 1 bar of pilot pressure moves a piloted spool."""
+
+
+def velocity(
+    position: Expression, retract: Expression, extend: Expression, p: Any, off: Expression = 0.0
+) -> Expression:
+    """s_s' [m/s] for s_s [m], the two currents [A] and what is missing of the commanded position [m]."""
     s = p.main_valve_spool
-    return (s.K_i * (retract - extend) - position) / s.T_s
+    return (s.K_i * (retract - extend) + off - position) / s.T_s
 
 
 def _motion(w: Wiring, position: Expression, _force: Expression) -> None:
-    w.rates["spool_position"] = velocity(position, w.u[0], w.u[1], w.p)
+    off = w.discrepancy("spool", OFF * w.p.main_valve_spool.s_max)
+    w.rates["spool_position"] = velocity(position, w.u[0], w.u[1], w.p, off)
 
 
 register(Spool(

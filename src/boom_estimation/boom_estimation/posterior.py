@@ -1,0 +1,435 @@
+"""The fit of a hypothesis: its numbers and the sizes of its discrepancies together, and the evidence for it.
+
+    objective(c, v) = sum of log-likelihoods + log prior(c) + log prior(v),   v = log s
+    evidence = objective + (dim / 2) log(2 pi) - log det(H) / 2     (Laplace)
+
+c: inner coordinates of the numbers, s: stationary deviations of the discrepancies. Each turn passes the model once through the
+experiments, linearises it there, and climbs on that linearisation; it ends when a turn gains less than ``SETTLED``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from math import log, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_estimation.numbers import RANGE, Number, Priors, SizePriors
+from boom_estimation.recursion import Exact, Filtered, Linearised, difference_columns, huber_weights
+from boom_estimation.system import Columns, Model, Pass, System, Values
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SETTLED = 0.5
+"""Nats."""
+TURNS, CLIMBS = 12, 6
+"""At most: passes of a fit, steps on one linearisation."""
+LEVEL_TURNS = 2
+"""Passes at each size at which the numbers are fitted first."""
+REUSE = 0.3
+"""How far numbers may be from where their columns were taken, as the radius is counted."""
+V_STEP = 1e-3
+"""Of v, for differences."""
+DULL = 0.05
+"""Nats by which a size must matter to the likelihood in a step of one for its derivatives to be taken again."""
+FIRST_RADIUS, LEAST_RADIUS = 1.0, 0.02
+"""How far numbers may move in a turn: standard deviations of the prior, or quarters of the range where it is flat."""
+LARGEST_MOVE = 1.5
+"""Of v in one step."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A hypothesis to be fitted.
+
+    Attributes:
+        effects: what the equations have beside the machine's own. numbers: that may move.
+        sizes: priors of the discrepancies' sizes: of each place, then of each number that wanders.
+        wandering: indices of the numbers that may wander about their value, because an effect's form is not exactly known; their
+            discrepancies count in shares of what the number is off its neutral value.
+        scales: (c) -> that, in inner coordinates (k,).
+    """
+
+    system: System
+    effects: tuple[str, ...]
+    numbers: tuple[Number, ...]
+    sizes: SizePriors
+    wandering: tuple[int, ...] = ()
+    scales: Callable[[Array], Array] = lambda c: np.zeros(0)
+
+    @property
+    def models(self) -> Sequence[Model]:
+        """Of every experiment."""
+        return self.system.models(self.effects)
+
+    def values(self, c: Array, experiment: str) -> dict[str, float]:
+        """Numbers of an experiment by name."""
+        return {n.name: n.value(float(v)) for n, v in zip(self.numbers, c, strict=True) if n.own in ("", experiment)}
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted hypothesis.
+
+    Attributes:
+        c: (m,) inner coordinates of ``problem.numbers``. v: (q,) log sizes of the discrepancies.
+        log_likelihood, log_prior: at (c, v) [nats]. hessian: (m + q, m + q) of minus the objective.
+        linearised: each experiment along its pass at (c, v).
+    """
+
+    problem: Problem
+    c: Array
+    v: Array
+    log_likelihood: float
+    log_prior: float
+    hessian: Array
+    linearised: tuple[Linearised, ...]
+
+    @property
+    def objective(self) -> float:
+        """Log posterior density [nats]."""
+        return self.log_likelihood + self.log_prior
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """(m + q,) which coordinates do not stand at an end of their range."""
+        p = Priors.of(self.problem.numbers)
+        inside = (self.c > p.low + 1e-9) & (self.c < p.high - 1e-9)
+        return np.concatenate([inside, np.ones(len(self.v), dtype=bool)])
+
+    @property
+    def evidence(self) -> float:
+        """Log marginal likelihood [nats], but for a constant that all hypotheses share."""
+        free = self.free
+        h = self.hessian[np.ix_(free, free)]
+        scale = np.sqrt(np.diag(h))
+        log_det = float(np.linalg.slogdet(h / np.outer(scale, scale))[1] + 2.0 * np.sum(np.log(scale)))
+        return self.objective + 0.5 * float(free.sum()) * log(2.0 * pi) - 0.5 * log_det
+
+    @property
+    def covariance(self) -> Array:
+        """(m + q, m + q) of the free coordinates; zero for those at an end of their range."""
+        free = self.free
+        h = self.hessian[np.ix_(free, free)]
+        scale = np.sqrt(np.diag(h))
+        result = np.zeros_like(self.hessian)
+        result[np.ix_(free, free)] = np.linalg.inv(h / np.outer(scale, scale)) / np.outer(scale, scale)
+        return result
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """Place -> stationary deviation of its discrepancy, over the place's scale."""
+        return dict(zip(self.problem.system.places, np.exp(self.v).tolist(), strict=False))
+
+    def values(self, experiment: str = "") -> dict[str, float]:
+        """The numbers by name; those of an experiment's own where it is named."""
+        return self.problem.values(self.c, experiment)
+
+
+@dataclass(frozen=True)
+class _Local:
+    """Objective on a linearisation, with derivatives where they were asked for."""
+
+    value: float
+    log_likelihood: float
+    gradient: Array
+    curvature: Array
+
+
+Known = Sequence[Linearised | None] | None
+"""Linearisations of every experiment, whose columns may be good enough where they are wanted."""
+
+
+def linearise(problem: Problem, c: Array, v: Array, gains: Sequence[Array] | None, known: Known) -> list[Linearised]:
+    """Every experiment along a pass with these numbers; ``gains`` as they are, or those of ``v`` along a followed trajectory.
+
+    Raises:
+        FloatingPointError: a model that cannot be run with these numbers.
+    """
+    models = problem.models
+    jobs: list[Callable[[], Linearised]] = [
+        lambda k=k, m=m: _linearise(problem, m, c, v, None if gains is None else gains[k], known[k] if known else None)  # type: ignore[misc]
+        for k, m in enumerate(models)
+    ]
+    return [job() for job in jobs] if len(jobs) == 1 else _together(jobs)
+
+
+def _together(jobs: Sequence[Callable[[], Linearised]]) -> list[Linearised]:
+    with ThreadPoolExecutor(2) as pool:
+        return list(pool.map(lambda job: job(), jobs))
+
+
+def _linearise(
+    problem: Problem, model: Model, c: Array, v: Array, gain: Array | None, known: Linearised | None
+) -> Linearised:
+    values = problem.values(c, model.name)
+    if gain is None:
+        gain = model.first_gain()
+        followed = model.observe(values, gain, coarse=True)
+        loose = Linearised(model, followed, gain, model.tangent(values, followed), None)
+        gain = loose.run(np.exp(v[: len(model.places)]), gain=True).gain
+        assert gain is not None
+    along = model.observe(values, gain)
+    if not along.complete:
+        raise FloatingPointError(f"{model.name}: the model cannot be run with these numbers")
+    tangent = model.tangent(values, along)
+    found = Linearised(model, along, gain, tangent, _exact(problem, model, c, gain, along, tangent.output, known))
+    return found.wandering(problem.wandering, problem.scales(c)) if problem.wandering else found
+
+
+def _exact(
+    problem: Problem, model: Model, c: Array, gain: Array, along: Pass, output: Array, known: Linearised | None
+) -> Exact:
+    """Transitions, and the columns of the numbers by differences of passes; those known from nearby are taken as they are."""
+    values = problem.values(c, model.name)
+    exact = _usable(problem, model, c, known)
+    at = {n.name: float(x) for n, x in zip(problem.numbers, c, strict=True)}
+    missing = [j for j, name in enumerate(at) if exact is None or name not in exact.at]
+    others, steps = [], []
+    for j in missing:
+        there, n = c.copy(), problem.numbers[j]
+        steps.append(n.step if c[j] + n.step <= n.high else -n.step)
+        there[j] += steps[-1]
+        others.append(problem.values(there, model.name))
+    transition = model.transitions(values, along) if exact is None else exact.transition
+    pairs = pairs_of(model, values, others, gain)
+    fresh = difference_columns(model.name, pairs, np.array(steps), gain, transition, output)
+    if exact is None:
+        return Exact(transition, fresh, at)
+    taken = list(exact.at)
+    order = [taken.index(name) if name in exact.at else len(taken) + missing.index(j) for j, name in enumerate(at)]
+    columns = Columns.joined(exact.columns, fresh).chosen(order)
+    return Exact(transition, columns, {name: exact.at.get(name, x) for name, x in at.items()})
+
+
+def _usable(problem: Problem, model: Model, c: Array, known: Linearised | None) -> Exact | None:
+    """Derivatives that were taken with the same states, no further away than ``REUSE``."""
+    if known is None or known.exact is None or known.model.state_names != model.state_names:
+        return None
+    width = Priors.of(problem.numbers).width
+    for n, x, w in zip(problem.numbers, c, width, strict=True):
+        if n.name in known.exact.at and abs(x - known.exact.at[n.name]) > REUSE * w:
+            return None
+    return known.exact
+
+
+def pairs_of(model: Model, values: Values, others: Sequence[Values], gain: Array) -> list[tuple[Pass, Pass] | None]:
+    """For each of ``others`` a pass with ``values`` and one with it; None where it is the same."""
+    changed = [other for other in others if other != values]
+    passes = iter(model.beside(values, changed, gain))
+    return [next(passes) if other != values else None for other in others]
+
+
+@dataclass(frozen=True)
+class _Around:
+    """A problem linearised about c."""
+
+    priors: Priors
+    sizes: SizePriors
+    linearised: Sequence[Linearised]
+    c: Array
+
+
+def _local(around: _Around, c: Array, v: Array, derivatives: bool, active: Flags | None = None) -> _Local:
+    """The objective at (c, v) on a linearisation; ``active``: the sizes that matter to it, all by default."""
+    priors, sizes, origin = around.priors, around.sizes, around.c
+    m, q = len(c), len(v)
+    total = 0.0
+    gradient, curvature = np.zeros(m + q), np.zeros((m + q, m + q))
+    for lin in around.linearised:
+        here = lin.run(np.exp(v), c - origin, by=derivatives)
+        total += lin.log_likelihood(here)
+        if derivatives:
+            g, h = _derivatives(lin, here, c - origin, v, np.ones(q, dtype=bool) if active is None else active)
+            gradient += g
+            curvature += h
+    value = total + priors.density(c) + sizes.density(v)
+    if derivatives:
+        gradient += np.concatenate([priors.slope(c), sizes.slope(v)])
+        curvature += np.diag(np.concatenate([priors.precision, sizes.curvature(v)]))
+    return _Local(value, total, gradient, curvature)
+
+
+def _derivatives(lin: Linearised, here: Filtered, moved: Array, v: Array, active: Flags) -> tuple[Array, Array]:
+    """Gradient (m + q,) of the log-likelihood by numbers and log sizes, and its expected curvature (Fisher scoring)."""
+    counted = lin.model.counted
+    assert here.by is not None
+    w = here.white[counted]
+    omega = huber_weights(w)
+    inverse = np.linalg.inv(here.factor[counted])
+    base = lin.log_likelihood(here)
+    empty = np.zeros_like(here.factor[counted])
+    columns, growth, slopes = [], [], []
+    for k in range(len(v)):
+        if not active[k]:
+            slopes.append(0.0)
+            growth.append(empty)
+            columns.append(empty[:, :, 0])
+            continue
+        other = v.copy()
+        other[k] += V_STEP
+        there = lin.run(np.exp(other), moved)
+        slopes.append((lin.log_likelihood(there) - base) / V_STEP)
+        s0, s1 = here.factor[counted], there.factor[counted]
+        change = (s1 @ s1.transpose(0, 2, 1) - s0 @ s0.transpose(0, 2, 1)) / V_STEP
+        growth.append(inverse @ change @ inverse.transpose(0, 2, 1))
+        e = (there.innovations[counted] - here.innovations[counted]) / V_STEP
+        columns.append((inverse @ e[:, :, None])[:, :, 0])
+    by = here.by[counted]
+    gradient = np.concatenate([-np.einsum("ni,nij->j", omega * w, by), slopes])
+    whole = np.concatenate([by, np.stack(columns, axis=-1)], axis=2).reshape(-1, by.shape[2] + len(v))
+    root = np.sqrt(omega).reshape(-1, 1)
+    curvature = (whole * root).T @ (whole * root)
+    m = by.shape[2]
+    for a in range(len(v)):
+        for b in range(len(v)):
+            curvature[m + a, m + b] += 0.5 * float(np.sum(growth[a] * growth[b]))
+    return gradient, curvature
+
+
+def _climb(
+    around: _Around, v: Array, climbs: int = CLIMBS, radius: float = np.inf, *, sized: bool = True
+) -> tuple[Array, Array, float]:
+    """The maximum of the objective on a linearisation: c, v, objective."""
+    priors, c = around.priors, around.c
+    m = len(c)
+    reach = radius * priors.width
+    low = np.concatenate([np.maximum(priors.low, c - reach), np.full(len(v), RANGE[0])])
+    high = np.concatenate([np.minimum(priors.high, c + reach), np.full(len(v), RANGE[1])])
+    at = _local(around, c, v, True, None if sized else np.zeros(len(v), dtype=bool))
+    if not sized:
+        low[m:] = high[m:] = v
+    active = (
+        np.abs(at.gradient[m:] - around.sizes.slope(v)) + np.diag(at.curvature)[m:] - around.sizes.curvature(v) > DULL
+    )
+    here = np.concatenate([c, v])
+    damping = 1e-6
+    for _ in range(climbs):
+        gained = 0.0
+        for _ in range(8):
+            step = _step(here, at.gradient, at.curvature, low, high, damping)
+            step[m:] = np.clip(step[m:], -LARGEST_MOVE, LARGEST_MOVE)
+            there = np.clip(here + step, low, high)
+            trial = _local(around, there[:m], there[m:], False)
+            if trial.value > at.value:
+                gained = trial.value - at.value
+                here, damping = there, damping * 0.2
+                break
+            damping = max(damping, 1e-4) * 8.0
+        if gained < 0.2 * SETTLED:
+            break
+        at = _local(around, here[:m], here[m:], True, active)
+    return here[:m], here[m:], at.value
+
+
+def _step(here: Array, gradient: Array, curvature: Array, low: Array, high: Array, damping: float) -> Array:
+    """Damped Newton step; coordinates that would leave their range stay at its end."""
+    free = np.ones(len(here), dtype=bool)
+    step = np.zeros(len(here))
+    for _ in range(len(here)):
+        scale = np.sqrt(np.maximum(np.diag(curvature)[free], 1e-12))
+        a = curvature[np.ix_(free, free)] / np.outer(scale, scale) + damping * np.eye(int(free.sum()))
+        step[:] = 0.0
+        step[free] = np.linalg.solve(a + 1e-10 * np.eye(len(a)), gradient[free] / scale) / scale
+        leaving = free & (((here <= low) & (step < 0.0)) | ((here >= high) & (step > 0.0)))
+        if not leaving.any():
+            break
+        free &= ~leaving
+    return step
+
+
+def fit(
+    problem: Problem,
+    c: Array,
+    v: Array,
+    *,
+    levels: Sequence[float] = (),
+    turns: int = TURNS,
+    hopeless: Callable[[float], bool] = lambda _: False,
+    known: Known = None,
+) -> Fit:
+    """Fits a hypothesis from (c, v).
+
+    levels: sizes at which the numbers are fitted first: with free ones a discrepancy would take what the numbers can explain.
+    hopeless: told what a turn promises; where it says so the fit ends there.
+
+    Raises:
+        FloatingPointError: the model cannot be run at the start.
+    """
+    for level in levels:
+        c = _turns(problem, c, np.maximum(v, log(level)), LEVEL_TURNS, hopeless, known, sized=False)[0].c
+    around, v, at = _turns(
+        problem, c, np.maximum(v, log(levels[-1])) if levels else v, turns, hopeless, known, sized=True
+    )
+    at = _local(around, around.c, v, True)
+    return Fit(
+        problem, around.c, v, at.log_likelihood, at.value - at.log_likelihood, at.curvature, tuple(around.linearised)
+    )
+
+
+def _turns(
+    problem: Problem, c: Array, v: Array, turns: int, hopeless: Callable[[float], bool], known: Known, *, sized: bool
+) -> tuple[_Around, Array, _Local]:
+    """Turns of passing, linearising and climbing, within a radius that follows how well the last turn kept its promise."""
+    around = _around(problem, c, v, None, known)
+    at = _local(around, c, v, False)
+    radius = FIRST_RADIUS
+    for _ in range(turns):
+        nc, nv, promised = _climb(around, v, radius=radius, sized=sized)
+        if promised - at.value < SETTLED or hopeless(promised):
+            break
+        other, there = _at(problem, around, nc, nv)
+        ratio = -np.inf if there is None else (there.value - at.value) / (promised - at.value)
+        radius = radius * (2.0 if ratio > 0.7 else 1.0 if ratio > 0.3 else 0.3)
+        if ratio <= 0.0 or other is None or there is None:
+            if radius < LEAST_RADIUS:
+                break
+            continue
+        gain = there.value - at.value
+        around, v, at = other, nv, there
+        if gain < SETTLED:
+            break
+    return around, v, at
+
+
+def _at(problem: Problem, around: _Around, c: Array, v: Array) -> tuple[_Around | None, _Local | None]:
+    """The problem at another point, with the gains that suit it; None where the model cannot be run."""
+    gains = [
+        np.ascontiguousarray(lin.run(np.exp(v), c - around.c, gain=True).gain[:, : lin.along.states.shape[1]])  # type: ignore[index]
+        for lin in around.linearised
+    ]
+    try:
+        other = _around(problem, c, v, gains, around.linearised)
+        return other, _local(other, c, v, False)
+    except FloatingPointError:
+        return None, None
+
+
+def best_start(problem: Problem, points: Sequence[Array], v: Array, known: Known = None) -> Array:
+    """The most probable of several points (m,).
+
+    Raises:
+        FloatingPointError: the model cannot be run at any of them.
+    """
+    if len(points) == 1:
+        return points[0]
+    best, reached = None, -np.inf
+    for c in points:
+        try:
+            value = _local(_around(problem, c, v, None, known), c, v, False).value
+        except FloatingPointError:
+            continue
+        if best is None or value > reached:
+            best, reached = c, value
+    if best is None:
+        raise FloatingPointError("the model cannot be run at any of these points")
+    return best
+
+
+def _around(problem: Problem, c: Array, v: Array, gains: Sequence[Array] | None, known: Known) -> _Around:
+    lins = linearise(problem, c, v, gains, known)
+    return _Around(Priors.of(problem.numbers), problem.sizes, lins, c)
