@@ -314,11 +314,13 @@ def _search_effect(effect: str, duration: float, log_odds: float) -> SearchEffec
     if entry.onset:
         times = np.linspace(0.0, duration, ONSETS + 2)[1:-1]
         points = [{**points[0], prefix + entry.onset: float(t)} for t in times]
-    if any(row.positive for row in entry.leading):  # a factor may be larger or smaller
-        points += [
-            {**point, prefix + row.name: row.neutral**2 / point[prefix + row.name]} for point in list(points)
-            for row in entry.leading if row.positive and row.neutral > 0.0 and point[prefix + row.name] > 0.0
-        ]  # fmt: skip
+    ranges = {n.name: (n.value(n.low), n.value(n.high)) for n in effect_numbers(effect)}
+    points += [
+        {**point, prefix + row.name: min(max(row.neutral**2 / point[prefix + row.name], ranges[prefix + row.name][0]),
+                                         ranges[prefix + row.name][1])}
+        for point in list(points) for row in entry.leading
+        if row.positive and row.neutral > 0.0  # a factor may be larger or smaller
+    ]  # fmt: skip
     neutral = {prefix + row.name: row.neutral for row in entry.parameters}
     leading = tuple(prefix + row.name for row in entry.leading)
     return SearchEffect(

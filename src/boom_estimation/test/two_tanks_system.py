@@ -20,7 +20,7 @@ from boom_estimation.system import Pass, Tangent, Values
 
 Array = NDArray[np.float64]
 
-STEP, SUBSTEPS = 1.0, 4
+STEP, SUBSTEPS = 1.0, 2
 """s."""
 NOMINAL = {"c_1": 2.0e-4, "c_2": 1.6e-4, "overflow": 0.0, "leak": 0.0}
 AREA, WEIR, SCALE = (0.01, 0.01), 0.3, 1e-4
@@ -145,9 +145,9 @@ OVERFLOW = Effect(
 
 
 def recorded(seed: int, **truth: float) -> Tanks:
-    """Ten minutes with a pump that is switched every half minute, of tanks with these numbers."""
+    """Five minutes with a pump that is switched every 15 s, of tanks with these numbers."""
     rng = np.random.default_rng(seed)
-    flow = np.repeat(rng.uniform(0.5e-4, 1.6e-4, 20), 30)
+    flow = np.repeat(rng.uniform(0.5e-4, 1.6e-4, 20), 15)
     p = {**NOMINAL, **truth}
     x = (0.25, 0.3, 0.0, 0.0)
     levels = [x[:2]]
