@@ -1,0 +1,84 @@
+"""The boom as the force balance needs it: lever, gravity and inertia over the angle, from the machine file alone.
+
+    p_a A_a - p_b A_b = (D q_2'' + g(q_2)) / J(q_2)        (3.15), (3.12), without friction
+
+Friction is left out on purpose: what the balance lacks when its sign follows the motion's is friction or a valve, and is to be seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_identification.stationary import pose_of
+from boom_model.component_numbers import component_parameters
+from boom_model.components import equation_of_motion
+from boom_model.machine import Machine
+from boom_model.plant import Plant
+from boom_recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+_POINTS = 801
+
+
+@dataclass(frozen=True)
+class Mechanics:
+    """Lever and loads over the boom's angles.
+
+    Attributes:
+        angle: (m,) [rad], the range of the linkage.
+        position: (m,) s_p [m]. jacobian: (m,) J [m/rad]. gravity: (m,) g [N m]. inertia: D [kg m^2].
+        A_a, A_b: areas of the piston [m^2].
+    """
+
+    angle: Array
+    position: Array
+    jacobian: Array
+    gravity: Array
+    inertia: float
+    A_a: float
+    A_b: float
+
+    def lever(self, angle: Array) -> Array:
+        """J [m/rad] at the angles (n,) [rad]; beyond the linkage's range that of its end."""
+        return np.interp(angle, self.angle, self.jacobian)
+
+    def piston(self, angle: Array) -> Array:
+        """s_p [m] at the angles (n,) [rad]."""
+        return np.interp(angle, self.angle, self.position)
+
+    def static_need(self, angle: Array) -> Array:
+        """g / (J A_a) (n,) [Pa]: what gravity asks of the head side."""
+        return np.interp(angle, self.angle, self.gravity) / self.lever(angle) / self.A_a
+
+    def dynamic_need(self, angle: Array, acceleration: Array) -> Array:
+        """D q_2'' / (J A_a) (n,) [Pa]: what the boom's inertia asks of the head side."""
+        return self.inertia * acceleration / self.lever(angle) / self.A_a
+
+    def need(self, angle: Array, acceleration: Array, rod_pressure: Array) -> Array:
+        """p_a (n,) [Pa] that the boom needs without friction, given p_b (n,) [Pa]."""
+        rod = rod_pressure * self.A_b / self.A_a
+        return self.static_need(angle) + self.dynamic_need(angle, acceleration) + rod
+
+
+def mechanics(machine: Machine, recording: Recording) -> Mechanics:
+    """The mechanics of a machine in the pose and with the load of a recording.
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    pose = pose_of(recording, machine)
+    plant = Plant(machine, pose)
+    low, high = machine.angle_limits
+    angle = np.linspace(low, high, _POINTS)
+    states = np.tile(plant.rest_state(0.0, 1e6, 1e6), (_POINTS, 1))
+    states[:, plant.state_names.index("angle")] = angle
+    inner = plant.auxiliary(states, np.zeros((_POINTS, 2)))
+    p, e = component_parameters(machine, pose)
+    inertia = float(equation_of_motion.inertia(equation_of_motion.load_mass(p, e), p))
+    return Mechanics(
+        angle, inner["piston_position"], inner["jacobian"], inner["gravity_torque"], inertia, p.cylinder.A_a, p.cylinder.A_b
+    )
