@@ -12,7 +12,7 @@ SPOILING: frozenset[CheckKind] = frozenset({"sign", "latched_command", "clock", 
 
 
 @dataclass(frozen=True)
-class Measure:
+class IntervalValue:
     """A number with its interval: value, interval of 90 % [unit]."""
 
     name: str
@@ -33,7 +33,7 @@ class Measure:
 
 
 @dataclass(frozen=True)
-class Check:
+class RecordingCheck:
     """One doubt.
 
     Attributes:
@@ -49,7 +49,7 @@ class Check:
     topic: str
     intervals_s: tuple[tuple[float, float], ...]
     sentence: str
-    measure: Measure
+    measure: IntervalValue
     log_odds: float
 
     @property

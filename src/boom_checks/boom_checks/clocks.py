@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_checks.check import Check, Measure
+from boom_checks.check import RecordingCheck, IntervalValue
 from boom_checks.even_series import PERIOD, EvenSeries
 from boom_checks.mechanics import Mechanics
 from boom_checks.readings import PRIOR
@@ -31,7 +31,7 @@ ALLOWED = {PRESSURES: (-0.03, 0.12), CURRENTS: (-0.40, 0.03)}
 """s. Lateness of pressures, filter and bus together; and of currents, which the motion follows after pilot stage and spool."""
 
 
-def clock_checks(series: EvenSeries, boom: Mechanics) -> list[Check]:
+def clock_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
     """Topics whose clock differs from that of the joint states."""
     found = []
     for names, relation in ((PRESSURES, force), (CURRENTS, _at_once)):
@@ -41,14 +41,14 @@ def clock_checks(series: EvenSeries, boom: Mechanics) -> list[Check]:
             way = "late" if measure.value > 0.0 else "early"
             sentence = f"the stamps are {way} against those of /joint_states by {abs(measure.value):.2f} s ({measure.text}): the clocks differ"
             found.append(
-                Check("clock", topics, ((0.0, float(series.time[-1])),), sentence, measure, odds + PRIOR)
+                RecordingCheck("clock", topics, ((0.0, float(series.time[-1])),), sentence, measure, odds + PRIOR)
             )
     return found
 
 
 def offset(
     series: EvenSeries, boom: Mechanics, names: tuple[str, ...], relation: Callable[[EvenSeries, Mechanics], float]
-) -> tuple[Measure, float]:
+) -> tuple[IntervalValue, float]:
     """Lateness of the signals [s] with its interval, and the log odds that it lies outside ``ALLOWED``."""
 
     def score(shift: int) -> float:
@@ -65,7 +65,7 @@ def offset(
     allowed = max(value for shift, value in tried.items() if low <= shift * PERIOD <= high)
     late = PERIOD * best
     interval = (PERIOD * (min(inside) - 0.5), PERIOD * (max(inside) + 0.5))
-    return Measure("offset", late, "s", interval), tried[best] - allowed if inner else 0.0
+    return IntervalValue("offset", late, "s", interval), tried[best] - allowed if inner else 0.0
 
 
 def _earlier(values: Array, shift: int) -> Array:

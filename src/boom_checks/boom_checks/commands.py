@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from boom_checks.check import Check, Measure
+from boom_checks.check import RecordingCheck, IntervalValue
 from boom_checks.even_series import PERIOD, EvenSeries
 from boom_checks.mechanics import Mechanics
 from boom_checks.readings import PRIOR, mean_measure
@@ -46,7 +46,7 @@ LEAST_REVERSALS = 6
 _TOPIC = BY_NAME["extend_current"].topic
 
 
-def latched_checks(series: EvenSeries, boom: Mechanics, supply: float) -> list[Check]:
+def latched_checks(series: EvenSeries, boom: Mechanics, supply: float) -> list[RecordingCheck]:
     """Stretches in which the command was not applied; ``supply`` [Pa]: of the machine file, where none is measured.
 
     A pump that follows the load is at its limit where the boom cannot move: the largest pressure seen then stands for it.
@@ -70,7 +70,7 @@ def latched_checks(series: EvenSeries, boom: Mechanics, supply: float) -> list[C
         f"the command was logged and not applied for {seconds:.1f} s: the boom stands and no pressure answers "
         f"({measure.text}); the valve was shut, as after a soft stop"
     )
-    return [Check("latched_command", _TOPIC, tuple(intervals), sentence, measure, total + PRIOR)]
+    return [RecordingCheck("latched_command", _TOPIC, tuple(intervals), sentence, measure, total + PRIOR)]
 
 
 def _expected(series: EvenSeries, boom: Mechanics) -> tuple[Array, Array]:
@@ -99,7 +99,7 @@ def _unanswered(series: EvenSeries, supply: float) -> Flags:
         return np.asarray(still & (supplied < BLOCKED * top))
 
 
-def chatter_checks(series: EvenSeries) -> list[Check]:
+def chatter_checks(series: EvenSeries) -> list[RecordingCheck]:
     """Stretches in which the command turns round faster than any hand, boom or spool: a dead-band compensation at rest."""
     command = series.columns["extend_current"] - series.columns["retract_current"]
     active = np.flatnonzero(np.abs(command) > NOISE)
@@ -112,10 +112,10 @@ def chatter_checks(series: EvenSeries) -> list[Check]:
         return []
     count, seconds = sum(len(run) - 1 for run in runs), sum(float(run[-1] - run[0]) for run in runs)
     rate, half = count / seconds, 1.645 * math.sqrt(count) / seconds
-    measure = Measure("turns", rate, "1/s", (rate - half, rate + half))
+    measure = IntervalValue("turns", rate, "1/s", (rate - half, rate + half))
     sentence = (
         f"the command turns round {rate:.0f} times a second for {seconds:.1f} s: a dead-band compensation chatters, the spool "
         "cannot follow, and its currents tell little there"
     )
     intervals = tuple((float(run[0]), float(run[-1])) for run in runs)
-    return [Check("chatter", _TOPIC, intervals, sentence, measure, count * math.log(2.0) + PRIOR)]
+    return [RecordingCheck("chatter", _TOPIC, intervals, sentence, measure, count * math.log(2.0) + PRIOR)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from boom_checks.check import Check
+from boom_checks.check import RecordingCheck
 from boom_checks.clocks import clock_checks
 from boom_checks.commands import chatter_checks, latched_checks
 from boom_checks.even_series import even_series
@@ -15,7 +15,7 @@ from boom_model.machine import Machine
 from boom_recording.recording import Recording
 
 
-def checks(recording: Recording, machine: Machine) -> list[Check]:
+def checks(recording: Recording, machine: Machine) -> list[RecordingCheck]:
     """What is wrong with a recording of a machine, the likeliest first.
 
     Signs, units and swapped channels come first; commands and clocks are judged with them put right.

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_checks.check import Check, CheckKind, Measure
+from boom_checks.check import RecordingCheck, CheckKind, IntervalValue
 from boom_checks.even_series import PERIOD, EvenSeries
 from boom_checks.mechanics import Mechanics
 from boom_checks.relations import RELATIONS
@@ -32,7 +32,7 @@ Z_90 = 1.645
 
 
 @dataclass(frozen=True)
-class Reading:
+class FaultReading:
     """A fault, and what puts it right.
 
     Attributes:
@@ -48,7 +48,7 @@ class Reading:
     words: str
     channels: tuple[str, ...]
     repair: Callable[[EvenSeries], Mapping[str, Array]]
-    measured: Callable[[EvenSeries, Mechanics], Measure]
+    measured: Callable[[EvenSeries, Mechanics], IntervalValue]
     shrinks: float = 1.0
 
     @property
@@ -78,7 +78,7 @@ def _raised(*names: str) -> Callable[[EvenSeries], Mapping[str, Array]]:
     return lambda series: {name: series.columns[name] + AMBIENT_PRESSURE_PA for name in names}
 
 
-def _slope(name: str, unit: str, x: Array, y: Array) -> Measure:
+def _slope(name: str, unit: str, x: Array, y: Array) -> IntervalValue:
     """Slope of y over x through the origin, with its interval; errors last a second."""
     known = np.isfinite(x) & np.isfinite(y)
     u, v = x[known], y[known]
@@ -86,33 +86,33 @@ def _slope(name: str, unit: str, x: Array, y: Array) -> Measure:
     slope = float(u @ v) / power
     seconds = max(len(u) * PERIOD, 1.0)
     half = Z_90 * float(np.sqrt(np.mean((v - slope * u) ** 2) / seconds / (power / len(u))))
-    return Measure(name, slope, unit, (slope - half, slope + half))
+    return IntervalValue(name, slope, unit, (slope - half, slope + half))
 
 
-def _answer(series: EvenSeries, boom: Mechanics) -> Measure:
+def _answer(series: EvenSeries, boom: Mechanics) -> IntervalValue:
     speed = boom.lever(series.smooth("angle")) * series.smooth("rate")
     return _slope("piston speed per ampere of extend minus retract current", "m/s/A", series.command, speed)
 
 
-def _derivative(series: EvenSeries, _: Mechanics) -> Measure:
+def _derivative(series: EvenSeries, _: Mechanics) -> IntervalValue:
     return _slope("derivative of the angle over the rate", "-", series.smooth("rate"), series.smooth("angle", 1))
 
 
-def mean_measure(name: str, unit: str, values: Array) -> Measure:
+def mean_measure(name: str, unit: str, values: Array) -> IntervalValue:
     """The mean with its interval; what it varies by lasts a second."""
     known = values[np.isfinite(values)]
     middle = float(np.mean(known)) if len(known) else math.nan
     half = Z_90 * float(np.std(known)) / math.sqrt(max(len(known) * PERIOD, 1.0)) if len(known) else math.nan
-    return Measure(name, middle, unit, (middle - half, middle + half))
+    return IntervalValue(name, middle, unit, (middle - half, middle + half))
 
 
-def _level(name: str) -> Callable[[EvenSeries, Mechanics], Measure]:
+def _level(name: str) -> Callable[[EvenSeries, Mechanics], IntervalValue]:
     channel = BY_NAME[name]
     what = f"mean of the {name.replace('_', ' ')}, {'gauge' if channel.is_pressure else 'as recorded'}"
     return lambda series, _: mean_measure(what, channel.unit, series.columns[name])
 
 
-def _miss(series: EvenSeries, boom: Mechanics) -> Measure:
+def _miss(series: EvenSeries, boom: Mechanics) -> IntervalValue:
     need = boom.need(series.smooth("angle"), series.smooth("rate", 1), series.smooth("rod_pressure"))
     return mean_measure("hose pressure minus what the boom needs", "Pa", series.smooth("hose_pressure") - need)
 
@@ -120,38 +120,38 @@ def _miss(series: EvenSeries, boom: Mechanics) -> Measure:
 _HOSE, _ROD = "hose_pressure", "rod_pressure"
 _CURRENTS, _BOOM, _BOTH = ("retract_current", "extend_current"), ("angle", "rate"), (_HOSE, _ROD)
 _DEGREE = math.pi / 180
-READINGS: tuple[Reading, ...] = (
-    Reading("sign", "the command has the wrong sign: the extend current lowers the boom and the retract current lifts it",
+READINGS: tuple[FaultReading, ...] = (
+    FaultReading("sign", "the command has the wrong sign: the extend current lowers the boom and the retract current lifts it",
             _CURRENTS, _swapped(*_CURRENTS), _answer),
-    Reading("sign", "angle and rate have the wrong sign: they fall where command and pressures lift the boom",
+    FaultReading("sign", "angle and rate have the wrong sign: they fall where command and pressures lift the boom",
             _BOOM, _scaled(-1.0, *_BOOM), _answer),
-    Reading("sign", "the angle has the wrong sign: its derivative is minus the measured rate",
+    FaultReading("sign", "the angle has the wrong sign: its derivative is minus the measured rate",
             ("angle",), _scaled(-1.0, "angle"), _derivative),
-    Reading("sign", "the rate has the wrong sign: it is minus the derivative of the measured angle",
+    FaultReading("sign", "the rate has the wrong sign: it is minus the derivative of the measured angle",
             ("rate",), _scaled(-1.0, "rate"), _derivative),
-    Reading("sign", "the hose pressure has the wrong sign: it reads below vacuum",
+    FaultReading("sign", "the hose pressure has the wrong sign: it reads below vacuum",
             (_HOSE,), _turned_on_the_wire(_HOSE), _level(_HOSE)),
-    Reading("sign", "the rod pressure has the wrong sign: it reads below vacuum",
+    FaultReading("sign", "the rod pressure has the wrong sign: it reads below vacuum",
             (_ROD,), _turned_on_the_wire(_ROD), _level(_ROD)),
-    Reading("swapped_channels", "hose and rod pressure are swapped: exchanged, they carry the boom",
+    FaultReading("swapped_channels", "hose and rod pressure are swapped: exchanged, they carry the boom",
             _BOTH, _swapped(*_BOTH), _miss),
-    Reading("units", "hose and rod pressure are in bar, where Pa are due", _BOTH, _from_bar(*_BOTH), _level(_HOSE)),
-    Reading("units", "the hose pressure is in bar, where Pa are due", (_HOSE,), _from_bar(_HOSE), _level(_HOSE)),
-    Reading("units", "the rod pressure is in bar, where Pa are due", (_ROD,), _from_bar(_ROD), _level(_ROD)),
-    Reading("units", "the pressures are gauge, where absolute ones are due: they read up to an atmosphere below vacuum",
+    FaultReading("units", "hose and rod pressure are in bar, where Pa are due", _BOTH, _from_bar(*_BOTH), _level(_HOSE)),
+    FaultReading("units", "the hose pressure is in bar, where Pa are due", (_HOSE,), _from_bar(_HOSE), _level(_HOSE)),
+    FaultReading("units", "the rod pressure is in bar, where Pa are due", (_ROD,), _from_bar(_ROD), _level(_ROD)),
+    FaultReading("units", "the pressures are gauge, where absolute ones are due: they read up to an atmosphere below vacuum",
             _BOTH, _raised(*_BOTH), _level(_ROD)),
-    Reading("units", "angle and rate are in degrees, where rad are due",
+    FaultReading("units", "angle and rate are in degrees, where rad are due",
             _BOOM, _scaled(_DEGREE, *_BOOM), _level("angle"), _DEGREE),
-    Reading("units", "the angle is in degrees, where rad are due",
+    FaultReading("units", "the angle is in degrees, where rad are due",
             ("angle",), _scaled(_DEGREE, "angle"), _derivative, _DEGREE),
-    Reading("units", "the rate is in degrees per second, where rad/s are due",
+    FaultReading("units", "the rate is in degrees per second, where rad/s are due",
             ("rate",), _scaled(_DEGREE, "rate"), _derivative),
 )  # fmt: skip
 
 
-def reading_checks(series: EvenSeries, boom: Mechanics) -> tuple[list[Check], EvenSeries]:
+def reading_checks(series: EvenSeries, boom: Mechanics) -> tuple[list[RecordingCheck], EvenSeries]:
     """The faults of sign, unit and channel, the likeliest first, and the series with them repaired."""
-    found: list[Check] = []
+    found: list[RecordingCheck] = []
     as_read = _log_likelihood(series, boom)
     for _ in range(MOST_FAULTS):
         repaired = [series.with_columns(reading.repair(series)) for reading in READINGS]
@@ -173,10 +173,10 @@ def _log_likelihood(series: EvenSeries, boom: Mechanics) -> float:
     return sum(relation(series, boom) for relation in RELATIONS)
 
 
-def _told(reading: Reading, others: list[Reading], series: EvenSeries, boom: Mechanics, odds: float) -> Check:
+def _told(reading: FaultReading, others: list[FaultReading], series: EvenSeries, boom: Mechanics, odds: float) -> RecordingCheck:
     known = np.logical_and.reduce([np.isfinite(series.columns[name]) for name in reading.channels])
     measure = reading.measured(series, boom)
     sentence = f"{reading.words} ({measure.text})"
     sentence += "".join(f"; or {other.words}" for other in others)
     intervals = tuple((float(series.time[a]), float(series.time[b - 1])) for a, b in stretches(known))
-    return Check(reading.kind, reading.topic, intervals, sentence, measure, odds)
+    return RecordingCheck(reading.kind, reading.topic, intervals, sentence, measure, odds)

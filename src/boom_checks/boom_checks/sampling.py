@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_checks.check import Check, Measure
+from boom_checks.check import RecordingCheck, IntervalValue
 from boom_checks.readings import PRIOR, Z_90
 from boom_input.channels import SENSORS, Sensor
 from boom_recording.recording import Recording, Signal
@@ -22,7 +22,7 @@ BAND = 0.6
 """Of the Nyquist frequency: above, a boom does not move, and what a rate shows is its own noise."""
 
 
-def sampling_checks(recording: Recording) -> list[Check]:
+def sampling_checks(recording: Recording) -> list[RecordingCheck]:
     """Repeated samples of each sensor, and a rate without a gyro."""
     found = [_repeated(recording.signals[s.name], s) for s in SENSORS if s.name in recording.signals]
     if {"angle", "rate"} <= set(recording.signals):
@@ -30,7 +30,7 @@ def sampling_checks(recording: Recording) -> list[Check]:
     return [check for check in found if check is not None]
 
 
-def _repeated(signal: Signal, sensor: Sensor) -> Check | None:
+def _repeated(signal: Signal, sensor: Sensor) -> RecordingCheck | None:
     """A repeat in the rhythm of a slower source, which coarse steps do not have.
 
     With independent noise a repeat is as likely behind a repeat as behind a change, or likelier where the signal rests. A bus that
@@ -54,16 +54,16 @@ def _repeated(signal: Signal, sensor: Sensor) -> Check | None:
     gaps = np.diff(changes).astype(float) * period
     half = Z_90 * float(np.std(gaps)) / math.sqrt(len(gaps))
     middle = float(np.mean(gaps))
-    measure = Measure("time between new values", middle, "s", (middle - half, middle + half))
+    measure = IntervalValue("time between new values", middle, "s", (middle - half, middle + half))
     sentence = f"{100 * share:.0f} % of the samples of {sensor.label} repeat the one before ({measure.text}): the bus repeats a slower source"
-    return Check("repeated", signal.topic, ((0.0, float(signal.time[-1])),), sentence, measure, odds + PRIOR)
+    return RecordingCheck("repeated", signal.topic, ((0.0, float(signal.time[-1])),), sentence, measure, odds + PRIOR)
 
 
 def _binomial(hits: int, count: int, chance: float) -> float:
     return hits * math.log(chance) + (count - hits) * math.log1p(-min(chance, 1 - 1e-9))
 
 
-def _derived(angle: Signal, rate: Signal) -> Check | None:
+def _derived(angle: Signal, rate: Signal) -> RecordingCheck | None:
     """A filter of the angle predicts the rate's noise: log odds of that filter against noise of its own, on the second half."""
     both = angle.valid & rate.valid if len(angle.values) == len(rate.values) else np.zeros(0, bool)
     if both.sum() < LEAST or not both.any():
@@ -81,9 +81,9 @@ def _derived(angle: Signal, rate: Signal) -> Check | None:
     if share < 0.5:
         return None
     spread = 2.0 * Z_90 * (1.0 - share) * math.sqrt(share / (len(target) - half))
-    measure = Measure("share of the rate's noise that the angle explains", share, "-", (share - spread, min(share + spread, 1.0)))
+    measure = IntervalValue("share of the rate's noise that the angle explains", share, "-", (share - spread, min(share + spread, 1.0)))
     sentence = f"the rate is the derivative of the angle, there is no gyro ({measure.text}): their noise is one"
-    return Check("derived_rate", rate.topic, ((0.0, float(rate.time[-1])),), sentence, measure, odds)
+    return RecordingCheck("derived_rate", rate.topic, ((0.0, float(rate.time[-1])),), sentence, measure, odds)
 
 
 def _fast(values: Array) -> Array:
