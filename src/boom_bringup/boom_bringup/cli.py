@@ -31,7 +31,7 @@ from boom_input.shown import printable, quoted
 
 # The order of the help: what a newcomer needs first comes first.
 _ORDER = (
-    "demo", "test", "validate", "identify", "diagnose", "prove", "robustness", "simulate", "sim", "replay", "record", "watch",
+    "demo", "test", "validate", "chain", "identify", "diagnose", "prove", "robustness", "simulate", "sim", "replay", "record", "watch",
     "import-can", "check-machine", "setup", "python",
 )  # fmt: skip
 _HELP = ("-h", "--help", "help")

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 FARTHEST = 1.0
 """s. Offsets looked for to either side."""
-COARSE, FINE = 5, 1
+COARSE, FINE = 10, 2
 """Samples of the grid between the offsets tried, first and around the best."""
 DROP_90 = 1.353
 """By which a log-likelihood falls at the ends of an interval of 90 %: half the quantile of chi^2 with one degree of freedom."""
@@ -64,7 +64,7 @@ def offset(
     low, high = ALLOWED[names]
     allowed = max(value for shift, value in tried.items() if low <= shift * PERIOD <= high)
     late = PERIOD * best
-    interval = (PERIOD * (min(inside) - 0.5), PERIOD * (max(inside) + 0.5))
+    interval = (PERIOD * (min(inside) - FINE / 2), PERIOD * (max(inside) + FINE / 2))
     return IntervalValue("offset", late, "s", interval), tried[best] - allowed if inner else 0.0
 
 

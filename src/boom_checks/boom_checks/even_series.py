@@ -65,10 +65,15 @@ def even_series(recording: Recording) -> EvenSeries:
     """The signals of a recording on a grid of ``PERIOD``.
 
     Samples that were masked because they lie outside the plausible range are used where their neighbours do, too: a unit or
-    a sign that is wrong makes all of them implausible, and is to be found here.
+    a sign that is wrong makes all of them implausible, and is to be found here. Signals without a sample are left out; without a
+    gyro the rate is the derivative of the angle.
     """
     time = np.arange(0.0, recording.duration, PERIOD)
-    return EvenSeries(time, {name: _on_grid(signal, time) for name, signal in recording.signals.items()})
+    columns = {name: _on_grid(signal, time) for name, signal in recording.signals.items()}
+    series = EvenSeries(time, {name: values for name, values in columns.items() if np.isfinite(values).any()})
+    if "rate" in series or "angle" not in series:
+        return series
+    return series.with_columns({"rate": series.smooth("angle", 1)})
 
 
 def _on_grid(signal: Signal, time: Array) -> Array:

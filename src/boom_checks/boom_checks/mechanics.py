@@ -56,9 +56,12 @@ class Mechanics:
 
     def known_losses(self, angle: Array, rate: Array) -> Array:
         """Friction and valve at the cylinder as the file knows them (n,) [Pa on the head side]: p_h - p_need of a machine as filed."""
-        lever = self.lever(angle)
-        friction = np.interp(rate, self.rate, self.friction) / lever / self.A_a
-        return friction + np.interp(lever * rate * self.A_a, self.flow, self.drop)
+        friction = np.interp(rate, self.rate, self.friction) / self.lever(angle) / self.A_a
+        return friction + self.valve_drop(angle, rate)
+
+    def valve_drop(self, angle: Array, rate: Array) -> Array:
+        """p_h - p_a (n,) [Pa] of the file's valve at the cylinder."""
+        return np.interp(self.lever(angle) * rate * self.A_a, self.flow, self.drop)
 
     def load_lever(self, angle: Array) -> Array:
         """Pressure on the head side per weight at the tip (n,) [Pa/N]: (t_x cos q_2 - t_y sin q_2) / (J A_a)."""
@@ -113,6 +116,12 @@ def mechanics(machine: Machine, recording: Recording) -> Mechanics:
         _tolerance(machine, pose.tabulated), rate, plant.auxiliary(states, np.zeros((_POINTS, 2)))["friction_torque"],
         flow, np.asarray(drop(flow[None, :]), float).ravel(),
     )  # fmt: skip
+
+
+def piston_only(head_area: float, rod_area: float) -> Mechanics:
+    """A piston of which only the areas [m^2] are known: the "angle" is its position [m], and nothing is known of loads."""
+    ends, nothing = np.array([-10.0, 10.0]), np.zeros(2)
+    return Mechanics(ends, ends, np.ones(2), nothing, 0.0, head_area, rod_area, nothing, np.inf, ends, nothing, ends, nothing)
 
 
 def _tolerance(machine: Machine, tabulated: str) -> float:

@@ -38,6 +38,12 @@ ACCELERATION = 0.15
 LEAST_SECONDS = 0.5
 STEP_FLOOR = 2.0e5
 """Pa. Scatter of the gap within one level: sensors, geometry, friction that is not quite constant."""
+CONSTANT, TURNING_PART, LEVER = "constant", "with the motion's direction", "with the lever of a load"
+CAUSES = {
+    CONSTANT: "as a transducer or an area would", TURNING_PART: "as friction or a valve between hose and cylinder would",
+    LEVER: "as a load at the tip would",
+}  # fmt: skip
+"""What a part of the gap looks like."""
 BLOCK = 50
 """Samples of the grid that make one level of half a second."""
 GRAVITY = 9.81
@@ -56,13 +62,14 @@ class RegimeLevel:
     @property
     def sentence(self) -> str:
         """For an engineer."""
-        value, (low, high) = 1e-5 * self.gap.value, (1e-5 * v for v in self.gap.interval_90)
+        value, low, high = (1e-5 * v for v in (self.gap.value, *self.gap.interval_90))
+        need = f"the {1e-5 * self.need:.0f} bar that the boom needs"
+        masses = f"the file's masses leave {1e-5 * self.tolerance:.0f} bar open"
+        if low * high <= 0.0:
+            return f"{self.regime} the hose pressure is {need}, within {max(-low, high):.1f} bar ({masses})"
+        nearest, farthest = sorted((abs(low), abs(high)))
         way = "higher" if value > 0 else "lower"
-        ends = sorted((abs(low), abs(high))) if low * high > 0 else (0.0, max(abs(low), abs(high)))
-        return (
-            f"{self.regime} the hose pressure is {abs(value):.1f} bar {way} than the {1e-5 * self.need:.0f} bar that the boom needs "
-            f"({ends[0]:.1f} to {ends[1]:.1f}; the file's masses leave {1e-5 * self.tolerance:.0f} bar open)"
-        )
+        return f"{self.regime} the hose pressure is {abs(value):.1f} bar {way} than {need} ({nearest:.1f} to {farthest:.1f}; {masses})"
 
 
 @dataclass(frozen=True)
@@ -83,17 +90,14 @@ class LevelStep:
     @property
     def sentence(self) -> str:
         """For an engineer."""
-        size, kilograms = 1e-5 * abs(self.change.value), "" if self.mass is None else f" ({abs(self.mass):.0f} kg at the tip)"
-        when = f"{'while it stands, ' if self.standing else ''}by {self.time:.1f} s the boom"
-        if self.change.value > 0 and self.level > STEP_FLOOR:
-            return f"{when} needs {size:.0f} bar more at rest than before: a load was picked up{kilograms}"
-        if self.change.value < 0 and self.level < -STEP_FLOOR:
-            return (
-                f"{when} is carried by {size:.0f} bar less at rest than before, {1e-5 * -self.level:.0f} bar less than it needs: it "
-                "rests on something, or a valve shuts the hose off from the cylinder"
-            )
-        back = "a load was put down" if self.change.value < 0 else "it is carried by the hose again"
-        return f"{when} needs {size:.0f} bar {'less' if self.change.value < 0 else 'more'} at rest than before: {back}{kilograms}"
+        size, kilograms = 1e-5 * abs(self.change.value), "" if self.mass is None else f", {abs(self.mass):.0f} kg at the tip"
+        when = f"by {self.time:.1f} s{', while the boom stands,' if self.standing else ''} the hose carries {size:.0f} bar"
+        lacks = f", {-1e-5 * self.level:.0f} bar less than the boom needs" if self.level < -STEP_FLOOR else ""
+        if self.change.value < 0.0:
+            cause = "the boom rests on something, or a valve shuts the hose off" if lacks else f"a load was put down{kilograms}"
+            return f"{when} less at rest than before{lacks}: {cause}"
+        over = self.level > STEP_FLOOR
+        return f"{when} more at rest than before{lacks}: {f'a load was picked up{kilograms}' if over else 'it carries the boom again'}"
 
 
 @dataclass(frozen=True)
@@ -115,8 +119,8 @@ class Statics:
     @property
     def sentences(self) -> tuple[str, ...]:
         """All that there is to say, in words."""
-        parts = tuple(f"{part.text}" for part in self.parts if part.interval_90[0] * part.interval_90[1] > 0)
-        split = (f"of this {'; '.join(parts)}",) if parts else ()
+        parts = [f"{part.text} ({CAUSES[part.name]})" for part in self.parts if part.interval_90[0] * part.interval_90[1] > 0]
+        split = (f"of all this {'; '.join(parts)}",) if parts else ()
         return (*(level.sentence for level in self.levels), *split, *(step.sentence for step in self.steps))
 
     def document(self) -> dict[str, Any]:
@@ -175,10 +179,10 @@ def _fitted(gap: Array, direction: Array, lever: Array, used: Flags) -> tuple[In
     """The parts of the gap with intervals."""
     if used.sum() * PERIOD < 5.0:
         return ()
-    columns = {"constant": np.ones(int(used.sum())), "with the motion's direction": direction[used]}
+    columns = {CONSTANT: np.ones(int(used.sum())), TURNING_PART: direction[used]}
     middle, spread = float(np.mean(lever[used])), float(np.std(lever[used]))
     if spread > 0.02 * abs(middle):  # else a load and a constant are one
-        columns["with the lever of a load"] = lever[used] / middle
+        columns[LEVER] = lever[used] / middle
     kept = [name for name, column in columns.items() if np.any(column)]
     x, y = np.column_stack([columns[name] for name in kept]), gap[used]
     values = np.linalg.lstsq(x, y, rcond=None)[0]

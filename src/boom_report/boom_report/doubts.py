@@ -1,0 +1,34 @@
+"""Doubts about recordings and their levels in words, for the terminal and the reports of validation and chain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from markupsafe import Markup
+from rich.console import Console
+from rich.text import Text
+
+from boom_checks.check import RecordingCheck
+from boom_checks.doubts import FirstLook
+from boom_report.templates import render
+
+
+def check_lines(checks: Sequence[RecordingCheck]) -> list[str]:
+    """One line a doubt: what has to be repaired first, then remarks."""
+    return [f"{'repair first' if check.spoils else 'remark'}: {check.topic}: {check.sentence}" for check in checks]
+
+
+def print_first_looks(looks: Sequence[FirstLook], console: Console) -> None:
+    """What has to be repaired and the levels, per recording; remarks and parts are in report and JSON."""
+    for look in looks:
+        lines = [Text(line, "bold red") for line in check_lines([check for check in look.checks if check.spoils])]
+        lines += [Text(level.sentence) for level in look.statics.levels] if look.statics else []
+        if lines:
+            console.print(Text.assemble((look.name, "bold"), ", before any model:"))
+        for line in lines:
+            console.print(Text("  ").append(line), soft_wrap=True)
+
+
+def section(looks: Sequence[FirstLook]) -> Markup:
+    """HTML of a section."""
+    return render("boom_report/doubts.html", looks=looks, check_lines=check_lines)
