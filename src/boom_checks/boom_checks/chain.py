@@ -159,10 +159,16 @@ class ChainStudy:
         static = next(law for law in self.laws if not law.opened_by)
         if best.opened_by:
             beside = f"NRMSE of its flow on {self.held_out} {best.held_out:.2f}, static curve {static.held_out:.2f}"
-            alike = [v for v in self.laws if v.opened_by not in ("", FOLLOWS) and v is not best and v.held_out < ALIKE * best.held_out]
+            alike = [
+                v
+                for v in self.laws
+                if v.opened_by not in ("", FOLLOWS) and v is not best and v.held_out < ALIKE * best.held_out
+            ]
             others = f"; not told apart from {' and '.join(law.words for law in alike)}" if alike else ""
             return f"the valve at the cylinder is {best.words} ({beside}){others}"
-        return f"the flow at the cylinder follows a static curve as well as any opened valve (NRMSE {static.held_out:.2f})"
+        return (
+            f"the flow at the cylinder follows a static curve as well as any opened valve (NRMSE {static.held_out:.2f})"
+        )
 
     @property
     def best(self) -> ValveLaw | None:
@@ -172,7 +178,9 @@ class ChainStudy:
             return None
         chosen = next(law for law in laws if not law.opened_by)
         for law in sorted(laws, key=lambda law: bool(law.opened_by) + bool(law.ratio)):
-            if law.held_out < BETTER * chosen.held_out or (law.held_out < chosen.held_out and chosen.opened_by and not law.ratio):
+            if law.held_out < BETTER * chosen.held_out or (
+                law.held_out < chosen.held_out and chosen.opened_by and not law.ratio
+            ):
                 chosen = law
         return chosen
 
@@ -195,7 +203,7 @@ def chain_of_machine(recording: Recording, machine: Machine) -> RecordingChain:
     """
     series, boom = even_series(recording), mechanics(machine, recording)
     found, repaired = checks_of(recording, series, boom, machine)
-    links, missing = [_kinematics(repaired, boom, machine)], []
+    links, missing = [_kinematics(repaired, machine)], []
     still = None
     if {"hose_pressure", "rod_pressure"} <= set(repaired.columns):
         still = statics_of(repaired, boom)
@@ -211,7 +219,9 @@ def chain_of_cylinder(recording: Recording, head_area: float, rod_area: float) -
     """The hydraulics at the cylinder alone: the recorded joint is the piston [m], the areas [m^2] are all that is known."""
     series, boom = even_series(recording), piston_only(head_area, rod_area)
     series = series.with_columns({"rate": series.smooth("angle", 1)})  # a logged speed is filtered, and lags
-    return _chain(recording, series, boom, (), (), (("kinematics, mechanics and main valve", "there is no machine file"),), None)
+    return _chain(
+        recording, series, boom, (), (), (("kinematics, mechanics and main valve", "there is no machine file"),), None
+    )
 
 
 def _chain(
@@ -240,7 +250,7 @@ def study(chains: Sequence[RecordingChain]) -> ChainStudy:
     return ChainStudy(tuple(chains), tuple(laws), name, "the seconds between")
 
 
-def _kinematics(series: EvenSeries, boom: Mechanics, machine: Machine) -> ChainLink:
+def _kinematics(series: EvenSeries, machine: Machine) -> ChainLink:
     noise = machine.sensor_noise()
     slope = series.smooth("angle", 1)
     left = noise.rate_sigma + noise.angle_quantum / PERIOD / 10  # the smoothed derivative of a rounded angle
@@ -270,7 +280,9 @@ def _ports(series: EvenSeries, run: ForcedRun, plant: Plant) -> list[ChainLink]:
     flows = {"hose_pressure": run.inner["hose_flow"], "rod_pressure": run.inner["rod_flow"]}
     names = {"hose_pressure": "head flow", "rod_pressure": "rod flow"}
     areas = [q.tolerance for key, q in plant.machine.parameters.items() if key.startswith("main_valve_orifices.")]
-    noise = plant.machine.sensor_noise().rate_sigma * float(np.nanmax(run.inner["jacobian"], initial=0.0)) * p.cylinder.A_a
+    noise = (
+        plant.machine.sensor_noise().rate_sigma * float(np.nanmax(run.inner["jacobian"], initial=0.0)) * p.cylinder.A_a
+    )
     links = []
     for channel, flow in flows.items():
         short = (series.smooth(channel, 1) - run.rate(states[channel])) * volumes[channel] / p.fluid.beta

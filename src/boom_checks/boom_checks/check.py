@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-CheckKind = Literal["sign", "latched_command", "clock", "units", "repeated", "swapped_channels", "chatter", "derived_rate"]
+CheckKind = Literal[
+    "sign", "latched_command", "clock", "units", "repeated", "swapped_channels", "chatter", "derived_rate"
+]
 
 SPOILING: frozenset[CheckKind] = frozenset({"sign", "latched_command", "clock", "units", "swapped_channels"})
 """Kinds after which no physics may be named: the model would be fitted to a fault of the recording."""

@@ -1,7 +1,8 @@
 """Clocks that differ: the offset between topics at which simple physics holds best, with its interval.
 
-Pressures against motion by the force balance, currents against motion by the answer to the command. A delay of filter, bus or valve is
-physics or a sensor (``pressure_delay``, ``command_delay``); what comes before its cause, or later than any of these, is a clock.
+Pressures against motion by the force balance, currents against motion by the answer to the command. A delay of filter, bus or
+valve is physics or a sensor (``pressure_delay``, ``command_delay``); what comes before its cause, or later than any of these, is
+a clock.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_checks.check import RecordingCheck, IntervalValue
+from boom_checks.check import IntervalValue, RecordingCheck
 from boom_checks.even_series import PERIOD, EvenSeries
 from boom_checks.mechanics import Mechanics
 from boom_checks.readings import PRIOR
@@ -27,7 +28,7 @@ COARSE, FINE = 10, 2
 DROP_90 = 1.353
 """By which a log-likelihood falls at the ends of an interval of 90 %: half the quantile of chi^2 with one degree of freedom."""
 PRESSURES, CURRENTS = ("hose_pressure", "rod_pressure"), ("retract_current", "extend_current")
-ALLOWED = {PRESSURES: (-0.03, 0.12), CURRENTS: (-0.40, 0.03)}
+ALLOWED: dict[tuple[str, ...], tuple[float, float]] = {PRESSURES: (-0.03, 0.12), CURRENTS: (-0.40, 0.03)}
 """s. Lateness of pressures, filter and bus together; and of currents, which the motion follows after pilot stage and spool."""
 
 
@@ -39,7 +40,10 @@ def clock_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
         if odds + PRIOR > 0.0:
             topics = ", ".join(dict.fromkeys(BY_NAME[name].topic for name in names))
             way = "late" if measure.value > 0.0 else "early"
-            sentence = f"the stamps are {way} against those of /joint_states by {abs(measure.value):.2f} s ({measure.text}): the clocks differ"
+            sentence = (
+                f"the stamps are {way} against those of /joint_states by {abs(measure.value):.2f} s ({measure.text}): the clocks "
+                "differ"
+            )
             found.append(
                 RecordingCheck("clock", topics, ((0.0, float(series.time[-1])),), sentence, measure, odds + PRIOR)
             )

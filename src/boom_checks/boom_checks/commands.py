@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from boom_checks.check import RecordingCheck, IntervalValue
+from boom_checks.check import IntervalValue, RecordingCheck
 from boom_checks.even_series import PERIOD, EvenSeries
 from boom_checks.mechanics import Mechanics
 from boom_checks.readings import PRIOR, mean_measure
@@ -90,7 +90,11 @@ def _expected(series: EvenSeries, boom: Mechanics) -> tuple[Array, Array]:
 def _unanswered(series: EvenSeries, supply: float) -> Flags:
     """Where the boom stands, the pressures stand, and the supplied side is not at supply pressure."""
     seen = max(float(np.nanmax(series.smooth(name), initial=0.0)) for name in ("hose_pressure", "rod_pressure"))
-    top = series.smooth("supply_pressure") if "supply_pressure" in series else np.full(len(series.time), min(supply, seen))
+    top = (
+        series.smooth("supply_pressure")
+        if "supply_pressure" in series
+        else np.full(len(series.time), min(supply, seen))
+    )
     supplied = np.where(series.command > 0.0, series.smooth("hose_pressure"), series.smooth("rod_pressure"))
     with np.errstate(invalid="ignore"):
         still = np.abs(series.smooth("rate")) < STILL

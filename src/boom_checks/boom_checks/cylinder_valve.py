@@ -5,9 +5,11 @@ Law fitted, with dp = p_h - p_a:
     A_a w_p = k_1 d^(1/2) + k_2 d + k_3 gate(x) sgn(dp) |dp|^(1/2) - k_4 dp_a/dt,    k >= 0
     d = max(dp - p_c, 0),    gate(x) = min(max(x - x_0, 0), l)
 
-k_1, k_2, p_c are a check valve's, k_3 the gate's, k_4 = V_a / beta the oil's between valve and piston, on which a load bounces. x is the pressure that may open it, behind a play; a gate that is always 1 is the static curve of an orifice. The hose pressure is tried
-as well, but while a boom is lowered it is the flow's drop over the main valve: a law by it follows the flow and opens nothing. p_c, x_0, l, the play and
-the ratio R of x = p_a + R p_b are searched on a grid, the k follow by least squares. Fitted on one part, judged on another.
+k_1, k_2, p_c are a check valve's, k_3 the gate's, k_4 = V_a / beta the oil's between valve and piston, on which a load bounces.
+x is the pressure that may open it, behind a play; a gate that is always 1 is the static curve of an orifice. The hose pressure
+is tried as well, but while a boom is lowered it is the flow's drop over the main valve: a law by it follows the flow and opens
+nothing. p_c, x_0, l, the play and the ratio R of x = p_a + R p_b are searched on a grid, the k follow by least squares. Fitted
+on one part, judged on another.
 """
 
 from __future__ import annotations
@@ -81,7 +83,7 @@ class ValveLaw:
 
     def flow(self, data: ValveData) -> Array:
         """A_a w_p (n,) [m^3/s] as the law has it."""
-        return self._columns(data) @ np.array(self.gains)
+        return np.asarray(self._columns(data) @ np.array(self.gains))
 
     def _gate(self, data: ValveData) -> Array:
         if not self.opened_by:
@@ -123,8 +125,11 @@ def joined(parts: Sequence[ValveData]) -> ValveData:
 
 
 def valve_laws(fit: ValveData, held_out: ValveData) -> list[ValveLaw]:
-    """The best law for each pressure and the static curve, the best on ``held_out`` first, that of the hose last; none without flow."""
-    fit, held_out = (part.where(np.isfinite(part.flow + part.hose + part.head + part.rod + part.head_rate)) for part in (fit, held_out))
+    """The best law for each pressure and the static curve: the best on ``held_out`` first, the hose's last; none without flow."""
+    fit, held_out = (
+        part.where(np.isfinite(part.flow + part.hose + part.head + part.rod + part.head_rate))
+        for part in (fit, held_out)
+    )
     if min(len(fit.flow), len(held_out.flow)) < 100 or np.std(fit.flow) == 0.0 or np.std(held_out.flow) == 0.0:
         return []
     laws = [_best(_static(), fit), *(_best(_gated(name, fit), fit) for name in GATES)]
@@ -169,7 +174,9 @@ def _best(laws: Iterator[ValveLaw], data: ValveData) -> ValveLaw:
     best = min((_solved(replace(best, check=check), data) for check in CHECKS), key=lambda pair: pair[0])[1]
     if not best.opened_by:
         return best
-    plays = [replace(best, play=2 * half, opening=best.opening + shift) for half in PLAYS for shift in (-half, 0.0, half)]
+    plays = [
+        replace(best, play=2 * half, opening=best.opening + shift) for half in PLAYS for shift in (-half, 0.0, half)
+    ]
     return min((_solved(law, data) for law in plays), key=lambda pair: pair[0])[1]
 
 

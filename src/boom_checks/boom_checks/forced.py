@@ -24,7 +24,7 @@ LEAST = 100
 
 @dataclass(frozen=True)
 class ForcedRun:
-    """States (n, NX) with the measured ones forced, what the model would change them by (n, NX) [unit/s], inner quantities by name."""
+    """States (n, NX), the measured ones forced; their derivatives by the model (n, NX) [unit/s]; inner quantities by name."""
 
     states: Array
     rates: Array
@@ -40,7 +40,9 @@ def forced_run(series: EvenSeries, plant: Plant) -> ForcedRun:
     """Steps the model over the recording; NaN where a measurement is missing or the free states left their range."""
     names = plant.state_names
     given = {"head_pressure": "hose_pressure"} if not plant.machine.structure.hose_burst_valve.separates else {}
-    forced = [(k, series.smooth(given.get(n, n))) for k, n in enumerate(names) if given.get(n, n) in series and n in MEASURED]
+    forced = [
+        (k, series.smooth(given.get(n, n))) for k, n in enumerate(names) if given.get(n, n) in series and n in MEASURED
+    ]
     inputs = np.column_stack((series.smooth("retract_current"), series.smooth("extend_current")))
     known = np.logical_and.reduce([np.isfinite(v) for _, v in forced]) & np.isfinite(inputs).all(axis=1)
     states = np.full((len(series.time), len(names)), np.nan)
@@ -70,6 +72,6 @@ def _stretch(
         states[k] = stepper.state
         rates[k] = plant.derivative(stepper.state, inputs[k])[0]
         try:
-            stepper.step(*inputs[k], PERIOD)
+            stepper.step(float(inputs[k, 0]), float(inputs[k, 1]), PERIOD)
         except SimulationError:
             return

@@ -55,7 +55,7 @@ class Mechanics:
     drop: Array
 
     def known_losses(self, angle: Array, rate: Array) -> Array:
-        """Friction and valve at the cylinder as the file knows them (n,) [Pa on the head side]: p_h - p_need of a machine as filed."""
+        """Friction and valve at the cylinder as the file knows them (n,) [Pa on the head side]."""
         friction = np.interp(rate, self.rate, self.friction) / self.lever(angle) / self.A_a
         return friction + self.valve_drop(angle, rate)
 
@@ -121,7 +121,9 @@ def mechanics(machine: Machine, recording: Recording) -> Mechanics:
 def piston_only(head_area: float, rod_area: float) -> Mechanics:
     """A piston of which only the areas [m^2] are known: the "angle" is its position [m], and nothing is known of loads."""
     ends, nothing = np.array([-10.0, 10.0]), np.zeros(2)
-    return Mechanics(ends, ends, np.ones(2), nothing, 0.0, head_area, rod_area, nothing, np.inf, ends, nothing, ends, nothing)
+    return Mechanics(
+        ends, ends, np.ones(2), nothing, 0.0, head_area, rod_area, nothing, np.inf, ends, nothing, ends, nothing
+    )
 
 
 def _tolerance(machine: Machine, tabulated: str) -> float:

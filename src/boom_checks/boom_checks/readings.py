@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_checks.check import RecordingCheck, CheckKind, IntervalValue
+from boom_checks.check import CheckKind, IntervalValue, RecordingCheck
 from boom_checks.even_series import PERIOD, EvenSeries
 from boom_checks.mechanics import Mechanics
 from boom_checks.relations import RELATIONS
@@ -173,7 +173,9 @@ def _log_likelihood(series: EvenSeries, boom: Mechanics) -> float:
     return sum(relation(series, boom) for relation in RELATIONS)
 
 
-def _told(reading: FaultReading, others: list[FaultReading], series: EvenSeries, boom: Mechanics, odds: float) -> RecordingCheck:
+def _told(
+    reading: FaultReading, others: list[FaultReading], series: EvenSeries, boom: Mechanics, odds: float
+) -> RecordingCheck:
     known = np.logical_and.reduce([np.isfinite(series.columns[name]) for name in reading.channels])
     measure = reading.measured(series, boom)
     sentence = f"{reading.words} ({measure.text})"

@@ -76,7 +76,7 @@ def command(series: EvenSeries, boom: Mechanics, lags: Sequence[int] = LAGS) -> 
 
 @dataclass(frozen=True)
 class Response:
-    """Speed of the piston that a command brings: k (c - c_0)^n beyond a dead zone c_0 on each side, c = i_- - i_+ of some time before.
+    """Speed of the piston that a command brings: k (c - c_0)^n beyond a dead zone on each side, c = i_- - i_+ of some time before.
 
     Attributes:
         error: (m,) what of the speed is left [m/s], at every ``_EVERY``-th sample.

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_checks.check import RecordingCheck, IntervalValue
+from boom_checks.check import IntervalValue, RecordingCheck
 from boom_checks.readings import PRIOR, Z_90
 from boom_input.channels import SENSORS, Sensor
 from boom_recording.recording import Recording, Signal
@@ -55,7 +55,10 @@ def _repeated(signal: Signal, sensor: Sensor) -> RecordingCheck | None:
     half = Z_90 * float(np.std(gaps)) / math.sqrt(len(gaps))
     middle = float(np.mean(gaps))
     measure = IntervalValue("time between new values", middle, "s", (middle - half, middle + half))
-    sentence = f"{100 * share:.0f} % of the samples of {sensor.label} repeat the one before ({measure.text}): the bus repeats a slower source"
+    sentence = (
+        f"{100 * share:.0f} % of the samples of the {sensor.label} repeat the one before ({measure.text}): the bus repeats a "
+        "slower source"
+    )
     return RecordingCheck("repeated", signal.topic, ((0.0, float(signal.time[-1])),), sentence, measure, odds + PRIOR)
 
 
@@ -74,14 +77,16 @@ def _derived(angle: Signal, rate: Signal) -> RecordingCheck | None:
     half = len(target) // 2
     taps = np.linalg.lstsq(window[:half], target[:half], rcond=None)[0]
     left, own = float(np.var(target[half:] - window[half:] @ taps)), float(np.var(target[half:]))
-    if not 0.0 < own or not left < own:
+    if not own > 0.0 or not left < own:
         return None
     share = 1.0 - left / own  # a gyro's noise is its own: the angle explains none of it
     odds = -0.5 * (len(target) - half) * math.log(max(left / own, 1e-6)) + PRIOR
     if share < 0.5:
         return None
     spread = 2.0 * Z_90 * (1.0 - share) * math.sqrt(share / (len(target) - half))
-    measure = IntervalValue("share of the rate's noise that the angle explains", share, "-", (share - spread, min(share + spread, 1.0)))
+    measure = IntervalValue(
+        "share of the rate's noise that the angle explains", share, "-", (share - spread, min(share + spread, 1.0))
+    )
     sentence = f"the rate is the derivative of the angle, there is no gyro ({measure.text}): their noise is one"
     return RecordingCheck("derived_rate", rate.topic, ((0.0, float(rate.time[-1])),), sentence, measure, odds)
 

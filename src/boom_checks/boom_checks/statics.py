@@ -8,8 +8,8 @@ least squares into parts that a cause each may have,
 
     gap = c + s sign(q_2') + l b(q_2),   b = |tip| cos(.) / J scaled to its mean
 
-c does not change (transducer, area), s turns with the motion (friction; a valve between hose and cylinder), l goes with the lever of
-a load at the tip. Where the level jumps for good, something was taken or put down, or the boom came to rest on something.
+c does not change (transducer, area), s turns with the motion (friction; a valve between hose and cylinder), l goes with the
+lever of a load at the tip. Where the level jumps for good, something was taken or put down, or the boom came to rest on something.
 """
 
 from __future__ import annotations
@@ -69,7 +69,8 @@ class RegimeLevel:
             return f"{self.regime} the hose pressure is {need}, within {max(-low, high):.1f} bar ({masses})"
         nearest, farthest = sorted((abs(low), abs(high)))
         way = "higher" if value > 0 else "lower"
-        return f"{self.regime} the hose pressure is {abs(value):.1f} bar {way} than {need} ({nearest:.1f} to {farthest:.1f}; {masses})"
+        ends = f"{nearest:.1f} to {farthest:.1f}"
+        return f"{self.regime} the hose pressure is {abs(value):.1f} bar {way} than {need} ({ends}; {masses})"
 
 
 @dataclass(frozen=True)
@@ -90,14 +91,23 @@ class LevelStep:
     @property
     def sentence(self) -> str:
         """For an engineer."""
-        size, kilograms = 1e-5 * abs(self.change.value), "" if self.mass is None else f", {abs(self.mass):.0f} kg at the tip"
-        when = f"by {self.time:.1f} s{', while the boom stands,' if self.standing else ''} the hose carries {size:.0f} bar"
+        size, kilograms = (
+            1e-5 * abs(self.change.value),
+            "" if self.mass is None else f", {abs(self.mass):.0f} kg at the tip",
+        )
+        when = (
+            f"by {self.time:.1f} s{', while the boom stands,' if self.standing else ''} the hose carries {size:.0f} bar"
+        )
         lacks = f", {-1e-5 * self.level:.0f} bar less than the boom needs" if self.level < -STEP_FLOOR else ""
         if self.change.value < 0.0:
-            cause = "the boom rests on something, or a valve shuts the hose off" if lacks else f"a load was put down{kilograms}"
+            cause = (
+                "the boom rests on something, or a valve shuts the hose off"
+                if lacks
+                else f"a load was put down{kilograms}"
+            )
             return f"{when} less at rest than before{lacks}: {cause}"
-        over = self.level > STEP_FLOOR
-        return f"{when} more at rest than before{lacks}: {f'a load was picked up{kilograms}' if over else 'it carries the boom again'}"
+        cause = f"a load was picked up{kilograms}" if self.level > STEP_FLOOR else "it carries the boom again"
+        return f"{when} more at rest than before{lacks}: {cause}"
 
 
 @dataclass(frozen=True)
@@ -106,7 +116,7 @@ class Statics:
 
     Attributes:
         time, gap: (n,) [s], [Pa]; NaN where it is not known.
-        need: (n,) [Pa]. levels, parts, steps: see above; parts by name, "constant", "with the motion's direction", "with the lever".
+        need: (n,) [Pa]. levels, parts, steps: see above; the parts by their name in ``CAUSES``.
     """
 
     time: Array
@@ -119,7 +129,9 @@ class Statics:
     @property
     def sentences(self) -> tuple[str, ...]:
         """All that there is to say, in words."""
-        parts = [f"{part.text} ({CAUSES[part.name]})" for part in self.parts if part.interval_90[0] * part.interval_90[1] > 0]
+        parts = [
+            f"{part.text} ({CAUSES[part.name]})" for part in self.parts if part.interval_90[0] * part.interval_90[1] > 0
+        ]
         split = (f"of all this {'; '.join(parts)}",) if parts else ()
         return (*(level.sentence for level in self.levels), *split, *(step.sentence for step in self.steps))
 
@@ -190,7 +202,8 @@ def _fitted(gap: Array, direction: Array, lever: Array, used: Flags) -> tuple[In
     variance = float(np.mean((y - x @ values) ** 2)) * np.linalg.inv(x.T @ x / len(y)) / seconds
     half = 1.645 * np.sqrt(np.diag(variance))
     return tuple(
-        IntervalValue(name, float(v), "Pa", (float(v - h), float(v + h))) for name, v, h in zip(kept, values, half, strict=True)
+        IntervalValue(name, float(v), "Pa", (float(v - h), float(v + h)))
+        for name, v, h in zip(kept, values, half, strict=True)
     )
 
 

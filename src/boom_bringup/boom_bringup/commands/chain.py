@@ -1,9 +1,9 @@
 """Drive one link of the chain after the other with what was measured, and show which link breaks.
 
-First the recording itself is doubted: signs, units, swapped channels, a command that was not applied, clocks. Then each link is fed
-with measurements on both sides: angle into rate, motion into the pressure that the boom needs, currents and motion into the flows at
-both ports. Last, the flow at the cylinder is set against each pressure: is there a valve, and what opens it? It is fitted on all
-recordings but the last, and judged on the last one; of a single one on every other five seconds.
+First the recording itself is doubted: signs, units, swapped channels, a command that was not applied, clocks. Then each link
+is fed with measurements on both sides: angle into rate, motion into the pressure that the boom needs, currents and motion into
+the flows at both ports. Last, the flow at the cylinder is set against each pressure: is there a valve, and what opens it? The
+valve is fitted on all recordings but the last and judged on the last one; a single one is used in turns of five seconds.
 
 Without a machine file the hydraulics at the cylinder are examined alone: --areas gives the piston's areas, and the joint that was
 recorded is the piston, its position in m.

@@ -97,9 +97,14 @@ def run(args: argparse.Namespace) -> int:
         write(
             report,
             lambda: write_report(
-                validation, report, command=command, machine=machine, machine_source=source, notes=tuple(notes),
+                validation,
+                report,
+                command=command,
+                machine=machine,
+                machine_source=source,
+                notes=tuple(notes),
                 sections=(section(looks),),
-            ),  # fmt: skip
+            ),
         )
         console.print(f"report: {report}", markup=False, soft_wrap=True)
     differing = [bag for bag, found in zip(args.bags, validation.bags, strict=True) if found.mismatches]

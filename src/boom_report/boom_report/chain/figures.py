@@ -27,12 +27,16 @@ def links_figure(chain: RecordingChain) -> Json:
         title(panels, link.name, f"<b>{link.name.capitalize()}</b> from {link.driven_by} [{unit}]")
         said = f"rms error {scale * link.error.value:.3g} {unit}, {link.ratio:.1f} times the tolerance"
         colour = RED if link.ratio > 1.0 else QUIET
-        panels.write(link.name, said, x=1, xanchor="right", yanchor="bottom", yshift=3, font={"size": 11, "color": colour})
+        panels.write(
+            link.name, said, x=1, xanchor="right", yanchor="bottom", yshift=3, font={"size": 11, "color": colour}
+        )
         traces.append(line(link.time, scale * link.measured, n, "measured", MEASURED, 2.6))
         traces.append(line(link.time, scale * link.model, n, "from the other measurements", FULL, 1.2))
     traces += [legend_line("measured", MEASURED), legend_line("from the other measurements", FULL)]
     shapes: list[Json] = []
-    stretches = [pair for check in chain.checks for pair in check.intervals_s if pair[1] - pair[0] < 0.9 * chain.time[-1]]
+    stretches = [
+        pair for check in chain.checks for pair in check.intervals_s if pair[1] - pair[0] < 0.9 * chain.time[-1]
+    ]
     for start, end in stretches:
         shapes += [shaded(panels.suffix(name), start, end, EVENT, EVENT_EDGE) for name in panels.names]
     if stretches:

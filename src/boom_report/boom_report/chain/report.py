@@ -15,14 +15,16 @@ from boom_report.page import chart, page
 from boom_report.templates import render
 
 METHOD = (
-    "Each link is driven by measurements on both sides, so an error stays where it arises: the angle gives the rate; angle, rate and "
-    "rod pressure give the hose pressure that the boom needs; currents, motion and pressures give the flow out of the main valve, to "
-    "compare with the flow that motion and pressures ask for. The tolerance is what the sensors' noise and the tolerances of the "
-    "machine file leave. The flow at the cylinder is area times piston speed."
+    "Each link is driven by measurements on both sides, so an error stays where it arises: the angle gives the rate; angle, "
+    "rate and rod pressure give the hose pressure that the boom needs; currents, motion and pressures give the flow out of the "
+    "main valve, to compare with the flow that motion and pressures ask for. The tolerance is what the sensors' noise and the "
+    "tolerances of the machine file leave. The flow at the cylinder is area times piston speed."
 )
 
 
-def write_chain_report(study: ChainStudy, path: str | Path, *, command: str = "", machine_source: str | None = None) -> None:
+def write_chain_report(
+    study: ChainStudy, path: str | Path, *, command: str = "", machine_source: str | None = None
+) -> None:
     """Writes the report of a study.
 
     Raises:
