@@ -152,25 +152,29 @@ READINGS: tuple[FaultReading, ...] = (
 def reading_checks(series: EvenSeries, boom: Mechanics) -> tuple[list[RecordingCheck], EvenSeries]:
     """The faults of sign, unit and channel, the likeliest first, and the series with them repaired."""
     found: list[RecordingCheck] = []
-    as_read = _log_likelihood(series, boom)
     for _ in range(MOST_FAULTS):
-        repaired = [series.with_columns(reading.repair(series)) for reading in READINGS]
+        as_read = [relation(series, boom) for relation, _ in RELATIONS]
         seconds = float(np.isfinite(series.columns["angle"]).sum()) * PERIOD
         gains = [
-            _log_likelihood(other, boom) + seconds * math.log(reading.shrinks) - as_read + PRIOR
-            for reading, other in zip(READINGS, repaired, strict=True)
+            _gain(reading, series, boom, as_read) + seconds * math.log(reading.shrinks) + PRIOR for reading in READINGS
         ]
         best = int(np.argmax(gains))
         if not gains[best] > 0.0:
             break
         alike = [k for k in np.argsort(gains)[::-1] if k != best and gains[k] > gains[best] - ALIKE]
         found.append(_told(READINGS[best], [READINGS[k] for k in alike], series, boom, gains[best]))
-        series, as_read = repaired[best], _log_likelihood(repaired[best], boom)
+        series = series.with_columns(READINGS[best].repair(series))
     return found, series
 
 
-def _log_likelihood(series: EvenSeries, boom: Mechanics) -> float:
-    return sum(relation(series, boom) for relation in RELATIONS)
+def _gain(reading: FaultReading, series: EvenSeries, boom: Mechanics, as_read: list[float]) -> float:
+    """By how much the relations that look at its channels hold better with the fault repaired."""
+    repaired, touched = series.with_columns(reading.repair(series)), set(reading.channels)
+    return sum(
+        relation(repaired, boom) - before
+        for (relation, channels), before in zip(RELATIONS, as_read, strict=True)
+        if channels & touched
+    )
 
 
 def _told(

@@ -156,7 +156,15 @@ def force(series: EvenSeries, boom: Mechanics) -> float:
     return -0.5 * seconds * float(np.log(square / extent)) - 0.5 * float(np.sum((z / FORCE_PRIOR) ** 2))
 
 
-RELATIONS: tuple[Relation, ...] = (kinematics, linkage, vacuum, command, force)
+MOTION, PRESSURES, CURRENTS = (
+    {"angle", "rate"},
+    {"hose_pressure", "rod_pressure"},
+    {"retract_current", "extend_current"},
+)
+RELATIONS: tuple[tuple[Relation, set[str]], ...] = (
+    (kinematics, MOTION), (linkage, MOTION), (vacuum, PRESSURES), (command, MOTION | CURRENTS), (force, MOTION | PRESSURES)
+)  # fmt: skip
+"""Each with the signals that it looks at."""
 
 
 def _rms(values: Array) -> float:

@@ -24,8 +24,8 @@ def links_figure(chain: RecordingChain) -> Json:
     for link in chain.links:
         unit, scale = SHOWN[link.unit]
         n = panels.add(link.name, _HEIGHT, OUTER_GAP)
-        title(panels, link.name, f"<b>{link.name.capitalize()}</b> from {link.driven_by} [{unit}]")
-        said = f"rms error {scale * link.error.value:.3g} {unit}, {link.ratio:.1f} times the tolerance"
+        title(panels, link.name, f"<b>{link.name.capitalize()}</b> [{unit}]")
+        said = f"error {scale * link.error.value:.3g} {unit}, {link.ratio:.1f} x tolerance"
         colour = RED if link.ratio > 1.0 else QUIET
         panels.write(
             link.name, said, x=1, xanchor="right", yanchor="bottom", yshift=3, font={"size": 11, "color": colour}
