@@ -37,6 +37,10 @@ def cylinder(path, head=True):
     pressures = {"hose_pressure": np.where(lowering, 5e5, 8.2e6 + 2e7 * speed), "rod_pressure": rod}
     if head:
         pressures["head_pressure"] = np.full(len(time), 8e6)
+    noise = np.random.default_rng(1)
+    pressures = {
+        name: p + 1e4 * noise.standard_normal(len(time)) for name, p in pressures.items()
+    }  # else they count as stuck
     columns = {"angle": 0.3 + np.cumsum(speed) * 0.01, "rate": speed, **pressures}
     write(path, from_columns(path.name, time, columns, Configuration("", 0.0, 0.0, float("nan"))), joint="piston")
     return path
@@ -68,10 +72,9 @@ def test_the_hydraulics_at_a_cylinder_are_examined_without_a_machine(chain, tmp_
     )
     assert status == 0
     assert "run: the hydraulics at the cylinder alone" in out
-    assert {law["opened_by"] for law in json.loads((tmp_path / "c.json").read_text())["valve"]["laws"]} >= {
-        None,
-        "rod pressure",
-    }
+    assert "the valve at the cylinder is opened by the rod pressure from" in out
+    opened_by = {law["opened_by"] for law in json.loads((tmp_path / "c.json").read_text())["valve"]["laws"]}
+    assert opened_by >= {None, "rod pressure"}
 
 
 @pytest.mark.parametrize("arguments, told", [

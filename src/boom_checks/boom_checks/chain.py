@@ -155,7 +155,11 @@ class ChainStudy:
         """What opens the valve at the cylinder; empty where nothing can be said."""
         best = self.best
         if best is None:
-            return ""
+            return (
+                "nothing can be said of it: motion and all pressures are hardly ever known together"
+                if self.fitted
+                else ""
+            )
         static = next(law for law in self.laws if not law.opened_by)
         if best.opened_by:
             beside = f"NRMSE of its flow on {self.held_out} {best.held_out:.2f}, static curve {static.held_out:.2f}"
