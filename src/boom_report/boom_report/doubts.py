@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import wrap
 
 from markupsafe import Markup
 from rich.console import Console
@@ -21,12 +22,13 @@ def check_lines(checks: Sequence[RecordingCheck]) -> list[str]:
 def print_first_looks(looks: Sequence[FirstLook], console: Console) -> None:
     """What has to be repaired and the levels, per recording; remarks and parts are in report and JSON."""
     for look in looks:
-        lines = [Text(line, "bold red") for line in check_lines([check for check in look.checks if check.spoils])]
-        lines += [Text(level.sentence) for level in look.statics.levels] if look.statics else []
+        lines = [(line, "bold red") for line in check_lines([check for check in look.checks if check.spoils])]
+        lines += [(level.sentence, "") for level in look.statics.levels] if look.statics else []
         if lines:
             console.print(Text.assemble((look.name, "bold"), ", before any model:"))
-        for line in lines:
-            console.print(Text("  ").append(line), soft_wrap=True)
+        for line, style in lines:
+            for part in wrap(line, console.width, initial_indent="  ", subsequent_indent="  "):
+                console.print(Text(part, style))
 
 
 def section(looks: Sequence[FirstLook]) -> Markup:
