@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from boom_checks.check import IntervalValue, RecordingCheck
 from boom_checks.cylinder_valve import FOLLOWS, ValveData, ValveLaw, joined, valve_laws
-from boom_checks.doubts import checks_of
-from boom_checks.even_series import PERIOD, EvenSeries, even_series
+from boom_checks.doubts import ALL, checks_of
+from boom_checks.even_series import PERIOD, SHORTEST, EvenSeries, even_series
 from boom_checks.forced import ForcedRun, forced_run
 from boom_checks.mechanics import Mechanics, mechanics, piston_only
 from boom_checks.readings import Z_90
@@ -124,7 +124,9 @@ class RecordingChain:
         if spoilt:
             return f"the recording first: {spoilt[0].sentence}"
         if not self.links:
-            return "the hydraulics at the cylinder alone"
+            return (
+                "the hydraulics at the cylinder alone" if self.valve else f"no link can be driven: {self.missing[0][1]}"
+            )
         broken = sorted((link for link in self.links if link.ratio > 1.0), key=lambda link: -link.ratio)
         if not broken:
             return "no link breaks: noise and the file's tolerances explain every error"
@@ -207,22 +209,28 @@ def chain_of_machine(recording: Recording, machine: Machine) -> RecordingChain:
     """
     series, boom = even_series(recording), mechanics(machine, recording)
     found, repaired = checks_of(recording, series, boom, machine)
-    links, missing = [_kinematics(repaired, machine)], []
+    links: list[ChainLink] = []
+    missing: list[tuple[str, str]] = []
     still = None
-    if {"hose_pressure", "rod_pressure"} <= set(repaired.columns):
+    if repaired.known("angle", "rate"):
+        links.append(_kinematics(repaired, machine))
+    else:
+        missing.append(("kinematics", f"angle and rate are known together for less than {SHORTEST:g} s"))
+    if repaired.known(*ALL):
         still = statics_of(repaired, boom)
         plant = Plant(machine, pose_of(recording, machine))
-        run = forced_run(repaired, plant)
-        links += [_mechanics(repaired, boom, still, machine), *_ports(repaired, run, plant)]
+        links += [_mechanics(repaired, boom, still, machine), *_ports(repaired, forced_run(repaired, plant), plant)]
     else:
-        missing = [(name, "hose or rod pressure was not recorded") for name in ("mechanics", "head flow", "rod flow")]
+        why = f"motion, currents, hose and rod pressure are known together for less than {SHORTEST:g} s"
+        missing += [(name, why) for name in ("mechanics", "head flow", "rod flow")]
     return _chain(recording, repaired, boom, tuple(found), tuple(links), tuple(missing), still)
 
 
 def chain_of_cylinder(recording: Recording, head_area: float, rod_area: float) -> RecordingChain:
     """The hydraulics at the cylinder alone: the recorded joint is the piston [m], the areas [m^2] are all that is known."""
     series, boom = even_series(recording), piston_only(head_area, rod_area)
-    series = series.with_columns({"rate": series.smooth("angle", 1)})  # a logged speed is filtered, and lags
+    if "angle" in series:
+        series = series.with_columns({"rate": series.smooth("angle", 1)})  # a logged speed is filtered, and lags
     return _chain(
         recording, series, boom, (), (), (("kinematics, mechanics and main valve", "there is no machine file"),), None
     )
@@ -232,9 +240,9 @@ def _chain(
     recording: Recording, series: EvenSeries, boom: Mechanics, found: tuple[RecordingCheck, ...], links: tuple[ChainLink, ...],
     missing: tuple[tuple[str, str], ...], still: Statics | None,
 ) -> RecordingChain:  # fmt: skip
-    measured = "head_pressure" in series
+    measured = series.known("head_pressure")
     breaks = any(link.name == "mechanics" and link.ratio > 1.0 for link in links)
-    known = {"hose_pressure", "rod_pressure"} <= set(series.columns)
+    known = series.known("angle", "rate", "hose_pressure", "rod_pressure")
     valve = _valve_data(series, boom, still, breaks) if known else None
     return RecordingChain(recording, found, links, missing, still, valve, series.time, measured)
 
@@ -314,7 +322,7 @@ def _valve_data(series: EvenSeries, boom: Mechanics, still: Statics | None, brea
     Where it is not measured, and the hose pressure is what the boom needs, there is nothing to explain.
     """
     angle, rate = series.smooth("angle"), series.smooth("rate")
-    if "head_pressure" in series:
+    if series.known("head_pressure"):
         head, slope = series.smooth("head_pressure"), series.smooth("head_pressure", 1)
     elif still is not None and breaks:
         head = still.need - boom.valve_drop(angle, rate)

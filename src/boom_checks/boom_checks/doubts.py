@@ -17,6 +17,9 @@ from boom_checks.statics import Statics, statics_of
 from boom_model.machine import Machine
 from boom_recording.recording import Recording
 
+ALL = ("angle", "rate", "hose_pressure", "rod_pressure", "extend_current", "retract_current")
+"""Signals without which only the samples themselves can be doubted."""
+
 
 @dataclass(frozen=True)
 class FirstLook:
@@ -41,12 +44,7 @@ def first_look(recording: Recording, machine: Machine) -> FirstLook:
     """
     series, boom = even_series(recording), mechanics(machine, recording)
     found, repaired = checks_of(recording, series, boom, machine)
-    return FirstLook(recording.name, tuple(found), statics_of(repaired, boom) if has_all(series) else None)
-
-
-def has_all(series: EvenSeries) -> bool:
-    """Whether motion, both pressures and both currents were recorded."""
-    return {"angle", "hose_pressure", "rod_pressure", "extend_current", "retract_current"} <= set(series.columns)
+    return FirstLook(recording.name, tuple(found), statics_of(repaired, boom) if series.known(*ALL) else None)
 
 
 def checks(recording: Recording, machine: Machine) -> list[RecordingCheck]:
@@ -64,7 +62,7 @@ def checks_of(
     recording: Recording, series: EvenSeries, boom: Mechanics, machine: Machine
 ) -> tuple[list[RecordingCheck], EvenSeries]:
     """The same from prepared series, and the series with signs, units and channels put right; nothing where a sensor is missing."""
-    if not has_all(series):
+    if not series.known(*ALL):
         return sampling_checks(recording), series
     found, repaired = reading_checks(series, boom)
     found += latched_checks(repaired, boom, supply_pressure(machine))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import medfilt
+from scipy.ndimage import median_filter
 
 from boom_identification.signals import smoothed, stretches, window_samples
 from boom_input.channels import BY_NAME
@@ -19,6 +19,8 @@ PERIOD = 0.01
 """s. Grid of all that follows; slower topics are interpolated, faster ones thinned out."""
 WINDOW = 0.15
 """s. Savitzky-Golay window: passes what a boom and its pressures do, and takes a third of the sensors' noise."""
+SHORTEST = 5.0
+"""s. Less tells nothing: a motion lasts as long."""
 GAP = 0.15
 """s. Longer stretches without a sample stay unknown; a topic of 10 Hz has none."""
 
@@ -54,6 +56,13 @@ class EvenSeries:
     def command(self) -> Array:
         """(n,) i_- - i_+ [A], smoothed: positive lifts."""
         return self.smooth("extend_current") - self.smooth("retract_current")
+
+    def known(self, *names: str) -> bool:
+        """Whether these signals are known together for long enough to say something."""
+        if not set(names) <= set(self.columns):
+            return False
+        together = np.logical_and.reduce([np.isfinite(self.smooth(name)) for name in names])
+        return bool(together.sum() * PERIOD >= SHORTEST)
 
     def with_columns(self, changed: Mapping[str, Array]) -> EvenSeries:
         """The same with other values of some signals."""
@@ -93,5 +102,5 @@ def _implausible(signal: Signal) -> NDArray[np.bool_]:
     """Masked samples outside the channel's range among others of that kind: five in a row, not a flash."""
     channel = BY_NAME[signal.name]
     finite = np.where(np.isfinite(signal.values), signal.values, 0.0)
-    middle = medfilt(finite, 5)
+    middle = median_filter(finite, 5, mode="nearest")
     return ~signal.valid & ((middle < channel.low) | (middle > channel.high))

@@ -139,7 +139,9 @@ def force(series: EvenSeries, boom: Mechanics) -> float:
     known = np.isfinite(measured) & np.isfinite(loads).all(axis=1) & np.isfinite(plain).all(axis=1)
     if not known.any():
         return 0.0
-    extent = sum(float(np.var(series.smooth(name)[::_EVERY][known])) for name in ("hose_pressure", "rod_pressure"))
+    extent = PRESSURE_FLOOR**2 + sum(
+        float(np.var(series.smooth(name)[::_EVERY][known])) for name in ("hose_pressure", "rod_pressure")
+    )
     y, loads, plain = measured[known], loads[known], plain[known]
     seconds = len(y) * _EVERY * PERIOD
     z = np.zeros(4)

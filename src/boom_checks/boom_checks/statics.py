@@ -151,12 +151,16 @@ class Statics:
 
 
 def statics(recording: Recording, machine: Machine) -> Statics:
-    """The statics of a recording of a machine.
+    """The statics of a recording of a machine; empty where motion and pressures are hardly known.
 
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
-    return statics_of(even_series(recording), mechanics(machine, recording))
+    series = even_series(recording)
+    if not series.known("angle", "rate", "hose_pressure", "rod_pressure"):
+        nothing = np.full(len(series.time), np.nan)
+        return Statics(series.time, nothing, nothing, (), (), ())
+    return statics_of(series, mechanics(machine, recording))
 
 
 def statics_of(series: EvenSeries, boom: Mechanics, pressure: str = "hose_pressure") -> Statics:
