@@ -68,7 +68,7 @@ def lines(chart):
 print(json.dumps({
     "topics": [t for t in recorder.DEFAULT_TOPICS if "supply" in t],
     "type": recorder.offered("/boom/supply_pressure", [recorder.Publisher("std_msgs/msg/Float64", "", None)])[1],
-    "can": list(OPTIONAL_FIELDS), "unit": supply.unit,
+    "can": [name for name in OPTIONAL_FIELDS if "supply" in name], "unit": supply.unit,
     "median": float(np.median(supply.values)), "masked": int((~supply.valid).sum()),
     "events": [(e.kind, e.count, e.detail) for e in loaded.events if e.topic == "/boom/supply_pressure"],
     "with": seen.document(), "without": validate(plain, machine).document(),

@@ -31,8 +31,8 @@ from boom_input.shown import printable, quoted
 
 # The order of the help: what a newcomer needs first comes first.
 _ORDER = (
-    "demo", "test", "validate", "identify", "diagnose", "prove", "robustness", "simulate", "sim", "replay", "record", "watch",
-    "import-can", "check-machine", "setup", "python",
+    "demo", "test", "validate", "chain", "identify", "diagnose", "prove", "robustness", "simulate", "sim", "replay", "record",
+    "watch", "import-can", "check-machine", "setup", "python",
 )  # fmt: skip
 _HELP = ("-h", "--help", "help")
 _ASKS = (["--help"], ["-h"])

@@ -121,6 +121,7 @@ SENSORS: tuple[Sensor, ...] = (
     ),
     _pressure("hose_pressure", "p_h"),
     _pressure("rod_pressure", "p_b"),
+    _pressure("head_pressure", "p_a", predicted=False, required=False),
 )  # fmt: skip
 """What the machine's sensors measure."""
 

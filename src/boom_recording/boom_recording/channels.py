@@ -16,6 +16,7 @@ TYPES = {
     JOINT_STATES: "sensor_msgs/msg/JointState",
     "/boom/hose_pressure": "sensor_msgs/msg/FluidPressure",
     "/boom/rod_pressure": "sensor_msgs/msg/FluidPressure",
+    "/boom/head_pressure": "sensor_msgs/msg/FluidPressure",
     SOLENOID_CURRENTS: "boom_interfaces/msg/SolenoidCurrents",
     CURRENT_COMMAND: "boom_interfaces/msg/SolenoidCurrents",
     REFERENCE: "sensor_msgs/msg/JointState",

@@ -63,16 +63,19 @@ def run(args: argparse.Namespace) -> int:
             recordings.append(load(bag))
         simulated = load(args.simulated) if args.simulated else None
 
+        from boom_checks.doubts import first_look
         from boom_identification.validation import Validation, validate
         from boom_model.errors import MachineError
         from boom_report.console import console_for
+        from boom_report.doubts import print_first_looks, section
         from boom_report.validation.terminal import print_validation
 
         machine, source = machine_of(dict(zip(args.bags, recordings, strict=True)), args.machine)
-        validation = Validation(machine.name)
+        validation, looks = Validation(machine.name), []
         for bag, recording in zip(args.bags, recordings, strict=True):
             step(f"running the models over {recording.name}", 0)
             try:
+                looks.append(first_look(recording, machine))
                 validation.bags.append(validate(recording, machine, simulated=simulated))
             except MachineError as error:
                 raise UsageError(f"{bag}: its configuration does not fit machine {machine.name}: {error}") from None
@@ -80,10 +83,13 @@ def run(args: argparse.Namespace) -> int:
     notes = _notes(recordings, machine.name)
     console = console_for()
     print_validation(validation, console)
+    print_first_looks(looks, console)
     for note in notes:
         console.print(f"note: {note}", markup=False)
     if json_path:
-        write_json(json_path, validation.document())
+        document = validation.document()
+        bags = [bag | look.document() for bag, look in zip(document["bags"], looks, strict=True)]
+        write_json(json_path, document | {"bags": bags})
     if report:
         from boom_report.validation.report import write_report
 
@@ -91,7 +97,13 @@ def run(args: argparse.Namespace) -> int:
         write(
             report,
             lambda: write_report(
-                validation, report, command=command, machine=machine, machine_source=source, notes=tuple(notes)
+                validation,
+                report,
+                command=command,
+                machine=machine,
+                machine_source=source,
+                notes=tuple(notes),
+                sections=(section(looks),),
             ),
         )
         console.print(f"report: {report}", markup=False, soft_wrap=True)

@@ -1,0 +1,146 @@
+"""Drive one link of the chain after the other with what was measured, and show which link breaks.
+
+First the recording itself is doubted: signs, units, swapped channels, a command that was not applied, clocks. Then each link
+is fed with measurements on both sides: angle into rate, motion into the pressure that the boom needs, currents and motion into
+the flows at both ports. Last, the flow at the cylinder is set against each pressure: is there a valve, and what opens it? The
+valve is fitted on all recordings but the last and judged on the last one; a single one is used in turns of five seconds.
+
+Without a machine file the hydraulics at the cylinder are examined alone: --areas gives the piston's areas, and the joint that was
+recorded is the piston, its position in m.
+
+  ./boom chain bags/explained/payload_change_a
+  ./boom chain run_1 run_2 run_3 --areas 0.0201 0.0123 --joint boom_cylinder
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import shlex
+from typing import TYPE_CHECKING
+
+from boom_bringup.cli import UsageError
+from boom_bringup.outputs import checked, default_report, write, write_json
+from boom_bringup.replica import machine_of
+from boom_bringup.showing import progress
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from boom_checks.chain import RecordingChain
+    from boom_recording.recording import Recording
+
+    Examination = Callable[[str, Recording], RecordingChain]
+
+HELP = "drive one link after the other with what was measured and show which one breaks"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("bags", nargs="+", metavar="BAG", help="recording: a rosbag2 folder or a .mcap file")
+    known = parser.add_mutually_exclusive_group()
+    known.add_argument(
+        "--machine",
+        metavar="FILE",
+        help="machine file, or the name of a shipped one (default: the machine that the recording names)",
+    )
+    known.add_argument(
+        "--areas", nargs=2, type=_area, metavar=("A_A", "A_B"),
+        help="areas of the piston [m^2], head and rod side: examines the hydraulics at the cylinder alone",
+    )  # fmt: skip
+    parser.add_argument("--joint", metavar="NAME", help="joint to read from /joint_states (default: inner_boom_joint)")
+    parser.add_argument("--json", metavar="F", help="write the numbers as a JSON document to F")
+    report = parser.add_mutually_exclusive_group()
+    report.add_argument("--report", metavar="F.html", help="path of the report (default: output/chain-BAG.html)")
+    report.add_argument("--no-report", action="store_true", help="write no report")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Examine the chain; returns 0, a broken link is a result."""
+    json_path = checked(args.json, "--json")
+    report = None if args.no_report else checked(args.report, "--report") or default_report("chain", args.bags)
+
+    from boom_recording.channels import DEFAULT_JOINT, JOINT_STATES, MACHINE_CONFIGURATION, SOLENOID_CURRENTS
+    from boom_recording.loading import load
+
+    required = (JOINT_STATES,) if args.areas else (JOINT_STATES, SOLENOID_CURRENTS, MACHINE_CONFIGURATION)
+    with progress(2 * len(args.bags)) as step:
+        recordings = {}
+        for bag in args.bags:
+            step(f"reading {bag}", 1)
+            recordings[bag] = load(bag, require=required, joint=args.joint or DEFAULT_JOINT)
+
+        from boom_checks.chain import study
+
+        chains = []
+        examine, source = _cylinder(args.areas) if args.areas else _machine(recordings, args.machine)
+        for bag, recording in recordings.items():
+            step(f"driving the links of {recording.name}", 1)
+            chains.append(examine(bag, recording))
+        found = study(chains)
+
+    from boom_report.chain.terminal import print_chain
+    from boom_report.console import console_for
+
+    console = console_for()
+    print_chain(found, console)
+    if json_path:
+        write_json(json_path, found.document())
+    if report:
+        from boom_report.chain.report import write_chain_report
+
+        command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "chain", *_words(args)])
+        write(report, lambda: write_chain_report(found, report, command=command, machine_source=source))
+        console.print(f"report: {report}", markup=False, soft_wrap=True)
+    return 0
+
+
+def _machine(recordings: dict[str, Recording], wanted: str | None) -> tuple[Examination, str]:
+    from boom_checks.chain import chain_of_machine
+    from boom_model.errors import MachineError
+
+    machine, source = machine_of(recordings, wanted)
+
+    def examine(bag: str, recording: Recording) -> RecordingChain:
+        try:
+            return chain_of_machine(recording, machine)
+        except MachineError as error:
+            raise UsageError(f"{bag}: its configuration does not fit machine {machine.name}: {error}") from None
+
+    return examine, source
+
+
+def _cylinder(areas: list[float]) -> tuple[Examination, None]:
+    from boom_checks.chain import chain_of_cylinder
+
+    def examine(bag: str, recording: Recording) -> RecordingChain:
+        found = chain_of_cylinder(recording, *areas)
+        if found.valve is None:
+            raise UsageError(
+                f"{bag}: /boom/hose_pressure, /boom/rod_pressure and /boom/head_pressure are needed to examine the cylinder alone: "
+                "record them too, or give a machine file with --machine"
+            )
+        return found
+
+    return examine, None
+
+
+def _area(text: str) -> float:
+    """An area [m^2] of a piston."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 1e-5 <= value <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is not the area of a piston: give 0.00001 to 1 m^2")
+    return value
+
+
+def _words(args: argparse.Namespace) -> list[str]:
+    """The command line, rebuilt from the parsed arguments."""
+    words = list(args.bags)
+    for option in ("machine", "joint", "json", "report"):
+        if getattr(args, option):
+            words += [f"--{option}", getattr(args, option)]
+    return words + (["--areas", *(f"{area:g}" for area in args.areas)] if args.areas else [])

@@ -1,0 +1,78 @@
+"""All doubts about one recording, before any physics: what ``validate``, ``diagnose`` and ``chain`` call."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from boom_checks.check import RecordingCheck
+from boom_checks.clocks import clock_checks
+from boom_checks.commands import chatter_checks, latched_checks
+from boom_checks.even_series import EvenSeries, even_series
+from boom_checks.mechanics import Mechanics, mechanics
+from boom_checks.readings import reading_checks
+from boom_checks.sampling import sampling_checks
+from boom_checks.statics import Statics, statics_of
+from boom_model.machine import Machine
+from boom_recording.recording import Recording
+
+ALL = ("angle", "rate", "hose_pressure", "rod_pressure", "extend_current", "retract_current")
+"""Signals without which only the samples themselves can be doubted."""
+
+
+@dataclass(frozen=True)
+class FirstLook:
+    """What a recording says before any model runs: its doubts, and its levels; those only where the sensors are there."""
+
+    name: str
+    checks: tuple[RecordingCheck, ...]
+    statics: Statics | None
+
+    def document(self) -> dict[str, Any]:
+        """As JSON."""
+        return {
+            "checks": [check.document() for check in self.checks], "statics": self.statics.document() if self.statics else None
+        }  # fmt: skip
+
+
+def first_look(recording: Recording, machine: Machine) -> FirstLook:
+    """Doubts and levels of a recording of a machine; the levels with signs, units and channels put right.
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    series, boom = even_series(recording), mechanics(machine, recording)
+    found, repaired = checks_of(recording, series, boom, machine)
+    return FirstLook(recording.name, tuple(found), statics_of(repaired, boom) if series.known(*ALL) else None)
+
+
+def checks(recording: Recording, machine: Machine) -> list[RecordingCheck]:
+    """What is wrong with a recording of a machine, the likeliest first.
+
+    Signs, units and swapped channels come first; commands and clocks are judged with them put right.
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    return checks_of(recording, even_series(recording), mechanics(machine, recording), machine)[0]
+
+
+def checks_of(
+    recording: Recording, series: EvenSeries, boom: Mechanics, machine: Machine
+) -> tuple[list[RecordingCheck], EvenSeries]:
+    """The same from prepared series, and the series with signs, units and channels put right; nothing where a sensor is missing."""
+    if not series.known(*ALL):
+        return sampling_checks(recording), series
+    found, repaired = reading_checks(series, boom)
+    found += latched_checks(repaired, boom, supply_pressure(machine))
+    found += clock_checks(repaired, boom)
+    found += chatter_checks(series)
+    found += sampling_checks(recording)
+    return sorted(found, key=lambda check: (not check.spoils, -check.log_odds)), repaired
+
+
+def supply_pressure(machine: Machine) -> float:
+    """p_s [Pa] of a machine that has a constant supply, infinite for one whose pump follows the load."""
+    known = machine.parameters.get("fluid.p_s")
+    return known.value[0] if known else math.inf

@@ -1,0 +1,106 @@
+"""The signals of a recording on one time grid, smoothed and differentiated; what a defect has masked stays unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from boom_identification.signals import smoothed, stretches, window_samples
+from boom_input.channels import BY_NAME
+from boom_recording.recording import Recording, Signal
+
+Array = NDArray[np.float64]
+
+PERIOD = 0.01
+"""s. Grid of all that follows; slower topics are interpolated, faster ones thinned out."""
+WINDOW = 0.15
+"""s. Savitzky-Golay window: passes what a boom and its pressures do, and takes a third of the sensors' noise."""
+SHORTEST = 5.0
+"""s. Less tells nothing: a motion lasts as long."""
+GAP = 0.15
+"""s. Longer stretches without a sample stay unknown; a topic of 10 Hz has none."""
+
+
+@dataclass(frozen=True)
+class EvenSeries:
+    """Signals on a common grid.
+
+    Attributes:
+        time: (n,) [s].
+        columns: signal name -> (n,) [SI], interpolated; NaN where it is not known.
+    """
+
+    time: Array
+    columns: Mapping[str, Array]
+    _cache: dict[tuple[str, int], Array] = field(default_factory=dict, repr=False)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.columns
+
+    def smooth(self, name: str, derivative: int = 0) -> Array:
+        """(n,) the smoothed signal, or its derivative [unit/s^derivative]."""
+        key = (name, derivative)
+        if key not in self._cache:
+            values = self.columns[name]
+            result = np.full(len(values), np.nan)
+            for first, end in stretches(np.isfinite(values)):
+                result[first:end] = smoothed(values[first:end], PERIOD, WINDOW, derivative)
+            self._cache[key] = result
+        return self._cache[key]
+
+    @property
+    def command(self) -> Array:
+        """(n,) i_- - i_+ [A], smoothed: positive lifts."""
+        return self.smooth("extend_current") - self.smooth("retract_current")
+
+    def known(self, *names: str) -> bool:
+        """Whether these signals are known together for long enough to say something."""
+        if not set(names) <= set(self.columns):
+            return False
+        together = np.logical_and.reduce([np.isfinite(self.smooth(name)) for name in names])
+        return bool(together.sum() * PERIOD >= SHORTEST)
+
+    def with_columns(self, changed: Mapping[str, Array]) -> EvenSeries:
+        """The same with other values of some signals."""
+        kept = {key: value for key, value in self._cache.items() if key[0] not in changed}
+        return EvenSeries(self.time, {**self.columns, **changed}, kept)
+
+
+def even_series(recording: Recording) -> EvenSeries:
+    """The signals of a recording on a grid of ``PERIOD``.
+
+    Samples that were masked because they lie outside the plausible range are used where their neighbours do, too: a unit or
+    a sign that is wrong makes all of them implausible, and is to be found here. Signals without a sample are left out; without a
+    gyro the rate is the derivative of the angle.
+    """
+    time = np.arange(0.0, recording.duration, PERIOD)
+    columns = {name: _on_grid(signal, time) for name, signal in recording.signals.items()}
+    series = EvenSeries(time, {name: values for name, values in columns.items() if np.isfinite(values).any()})
+    if "rate" in series or "angle" not in series:
+        return series
+    return series.with_columns({"rate": series.smooth("angle", 1)})
+
+
+def _on_grid(signal: Signal, time: Array) -> Array:
+    result = np.full(len(time), np.nan)
+    kept = (signal.valid | _implausible(signal)) & np.isfinite(signal.values) & np.isfinite(signal.time)
+    own, first = np.unique(signal.time[kept], return_index=True)
+    if len(own) < window_samples(PERIOD, WINDOW):
+        return result
+    values = signal.values[kept][first]
+    result = np.interp(time, own, values, left=np.nan, right=np.nan)
+    after = np.clip(np.searchsorted(own, time), 1, len(own) - 1)
+    result[own[after] - own[after - 1] > GAP] = np.nan
+    return result
+
+
+def _implausible(signal: Signal) -> NDArray[np.bool_]:
+    """Masked samples outside the channel's range among others of that kind: five in a row, not a flash."""
+    channel = BY_NAME[signal.name]
+    finite = np.where(np.isfinite(signal.values), signal.values, 0.0)
+    middle = median_filter(finite, 5, mode="nearest")
+    return ~signal.valid & ((middle < channel.low) | (middle > channel.high))

@@ -1,0 +1,181 @@
+"""Simple physics that a recording keeps whatever the machine's state of repair, each as a log-likelihood.
+
+Each relation predicts one quantity from others with a few gains of known sign; with the gains at their best it leaves an error of
+mean square s^2, and
+
+    log L = -n / 2 log(s^2 + s_0^2),   n = number of seconds, s_0 = what sensors and simplicity leave in any case
+
+An error lasts about as long as a motion: a second counts once, not as a hundred samples. Physics that the relations
+leave out adds to s^2 under every reading of the recording alike, so it does not favour a wrong one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_checks.even_series import PERIOD, EvenSeries
+from boom_checks.mechanics import Mechanics
+from boom_input.channels import AMBIENT_PRESSURE_PA
+
+Array = NDArray[np.float64]
+Relation = Callable[[EvenSeries, Mechanics], float]
+
+RATE_FLOOR = 0.05
+"""Share of the rms rate: a gyro's gain is off by as much, and an elastic boom swings."""
+SPEED_FLOOR = 0.1
+"""Share of the rms speed that a valve's curve and its load leave in a gain per direction."""
+ANGLE_FLOOR = 0.05
+"""rad. An inclinometer's mounting and the linkage's numbers."""
+PRESSURE_FLOOR = 2.0e4
+"""Pa. Noise and offset of a pressure transducer near zero."""
+FORCE_FLOOR = 2.0e5
+"""Pa. Noise, acceleration and geometry in the force balance."""
+FORCE_PRIOR = np.array([5.0e5, 2.0e6, 0.3, 0.3])
+"""Deviations in the force balance: offset [Pa], what follows the motion's sign (friction, a valve at the cylinder) [Pa], and the
+logarithms of the factors on all loads and on the inertia [-]. A load may be a third more, but gravity does not vanish."""
+TURNING = 0.01
+"""rad/s. Width of the tanh that stands for the motion's sign."""
+LAGS = range(0, 41, 2)
+"""Samples by which the motion may be behind the command: dead time, pilot stage and spool."""
+POWERS = (1.0, 1.5, 2.0, 3.0)
+"""Exponents of a valve's curve."""
+_EVERY = 5
+
+
+def kinematics(series: EvenSeries, _: Mechanics) -> float:
+    """Rate = d(angle)/dt. The error counts relative to the rate: no reading is favoured for making both small."""
+    rate = series.smooth("rate")
+    return _log_likelihood((rate - series.smooth("angle", 1)) / _rms(rate), RATE_FLOOR)
+
+
+def linkage(series: EvenSeries, boom: Mechanics) -> float:
+    """The angle lies within the linkage's range."""
+    angle = series.smooth("angle")
+    return _log_likelihood(angle - np.clip(angle, boom.angle[0], boom.angle[-1]), ANGLE_FLOOR)
+
+
+def vacuum(series: EvenSeries, _: Mechanics) -> float:
+    """No pressure is below vacuum; each second counts by itself, as a pressure is that low for short times only."""
+    total = 0.0
+    for name in ("hose_pressure", "rod_pressure"):
+        known = series.columns[name][np.isfinite(series.columns[name])]
+        excess = np.minimum(known + AMBIENT_PRESSURE_PA, 0.0)
+        total -= 0.5 * PERIOD * float(np.sum(np.log1p((excess / PRESSURE_FLOOR) ** 2)))
+    return total
+
+
+def command(series: EvenSeries, boom: Mechanics, lags: Sequence[int] = LAGS) -> float:
+    """The extend current lifts, the retract current lowers; the error counts relative to the speed, as the gains are not known."""
+    speed = boom.lever(series.smooth("angle")) * series.smooth("rate")
+    return _log_likelihood(response(series.command, speed, lags).error / _rms(speed), SPEED_FLOOR, _EVERY)
+
+
+@dataclass(frozen=True)
+class Response:
+    """Speed of the piston that a command brings: k (c - c_0)^n beyond a dead zone on each side, c = i_- - i_+ of some time before.
+
+    Attributes:
+        error: (m,) what of the speed is left [m/s], at every ``_EVERY``-th sample.
+        lifting, lowering: (k, c_0, n) with k >= 0 [m/s/A^n], [A], [-]. lag: [samples].
+    """
+
+    error: Array
+    lifting: tuple[float, float, float]
+    lowering: tuple[float, float, float]
+    lag: int
+
+    def speed(self, current: Array) -> Array:
+        """The speed [m/s] that the currents c (n,) [A] bring."""
+        return self._behind(np.concatenate((np.full(self.lag, np.nan), current[: len(current) - self.lag])))
+
+    def _behind(self, late: Array) -> Array:
+        (k, dead, n), (j, hole, m) = self.lifting, self.lowering
+        return k * np.maximum(late - dead, 0.0) ** n - j * np.maximum(-late - hole, 0.0) ** m
+
+
+def response(current: Array, speed: Array, lags: Sequence[int] = LAGS) -> Response:
+    """The best response of the speed (n,) [m/s] to the command (n,) [A] at one of the lags [samples]."""
+    top = float(np.nanmax(np.abs(current), initial=0.0))
+    seen, nothing = speed[::_EVERY], (0.0, 0.0, 1.0)
+    best, least = Response(seen, nothing, nothing, 0), np.inf
+    for lag in lags:
+        late = np.concatenate((np.full(lag, np.nan), current[: len(current) - lag]))[::_EVERY]
+        known = np.isfinite(late) & np.isfinite(seen)
+        c, v = np.where(known, late, 0.0), np.where(known, seen, 0.0)
+        tried = Response(seen, _one_side(c, v, top), _one_side(-c, -v, top), lag)
+        error = v - tried._behind(c)
+        square = float(error @ error)
+        if square < least:
+            best, least = replace(tried, error=np.where(known, error, np.nan)), square
+    return best
+
+
+def _one_side(c: Array, v: Array, top: float) -> tuple[float, float, float]:
+    """(k, c_0, n) of v = k max(c - c_0, 0)^n, k >= 0."""
+    found, most = (0.0, 0.0, 1.0), 0.0
+    for dead in np.linspace(0.0, 0.6, 13) * top:
+        for power in POWERS:
+            u = np.maximum(c - dead, 0.0) ** power
+            square, product = float(u @ u), float(u @ v)
+            if product > 0.0 and product**2 / square > most:
+                found, most = (product / square, float(dead), power), product**2 / square
+    return found
+
+
+def force(series: EvenSeries, boom: Mechanics) -> float:
+    """Head side minus rod side carry gravity and inertia.
+
+    p_h - p_b A_b / A_a = b + exp(m) (g + exp(d) D q_2'') / (J A_a) + f sign(q_2'), b, m, d, f normal about 0 (``FORCE_PRIOR``).
+    The error counts relative to how much the pressures vary: in a smaller unit they vary less and are not carried better.
+    """
+    angle, rate = series.smooth("angle"), series.smooth("rate")
+    measured = (series.smooth("hose_pressure") - series.smooth("rod_pressure") * boom.A_b / boom.A_a)[::_EVERY]
+    loads = np.column_stack((boom.static_need(angle), boom.dynamic_need(angle, series.smooth("rate", 1))))[::_EVERY]
+    plain = np.column_stack((np.ones(len(angle)), np.tanh(rate / TURNING)))[::_EVERY]
+    known = np.isfinite(measured) & np.isfinite(loads).all(axis=1) & np.isfinite(plain).all(axis=1)
+    if not known.any():
+        return 0.0
+    extent = PRESSURE_FLOOR**2 + sum(
+        float(np.var(series.smooth(name)[::_EVERY][known])) for name in ("hose_pressure", "rod_pressure")
+    )
+    y, loads, plain = measured[known], loads[known], plain[known]
+    seconds = len(y) * _EVERY * PERIOD
+    z = np.zeros(4)
+    for _ in range(25):  # Gauss-Newton, with the error's size at its best in each step
+        carried = loads @ np.exp(np.array([z[2], z[2] + z[3]]))
+        error = y - plain @ z[:2] - carried
+        square = float(np.mean(error**2)) + FORCE_FLOOR**2
+        slope = np.column_stack((plain, carried, loads[:, 1] * np.exp(z[2] + z[3])))
+        weight = seconds / len(y) / square
+        step = np.linalg.solve(
+            weight * slope.T @ slope + np.diag(FORCE_PRIOR**-2.0), weight * slope.T @ error - z / FORCE_PRIOR**2
+        )
+        z = z + np.clip(step, -FORCE_PRIOR, FORCE_PRIOR)
+    return -0.5 * seconds * float(np.log(square / extent)) - 0.5 * float(np.sum((z / FORCE_PRIOR) ** 2))
+
+
+MOTION, PRESSURES, CURRENTS = (
+    {"angle", "rate"},
+    {"hose_pressure", "rod_pressure"},
+    {"retract_current", "extend_current"},
+)
+RELATIONS: tuple[tuple[Relation, set[str]], ...] = (
+    (kinematics, MOTION), (linkage, MOTION), (vacuum, PRESSURES), (command, MOTION | CURRENTS), (force, MOTION | PRESSURES)
+)  # fmt: skip
+"""Each with the signals that it looks at."""
+
+
+def _rms(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return max(float(np.sqrt(np.mean(known**2))), 1e-9) if len(known) else 1.0
+
+
+def _log_likelihood(error: Array, floor: float, every: int = 1) -> float:
+    known = error[np.isfinite(error)]
+    if len(known) == 0:
+        return 0.0
+    return -0.5 * len(known) * every * PERIOD * float(np.log(np.mean(known**2) + floor**2))

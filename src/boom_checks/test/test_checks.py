@@ -1,0 +1,155 @@
+"""A recording is doubted before any physics: faults of recordings are told as what they are, physics is not told as a fault."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recording_faults import FAULTS, changed, late
+
+from boom_checks.check import RecordingCheck
+from boom_checks.commands import chatter_checks
+from boom_checks.doubts import checks
+from boom_checks.even_series import even_series
+from boom_checks.mechanics import mechanics
+from boom_checks.readings import reading_checks
+from boom_checks.relations import response
+from boom_checks.sampling import sampling_checks
+from boom_model.machine_file import load_machine
+from boom_recording import writing
+from boom_recording.loading import load
+from boom_recording.recording import Recording
+
+ROOT = Path(__file__).resolve().parents[3]
+BAGS, SHARED = ROOT / "bags", ROOT.parent / "shared" / "recordings" / "strangers"
+TZ17 = load_machine("tz17")
+
+
+def fast() -> Recording:
+    return load(BAGS / "healthy" / "folded_fast")
+
+
+def spoiling(recording: Recording) -> list[RecordingCheck]:
+    return [check for check in checks(recording, TZ17) if check.spoils]
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_each_fault_is_told_as_what_it_is_and_as_nothing_else(fault: str, tmp_path: Path) -> None:
+    kind, topic, make = FAULTS[fault]
+    writing.write(tmp_path / "bag", make(fast()))
+
+    found = spoiling(load(tmp_path / "bag"))
+
+    assert [(check.kind, check.topic) for check in found] == [(kind, topic)]
+    assert found[0].log_odds > 0.0
+    low, high = found[0].measure.interval_90
+    assert low <= found[0].measure.value <= high
+
+
+@pytest.mark.parametrize("bag", [
+    "damaged/gap_in_motion", "explained/payload_change_a", "explained/hose_burst_valve_lag_b", "unexplained/crane_4_a",
+])  # fmt: skip
+def test_physics_and_lost_samples_are_no_fault_of_the_recording(bag: str) -> None:
+    assert checks(load(BAGS / bag), TZ17) == []
+
+
+def test_two_faults_are_found_one_behind_the_other() -> None:
+    both = FAULTS["swapped pressures"][2](FAULTS["command's sign"][2](fast()))
+    found, _ = reading_checks(even_series(both), mechanics(TZ17, both))
+    assert {check.kind for check in found} == {"sign", "swapped_channels"}
+
+
+def test_the_series_comes_back_with_the_fault_put_right() -> None:
+    right, wrong = fast(), FAULTS["bar for Pa"][2](fast())
+    _, repaired = reading_checks(even_series(wrong), mechanics(TZ17, wrong))
+    expected = even_series(right).columns["hose_pressure"]
+    np.testing.assert_allclose(repaired.columns["hose_pressure"], expected, atol=1.0, equal_nan=True)
+
+
+def test_a_latched_command_is_found_where_it_was_put() -> None:
+    made, plain = FAULTS["latched command"][2](fast()), fast()
+    moved = np.abs(made.signals["extend_current"].values - plain.signals["extend_current"].values) > 0.1
+    moved |= np.abs(made.signals["retract_current"].values - plain.signals["retract_current"].values) > 0.1
+    time = made.signals["extend_current"].time
+
+    (found,) = spoiling(made)
+
+    inside = np.zeros(len(time), bool)
+    for start, end in found.intervals_s:
+        inside |= (time >= start) & (time <= end)
+    assert inside[moved].mean() > 0.85
+    assert not inside[~moved].any()
+
+
+def test_a_boom_pressed_against_a_stop_by_supply_pressure_got_its_command() -> None:
+    made = FAULTS["latched command"][2](fast())
+    largest = max(float(made.signals[name].values.max()) for name in ("hose_pressure", "rod_pressure"))
+    command = made.signals["extend_current"].values - made.signals["retract_current"].values
+    pressed = {}
+    for name, sign in (("hose_pressure", 1.0), ("rod_pressure", -1.0)):
+        signal = made.signals[name]
+        supplied = np.interp(signal.time, made.signals["extend_current"].time, sign * command) > 0.2
+        pressed[name] = np.where(supplied, largest, signal.values)
+    blocked = [check for check in spoiling(changed(made, **pressed)) if check.kind == "latched_command"]
+    assert blocked == []
+
+
+@pytest.mark.parametrize("offset", [0.25, -0.15])
+def test_the_offset_of_a_clock_is_measured_and_its_interval_holds_it(offset: float) -> None:
+    (found,) = spoiling(late(load(BAGS / "healthy" / "extended"), offset, "hose_pressure", "rod_pressure"))
+    low, high = found.measure.interval_90
+    assert low <= offset <= high
+    assert high - low < 0.1
+
+
+def test_repeated_samples_are_told_with_the_time_between_new_ones() -> None:
+    recording = fast()
+    values = recording.signals["rod_pressure"].values
+    held = np.repeat(values[::5], 5)[: len(values)]
+    (found,) = sampling_checks(changed(recording, rod_pressure=held))
+    assert (found.kind, found.topic, found.spoils) == ("repeated", "/boom/rod_pressure", False)
+    assert found.measure.value == pytest.approx(0.05, rel=0.2)  # now and then a new value is the same as the last one
+
+
+def test_a_rate_that_is_the_derivative_of_the_angle_is_told() -> None:
+    recording = load(BAGS / "healthy" / "extended")
+    rng = np.random.default_rng(3)
+    angle = recording.signals["angle"].values + 2e-4 * rng.standard_normal(len(recording.signals["angle"].values))
+    rate = np.convolve(np.gradient(angle, 0.01), np.ones(3) / 3, "same")
+    (found,) = sampling_checks(changed(recording, angle=angle, rate=rate))
+    assert (found.kind, found.spoils) == ("derived_rate", False)
+    assert sampling_checks(recording) == []
+
+
+def test_chatter_at_rest_is_told_with_its_frequency() -> None:
+    recording = fast()
+    time = recording.signals["extend_current"].time
+    on = (time > 30.0) & (time < 32.0)
+    side = (np.arange(len(time)) // 2) % 2 == 0
+    extend = np.where(on, np.where(side, 0.2, 0.0), 0.0)
+    retract = np.where(on, np.where(side, 0.0, 0.2), 0.0)
+    (found,) = chatter_checks(even_series(changed(recording, extend_current=extend, retract_current=retract)))
+    assert found.measure.value == pytest.approx(50.0, rel=0.02)
+    ((start, end),) = found.intervals_s
+    assert (start, end) == (pytest.approx(30.0, abs=0.1), pytest.approx(32.0, abs=0.1))
+
+
+def test_the_answer_to_a_command_is_recovered() -> None:
+    time = np.arange(0.0, 40.0, 0.01)
+    command = 0.5 * np.sin(0.7 * time)
+    behind = 0.5 * np.sin(0.7 * (time - 0.1))
+    speed = 0.4 * np.maximum(behind - 0.1, 0.0) ** 1.0 - 0.2 * np.maximum(-behind - 0.2, 0.0) ** 2.0
+    found = response(command, speed)
+    assert found.lag == 10
+    assert found.lifting == (pytest.approx(0.4, rel=1e-3), pytest.approx(0.1, abs=1e-4), 1.0)
+    assert found.lowering == (pytest.approx(0.2, rel=1e-3), pytest.approx(0.2, abs=1e-4), 2.0)
+
+
+def test_of_the_strangers_one_is_no_matter_of_physics() -> None:
+    if not SHARED.is_dir():
+        pytest.skip("no shared/recordings/strangers beside the project")
+    machine = load_machine(SHARED / "stranger.yaml")
+    told = {}
+    for number in (2, 4, 6):
+        found = [check for check in checks(load(SHARED / f"stranger_{number}_a"), machine) if check.spoils]
+        told[number] = [(check.kind, check.topic) for check in found]
+    assert told == {number: [("sign", "/boom/solenoid_currents")] if number == 4 else [] for number in (2, 4, 6)}
