@@ -113,6 +113,27 @@ def not_enough_excitation(recordings: Sequence[Recording], machine: Machine, abo
     )  # fmt: skip
 
 
+def spoilt(machine: Machine, about: About) -> DiagnosisResult:
+    """The answer to recordings of which one has to be repaired first; its checks say what."""
+    text = (
+        "Put the recording right and diagnose it again: what is named before would explain the fault, not the machine."
+    )
+    subsystems = dict.fromkeys(SUBSYSTEMS, 0.0) | {"sensors": MOST_CERTAIN}
+    document = Document(
+        "sensor_or_clock",
+        (),
+        subsystems,
+        Fit({}, {}, UNKNOWN, ()),
+        text,
+        about.seed,
+        about.inputs_sha256,
+        about.version,
+    )
+    return DiagnosisResult(
+        document, machine, machine, (), (), (), "", (), (), "No model was run: the recording comes first.", command=about.command,
+    )  # fmt: skip
+
+
 def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     """The whole answer of a finished search."""
     first = case.rounds[0]

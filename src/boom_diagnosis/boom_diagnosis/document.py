@@ -14,6 +14,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_checks.check import RecordingCheck
+from boom_checks.doubts import FirstLook
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Event
@@ -162,6 +164,7 @@ class Document:
     """``diagnosis.json``: every probability that terminal and report show is one of these.
 
     ranking: what the first finding could be, the likeliest first.
+    checks: name of a recording and what is doubtful about it before any physics.
     """
 
     verdict: Verdict
@@ -173,11 +176,18 @@ class Document:
     inputs_sha256: Mapping[str, str]
     version: str
     ranking: tuple[RankingRow, ...] = ()
+    checks: tuple[tuple[str, RecordingCheck], ...] = ()
+
+    @property
+    def spoilt(self) -> tuple[str, RecordingCheck] | None:
+        """The recording, and what has to be repaired in it before any physics can be named."""
+        return next(((name, check) for name, check in self.checks if check.spoils), None)
 
     def document(self) -> dict[str, Any]:
         """As in the contract; numbers that are not finite become null (JSON knows no NaN)."""
         result = {
             "verdict": self.verdict,
+            "checks": [{"bag": name, **check.document()} for name, check in self.checks],
             "findings": [finding.document() for finding in self.findings],
             "ranking": [row.document() for row in self.ranking],
             "subsystems": {name: self.subsystems.get(name, 0.0) for name in SUBSYSTEMS},
@@ -332,7 +342,8 @@ class DiagnosisResult:
         agreement: whether both ways of locating agree, in words.
         remaining: what stays unexplained, in words; empty where nothing does.
         tolerances_used: machine-file key -> estimate, of parameters that moved within their tolerance.
-        notes: what the reader must know (masked samples, an unknown load, ...).
+        looks: what each recording says before any model.
+    notes: what the reader must know (masked samples, an unknown load, ...).
         command: the command line.
     """
 
@@ -349,4 +360,5 @@ class DiagnosisResult:
     tolerances_used: Mapping[str, Estimate] = field(default_factory=dict)
     experiment: Experiment | None = None
     notes: tuple[str, ...] = ()
+    looks: tuple[FirstLook, ...] = ()
     command: str = ""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_checks.doubts import first_look
 from boom_diagnosis import answer
 from boom_diagnosis.bag_samples import PERIOD, Bag, prepare
 from boom_diagnosis.case import Case
@@ -74,13 +75,31 @@ def diagnose(
         MachineError: a pose or load that the machine cannot have.
     """
     about = answer.About(seed, version, dict(inputs_sha256 or {}), command)
+    progress("doubting the recordings", 0.0)
+    looks = tuple(first_look(recording, machine) for recording in (*recordings, *held_out))
+    checks = tuple((look.name, check) for look in looks for check in look.checks)
+    if any(check.spoils for _, check in checks):
+        result = answer.spoilt(machine, about)
+    else:
+        result = _searched(recordings, machine, held_out, progress, about)
+    return replace(result, looks=looks, document=replace(result.document, checks=checks))
+
+
+def _searched(
+    recordings: Sequence[Recording],
+    machine: Machine,
+    held_out: Sequence[Recording],
+    progress: Progress,
+    about: answer.About,
+) -> DiagnosisResult:
+    """The answer of recordings that nothing has to be repaired in."""
     prepared = [prepare(recording) for recording in recordings]
     weak = [r.name for r, bag in zip(recordings, prepared, strict=True) if bag is None or not excited(bag)]
     bags = [bag for bag in prepared if bag is not None and excited(bag)]
     if not bags:
         return answer.not_enough_excitation(recordings, machine, about)
     proving = [bag for bag in (prepare(recording) for recording in held_out) if bag is not None and excited(bag)]
-    case = _case(machine, bags, proving, seed)
+    case = _case(machine, bags, proving, about.seed)
     search(case, progress)
     progress("locating", 0.8)
     return answer.assemble(case, about, weak)

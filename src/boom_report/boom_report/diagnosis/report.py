@@ -9,7 +9,7 @@ from boom_diagnosis.document import DiagnosisResult, Fit
 from boom_input.channels import PREDICTED
 from boom_input.whole import write_whole
 from boom_model.catalogue import SUBSYSTEM_NAMES, effect_name
-from boom_report import __version__
+from boom_report import __version__, doubts
 from boom_report import events as report_events
 from boom_report.diagnosis import next, ranking, where, words
 from boom_report.diagnosis.figure import figure
@@ -60,6 +60,7 @@ def html(result: DiagnosisResult) -> str:
         chart=chart,
         figure=figure,
         events=report_events.section,
+        doubts=doubts.section,
         next=next,
         method=_METHOD,
         files=files_table(inputs),

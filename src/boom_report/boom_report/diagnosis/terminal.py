@@ -19,6 +19,7 @@ from boom_report.diagnosis.words import (
     ranking_title,
     shown,
 )
+from boom_report.doubts import print_first_looks
 
 _STYLES = {
     "identified": "bold red", "unknown_physics": "bold red", "ambiguous": "yellow", "sensor_or_clock": "yellow",
@@ -42,6 +43,7 @@ def _print(result: DiagnosisResult, console: Console) -> None:
     console.print(Text.assemble((VERDICTS[document.verdict], _STYLES[document.verdict]), ": ", headline(result)))
     for note in result.notes:
         console.print(Text(f"note: {note}", "yellow"))
+    print_first_looks(result.looks, console)
     console.print()
     if document.findings:
         console.print(findings_table(result))

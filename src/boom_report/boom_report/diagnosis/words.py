@@ -132,6 +132,9 @@ def headline(result: DiagnosisResult) -> str:
     """One sentence with number, interval and confidence, worded as carefully as the confidence asks."""
     document = result.document
     kind = document.verdict
+    if document.spoilt is not None:
+        name, check = document.spoilt
+        return f"{name}, {check.topic}: {check.sentence}"
     if kind == "no_mismatch":
         return f"The model of {result.machine.name} explains {_these(result)}: what differs is within sensor noise."
     if kind == "not_enough_excitation":
