@@ -15,7 +15,7 @@ def curve(kind: float, x: float, a: float) -> float:
     """The curve ``kind`` (1 to 6) at x >= 0 with the shape a in 0..1."""
     x = max(x, 0.0)
     if kind < 1.5:
-        return x ** (0.6 + 1.8 * a)
+        return math.pow(x, 0.6 + 1.8 * a)
     if kind < 2.5:
         k = 0.5 + 3.0 * a
         return (1.0 - math.exp(-k * x)) / (1.0 - math.exp(-k))
@@ -23,7 +23,8 @@ def curve(kind: float, x: float, a: float) -> float:
         return x * (1.2 + a) / (1.0 + (0.2 + a) * x)
     if kind < 4.5:
         n, h = 1.5 + 2.0 * a, 0.35 + 0.3 * a
-        return (1.0 + h**n) * x**n / (h**n + x**n + 1e-12)
+        rise = math.pow(x / h, n)
+        return (1.0 + math.pow(h, n)) * rise / (1.0 + rise)
     if kind < 5.5:
         start = 0.15 + 0.4 * a
         rise = (x - start) / (1.0 - start)

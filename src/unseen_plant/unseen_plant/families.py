@@ -46,7 +46,7 @@ class Site:
     @property
     def time(self) -> Array:
         """Time at the start of each step of the grid [s]."""
-        return np.arange(round(self.duration / STEP)) * STEP
+        return np.arange(round(self.duration / STEP), dtype=np.float64) * STEP
 
     def angle(self, share: float) -> float:
         """An angle [rad]: 0 the lowest visited, 1 the highest."""
@@ -56,7 +56,7 @@ class Site:
         """A random course of unit variance with a correlation time [s]."""
         rng, pole = np.random.default_rng(self.noise), np.exp(-STEP / correlation)
         kicks = rng.standard_normal(len(self.time)) * np.sqrt(1.0 - pole**2)
-        course = np.empty_like(kicks)
+        course = np.empty(len(kicks))
         value = float(rng.standard_normal())
         for k, kick in enumerate(kicks):
             value = pole * value + kick

@@ -6,9 +6,36 @@ import numpy as np
 
 from unseen_plant.families import Array, Laid, Site, among, decades, family, side, whole
 from unseen_plant.layout import (
-    BRISTLE, BRISTLE_2, BRISTLE_3, E_AIR, E_BREAKAWAY, E_BRISTLE, E_CAVITY, E_CUSHION, E_HEAT, E_HOLDING, E_LEAK, E_POPPET,
-    E_RELIEF, E_RESTRICT, E_SETTING, E_STICKING, E_TIGHT, E_WARM, GAS_1, GAS_2, LATCH, POPPET, POPPET_RATE, RELIEF, RELIEF_RATE,
-    U_FRICTION, U_PRECHARGE, U_THIN, WALL, WARMTH,
+    BRISTLE,
+    BRISTLE_2,
+    BRISTLE_3,
+    E_AIR,
+    E_BREAKAWAY,
+    E_BRISTLE,
+    E_CAVITY,
+    E_CUSHION,
+    E_HEAT,
+    E_HOLDING,
+    E_LEAK,
+    E_POPPET,
+    E_RELIEF,
+    E_RESTRICT,
+    E_SETTING,
+    E_STICKING,
+    E_TIGHT,
+    E_WARM,
+    GAS_1,
+    GAS_2,
+    LATCH,
+    POPPET,
+    POPPET_RATE,
+    RELIEF,
+    RELIEF_RATE,
+    U_FRICTION,
+    U_PRECHARGE,
+    U_THIN,
+    WALL,
+    WARMTH,
 )  # fmt: skip
 
 
@@ -16,7 +43,7 @@ from unseen_plant.layout import (
     "stribeck_friction", "friction", "5.39b", "-", (0.02, 5.0),
     "stretched exponential; rational; falls off within a band; more when lifting; grows with the time at rest", style="rocking",
 )  # fmt: skip
-def stribeck_friction(size: float, form: int, r: Array, site: Site) -> Laid:
+def stribeck_friction(size: float, form: int, r: Array, _site: Site) -> Laid:
     """Friction is higher near rest by the factor 1 + size."""
     width = decades(r[0], 0.008, 0.06)
     row = (float(form), size, width, among(r[1], 1.0, 2.5), decades(r[2], 0.3, 4.0))
@@ -24,12 +51,12 @@ def stribeck_friction(size: float, form: int, r: Array, site: Site) -> Laid:
 
 
 @family(
-    "presliding_friction", "friction", "5.39b", "rad", (3e-5, 0.05),
+    "presliding_friction", "friction", "5.39b", "-", (0.01, 1.0),
     "Dahl; LuGre; Bouc-Wen; Jenkin elements in parallel; elastic, then plastic", style="rocking",
 )  # fmt: skip
-def presliding_friction(size: float, form: int, r: Array, site: Site) -> Laid:
-    """Part of the friction has to be bent by ``size`` before it slides."""
-    row = (float(form), size, among(r[0], 0.5, 1.0), among(r[1], 0.2, 0.8))
+def presliding_friction(size: float, form: int, r: Array, _site: Site) -> Laid:
+    """The share ``size`` of the friction has to be bent before it slides."""
+    row = (float(form), decades(r[0], 1e-4, 4e-3), min(size, 1.0), among(r[1], 0.2, 0.8))
     return Laid(rows={E_BRISTLE: row}, moving=(BRISTLE, BRISTLE_2, BRISTLE_3))
 
 
@@ -44,7 +71,7 @@ def position_dependent_friction(size: float, form: int, r: Array, site: Site) ->
 
 
 @family(
-    "friction_drift", "friction", "5.39b", "-", (0.05, 5.0),
+    "friction_drift", "friction", "5.39b", "-", (0.004, 5.0),
     "settling; even; in an S; with the work done in the joint; back and forth",
 )  # fmt: skip
 def friction_drift(size: float, form: int, r: Array, site: Site) -> Laid:
@@ -67,7 +94,7 @@ def friction_drift(size: float, form: int, r: Array, site: Site) -> Laid:
     "piston_leakage", "cylinder", "5.39c,d", "m^3/s", (2e-7, 4e-4),
     "any law of the pressure drop; a scored stretch of the barrel; a lip that lifts one way; a seal that is pressed on",
 )  # fmt: skip
-def piston_leakage(size: float, form: int, r: Array, site: Site) -> Laid:
+def piston_leakage(size: float, form: int, r: Array, _site: Site) -> Laid:
     """Flow past the seal, ``size`` at 100 bar."""
     return Laid(rows={E_LEAK: (float(form), size, float(whole(r[0], 4)), r[1], among(r[2], 0.2, 0.7))})
 
@@ -76,7 +103,7 @@ def piston_leakage(size: float, form: int, r: Array, site: Site) -> Laid:
     "end_cushioning", "cylinder", "5.39f,m", "-", (0.3, 60.0),
     "power of the depth; saturating; hyperbola; Hill curve; from a threshold", style="ends",
 )  # fmt: skip
-def end_cushioning(size: float, form: int, r: Array, site: Site) -> Laid:
+def end_cushioning(size: float, form: int, r: Array, _site: Site) -> Laid:
     """Near the ends of stroke the oil leaves through a narrow passage in series."""
     return Laid(rows={E_CUSHION: (float(form), size, among(r[0], 0.03, 0.12), r[1])})
 
@@ -86,7 +113,7 @@ def end_cushioning(size: float, form: int, r: Array, site: Site) -> Laid:
     "isothermal; polytropic; dissolves with pressure; trapped in one volume; an exponential law",
     twins=("fluid.beta",),
 )  # fmt: skip
-def entrained_air(size: float, form: int, r: Array, site: Site) -> Laid:
+def entrained_air(size: float, form: int, r: Array, _site: Site) -> Laid:
     """Free air, as a share of the oil at ambient pressure."""
     scale = among(r[1], 30e5, 150e5) if form == 3 else among(r[1], 8e5, 40e5)
     return Laid(rows={E_AIR: (float(form), size, among(r[0], 1.1, 1.4), scale, float(whole(r[2], 3) - 1))})
@@ -123,7 +150,7 @@ def accumulator_precharge(size: float, form: int, r: Array, site: Site) -> Laid:
     "Newton's law; natural convection; stirred by the flow; with a wall that warms; in one of them", needs=("gas",),
     twins=("accumulators.kappa",),
 )  # fmt: skip
-def accumulator_heat_loss(size: float, form: int, r: Array, site: Site) -> Laid:
+def accumulator_heat_loss(size: float, form: int, r: Array, _site: Site) -> Laid:
     """The gas exchanges heat with the wall at the rate ``size``."""
     row = (float(form), size, 0.0, among(r[0], 10.0, 60.0), float(r[1] < 0.5))
     parameters = {"inverse_tau": size} if form == 1 else {}
@@ -146,9 +173,10 @@ def accumulator_restrictor(size: float, form: int, r: Array, site: Site) -> Laid
 
 @family(
     "hose_burst_valve_lag", "hose_burst_valve", "5.39f", "s", (2e-3, 2.0),
-    "first order; a poppet with mass; moves at a rate; quicker to close than to open; in ratios", needs=("burst",), style="joystick",
+    "first order; a poppet with mass; moves at a rate; quicker to close than to open; in ratios",
+    needs=("burst",), style="joystick",
 )  # fmt: skip
-def hose_burst_valve_lag(size: float, form: int, r: Array, site: Site) -> Laid:
+def hose_burst_valve_lag(size: float, form: int, r: Array, _site: Site) -> Laid:
     """The poppet needs the time ``size``."""
     row = (float(form), size, among(r[0], 0.4, 0.9), among(r[1], 1.5, 4.0))
     return Laid(
@@ -159,10 +187,11 @@ def hose_burst_valve_lag(size: float, form: int, r: Array, site: Site) -> Laid:
 
 @family(
     "hose_burst_valve_setting", "hose_burst_valve", "5.39f", "-", (0.01, 0.8),
-    "limit, with the slope at zero kept; whole branch; sets in with the drop; a bend of the curve", needs=("burst",), style="joystick",
+    "limit, with the slope at zero kept; whole branch; sets in with the drop; a bend of the curve",
+    needs=("burst",), style="joystick",
     twins=("hose_burst_valve.a21", "hose_burst_valve.a30", "hose_burst_valve.a31"),
 )  # fmt: skip
-def hose_burst_valve_setting(size: float, form: int, r: Array, site: Site) -> Laid:
+def hose_burst_valve_setting(size: float, form: int, r: Array, _site: Site) -> Laid:
     """It limits at a flow lower by the share ``size``, or higher by half of it."""
     off = -size if r[0] < 0.7 else 0.5 * size
     return Laid(rows={E_SETTING: (float(form), off, r[1], float(whole(r[2], 4)))})
@@ -185,7 +214,7 @@ def load_holding_valve(size: float, form: int, r: Array, site: Site) -> Laid:
     "frees itself at a drop; frees itself reluctantly; stays free for long; sticks both ways",
     known=False, needs=("burst",), style="joystick",
 )  # fmt: skip
-def sticking_poppet(size: float, form: int, r: Array, site: Site) -> Laid:
+def sticking_poppet(size: float, form: int, r: Array, _site: Site) -> Laid:
     """The poppet sticks nearly shut until a drop frees it; ``size`` is how far it shuts."""
     row = (float(form), min(size, 0.99), decades(r[0], 3e5, 30e5), decades(r[1], 0.01, 0.08))
     return Laid(rows={E_STICKING: row}, moving=(LATCH,))

@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from unseen_plant.families import Array, Laid, Site, among, decades, family, side
 from unseen_plant.layout import (
-    BASE, BASE_RATE, BEND, BEND_RATE, E_BASE, E_BEND, E_GROUND, E_SEAT, E_STOP, E_SWING, SEAT, SWING, SWING_RATE, U_LOAD, U_TILT,
+    BASE,
+    BASE_RATE,
+    BEND,
+    BEND_RATE,
+    E_BASE,
+    E_BEND,
+    E_GROUND,
+    E_SEAT,
+    E_STOP,
+    E_SWING,
+    SEAT,
+    SWING,
+    SWING_RATE,
+    U_LOAD,
+    U_TILT,
 )  # fmt: skip
 
 
@@ -55,7 +71,7 @@ def payload_change(size: float, form: int, r: Array, site: Site) -> Laid:
     "viscous hinge; air and brush (square of the speed); dry hinge; stiff rotator",
     stretched=True, coupled=True,
 )  # fmt: skip
-def swinging_load(size: float, form: int, r: Array, site: Site) -> Laid:
+def swinging_load(size: float, form: int, r: Array, _site: Site) -> Laid:
     """A body that hangs at the tip, its own inertia included."""
     length = among(r[0], 0.8, 3.0)
     row = (float(form), size, length, decades(r[1], 0.005, 0.05), among(r[2], 0.0, 0.5), among(r[3], 0.2, 1.0))
@@ -135,10 +151,11 @@ def slack_bush(size: float, form: int, r: Array, site: Site) -> Laid:
 )  # fmt: skip
 def side_wind(size: float, form: int, r: Array, site: Site) -> Laid:
     """Something pulls at the tip now and then, as strongly as a mass of ``size``: wind, or a branch that drags."""
-    course = {
+    makers: dict[int, Callable[[], Array]] = {
         1: lambda: site.wander(among(r[0], 1.0, 3.0)),
         2: lambda: site.wander(among(r[0], 0.15, 0.5)),
         3: lambda: np.sin(2.0 * np.pi * (site.time / among(r[0], 4.0, 12.0) + site.late[1])),
         4: lambda: site.switching(among(r[0], 2.0, 6.0)) * 2.0,
-    }[form]()
+    }
+    course = makers[form]()
     return Laid(courses={U_LOAD: size * course})

@@ -87,7 +87,7 @@ def pressure_bias(size: float, form: int, r: Array, site: Site) -> Laid:
     "pressure_delay", "sensors", "ch. 4.2", "s", (2e-3, 1.0),
     "dead time; first order filter; moving average; a bus that repeats; two filters in series",
 )  # fmt: skip
-def pressure_delay(size: float, form: int, r: Array, site: Site) -> Laid:
+def pressure_delay(size: float, form: int, _r: Array, _site: Site) -> Laid:
     """Both pressures come later by some ``size``."""
 
     def late(outputs: Array) -> Array:
@@ -113,7 +113,9 @@ def _delayed(p: Array, size: float, form: int) -> Array:
     total = np.concatenate([[0.0], np.cumsum(p - p[0])])
     edges = np.arange(len(p) + 1, dtype=np.float64)
     length = max(2.0 * size / STEP, 1.0)
-    return np.asarray(p[0] + (np.interp(steps + 1.0, edges, total) - np.interp(steps + 1.0 - length, edges, total)) / length)
+    return np.asarray(
+        p[0] + (np.interp(steps + 1.0, edges, total) - np.interp(steps + 1.0 - length, edges, total)) / length
+    )
 
 
 def _filtered(values: Array, lag: float) -> Array:

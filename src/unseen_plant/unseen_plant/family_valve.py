@@ -2,12 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from unseen_plant.families import Array, Laid, Site, among, decades, family, side, whole
 from unseen_plant.layout import (
-    E_CENTRE, E_DROOP, E_FLOW_FORCE, E_KINK, E_PLAY, E_POLE, E_PUMP, E_RETURN, E_SAG, E_SEEP, E_SOFT_EDGE, E_SPRING, E_STUCK_SPOOL,
-    PLAY, PLAY_2, RETURN, STEP, U_CENTRE, U_POLE, U_SUPPLY,
+    E_CENTRE,
+    E_DROOP,
+    E_FLOW_FORCE,
+    E_KINK,
+    E_PLAY,
+    E_POLE,
+    E_PUMP,
+    E_RETURN,
+    E_SAG,
+    E_SEEP,
+    E_SOFT_EDGE,
+    E_SPRING,
+    E_STUCK_SPOOL,
+    PLAY,
+    PLAY_2,
+    RETURN,
+    STEP,
+    U_CENTRE,
+    U_POLE,
+    U_SUPPLY,
 )  # fmt: skip
 
 _EDGES = ("x_sa", "x_tb", "x_sb", "x_ta")
@@ -55,17 +75,17 @@ def neutral_offset(size: float, form: int, r: Array, site: Site) -> Laid:
     "valve_hysteresis", "main_valve pilot_valves", "5.39l,m", "-", (1e-3, 0.2),
     "play; Bouc-Wen; two plays in parallel; a force that turns with the direction",
 )  # fmt: skip
-def valve_hysteresis(size: float, form: int, r: Array, site: Site) -> Laid:
+def valve_hysteresis(size: float, form: int, r: Array, _site: Site) -> Laid:
     """Edges lag the spool by ``size`` of the full stroke to either side."""
     return Laid(rows={E_PLAY: (float(form), size, among(r[0], 0.5, 1.5))}, moving=(PLAY, PLAY_2))
 
 
 @family(
     "flow_force", "main_valve", "5.39n", "-", (2e-3, 0.6),
-    "flow and root of the drop at both edges; a jet that turns as the edge opens; any law of the flow in; opening times drop; flow squared",
+    "flow and root of the drop; a jet that turns as the edge opens; any law of the flow in; opening times drop; flow squared",
     needs=("piloted",),
 )  # fmt: skip
-def flow_force(size: float, form: int, r: Array, site: Site) -> Laid:
+def flow_force(size: float, form: int, r: Array, _site: Site) -> Laid:
     """Flow closes the spool, with some ``size`` of the spring's force at full stroke."""
     return Laid(rows={E_FLOW_FORCE: (float(form), size, r[0], float(whole(r[1], 4)))})
 
@@ -75,7 +95,7 @@ def flow_force(size: float, form: int, r: Array, site: Site) -> Laid:
     "other rate; stiffens along the stroke; one of two springs; a second spring sets in", needs=("piloted",),
     twins=("main_valve_spool.A_s", "pilot_valves.h.0"),
 )  # fmt: skip
-def spring_rate(size: float, form: int, r: Array, site: Site) -> Laid:
+def spring_rate(size: float, form: int, r: Array, _site: Site) -> Laid:
     """The return spring is stiffer by the share ``size``, or softer by half of it."""
     off = size if r[0] < 0.5 else -0.5 * size
     parameters = {"r": 1.0 + off} if form == 1 else {}
@@ -87,7 +107,7 @@ def spring_rate(size: float, form: int, r: Array, site: Site) -> Laid:
     "any law of the flow; more under load; any other law of the flow; late", needs=("compensated",),
     twins=("main_valve_orifices.dp_c", "main_valve_orifices.A_sa_max", "main_valve_orifices.A_sb_max"),
 )  # fmt: skip
-def compensator_droop(size: float, form: int, r: Array, site: Site) -> Laid:
+def compensator_droop(size: float, form: int, r: Array, _site: Site) -> Laid:
     """Supply flow sinks with itself by the share ``size`` at 120 l/min."""
     kind = {1: whole(r[0], 3), 2: whole(r[0], 4), 3: 6, 4: 5}[form]
     return Laid(rows={E_DROOP: (float(form), size, float(kind), r[1])})
@@ -150,12 +170,13 @@ def supply_variation(size: float, form: int, r: Array, site: Site) -> Laid:
     """The supplied flow varies by the share ``size``."""
     if form == 4:
         return Laid(rows={E_SAG: (4.0, size, float(whole(r[0], 3)), r[1])})
-    course = {
+    makers: dict[int, Callable[[], Array]] = {
         1: lambda: np.clip(site.wander(among(r[0], 1.0, 5.0)), -1.5, 1.5),
         2: lambda: -site.switching(among(r[0], 2.0, 6.0)),
         3: lambda: np.sin(2.0 * np.pi * (site.time / among(r[0], 3.0, 12.0) + site.late[1])),
         5: lambda: side(r[1]) * site.time / site.duration,
-    }[form]()
+    }
+    course = makers[form]()
     return Laid(courses={U_SUPPLY: size * course})
 
 
@@ -164,7 +185,7 @@ def supply_variation(size: float, form: int, r: Array, site: Site) -> Laid:
     "straight to square; a filter with a bypass; turbulent line; a check valve and a line",
     twins=("fluid.p_t",),
 )  # fmt: skip
-def return_line_pressure(size: float, form: int, r: Array, site: Site) -> Laid:
+def return_line_pressure(size: float, form: int, r: Array, _site: Site) -> Laid:
     """Tank pressure rises by ``size`` at 120 l/min, a few hundredths of a second later."""
     return Laid(rows={E_RETURN: (float(form), size, among(r[0], 0.2, 0.8), among(r[1], 0.005, 0.03))}, moving=(RETURN,))
 
@@ -183,7 +204,7 @@ def kinked_hose(size: float, form: int, r: Array, site: Site) -> Laid:
     "seeping_valve", "main_valve", "5.39i", "m^3/s", (1e-7, 3e-4),
     "laminar to tank; through a nick; beyond a pressure; from the supply", known=False,
 )  # fmt: skip
-def seeping_valve(size: float, form: int, r: Array, site: Site) -> Laid:
+def seeping_valve(size: float, form: int, _r: Array, site: Site) -> Laid:
     """Oil passes the closed spool."""
     return Laid(rows={E_SEEP: (float(form), size, site.pressure[0])})
 
@@ -192,6 +213,6 @@ def seeping_valve(size: float, form: int, r: Array, site: Site) -> Laid:
     "sticking_spool", "main_valve", "5.39n", "-", (0.02, 1.5),
     "at one place; near neutral; on one side; in ridges", known=False, needs=("piloted",), style="positioning",
 )  # fmt: skip
-def sticking_spool(size: float, form: int, r: Array, site: Site) -> Laid:
+def sticking_spool(size: float, form: int, r: Array, _site: Site) -> Laid:
     """Dry friction of the spool, ``size`` of the spring's force at full stroke."""
     return Laid(rows={E_STUCK_SPOOL: (float(form), size, decades(r[0], 0.25, 0.6))})

@@ -132,7 +132,9 @@ def _attempt(lot: Lot, owner: Owner, rng: np.random.Generator, attempt: int) -> 
     configuration = Configuration(drawn.believed.name, drawn.told.q3, drawn.told.q4, drawn.told.load)
     first, _ = _recording("recording", drawn, laid, style, configuration, rng)
     other = replace(site, late=rng.uniform(size=4), noise=int(rng.integers(2**31)))
-    again = [family.lay(size, form, draws, other) for (family, form, draws), (_, size) in zip(plans, sizes, strict=True)]
+    again = [
+        family.lay(size, form, draws, other) for (family, form, draws), (_, size) in zip(plans, sizes, strict=True)
+    ]
     second, oracle = _recording("hold_out", drawn, again, _other_style(style, families, rng), configuration, rng)
     effects = [
         Concealed(
@@ -179,14 +181,15 @@ def _crane(lot: Lot, families: Sequence[Family], owner: Owner, rng: np.random.Ge
     return _Drawn(believed, replace(believed, factors=factors), pose, fitting, wrong)
 
 
-def _at_work(
-    drawn: _Drawn, laid: Sequence[Laid], style: str, rng: np.random.Generator
-) -> tuple[Array, Work]:
+def _at_work(drawn: _Drawn, laid: Sequence[Laid], style: str, rng: np.random.Generator) -> tuple[Array, Work]:
     """An operator works the crane with what is laid into it: states (n, STATES), and the work with his currents."""
     c = crane(drawn.own, drawn.told)
     low, high = _ROOMS.get(style, (0.0, 1.1))
     limits = (max(low, c.q_low + 0.12), min(high, c.q_high - 0.06))
-    start = (float(rng.uniform(*(limits[0] + np.array([0.25, 0.6]) * (limits[1] - limits[0])))), float(rng.uniform(5e5, 16e5)))
+    start = (
+        float(rng.uniform(*(limits[0] + np.array([0.25, 0.6]) * (limits[1] - limits[0])))),
+        float(rng.uniform(5e5, 16e5)),
+    )
     empty = Work(drawn.own, drawn.told, start, np.zeros((0, 2)), drawn.fitting)
     m = empty.machinery(laid)
     currents, states = drive(m, rest(m, *start), style, limits, DURATION, rng)

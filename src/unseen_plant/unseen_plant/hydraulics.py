@@ -4,16 +4,40 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from concealed_plant.compiling import compiled
 from unseen_plant.curves import beyond, curve, odd, root, step
 from unseen_plant.layout import (
-    E_AIR, E_CAVITY, E_HEAT, E_HOLDING, E_LEAK, E_POPPET, E_RELIEF, E_RESTRICT, E_SEAT, E_SETTING, E_STICKING, GAS_1, GAS_2,
-    LATCH, P_A, P_B, P_H, P_O1, P_O2, POPPET, POPPET_RATE, RELIEF, RELIEF_RATE, SEAT, U_PRECHARGE, U_THIN, WALL, Crane,
+    E_AIR,
+    E_CAVITY,
+    E_HEAT,
+    E_HOLDING,
+    E_LEAK,
+    E_POPPET,
+    E_RELIEF,
+    E_RESTRICT,
+    E_SEAT,
+    E_SETTING,
+    E_STICKING,
+    GAS_1,
+    GAS_2,
+    LATCH,
+    P_A,
+    P_B,
+    P_H,
+    P_O1,
+    P_O2,
+    POPPET,
+    POPPET_RATE,
+    RELIEF,
+    RELIEF_RATE,
+    SEAT,
+    U_PRECHARGE,
+    WALL,
+    Crane,
+    Row,
+    Table,
 )  # fmt: skip
 
-Floats = np.ndarray
 AMBIENT = 101_325.0
 BAR = 1.0e5
 LITRES = 1.0e-3 / 60.0
@@ -21,7 +45,7 @@ LITRES = 1.0e-3 / 60.0
 
 
 @compiled
-def stiffness(p: float, volume: float, e: Floats, c: Crane) -> float:
+def stiffness(p: float, volume: float, e: Table, c: Crane) -> float:
     """Bulk modulus [Pa] of oil with what is dissolved, free or evaporated in it; volume 0: head, 1: rod, 2: hose."""
     soft = 1.0 / c.beta
     absolute = max(p, -0.9 * AMBIENT) + AMBIENT
@@ -38,12 +62,12 @@ def stiffness(p: float, volume: float, e: Floats, c: Crane) -> float:
 
 
 @compiled
-def _air(absolute: float, p: float, volume: float, a: Floats) -> float:
+def _air(absolute: float, p: float, volume: float, a: Row) -> float:
     """Compressibility [1/Pa] of the share a[1] of free air, measured at ambient pressure."""
     if a[0] < 1.5:
         return a[1] * AMBIENT / absolute**2
     if a[0] < 2.5:
-        return a[1] * (AMBIENT / absolute) ** (1.0 / a[2]) / (a[2] * absolute)
+        return a[1] * math.pow(AMBIENT / absolute, 1.0 / a[2]) / (a[2] * absolute)
     if a[0] < 3.5:  # dissolves until a[3]
         return a[1] * AMBIENT / absolute**2 * (1.0 - step(p / a[3])) ** 2
     if a[0] < 4.5:  # trapped in one volume
@@ -52,7 +76,7 @@ def _air(absolute: float, p: float, volume: float, a: Floats) -> float:
 
 
 @compiled
-def leakage(p_a: float, p_b: float, stroke: float, e: Floats, c: Crane) -> float:
+def leakage(p_a: float, p_b: float, stroke: float, e: Table, c: Crane) -> float:
     """Flow past the piston from a to b; e[.., 1] is that at 100 bar."""
     k = e[E_LEAK]
     if k[0] <= 0.0:
@@ -78,7 +102,7 @@ def _limited(d: float, c: Crane) -> float:
 
 
 @compiled
-def burst_curve(drop: float, thin: float, e: Floats, c: Crane) -> float:
+def burst_curve(drop: float, thin: float, e: Table, c: Crane) -> float:
     """Static flow [m^3/s] of the hose burst valve (5.39f) for p_h - p_a = drop [Pa]; ``thin``: how much thinner the oil is."""
     d = drop / BAR
     if d >= 0.0:
@@ -100,7 +124,7 @@ def burst_curve(drop: float, thin: float, e: Floats, c: Crane) -> float:
 
 
 @compiled
-def burst_flow(y: Floats, dy: Floats, thin: float, e: Floats, c: Crane) -> float:
+def burst_flow(y: Row, dy: Row, thin: float, e: Table, c: Crane) -> float:
     """Flow from hose to cylinder through the burst valve, its poppet, and what holds the load; poppet rates into dy."""
     drop = y[P_H] - y[P_A]
     flow = burst_curve(drop, thin, e, c)
@@ -114,7 +138,7 @@ def burst_flow(y: Floats, dy: Floats, thin: float, e: Floats, c: Crane) -> float
 
 
 @compiled
-def _late(drop: float, flow: float, y: Floats, dy: Floats, s: Floats) -> float:
+def _late(drop: float, flow: float, y: Row, dy: Row, s: Row) -> float:
     """Outwards, the conductance (relative to 1 l/min/bar) follows its static value; a check valve lets oil in at once."""
     conductance = min(abs(flow) / max(abs(drop), 100.0), 12.0 * LITRES / BAR) / (LITRES / BAR) if drop < 0.0 else 8.0
     g, tau = y[POPPET], s[1]
@@ -133,7 +157,7 @@ def _late(drop: float, flow: float, y: Floats, dy: Floats, s: Floats) -> float:
 
 
 @compiled
-def _held_open(y: Floats, dy: Floats, s: Floats) -> float:
+def _held_open(y: Row, dy: Row, s: Row) -> float:
     """Opening of a valve that holds the load until p_a + R p_b exceeds its setting; s: size, setting, R, play."""
     over = (y[P_A] + s[3] * y[P_B] - s[2]) / s[4]
     if s[0] < 1.5:
@@ -149,7 +173,7 @@ def _held_open(y: Floats, dy: Floats, s: Floats) -> float:
 
 
 @compiled
-def _stuck(drop: float, y: Floats, dy: Floats, s: Floats) -> float:
+def _stuck(drop: float, y: Row, dy: Row, s: Row) -> float:
     """A poppet that sticks shut until the drop s[2] frees it, and shuts again below a part of that."""
     free = y[LATCH]
     against = -drop if s[0] < 3.5 else abs(drop)
@@ -162,7 +186,7 @@ def _stuck(drop: float, y: Floats, dy: Floats, s: Floats) -> float:
 
 
 @compiled
-def relief(y: Floats, dy: Floats, e: Floats, c: Crane) -> float:
+def relief(y: Row, dy: Row, e: Table, c: Crane) -> float:
     """Flow from the hose to tank through a relief valve that hunts."""
     s = e[E_RELIEF]
     if s[0] <= 0.0:
@@ -180,7 +204,7 @@ def relief(y: Floats, dy: Floats, e: Floats, c: Crane) -> float:
 
 
 @compiled
-def _mouth(p_h: float, p_o: float, d: float, p_g: float, e: Floats, c: Crane) -> float:
+def _mouth(p_h: float, p_o: float, d: float, p_g: float, e: Table, c: Crane) -> float:
     """Flow into an accumulator through its orifice (5.39j,k)."""
     flow = c.C_d * 0.25 * math.pi * d * d * math.sqrt(2.0 / c.rho) * root(p_h - p_o)
     r = e[E_RESTRICT]
@@ -194,7 +218,7 @@ def _mouth(p_h: float, p_o: float, d: float, p_g: float, e: Floats, c: Crane) ->
 
 
 @compiled
-def accumulators(y: Floats, dy: Floats, u: Floats, e: Floats, c: Crane) -> float:
+def accumulators(y: Row, dy: Row, u: Row, e: Table, c: Crane) -> float:
     """Flow from the hose into both accumulators; rates of gas and pressures (5.39g,h) into dy.
 
     The gas obeys p V^kappa = zeta exp(s) with the entropy s: V' = V / kappa (s' - p'/p), and the oil above it is compressible.
@@ -210,7 +234,7 @@ def accumulators(y: Floats, dy: Floats, u: Floats, e: Floats, c: Crane) -> float
         volume = min(c.V_g * (filled * math.exp(s) / p) ** (1.0 / c.kappa), c.V_g)
         heat = 0.0
         if h[0] > 0.0 and (h[0] < 4.5 or k == int(h[4])):
-            heat = _heating(p * volume / (filled * c.V_g), y[WALL], p, flow, h)
+            heat = _heating(p * volume / (filled * c.V_g), y[WALL], flow, h)
             dy[GAS_1 + k] = heat
         dy[P_O1 + k] = (flow + volume / c.kappa * heat) / (volume / (c.kappa * p) + (c.V_g - volume) / c.beta)
         total += flow
@@ -221,7 +245,7 @@ def accumulators(y: Floats, dy: Floats, u: Floats, e: Floats, c: Crane) -> float
 
 
 @compiled
-def _heating(warm: float, wall: float, p: float, flow: float, h: Floats) -> float:
+def _heating(warm: float, wall: float, flow: float, h: Row) -> float:
     """Rate of the gas' entropy [1/s] at the temperature ``warm`` over the ambient one; h[1] is one over the time constant."""
     rate = h[1]
     if h[0] > 1.5 and h[0] < 2.5:  # natural convection
@@ -232,7 +256,7 @@ def _heating(warm: float, wall: float, p: float, flow: float, h: Floats) -> floa
 
 
 @compiled
-def bush(force: float, y: Floats, dy: Floats, e: Floats) -> float:
+def bush(force: float, y: Row, dy: Row, e: Table) -> float:
     """Rate at which the linkage's bush gives way [m/s] to the cylinder force [N]; the stroke is longer by y[SEAT]."""
     s = e[E_SEAT]
     if s[0] <= 0.0:
@@ -248,4 +272,3 @@ def bush(force: float, y: Floats, dy: Floats, e: Floats) -> float:
         seat = odd(1.0, x, 0.05)
     dy[SEAT] = (s[1] * seat - y[SEAT]) / 0.01
     return float(dy[SEAT])
-

@@ -2,7 +2,26 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, overload
+
+
+class Row(Protocol):
+    """A state, its rates, a row of courses or of an effect: an array of one dimension, for the type checker."""
+
+    def __getitem__(self, k: int, /) -> float:
+        """One value."""
+
+    def __setitem__(self, k: int, value: float, /) -> None:
+        """Change one value."""
+
+
+class Table(Protocol):
+    """All effects: an array of two dimensions, for the type checker."""
+
+    @overload
+    def __getitem__(self, k: int, /) -> Row: ...
+    @overload
+    def __getitem__(self, k: tuple[int, int], /) -> float: ...
 
 
 class Crane(NamedTuple):

@@ -48,7 +48,13 @@ def lots(seed: int, count: int, anything: bool = False) -> list[Lot]:
         drawn += [(kind, effects) for effects in _effects(kind, int(number), rng)]
     order = rng.permutation(len(drawn))
     return [
-        Lot(sha256(f"q/{anything}/{seed}/{count}/{k}".encode()).hexdigest()[:10], (seed, k + 1), *drawn[at], anything)
+        Lot(
+            sha256(f"q/{anything}/{seed}/{count}/{k}".encode()).hexdigest()[:10],
+            (seed, k + 1),
+            drawn[at][0],
+            drawn[at][1],
+            anything,
+        )
         for k, at in enumerate(order)
     ]
 

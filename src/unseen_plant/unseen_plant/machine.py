@@ -30,6 +30,7 @@ DRAWN = (
 """Numbers that differ from crane to crane. Where a structure lacks one, it is left out."""
 _BY_CONFIDENCE = {"high": 0.03, "medium": 0.10, "low": 0.30}
 _UNSAID, _PRECHARGE, _BODY = 0.15, 0.05, 0.03
+_BARS = ("foot.0", "foot.1", "pivot.0", "pivot.1", "att.0", "att.1", "L1", "L2")
 _LAW = re.compile(r"A_sb/\((?P<base>[\d.eE+-]+)-(?P<bend>[\d.eE+-]+)\*u\^2\)")
 
 
@@ -122,7 +123,9 @@ class Owner:
         """Whether a crane of this structure has the number."""
         return key.startswith("rigid_body.") or key == "load" or self.entry(key) is not None
 
-    def drawn(self, rng: np.random.Generator, pose: Pose, spread: float, wrong: Mapping[str, float]) -> dict[str, float]:
+    def drawn(
+        self, rng: np.random.Generator, pose: Pose, spread: float, wrong: Mapping[str, float]
+    ) -> dict[str, float]:
         """Factors of one crane: normal with ``spread`` standard deviations, never beyond the tolerance; ``wrong`` as told."""
         factors = {}
         for key in DRAWN:
@@ -159,10 +162,10 @@ def crane(owner: Owner, pose: Pose) -> Crane:
     k, v, b, a, s, p = (
         "kinematics.", "main_valve_orifices.", "hose_burst_valve.", "accumulators.", "main_valve_spool.", "pilot_valves."
     )  # fmt: skip
-    return Crane(
+    return Crane._make([
         n("constants.g"), n("fluid.rho"), n("fluid.beta"), n("fluid.C_d"), n("fluid.p_t"), n("fluid.p_s", 2.5e7),
         n("cylinder.A_a"), n("cylinder.A_b"), n("cylinder.l_p"), n("cylinder.V_0a"), n("cylinder.V_0b"), n("cylinder.V_h"),
-        float(bars), *(there(bars, f"{k}{key}") for key in ("foot.0", "foot.1", "pivot.0", "pivot.1", "att.0", "att.1", "L1", "L2")),
+        float(bars), *(there(bars, f"{k}{key}") for key in _BARS),
         *(there(not bars, f"{k}{key}") for key in ("a", "b", "phi0")), n("cylinder.l_min"),
         n(f"{k}q2_stroke_min"), n(f"{k}q2_max"),
         inertia * owner.factors.get("rigid_body.inertia", 1.0), sx * moment, sy * moment, tx, ty,
@@ -177,7 +180,7 @@ def crane(owner: Owner, pose: Pose) -> Crane:
         float(compensated), there(compensated, f"{v}dp_c"), x0, x0, x0, x0, n(f"{v}n"),
         n(f"{v}A_sa_max"), n(f"{v}A_tb_max"), n(f"{v}A_sb_max"), float(law["base"]), float(law["bend"]),
         n(f"{v}anti_cavitation.A_ac") if refill else 0.0, n(f"{v}anti_cavitation.p_open", 0.0), 1.0, 0.0, 0.0, 0.0,
-    )._replace(feed=_feed(owner, piloted))  # fmt: skip
+    ])._replace(feed=_feed(owner, piloted))  # fmt: skip
 
 
 def _feed(owner: Owner, piloted: bool) -> float:
@@ -189,7 +192,11 @@ def body(owner: Owner, pose: Pose) -> tuple[float, tuple[float, float], tuple[fl
     """Inertia about the boom joint [kg m^2], first moments [kg m] and tip [m] in the boom's frame, without load."""
     for told in (owner.entry("rigid_body.configs") or {}).values():
         if math.isclose(told["q3"], pose.q3, abs_tol=1e-6) and math.isclose(told["q4"], pose.q4, abs_tol=1e-6):
-            return float(told["D0"]), (float(told["Sx"]), float(told["Sy"])), (float(told["tip"][0]), float(told["tip"][1]))
+            return (
+                float(told["D0"]),
+                (float(told["Sx"]), float(told["Sy"])),
+                (float(told["tip"][0]), float(told["tip"][1])),
+            )
     plane = owner.entry("rigid_body.planar")
     if plane is None:
         raise UnreadableMachineError(f"{owner.name}: no configuration has q3 = {pose.q3:g} rad, q4 = {pose.q4:g} m")

@@ -7,16 +7,37 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from concealed_plant.compiling import compiled
 from unseen_plant.curves import beyond, curve, step
 from unseen_plant.layout import (
-    BASE, BASE_RATE, BEND, BEND_RATE, BRISTLE, BRISTLE_2, BRISTLE_3, E_BASE, E_BEND, E_BREAKAWAY, E_BRISTLE, E_GROUND, E_STOP,
-    E_SWING, E_TIGHT, E_WARM, SWING, SWING_RATE, U_FRICTION, U_LOAD, U_THIN, U_TILT, WARMTH, Crane,
+    BASE,
+    BASE_RATE,
+    BEND,
+    BEND_RATE,
+    BRISTLE,
+    BRISTLE_2,
+    BRISTLE_3,
+    E_BASE,
+    E_BEND,
+    E_BREAKAWAY,
+    E_BRISTLE,
+    E_GROUND,
+    E_STOP,
+    E_SWING,
+    E_TIGHT,
+    E_WARM,
+    SWING,
+    SWING_RATE,
+    U_FRICTION,
+    U_LOAD,
+    U_THIN,
+    U_TILT,
+    WARMTH,
+    Crane,
+    Row,
+    Table,
 )  # fmt: skip
 
-Floats = np.ndarray
 REST = 0.004
 """rad/s. Below it a joint counts as at rest for what grows while it stands."""
 
@@ -49,7 +70,7 @@ def _breakaway(w: float, form: float, width: float, n: float, rested: float) -> 
     if form < 1.5:
         return math.exp(-(x**n))
     if form < 2.5:
-        return 1.0 / (1.0 + x**n)
+        return 1.0 / (1.0 + math.pow(x, n))
     if form < 3.5:
         return 1.0 - step(0.5 * x)
     if form < 4.5:
@@ -73,7 +94,7 @@ def _tight(q: float, form: float, at: float, width: float) -> float:
 
 
 @compiled
-def _bristles(y: Floats, form: float, share: float) -> float:
+def _bristles(y: Row, form: float, share: float) -> float:
     """Friction of the bristles over that of full slip."""
     if form > 3.5 and form < 4.5:
         return share * y[BRISTLE] + (1.0 - share) * (0.6 * y[BRISTLE_2] + 0.4 * y[BRISTLE_3])
@@ -81,7 +102,7 @@ def _bristles(y: Floats, form: float, share: float) -> float:
 
 
 @compiled
-def friction(y: Floats, u: Floats, e: Floats, c: Crane) -> float:
+def friction(y: Row, u: Row, e: Table, c: Crane) -> float:
     """Friction torque (5.39b) with everything that acts on it [N m]."""
     q, w = y[0], y[1]
     slip = math.tanh(w / c.sigma)
@@ -104,18 +125,18 @@ def _slip_rate(z: float, w: float, width: float, form: float, a: float) -> float
     """Rate of a bristle's relative deflection z in -1..1."""
     v = w / width
     if form < 1.5:  # Dahl
-        return v * max(1.0 - z * (1.0 if w >= 0.0 else -1.0), 0.0) ** (0.5 + 1.5 * a)
+        return v * math.pow(max(1.0 - z * (1.0 if w >= 0.0 else -1.0), 0.0), 0.5 + 1.5 * a)
     if form < 2.5:  # LuGre, straight
         return v - abs(v) * z
     if form < 3.5:  # Bouc-Wen
-        return v - abs(v) * abs(z) ** (a + 1.0) * z / (abs(z) + 1e-6)
+        return v - abs(v) * math.pow(abs(z), a + 1.0) * z / (abs(z) + 1e-6)
     if form < 4.5:  # Jenkin elements: elastic, then sliding
         return v * (1.0 - step((z * (1.0 if w >= 0.0 else -1.0) - 0.9) * 10.0))
     return v * (1.0 - step((abs(z) - a) / (1.0 - a))) if z * w > 0.0 else v  # elastic up to a, then plastic
 
 
 @compiled
-def friction_rates(y: Floats, dy: Floats, e: Floats, torque: float) -> None:
+def friction_rates(y: Row, dy: Row, e: Table, torque: float) -> None:
     """Rates of bristles, of the time at rest and of the joint's warmth, into dy."""
     w = y[1]
     b = e[E_BRISTLE]
@@ -149,7 +170,7 @@ def _contact(depth: float, speed: float, form: float, stiffness: float, a: float
 
 
 @compiled
-def outer_torque(y: Floats, u: Floats, e: Floats, c: Crane) -> float:
+def outer_torque(y: Row, u: Row, e: Table, c: Crane) -> float:
     """Torque of weight, load, ground and stops on the boom [N m], positive lifting."""
     q, w = y[0], y[1]
     leaning = q + y[BASE] + u[U_TILT]
@@ -169,13 +190,13 @@ def outer_torque(y: Floats, u: Floats, e: Floats, c: Crane) -> float:
 
 
 @compiled
-def _inertia(u: Floats, c: Crane) -> float:
+def _inertia(u: Row, c: Crane) -> float:
     added, tx, ty = u[U_LOAD], c.load_reach * c.tip_x + c.load_off_x, c.load_reach * c.tip_y + c.load_off_y
     return c.inertia + c.load * (c.tip_x**2 + c.tip_y**2) + added * (tx * tx + ty * ty + c.load_gyration**2)
 
 
 @compiled
-def _swinging(y: Floats, dy: Floats, inertia: float, torque: float, s: Floats, c: Crane) -> None:
+def _swinging(y: Row, dy: Row, inertia: float, torque: float, s: Row, c: Crane) -> None:
     """Boom and a body that hangs at its tip: two equations of Lagrange for q and the body's angle from the vertical."""
     q, w, a, v = y[0], y[1], y[SWING], y[SWING_RATE]
     cq, sq, ca, sa = math.cos(q), math.sin(q), math.cos(a), math.sin(a)
@@ -201,7 +222,7 @@ def _swinging(y: Floats, dy: Floats, inertia: float, torque: float, s: Floats, c
 
 
 @compiled
-def _bending(y: Floats, dy: Floats, inertia: float, cylinder: float, torque: float, s: Floats) -> None:
+def _bending(y: Row, dy: Row, inertia: float, cylinder: float, torque: float, s: Row) -> None:
     """A root that the cylinder drives and an outer part behind a spring; the outer part weighs, and acts back on the cylinder."""
     x, v, form = y[BEND], y[BEND_RATE], s[0]
     outer = (1.0 - s[4]) * inertia
@@ -224,7 +245,7 @@ def _bending(y: Floats, dy: Floats, inertia: float, cylinder: float, torque: flo
 
 
 @compiled
-def motion(y: Floats, dy: Floats, u: Floats, e: Floats, c: Crane, drive: float) -> None:
+def motion(y: Row, dy: Row, u: Row, e: Table, c: Crane, drive: float) -> None:
     """Accelerations (5.39a) for the cylinder's torque ``drive`` [N m], and the rates of all that hangs on them, into dy."""
     resisting = friction(y, u, e, c)
     friction_rates(y, dy, e, resisting)
@@ -242,7 +263,7 @@ def motion(y: Floats, dy: Floats, u: Floats, e: Floats, c: Crane, drive: float) 
 
 
 @compiled
-def _rocking(y: Floats, dy: Floats, drive: float, s: Floats) -> None:
+def _rocking(y: Row, dy: Row, drive: float, s: Row) -> None:
     """The base gives way to the cylinder's torque: compliance s[1] [rad/(N m)], about the torque s[4]."""
     x, v, form = y[BASE], y[BASE_RATE], s[0]
     wanted = -s[1] * (drive - s[4])

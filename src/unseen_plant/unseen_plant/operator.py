@@ -28,7 +28,12 @@ def current(c: Crane, x: float) -> float:
 
 
 def _targets(
-    rng: np.random.Generator, low: float, high: float, pace: tuple[float, float], pause: tuple[float, float], span: float
+    rng: np.random.Generator,
+    low: float,
+    high: float,
+    pace: tuple[float, float],
+    pause: tuple[float, float],
+    span: float,
 ) -> Law:
     """Goes from target to target at some deflection, brakes before it and waits there."""
     state = {"target": 0.0, "pace": 0.0, "until": 0.0, "side": 1.0 if rng.uniform() < 0.5 else -1.0}
@@ -59,7 +64,7 @@ def _rocking(rng: np.random.Generator, low: float, high: float) -> Law:
     middle, size = rng.uniform(low + 0.2, high - 0.2), rng.uniform(0.25, 0.8)
     frequency, drift = rng.uniform(0.15, 0.7), rng.uniform(0.6, 1.0)
 
-    def law(t: float, q: float, w: float) -> float:
+    def law(t: float, q: float, _w: float) -> float:
         slow = 1.0 + 0.4 * np.sin(0.13 * t)
         return float(size * np.sin(2.0 * np.pi * frequency * slow * (t - QUIET)) + drift * (middle - q))
 
@@ -71,7 +76,7 @@ def _controller(rng: np.random.Generator, low: float, high: float) -> Law:
     gain, band, speed = rng.uniform(3.0, 9.0), rng.uniform(0.002, 0.008), rng.uniform(0.08, 0.28)
     reference, target, until = None, 0.0, 0.0
 
-    def law(t: float, q: float, w: float) -> float:
+    def law(t: float, q: float, _w: float) -> float:
         nonlocal reference, target, until
         reference = q if reference is None else reference
         if t >= until:

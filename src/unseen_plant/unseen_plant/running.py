@@ -9,8 +9,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unseen_plant.layout import (
-    ANGLE, BASE, BASE_RATE, BASIC, BEND, BEND_RATE, COURSES, E_BASE, E_BEND, LAG_IN, P_A, P_B, P_H, P_O1, P_O2, PLAY, RATE,
-    SLOTS, SPOOL, STATES, STEP, U_IN, U_OUT, U_PRECHARGE, WIDTH, Crane,
+    ANGLE,
+    BASE,
+    BASE_RATE,
+    BASIC,
+    BEND,
+    BEND_RATE,
+    COURSES,
+    E_BASE,
+    E_BEND,
+    LAG_IN,
+    P_A,
+    P_B,
+    P_H,
+    P_O1,
+    P_O2,
+    PLAY,
+    RATE,
+    SLOTS,
+    SPOOL,
+    STATES,
+    STEP,
+    U_IN,
+    U_OUT,
+    U_PRECHARGE,
+    WIDTH,
+    Crane,
 )  # fmt: skip
 from unseen_plant.mechanics import linkage, outer_torque
 from unseen_plant.simulation import integrate, rates

@@ -81,14 +81,14 @@ def recorded(
     """A recording of ``outputs`` (n, 4) at the ends of the grid's steps, and of the currents (n, 2) held in them."""
     count = len(outputs)
     duration, every = count * STEP, round(fitting.period / STEP)
-    grid = np.arange(count + 1) * STEP
+    grid: Array = np.arange(count + 1, dtype=np.float64) * STEP
     splines = {
         signal: CubicSpline(grid, np.concatenate([outputs[:1, k], outputs[:, k]])) for k, signal in enumerate(SEEN)
     }
     signals = {}
     for topic in _TOPICS:
         times = grid[:count:every] + fitting.jitter + rng.uniform(0.0, fitting.phase)
-        times += rng.uniform(-fitting.jitter, fitting.jitter, len(times))
+        times = times + rng.uniform(-fitting.jitter, fitting.jitter, len(times))
         times = times[(rng.uniform(size=len(times)) >= fitting.loss) & (times < duration - 1e-3)]
         stamps = START_NS + np.rint(times * 1e9).astype(np.int64)
         told: dict[str, Array] = {}

@@ -13,7 +13,7 @@ import numpy as np
 from concealed_plant.compiling import compiled
 from unseen_plant.curves import curve
 from unseen_plant.hydraulics import accumulators, burst_flow, bush, leakage, relief, stiffness
-from unseen_plant.layout import E_CUSHION, P_A, P_B, P_H, RATE, SEAT, STATES, U_THIN, Crane
+from unseen_plant.layout import E_CUSHION, P_A, P_B, P_H, RATE, SEAT, STATES, U_THIN, Crane, Table
 from unseen_plant.mechanics import linkage, motion
 from unseen_plant.valve import flows
 
@@ -23,7 +23,7 @@ SMALLEST = 1.0 / 256.0
 
 
 @compiled
-def _cushion(stroke: float, rate: float, e: Floats, c: Crane) -> tuple[float, float]:
+def _cushion(stroke: float, rate: float, e: Table, c: Crane) -> tuple[float, float]:
     """Narrowing of the ways out of head and rod side near the ends of the stroke, relative to an open edge."""
     s = e[E_CUSHION]
     if s[0] <= 0.0:
@@ -137,10 +137,8 @@ def _parts(
 @compiled
 def _fell(before: Floats, after: Floats) -> bool:
     """Whether a pressure fell past the point where a check valve opens: the Jacobian of the step did not know of it."""
-    for k in (P_B, P_H):
-        if before[k] > -5e3 and after[k] < -3e4:
-            return True
-    return False
+    rod = before[P_B] > -5e3 and after[P_B] < -3e4
+    return bool(rod or (before[P_H] > -5e3 and after[P_H] < -3e4))
 
 
 @compiled

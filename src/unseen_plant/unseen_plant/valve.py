@@ -4,22 +4,47 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from concealed_plant.compiling import compiled
-from unseen_plant.curves import beyond, curve, odd, root, step
+from unseen_plant.curves import beyond, curve, root, step
 from unseen_plant.layout import (
-    E_CENTRE, E_DROOP, E_FLOW_FORCE, E_KINK, E_PLAY, E_POLE, E_PUMP, E_RETURN, E_SAG, E_SEEP, E_SOFT_EDGE, E_SPRING, E_STUCK_SPOOL,
-    LAG_IN, LAG_OUT, P_B, P_H, PLAY, PLAY_2, RETURN, SPOOL, SPOOL_RATE, U_CENTRE, U_IN, U_OUT, U_POLE, U_SUPPLY, Crane,
+    E_CENTRE,
+    E_DROOP,
+    E_FLOW_FORCE,
+    E_KINK,
+    E_PLAY,
+    E_POLE,
+    E_PUMP,
+    E_RETURN,
+    E_SAG,
+    E_SEEP,
+    E_SOFT_EDGE,
+    E_SPRING,
+    E_STUCK_SPOOL,
+    LAG_IN,
+    LAG_OUT,
+    P_B,
+    P_H,
+    PLAY,
+    PLAY_2,
+    RETURN,
+    SPOOL,
+    SPOOL_RATE,
+    U_CENTRE,
+    U_IN,
+    U_OUT,
+    U_POLE,
+    U_SUPPLY,
+    Crane,
+    Row,
+    Table,
 )  # fmt: skip
 
-Floats = np.ndarray
 FULL_FLOW = 2.0e-3
 """m^3/s. The flow (120 l/min) to which forms of droop, flow force and return line are related."""
 
 
 @compiled
-def _lag(lag: float, current: float, coil: int, e: Floats, drift: float, c: Crane) -> float:
+def _lag(lag: float, current: float, coil: int, e: Table, drift: float, c: Crane) -> float:
     """Rate of a pilot valve's state (5.39p,s)."""
     s = e[E_POLE]
     factor = 1.0 + drift
@@ -43,7 +68,7 @@ def _pilot_pressure(lag: float, current: float, c: Crane) -> float:
 
 
 @compiled
-def _spring(x: float, e: Floats) -> float:
+def _spring(x: float, e: Table) -> float:
     """Spring force over that of the nominal spring at the relative stroke x."""
     s = e[E_SPRING]
     if s[0] <= 0.0:
@@ -58,7 +83,7 @@ def _spring(x: float, e: Floats) -> float:
 
 
 @compiled
-def _off_centre(x: float, u: Floats, e: Floats) -> float:
+def _off_centre(x: float, u: Row, e: Table) -> float:
     """Displacement of the spool's neutral position over full stroke."""
     s, off = e[E_CENTRE], u[U_CENTRE]
     if s[0] > 0.0 and s[0] < 1.5:
@@ -71,7 +96,7 @@ def _off_centre(x: float, u: Floats, e: Floats) -> float:
 
 
 @compiled
-def _jet(x: float, in_flow: float, out_flow: float, out_drop: float, e: Floats, c: Crane) -> float:
+def _jet(x: float, in_flow: float, out_flow: float, out_drop: float, e: Table, c: Crane) -> float:
     """Flow force towards neutral over the spring's at full stroke, unsigned; s[1] is about that at full flow."""
     s = e[E_FLOW_FORCE]
     a, b = abs(in_flow) / FULL_FLOW, abs(out_flow) / FULL_FLOW
@@ -88,7 +113,7 @@ def _jet(x: float, in_flow: float, out_flow: float, out_drop: float, e: Floats, 
 
 
 @compiled
-def _stuck_spool(x: float, e: Floats) -> float:
+def _stuck_spool(x: float, e: Table) -> float:
     """Dry friction of a spool that sticks, over the spring's force at full stroke."""
     s = e[E_STUCK_SPOOL]
     if s[0] <= 0.0:
@@ -103,7 +128,7 @@ def _stuck_spool(x: float, e: Floats) -> float:
 
 
 @compiled
-def _follow(y: Floats, dy: Floats, x: float, v: float, e: Floats) -> float:
+def _follow(y: Row, dy: Row, x: float, v: float, e: Table) -> float:
     """Relative position at which the edges stand, which lags x (moving at v [1/s]) by a hysteresis; its states into dy."""
     s = e[E_PLAY]
     h = s[1]
@@ -126,7 +151,7 @@ def _follow(y: Floats, dy: Floats, x: float, v: float, e: Floats) -> float:
 
 
 @compiled
-def _opening(x: float, overlap: float, e: Floats, c: Crane) -> float:
+def _opening(x: float, overlap: float, e: Table, c: Crane) -> float:
     """Relative opening of an edge at the relative stroke x; with soft edges it begins before the overlap ends."""
     s = e[E_SOFT_EDGE]
     over = min(x, 1.2) - overlap
@@ -139,7 +164,7 @@ def _opening(x: float, overlap: float, e: Floats, c: Crane) -> float:
 
 
 @compiled
-def _supplied(flow: float, p: float, u: Floats, e: Floats) -> float:
+def _supplied(flow: float, p: float, u: Row, e: Table) -> float:
     """What the supply lets through of the flow that the valve asks for, at the load pressure p [Pa]."""
     flow *= 1.0 + u[U_SUPPLY]
     d, r, g = e[E_DROOP], e[E_PUMP], e[E_SAG]
@@ -156,7 +181,7 @@ def _supplied(flow: float, p: float, u: Floats, e: Floats) -> float:
 
 
 @compiled
-def _pumped(flow: float, p: float, s: Floats) -> float:
+def _pumped(flow: float, p: float, s: Row) -> float:
     """The pump's limit s[1] [m^3/s]."""
     limit = s[1]
     if s[0] > 1.5 and s[0] < 2.5:  # power
@@ -169,7 +194,7 @@ def _pumped(flow: float, p: float, s: Floats) -> float:
 
 
 @compiled
-def _returned(y: Floats, dy: Floats, flow: float, e: Floats, c: Crane) -> None:
+def _returned(y: Row, dy: Row, flow: float, e: Table) -> None:
     """Rise of the tank pressure, which follows the flow to tank within some ten milliseconds."""
     s = e[E_RETURN]
     x = max(flow, 0.0) / FULL_FLOW
@@ -185,7 +210,7 @@ def _returned(y: Floats, dy: Floats, flow: float, e: Floats, c: Crane) -> None:
 
 
 @compiled
-def _kinked(area: float, widest: float, q: float, out: bool, e: Floats) -> float:
+def _kinked(area: float, widest: float, q: float, out: bool, e: Table) -> float:
     """Area of an edge in series with a hose that is narrow where the boom bends it."""
     s = e[E_KINK]
     if s[0] <= 0.0 or not out:
@@ -203,7 +228,7 @@ def _kinked(area: float, widest: float, q: float, out: bool, e: Floats) -> float
 
 
 @compiled
-def _seeping(p: float, e: Floats) -> float:
+def _seeping(p: float, e: Table) -> float:
     """Flow out of the hose that no opening tells of: to tank, or (negative) from the supply."""
     s = e[E_SEEP]
     if s[0] <= 0.0:
@@ -218,9 +243,7 @@ def _seeping(p: float, e: Floats) -> float:
 
 
 @compiled
-def flows(
-    y: Floats, dy: Floats, u: Floats, e: Floats, c: Crane, out_head: float, out_rod: float
-) -> tuple[float, float]:
+def flows(y: Row, dy: Row, u: Row, e: Table, c: Crane, out_head: float, out_rod: float) -> tuple[float, float]:
     """Flows q_h into the hose and q_b into the rod side [m^3/s] (5.39l,m); rates of pilot stage, spool, return line into dy.
 
     ``out_head``, ``out_rod``: factors in 0..1 by which cushions narrow the way out of each side.
@@ -243,7 +266,7 @@ def flows(
     supplied = _supplied(metre * wanted, load, u, e) if wanted > 0.0 else metre * wanted
     out = metre * area * root(out_drop)
     if e[E_RETURN, 0] > 0.0:
-        _returned(y, dy, out, e, c)
+        _returned(y, dy, out, e)
     _spool(y, dy, u, e, c, x, supplied, out, out_drop)
     refill = metre * c.A_ac
     in_h, in_b = (supplied, -out) if x < 0.0 else (-out, supplied)
@@ -257,9 +280,7 @@ def _meter_in(p: float, c: Crane) -> float:
 
 
 @compiled
-def _spool(
-    y: Floats, dy: Floats, u: Floats, e: Floats, c: Crane, x: float, supplied: float, out: float, drop: float
-) -> None:
+def _spool(y: Row, dy: Row, u: Row, e: Table, c: Crane, x: float, supplied: float, out: float, drop: float) -> None:
     """Motion of pilot valves and spool (5.39n-u), or of a spool that follows its current, into dy."""
     full = c.k_s * c.s_max
     jet = _jet(x, supplied, out, drop, e, c) * math.tanh(x / 0.02) if e[E_FLOW_FORCE, 0] > 0.0 else 0.0

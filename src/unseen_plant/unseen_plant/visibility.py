@@ -5,9 +5,9 @@ the measured currents does to a run). The visibility of an effect is
 
     E = min over z, |z_i| <= 2, of mean of (y_effect - y(z))^2
 
-with z the deviations of the crane's numbers in standard deviations: no number leaves its tolerance. E is one at the **1 x** size: what
-is left has as much energy as all the noise. The minimum is found with the crane's own sensitivities, and tried and improved with
-runs of the disguised crane.
+with z the deviations of the crane's numbers in standard deviations: no number leaves its tolerance. E is one at the **1 x** size:
+what is left has as much energy as all the noise. The minimum is found with the crane's own sensitivities, and tried and improved
+with runs of the disguised crane.
 """
 
 from __future__ import annotations
@@ -147,7 +147,9 @@ class Visibility:
             return energy
         best = float(np.mean(left**2))
         for _ in range(tries):
-            factors = {key: f for key, off in zip(self.slopes(), z, strict=True) if (f := self._off(key, off)) is not None}
+            factors = {
+                key: f for key, off in zip(self.slopes(), z, strict=True) if (f := self._off(key, off)) is not None
+            }
             left = self._scaled(with_it, self.work.shown(beside, factors))
             best = min(best, float(np.mean(left**2)))
             z, _ = self._disguised(left, z)
@@ -178,7 +180,7 @@ class Visibility:
             columns = np.stack([slope[:count].ravel() for slope in self.slopes().values()], axis=-1)
             gram = columns.T @ columns
             gram += 1e-9 * np.trace(gram) * np.eye(len(gram))
-            self._shaped = columns, np.linalg.cholesky(gram).T
+            self._shaped = columns, np.asarray(np.linalg.cholesky(gram).T, dtype=np.float64)
         return self._shaped
 
 
