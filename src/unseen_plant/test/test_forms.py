@@ -57,15 +57,15 @@ RULES = [
     ("friction_drift", (1, 2, 3, 5), 2.0, 0.9, mean(LIFTING, 2), -1),
     ("position_dependent_friction", (1, 2, 3, 5), 4.0, 0.5, mean(LIFTING, 2), 1),
     ("piston_leakage", (1, 2, 3, 4), 2.0e-5, 0.4, mean(END, 0), -1),
-    ("hose_burst_valve_setting", (1, 2, 4), 0.5, 0.1, mean(LOWERING, 1), 1),
-    ("hose_burst_valve_setting", (1, 2, 4), 0.5, 0.9, mean(LOWERING, 1), -1),
+    ("hose_burst_valve_setting", (1, 2, 4), 0.5, 0.1, mean(LOWERING, 3), 1),
+    ("hose_burst_valve_setting", (1, 2, 4), 0.5, 0.9, mean(LOWERING, 3), -1),
     ("load_holding_valve", (1, 2, 3, 4), 0.9, 0.4, mean(LOWERING, 2), -1),
-    ("sticking_poppet", (1, 2, 3, 4), 0.9, 0.4, mean(END, 0), 1),
+    ("sticking_poppet", (1, 2, 3, 4), 0.9, 0.4, mean(slice(905, 960), 3), 1),
     ("valve_dead_zone", (1, 2), 0.05, 0.1, mean(LIFTING, 0), -1),
     ("valve_dead_zone", (1, 3), 0.05, 0.1, mean(LOWERING, 1), 1),
     ("valve_dead_zone", (4,), 0.05, 0.1, mean(LIFTING, 0), 1),
     ("edge_overlap", (1,), 0.05, 0.1, mean(LIFTING, 0), -1),
-    ("edge_overlap", (4,), 0.05, 0.1, mean(LOWERING, 1), 1),
+    ("edge_overlap", (4,), 0.05, 0.1, mean(LOWERING, 3), 1),
     ("neutral_offset", (1,), 0.03, 0.1, mean(LIFTING, 0), -1),
     ("flow_force", (1, 2, 3, 4, 5), 0.2, 0.4, mean(LOWERING, 1), 1),
     ("spring_rate", (1, 2), 0.2, 0.1, mean(LIFTING, 0), -1),
@@ -76,18 +76,18 @@ RULES = [
     ("pilot_lag", (1, 2, 3, 4, 5), 3.0, 0.4, mean(slice(300, 400), 0), -1),
     ("command_delay", (1, 2, 3, 4), 0.1, 0.4, mean(slice(300, 400), 0), -1),
     ("return_line_pressure", (1, 2, 3, 4), 20e5, 0.4, mean(LIFTING, 3), 1),
-    ("kinked_hose", (1, 2, 3, 4), 8.0, 0.4, mean(LOWERING, 1), 1),
+    ("kinked_hose", (1, 2, 3, 4), 8.0, 0.4, mean(LOWERING, 3), 1),
     ("seeping_valve", (1, 2, 3), 2.0e-5, 0.4, mean(END, 0), -1),
     ("seeping_valve", (4,), 2.0e-5, 0.4, mean(END, 0), 1),
-    ("sticking_spool", (1, 2, 3, 4), 0.1, 0.4, mean(LIFTING, 0), -1),
-    ("ground_contact", (1, 2, 3, 4), 1.0e6, 0.9, mean(END, 2), -1),
+    ("sticking_spool", (1, 2, 4), 0.1, 0.4, mean(LIFTING, 0), -1),
+    ("ground_contact", (1, 2, 3, 4, 5), 2.0e5, 0.1, mean(END, 2), -1),
     ("mechanical_stop", (1, 2, 3, 4, 5), 1.0e6, 0.1, mean(slice(750, 880), 2), 1),
     ("hunting_relief_valve", (1, 2, 3, 4), 5.0e-4, 0.1, mean(LIFTING, 0), -1),
     ("angle_offset", (1, 2, 4), 0.03, 0.1, mean(END, 0), 1),
     ("rate_scale", (1, 2, 4, 5), 0.3, 0.1, mean(LOWERING, 1), -1),
     ("pressure_bias", (1, 2, 3, 4), 3.0e5, 0.1, mean(END, 2), 1),
     ("pressure_delay", (1, 2, 3, 4, 5), 0.05, 0.4, mean(slice(215, 240), 2), -1),
-    ("thinning_oil", (1, 2, 3), 2.0, 0.4, mean(LOWERING, 2), 1),
+    ("thinning_oil", (1, 2, 3), 2.0, 0.4, mean(LOWERING, 3), -1),
 ]  # fmt: skip
 
 
@@ -98,8 +98,7 @@ RULES = [
 def test_it_changes_what_it_must_in_the_right_direction(name, form, size, draw, look, sign):
     with_it, without = shown(name, form, size, draw)
     assert len(with_it) == len(without)
-    spread = np.std(without, axis=0).max()
-    assert sign * (look(with_it) - look(without)) > 1e-9 * spread
+    assert sign * (look(with_it) - look(without)) > 1e-6 * abs(look(without))
 
 
 @pytest.mark.parametrize("name", sorted(FAMILIES))

@@ -109,7 +109,7 @@ def end_cushioning(size: float, form: int, r: Array, _site: Site) -> Laid:
 
 
 @family(
-    "entrained_air", "oil", "5.39c,d,i", "-", (2e-4, 0.3),
+    "entrained_air", "oil", "5.39c,d,i", "-", (5e-5, 0.3),
     "isothermal; polytropic; dissolves with pressure; trapped in one volume; an exponential law",
     twins=("fluid.beta",),
 )  # fmt: skip
@@ -120,13 +120,14 @@ def entrained_air(size: float, form: int, r: Array, _site: Site) -> Laid:
 
 
 @family(
-    "cavitation", "oil", "5.39c,d,i", "-", (2.0, 5000.0),
+    "cavitation", "oil", "5.39c,d,i", "-", (20.0, 5000.0),
     "power of the depth; saturating; hyperbola; exponential", style="joystick",
 )  # fmt: skip
 def cavitation(size: float, form: int, r: Array, site: Site) -> Laid:
     """Gas comes out of the oil near zero pressure, and the refill valves hardly open."""
     return Laid(
-        {"A_ac": site.c.A_ac * among(r[0], 0.0, 0.1)}, rows={E_CAVITY: (float(form), size, among(r[1], 0.0, 2e5), r[2])}
+        {"A_ac": site.c.A_ac * among(r[0], 0.02, 0.3)},
+        rows={E_CAVITY: (float(form), size, among(r[1], 0.0, 2e5), r[2])},
     )
 
 
@@ -172,7 +173,7 @@ def accumulator_restrictor(size: float, form: int, r: Array, site: Site) -> Laid
 
 
 @family(
-    "hose_burst_valve_lag", "hose_burst_valve", "5.39f", "s", (2e-3, 2.0),
+    "hose_burst_valve_lag", "hose_burst_valve", "5.39f", "s", (1e-3, 2.0),
     "first order; a poppet with mass; moves at a rate; quicker to close than to open; in ratios",
     needs=("burst",), style="joystick",
 )  # fmt: skip
@@ -186,7 +187,7 @@ def hose_burst_valve_lag(size: float, form: int, r: Array, _site: Site) -> Laid:
 
 
 @family(
-    "hose_burst_valve_setting", "hose_burst_valve", "5.39f", "-", (0.01, 0.8),
+    "hose_burst_valve_setting", "hose_burst_valve", "5.39f", "-", (0.003, 0.8),
     "limit, with the slope at zero kept; whole branch; sets in with the drop; a bend of the curve",
     needs=("burst",), style="joystick",
     twins=("hose_burst_valve.a21", "hose_burst_valve.a30", "hose_burst_valve.a31"),
@@ -221,7 +222,7 @@ def sticking_poppet(size: float, form: int, r: Array, _site: Site) -> Laid:
 
 
 @family(
-    "hunting_relief_valve", "main_valve supply", "5.39i", "m^3/s", (2e-5, 3e-3),
+    "hunting_relief_valve", "main_valve supply", "5.39i", "m^3/s", (2e-7, 1e-3),
     "underdamped; shuts late; the jet pulls it open; play",
     known=False,
 )  # fmt: skip

@@ -27,7 +27,7 @@ from unseen_plant.layout import (
 
 
 @family(
-    "payload", "load", "5.39a", "kg", (5.0, 2500.0),
+    "payload", "load", "5.39a", "kg", (2.0, 2500.0),
     "at the tip; further in or out along the arm; held off the tip's axis; a long log, gripped stiffly; a heap beside the tip",
     stretched=True,
     twins=("load",),
@@ -45,7 +45,7 @@ def payload(size: float, form: int, r: Array, site: Site) -> Laid:
 
 
 @family(
-    "payload_change", "load", "5.39a", "kg", (5.0, 2500.0),
+    "payload_change", "load", "5.39a", "kg", (2.0, 2500.0),
     "at once; taken up evenly; taken up in an S; in two steps; let go in an exponential",
     stretched=True,
     twins=("load",),
@@ -67,7 +67,7 @@ def payload_change(size: float, form: int, r: Array, site: Site) -> Laid:
 
 
 @family(
-    "swinging_load", "load", "5.39a", "kg", (10.0, 2000.0),
+    "swinging_load", "load", "5.39a", "kg", (1.0, 2000.0),
     "viscous hinge; air and brush (square of the speed); dry hinge; stiff rotator",
     stretched=True, coupled=True,
 )  # fmt: skip
@@ -79,7 +79,7 @@ def swinging_load(size: float, form: int, r: Array, _site: Site) -> Laid:
 
 
 @family(
-    "boom_flexibility", "structure", "5.39a", "rad/(N m)", (2e-8, 3e-6),
+    "boom_flexibility", "structure", "5.39a", "rad/(N m)", (1e-9, 3e-6),
     "straight spring; stiffening; softening; damping that grows with the bend; joint with play",
     stretched=True, coupled=True,
 )  # fmt: skip
@@ -91,7 +91,7 @@ def boom_flexibility(size: float, form: int, r: Array, site: Site) -> Laid:
 
 
 @family(
-    "ground_contact", "load structure", "5.39a", "N m/rad", (1e4, 3e7),
+    "ground_contact", "load structure", "5.39a", "N m/rad", (1e3, 1e7),
     "spring; Hertz with Hunt-Crossley damping; soft soil; rubber; mud",
     known=False,
 )  # fmt: skip
@@ -101,7 +101,7 @@ def ground_contact(size: float, form: int, r: Array, site: Site) -> Laid:
 
 
 @family(
-    "mechanical_stop", "structure cylinder", "5.39a", "N m/rad", (1e4, 3e7),
+    "mechanical_stop", "structure cylinder", "5.39a", "N m/rad", (1e2, 1e7),
     "spring; Hertz with Hunt-Crossley damping; crushed wood; rubber; a slow damper",
     known=False,
 )  # fmt: skip
@@ -111,7 +111,7 @@ def mechanical_stop(size: float, form: int, r: Array, site: Site) -> Laid:
 
 
 @family(
-    "giving_base", "structure", "5.39a", "rad/(N m)", (1e-9, 1e-6),
+    "giving_base", "structure", "5.39a", "rad/(N m)", (1e-10, 1e-6),
     "springs; outriggers that stiffen; play between pads and ground; ground that softens; a base that slowly tilts",
     known=False,
 )  # fmt: skip
@@ -133,7 +133,7 @@ def giving_base(size: float, form: int, r: Array, site: Site) -> Laid:
 
 
 @family(
-    "slack_bush", "structure cylinder", "5.39c,d", "m", (2e-5, 0.03),
+    "slack_bush", "structure cylinder", "5.39c,d", "m", (2e-6, 0.03),
     "play taken up softly; play with hard ends; a bush that gives ever less; rubber that gives",
     known=False,
 )  # fmt: skip
@@ -145,7 +145,7 @@ def slack_bush(size: float, form: int, r: Array, site: Site) -> Laid:
 
 
 @family(
-    "side_wind", "load structure", "5.39a", "kg", (3.0, 600.0),
+    "side_wind", "load structure", "5.39a", "kg", (0.5, 600.0),
     "gusts; short gusts; one that comes and goes; steps",
     known=False, stretched=True,
 )  # fmt: skip

@@ -163,7 +163,7 @@ def _contact(depth: float, speed: float, form: float, stiffness: float, a: float
     elif form < 3.5:  # soft soil: firm going in, springing back little
         torque = stiffness * depth * (1.0 + (0.2 + 0.6 * a) * math.tanh(speed / 0.01))
     elif form < 4.5:  # rubber
-        torque = stiffness * 0.05 * (math.exp(depth / 0.05) - 1.0)
+        torque = stiffness * 0.1 * (math.exp(min(depth / 0.1, 3.0)) - 1.0)
     else:  # mud: a slow damper
         torque = stiffness * depth * max(0.3 + 20.0 * a * speed, 0.0)
     return max(torque, 0.0)

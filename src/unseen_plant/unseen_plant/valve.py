@@ -157,9 +157,10 @@ def _opening(x: float, overlap: float, e: Table, c: Crane) -> float:
     over = min(x, 1.2) - overlap
     if s[0] > 0.0:
         width = s[1]
-        over = 0.5 * (over + math.sqrt(over * over + width * width)) - (0.5 * width if s[0] > 1.5 else 0.0)
-        if over < 0.02 * width:
-            return 0.0
+        if s[0] > 1.5:  # rounded within the overlap
+            over -= width
+        if abs(over) < width:
+            over = (over + width) ** 2 / (4.0 * width)
     return (over / (1.0 - overlap)) ** c.n_open if over > 0.0 else 0.0
 
 

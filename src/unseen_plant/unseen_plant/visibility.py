@@ -141,6 +141,8 @@ class Visibility:
     def energy(self, laid: Sequence[Laid], beside: Sequence[Laid] = (), tries: int = 0) -> float:
         """E of ``laid``, beside other effects; ``tries``: how often the disguise is tried out and improved."""
         with_it = self.work.shown([*beside, *laid])
+        if len(with_it) < LEAST_SHARE * len(self.base):
+            return np.inf
         left = self._scaled(with_it, self.work.shown(beside) if beside else self.base)
         z, energy = self._disguised(left, np.zeros(len(self.slopes())))
         if not tries:
