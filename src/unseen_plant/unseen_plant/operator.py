@@ -65,8 +65,8 @@ def _rocking(rng: np.random.Generator, low: float, high: float) -> Law:
     frequency, drift = rng.uniform(0.15, 0.7), rng.uniform(0.6, 1.0)
 
     def law(t: float, q: float, _w: float) -> float:
-        slow = 1.0 + 0.4 * np.sin(0.13 * t)
-        return float(size * np.sin(2.0 * np.pi * frequency * slow * (t - QUIET)) + drift * (middle - q))
+        phase = frequency * (t - QUIET + 3.0 * np.sin(0.13 * t))  # between 0.6 and 1.4 times the frequency
+        return float(size * np.sin(2.0 * np.pi * phase) + drift * (middle - q))
 
     return law
 
@@ -97,7 +97,7 @@ def law_of(style: str, rng: np.random.Generator, low: float, high: float) -> Law
     span = high - low
     makers: dict[str, Callable[[], Law]] = {
         "joystick": lambda: _targets(rng, low, high, (0.35, 1.0), (0.1, 1.5), span),
-        "positioning": lambda: _targets(rng, low, high, (0.06, 0.3), (0.5, 3.0), 0.25 * span),
+        "positioning": lambda: _targets(rng, low, high, (0.12, 0.45), (0.4, 2.5), 0.3 * span),
         "rocking": lambda: _rocking(rng, low, high),
         "controller": lambda: _controller(rng, low, high),
         "rests": lambda: _targets(rng, low, high, (0.2, 0.9), (5.0, 11.0), 0.7 * span),
@@ -116,7 +116,7 @@ def drive(
     """
     count, every = round(duration / STEP), 2
     c, u, states = m.c, m.inputs(count), np.empty((count, len(start)))
-    law, ramp = law_of(style, rng, *limits), STEP * every / rng.uniform(0.08, 0.5)
+    law, ramp = law_of(style, rng, *limits), STEP * every / rng.uniform(0.15, 0.7)
     begin, full = current(c, 0.93 * c.x_sa), current(c, 0.97)
     y, stick = start, 0.0
     for k in range(0, count, every):
