@@ -13,7 +13,7 @@ from boom_model.sensors import OUTPUTS
 from boom_recording.loading import load
 from unseen_plant.families import gather, known, outside
 from unseen_plant.layout import STEP
-from unseen_plant.machine import Owner, Pose, crane
+from unseen_plant.machine import LockedPose, Owner, crane
 from unseen_plant.running import Machinery, rest, run, seen
 from unseen_plant.sensing import held
 
@@ -30,7 +30,7 @@ def test_with_nothing_concealed_its_free_run_is_that_of_the_model(bag):
     count = int(recording.duration / STEP)
     begin = {name: float(np.mean(s.values[s.time < 0.95])) for name, s in recording.signals.items()}
     at = recording.configuration
-    pose = Pose(at.outer_boom_angle, at.telescope_length, 0.0 if np.isnan(at.load_mass) else at.load_mass)
+    pose = LockedPose(at.outer_boom_angle, at.telescope_length, 0.0 if np.isnan(at.load_mass) else at.load_mass)
     m = Machinery(crane(Owner.read(FILE), pose))
     shown = seen(run(m, rest(m, begin["angle"], begin["rod_pressure"]), held(recording, count)))
     assert len(shown) == count and recording.duration > 30.0

@@ -15,7 +15,7 @@ from unseen_plant.families import FAMILIES, known, outside
 from unseen_plant.generator import make
 from unseen_plant.layout import STEP
 from unseen_plant.lots import SHARES, Lot, lots
-from unseen_plant.machine import DRAWN, Owner, Pose, crane
+from unseen_plant.machine import DRAWN, LockedPose, Owner, crane
 from unseen_plant.sensing import Fitting, fitted, held, recorded
 from unseen_plant.structures import restructured
 
@@ -97,7 +97,7 @@ def test_the_truth_of_an_effect_tells_where_it_acts_and_a_visible_one_stands_out
 
 
 def test_a_crane_is_scattered_within_its_tolerances_and_what_is_wrong_is_off_by_as_much_as_told():
-    owner, pose = Owner.read(MACHINE), Pose(0.28, 2.2, 200.0)
+    owner, pose = Owner.read(MACHINE), LockedPose(0.28, 2.2, 200.0)
     factors = owner.drawn(np.random.default_rng(1), pose, 3.0, {"fluid.beta": -1.5})
     assert set(factors) == {key for key in DRAWN if owner.has(key)}
     assert all(abs(f - 1.0) <= owner.tolerance(key, pose) * 1.000001 for key, f in factors.items())
@@ -113,7 +113,7 @@ def test_a_crane_of_another_structure_can_be_written_down_and_read_again(seed, t
     owner = restructured(Owner.read(MACHINE), ("gas",), fitted(rng, True), rng)
     path = tmp_path / "machine.yaml"
     path.write_text(yaml.safe_dump(dict(owner.document), sort_keys=False))
-    pose = Pose(0.28, 2.2)
+    pose = LockedPose(0.28, 2.2)
     assert crane(Owner.read(path), pose) == crane(owner, pose)
     assert crane(owner, pose).gas == 1.0
 

@@ -9,7 +9,7 @@ import pytest
 
 from unseen_plant.families import FAMILIES, Site, gather
 from unseen_plant.layout import STEP
-from unseen_plant.machine import Owner, Pose, crane
+from unseen_plant.machine import LockedPose, Owner, crane
 from unseen_plant.sensing import Fitting
 from unseen_plant.visibility import Work
 
@@ -24,7 +24,7 @@ gather()
 @cache
 def at_work(top=0.48):
     """A healthy crane that lifts for 2.5 s, rests, lowers for 2.5 s and rests."""
-    owner, pose = Owner.read(MACHINE), Pose(0.28, 2.2)
+    owner, pose = Owner.read(MACHINE), LockedPose(0.28, 2.2)
     time = np.arange(round(DURATION / STEP)) * STEP
     currents = np.zeros((len(time), 2))
     currents[(time >= 1.0) & (time < 3.5), 1] = top

@@ -25,13 +25,13 @@ from unseen_plant.layout import (
     SWING_RATE,
     WIDTH,
 )  # fmt: skip
-from unseen_plant.machine import Owner, Pose, body, crane
+from unseen_plant.machine import LockedPose, Owner, body, crane
 from unseen_plant.mechanics import linkage
 from unseen_plant.running import Machinery, rest, run
 
 MACHINE = Path(__file__).parents[3] / "src" / "boom_model" / "boom_model" / "machines" / "tz17.yaml"
 OWNER = Owner.read(MACHINE)
-STRETCHED = Pose(0.28, 2.2)
+STRETCHED = LockedPose(0.28, 2.2)
 
 
 def kicked(m, seconds=3.0, **values):
@@ -129,7 +129,7 @@ def test_the_lever_is_the_slope_of_the_stroke_for_both_linkages():
 def test_the_locked_body_is_that_of_the_machine_notes(q3, q4, told):
     configs = {name: {**entry, "q3": -9.0} for name, entry in OWNER.document["rigid_body"]["configs"].items()}
     computed = Owner({**OWNER.document, "rigid_body": {**OWNER.document["rigid_body"], "configs": configs}}, "x")
-    inertia, moments, _ = body(computed, Pose(q3, q4))
+    inertia, moments, _ = body(computed, LockedPose(q3, q4))
     assert (inertia, *moments) == pytest.approx(told, rel=1e-4)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unseen_plant.layout import STEP, WIDTH, Crane
+from unseen_plant.layout import STEP, WIDTH, CraneNumbers
 
 Array = NDArray[np.float64]
 Change = Callable[[Array], Array]
@@ -33,7 +33,7 @@ class Site:
         noise: seed of courses that are random.
     """
 
-    c: Crane
+    c: CraneNumbers
     duration: float
     low: float
     high: float
@@ -78,7 +78,7 @@ class Laid:
     """An effect of one size and form.
 
     Attributes:
-        crane: fields of ``Crane`` -> new value.
+        crane: fields of ``CraneNumbers`` -> new value.
         rows: row of e -> form, size and shape numbers.
         courses: column of u -> course on the grid.
         moving: states that move for it.
@@ -120,7 +120,7 @@ class Family:
         forms: what distinguishes each form, in words.
         lay: makes it.
         known: whether the contract's list has it.
-        needs: fields of ``Crane`` that tell the structure it presumes.
+        needs: fields of ``CraneNumbers`` that tell the structure it presumes.
         stretched: it takes a crane stretched out.
         style: kind of work that shows it, "" any.
         twins: numbers of the machine that it is, once they are off by more than their tolerance: they are not off by themselves.

@@ -19,13 +19,13 @@ from boom_recording.recording import Configuration, Recording
 from unseen_plant.families import FAMILIES, Family, Laid, Site, gather, whole
 from unseen_plant.layout import P_A, P_B, P_H, RATE
 from unseen_plant.lots import Lot, pair
-from unseen_plant.machine import DRAWN, Owner, Pose, crane
+from unseen_plant.machine import DRAWN, LockedPose, Owner, crane
 from unseen_plant.mechanics import linkage
 from unseen_plant.operator import STYLES, drive
 from unseen_plant.running import OutOfRangeError, rest, run, seen
 from unseen_plant.sensing import SEEN, Fitting, fitted, held, recorded
 from unseen_plant.structures import restructured
-from unseen_plant.visibility import TooFaintError, Visibility, Work, sensed, size_at_once
+from unseen_plant.visibility import NotVisibleError, Visibility, Work, sensed, size_at_once
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class Concealed:
 
 
 @dataclass(frozen=True)
-class Case:
+class MadeCase:
     """A case as it was made.
 
     Attributes:
@@ -85,12 +85,12 @@ class _Drawn:
 
     believed: Owner
     own: Owner
-    told: Pose
+    told: LockedPose
     fitting: Fitting
     wrong: Mapping[str, float]
 
 
-def make(lot: Lot, machine: str | Path) -> Case:
+def make(lot: Lot, machine: str | Path) -> MadeCase:
     """The case of a lot around a machine file; the same lot gives the same case.
 
     Raises:
@@ -107,12 +107,12 @@ def make(lot: Lot, machine: str | Path) -> Case:
             lot = replace(lot, effects=pair(np.random.default_rng([*lot.seed, ATTEMPTS + turn])))
         try:
             return _attempt(lot, owner, rng, attempt)
-        except (OutOfRangeError, TooFaintError) as error:
+        except (OutOfRangeError, NotVisibleError) as error:
             reason = str(error)
     raise CaseError(f"case {lot.name} ({lot.kind}) could not be made in {ATTEMPTS} attempts: {reason}")
 
 
-def _attempt(lot: Lot, owner: Owner, rng: np.random.Generator, attempt: int) -> Case:
+def _attempt(lot: Lot, owner: Owner, rng: np.random.Generator, attempt: int) -> MadeCase:
     families = [FAMILIES[name] for name, _ in lot.effects]
     drawn = _crane(lot, families, owner, rng)
     style = next((f.style for f in families if f.style), str(rng.choice(STYLES[:5])))
@@ -125,7 +125,7 @@ def _attempt(lot: Lot, owner: Owner, rng: np.random.Generator, attempt: int) -> 
         assert visibility is not None
         once = size_at_once(family, form, draws, site, visibility)
         if strength * once > family.high:
-            raise TooFaintError(f"{family.name} of {strength:g} x would be none any more")
+            raise NotVisibleError(f"{family.name} of {strength:g} x would be none any more")
         sizes.append((once, strength * once))
         laid.append(family.lay(strength * once, form, draws, site))
     shown = _still_seen(visibility, laid, lot) if visibility is not None else []
@@ -151,7 +151,7 @@ def _attempt(lot: Lot, owner: Owner, rng: np.random.Generator, attempt: int) -> 
         "structure": _structure(drawn), "style": style, "sensors": asdict(drawn.fitting), "attempts": attempt + 1,
     }  # fmt: skip
     text = yaml.safe_dump(dict(drawn.believed.document), sort_keys=False) if lot.anything else None
-    return Case(first, second, truth, text)
+    return MadeCase(first, second, truth, text)
 
 
 def _crane(lot: Lot, families: Sequence[Family], owner: Owner, rng: np.random.Generator) -> _Drawn:
@@ -170,7 +170,7 @@ def _crane(lot: Lot, families: Sequence[Family], owner: Owner, rng: np.random.Ge
         configs = list((believed.entry("rigid_body.configs") or {}).values())
         told = configs[int(rng.integers(len(configs)))]
         q3, q4 = float(told["q3"]), float(told["q4"])
-    pose = Pose(q3, q4, float(np.round(rng.uniform(100.0, 350.0))) if rng.uniform() < 0.25 and q4 > 0.0 else 0.0)
+    pose = LockedPose(q3, q4, float(np.round(rng.uniform(100.0, 350.0))) if rng.uniform() < 0.25 and q4 > 0.0 else 0.0)
     wrong = {}
     if lot.kind == "parameters":
         keys = [key for key in DRAWN if believed.has(key) and believed.tolerance(key, pose)]
@@ -211,13 +211,13 @@ def _site(work: Work, states: Array, rng: np.random.Generator) -> Site:
 
 
 def _still_seen(visibility: Visibility, laid: Sequence[Laid], lot: Lot) -> list[float]:
-    """E of each effect beside the others. Raises TooFaintError where one of a pair hides the other."""
+    """E of each effect beside the others. Raises NotVisibleError where one of a pair hides the other."""
     if len(laid) == 1:
         return [visibility.energy(laid)]
     found = [visibility.energy([one], [other for other in laid if other is not one]) for one in laid]
     if min(found) < 1.0:
         hidden = lot.effects[int(np.argmin(found))][0]
-        raise TooFaintError(f"{hidden} is not seen beside the other")
+        raise NotVisibleError(f"{hidden} is not seen beside the other")
     return found
 
 

@@ -33,9 +33,9 @@ from unseen_plant.layout import (
     SEAT,
     U_PRECHARGE,
     WALL,
-    Crane,
-    Row,
-    Table,
+    CraneNumbers,
+    EffectTable,
+    Values,
 )  # fmt: skip
 
 AMBIENT = 101_325.0
@@ -45,7 +45,7 @@ LITRES = 1.0e-3 / 60.0
 
 
 @compiled
-def stiffness(p: float, volume: float, e: Table, c: Crane) -> float:
+def stiffness(p: float, volume: float, e: EffectTable, c: CraneNumbers) -> float:
     """Bulk modulus [Pa] of oil with what is dissolved, free or evaporated in it; volume 0: head, 1: rod, 2: hose."""
     soft = 1.0 / c.beta
     absolute = max(p, -0.9 * AMBIENT) + AMBIENT
@@ -62,7 +62,7 @@ def stiffness(p: float, volume: float, e: Table, c: Crane) -> float:
 
 
 @compiled
-def _air(absolute: float, p: float, volume: float, a: Row) -> float:
+def _air(absolute: float, p: float, volume: float, a: Values) -> float:
     """Compressibility [1/Pa] of the share a[1] of free air, measured at ambient pressure."""
     if a[0] < 1.5:
         return a[1] * AMBIENT / absolute**2
@@ -76,7 +76,7 @@ def _air(absolute: float, p: float, volume: float, a: Row) -> float:
 
 
 @compiled
-def leakage(p_a: float, p_b: float, stroke: float, e: Table, c: Crane) -> float:
+def leakage(p_a: float, p_b: float, stroke: float, e: EffectTable, c: CraneNumbers) -> float:
     """Flow past the piston from a to b; e[.., 1] is that at 100 bar."""
     k = e[E_LEAK]
     if k[0] <= 0.0:
@@ -92,7 +92,7 @@ def leakage(p_a: float, p_b: float, stroke: float, e: Table, c: Crane) -> float:
 
 
 @compiled
-def _limited(d: float, c: Crane) -> float:
+def _limited(d: float, c: CraneNumbers) -> float:
     """Flow [l/min] into the cylinder at a drop of -d [bar], d > 0: a parabola, then the tangent to it that hits a30."""
     slope = c.a21 - c.a31
     node = -2.0 * c.a30 / slope
@@ -102,7 +102,7 @@ def _limited(d: float, c: Crane) -> float:
 
 
 @compiled
-def burst_curve(drop: float, thin: float, e: Table, c: Crane) -> float:
+def burst_curve(drop: float, thin: float, e: EffectTable, c: CraneNumbers) -> float:
     """Static flow [m^3/s] of the hose burst valve (5.39f) for p_h - p_a = drop [Pa]; ``thin``: how much thinner the oil is."""
     d = drop / BAR
     if d >= 0.0:
@@ -124,7 +124,7 @@ def burst_curve(drop: float, thin: float, e: Table, c: Crane) -> float:
 
 
 @compiled
-def burst_flow(y: Row, dy: Row, thin: float, e: Table, c: Crane) -> float:
+def burst_flow(y: Values, dy: Values, thin: float, e: EffectTable, c: CraneNumbers) -> float:
     """Flow from hose to cylinder through the burst valve, its poppet, and what holds the load; poppet rates into dy."""
     drop = y[P_H] - y[P_A]
     flow = burst_curve(drop, thin, e, c)
@@ -138,7 +138,7 @@ def burst_flow(y: Row, dy: Row, thin: float, e: Table, c: Crane) -> float:
 
 
 @compiled
-def _late(drop: float, flow: float, y: Row, dy: Row, s: Row) -> float:
+def _late(drop: float, flow: float, y: Values, dy: Values, s: Values) -> float:
     """Outwards, the conductance (relative to 1 l/min/bar) follows its static value; a check valve lets oil in at once."""
     conductance = min(abs(flow) / max(abs(drop), 100.0), 12.0 * LITRES / BAR) / (LITRES / BAR) if drop < 0.0 else 8.0
     g, tau = y[POPPET], s[1]
@@ -157,7 +157,7 @@ def _late(drop: float, flow: float, y: Row, dy: Row, s: Row) -> float:
 
 
 @compiled
-def _held_open(y: Row, dy: Row, s: Row) -> float:
+def _held_open(y: Values, dy: Values, s: Values) -> float:
     """Opening of a valve that holds the load until p_a + R p_b exceeds its setting; s: size, setting, R, play."""
     over = (y[P_A] + s[3] * y[P_B] - s[2]) / s[4]
     if s[0] < 1.5:
@@ -173,7 +173,7 @@ def _held_open(y: Row, dy: Row, s: Row) -> float:
 
 
 @compiled
-def _stuck(drop: float, y: Row, dy: Row, s: Row) -> float:
+def _stuck(drop: float, y: Values, dy: Values, s: Values) -> float:
     """A poppet that sticks shut until the drop s[2] frees it, and shuts again below a part of that."""
     free = y[LATCH]
     against = -drop if s[0] < 3.5 else abs(drop)
@@ -186,7 +186,7 @@ def _stuck(drop: float, y: Row, dy: Row, s: Row) -> float:
 
 
 @compiled
-def relief(y: Row, dy: Row, e: Table, c: Crane) -> float:
+def relief(y: Values, dy: Values, e: EffectTable, c: CraneNumbers) -> float:
     """Flow from the hose to tank through a relief valve that hunts."""
     s = e[E_RELIEF]
     if s[0] <= 0.0:
@@ -204,7 +204,7 @@ def relief(y: Row, dy: Row, e: Table, c: Crane) -> float:
 
 
 @compiled
-def _mouth(p_h: float, p_o: float, d: float, p_g: float, e: Table, c: Crane) -> float:
+def _mouth(p_h: float, p_o: float, d: float, p_g: float, e: EffectTable, c: CraneNumbers) -> float:
     """Flow into an accumulator through its orifice (5.39j,k)."""
     flow = c.C_d * 0.25 * math.pi * d * d * math.sqrt(2.0 / c.rho) * root(p_h - p_o)
     r = e[E_RESTRICT]
@@ -218,7 +218,7 @@ def _mouth(p_h: float, p_o: float, d: float, p_g: float, e: Table, c: Crane) -> 
 
 
 @compiled
-def accumulators(y: Row, dy: Row, u: Row, e: Table, c: Crane) -> float:
+def accumulators(y: Values, dy: Values, u: Values, e: EffectTable, c: CraneNumbers) -> float:
     """Flow from the hose into both accumulators; rates of gas and pressures (5.39g,h) into dy.
 
     The gas obeys p V^kappa = zeta exp(s) with the entropy s: V' = V / kappa (s' - p'/p), and the oil above it is compressible.
@@ -245,7 +245,7 @@ def accumulators(y: Row, dy: Row, u: Row, e: Table, c: Crane) -> float:
 
 
 @compiled
-def _heating(warm: float, wall: float, flow: float, h: Row) -> float:
+def _heating(warm: float, wall: float, flow: float, h: Values) -> float:
     """Rate of the gas' entropy [1/s] at the temperature ``warm`` over the ambient one; h[1] is one over the time constant."""
     rate = h[1]
     if h[0] > 1.5 and h[0] < 2.5:  # natural convection
@@ -256,7 +256,7 @@ def _heating(warm: float, wall: float, flow: float, h: Row) -> float:
 
 
 @compiled
-def bush(force: float, y: Row, dy: Row, e: Table) -> float:
+def bush(force: float, y: Values, dy: Values, e: EffectTable) -> float:
     """Rate at which the linkage's bush gives way [m/s] to the cylinder force [N]; the stroke is longer by y[SEAT]."""
     s = e[E_SEAT]
     if s[0] <= 0.0:

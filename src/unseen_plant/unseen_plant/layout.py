@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol, overload
 
 
-class Row(Protocol):
+class Values(Protocol):
     """A state, its rates, a row of courses or of an effect: an array of one dimension, for the type checker."""
 
     def __getitem__(self, k: int, /) -> float:
@@ -15,16 +15,16 @@ class Row(Protocol):
         """Change one value."""
 
 
-class Table(Protocol):
+class EffectTable(Protocol):
     """All effects: an array of two dimensions, for the type checker."""
 
     @overload
-    def __getitem__(self, k: int, /) -> Row: ...
+    def __getitem__(self, k: int, /) -> Values: ...
     @overload
     def __getitem__(self, k: tuple[int, int], /) -> float: ...
 
 
-class Crane(NamedTuple):
+class CraneNumbers(NamedTuple):
     """Every number of one crane [SI], a structure told by ``bars``, ``burst``, ``gas``, ``piloted``, ``compensated`` (1 or 0)."""
 
     g: float

@@ -13,7 +13,7 @@ import numpy as np
 
 from boom_input.files import InputError
 from boom_input.yaml_text import read_yaml
-from unseen_plant.layout import Crane
+from unseen_plant.layout import CraneNumbers
 
 DEVIATIONS = 2.0
 """A tolerance is this many standard deviations."""
@@ -41,7 +41,7 @@ class UnreadableMachineError(ValueError):
 
 
 @dataclass(frozen=True)
-class Pose:
+class LockedPose:
     """Angle of the outer boom q3 [rad], telescope q4 [m], configured load [kg]."""
 
     q3: float
@@ -101,7 +101,7 @@ class Owner:
         entry = self.entry(section)
         return str(entry.get("type", default)) if isinstance(entry, Mapping) else default
 
-    def tolerance(self, key: str, pose: Pose) -> float:
+    def tolerance(self, key: str, pose: LockedPose) -> float:
         """How far, relatively, a number may be off while the machine is still the same."""
         if key == "load":
             return max(0.05, 20.0 / pose.load) if pose.load else 0.0
@@ -124,7 +124,7 @@ class Owner:
         return key.startswith("rigid_body.") or key == "load" or self.entry(key) is not None
 
     def drawn(
-        self, rng: np.random.Generator, pose: Pose, spread: float, wrong: Mapping[str, float]
+        self, rng: np.random.Generator, pose: LockedPose, spread: float, wrong: Mapping[str, float]
     ) -> dict[str, float]:
         """Factors of one crane: normal with ``spread`` standard deviations, never beyond the tolerance; ``wrong`` as told."""
         factors = {}
@@ -136,7 +136,7 @@ class Owner:
         return factors
 
 
-def crane(owner: Owner, pose: Pose) -> Crane:
+def crane(owner: Owner, pose: LockedPose) -> CraneNumbers:
     """All numbers of a crane in a pose [SI].
 
     Raises:
@@ -162,7 +162,7 @@ def crane(owner: Owner, pose: Pose) -> Crane:
     k, v, b, a, s, p = (
         "kinematics.", "main_valve_orifices.", "hose_burst_valve.", "accumulators.", "main_valve_spool.", "pilot_valves."
     )  # fmt: skip
-    return Crane._make([
+    return CraneNumbers._make([
         n("constants.g"), n("fluid.rho"), n("fluid.beta"), n("fluid.C_d"), n("fluid.p_t"), n("fluid.p_s", 2.5e7),
         n("cylinder.A_a"), n("cylinder.A_b"), n("cylinder.l_p"), n("cylinder.V_0a"), n("cylinder.V_0b"), n("cylinder.V_h"),
         float(bars), *(there(bars, f"{k}{key}") for key in _BARS),
@@ -188,7 +188,7 @@ def _feed(owner: Owner, piloted: bool) -> float:
     return owner.number("pilot_valves.b0_s") * owner.factors.get("pilot_valves.a1_s", 1.0) if piloted else 1.0
 
 
-def body(owner: Owner, pose: Pose) -> tuple[float, tuple[float, float], tuple[float, float]]:
+def body(owner: Owner, pose: LockedPose) -> tuple[float, tuple[float, float], tuple[float, float]]:
     """Inertia about the boom joint [kg m^2], first moments [kg m] and tip [m] in the boom's frame, without load."""
     for told in (owner.entry("rigid_body.configs") or {}).values():
         if math.isclose(told["q3"], pose.q3, abs_tol=1e-6) and math.isclose(told["q4"], pose.q4, abs_tol=1e-6):

@@ -33,9 +33,9 @@ from unseen_plant.layout import (
     U_THIN,
     U_TILT,
     WARMTH,
-    Crane,
-    Row,
-    Table,
+    CraneNumbers,
+    EffectTable,
+    Values,
 )  # fmt: skip
 
 REST = 0.004
@@ -43,7 +43,7 @@ REST = 0.004
 
 
 @compiled
-def linkage(q: float, c: Crane) -> tuple[float, float]:
+def linkage(q: float, c: CraneNumbers) -> tuple[float, float]:
     """Stroke s_p [m] and lever J = ds_p/dq [m/rad] by following the bars' velocities; triangle or four bars."""
     cq, sq = math.cos(q), math.sin(q)
     if c.bars < 0.5:
@@ -94,7 +94,7 @@ def _tight(q: float, form: float, at: float, width: float) -> float:
 
 
 @compiled
-def _bristles(y: Row, form: float, share: float) -> float:
+def _bristles(y: Values, form: float, share: float) -> float:
     """Friction of the bristles over that of full slip."""
     if form > 3.5 and form < 4.5:
         return share * y[BRISTLE] + (1.0 - share) * (0.6 * y[BRISTLE_2] + 0.4 * y[BRISTLE_3])
@@ -102,7 +102,7 @@ def _bristles(y: Row, form: float, share: float) -> float:
 
 
 @compiled
-def friction(y: Row, u: Row, e: Table, c: Crane) -> float:
+def friction(y: Values, u: Values, e: EffectTable, c: CraneNumbers) -> float:
     """Friction torque (5.39b) with everything that acts on it [N m]."""
     q, w = y[0], y[1]
     slip = math.tanh(w / c.sigma)
@@ -136,7 +136,7 @@ def _slip_rate(z: float, w: float, width: float, form: float, a: float) -> float
 
 
 @compiled
-def friction_rates(y: Row, dy: Row, e: Table, torque: float) -> None:
+def friction_rates(y: Values, dy: Values, e: EffectTable, torque: float) -> None:
     """Rates of bristles, of the time at rest and of the joint's warmth, into dy."""
     w = y[1]
     b = e[E_BRISTLE]
@@ -170,7 +170,7 @@ def _contact(depth: float, speed: float, form: float, stiffness: float, a: float
 
 
 @compiled
-def outer_torque(y: Row, u: Row, e: Table, c: Crane) -> float:
+def outer_torque(y: Values, u: Values, e: EffectTable, c: CraneNumbers) -> float:
     """Torque of weight, load, ground and stops on the boom [N m], positive lifting."""
     q, w = y[0], y[1]
     leaning = q + y[BASE] + u[U_TILT]
@@ -190,13 +190,13 @@ def outer_torque(y: Row, u: Row, e: Table, c: Crane) -> float:
 
 
 @compiled
-def _inertia(u: Row, c: Crane) -> float:
+def _inertia(u: Values, c: CraneNumbers) -> float:
     added, tx, ty = u[U_LOAD], c.load_reach * c.tip_x + c.load_off_x, c.load_reach * c.tip_y + c.load_off_y
     return c.inertia + c.load * (c.tip_x**2 + c.tip_y**2) + added * (tx * tx + ty * ty + c.load_gyration**2)
 
 
 @compiled
-def _swinging(y: Row, dy: Row, inertia: float, torque: float, s: Row, c: Crane) -> None:
+def _swinging(y: Values, dy: Values, inertia: float, torque: float, s: Values, c: CraneNumbers) -> None:
     """Boom and a body that hangs at its tip: two equations of Lagrange for q and the body's angle from the vertical."""
     q, w, a, v = y[0], y[1], y[SWING], y[SWING_RATE]
     cq, sq, ca, sa = math.cos(q), math.sin(q), math.cos(a), math.sin(a)
@@ -222,7 +222,7 @@ def _swinging(y: Row, dy: Row, inertia: float, torque: float, s: Row, c: Crane) 
 
 
 @compiled
-def _bending(y: Row, dy: Row, inertia: float, cylinder: float, torque: float, s: Row) -> None:
+def _bending(y: Values, dy: Values, inertia: float, cylinder: float, torque: float, s: Values) -> None:
     """A root that the cylinder drives and an outer part behind a spring; the outer part weighs, and acts back on the cylinder."""
     x, v, form = y[BEND], y[BEND_RATE], s[0]
     outer = (1.0 - s[4]) * inertia
@@ -245,7 +245,7 @@ def _bending(y: Row, dy: Row, inertia: float, cylinder: float, torque: float, s:
 
 
 @compiled
-def motion(y: Row, dy: Row, u: Row, e: Table, c: Crane, drive: float) -> None:
+def motion(y: Values, dy: Values, u: Values, e: EffectTable, c: CraneNumbers, drive: float) -> None:
     """Accelerations (5.39a) for the cylinder's torque ``drive`` [N m], and the rates of all that hangs on them, into dy."""
     resisting = friction(y, u, e, c)
     friction_rates(y, dy, e, resisting)
@@ -263,7 +263,7 @@ def motion(y: Row, dy: Row, u: Row, e: Table, c: Crane, drive: float) -> None:
 
 
 @compiled
-def _rocking(y: Row, dy: Row, drive: float, s: Row) -> None:
+def _rocking(y: Values, dy: Values, drive: float, s: Values) -> None:
     """The base gives way to the cylinder's torque: compliance s[1] [rad/(N m)], about the torque s[4]."""
     x, v, form = y[BASE], y[BASE_RATE], s[0]
     wanted = -s[1] * (drive - s[4])

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from unseen_plant.layout import ANGLE, RATE, STEP, U_IN, U_OUT, Crane
+from unseen_plant.layout import ANGLE, RATE, STEP, U_IN, U_OUT, CraneNumbers
 from unseen_plant.running import SCALE, TOLERANCE, Machinery, OutOfRangeError
 from unseen_plant.simulation import integrate
 
@@ -19,7 +19,7 @@ QUIET = 1.6
 STYLES = ("joystick", "positioning", "rocking", "controller", "rests", "ends")
 
 
-def current(c: Crane, x: float) -> float:
+def current(c: CraneNumbers, x: float) -> float:
     """Current [A] that holds the spool at the relative stroke x >= 0."""
     if c.piloted < 0.5:
         return x * c.s_max / c.K_i

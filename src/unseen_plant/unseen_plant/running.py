@@ -34,7 +34,7 @@ from unseen_plant.layout import (
     U_OUT,
     U_PRECHARGE,
     WIDTH,
-    Crane,
+    CraneNumbers,
 )  # fmt: skip
 from unseen_plant.mechanics import linkage, outer_torque
 from unseen_plant.simulation import integrate, rates
@@ -69,7 +69,7 @@ class Machinery:
         starts: their values at rest where that is not zero.
     """
 
-    c: Crane
+    c: CraneNumbers
     e: Array = field(default_factory=lambda: np.zeros((SLOTS, WIDTH)))
     courses: Mapping[int, Array] = field(default_factory=dict)
     moving: tuple[int, ...] = ()

@@ -13,7 +13,7 @@ import numpy as np
 from concealed_plant.compiling import compiled
 from unseen_plant.curves import curve
 from unseen_plant.hydraulics import accumulators, burst_flow, bush, leakage, relief, stiffness
-from unseen_plant.layout import E_CUSHION, P_A, P_B, P_H, RATE, SEAT, STATES, U_THIN, Crane, Table
+from unseen_plant.layout import E_CUSHION, P_A, P_B, P_H, RATE, SEAT, STATES, U_THIN, CraneNumbers, EffectTable
 from unseen_plant.mechanics import linkage, motion
 from unseen_plant.valve import flows
 
@@ -23,7 +23,7 @@ SMALLEST = 1.0 / 256.0
 
 
 @compiled
-def _cushion(stroke: float, rate: float, e: Table, c: Crane) -> tuple[float, float]:
+def _cushion(stroke: float, rate: float, e: EffectTable, c: CraneNumbers) -> tuple[float, float]:
     """Narrowing of the ways out of head and rod side near the ends of the stroke, relative to an open edge."""
     s = e[E_CUSHION]
     if s[0] <= 0.0:
@@ -36,7 +36,7 @@ def _cushion(stroke: float, rate: float, e: Table, c: Crane) -> tuple[float, flo
 
 
 @compiled
-def rates(y: Floats, u: Floats, e: Floats, c: Crane, dy: Floats) -> None:
+def rates(y: Floats, u: Floats, e: Floats, c: CraneNumbers, dy: Floats) -> None:
     """Time derivative of the state under the inputs and courses u, into dy."""
     dy[:] = 0.0
     stroke, lever = linkage(y[0], c)
@@ -63,7 +63,7 @@ def rates(y: Floats, u: Floats, e: Floats, c: Crane, dy: Floats) -> None:
 
 @compiled
 def _jacobian(
-    y: Floats, u: Floats, e: Floats, c: Crane, own: Floats, near: Floats, f: Floats, g: Floats, J: Floats
+    y: Floats, u: Floats, e: Floats, c: CraneNumbers, own: Floats, near: Floats, f: Floats, g: Floats, J: Floats
 ) -> None:
     """Differences of the rates of the states ``own``; f: their rates at y, g: room for others."""
     for j in range(len(own)):
@@ -111,8 +111,8 @@ def _solve(M: Floats, order: Floats, b: Floats) -> None:
 
 @compiled
 def _parts(
-    y: Floats, f: Floats, u: Floats, e: Floats, c: Crane, own: Floats, scale: Floats, h: float, parts: int, J: Floats, M: Floats,
-    order: Floats, b: Floats, g: Floats, result: Floats,
+    y: Floats, f: Floats, u: Floats, e: Floats, c: CraneNumbers, own: Floats, scale: Floats, h: float, parts: int, J: Floats,
+    M: Floats, order: Floats, b: Floats, g: Floats, result: Floats,
 ) -> None:  # fmt: skip
     """``parts`` linearly implicit Euler steps of h / parts from y, into result."""
     n, part = len(own), h / parts
@@ -143,7 +143,7 @@ def _fell(before: Floats, after: Floats) -> bool:
 
 @compiled
 def integrate(
-    y: Floats, courses: Floats, e: Floats, c: Crane, own: Floats, scale: Floats, period: float, tolerance: float
+    y: Floats, courses: Floats, e: Floats, c: CraneNumbers, own: Floats, scale: Floats, period: float, tolerance: float
 ) -> tuple[Floats, int]:
     """States (n, STATES) at the end of each of the n rows of ``courses``, and how many rows were reached inside the linkage.
 

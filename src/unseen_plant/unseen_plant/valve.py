@@ -34,9 +34,9 @@ from unseen_plant.layout import (
     U_OUT,
     U_POLE,
     U_SUPPLY,
-    Crane,
-    Row,
-    Table,
+    CraneNumbers,
+    EffectTable,
+    Values,
 )  # fmt: skip
 
 FULL_FLOW = 2.0e-3
@@ -44,7 +44,7 @@ FULL_FLOW = 2.0e-3
 
 
 @compiled
-def _lag(lag: float, current: float, coil: int, e: Table, drift: float, c: Crane) -> float:
+def _lag(lag: float, current: float, coil: int, e: EffectTable, drift: float, c: CraneNumbers) -> float:
     """Rate of a pilot valve's state (5.39p,s)."""
     s = e[E_POLE]
     factor = 1.0 + drift
@@ -61,14 +61,14 @@ def _lag(lag: float, current: float, coil: int, e: Table, drift: float, c: Crane
 
 
 @compiled
-def _pilot_pressure(lag: float, current: float, c: Crane) -> float:
+def _pilot_pressure(lag: float, current: float, c: CraneNumbers) -> float:
     """(5.39q,r) [Pa]."""
     nu = c.feed * lag + c.through * current
     return 1.0e5 * ((c.h_2 * nu + c.h_1) * nu + c.h_0)
 
 
 @compiled
-def _spring(x: float, e: Table) -> float:
+def _spring(x: float, e: EffectTable) -> float:
     """Spring force over that of the nominal spring at the relative stroke x."""
     s = e[E_SPRING]
     if s[0] <= 0.0:
@@ -83,7 +83,7 @@ def _spring(x: float, e: Table) -> float:
 
 
 @compiled
-def _off_centre(x: float, u: Row, e: Table) -> float:
+def _off_centre(x: float, u: Values, e: EffectTable) -> float:
     """Displacement of the spool's neutral position over full stroke."""
     s, off = e[E_CENTRE], u[U_CENTRE]
     if s[0] > 0.0 and s[0] < 1.5:
@@ -96,7 +96,7 @@ def _off_centre(x: float, u: Row, e: Table) -> float:
 
 
 @compiled
-def _jet(x: float, in_flow: float, out_flow: float, out_drop: float, e: Table, c: Crane) -> float:
+def _jet(x: float, in_flow: float, out_flow: float, out_drop: float, e: EffectTable, c: CraneNumbers) -> float:
     """Flow force towards neutral over the spring's at full stroke, unsigned; s[1] is about that at full flow."""
     s = e[E_FLOW_FORCE]
     a, b = abs(in_flow) / FULL_FLOW, abs(out_flow) / FULL_FLOW
@@ -113,7 +113,7 @@ def _jet(x: float, in_flow: float, out_flow: float, out_drop: float, e: Table, c
 
 
 @compiled
-def _stuck_spool(x: float, e: Table) -> float:
+def _stuck_spool(x: float, e: EffectTable) -> float:
     """Dry friction of a spool that sticks, over the spring's force at full stroke."""
     s = e[E_STUCK_SPOOL]
     if s[0] <= 0.0:
@@ -128,7 +128,7 @@ def _stuck_spool(x: float, e: Table) -> float:
 
 
 @compiled
-def _follow(y: Row, dy: Row, x: float, v: float, e: Table) -> float:
+def _follow(y: Values, dy: Values, x: float, v: float, e: EffectTable) -> float:
     """Relative position at which the edges stand, which lags x (moving at v [1/s]) by a hysteresis; its states into dy."""
     s = e[E_PLAY]
     h = s[1]
@@ -151,7 +151,7 @@ def _follow(y: Row, dy: Row, x: float, v: float, e: Table) -> float:
 
 
 @compiled
-def _opening(x: float, overlap: float, e: Table, c: Crane) -> float:
+def _opening(x: float, overlap: float, e: EffectTable, c: CraneNumbers) -> float:
     """Relative opening of an edge at the relative stroke x; with soft edges it begins before the overlap ends."""
     s = e[E_SOFT_EDGE]
     over = min(x, 1.2) - overlap
@@ -165,7 +165,7 @@ def _opening(x: float, overlap: float, e: Table, c: Crane) -> float:
 
 
 @compiled
-def _supplied(flow: float, p: float, u: Row, e: Table) -> float:
+def _supplied(flow: float, p: float, u: Values, e: EffectTable) -> float:
     """What the supply lets through of the flow that the valve asks for, at the load pressure p [Pa]."""
     flow *= 1.0 + u[U_SUPPLY]
     d, r, g = e[E_DROOP], e[E_PUMP], e[E_SAG]
@@ -182,7 +182,7 @@ def _supplied(flow: float, p: float, u: Row, e: Table) -> float:
 
 
 @compiled
-def _pumped(flow: float, p: float, s: Row) -> float:
+def _pumped(flow: float, p: float, s: Values) -> float:
     """The pump's limit s[1] [m^3/s]."""
     limit = s[1]
     if s[0] > 1.5 and s[0] < 2.5:  # power
@@ -195,7 +195,7 @@ def _pumped(flow: float, p: float, s: Row) -> float:
 
 
 @compiled
-def _returned(y: Row, dy: Row, flow: float, e: Table) -> None:
+def _returned(y: Values, dy: Values, flow: float, e: EffectTable) -> None:
     """Rise of the tank pressure, which follows the flow to tank within some ten milliseconds."""
     s = e[E_RETURN]
     x = max(flow, 0.0) / FULL_FLOW
@@ -211,7 +211,7 @@ def _returned(y: Row, dy: Row, flow: float, e: Table) -> None:
 
 
 @compiled
-def _kinked(area: float, widest: float, q: float, out: bool, e: Table) -> float:
+def _kinked(area: float, widest: float, q: float, out: bool, e: EffectTable) -> float:
     """Area of an edge in series with a hose that is narrow where the boom bends it."""
     s = e[E_KINK]
     if s[0] <= 0.0 or not out:
@@ -229,7 +229,7 @@ def _kinked(area: float, widest: float, q: float, out: bool, e: Table) -> float:
 
 
 @compiled
-def _seeping(p: float, e: Table) -> float:
+def _seeping(p: float, e: EffectTable) -> float:
     """Flow out of the hose that no opening tells of: to tank, or (negative) from the supply."""
     s = e[E_SEEP]
     if s[0] <= 0.0:
@@ -244,7 +244,9 @@ def _seeping(p: float, e: Table) -> float:
 
 
 @compiled
-def flows(y: Row, dy: Row, u: Row, e: Table, c: Crane, out_head: float, out_rod: float) -> tuple[float, float]:
+def flows(
+    y: Values, dy: Values, u: Values, e: EffectTable, c: CraneNumbers, out_head: float, out_rod: float
+) -> tuple[float, float]:
     """Flows q_h into the hose and q_b into the rod side [m^3/s] (5.39l,m); rates of pilot stage, spool, return line into dy.
 
     ``out_head``, ``out_rod``: factors in 0..1 by which cushions narrow the way out of each side.
@@ -276,12 +278,22 @@ def flows(y: Row, dy: Row, u: Row, e: Table, c: Crane, out_head: float, out_rod:
 
 
 @compiled
-def _meter_in(p: float, c: Crane) -> float:
+def _meter_in(p: float, c: CraneNumbers) -> float:
     return math.sqrt(c.dp_c) if c.compensated > 0.5 else root(c.p_s - p)
 
 
 @compiled
-def _spool(y: Row, dy: Row, u: Row, e: Table, c: Crane, x: float, supplied: float, out: float, drop: float) -> None:
+def _spool(
+    y: Values,
+    dy: Values,
+    u: Values,
+    e: EffectTable,
+    c: CraneNumbers,
+    x: float,
+    supplied: float,
+    out: float,
+    drop: float,
+) -> None:
     """Motion of pilot valves and spool (5.39n-u), or of a spool that follows its current, into dy."""
     full = c.k_s * c.s_max
     jet = _jet(x, supplied, out, drop, e, c) * math.tanh(x / 0.02) if e[E_FLOW_FORCE, 0] > 0.0 else 0.0

@@ -22,7 +22,7 @@ from scipy.optimize import lsq_linear
 
 from unseen_plant.families import Family, Laid, Site
 from unseen_plant.layout import SLOTS, WIDTH
-from unseen_plant.machine import DEVIATIONS, Owner, Pose, crane
+from unseen_plant.machine import DEVIATIONS, LockedPose, Owner, crane
 from unseen_plant.running import Machinery, OutOfRangeError, rest, run, seen
 from unseen_plant.sensing import SEEN, Fitting
 
@@ -46,7 +46,7 @@ LEAST_SHARE = 0.6
 """Of a run that has to stay inside the linkage."""
 
 
-class TooFaintError(RuntimeError):
+class NotVisibleError(RuntimeError):
     """No size of the effect, or none that still is this effect, shows in this recording."""
 
 
@@ -55,7 +55,7 @@ class Work:
     """A crane at work: owner's file with the crane's factors, pose, start (angle, rod pressure), currents (n, 2), sensors."""
 
     owner: Owner
-    pose: Pose
+    pose: LockedPose
     start: tuple[float, float]
     currents: Array
     fitting: Fitting
@@ -187,7 +187,7 @@ class Visibility:
 
 
 def size_at_once(family: Family, form: int, draws: Array, site: Site, visibility: Visibility) -> float:
-    """The 1 x size of a form. Raises TooFaintError: there is none between the family's smallest and largest."""
+    """The 1 x size of a form. Raises NotVisibleError: there is none between the family's smallest and largest."""
     lay = family.lay
 
     def energy(size: float, tries: int = 0) -> float:
@@ -213,5 +213,5 @@ def size_at_once(family: Family, form: int, draws: Array, site: Site, visibility
             break
         size *= float(min(np.sqrt(1.0 / max(e, 1e-3)), 3.0))
     if e < 0.5 or not family.low <= size <= family.high:
-        raise TooFaintError(f"{family.name} does not show")
+        raise NotVisibleError(f"{family.name} does not show")
     return size
