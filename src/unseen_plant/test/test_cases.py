@@ -12,12 +12,13 @@ import yaml
 from boom_recording.recording import Configuration
 from unseen_plant import generator
 from unseen_plant.families import FAMILIES, known, outside
-from unseen_plant.generator import make
+from unseen_plant.generator import CaseError, make
 from unseen_plant.layout import STEP
 from unseen_plant.lots import SHARES, Lot, lots
 from unseen_plant.machine import DRAWN, LockedPose, Owner, crane
 from unseen_plant.sensing import Fitting, fitted, held, recorded
 from unseen_plant.structures import restructured
+from unseen_plant.visibility import NotVisibleError
 
 MACHINE = Path(__file__).parents[3] / "src" / "boom_model" / "boom_model" / "machines" / "tz17.yaml"
 
@@ -51,6 +52,24 @@ def test_pairs_lie_in_different_subsystems_and_share_no_equation_of_motion():
 def test_no_lot_is_refused():
     with pytest.raises(ValueError, match="at least one"):
         lots(1, 0)
+
+
+def test_a_lot_that_no_crane_shows_gives_way_to_another_of_its_kind_and_class_and_always_to_the_same(monkeypatch):
+    tried = []
+
+    def attempt(lot, *_):
+        tried.append(lot.effects)
+        raise NotVisibleError("not seen")
+
+    monkeypatch.setattr(generator, "_attempt", attempt)
+    for _ in range(2):
+        with pytest.raises(CaseError, match="could not be made in 60 attempts: not seen"):
+            make(Lot("ddd", (9, 8), "outside", (("sticking_spool", 3.0),)), MACHINE)
+    first, again = tried[: generator.ATTEMPTS], tried[generator.ATTEMPTS :]
+    assert first == again and len(first) == generator.ATTEMPTS
+    assert set(first[: generator.REDRAWN]) == {(("sticking_spool", 3.0),)}
+    assert len(set(first)) > 3 and {name for ((name, _),) in first} <= set(outside())
+    assert {strength for ((_, strength),) in first} == {3.0}
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from boom_recording.recording import Configuration, Recording
 from unseen_plant.families import FAMILIES, Family, Laid, Site, gather, whole
 from unseen_plant.layout import P_A, P_B, P_H, RATE
-from unseen_plant.lots import Lot, pair
+from unseen_plant.lots import Lot, redrawn
 from unseen_plant.machine import DRAWN, LockedPose, Owner, crane
 from unseen_plant.mechanics import linkage
 from unseen_plant.operator import STYLES, drive
@@ -32,8 +32,8 @@ Array = NDArray[np.float64]
 DURATION = 60.0
 ATTEMPTS = 60
 """Cranes, operators and forms that are drawn before a case is given up."""
-REDRAWN = 12
-"""Attempts after which another pair is drawn."""
+REDRAWN = 6
+"""Attempts after which another effect of the same kind and class, or another pair, is drawn: some show in few cranes."""
 _POSES = ((4.59, 0.0), (0.28, 2.2), (0.28, 2.8))
 _ROOMS = {"ends": (-0.8, 1.5), "rocking": (0.1, 1.0)}
 
@@ -102,11 +102,8 @@ def make(lot: Lot, machine: str | Path) -> MadeCase:
     reason = ""
     for attempt in range(ATTEMPTS):
         rng = np.random.default_rng([*lot.seed, attempt, int(lot.anything), 0x51])
-        turn = attempt // REDRAWN
-        if lot.kind == "pair" and turn:
-            lot = replace(lot, effects=pair(np.random.default_rng([*lot.seed, ATTEMPTS + turn])))
         try:
-            return _attempt(lot, owner, rng, attempt)
+            return _attempt(redrawn(lot, attempt // REDRAWN), owner, rng, attempt)
         except (OutOfRangeError, NotVisibleError) as error:
             reason = str(error)
     raise CaseError(f"case {lot.name} ({lot.kind}) could not be made in {ATTEMPTS} attempts: {reason}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 
 import numpy as np
@@ -69,6 +69,17 @@ def _effects(kind: str, count: int, rng: np.random.Generator) -> list[tuple[tupl
     ladder = [(name, strength) for strength in strengths for name in names]
     rounds = [int(k) for _ in range(count // len(ladder) + 1) for k in rng.permutation(len(ladder))]
     return [(ladder[k],) for k in rounds[:count]]
+
+
+def redrawn(lot: Lot, turn: int) -> Lot:
+    """The lot with other effects of its kind and class after ``turn`` vain turns, always the same ones."""
+    if turn == 0 or not lot.effects:
+        return lot
+    rng = np.random.default_rng([*lot.seed, turn, 0x52])
+    if lot.kind == "pair":
+        return replace(lot, effects=pair(rng))
+    names = known() if lot.kind == "effect" else outside()
+    return replace(lot, effects=((str(rng.choice(names)), lot.effects[0][1]),))
 
 
 def pair(rng: np.random.Generator) -> tuple[tuple[str, float], ...]:
