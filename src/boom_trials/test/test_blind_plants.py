@@ -73,8 +73,9 @@ def test_each_case_is_diagnosed_and_judged_with_its_owners_machine(made, monkeyp
         asked[options["cwd"].name] = command
         raise trial.subprocess.TimeoutExpired(command, 1.0)
 
-    monkeypatch.setattr(trial.subprocess, "run", run)
-    made.diagnose(OneByOne(), quiet)
+    with monkeypatch.context() as patch:  # the judge compiles models with programs of its own
+        patch.setattr(trial.subprocess, "run", run)
+        made.diagnose(OneByOne(), quiet)
     assert "--machine" not in asked["aaa"] and asked["bbb"][-2:] == ["--machine", MACHINE]
     healthy, wrong = made.score(OneByOne(), quiet)
     assert "no answer within" in healthy.said.failure
