@@ -3,12 +3,14 @@
 import json
 import signal
 import subprocess
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
 import pytest
 
 from boom_trials.blind import judging, trial
+from boom_trials.blind.plants import PLANTS
 from boom_trials.blind.trial import Trial, TrialError
 from concealed_plant import generator
 from concealed_plant.cases import CaseSpec
@@ -38,7 +40,8 @@ def short():
     """Two cases of 12 s."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(generator, "DURATION", 12.0)
-        patch.setattr(trial, "cases", lambda seed, count: SPECS)
+        short = replace(PLANTS["p"], cases=lambda seed, count, structures: SPECS)
+        patch.setitem(PLANTS, "p", short)
         yield
 
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import inspect
 from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
@@ -39,9 +43,18 @@ def compiled(function: F) -> F:
         InputError: the cache folder cannot be used, see ``boom_input.cache``.
     """
     # What lies there is unpickled and run: in the user's own folder, not beside the sources where others may write.
-    folder = cache_folder() / "numba"
-    folder.mkdir(exist_ok=True, mode=0o700)
+    folder = cache_folder() / "numba" / _sources(Path(inspect.getfile(function)).parent)
+    folder.mkdir(exist_ok=True, mode=0o700, parents=True)
     numba.config.CACHE_DIR = str(folder)
     dispatcher = numba.njit(function, cache=True, error_model="numpy", fastmath=_FREE)
     dispatcher._cache._cache_file.__class__ = _Damaged
     return cast(F, dispatcher)
+
+
+@lru_cache
+def _sources(folder: Path) -> str:
+    """Digest of all sources beside a function: numba looks at the function's own file, not at those whose functions it calls."""
+    total = hashlib.sha256()
+    for path in sorted(folder.glob("*.py")):
+        total.update(path.read_bytes())
+    return total.hexdigest()[:16]

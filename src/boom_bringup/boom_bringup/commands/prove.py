@@ -1,12 +1,14 @@
 """Run the blind trial: conceal physics in a second plant, let the diagnosis find it, and score the answers.
 
-The second plant (concealed_plant) shares no line with the model and no functional form with the effects of the catalogue. All cases
-are made and sealed first; only a checksum of the answers is shown. The diagnosis then works on each recording in a process that can
-open nothing else of the trial. Finally the answers are opened, and the table, the report and the worst cases are shown.
+The second plant (concealed_plant) shares no line with the model and no functional form with the effects of the catalogue. With
+--plant q it is a third one (unseen_plant), which draws the form of every effect, operator and sensors, too. All cases are made
+and sealed first; only a checksum of the answers is shown. The diagnosis then works on each recording in a process that can open
+nothing else of the trial. Finally the answers are opened, and the table, the report and the worst cases are shown.
 
   ./boom prove --cases 30                     a small trial with a fresh seed, some minutes
   ./boom prove --cases 300                    the published one, about an hour on two cores
   ./boom prove --seed 7 --cases 300 --output output/prove-7-300     the same again, or resume one that was stopped
+  ./boom prove --plant q --seed 7 --cases 12 --cases-only cases     only make the cases, to look at them
 
 A measure that is not met is a result: the exit status is 0, or 1 with --strict.
 """
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from boom_trials.blind.outcomes import Row
-    from boom_trials.blind.trial import Progress
+    from boom_trials.blind.trial import Progress, Trial
 
 HELP = "conceal physics in a second plant, let the diagnosis find it blindly, score it"
 
@@ -44,11 +46,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=int, metavar="N", help="repeat the trial with this seed (default: a fresh one, which is printed)"
     )
+    parser.add_argument(
+        "--plant",
+        choices=("p", "q"),
+        default="p",
+        help="who conceals: p, the concealed plant, or q, the unseen one (default: p)",
+    )
+    parser.add_argument(
+        "--structures", choices=("tz17", "any"), default="tz17",
+        help="with --plant q: cranes like the TZ17, or of any structure, each with its owner's machine file (default: tz17)",
+    )  # fmt: skip
     parser.add_argument("--cases", type=int, metavar="K", default=300, help="number of cases (default: 300)")
     parser.add_argument(
         "--output",
         metavar="DIR",
         help="folder of the trial; resumes a trial that was stopped (default: output/prove-N-K)",
+    )
+    parser.add_argument(
+        "--cases-only",
+        metavar="DIR",
+        help="only make the cases, with their answers, in DIR; --output DIR goes on from there",
     )
     parser.add_argument("--json", metavar="F", help="write the score as a JSON document to F")
     parser.add_argument(
@@ -73,12 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the trial; returns 0, or 1 with --strict and a measure that is not met."""
-    if args.cases < 1:
-        raise UsageError(f"--cases {args.cases}: give at least 1")
-    if args.workers < 1:
-        raise UsageError(f"--workers {args.workers}: give at least 1")
-    if args.seed is not None and not 0 <= args.seed <= _LARGEST_SEED:
-        raise UsageError(f"--seed {args.seed}: give a number from 0 to {_LARGEST_SEED}")
+    _check(args)
     json_path, page_path = checked(args.json, "--json"), checked(args.document, "--document")
     machine = _machine_file(args.machine)
 
@@ -87,18 +99,18 @@ def run(args: argparse.Namespace) -> int:
     from boom_trials.blind.engine import workers
     from boom_trials.blind.page import page
     from boom_trials.blind.report import report
-    from boom_trials.blind.trial import Trial, stored
+    from boom_trials.blind.trial import Trial, default_folder, stored
 
     console = console_for()
     seed = args.seed
     if seed is None:
         known = stored(Path(args.output)) if args.output else None
         seed = known.seed if known else secrets.randbelow(_LARGEST_SEED)
-    folder = Path(args.output) if args.output else Path("output") / f"prove-{seed}-{args.cases}"
+    folder = Path(args.cases_only or args.output or default_folder(args.plant, args.structures, seed, args.cases))
     with held(folder):
-        trial = Trial(folder, seed, args.cases, machine)
+        trial = Trial(folder, seed, args.cases, machine, args.plant, args.structures)
         begin, drawn_anew = time.monotonic(), trial.finished
-        again = f"prove --seed {seed} --cases {args.cases} --output {folder}"
+        again = f"prove {trial.state.options} --output {folder}"
         console.print(f"seed {seed}: repeat or resume with ./boom {again}", soft_wrap=True)
         try:
             with (
@@ -108,6 +120,9 @@ def run(args: argparse.Namespace) -> int:
             ):
                 checksum = trial.prepare(engine, progress)
                 console.print(f"{args.cases} answers are sealed, SHA-256 {checksum}", soft_wrap=True)
+                if args.cases_only:
+                    _show_cases(console, trial)
+                    return 0
                 trial.diagnose(engine, progress)
                 rows = trial.score(engine, progress)
         finally:
@@ -123,6 +138,22 @@ def run(args: argparse.Namespace) -> int:
         console.print(f"{seconds / 60:.1f} minutes; report: {report_path}, page: {page_path}", soft_wrap=True)
         missed = [m for m in scoring.measures(rows) if m.met is False]
         return 1 if args.strict and missed else 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Raises UsageError for options that cannot be, or not together."""
+    if args.cases < 1:
+        raise UsageError(f"--cases {args.cases}: give at least 1")
+    if args.workers < 1:
+        raise UsageError(f"--workers {args.workers}: give at least 1")
+    if args.seed is not None and not 0 <= args.seed <= _LARGEST_SEED:
+        raise UsageError(f"--seed {args.seed}: give a number from 0 to {_LARGEST_SEED}")
+    if args.cases_only and (args.output or args.json or args.document):
+        raise UsageError("--cases-only ends before there is a score: leave out --output, --json and --document")
+    from boom_trials.blind.plants import PLANTS
+
+    if args.structures not in (own := PLANTS[args.plant].structures):
+        raise UsageError(f"--structures {args.structures}: plant {args.plant} has only {', '.join(own)}")
 
 
 def _machine_file(wanted: str | None) -> Path:
@@ -153,6 +184,20 @@ def _show(console: Console, rows: Sequence[Row]) -> None:
         table.add_column(title, justify="right" if title == "cases" else "left")
     for m in scoring.measures(rows):
         table.add_row(m.title, str(m.count), tables.value_text(m), tables.wanted_text(m), tables.met_text(m))
+    console.print(table)
+
+
+def _show_cases(console: Console, trial: Trial) -> None:
+    """What each case conceals; for eyes that judge the cases, not the diagnosis."""
+    from rich.table import Table
+
+    table = Table(title=f"cases in {trial.folder}: blind/CASE is shown, sealed/CASE is not")
+    for title in ("case", "kind", "concealed"):
+        table.add_column(title)
+    for answer in trial.answers():
+        effects = [f"{e['effect']} {e['strength']:g} x ({e['size']:.3g} {e['unit']})" for e in answer["effects"]]
+        wrong = [f"{key} by {off:.1f} standard deviations" for key, off in answer["wrong"].items()]
+        table.add_row(answer["name"], answer["kind"], ", ".join([*effects, *wrong]))
     console.print(table)
 
 

@@ -21,6 +21,7 @@ from boom_model.machine_file import load_machine
 from boom_model.sensors import OUTPUTS
 from boom_recording.loading import load
 from boom_trials.blind.outcomes import Row, Said, Truth
+from boom_trials.blind.plants import MACHINE
 from boom_trials.blind.scoring import OWN_STAGES
 from concealed_plant.generator import HOLD_OUT
 
@@ -53,7 +54,7 @@ def judge(case: str, blind: Path, sealed: Path, machine: str) -> dict[str, Any]:
             Said.from_document(document)
         except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
             document, failure = None, f"diagnosis.json is not like the contract: {error!r}"
-    nominal = load_machine(machine)
+    nominal = _believed(blind / case, machine)
     row = {
         "answer": answer,
         "said": document,
@@ -85,7 +86,7 @@ def traces(case: str, blind: Path, sealed: Path, machine: str, points: int = 600
     """The sealed recording beside the nominal and the explained model, thinned for a picture."""
     recording = load(sealed / case / HOLD_OUT)
     answer = json.loads((sealed / case / "answer.json").read_text(encoding="utf-8"))
-    nominal = load_machine(machine)
+    nominal = _believed(blind / case, machine)
     runs = {"nominal": predict(recording, nominal, "full").values}
     explained = _explained(blind / case, answer, nominal)
     if explained is not None:
@@ -100,6 +101,12 @@ def traces(case: str, blind: Path, sealed: Path, machine: str, points: int = 600
             Trace(name, _floats(signal.time[::step]), {label: _floats(v[::step]) for label, v in lines.items()})
         )
     return result
+
+
+def _believed(case: Path, machine: str) -> Machine:
+    """The owner's machine: the case's own, or the trial's."""
+    own = case / MACHINE
+    return load_machine(str(own) if own.exists() else machine)
 
 
 def _floats(values: Any) -> tuple[float, ...]:

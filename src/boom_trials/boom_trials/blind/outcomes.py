@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from math import inf, isfinite, log
 from typing import Any
 
+from boom_model.catalogue import EFFECTS
+
 NAMING = ("identified", "ambiguous", "sensor_or_clock", "unknown_physics")
 """Verdicts that blame something beyond the machine's numbers within tolerance."""
 
@@ -38,11 +40,11 @@ class Truth:
 
     @staticmethod
     def from_document(document: Mapping[str, Any]) -> Truth:
-        """From answer.json."""
+        """From answer.json; what the catalogue of the diagnosis has not (yet) is rightly called unknown."""
         effects = tuple(
             ConcealedEffect(
-                e["effect"], e["known"], tuple(e["subsystems"]), e["strength"], e["size"], e["unit"], e["parameters"],
-                e["onset_s"], e["detectable"],
+                e["effect"], e["known"] and e["effect"] in EFFECTS, tuple(e["subsystems"]), e["strength"], e["size"], e["unit"],
+                e["parameters"], e["onset_s"], e["detectable"],
             )
             for e in document["effects"]
         )  # fmt: skip

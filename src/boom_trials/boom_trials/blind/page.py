@@ -9,26 +9,34 @@ import numpy as np
 
 from boom_trials.blind import scoring, tables
 from boom_trials.blind.outcomes import Row
+from boom_trials.blind.plants import PLANTS
 from boom_trials.blind.trial import TrialState
-from concealed_plant.concealments import CONCEALMENTS
 
 _INTRODUCTION = """\
-`./boom prove` conceals physics in a second plant, lets the diagnosis find it blindly, and scores the answers. To repeat it:
+`./boom prove` conceals physics in a second plant ({plant}), lets the diagnosis find it blindly, and scores the answers. To repeat
+it:
 
 ```
-./boom prove --cases 300
-./boom prove --seed {seed} --cases {count} --output output/prove-{seed}-{count}
+./boom prove {fresh}--cases {count}
+./boom prove {options} --output {folder}
 ```
 
 The first command uses a fresh seed, the second repeats the trial below. How the trial is kept honest:
 [proof_method.md](proof_method.md)."""
 
 
+def _introduction(state: TrialState) -> str:
+    fresh = state.options.removesuffix(f"--seed {state.seed} --cases {state.count}")
+    return _INTRODUCTION.format(
+        plant=PLANTS[state.plant].title, fresh=fresh, count=state.count, options=state.options, folder=state.folder
+    )
+
+
 def page(state: TrialState, rows: Sequence[Row], seconds: float) -> str:
     """The whole page; seconds: how long the run took."""
     parts = [
         "# The blind trial",
-        _INTRODUCTION.format(seed=state.seed, count=state.count),
+        _introduction(state),
         f"The command wrote this page: {tables.heading(state)}; {seconds / 60:.0f} minutes.\n"
         f"SHA-256 of the sealed answers: `{state.sha256}`.",
         "## Required and measured",
@@ -44,7 +52,7 @@ def page(state: TrialState, rows: Sequence[Row], seconds: float) -> str:
         "Cases in which the effect was named first, of all cases at each multiple of the detectable size, and what was named "
         "instead at 1 x and above. The size is the median of the detectable sizes, which depend on how the operator happened to "
         "move. The whole confusion matrix is in the report.",
-        _effects(rows),
+        _effects(state, rows),
         "## Other cases",
         _kinds(rows),
         "## The worst cases",
@@ -84,13 +92,13 @@ def _errors(rows: Sequence[Row]) -> str:
     )
 
 
-def _effects(rows: Sequence[Row]) -> str:
+def _effects(state: TrialState, rows: Sequence[Row]) -> str:
     """A line per effect of the catalogue and per effect outside it."""
     lines = [
         "| concealed | concealed form | size at 1 x | 0.5 x | 1 x | 3 x | named instead |",
         "|---|---|---|---|---|---|---|",
     ]
-    for name, row in CONCEALMENTS.items():
+    for name, row in PLANTS[state.plant].forms().items():
         cases = [r for r in rows if r.truth.kind in ("effect", "outside") and r.true_effect.effect == name]
         if not cases:
             continue
@@ -103,7 +111,7 @@ def _effects(rows: Sequence[Row]) -> str:
         wrong = Counter(scoring.label(r) for r in cases if r.true_effect.strength >= 1.0 and not r.right_first)
         said = ", ".join(_times(word, n) for word, n in wrong.most_common(4))
         shown = f"`{name}`" if row.known else f"{name.replace('_', ' ')} (outside)"
-        lines.append(f"| {shown} | {row.form} | {size} | {' | '.join(shares)} | {said} |")
+        lines.append(f"| {shown} | {row.text} | {size} | {' | '.join(shares)} | {said} |")
     return "\n".join(lines)
 
 

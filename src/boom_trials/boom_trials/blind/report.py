@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from functools import partial
 
 import numpy as np
@@ -13,7 +13,6 @@ from boom_report.templates import render
 from boom_trials.blind import drawing, judging, scoring, tables
 from boom_trials.blind.outcomes import Row
 from boom_trials.blind.trial import Trial
-from concealed_plant.concealments import KNOWN
 
 _MEANING = (
     "A second plant, written independently of the model and with another functional form for every effect, simulated cranes drawn "
@@ -37,7 +36,7 @@ def report(trial: Trial, rows: Sequence[Row], seconds: float) -> str:
         calibration=drawing.calibration(scoring.confidence_bins(rows)),
         stages=_stages(rows),
         channels=PREDICTED,
-        confusion=_confusion(rows),
+        confusion=_confusion(trial, rows),
         worst=[(what, row) for _, what, row in scoring.worst(rows)],
         concealed=_concealed,
         pictures=partial(_pictures, trial),
@@ -62,18 +61,19 @@ def _stages(rows: Sequence[Row]) -> list[tuple[str, list[float], int]]:
     ]
 
 
-def _confusion(rows: Sequence[Row]) -> Markup:
+def _confusion(trial: Trial, rows: Sequence[Row]) -> Markup:
     confusion = scoring.confusion(rows)
+    known = {name for name, form in trial.plant.forms().items() if form.known}
     columns = sorted({name for counts in confusion.values() for name in counts})
-    return render("boom_trials/blind/confusion.html", confusion=confusion, columns=columns, tone=_tone)
+    return render("boom_trials/blind/confusion.html", confusion=confusion, columns=columns, tone=partial(_tone, known))
 
 
-def _tone(name: str, said: str, count: int) -> str:
+def _tone(known: Set[str], name: str, said: str, count: int) -> str:
     if not count:
         return ""
-    if said == name or _counts_as_right(name, said, name in KNOWN):
+    if said == name or _counts_as_right(name, said, name in known):
         return "right"
-    return "wrong" if said in (*KNOWN, "failed") else "soft"
+    return "wrong" if said in (*known, "failed") else "soft"
 
 
 def _counts_as_right(name: str, said: str, known: bool) -> bool:

@@ -4,6 +4,7 @@ Below the trial's folder:
 
     state.json              seed, number of cases, machine, version, checksum of the answers
     blind/CASE/recording    input of the diagnosis, which works in blind/CASE and cannot open anything else of the trial
+    blind/CASE/machine.yaml the owner's machine file, where the crane has one of its own
     blind/CASE/diagnosis    its answer
     sealed/CASE             answer, second recording, row of the score
 
@@ -31,8 +32,8 @@ from boom_trials import __version__
 from boom_trials.blind import judging
 from boom_trials.blind.engine import Engine
 from boom_trials.blind.outcomes import Row
-from concealed_plant.cases import CaseSpec, cases
-from concealed_plant.generator import ANSWER, RECORDING, make_case
+from boom_trials.blind.plants import MACHINE, PLANTS, CaseOfTrial
+from concealed_plant.generator import ANSWER, RECORDING
 
 DIAGNOSIS = "boom_bringup.cli"
 """The program on trial, the same that ./boom starts, in a separate process."""
@@ -61,27 +62,43 @@ class TrialState:
     begun: str
     sha256: str = ""
     seconds: float = 0.0
+    plant: str = "p"
+    structures: str = "tz17"
+
+    @property
+    def options(self) -> str:
+        """What repeats the trial on the command line."""
+        plant = "" if self.plant == "p" else f"--plant {self.plant} --structures {self.structures} "
+        return f"{plant}--seed {self.seed} --cases {self.count}"
+
+    @property
+    def folder(self) -> str:
+        """Where the command puts the trial by default."""
+        return default_folder(self.plant, self.structures, self.seed, self.count)
 
 
 class Trial:
     """One trial in its folder.
 
     Raises:
-        TrialError: the folder holds a trial with another seed or number of cases.
+        TrialError: the folder holds a trial with another seed, number of cases or plant.
     """
 
-    def __init__(self, folder: Path, seed: int, count: int, machine: Path) -> None:
+    def __init__(
+        self, folder: Path, seed: int, count: int, machine: Path, plant: str = "p", structures: str = "tz17"
+    ) -> None:
         self.folder = folder.resolve()
         self.blind, self.sealed = self.folder / "blind", self.folder / "sealed"
         self.machine = machine.resolve()
-        self.specs: dict[str, CaseSpec] = {spec.name: spec for spec in cases(seed, count)}
-        self.state = TrialState(seed, count, self.machine.name, __version__, time.strftime("%Y-%m-%d %H:%M"))
+        self.plant = PLANTS[plant]
+        self.specs: dict[str, CaseOfTrial] = {spec.name: spec for spec in self.plant.cases(seed, count, structures)}
+        begun = time.strftime("%Y-%m-%d %H:%M")
+        self.state = TrialState(seed, count, self.machine.name, __version__, begun, plant=plant, structures=structures)
         known = stored(self.folder)
         if known is not None:
-            if (known.seed, known.count) != (seed, count):
+            if known.options != self.state.options:
                 raise TrialError(
-                    f"{folder}: holds a trial with --seed {known.seed} --cases {known.count}: go on with these, "
-                    "or give another --output"
+                    f"{folder}: holds a trial with {known.options}: go on with these, or give another --output"
                 )
             self.state = known
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -94,7 +111,7 @@ class Trial:
             TrialError: the answers differ from those sealed before.
         """
         missing = [name for name in self.specs if not (self.sealed / name / ANSWER).exists()]
-        self._each(engine, make_case, missing, lambda name: (self.specs[name], self.machine, self.blind, self.sealed),
+        self._each(engine, self.plant.make, missing, lambda name: (self.specs[name], self.machine, self.blind, self.sealed),
                    "making cases", progress)  # fmt: skip
         checksum = self._checksum()
         if self.state.sha256 and self.state.sha256 != checksum:
@@ -145,6 +162,10 @@ class Trial:
             total.update((self.sealed / name / ANSWER).read_bytes())
         return total.hexdigest()
 
+    def answers(self) -> list[dict[str, Any]]:
+        """The answers, in the order of the trial."""
+        return [json.loads((self.sealed / name / ANSWER).read_text(encoding="utf-8")) for name in self.specs]
+
     def spent(self, seconds: float) -> None:
         """Add the time of a run, finished or not, unless it only rewrote the pages."""
         self.state = replace(self.state, seconds=self.state.seconds + seconds)
@@ -157,6 +178,12 @@ class Trial:
 
     def _keep(self, state: TrialState) -> None:
         write_whole(self.folder / STATE, json.dumps(asdict(state), indent=1) + "\n")
+
+
+def default_folder(plant: str, structures: str, seed: int, count: int) -> str:
+    """Where a trial lies unless another folder is given."""
+    lot = "" if plant == "p" else f"{plant}-{structures}-"
+    return f"output/prove-{lot}{seed}-{count}"
 
 
 def stored(folder: Path) -> TrialState | None:
@@ -186,6 +213,7 @@ def diagnose(case: Path) -> float:
     """
     output = case / judging.DIAGNOSIS
     shutil.rmtree(output, ignore_errors=True)
+    own = ["--machine", MACHINE] if (case / MACHINE).exists() else []
     command = [
         sys.executable,
         "-m",
@@ -196,6 +224,7 @@ def diagnose(case: Path) -> float:
         "--output",
         judging.DIAGNOSIS,
         "--no-report",
+        *own,
     ]
     begin, failure = time.monotonic(), ""
     with (case / "diagnose.log").open("wb") as log:

@@ -1,0 +1,25 @@
+"""Packaging of unseen_plant for colcon and pip."""
+
+from setuptools import find_packages, setup
+
+package_name = "unseen_plant"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(include=[package_name, f"{package_name}.*"]),
+    package_data={package_name: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools", "numpy", "pyyaml", "scipy"],
+    zip_safe=False,
+    author="boom developers",
+    author_email="boom@example.com",
+    maintainer="boom developers",
+    maintainer_email="boom@example.com",
+    description="A third crane for blind trials, which draws its structure and the form of every effect",
+    license="Apache-2.0",
+    python_requires=">=3.11",
+)
