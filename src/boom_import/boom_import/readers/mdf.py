@@ -1,0 +1,49 @@
+"""MF4 and other MDF files (ASAM MDF 3 and 4), read with asammdf."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from asammdf import MDF
+
+from boom_import.errors import ImportingError
+from boom_import.source import Column, Source, column, unique
+
+_EARLIEST = 946_684_800
+_MOST_COLUMNS = 5000
+
+
+def read(path: Path, progress: Callable[[float], None]) -> Source:
+    """The channels of an MDF file that are numbers, each with the time of its group.
+
+    Raises:
+        ImportingError: no such channels.
+    """
+    logging.getLogger("asammdf").setLevel(logging.CRITICAL)
+    columns: list[Column] = []
+    taken: set[str] = set()
+    with MDF(str(path), raise_on_multiple_occurrences=False) as file:
+        begin = file.header.start_time.timestamp()
+        dated = begin > _EARLIEST
+        zero = round(begin * 1e9) if dated else 0
+        for index, group in enumerate(file.groups):
+            master = file.masters_db.get(index)
+            label = (getattr(group.channel_group, "acq_name", "") or "").strip()
+            for number, channel in enumerate(group.channels):
+                if number == master or len(columns) >= _MOST_COLUMNS:
+                    continue
+                signal = file.get(group=index, index=number, ignore_invalidation_bits=False)
+                if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "fiub" or master is None:
+                    continue
+                key = unique(f"{label}/{channel.name}" if label else channel.name, taken)
+                words = " ".join(part for part in (label, channel.name, signal.comment or "") if part)[:200]
+                stamps = zero + np.rint(np.asarray(signal.timestamps, float) * 1e9).astype(np.int64)
+                made = column(key, words, signal.unit or "", stamps, np.asarray(signal.samples, np.float64))
+                columns += [made] if made else []
+            progress((index + 1) / len(file.groups))
+    if not columns:
+        raise ImportingError("it holds no channels of numbers with a time")
+    return Source(path, "MDF", columns, dated, "each group's time channel" + (" and the file's start time" if dated else ""))
