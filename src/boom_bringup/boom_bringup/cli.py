@@ -1,6 +1,6 @@
 """The entry point of the commands: finds and loads the requested command and prints errors in one line.
 
-A command is a module of `boom_bringup.commands` (`import-can` is `import_can`) with
+A command is a module of `boom_bringup.commands` (`import-can` is `import_can`, `import` is `import_`) with
 
 - `HELP`: one line, a plain string constant (read without importing the module),
 - `add_arguments(parser)`: its options, added to an `argparse.ArgumentParser`; module and options need the standard library only,
@@ -18,6 +18,7 @@ import argparse
 import ast
 import difflib
 import importlib
+import keyword
 import os
 import sys
 from collections.abc import Sequence
@@ -32,7 +33,7 @@ from boom_input.shown import printable, quoted
 # The order of the help: what a newcomer needs first comes first.
 _ORDER = (
     "demo", "test", "validate", "identify", "diagnose", "prove", "robustness", "simulate", "sim", "replay", "record", "watch",
-    "import-can", "check-machine", "setup", "python",
+    "import", "import-can", "check-machine", "setup", "python",
 )  # fmt: skip
 _HELP = ("-h", "--help", "help")
 _ASKS = (["--help"], ["-h"])
@@ -68,7 +69,7 @@ class _CommandParser(argparse.ArgumentParser):
 
 def command_names() -> list[str]:
     """List the commands that exist, in the order of the help."""
-    found = {path.stem.replace("_", "-") for path in _COMMANDS.glob("*.py") if not path.stem.startswith("_")}
+    found = {path.stem.rstrip("_").replace("_", "-") for path in _COMMANDS.glob("*.py") if not path.stem.startswith("_")}
     known = [name for name in _ORDER if name in found]
     return [*known, *sorted(found - set(known))]
 
@@ -79,7 +80,7 @@ def only_asks(arguments: Sequence[str]) -> bool:
 
 
 def _module(name: str) -> str:
-    return name.replace("-", "_")
+    return f"{name}_" if keyword.iskeyword(name) else name.replace("-", "_")
 
 
 def command_help(name: str) -> str:

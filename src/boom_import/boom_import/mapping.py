@@ -176,16 +176,20 @@ def text(mapping: Mapping, comments: dict[str, str], heading: list[str]) -> str:
     lines.append("signals:")
     for signal, entry in mapping.signals.items():
         lines += [f"  # {line}" for line in comments.get(signal, "").splitlines()]
-        if isinstance(entry, str):
-            lines.append(f"  {signal}: {entry}")
-            continue
-        shown: dict[str, Any] = {"column": entry.column, "unit": entry.unit, "sign": int(entry.sign)}
-        shown |= {"scale": entry.scale, "offset": entry.offset}
-        shown |= {name: getattr(entry, name) for name in ("reference", "part") if getattr(entry, name)}
-        lines.append(f"  {signal}: {_flow(shown)}")
+        lines.append(f"  {signal}: {entry_text(entry)}")
     pose = {name: getattr(mapping, name) for name in ("q3", "q4", "load")}
     lines.append(f"configuration: {_flow({'machine': mapping.machine, **pose})}  # q3 [rad], q4 [m], load [kg]; null = not known")
     return "\n".join(lines) + "\n"
+
+
+def entry_text(entry: SignalMap | str) -> str:
+    """What stands behind a signal's name in the file."""
+    if isinstance(entry, str):
+        return entry
+    shown: dict[str, Any] = {"column": entry.column, "unit": entry.unit, "sign": int(entry.sign)}
+    shown |= {"scale": entry.scale, "offset": entry.offset}
+    shown |= {name: getattr(entry, name) for name in ("reference", "part") if getattr(entry, name)}
+    return _flow(shown)
 
 
 def _flow(entry: dict[str, Any]) -> str:

@@ -64,7 +64,7 @@ _ABSOLUTE = re.compile(r"^(bar|psi|mpa|kpa|pa)[ _]?(a|\(a\)|abs\.?|absolut[e]?|\
 _GAUGE = re.compile(r"^(bar|psi|mpa|kpa|pa)[ _]?(g|\(g\)|gauge|\(gauge\)|rel\.?|relativ[e]?|\(rel\)|ü|ue|\(ü\))$")
 _BRACKETS = re.compile(r"[\[({<]\s*([^\[\](){}<>]{1,20}(?:\((?:a|g|abs|rel|ü|gauge)\))?)\s*[\])}>]\s*$", re.IGNORECASE)
 _AFTER_SLASH = re.compile(r"^(.{1,}?)(?:\s+/\s*|\s*/\s+|\s+in\s+)(\S{1,12})$")
-_SUFFIX = re.compile(r"^(.+?)[_ .\-]((?:[a-z°%µμ]+(?:_per_|/|_)s(?:ec)?)|[a-zA-Z°%µμ]+)$")
+_SUFFIX = re.compile(r"^(.+?)[_ .\-]((?:(?:m?rad|deg|grad|°)(?:_per_|/|_)s(?:ec)?)|[a-z°%µμ]+)$", re.IGNORECASE)
 _WEAK = frozenset("a d h k f m g t n v w l c s min rads grad".split())
 
 
@@ -78,6 +78,7 @@ class StatedUnit(NamedTuple):
 def parse(text: str) -> StatedUnit:
     """What a unit's text says."""
     plain = text.strip().strip("[]()").strip().lower().replace("²", "2").replace("sek.", "sek")
+    plain = re.sub(r"_per_|_(?=s(?:ec)?$)", "/", plain)
     for pattern, reference in ((_ABSOLUTE, "absolute"), (_GAUGE, "gauge")):
         match = pattern.match(plain)
         if match:
