@@ -80,7 +80,12 @@ def table(path, header, columns, separator=",", decimal=".", encoding="utf-8", a
             out.writerow(units)
         for row in zip(*columns, strict=True):
             cells = [v if isinstance(v, str) else f"{v:.{digits}f}" for v in row]
-            out.writerow([c.replace(".", ",") if decimal == "," and c[:1] in "-0123456789" and ":" not in c else c for c in cells])
+            out.writerow(
+                [
+                    c.replace(".", ",") if decimal == "," and c[:1] in "-0123456789" and ":" not in c else c
+                    for c in cells
+                ]
+            )
 
 
 def csv_german(d, folder):
@@ -96,8 +101,24 @@ def csv_german(d, folder):
 def csv_iso_psi(d, folder):
     path = folder / "run_2025-06-03.csv"
     stamps = [s.isoformat(timespec="milliseconds").replace("+00:00", "Z") for s in d.dates]
-    header = ["timestamp", "boom_angle_deg", "bottom_pressure_psi", "rod_pressure_psi", "raise_solenoid_mA", "lower_solenoid_mA", "supply_pressure_psi"]
-    columns = [stamps, d.q * DEG, d.ph / 6894.757293, d.pb / 6894.757293, d.ie * 1e3, d.ir * 1e3, d.supply / 6894.757293]
+    header = [
+        "timestamp",
+        "boom_angle_deg",
+        "bottom_pressure_psi",
+        "rod_pressure_psi",
+        "raise_solenoid_mA",
+        "lower_solenoid_mA",
+        "supply_pressure_psi",
+    ]
+    columns = [
+        stamps,
+        d.q * DEG,
+        d.ph / 6894.757293,
+        d.pb / 6894.757293,
+        d.ie * 1e3,
+        d.ir * 1e3,
+        d.supply / 6894.757293,
+    ]
     table(path, header, columns)
     return [path]
 
@@ -108,7 +129,15 @@ def csv_excel_opaque(d, folder):
     days = (np.array(d.ns) / 1e9) / 86400 + 25569.0
     header = ["Date", "phi", "dphi", "pA", "pB", "I_Y1a", "I_Y1b"]
     units = ["d", "deg", "deg/s", "MPa abs", "MPa abs", "A", "A"]
-    columns = [[f"{v:.10f}" for v in days], -d.q * DEG, -d.w * DEG, (d.ph + ATMOSPHERE) / 1e6, (d.pb + ATMOSPHERE) / 1e6, d.ie, d.ir]
+    columns = [
+        [f"{v:.10f}" for v in days],
+        -d.q * DEG,
+        -d.w * DEG,
+        (d.ph + ATMOSPHERE) / 1e6,
+        (d.pb + ATMOSPHERE) / 1e6,
+        d.ie,
+        d.ir,
+    ]
     table(path, header, columns, "\t", units=units)
     return [path]
 
@@ -147,8 +176,18 @@ def mf4_signed(d, folder):
     with MDF(version="4.10") as file:
         file.start_time = BEGIN
         slow = slice(None, None, 5)
-        file.append([Signal(d.temperature[slow], d.t[slow], "degC", "Oil_Temp"), Signal(d.supply[slow] / 1e5, d.t[slow], "bar", "Pump_Pressure")])
-        file.append([Signal(d.ph / 1e5, d.t + 0.002, "bar", "Cyl_Press_Piston"), Signal(d.pb / 1e5, d.t + 0.002, "bar", "Cyl_Press_Rod")])
+        file.append(
+            [
+                Signal(d.temperature[slow], d.t[slow], "degC", "Oil_Temp"),
+                Signal(d.supply[slow] / 1e5, d.t[slow], "bar", "Pump_Pressure"),
+            ]
+        )
+        file.append(
+            [
+                Signal(d.ph / 1e5, d.t + 0.002, "bar", "Cyl_Press_Piston"),
+                Signal(d.pb / 1e5, d.t + 0.002, "bar", "Cyl_Press_Rod"),
+            ]
+        )
         file.append([Signal(d.q * DEG, d.t, "deg", "Boom_Angle"), Signal(d.w * DEG, d.t, "deg/s", "Boom_AngVel")])
         file.append([Signal((d.ie - d.ir) * 1e3, d.t + 0.004, "mA", "Boom_Valve_Current")])
         file.save(path, overwrite=True)
@@ -183,7 +222,9 @@ class Ros:
         return self.store.types[kind](**values)
 
     def pressure(self, ns, value, frame=""):
-        return self.make("sensor_msgs/msg/FluidPressure", header=self.header(ns, frame), fluid_pressure=float(value), variance=0.0)
+        return self.make(
+            "sensor_msgs/msg/FluidPressure", header=self.header(ns, frame), fluid_pressure=float(value), variance=0.0
+        )
 
     def joints(self, ns, names, position, velocity):
         empty = np.zeros(0)
@@ -215,7 +256,9 @@ def db3_renamed(d, folder):
 
     def joints(i, ns):
         a, b = other_joints(d, i)
-        return ros.joints(ns, ["slewing", "main_boom", "stick"], [a, d.q[i], b], [0.01 * math.cos(0.05 * d.t[i]), d.w[i], 0.0])
+        return ros.joints(
+            ns, ["slewing", "main_boom", "stick"], [a, d.q[i], b], [0.01 * math.cos(0.05 * d.t[i]), d.w[i], 0.0]
+        )
 
     streams = [
         ("/crane/joint_states", JOINT, joints),
@@ -343,7 +386,9 @@ def csv_nameless(d, folder):
     """Numbers without a name or unit, the angle counted downwards: nothing says which direction is up. Has to be asked."""
     path = folder / "log.dat"
     with path.open("w") as file:
-        for row in zip(d.t, d.ir, d.ie, -d.q * DEG, d.ph / 1e5, d.pb / 1e5, d.ph / 1e5 + rng.normal(0, 0.3, len(d.t)), strict=True):
+        for row in zip(
+            d.t, d.ir, d.ie, -d.q * DEG, d.ph / 1e5, d.pb / 1e5, d.ph / 1e5 + rng.normal(0, 0.3, len(d.t)), strict=True
+        ):
             file.write(" ".join(f"{v:.5f}" for v in row) + "\n")
     return [path]
 

@@ -60,11 +60,24 @@ def load_mass(text: str) -> float:
     return value
 
 
-def add_configuration(parser: argparse.ArgumentParser, *, joint: bool = True) -> None:
+def configuration_words(args: argparse.Namespace) -> list[str]:
+    """The options of `add_configuration` that were given, as words of a command line."""
+    names = ("q3", "q4", "load", "joint")
+    return [
+        word for name in names if getattr(args, name) is not None for word in (f"--{name}", str(getattr(args, name)))
+    ]
+
+
+def add_configuration(parser: argparse.ArgumentParser) -> None:
     """Declare what a recording may lack: pose, load and the name of the boom's joint."""
     group = parser.add_argument_group("where the recording does not say it")
-    group.add_argument("--q3", type=finite, metavar="RAD", help="angle of the outer boom [rad]; replaces the recorded one")
+    group.add_argument(
+        "--q3", type=finite, metavar="RAD", help="angle of the outer boom [rad]; replaces the recorded one"
+    )
     group.add_argument("--q4", type=finite, metavar="M", help="length of the telescope [m]; replaces the recorded one")
-    group.add_argument("--load", type=load_mass, metavar="KG", help="load at the tip [kg], nan = not known; replaces the recorded one")
-    if joint:
-        group.add_argument("--joint", metavar="NAME", help="name of the boom's joint in /joint_states (default: inner_boom_joint)")
+    group.add_argument(
+        "--load", type=load_mass, metavar="KG", help="load at the tip [kg], nan = not known; replaces the recorded one"
+    )
+    group.add_argument(
+        "--joint", metavar="NAME", help="name of the boom's joint in /joint_states (default: inner_boom_joint)"
+    )

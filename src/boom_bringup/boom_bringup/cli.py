@@ -69,7 +69,9 @@ class _CommandParser(argparse.ArgumentParser):
 
 def command_names() -> list[str]:
     """List the commands that exist, in the order of the help."""
-    found = {path.stem.rstrip("_").replace("_", "-") for path in _COMMANDS.glob("*.py") if not path.stem.startswith("_")}
+    found = {
+        path.stem.rstrip("_").replace("_", "-") for path in _COMMANDS.glob("*.py") if not path.stem.startswith("_")
+    }
     known = [name for name in _ORDER if name in found]
     return [*known, *sorted(found - set(known))]
 

@@ -8,7 +8,19 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from boom_import import dynamics, units, words
-from boom_import.candidates import ANGLE, DIMENSION, EXTEND, HOSE, RATE, RETRACT, ROD, Candidate, candidates, name_evidence, ratio_columns
+from boom_import.candidates import (
+    ANGLE,
+    DIMENSION,
+    EXTEND,
+    HOSE,
+    RATE,
+    RETRACT,
+    ROD,
+    Candidate,
+    candidates,
+    name_evidence,
+    ratio_columns,
+)
 from boom_import.mapping import ASK, DERIVATIVE, NONE, OPTIONAL, Mapping, SignalMap
 from boom_import.proposal import SURE, Found, find
 from boom_import.source import Column, Source
@@ -45,8 +57,9 @@ def propose(source: Source, choice: TimeChoice | None = None, joint: str = "") -
     """The most probable mapping of a source."""
     found = find(source.columns, joint=joint)
     proposal = Proposal(Mapping(time=choice or TimeChoice(), joint=joint))
+    ratios = ratio_columns(source.columns)
     for signal in found.choices:
-        _decide(proposal, found, signal)
+        _decide(proposal, found, signal, ratios)
     _ask_for_direction(proposal, found)
     _ask_for_reference(proposal, found)
     _add_optional(proposal, found, source.columns)
@@ -54,7 +67,7 @@ def propose(source: Source, choice: TimeChoice | None = None, joint: str = "") -
     return proposal
 
 
-def _decide(proposal: Proposal, found: Found, signal: str) -> None:
+def _decide(proposal: Proposal, found: Found, signal: str, ratios: list[Column]) -> None:
     choice = found.choices[signal]
     made = [(_entry(signal, candidate, found), p) for candidate, p in choice.options]
     best, probability = made[0]
@@ -62,13 +75,22 @@ def _decide(proposal: Proposal, found: Found, signal: str) -> None:
     proposal.probability[signal] = probability
     candidate = choice.best
     if candidate is None and signal != RATE:
-        proposal.questions[signal] = "no column fits it"
+        proposal.questions[signal] = "no column fits it" + _percent(signal, ratios)
         best = ASK
     elif probability < SURE:
         proposal.questions[signal] = "it may be " + _either(made)
         best = ASK
     proposal.mapping.signals[signal] = best
     proposal.why[signal] = _reasons(signal, candidate, found) if candidate is not None else ""
+
+
+def _percent(signal: str, ratios: list[Column]) -> str:
+    """What to write where a command is in percent: how many amperes 100 % are is in no file."""
+    if DIMENSION[signal] != units.CURRENT or not ratios:
+        return ""
+    column = ratios[0]
+    part = ", part: positive or negative" if float(column.values.min()) < 0.0 else ""
+    return f"; '{quoted(column.key, 60)}' is in percent: if it drives the valve, give it with unit: A, scale: amperes per percent{part}"
 
 
 def _entry(signal: str, candidate: Candidate | None, found: Found) -> SignalMap | str:
@@ -145,19 +167,23 @@ def reference_of(candidate: Candidate) -> tuple[str, float]:
 
 def _ask_for_reference(proposal: Proposal, found: Found) -> None:
     """One transducer's word holds for the other: both come from the same logger."""
-    both = [(s, c) for s in (HOSE, ROD) if (c := found.choices[s].best) is not None and proposal.mapping.signals[s] != ASK]
+    both = [
+        (s, c) for s in (HOSE, ROD) if (c := found.choices[s].best) is not None and proposal.mapping.signals[s] != ASK
+    ]
     judged = {signal: reference_of(candidate) for signal, candidate in both}
     if not judged:
         return
     reference, probability = max(judged.values(), key=lambda entry: entry[1])
     for signal, candidate in both:
         own, sure = judged[signal]
-        if own != reference and sure < 0.98:
+        if own == reference or sure < 0.98:
             own, sure = reference, probability
         entry = proposal.mapping.signals[signal]
         assert isinstance(entry, SignalMap)
         if sure < SURE:
-            proposal.questions[signal] = f"whether it is gauge or absolute cannot be told ({own} with {100 * sure:.0f} %)"
+            proposal.questions[signal] = (
+                f"whether it is gauge or absolute cannot be told ({own} with {100 * sure:.0f} %)"
+            )
         made = SignalMap(entry.column, entry.unit, entry.sign, reference=ASK if sure < SURE else own)
         proposal.mapping.signals[signal] = made
         if SURE <= sure < 0.97:
@@ -171,7 +197,11 @@ def _add_optional(proposal: Proposal, found: Found, columns: list[Column]) -> No
     free = [c for c in columns if c.key not in used and float(np.ptp(c.values)) > 0.0]
     for signal in OPTIONAL:
         partner = found.choices[_PARTNER[signal]].best
-        named = [c for c in candidates(free, signal) if words.features(c.column.name).get("command", 0.0) >= 2.0 and not c.part]
+        named = [
+            c
+            for c in candidates(free, signal)
+            if words.features(c.column.name).get("command", 0.0) >= 2.0 and not c.part
+        ]
         if partner is None or not named or name_evidence(named[0].column, signal) < _NAMED:
             continue
         best = named[0]
@@ -194,12 +224,9 @@ def _note(proposal: Proposal, found: Found, source: Source) -> None:
     for signal in (EXTEND, RETRACT):
         best = found.choices[signal].best
         if best is not None and words.features(best.column.name).get("command", 0.0) >= 2.0:
-            notes.append(f"{signal.replace('_', ' ')}: there is no measured current; the command '{quoted(best.column.key, 60)}' is taken")
-        elif best is None:
-            for column in ratio_columns(source.columns)[:2]:
-                notes.append(
-                    f"'{quoted(column.key, 60)}' is in percent: if it is the valve's command, give it with unit: A and scale: amperes per percent"
-                )
+            notes.append(
+                f"{signal.replace('_', ' ')}: there is no measured current; the command '{quoted(best.column.key, 60)}' is taken"
+            )
     rate = proposal.mapping.signals[RATE]
     if rate == DERIVATIVE:
         notes.append("no column is the angular rate: the derivative of the angle is taken, smoothed over 0.2 s")

@@ -28,10 +28,50 @@ _OTHERS = {"angle", "rate", "pressure", "current"}
 _OF_SIGNAL: dict[str, dict[str, float]] = {
     ANGLE: {"angle": 1, "command": -1, "measured": 0.5, "boom": 1, "hose": -0.5, "rod": -0.5, "line": -1},
     RATE: {"rate": 1, "command": -1, "measured": 0.5, "boom": 1, "hose": -0.5, "rod": -0.5, "line": -1},
-    HOSE: {"pressure": 1, "hose": 1, "rod": -1, "extend": 0.7, "retract": -0.7, "command": -1, "measured": 0.5, "boom": 1, "line": -1.5},
-    ROD: {"pressure": 1, "rod": 1, "hose": -1, "retract": 0.7, "extend": -0.7, "command": -1, "measured": 0.5, "boom": 1, "line": -1.5},
-    EXTEND: {"current": 1, "extend": 1, "retract": -1, "command": -1, "measured": 1, "boom": 1, "hose": 0.3, "rod": -0.3, "line": -0.5},
-    RETRACT: {"current": 1, "retract": 1, "extend": -1, "command": -1, "measured": 1, "boom": 1, "rod": 0.3, "hose": -0.3, "line": -0.5},
+    HOSE: {
+        "pressure": 1,
+        "hose": 1,
+        "rod": -1,
+        "extend": 0.7,
+        "retract": -0.7,
+        "command": -1,
+        "measured": 0.5,
+        "boom": 1,
+        "line": -1.5,
+    },
+    ROD: {
+        "pressure": 1,
+        "rod": 1,
+        "hose": -1,
+        "retract": 0.7,
+        "extend": -0.7,
+        "command": -1,
+        "measured": 0.5,
+        "boom": 1,
+        "line": -1.5,
+    },
+    EXTEND: {
+        "current": 1,
+        "extend": 1,
+        "retract": -1,
+        "command": -1,
+        "measured": 1,
+        "boom": 1,
+        "hose": 0.3,
+        "rod": -0.3,
+        "line": -0.5,
+    },
+    RETRACT: {
+        "current": 1,
+        "retract": 1,
+        "extend": -1,
+        "command": -1,
+        "measured": 1,
+        "boom": 1,
+        "rod": 0.3,
+        "hose": -0.3,
+        "line": -0.5,
+    },
     "extend_current_command": {"current": 1, "extend": 1, "retract": -1, "command": 1, "measured": -1, "boom": 1},
     "retract_current_command": {"current": 1, "retract": 1, "extend": -1, "command": 1, "measured": -1, "boom": 1},
     "reference_angle": {"angle": 1, "command": 1, "measured": -1, "boom": 1},
@@ -89,7 +129,9 @@ def name_evidence(column: Column, signal: str) -> float:
     # A stated unit says what is measured, and better than words such as "valve" do.
     stated = units.parse(column.unit).measure
     if stated is None:
-        score -= max((found.get(feature, 0.0) for feature in _OTHERS - {own}), default=0.0) * (found.get(own, 0.0) < 4.0)
+        score -= max((found.get(feature, 0.0) for feature in _OTHERS - {own}), default=0.0) * (
+            found.get(own, 0.0) < 4.0
+        )
     return score - 0.75 * found.get("other", 0.0) - found.get("nothing", 0.0)
 
 
@@ -145,7 +187,10 @@ def candidates(columns: list[Column], signal: str) -> list[Candidate]:
             elif _is_signed(column.values):
                 # The words of a signed current name both directions or none.
                 both = name_evidence(column, EXTEND if signal == RETRACT else RETRACT)
-                found += [Candidate(column, unit, part, min(names, both, 4.0) + score, told) for part in ("positive", "negative")]
+                found += [
+                    Candidate(column, unit, part, min(names, both, 4.0) + score, told)
+                    for part in ("positive", "negative")
+                ]
             else:
                 found.append(Candidate(column, unit, "", names + score, told))
     found.sort(key=lambda c: -c.score)

@@ -52,9 +52,13 @@ def convert(name: str, source: Source, mapping: Mapping) -> Recording:
             stamps, values = series[channel.name]
             stamps = stamps + shift
             time = (stamps - start) / 1e9
-            signals[channel.name] = Signal(channel.name, channel.unit, channel.topic, stamps, time, values, np.isfinite(values))
+            signals[channel.name] = Signal(
+                channel.name, channel.unit, channel.topic, stamps, time, values, np.isfinite(values)
+            )
     duration = max(float(signal.time.max()) for signal in signals.values())
-    recording = Recording(name, source.path, start, duration, signals, stored_configuration=_configuration(source, mapping))
+    recording = Recording(
+        name, source.path, start, duration, signals, stored_configuration=_configuration(source, mapping)
+    )
     recording.notes = notes
     return recording
 
@@ -105,7 +109,9 @@ def _derivative(stamps: Stamps, angle: Floats) -> _Series:
     period = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.01
     even = np.arange(0.0, time[-1] + period / 2, period)
     if len(even) > 50_000_000 or len(even) < 5:
-        raise ImportingError("the angle's times do not allow a derivative: give a column for the rate, or write 'rate: none'")
+        raise ImportingError(
+            "the angle's times do not allow a derivative: give a column for the rate, or write 'rate: none'"
+        )
     order = np.argsort(time, kind="stable")
     width = min(max(5, round(_WINDOW / period) | 1), len(even) - 1 + len(even) % 2)
     rate = savgol_filter(np.interp(even, time[order], angle[order]), width, 2, deriv=1, delta=period)

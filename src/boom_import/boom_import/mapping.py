@@ -70,7 +70,9 @@ class Mapping:
     def open(self) -> list[str]:
         """Signals that somebody has to decide."""
         return [
-            signal for signal, given in self.signals.items() if given == ASK or (isinstance(given, SignalMap) and given.reference == ASK)
+            signal
+            for signal, given in self.signals.items()
+            if given == ASK or (isinstance(given, SignalMap) and given.reference == ASK)
         ]
 
 
@@ -168,7 +170,9 @@ def _time(entry: dict[str, Any]) -> TimeChoice:
 def text(mapping: Mapping, comments: dict[str, str], heading: list[str]) -> str:
     """The mapping as a YAML file, with a comment behind each signal."""
     lines = [f"# {line}" for line in heading]
-    lines += ["# value [SI] = (sign * scale * number + offset) * unit; angle and rate are positive while the boom is lifted"]
+    lines += [
+        "# value [SI] = (sign * scale * number + offset) * unit; angle and rate are positive while the boom is lifted"
+    ]
     time = {"column": mapping.time.column, "unit": mapping.time.unit, "sample_rate": mapping.time.rate}
     given = {name: value for name, value in time.items() if value}
     lines += [f"time: {_flow(given)}"] if given else []
@@ -178,7 +182,9 @@ def text(mapping: Mapping, comments: dict[str, str], heading: list[str]) -> str:
         lines += [f"  # {line}" for line in comments.get(signal, "").splitlines()]
         lines.append(f"  {signal}: {entry_text(entry)}")
     pose = {name: getattr(mapping, name) for name in ("q3", "q4", "load")}
-    lines.append(f"configuration: {_flow({'machine': mapping.machine, **pose})}  # q3 [rad], q4 [m], load [kg]; null = not known")
+    lines.append(
+        f"configuration: {_flow({'machine': mapping.machine, **pose})}  # q3 [rad], q4 [m], load [kg]; null = not known"
+    )
     return "\n".join(lines) + "\n"
 
 

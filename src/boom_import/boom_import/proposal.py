@@ -117,7 +117,9 @@ class _Scorer:
             self._add_dynamics(result)
         return result
 
-    def _add_pair(self, result: NDArray[np.float64], one: str, other: str, score: Callable[[Candidate, Candidate], float]) -> None:
+    def _add_pair(
+        self, result: NDArray[np.float64], one: str, other: str, score: Callable[[Candidate, Candidate], float]
+    ) -> None:
         a, b = SIGNALS.index(one), SIGNALS.index(other)
         table = np.zeros((self._shape[a], self._shape[b]))
         for i, j in np.ndindex(*table.shape):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
@@ -11,7 +12,7 @@ from pathlib import Path
 from boom_import.errors import ImportingError
 from boom_import.source import Column, Source, unique
 from boom_import.timing import TimeChoice
-from boom_input.files import InputError, opened
+from boom_input.files import InputError, opened, read_text
 from boom_input.shown import quoted
 from boom_recording.bag_folder import METADATA
 from boom_recording.errors import RecordingError
@@ -56,7 +57,15 @@ def read(paths: list[Path], choice: TimeChoice | None = None, progress: Progress
         )
     taken: set[str] = set()
     columns = [
-        Column(unique(f"{path.stem}/{c.key}", taken), f"{path.stem} {c.name}", c.unit, c.stamps_ns, c.values, c.by_type, c.joint)
+        Column(
+            unique(f"{path.stem}/{c.key}", taken),
+            f"{path.stem} {c.name}",
+            c.unit,
+            c.stamps_ns,
+            c.values,
+            c.by_type,
+            c.joint,
+        )
         for path, source in zip(paths, sources, strict=True)
         for c in source.columns
     ]
@@ -108,7 +117,9 @@ def kind_of(path: Path) -> str:
     for magic, why in _REFUSED.items():
         if head.startswith(magic):
             raise ImportingError(f"{path}: {why}")
-    found = next((kind for magic, kind in _KINDS.items() if head.startswith(magic) or head[512:].startswith(magic)), None)
+    found = next(
+        (kind for magic, kind in _KINDS.items() if head.startswith(magic) or head[512:].startswith(magic)), None
+    )
     if found is None and path.suffix == ".mat":
         return "MAT file"  # version 4 has no magic
     return found or "CSV file"
@@ -116,11 +127,19 @@ def kind_of(path: Path) -> str:
 
 def _kind_of_folder(path: Path) -> str:
     names = [entry.name for entry in path.iterdir()]
-    if any(name.endswith(".db3") for name in names):
+    if any(name.endswith(".db3") for name in names) or _compressed_one_by_one(path / METADATA):
         return "rosbag2 .db3 file"
     if METADATA in names or any(name.endswith((".mcap", ".mcap.zstd")) for name in names):
         return "MCAP file"
     raise ImportingError(f"{path}: this folder holds no bag: give a file, or a rosbag2 folder")
+
+
+def _compressed_one_by_one(metadata: Path) -> bool:
+    """Whether each message of a bag is compressed by itself, which the bulk reader of MCAP does not take."""
+    return (
+        metadata.is_file()
+        and re.search(r"compression_mode:\s*['\"]?message", read_text(metadata), re.IGNORECASE) is not None
+    )
 
 
 @contextmanager

@@ -87,7 +87,9 @@ def axis(columns: list[RawColumn], choice: TimeChoice, hint_rate: float = 0.0) -
     if choice.column:
         found = next((c for c in columns if choice.column in (c.key, c.name)), None)
         if found is None:
-            raise ImportingError(f"there is no column '{quoted(choice.column, 60)}' for the time: it has {_listed(columns)}")
+            raise ImportingError(
+                f"there is no column '{quoted(choice.column, 60)}' for the time: it has {_listed(columns)}"
+            )
         return _of_column(found, choice.unit, columns)
     if not choice.rate:
         ranked = sorted(((_score(c), -i) for i, c in enumerate(columns)), reverse=True)
@@ -144,7 +146,9 @@ def _of_clock(column: RawColumn, columns: list[RawColumn]) -> Axis:
     if column.clock == "time of day":
         turned = np.concatenate(([0.0], np.cumsum(np.diff(np.nan_to_num(seconds)) < -43_200.0) * 86_400.0))
         seconds = seconds + turned
-        day = next((c for c in columns if c.clock == "date" and np.nanmax(c.values) - np.nanmin(c.values) < 90_000.0), None)
+        day = next(
+            (c for c in columns if c.clock == "date" and np.nanmax(c.values) - np.nanmin(c.values) < 90_000.0), None
+        )
         if day is not None and np.all(np.nan_to_num(day.values) % 86_400.0 == 0.0):
             return Axis(_stamps(seconds + day.values[0]), True, f"columns '{day.key}' and '{column.key}'", column.key)
         return Axis(_stamps(seconds), False, said, column.key)

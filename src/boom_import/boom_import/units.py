@@ -51,7 +51,9 @@ _TABLE: tuple[tuple[str, str, float, str], ...] = (
     ("", "other", 1.0, "m mm cm km m/s mm/s km/h m/s2 m/s^2 g kg t n kn nm n*m knm v mv volt kw w hz l/min lpm l cm3 °c degc c k f °f counts"),
 )  # fmt: skip
 _BY_TEXT = {
-    text: Measure(name or text, dimension, factor) for name, dimension, factor, texts in _TABLE for text in texts.split()
+    text: Measure(name or text, dimension, factor)
+    for name, dimension, factor, texts in _TABLE
+    for text in texts.split()
 }
 BY_NAME = {name: _BY_TEXT[texts.split()[0]] for name, _, _, texts in _TABLE if name}
 """The units that a mapping file may name."""
@@ -104,5 +106,9 @@ def split(header: str) -> tuple[str, str]:
 
 
 def _goes_with(name: str, unit: str) -> bool:
-    words = {"a": r"(curr|strom|extend|retract|amp|solenoid|coil|^i$)", "s": r"(time|zeit|^t$|stamp)", "min": r"(time|zeit|^t$)"}
+    words = {
+        "a": r"(curr|strom|extend|retract|amp|solenoid|coil|^i$)",
+        "s": r"(time|zeit|^t$|stamp)",
+        "min": r"(time|zeit|^t$)",
+    }
     return unit in words and re.search(words[unit], name.lower()) is not None

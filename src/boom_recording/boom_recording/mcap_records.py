@@ -24,8 +24,10 @@ _LONGEST_DECLARATIONS = 32_000_000
 
 @dataclass(frozen=True)
 class Topic:
-    """One channel of the file; type as "pkg/msg/Type", definition_encoding "ros2msg", "ros2idl" or ""; a definition that is no
-    text keeps its bytes (``surrogateescape``)."""
+    """One channel of the file; type as "pkg/msg/Type", definition_encoding "ros2msg", "ros2idl" or "".
+
+    A definition that is no text keeps its bytes (``surrogateescape``).
+    """
 
     topic: str
     type: str

@@ -24,7 +24,9 @@ def ask(proposal: Proposal) -> None:
             chosen = _choice(["gauge (0 in air)", "absolute (about 1 bar in air)"])
             signals[signal] = replace(given, reference=("gauge", "absolute")[chosen])
             continue
-        options = [entry for entry, probability in proposal.options.get(signal, []) if probability > 0.005 and entry != NONE]
+        options = [
+            entry for entry, probability in proposal.options.get(signal, []) if probability > 0.005 and entry != NONE
+        ]
         chosen = _choice([*(mappings.entry_text(entry) for entry in options), "none of these: there is no such column"])
         signals[signal] = options[chosen] if chosen < len(options) else NONE
     proposal.questions.clear()

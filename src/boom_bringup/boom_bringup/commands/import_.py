@@ -34,16 +34,24 @@ HELP = "turn CSV, MAT, MF4, .db3, ROS 1 and other foreign recordings into a bag"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("files", nargs="+", metavar="FILE", help="file or rosbag2 folder; several are parts of one recording")
+    parser.add_argument(
+        "files", nargs="+", metavar="FILE", help="file or rosbag2 folder; several are parts of one recording"
+    )
     parser.add_argument("--output", metavar="BAG", required=True, help="folder of the new bag; must not exist")
     parser.add_argument("--mapping", metavar="M.yaml", help="which column is which signal; default: propose one")
     parser.add_argument(
         "--write-mapping", metavar="M.yaml", help="write the proposed mapping here (default: output/import-FILE.yaml)"
     )
-    parser.add_argument("--yes", action="store_true", help="take the proposal without asking; what is not sure is asked all the same")
+    parser.add_argument(
+        "--yes", action="store_true", help="take the proposal without asking; what is not sure is asked all the same"
+    )
     parser.add_argument("--time", metavar="COLUMN", default="", help="column of the time in a table (default: found)")
-    parser.add_argument("--time-unit", choices=("s", "ms", "us", "ns", "min", "h", "d"), help="its unit (default: found)")
-    parser.add_argument("--sample-rate", type=arguments.positive, metavar="HZ", help="samples per second of a table without a time")
+    parser.add_argument(
+        "--time-unit", choices=("s", "ms", "us", "ns", "min", "h", "d"), help="its unit (default: found)"
+    )
+    parser.add_argument(
+        "--sample-rate", type=arguments.positive, metavar="HZ", help="samples per second of a table without a time"
+    )
     report = parser.add_mutually_exclusive_group()
     report.add_argument("--report", metavar="F.html", help="path of the page (default: output/import-FILE.html)")
     report.add_argument("--no-report", action="store_true", help="write no page")
@@ -54,7 +62,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Read, propose or take a mapping, convert, write; returns 0."""
     page = None if args.no_report else checked(args.report, "--report") or default_report("import", args.files[:1])
-    written = checked(args.write_mapping, "--write-mapping") or default_report("import", args.files[:1]).with_suffix(".yaml")
+    written = checked(args.write_mapping, "--write-mapping") or default_report("import", args.files[:1]).with_suffix(
+        ".yaml"
+    )
 
     from boom_import import mapping as mappings
     from boom_import.assembly import Proposal, propose
@@ -115,7 +125,10 @@ def _show(source: Source, proposal: Proposal) -> None:
 
     console = console_for()
     count = max(len(column.values) for column in source.columns)
-    console.print(f"{source.path.name}: {source.kind}, {len(source.columns)} columns of up to {count} samples; time: {source.time}", soft_wrap=True)
+    console.print(
+        f"{source.path.name}: {source.kind}, {len(source.columns)} columns of up to {count} samples; time: {source.time}",
+        soft_wrap=True,
+    )
     table = Table()
     for heading in ("signal", "column", "unit", "sign", "reference", "range", "sure"):
         table.add_column(heading, justify="right" if heading == "sure" else "left", overflow="fold")
@@ -157,9 +170,16 @@ def _write_mapping(proposal: Proposal, path: Path, args: argparse.Namespace) -> 
         lines = [proposal.why.get(signal, "")]
         if signal in proposal.questions:
             lines = [f"to be decided: {proposal.questions[signal]}"]
-            lines += [f"  {mappings.entry_text(entry)}   ({100 * p:.0f} %)" for entry, p in proposal.options.get(signal, [])[:4] if p > 0.005]
+            lines += [
+                f"  {mappings.entry_text(entry)}   ({100 * p:.0f} %)"
+                for entry, p in proposal.options.get(signal, [])[:4]
+                if p > 0.005
+            ]
         comments[signal] = "\n".join(line for line in lines if line)
-    heading = [f"Proposed by {shlex.join(['./boom', 'import', *args.files])}", "Edit it, and give it back with --mapping."]
+    heading = [
+        f"Proposed by {shlex.join(['./boom', 'import', *args.files])}",
+        "Edit it, and give it back with --mapping.",
+    ]
     write_text(path, mappings.text(proposal.mapping, comments, heading))
     print(f"mapping: {path}")
 
@@ -178,10 +198,15 @@ def _convert(args: argparse.Namespace, source: Source, proposal: Proposal) -> in
     for note in recording.notes:
         console.print(f"note: {note}", soft_wrap=True)
     if missing:
-        console.print(f"note: without {', '.join(missing)}: commands that compare it with the model will refuse the bag", soft_wrap=True)
+        console.print(
+            f"note: without {', '.join(missing)}: commands that compare it with the model will refuse the bag",
+            soft_wrap=True,
+        )
     console.print(f"{recording.duration:.1f} s imported; the bag is {output}", soft_wrap=True)
     pose = "" if recording.stored_configuration is not None else " --q3 RAD --q4 M --load KG --machine FILE"
     if pose:
-        console.print("note: pose and load are not known: every command that needs them takes them as options", soft_wrap=True)
+        console.print(
+            "note: pose and load are not known: every command that needs them takes them as options", soft_wrap=True
+        )
     console.print(f"compare it with the model: ./boom validate {shlex.quote(str(output))}{pose}", soft_wrap=True)
     return 0

@@ -28,7 +28,8 @@ _ROWS = 50_000
 _MOST_COLUMNS = 2000
 _EMPTY = frozenset(("", "nan", "n/a", "na", "null", "none", "-", "--", "inf", "-inf", "#n/a"))
 _NUMBER = {
-    mark: re.compile(rf"[+-]?(?:\d+(?:{re.escape(mark)}\d*)?|{re.escape(mark)}\d+)(?:[eE][+-]?\d+)?", re.ASCII) for mark in ".,"
+    mark: re.compile(rf"[+-]?(?:\d+(?:{re.escape(mark)}\d*)?|{re.escape(mark)}\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+    for mark in ".,"
 }
 _DATE = re.compile(r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}")
 _CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,:]\d+)?)?")
@@ -86,7 +87,9 @@ def sniff(head: bytes) -> Dialect:
         ImportingError: its beginning holds no table of numbers.
     """
     if b"\0" in head and head[:2] not in (b"\xff\xfe", b"\xfe\xff"):
-        raise ImportingError("it is neither text nor of a kind that is known: CSV, MAT, MF4, MCAP, rosbag2 .db3 or ROS 1 .bag")
+        raise ImportingError(
+            "it is neither text nor of a kind that is known: CSV, MAT, MF4, MCAP, rosbag2 .db3 or ROS 1 .bag"
+        )
     encoding, text = _decoded(head)
     lines = text.splitlines()
     if len(head) == _HEAD_BYTES:
@@ -116,7 +119,9 @@ def _decoded(head: bytes) -> tuple[str, str]:
     if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16", head[: len(head) // 2 * 2].decode("utf-16", "replace")
     try:
-        return "utf-8-sig", head[: max(0, len(head) - 4)].decode("utf-8-sig") if len(head) == _HEAD_BYTES else head.decode("utf-8-sig")
+        return "utf-8-sig", head[: max(0, len(head) - 4)].decode("utf-8-sig") if len(
+            head
+        ) == _HEAD_BYTES else head.decode("utf-8-sig")
     except UnicodeDecodeError:
         return "cp1252", head.decode("cp1252", "replace")
 
@@ -131,7 +136,9 @@ def _cells(line: str, separator: str) -> list[str]:
 
 
 def _is_value(cell: str, decimal: str) -> bool:
-    return bool(_NUMBER[decimal].fullmatch(cell)) or (cell[:1].isdigit() and bool(_DATE.match(cell) or _CLOCK.fullmatch(cell)))
+    return bool(_NUMBER[decimal].fullmatch(cell)) or (
+        cell[:1].isdigit() and bool(_DATE.match(cell) or _CLOCK.fullmatch(cell))
+    )
 
 
 def _table_score(rows: list[list[str]], decimal: str) -> tuple[float, int]:
@@ -213,7 +220,13 @@ def _numbers(series: Any, clock: str, decimal: str) -> Floats:
         text = series.str.replace(",", ".")
         first = next((cell for cell in text if isinstance(cell, str)), "")
         day_first = bool(re.match(r"\d{1,2}\.", first))
-        dates = pd.to_datetime(text, errors="coerce", utc=True, dayfirst=day_first, format="ISO8601" if re.match(r"\d{4}-", first) else "mixed")
+        dates = pd.to_datetime(
+            text,
+            errors="coerce",
+            utc=True,
+            dayfirst=day_first,
+            format="ISO8601" if re.match(r"\d{4}-", first) else "mixed",
+        )
         made = (dates - datetime(1970, 1, 1, tzinfo=UTC)).dt.total_seconds()
     elif series.dtype.kind in "OSU" or str(series.dtype).startswith("str"):
         text = series.astype(str).str.strip()
@@ -221,4 +234,3 @@ def _numbers(series: Any, clock: str, decimal: str) -> Floats:
     else:
         made = series
     return np.asarray(made.to_numpy(dtype=np.float64, na_value=np.nan))
-

@@ -22,8 +22,25 @@ _SHORTEST = 10
 _DEEPEST = 12
 _MOST_COLUMNS = 2000
 _UNIT_KEYS = ("unit", "units", "einheit", "einheiten")
-_NAME_KEYS = ("names", "name", "labels", "label", "header", "headers", "columns", "channels", "kanal", "kanaele", "signals", "vars", "namen")
-_PERIOD_KEYS, _RATE_KEYS = ("ts", "dt", "t_s", "sampletime", "sample_time", "abtastzeit"), ("fs", "f_s", "samplerate", "sample_rate", "abtastrate")
+_NAME_KEYS = (
+    "names",
+    "name",
+    "labels",
+    "label",
+    "header",
+    "headers",
+    "columns",
+    "channels",
+    "kanal",
+    "kanaele",
+    "signals",
+    "vars",
+    "namen",
+)
+_PERIOD_KEYS, _RATE_KEYS = (
+    ("ts", "dt", "t_s", "sampletime", "sample_time", "abtastzeit"),
+    ("fs", "f_s", "samplerate", "sample_rate", "abtastrate"),
+)
 
 
 @dataclass
@@ -158,7 +175,9 @@ def _tables(struct: _Struct) -> Iterator[list[timing.RawColumn]]:
 def _labels(struct: _Struct, keys: tuple[str, ...], count: int) -> list[str]:
     """The texts beside an array that name its columns, or their units; [] where there are none of that number."""
     for name, texts in struct.texts.items():
-        if len(texts) == count and any(name.lower() == key or (count > 1 and name.lower().endswith(key)) for key in keys):
+        if len(texts) == count and any(
+            name.lower() == key or (count > 1 and name.lower().endswith(key)) for key in keys
+        ):
             return texts
     return []
 

@@ -46,4 +46,6 @@ def read(path: Path, progress: Callable[[float], None]) -> Source:
             progress((index + 1) / len(file.groups))
     if not columns:
         raise ImportingError("it holds no channels of numbers with a time")
-    return Source(path, "MDF", columns, dated, "each group's time channel" + (" and the file's start time" if dated else ""))
+    return Source(
+        path, "MDF", columns, dated, "each group's time channel" + (" and the file's start time" if dated else "")
+    )

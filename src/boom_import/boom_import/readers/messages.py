@@ -29,7 +29,9 @@ _LONG_UNNAMED = 16
 _NAMES = ("name", "names", "joint_name", "joint_names", "label", "labels", "key", "id")
 _OWN_NAMES = ("header.frame_id", "name", "joint_name", "label", "key", "frame_id")
 _SECONDS, _PARTS = ("sec", "secs", "seconds"), ("nanosec", "nsec", "nsecs", "nanos", "nanoseconds")
-_STAMP = re.compile(r"(?:^|\.)(?:header\.stamp|stamp|timestamp|time|clock)\.(?:sec|secs|seconds|nanosec|nsec|nsecs|nanos|nanoseconds)$")
+_STAMP = re.compile(
+    r"(?:^|\.)(?:header\.stamp|stamp|timestamp|time|clock)\.(?:sec|secs|seconds|nanosec|nsec|nsecs|nanos|nanoseconds)$"
+)
 _LEFT_OUT = re.compile(r"covariance|header\.seq$|(?:^|\.)variance$|is_dense|is_bigendian|row_step|point_step")
 _UNITS = {
     ("sensor_msgs/msg/FluidPressure", "fluid_pressure"): "Pa",

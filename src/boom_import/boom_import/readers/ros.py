@@ -83,7 +83,9 @@ def read_ros1(path: Path, progress: Progress) -> Source:
         for number, connection in enumerate(reader.connections):
             key = (connection.msgtype, connection.msgdef.data)
             of_connection[connection.id] = number, decoders.setdefault(key, _Ros1Type(*key))
-            batches.topics[number] = Topic(connection.topic, connection.msgtype, connection.msgdef.data, "ros1msg", "cdr")
+            batches.topics[number] = Topic(
+                connection.topic, connection.msgtype, connection.msgdef.data, "ros1msg", "cdr"
+            )
         total = max(reader.message_count, 1)
         for count, (connection, stamp, data) in enumerate(reader.messages()):
             number, kind = of_connection[connection.id]
@@ -223,4 +225,3 @@ def _source(path: Path, kind: str, collector: MessageColumns, notes: list[str]) 
         raise ImportingError("; ".join(bad[:1]) or "none of its topics carries numbers")
     notes += bad[:6] + ([f"{len(bad) - 6} more topics are left out"] if len(bad) > 6 else [])
     return Source(path, kind, columns, True, "stamps of the messages", notes)
-

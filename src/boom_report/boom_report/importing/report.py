@@ -95,7 +95,9 @@ def figure(source: Source, proposal: Proposal) -> Json:
         title(panels, signal, said + (" — to be decided" if given == ASK else ""))
         time = (column.stamps_ns - zero) / 1e9
         longest = max(longest, float(time[-1]))
-        traces.append(line(time, to_si(best, column.values) * unit.scale, n, signal, RED if given == ASK else FULL, 1.2))
+        traces.append(
+            line(time, to_si(best, column.values) * unit.scale, n, signal, RED if given == ASK else FULL, 1.2)
+        )
     if not panels.names:
         panels.add("none", _HEIGHT, _GAP)
     return {"data": traces, "layout": panels.layout([], longest)}
