@@ -8,8 +8,8 @@ With v the angular rate in the direction in which the boom is lifted, p_h and p_
 - gravity:  at rest p_h - 0.6 p_b carries the boom, so it is positive;
 - lowering: p_b rises with i_r.
 
-Each is a Gaussian in its statistic, floored, because a crane may be broken; the means and spreads are those of cranes with and without
-a load-holding valve, with a folded and a stretched boom.
+Each statistic counts as the ratio of its likelihood over cranes, with and without a load-holding valve, with a folded and a stretched
+boom, to that over unrelated columns; floored, because a crane may be broken.
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ PERIOD = 0.02
 _LONGEST = 60_000  # samples: 20 minutes tell as much as a day
 _SMOOTH = 0.2
 _LAGS = np.arange(0, 0.6, 0.06)
-_FLOOR = -8.0
 
 
 @dataclass(frozen=True)
@@ -70,10 +69,9 @@ def rate_fit(angle: Floats, rate: Floats) -> tuple[float, float]:
     a, b = smooth(derivative(angle)), smooth(smooth(rate))
     r = _correlation(a, b)
     if not r:
-        return _FLOOR, 1.0
+        return _RATE_ALIKE.floor, 1.0
     ratio = abs(float(np.std(b) / np.std(a)))
-    score = -0.5 * ((1.0 - abs(r)) / 0.1) ** 2 - 0.5 * (math.log(ratio) / 0.15) ** 2
-    return max(score, 1.5 * _FLOOR), math.copysign(1.0, r)
+    return _RATE_ALIKE.ratio(abs(r)) + _RATE_RATIO.ratio(math.log(ratio)), math.copysign(1.0, r)
 
 
 def current_fit(lift_rate: Floats, extend: Floats, retract: Floats) -> float:
@@ -113,9 +111,34 @@ def lowering(rod: Floats, retract: Floats) -> float:
     return _correlation(rod, smooth(_scaled(retract)))
 
 
-def normal(value: float, mean: float, spread: float, floor: float = _FLOOR) -> float:
-    """Log-likelihood of a statistic, floored; zero where it is not known."""
-    return 0.0 if math.isnan(value) else max(-0.5 * ((value - mean) / spread) ** 2, floor)
+@dataclass(frozen=True)
+class Expected:
+    """Distribution of a statistic over cranes against that over columns that have nothing to do with each other.
+
+    Attributes:
+        mean, spread: of the Gaussian over cranes.
+        width: range over which the statistic of unrelated columns is spread evenly.
+        floor: least log-likelihood ratio.
+    """
+
+    mean: float
+    spread: float
+    width: float
+    floor: float = -8.0
+
+    def ratio(self, value: float) -> float:
+        """Log-likelihood ratio of a value; zero where it is not known."""
+        if math.isnan(value):
+            return 0.0
+        density = -0.5 * ((value - self.mean) / self.spread) ** 2 - math.log(self.spread * math.sqrt(2.0 * math.pi))
+        return max(density + math.log(self.width), self.floor)
+
+
+CURRENTS = Expected(0.85, 0.25, 2.0, -12.0)
+DIFFERENCE = Expected(1.2, 0.6, 4.0)
+GRAVITY = Expected(0.4, 0.3, 1.6)
+LOWERING = Expected(0.6, 0.35, 2.0)
+_RATE_ALIKE, _RATE_RATIO = Expected(1.0, 0.1, 1.0, -8.0), Expected(0.0, 0.15, 6.0, -8.0)
 
 
 def _scaled(values: Floats) -> Floats:

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from boom_import import dynamics, units
 from boom_import.candidates import ANGLE, EXTEND, HOSE, RATE, RETRACT, ROD, SIGNALS, Candidate, candidates
-from boom_import.dynamics import normal
 from boom_import.source import Column, Floats
 
 SURE = 0.9
@@ -157,7 +156,7 @@ class _Scorer:
             rod, retract = self._options[ROD][b], self._options[RETRACT][t]
             if rod is not None and retract is not None:
                 statistic = dynamics.lowering(self._values(rod), self._values(retract))
-                result[:, :, :, b, :, t] += normal(statistic, 0.6, 0.35)
+                result[:, :, :, b, :, t] += dynamics.LOWERING.ratio(statistic)
 
     def _add_currents(self, result: NDArray[np.float64], lift: Floats) -> None:
         """`result` has the axes rate, hose, rod, extend, retract, direction."""
@@ -167,7 +166,7 @@ class _Scorer:
                 continue
             r = dynamics.current_fit(lift, self._values(extend), self._values(retract))
             for k, direction in enumerate((1.0, -1.0)):
-                result[:, :, :, e, t, k] += normal(direction * r, 0.85, 0.25, -12.0)
+                result[:, :, :, e, t, k] += dynamics.CURRENTS.ratio(direction * r)
 
     def _add_pressures(self, result: NDArray[np.float64], lift: Floats) -> None:
         for h, b in np.ndindex(self._shape[2], self._shape[3]):
@@ -175,10 +174,10 @@ class _Scorer:
             if hose is None or rod is None or hose.column.key == rod.column.key:
                 continue
             p_h, p_b = self._values(hose), self._values(rod)
-            weighs = normal(dynamics.gravity(lift, p_h, p_b), 0.4, 0.3)
+            weighs = dynamics.GRAVITY.ratio(dynamics.gravity(lift, p_h, p_b))
             statistic = dynamics.pressure_difference(lift, p_h, p_b)
             for k, direction in enumerate((1.0, -1.0)):
-                result[:, h, b, :, :, k] += weighs + normal(direction * statistic, 1.2, 0.6)
+                result[:, h, b, :, :, k] += weighs + dynamics.DIFFERENCE.ratio(direction * statistic)
 
 
 def _twice(one: Candidate, other: Candidate) -> float:
