@@ -63,7 +63,7 @@ def propose(source: Source, choice: TimeChoice | None = None, joint: str = "") -
     _ask_for_direction(proposal, found)
     _ask_for_reference(proposal, found)
     _add_optional(proposal, found, source.columns)
-    _note(proposal, found, source)
+    _note(proposal, found)
     return proposal
 
 
@@ -90,7 +90,8 @@ def _percent(signal: str, ratios: list[Column]) -> str:
         return ""
     column = ratios[0]
     part = ", part: positive or negative" if float(column.values.min()) < 0.0 else ""
-    return f"; '{quoted(column.key, 60)}' is in percent: if it drives the valve, give it with unit: A, scale: amperes per percent{part}"
+    advice = f"if it drives the valve, give it with unit: A, scale: amperes per percent{part}"
+    return f"; '{quoted(column.key, 60)}' is in percent: {advice}"
 
 
 def _entry(signal: str, candidate: Candidate | None, found: Found) -> SignalMap | str:
@@ -219,7 +220,7 @@ def _add_optional(proposal: Proposal, found: Found, columns: list[Column]) -> No
             free = [c for c in free if c.key != best.column.key]
 
 
-def _note(proposal: Proposal, found: Found, source: Source) -> None:
+def _note(proposal: Proposal, found: Found) -> None:
     notes = proposal.notes
     for signal in (EXTEND, RETRACT):
         best = found.choices[signal].best

@@ -8,8 +8,8 @@ With v the angular rate in the direction in which the boom is lifted, p_h and p_
 - gravity:  at rest p_h - 0.6 p_b carries the boom, so it is positive;
 - lowering: p_b rises with i_r.
 
-Each statistic counts as the ratio of its likelihood over cranes, with and without a load-holding valve, with a folded and a stretched
-boom, to that over unrelated columns; floored, because a crane may be broken.
+Each statistic counts as the ratio of its likelihood over cranes (with and without a load-holding valve, folded and stretched) to
+that over unrelated columns; floored, because a crane may be broken.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def grid(columns: list[Column]) -> Grid | None:
     count = int((end - start) / 1e9 / PERIOD)
     if count < 1.0 / PERIOD:
         return None
-    return Grid(np.arange(min(count, _LONGEST)) * PERIOD, start)
+    return Grid(np.asarray(np.arange(min(count, _LONGEST)) * PERIOD, np.float64), start)
 
 
 def smooth(values: Floats, width: float = _SMOOTH) -> Floats:

@@ -1,7 +1,7 @@
 """Proposes a mapping: the joint assignment of columns to signals that names, units, ranges and dynamics make most probable.
 
-A hypothesis says which column in which unit is which signal, and whether the angle counts upwards. Its log-likelihood is the sum of what
-`candidates` gives each column by itself and `dynamics` gives them together; all hypotheses are evaluated (some 10^5) and
+A hypothesis says which column in which unit is which signal, and whether the angle counts upwards. Its log-likelihood is the sum
+of what `candidates` gives each column by itself and `dynamics` gives them together; all hypotheses are evaluated (some 10^5) and
 normalised. What a signal is then has a probability: the sum over all hypotheses that agree. Below `SURE` it is asked for.
 """
 

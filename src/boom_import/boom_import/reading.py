@@ -21,8 +21,9 @@ Progress = Callable[[float], None]
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _KINDS = {
-    b"\x89MCAP0\r\n": "MCAP file", b"\x28\xb5\x2f\xfd": "MCAP file", b"SQLite format 3\0": "rosbag2 .db3 file", b"#ROSBAG V2.0": "ROS 1 bag", b"MDF     ": "MDF file",
-    b"UnFinMF ": "MDF file", b"MATLAB 7.3": "MAT file v7.3", _HDF5: "MAT file v7.3", b"MATLAB 5.0": "MAT file",
+    b"\x89MCAP0\r\n": "MCAP file", b"\x28\xb5\x2f\xfd": "MCAP file", b"SQLite format 3\0": "rosbag2 .db3 file",
+    b"#ROSBAG V2.0": "ROS 1 bag", b"MDF     ": "MDF file", b"UnFinMF ": "MDF file", b"MATLAB 7.3": "MAT file v7.3",
+    _HDF5: "MAT file v7.3", b"MATLAB 5.0": "MAT file",
 }  # fmt: skip
 _REFUSED = {
     b"PK\x03\x04": "it is a spreadsheet or an archive: save the table as CSV (or unpack it) and give that",
@@ -43,7 +44,8 @@ def read(paths: list[Path], choice: TimeChoice | None = None, progress: Progress
         progress: called with the part that is done, 0 to 1.
 
     Raises:
-        ImportingError: a file is missing, damaged, of no known kind, or its time is not to be found; the message begins with its path.
+        ImportingError: a file is missing, damaged, of no known kind, or its time is not to be found; the message begins with
+            its path.
     """
     sources = []
     for i, path in enumerate(paths):

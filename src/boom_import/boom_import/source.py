@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+_LARGEST = 1e25  # what is larger is damage: even nanoseconds since 1970 are 2e18
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
@@ -72,7 +73,7 @@ def column(
     key: str, name: str, unit: str, stamps_ns: Stamps, values: Floats, *, by_type: bool = False, joint: str = ""
 ) -> Column | None:
     """A column of what is finite of `values` (n,), or None where that is less than two samples."""
-    there = np.isfinite(values)
+    there = np.abs(values) < _LARGEST  # false for NaN, too
     if there.sum() < 2:
         return None
     if not there.all():

@@ -98,7 +98,8 @@ def axis(columns: list[RawColumn], choice: TimeChoice, hint_rate: float = 0.0) -
     if rate > 0:
         return Axis(np.rint(np.arange(count) * 1e9 / rate).astype(np.int64), False, f"{rate:g} samples/s", "")
     raise ImportingError(
-        f"no column is recognisable as the time ({_listed(columns)}): give --time COLUMN, or --sample-rate with the samples per second"
+        f"no column is recognisable as the time ({_listed(columns)}): give --time COLUMN, "
+        "or --sample-rate with the samples per second"
     )
 
 

@@ -48,7 +48,8 @@ _TABLE: tuple[tuple[str, str, float, str], ...] = (
     ("h", TIME, 3600.0, "h hr hours stunden"),
     ("d", TIME, 86400.0, "d day days tage"),
     ("%", RATIO, 0.01, "% percent prozent pct"),
-    ("", "other", 1.0, "m mm cm km m/s mm/s km/h m/s2 m/s^2 g kg t n kn nm n*m knm v mv volt kw w hz l/min lpm l cm3 °c degc c k f °f counts"),
+    ("", "other", 1.0, "m mm cm km m/s mm/s km/h m/s2 m/s^2 g kg t n kn nm n*m knm v mv volt"),
+    ("", "other", 1.0, "kw w hz l/min lpm l cm3 °c degc c k f °f counts"),
 )  # fmt: skip
 _BY_TEXT = {
     text: Measure(name or text, dimension, factor)
@@ -67,7 +68,7 @@ _GAUGE = re.compile(r"^(bar|psi|mpa|kpa|pa)[ _]?(g|\(g\)|gauge|\(gauge\)|rel\.?|
 _BRACKETS = re.compile(r"[\[({<]\s*([^\[\](){}<>]{1,20}(?:\((?:a|g|abs|rel|ü|gauge)\))?)\s*[\])}>]\s*$", re.IGNORECASE)
 _AFTER_SLASH = re.compile(r"^(.{1,}?)(?:\s+/\s*|\s*/\s+|\s+in\s+)(\S{1,12})$")
 _SUFFIX = re.compile(r"^(.+?)[_ .\-]((?:(?:m?rad|deg|grad|°)(?:_per_|/|_)s(?:ec)?)|[a-z°%µμ]+)$", re.IGNORECASE)
-_WEAK = frozenset("a d h k f m g t n v w l c s min rads grad".split())
+_WEAK = frozenset((*"adhkfmgtnvwlcs", "min", "rads", "grad"))
 
 
 class StatedUnit(NamedTuple):

@@ -70,8 +70,8 @@ def run(args: argparse.Namespace) -> int:
     from rich.text import Text
 
     from boom_bringup import demo_folder, outputs, replica, showing
-    from boom_bringup.given import load_given
     from boom_bringup.demo_results import Results, Tracked
+    from boom_bringup.given import load_given
     from boom_identification.validation import validate
     from boom_report.console import console_for
     from boom_report.tracking import position_error

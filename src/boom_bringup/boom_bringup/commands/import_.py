@@ -1,11 +1,11 @@
 """Turn foreign recordings into a bag that every command takes: CSV, MAT, MF4, rosbag2 .db3, ROS 1 bags, MCAP with other topics.
 
-Several FILEs are parts of one recording. Without --mapping the command proposes one from names, units, ranges and dynamics, shows it as a table
-and as a page with a plot of each signal, and writes it to a file. What it cannot tell it asks; without a terminal it ends with
-exit status 2 and names the file to edit.
+Several FILEs are parts of one recording. Without --mapping the command proposes one from names, units, ranges and dynamics, shows
+it as a table and as a page with a plot of each signal, and writes it to a file. What it cannot tell it asks; without a terminal it
+ends with exit status 2 and names the file to edit.
 
   ./boom import test3.csv --q3 0.28 --q4 2.2 --load 0 --output output/test3
-  ./boom import test3.csv --mapping output/import-test3.yaml --output output/test3
+  ./boom import test3.csv --mapping output/import-test3.csv.yaml --output output/test3
   ./boom validate output/test3
 
 Angle and rate become positive while the boom is lifted, pressures absolute [Pa] on the wire, currents [A].

@@ -174,7 +174,7 @@ def _headers(above: list[list[str]], width: int) -> tuple[tuple[str, ...], tuple
 def _widened(row: list[str], width: int) -> list[str]:
     if len(row) == width + 1 and row[0] in ("#", "%", "//"):
         return row[1:]
-    return (row + [""])[:width]
+    return [*row, ""][:width]
 
 
 def _are_units(row: list[str]) -> bool:
@@ -196,7 +196,8 @@ def _parts(file: BinaryIO, dialect: Dialect, progress: Callable[[], None]) -> tu
     options: dict[str, Any] = {
         "sep": r"\s+" if dialect.separator == " " else dialect.separator,
         "decimal": dialect.decimal, "header": None, "names": list(range(len(dialect.headers))), "skiprows": dialect.first,
-        "encoding": dialect.encoding, "encoding_errors": "replace", "skip_blank_lines": True, "low_memory": True, "index_col": False,
+        "encoding": dialect.encoding, "encoding_errors": "replace", "skip_blank_lines": True,
+        "low_memory": True, "index_col": False,
         "dtype": dict.fromkeys(dialect.clocks, str), "on_bad_lines": "warn", "chunksize": _ROWS, "na_values": list(_EMPTY),
     }  # fmt: skip
     parts: list[list[Floats]] = [[] for _ in dialect.headers]

@@ -71,6 +71,33 @@ def read(path: Path, choice: timing.TimeChoice, hdf5: bool) -> Source:
     Raises:
         ImportingError: no arrays, or no time beside them.
     """
+    top = _content(path, hdf5)
+    read: list[tuple[list[timing.RawColumn], timing.Axis]] = []
+    failed: ImportingError | None = None
+    for struct in top.everything():
+        for raw in _tables(struct):
+            try:
+                read.append((raw, timing.axis([*raw, *_times_above(struct, raw)], choice, _rate(struct))))
+            except ImportingError as error:
+                failed = failed or error
+    notes = [f"a part of it was left out: {failed}"] if failed and read else []
+    dated = any(axis.dated for _, axis in read)
+    if dated and not all(axis.dated for _, axis in read):
+        notes.append("arrays whose times have no date were left out, because others have one")
+    taken: set[str] = set()
+    columns: list[Column] = []
+    for raw, axis in read:
+        for entry in raw:
+            if entry.key != axis.column and axis.dated == dated:
+                made = column(unique(entry.key, taken), entry.name, entry.unit, axis.stamps_ns, entry.values)
+                columns += [made] if made else []
+    if not columns:
+        what = "it holds no arrays of numbers: save signals as plain arrays or structs, not as objects (timeseries, timetable)"
+        raise failed or ImportingError(what)
+    return Source(path, f"MAT {'v7.3' if hdf5 else 'file'}", columns, dated, read[0][1].said, notes)
+
+
+def _content(path: Path, hdf5: bool) -> _Struct:
     top = _Struct("")
     if hdf5:
         with h5py.File(path, "r") as file:
@@ -82,49 +109,22 @@ def read(path: Path, choice: timing.TimeChoice, hdf5: bool) -> Source:
         for name, value in content.items():
             if not name.startswith("__"):
                 _sort(top, name, value, 0)
-    columns: list[Column] = []
-    taken: set[str] = set()
-    said: list[str] = []
-    dated: list[bool] = []
-    failed: ImportingError | None = None
-    for struct in top.everything():
-        for raw in _tables(struct):
-            try:
-                axis = timing.axis([*raw, *_times_above(struct, raw)], choice, _rate(struct))
-            except ImportingError as error:
-                failed = failed or error
-                continue
-            said.append(axis.said)
-            dated.append(axis.dated)
-            for entry in raw:
-                made = column(unique(entry.key, taken), entry.name, entry.unit, axis.stamps_ns, entry.values)
-                columns += [made] if made and entry.key != axis.column else []
-    if not columns:
-        what = "it holds no arrays of numbers: save signals as plain arrays or structs, not as objects (timeseries, timetable)"
-        raise failed or ImportingError(what)
-    notes = [f"a part of it was left out: {failed}"] if failed else []
-    return Source(path, f"MAT {'v7.3' if hdf5 else 'file'}", columns, any(dated), said[0], notes)
+    return top
 
 
 def _sort(struct: _Struct, name: str, value: Any, depth: int) -> None:
     """Put one variable where it belongs."""
-    key = f"{struct.path}.{name}" if struct.path else name
     if depth > _DEEPEST:
         return
     if isinstance(value, dict):
-        inner = _Struct(key, struct)
+        inner = _Struct(f"{struct.path}.{name}" if struct.path else name, struct)
         struct.inner.append(inner)
         for label, entry in value.items():
             _sort(inner, str(label), entry, depth + 1)
     elif isinstance(value, str):
         struct.texts[name] = [value]
     elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype.kind in "OUS"):
-        entries = list(np.ravel(np.asarray(value, object)))
-        if entries and all(isinstance(entry, str) for entry in entries):
-            struct.texts[name] = [str(entry) for entry in entries]
-        else:
-            for i, entry in enumerate(entries[:_MOST_COLUMNS]):
-                _sort(struct, f"{name}({i + 1})", entry, depth + 1)
+        _sort_cell(struct, name, list(np.ravel(np.asarray(value, object))), depth)
     elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
         array = np.squeeze(value)
         if array.ndim in (1, 2) and max(array.shape) >= _SHORTEST:
@@ -133,6 +133,15 @@ def _sort(struct: _Struct, name: str, value: Any, depth: int) -> None:
             struct.numbers[name.lower()] = float(array.ravel()[0])
     elif isinstance(value, (int, float, np.number)):
         struct.numbers[name.lower()] = float(value)
+
+
+def _sort_cell(struct: _Struct, name: str, entries: list[Any], depth: int) -> None:
+    """A cell is a list of texts, or as many variables as it has entries."""
+    if entries and all(isinstance(entry, str) for entry in entries):
+        struct.texts[name] = [str(entry) for entry in entries]
+        return
+    for i, entry in enumerate(entries[:_MOST_COLUMNS]):
+        _sort(struct, f"{name}({i + 1})", entry, depth + 1)
 
 
 def _from_hdf5(file: Any, item: Any, depth: int) -> Any:

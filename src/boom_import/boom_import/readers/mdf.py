@@ -11,6 +11,7 @@ from asammdf import MDF
 
 from boom_import.errors import ImportingError
 from boom_import.source import Column, Source, column, unique
+from boom_input.files import opened
 
 _EARLIEST = 946_684_800
 _MOST_COLUMNS = 5000
@@ -25,7 +26,7 @@ def read(path: Path, progress: Callable[[float], None]) -> Source:
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     columns: list[Column] = []
     taken: set[str] = set()
-    with MDF(str(path), raise_on_multiple_occurrences=False) as file:
+    with opened(path) as content, MDF(content, raise_on_multiple_occurrences=False) as file:
         begin = file.header.start_time.timestamp()
         dated = begin > _EARLIEST
         zero = round(begin * 1e9) if dated else 0

@@ -145,8 +145,8 @@ class MessageColumns:
             by_type = next((u for (t, part), u in _UNITS.items() if t == kind and part in label), "")
             joint = label.partition("[")[2].rstrip("]") if kind.endswith("/JointState") else ""
             made = column(
-                unique(f"{topic}:{label}", taken), f"{topic} {label}", by_type or _stated(topic, label), np.concatenate(series.stamps),
-                np.concatenate(series.values), by_type=bool(by_type), joint=joint,
+                unique(f"{topic}:{label}", taken), f"{topic} {label}", by_type or _stated(topic, label),
+                np.concatenate(series.stamps), np.concatenate(series.values), by_type=bool(by_type), joint=joint,
             )  # fmt: skip
             result += [made] if made else []
         return result

@@ -50,11 +50,11 @@ def write_import_page(path: Path, source: Source, proposal: Proposal, command: s
 
 
 def rows(source: Source, proposal: Proposal) -> list[tuple[str, ...]]:
-    """For each signal: name, column, unit, sign, gauge or absolute, range, probability, why; the last is the question where one is open."""
+    """For each signal: name, column, unit, sign, gauge or absolute, range, probability, and why or what is open."""
     columns = source.by_key()
-    result = []
+    result: list[tuple[str, ...]] = []
     for signal, given in proposal.mapping.signals.items():
-        sure = proposal.probability.get(signal)
+        sure = None if given == ASK else proposal.probability.get(signal)
         percent = "" if sure is None else f"{min(100 * sure, 99.9):.1f} %"
         why = proposal.questions.get(signal, proposal.why.get(signal, ""))
         if isinstance(given, str):
