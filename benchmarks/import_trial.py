@@ -1,7 +1,7 @@
-"""How often a proposed mapping is right, asked for, or wrong without a word, on tables in the style of laboratories drawn at random.
+"""How often a proposed mapping is right, asked for, or wrong without a word, on tables in styles drawn at random.
 
-Each case takes a recording, a language or house style, units, separators, signs, missing columns and columns that are no signal; many
-words are in no list of `boom_import`. Right: all six signals have the original's values (the rate may be the angle's derivative).
+Each case takes a recording, a language or house style, units, separators, signs, missing columns and columns that are no signal;
+many words are in no list of `boom_import`. Right: all six signals have the original's values (the rate may be derived).
 
   ./boom python benchmarks/import_trial.py --cases 60 --seed 1
 """
@@ -17,13 +17,14 @@ import numpy as np
 from foreign_recordings import ATMOSPHERE, DEG, data_of, table
 
 from boom_import import assembly, conversion, reading
+from boom_import.candidates import SIGNALS
 from boom_import.errors import ImportingError
 
 BAGS = ("bags/healthy/extended", "bags/healthy/folded_fast", "bags/healthy/extended_log", "bags/explained/payload_change_a",
         "../shared/recordings/strangers/stranger_1_a", "../shared/recordings/strangers/stranger_5_a")  # fmt: skip
 # time, angle, rate, piston side, rod side, current that lifts, current that lowers
 STYLES = {
-    "english": "time|boom angle|boom angular rate|piston side pressure|rod side pressure|lift solenoid current|lower solenoid current",
+    "english": "time|boom angle|boom angular rate|piston side pressure|rod side pressure|lift coil current|lower coil current",
     "english short": "t|boom_ang|boom_w|p_cap|p_ann|i_up|i_dn",
     "american": "Timestamp|Boom1 Incl|Boom1 Gyro|Base End Prs|Rod End Prs|Raise Cur|Lower Cur",
     "german": "Zeit|Hubwinkel|Drehrate|p Kolbenseite|p Stangenseite|I Heben|I Senken",
@@ -43,37 +44,54 @@ def case(random, data, folder):
     """Write one table; returns its path, its style and the true values by signal."""
     style = str(random.choice(list(STYLES)))
     names = STYLES[style].split("|")
-    degrees, milli, unit = random.random() < 0.6, random.random() < 0.6, str(random.choice(list(PRESSURE), p=(0.5, 0.15, 0.15, 0.1, 0.1)))
+    degrees, milli = random.random() < 0.6, random.random() < 0.6
+    unit = str(random.choice(list(PRESSURE), p=(0.5, 0.15, 0.15, 0.1, 0.1)))
     angle_sign, gyro_sign = (-1 if random.random() < p else 1 for p in (0.2, 0.15))
     absolute = random.random() < 0.15
-    turn = DEG if degrees else 1.0
-    pressure = (np.stack([data.ph, data.pb]) + (ATMOSPHERE if absolute else 0.0)) * PRESSURE[unit]
-    columns = {
-        0: (data.t * (1e3 if milli else 1.0), "ms" if milli else "s"), 1: (angle_sign * data.q * turn, "deg" if degrees else "rad"),
-        2: (angle_sign * gyro_sign * data.w * turn, "deg/s" if degrees else "rad/s"),
-        3: (pressure[0], unit + (" abs" if absolute else "")), 4: (pressure[1], unit + (" abs" if absolute else "")),
-        5: (data.ie * (1e3 if milli else 1.0), "mA" if milli else "A"), 6: (data.ir * (1e3 if milli else 1.0), "mA" if milli else "A"),
-    }  # fmt: skip
-    shown = [(names[i], unit, values) for i, (values, unit) in columns.items()]
+    stated = absolute or random.random() < 0.75
+    columns = _signals(data, names, (degrees, milli, unit, absolute), (angle_sign, gyro_sign))
     if random.random() < 0.25:
-        del shown[2]
-    head, rest = shown[:1], shown[1:]
-    extras = [("T oil", "degC", 40 + 0.01 * data.t), ("supply pressure", unit, data.supply * PRESSURE[unit]), ("counter", "", np.arange(len(data.t)) % 256.0),
-              ("engine speed", "rpm", 1500 + 5 * np.sin(data.t)), ("stick angle", "deg" if degrees else "rad", (0.8 + 0.3 * np.sin(0.1 * data.t)) * turn)]  # fmt: skip
+        del columns[2]
+    head, rest = columns[:1], columns[1:]
+    extras = _others(data, degrees, unit)
     rest += [extras[i] for i in random.permutation(len(extras))[: random.integers(0, 4)]]
     rest = [rest[i] for i in random.permutation(len(rest))]
-    stated = absolute or random.random() < 0.75
     header = [f"{name} [{unit}]" if stated and unit else name for name, unit, _ in head + rest]
     separator, decimal = ((",", "."), (";", ","), ("\t", "."), (";", "."))[random.integers(4)]
     path = folder / "case.csv"
     table(path, header, [values for *_, values in head + rest], separator, decimal, digits=7)
-    truth = {"angle": data.q, "rate": data.w, "hose_pressure": data.ph, "rod_pressure": data.pb, "extend_current": data.ie,
-             "retract_current": data.ir}  # fmt: skip
-    return path, f"{style}, {unit}{' abs' if absolute else ''}, sign {angle_sign:+d}{gyro_sign:+d}, units {'stated' if stated else 'not stated'}", truth
+    truth = dict(zip(SIGNALS, (data.q, data.w, data.ph, data.pb, data.ie, data.ir), strict=True))
+    shown = f"{unit}{' abs' if absolute else ''}, sign {angle_sign:+d}{gyro_sign:+d}"
+    return path, f"{style}, {shown}, units {'stated' if stated else 'not stated'}", truth
+
+
+def _signals(data, names, form, signs):
+    """(name, unit, values) of time and signals."""
+    degrees, milli, unit, absolute = form
+    turn, thousand = DEG if degrees else 1.0, 1e3 if milli else 1.0
+    pressure = [(p + (ATMOSPHERE if absolute else 0.0)) * PRESSURE[unit] for p in (data.ph, data.pb)]
+    current = "mA" if milli else "A"
+    shown = unit + (" abs" if absolute else "")
+    values = (
+        ("ms" if milli else "s", data.t * thousand), ("deg" if degrees else "rad", signs[0] * data.q * turn),
+        ("deg/s" if degrees else "rad/s", signs[0] * signs[1] * data.w * turn), (shown, pressure[0]), (shown, pressure[1]),
+        (current, data.ie * thousand), (current, data.ir * thousand),
+    )  # fmt: skip
+    return [(name, *entry) for name, entry in zip(names, values, strict=True)]
+
+
+def _others(data, degrees, unit):
+    """Columns that are no signal."""
+    stick = (0.8 + 0.3 * np.sin(0.1 * data.t)) * (DEG if degrees else 1.0)
+    return [
+        ("T oil", "degC", 40 + 0.01 * data.t), ("supply pressure", unit, data.supply * PRESSURE[unit]),
+        ("counter", "", np.arange(len(data.t)) % 256.0), ("engine speed", "rpm", 1500 + 5 * np.sin(data.t)),
+        ("stick angle", "deg" if degrees else "rad", stick),
+    ]  # fmt: skip
 
 
 def judge(path, truth):
-    """"right", "asked" or "wrong", and what."""
+    """Tell whether the proposal is right, asks or is wrong, and about what."""
     try:
         source = reading.read([path])
         proposal = assembly.propose(source)

@@ -230,7 +230,7 @@ def _note(proposal: Proposal, found: Found) -> None:
             )
     rate = proposal.mapping.signals[RATE]
     if rate == DERIVATIVE:
-        notes.append("no column is the angular rate: the derivative of the angle is taken, smoothed over 0.2 s")
+        notes.append("no column is the angular rate: the derivative of the angle is taken, smoothed over 0.1 s")
     elif isinstance(rate, SignalMap) and found.rate_sign != found.angle_sign:
         notes.append("the rate counts against the angle in the file: its sign is turned")
     proposal.notes = list(dict.fromkeys(notes))

@@ -17,7 +17,10 @@ from boom_input.shown import quoted
 from boom_recording.recording import Configuration, Recording, Signal
 from boom_recording.writing import START_NS
 
-_WINDOW = 0.2  # s, of the derivative
+_WINDOW = (
+    0.1  # s, of the derivative: an angle quantised to 0.4 mrad then gives a rate to 1 mrad/s, and a valve is slower
+)
+_REST = 1e-9  # rad/s
 _MOST_OUTSIDE = 0.02
 _APART = 0.05  # s: further apart than this, nothing is interpolated
 _Series = tuple[Stamps, Floats]
@@ -115,6 +118,7 @@ def _derivative(stamps: Stamps, angle: Floats) -> _Series:
     order = np.argsort(time, kind="stable")
     width = min(max(5, round(_WINDOW / period) | 1), len(even) - 1 + len(even) % 2)
     rate = savgol_filter(np.interp(even, time[order], angle[order]), width, 2, deriv=1, delta=period)
+    rate[np.abs(rate) < _REST] = 0.0  # rounding errors of an angle at rest
     return stamps, np.asarray(np.interp(time, even, rate))
 
 

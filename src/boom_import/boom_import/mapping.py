@@ -134,8 +134,10 @@ def _mapping(document: dict[str, Any]) -> Mapping:
 
 def _signal(signal: str, given: Any) -> SignalMap | str:
     words = {ASK, NONE} | ({DERIVATIVE} if signal == "rate" else set())
-    if given is None or given in words:
-        return given or NONE
+    if given is None:
+        return NONE
+    if isinstance(given, str) and given in words:
+        return given
     entry = _section(given, f"signals: {signal}", _KEYS)
     where = f"signals: {signal}"
     column, unit = entry.get("column"), str(entry.get("unit", ""))

@@ -40,6 +40,8 @@ def find(path: Path) -> BagFiles:
         raise RecordingError(f"{path}: it is neither a file nor a folder: give a rosbag2 directory or a .mcap file")
     if path.stat().st_size == 0:
         raise RecordingError(f"{path}: the file is empty (0 bytes): record again, or give another bag")
+    if path.suffix == ".db3":
+        raise _sqlite(path)
     if path.suffix in _CAN_LOGS:
         raise RecordingError(f"{path}: it is a CAN log: ./boom import-can turns it into a bag")
     if not path.name.endswith(_ENDINGS) and not _begins_like_one(path):

@@ -1,0 +1,116 @@
+"""./boom import: foreign recordings of twelve kinds become bags with the original's values; what cannot be told is asked."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_recordings import ASKS, KINDS, Data, data_of
+
+from boom_bringup import cli
+from boom_identification.validation import validate
+from boom_input.yaml_text import read_yaml
+from boom_model.machine_file import load_machine
+from boom_recording.loading import load
+
+BAG = Path(__file__).parents[1] / "bags" / "healthy" / "extended"
+POSE = ("--q3", "0.28", "--q4", "2.2", "--load", "0")
+ORIGINAL = {
+    "angle": "q",
+    "rate": "w",
+    "hose_pressure": "ph",
+    "rod_pressure": "pb",
+    "extend_current": "ie",
+    "retract_current": "ir",
+}
+DERIVED = 0.02  # rad/s: the derivative of an angle quantised to 0.38 mrad, smoothed over 0.1 s
+
+
+@pytest.fixture(scope="module")
+def original() -> Data:
+    """The first 25 s: long enough to lift and lower."""
+    whole = data_of(BAG)
+    kept = whole.t < 25.0
+    return Data(*(getattr(whole, field.name)[kept] for field in fields(whole)))
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def boom(*words: str) -> int:
+    return cli.main(words)
+
+
+@pytest.mark.parametrize("kind", sorted(set(KINDS) - set(ASKS)))
+def test_a_foreign_recording_is_imported_with_the_proposed_mapping(kind: str, original: Data, tmp_path: Path) -> None:
+    files = KINDS[kind](original, tmp_path)
+    assert boom("import", *map(str, files), "--yes", "--no-report", *POSE, "--output", "made") == 0
+    made = load(tmp_path / "made")
+    for signal, field in ORIGINAL.items():
+        own = made.signals[signal]
+        # An MF4 file has groups with times of their own: the original is looked at between its samples.
+        wanted = np.interp(own.time, original.t, getattr(original, field))
+        derived = signal == "rate" and "derivative" in str(read_yaml(mapping_of(files[0]))["signals"]["rate"])
+        inner = slice(20, -20) if derived else slice(None)
+        # One signed current holds the difference of both, and at rest both measure a milliampere of noise.
+        allowed = (
+            DERIVED
+            if derived
+            else 1e-3 * np.ptp(wanted) + (0.002 if kind == "mf4_signed" and "current" in signal else 0.0)
+        )
+        assert np.abs(own.values - wanted)[inner].max() <= allowed, signal
+    assert validate(made, load_machine("tz17")).mismatches == []
+
+
+def mapping_of(file: Path) -> Path:
+    return Path("output") / f"import-{file.name if file.suffix != '.mcap' else file.stem}.yaml"
+
+
+def test_what_the_file_does_not_say_is_asked_and_the_answer_imports_it(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (file,) = KINDS["csv_percent"](original, tmp_path)
+    assert boom("import", str(file), "--yes", "--no-report", *POSE, "--output", "made") == 2
+    said = capsys.readouterr().err
+    assert "extend_current: no column fits it" in said and "percent" in said and said.count("\n") == 1
+    assert not Path("made").exists()
+    mapping = mapping_of(file)
+    answer = '{column: "Valve command (%)", unit: A, sign: SIGN, scale: 0.006, part: PART}'
+    text = mapping.read_text()
+    for signal, sign, part in (("extend_current", "1", "positive"), ("retract_current", "-1", "negative")):
+        entry = answer.replace("SIGN", sign).replace("PART", part)
+        text = text.replace(f"  {signal}: ask", f"  {signal}: {entry}")
+    mapping.write_text(text)
+    assert boom("import", str(file), "--mapping", str(mapping), "--no-report", *POSE, "--output", "made") == 0
+    made = load(tmp_path / "made")
+    net = made.signals["extend_current"].values - made.signals["retract_current"].values
+    assert np.abs(net - (original.ie - original.ir)).max() < 1e-4
+
+
+def test_without_a_terminal_nothing_is_taken_without_yes(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (file,) = KINDS["csv_german"](original, tmp_path)
+    assert boom("import", str(file), "--output", "made") == 2
+    assert "take this mapping with --yes, or edit output/import-Messung_03.csv.yaml" in capsys.readouterr().err
+    page = Path("output/import-Messung_03.csv.html").read_text()
+    assert "Strom Heben [mA]" in page and "Columns that are left out" in page
+
+
+@pytest.mark.parametrize("command", ["validate", "identify", "diagnose", "simulate", "replay"])
+@pytest.mark.parametrize("name", ["x.csv", "x.mat", "x.mf4", "x.bag", "x.db3"])
+def test_a_command_says_what_to_type_for_a_foreign_file(
+    command: str, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / name).write_bytes(b"some bytes of another kind")
+    if command == "replay" or (command == "simulate" and name == "x.csv"):
+        pytest.skip(
+            "a process of its own says it" if command == "replay" else "a CSV file of currents is what it takes"
+        )
+    extra = ("--output", "made") if command == "simulate" else ()
+    assert boom(command, name, *extra) == 2
+    assert f"import it: ./boom import {name} --output output/x\n" in capsys.readouterr().err
