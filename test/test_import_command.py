@@ -13,7 +13,9 @@ from boom_bringup import cli
 from boom_identification.validation import validate
 from boom_input.yaml_text import read_yaml
 from boom_model.machine_file import load_machine
+from boom_recording import writing
 from boom_recording.loading import load
+from boom_recording.recording import Configuration, GivenConfiguration
 
 BAG = Path(__file__).parents[1] / "bags" / "healthy" / "extended"
 POSE = ("--q3", "0.28", "--q4", "2.2", "--load", "0")
@@ -101,16 +103,49 @@ def test_without_a_terminal_nothing_is_taken_without_yes(
     assert "Strom Heben [mA]" in page and "Columns that are left out" in page
 
 
-@pytest.mark.parametrize("command", ["validate", "identify", "diagnose", "simulate", "replay"])
-@pytest.mark.parametrize("name", ["x.csv", "x.mat", "x.mf4", "x.bag", "x.db3"])
+@pytest.mark.parametrize("command", ["validate", "identify", "diagnose", "simulate"])
+@pytest.mark.parametrize("name", ["x.txt", "x.mat", "x.mf4", "x.bag", "x.db3"])
 def test_a_command_says_what_to_type_for_a_foreign_file(
     command: str, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / name).write_bytes(b"some bytes of another kind")
-    if command == "replay" or (command == "simulate" and name == "x.csv"):
-        pytest.skip(
-            "a process of its own says it" if command == "replay" else "a CSV file of currents is what it takes"
-        )
     extra = ("--output", "made") if command == "simulate" else ()
     assert boom(command, name, *extra) == 2
     assert f"import it: ./boom import {name} --output output/x\n" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bag without a configuration whose joint has another name."""
+    recording = load(BAG)
+    recording.stored_configuration = None
+    path = tmp_path_factory.mktemp("bare") / "bare"
+    writing.write(path, recording, joint="main_boom")
+    return path
+
+
+def test_pose_load_and_joint_are_given_where_the_bag_lacks_them(bare: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert boom("validate", str(bare)) == 2
+    assert "give its name with --joint" in capsys.readouterr().err
+    assert boom("validate", str(bare), "--joint", "main_boom") == 2
+    assert "--q3 RAD --q4 M --load KG, and the machine with --machine" in capsys.readouterr().err
+    assert boom("validate", str(bare), "--joint", "main_boom", *POSE) == 2
+    assert "no machine named" in capsys.readouterr().err
+    words = ("--joint", "main_boom", *POSE, "--machine", "tz17")
+    assert boom("validate", str(bare), *words, "--no-report", "--strict") == 0
+    assert boom("simulate", str(bare), *words, "--duration", "3", "--output", "made") == 0
+
+
+def test_a_given_load_replaces_the_recorded_one() -> None:
+    given = GivenConfiguration(load_mass=120.0)
+    assert load(BAG, given=given).configuration == Configuration("tz17", 0.28, 2.2, 120.0, "stand-in machine")
+
+
+def test_a_bag_with_foreign_topics_is_sent_to_the_import(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (file,) = KINDS["opera"](original, tmp_path)
+    assert boom("diagnose", str(file)) == 2
+    said = capsys.readouterr().err
+    assert "the bag has /zx120/boom_down_solenoid_current" in said
+    assert f"import it: ./boom import {file} --output output/zx120_boom" in said

@@ -25,6 +25,7 @@ _NAMES = ("time", "zeit", "stamp", "clock", "datum", "date", "uhr", "temps", "ti
 _SHORT = ("t", "ts", "x", "sec", "ms")
 _COUNTERS = ("index", "idx", "count", "sample", "frame", "seq", "line", "row", "nr", "no", "id", "zeile", "zaehler")
 _SECONDS_2000, _SECONDS_2100 = 946_684_800.0, 4_102_444_800.0
+_HALF_A_DAY = 43_200.0
 _EXCEL_1970 = 25_569.0  # days from Excel's zero, 1899-12-30
 _MATLAB_1970 = 719_529.0  # days from Matlab's year 0
 
@@ -113,8 +114,10 @@ def _score(column: RawColumn) -> float:
     if len(values) < 2:
         return -99.0
     steps = np.diff(values)
+    if column.clock == "time of day":
+        steps = np.where(steps < -_HALF_A_DAY, steps + 2 * _HALF_A_DAY, steps)
     rising = float(np.mean(steps >= 0))
-    if rising < 0.99 or values[-1] <= values[0]:
+    if rising < 0.99 or not float(steps.sum()) > 0.0:
         return -99.0
     score = -2.0 + (8.0 if column.clock else 0.0) - (6.0 if column.clock == "time of day" and rising < 1 else 0.0)
     name = column.name.lower()
@@ -145,7 +148,7 @@ def _of_column(column: RawColumn, unit: str, columns: list[RawColumn]) -> Axis:
 def _of_clock(column: RawColumn, columns: list[RawColumn]) -> Axis:
     seconds, said = column.values, f"column '{column.key}' ({column.clock})"
     if column.clock == "time of day":
-        turned = np.concatenate(([0.0], np.cumsum(np.diff(np.nan_to_num(seconds)) < -43_200.0) * 86_400.0))
+        turned = np.concatenate(([0.0], np.cumsum(np.diff(np.nan_to_num(seconds)) < -_HALF_A_DAY) * 86_400.0))
         seconds = seconds + turned
         day = next(
             (c for c in columns if c.clock == "date" and np.nanmax(c.values) - np.nanmin(c.values) < 90_000.0), None

@@ -96,7 +96,7 @@ def split(header: str) -> tuple[str, str]:
         match = pattern.search(text)
         if match:
             unit = match[match.lastindex or 1]
-            if pattern is _BRACKETS or parse(unit).measure:
+            if text.endswith("]") or parse(unit).measure:
                 name = text[: match.start()] if pattern is _BRACKETS else match[1]
                 return name.strip() or text, unit.strip()
     match = _SUFFIX.match(text)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import logging
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 from asammdf import MDF
@@ -12,9 +15,24 @@ from asammdf import MDF
 from boom_import.errors import ImportingError
 from boom_import.source import Column, Source, column, unique
 from boom_input.files import opened
+from boom_input.shown import quoted
 
 _EARLIEST = 946_684_800
 _MOST_COLUMNS = 5000
+
+
+def _opened(content: BinaryIO) -> Any:
+    """The file. Raises ImportingError; what asammdf says while its half-made object is thrown away stays unsaid."""
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        try:
+            return MDF(content, raise_on_multiple_occurrences=False)
+        except Exception as error:  # of many kinds, for a damaged file
+            why = quoted(error, 120) or type(error).__name__
+        gc.collect()  # the error is gone, and now the object that it held, too
+    finally:
+        sys.unraisablehook = hook
+    raise ImportingError(f"it begins like an MDF file, but cannot be read ({why}): export it again")
 
 
 def read(path: Path, progress: Callable[[float], None]) -> Source:
@@ -26,7 +44,7 @@ def read(path: Path, progress: Callable[[float], None]) -> Source:
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     columns: list[Column] = []
     taken: set[str] = set()
-    with opened(path) as content, MDF(content, raise_on_multiple_occurrences=False) as file:
+    with opened(path) as content, _opened(content) as file:
         begin = file.header.start_time.timestamp()
         dated = begin > _EARLIEST
         zero = round(begin * 1e9) if dated else 0

@@ -23,6 +23,7 @@ from boom_report.validation.figure import FULL
 _UNITS = {"Pa": Unit("bar", 1e-5), "A": Unit("mA", 1e3)}
 _HEIGHT, _GAP = 90, 34
 _MOST_UNUSED = 24
+_SHOWN = 0.02
 
 
 def write_import_page(path: Path, source: Source, proposal: Proposal, command: str) -> None:
@@ -56,7 +57,7 @@ def rows(source: Source, proposal: Proposal) -> list[tuple[str, ...]]:
     for signal, given in proposal.mapping.signals.items():
         sure = None if given == ASK else proposal.probability.get(signal)
         percent = "" if sure is None else f"{min(100 * sure, 99.9):.1f} %"
-        why = proposal.questions.get(signal, proposal.why.get(signal, ""))
+        why = "to be decided" if signal in proposal.questions else proposal.why.get(signal, "")
         if isinstance(given, str):
             result.append((signal, given, "", "", "", "", percent, why))
             continue
@@ -85,7 +86,8 @@ def figure(source: Source, proposal: Proposal) -> Json:
     for signal, given in proposal.mapping.signals.items():
         best = given
         if given == ASK:
-            best = next((entry for entry, _ in proposal.options.get(signal, []) if isinstance(entry, SignalMap)), given)
+            likely = proposal.options.get(signal, [])
+            best = next((entry for entry, p in likely if isinstance(entry, SignalMap) and p > _SHOWN), given)
         if not isinstance(best, SignalMap) or best.column not in columns:
             continue
         column = columns[best.column]
