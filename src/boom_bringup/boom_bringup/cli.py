@@ -81,13 +81,14 @@ def only_asks(arguments: Sequence[str]) -> bool:
     return not arguments or arguments[0] not in command_names() or list(arguments[1:]) in _ASKS
 
 
-def _module(name: str) -> str:
+def module_name(name: str) -> str:
+    """The module of a command in `boom_bringup.commands`: a keyword of Python gets an underscore."""
     return f"{name}_" if keyword.iskeyword(name) else name.replace("-", "_")
 
 
 def command_help(name: str) -> str:
     """Read the one-line help of a command without importing it."""
-    tree = ast.parse((_COMMANDS / f"{_module(name)}.py").read_text(encoding="utf-8"))
+    tree = ast.parse((_COMMANDS / f"{module_name(name)}.py").read_text(encoding="utf-8"))
     for statement in tree.body:
         targets = statement.targets if isinstance(statement, ast.Assign) else []
         if isinstance(statement, ast.AnnAssign):
@@ -125,7 +126,7 @@ def _run(arguments: Sequence[str], program: str) -> int:
         near = difflib.get_close_matches(name.lower(), names, n=1)
         hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
         raise UsageError(f"unknown command {name}: {hint}")
-    module = importlib.import_module(f"boom_bringup.commands.{_module(name)}")
+    module = importlib.import_module(f"boom_bringup.commands.{module_name(name)}")
     return int(module.run(parse(module, f"{program} {name}", words[1:])))
 
 

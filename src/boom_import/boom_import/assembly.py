@@ -16,7 +16,7 @@ from boom_import.candidates import (
     RATE,
     RETRACT,
     ROD,
-    Candidate,
+    ColumnCandidate,
     candidates,
     name_evidence,
     ratio_columns,
@@ -94,7 +94,7 @@ def _percent(signal: str, ratios: list[Column]) -> str:
     return f"; '{quoted(column.key, 60)}' is in percent: {advice}"
 
 
-def _entry(signal: str, candidate: Candidate | None, found: Found) -> SignalMap | str:
+def _entry(signal: str, candidate: ColumnCandidate | None, found: Found) -> SignalMap | str:
     if candidate is None:
         return DERIVATIVE if signal == RATE else NONE
     sign = {ANGLE: found.angle_sign, RATE: found.rate_sign}.get(signal, 1.0)
@@ -112,7 +112,7 @@ def _either(made: list[tuple[SignalMap | str, float]]) -> str:
     return " or ".join(parts)
 
 
-def _reasons(signal: str, candidate: Candidate, found: Found) -> str:
+def _reasons(signal: str, candidate: ColumnCandidate, found: Found) -> str:
     said = []
     if name_evidence(candidate.column, signal) >= 3.0:
         said.append("name")
@@ -148,7 +148,7 @@ def _ask_for_direction(proposal: Proposal, found: Found) -> None:
     proposal.mapping.signals[ANGLE] = ASK
 
 
-def reference_of(candidate: Candidate) -> tuple[str, float]:
+def reference_of(candidate: ColumnCandidate) -> tuple[str, float]:
     """Whether a pressure is gauge or absolute, and with which probability."""
     column = candidate.column
     stated = units.parse(column.unit).reference

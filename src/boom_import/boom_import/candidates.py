@@ -94,7 +94,7 @@ _MOST = 8
 
 
 @dataclass(frozen=True)
-class Candidate:
+class ColumnCandidate:
     """A column in a unit, as one signal.
 
     Attributes:
@@ -161,7 +161,7 @@ def unit_scores(column: Column, dimension: str) -> dict[str, float]:
     return scores
 
 
-def _stated(stated: units.Measure | None, measure: units.Measure, dimension: str, by_type: bool) -> float:
+def _stated(stated: units.UnitOfMeasure | None, measure: units.UnitOfMeasure, dimension: str, by_type: bool) -> float:
     prior = math.log(_UNIT_PRIOR[measure.name])
     if stated is None:
         return prior
@@ -171,10 +171,10 @@ def _stated(stated: units.Measure | None, measure: units.Measure, dimension: str
     return math.log(1 - wrong) if stated.name == measure.name else math.log(wrong) + prior
 
 
-def candidates(columns: list[Column], signal: str) -> list[Candidate]:
+def candidates(columns: list[Column], signal: str) -> list[ColumnCandidate]:
     """The best candidates for a signal, best first; at most eight."""
     dimension = DIMENSION[signal]
-    found: list[Candidate] = []
+    found: list[ColumnCandidate] = []
     for column in columns:
         stated = units.parse(column.unit).measure
         if stated is not None and stated.dimension in ("other", units.TIME, units.RATIO) and not column.by_type:
@@ -183,16 +183,16 @@ def candidates(columns: list[Column], signal: str) -> list[Candidate]:
         for unit, score in unit_scores(column, dimension).items():
             told = stated is not None and stated.name == unit
             if dimension != units.CURRENT:
-                found.append(Candidate(column, unit, "", names + score, told))
+                found.append(ColumnCandidate(column, unit, "", names + score, told))
             elif _is_signed(column.values):
                 # The words of a signed current name both directions or none.
                 both = name_evidence(column, EXTEND if signal == RETRACT else RETRACT)
                 found += [
-                    Candidate(column, unit, part, min(names, both, 4.0) + score, told)
+                    ColumnCandidate(column, unit, part, min(names, both, 4.0) + score, told)
                     for part in ("positive", "negative")
                 ]
             else:
-                found.append(Candidate(column, unit, "", names + score, told))
+                found.append(ColumnCandidate(column, unit, "", names + score, told))
     found.sort(key=lambda c: -c.score)
     return [c for c in found[:_MOST] if c.score > found[0].score - 25.0]
 

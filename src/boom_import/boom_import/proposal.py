@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_import import dynamics, units
-from boom_import.candidates import ANGLE, EXTEND, HOSE, RATE, RETRACT, ROD, SIGNALS, Candidate, candidates
+from boom_import.candidates import ANGLE, EXTEND, HOSE, RATE, RETRACT, ROD, SIGNALS, ColumnCandidate, candidates
 from boom_import.source import Column, Floats
 
 SURE = 0.9
@@ -24,7 +24,7 @@ _DOWNWARDS = math.log(0.1 / 0.9)  # most count an angle upwards
 _RATE_OPPOSED = math.log(0.05)
 _UNIT_DIFFERS = math.log(0.02)
 _NEVER = -200.0
-_Choice = Candidate | None
+_Choice = ColumnCandidate | None
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,10 @@ class Choice:
     """What was found for one signal: candidates with their probability, most probable first; None = there is none."""
 
     signal: str
-    options: list[tuple[Candidate | None, float]]
+    options: list[tuple[ColumnCandidate | None, float]]
 
     @property
-    def best(self) -> Candidate | None:
+    def best(self) -> ColumnCandidate | None:
         """The most probable one."""
         return self.options[0][0]
 
@@ -117,7 +117,11 @@ class _Scorer:
         return result
 
     def _add_pair(
-        self, result: NDArray[np.float64], one: str, other: str, score: Callable[[Candidate, Candidate], float]
+        self,
+        result: NDArray[np.float64],
+        one: str,
+        other: str,
+        score: Callable[[ColumnCandidate, ColumnCandidate], float],
     ) -> None:
         a, b = SIGNALS.index(one), SIGNALS.index(other)
         table = np.zeros((self._shape[a], self._shape[b]))
@@ -132,7 +136,7 @@ class _Scorer:
             for other in SIGNALS[a + 1 :]:
                 self._add_pair(result, one, other, _twice)
 
-    def _values(self, candidate: Candidate) -> Floats:
+    def _values(self, candidate: ColumnCandidate) -> Floats:
         key = (candidate.column.key, candidate.unit, candidate.part)
         if key not in self._cache:
             assert self._grid is not None
@@ -180,7 +184,7 @@ class _Scorer:
                 result[:, h, b, :, :, k] += weighs + dynamics.DIFFERENCE.ratio(direction * statistic)
 
 
-def _twice(one: Candidate, other: Candidate) -> float:
+def _twice(one: ColumnCandidate, other: ColumnCandidate) -> float:
     """Never one column for two signals, except the halves of a signed current; and those go with each other only."""
     if one.column.key == other.column.key:
         halves = {one.part, other.part} == {"positive", "negative"} and one.unit == other.unit
@@ -189,9 +193,9 @@ def _twice(one: Candidate, other: Candidate) -> float:
     return _NEVER if mixed and _dimension(one) == _dimension(other) == units.CURRENT else 0.0
 
 
-def _same_unit(one: Candidate, other: Candidate) -> float:
+def _same_unit(one: ColumnCandidate, other: ColumnCandidate) -> float:
     return 0.0 if one.unit == other.unit or (one.told and other.told) else _UNIT_DIFFERS
 
 
-def _dimension(candidate: Candidate) -> str:
+def _dimension(candidate: ColumnCandidate) -> str:
     return units.BY_NAME[candidate.unit].dimension

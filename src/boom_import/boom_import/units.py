@@ -9,7 +9,7 @@ from typing import NamedTuple
 PRESSURE, ANGLE, RATE, CURRENT, TIME, RATIO = "pressure", "angle", "rate", "current", "time", "ratio"
 
 
-class Measure(NamedTuple):
+class UnitOfMeasure(NamedTuple):
     """A unit.
 
     Attributes:
@@ -52,7 +52,7 @@ _TABLE: tuple[tuple[str, str, float, str], ...] = (
     ("", "other", 1.0, "kw w hz l/min lpm l cm3 °c degc c k f °f counts"),
 )  # fmt: skip
 _BY_TEXT = {
-    text: Measure(name or text, dimension, factor)
+    text: UnitOfMeasure(name or text, dimension, factor)
     for name, dimension, factor, texts in _TABLE
     for text in texts.split()
 }
@@ -74,7 +74,7 @@ _WEAK = frozenset((*"adhkfmgtnvwlcs", "min", "rads", "grad"))
 class StatedUnit(NamedTuple):
     """A unit that a text states; `measure` is None where it is not known, `reference` "gauge", "absolute" or ""."""
 
-    measure: Measure | None
+    measure: UnitOfMeasure | None
     reference: str = ""
 
 
