@@ -157,9 +157,10 @@ def reference_of(candidate: ColumnCandidate) -> tuple[str, float]:
         return stated, 0.99
     if said & _ABSOLUTE_WORDS or said & _GAUGE_WORDS:
         return ("absolute" if said & _ABSOLUTE_WORDS else "gauge"), 0.98
-    # FluidPressure is absolute by definition; who writes another unit into it writes what the transducer shows. Elsewhere
-    # pressures of hydraulics are gauge, as their transducers are: 0 in air.
-    gauge = 0.03 if column.by_type and candidate.told else 0.95
+    # FluidPressure, also as a column that was exported, is absolute by definition; who writes another unit into it writes what
+    # the transducer shows. Elsewhere pressures of hydraulics are gauge, as their transducers are: 0 in air.
+    by_definition = (column.by_type or "fluid_pressure" in column.name) and candidate.unit == "Pa"
+    gauge = 0.03 if by_definition else 0.95
     below = float(np.quantile(candidate.values, 0.001))
     if below < -2e4:  # no absolute pressure is negative, but for the transducer's offset
         gauge = gauge * 1000.0 / (gauge * 1000.0 + 1.0 - gauge)

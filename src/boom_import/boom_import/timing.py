@@ -123,6 +123,7 @@ def _score(column: RawColumn) -> float:
     name = column.name.lower()
     words = name.replace("_", " ").replace("-", " ").split()
     score += 4.0 if any(part in name for part in _NAMES) else 2.0 if any(word in _SHORT for word in words) else 0.0
+    score += 0.5 if "stamp" in name else 0.0  # of the measurement, where the other is that of its arrival
     stated = units.parse(column.unit).measure
     if stated is not None:
         score += 4.0 if stated.dimension == units.TIME else -8.0

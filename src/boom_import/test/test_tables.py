@@ -91,6 +91,15 @@ def test_a_counter_is_not_the_time(tmp_path: Path) -> None:
         reading.read([made(tmp_path, text)])
 
 
+def test_a_topic_exported_to_csv_has_words_among_its_numbers_and_the_stamp_of_its_header(tmp_path: Path) -> None:
+    lines = ["%time,field.header.stamp,field.header.frame_id,field.name0,field.position0,field.velocity0"]
+    lines += [f"{T0 + k * 10**7 + 900_000},{T0 + k * 10**7},base,boom,{0.1 * k},{1.0}" for k in range(30)]
+    source = reading.read([made(tmp_path, "\n".join(lines))])
+    keys = {column.key: column for column in source.columns}
+    assert set(keys) == {"%time", "field.position0", "field.velocity0"} and source.dated
+    assert np.abs(keys["field.position0"].stamps_ns - (T0 + 10**7 * np.arange(30))).max() < 500
+
+
 def test_missing_cells_and_short_lines_cost_only_themselves(tmp_path: Path) -> None:
     text = "t,p\n" + "".join(f"{k / 100},{'' if k == 5 else k}\n" for k in range(30)) + "1.0,2,3,4\n"
     source = reading.read([made(tmp_path, text)])

@@ -31,6 +31,7 @@ _NUMBER = {
     mark: re.compile(rf"[+-]?(?:\d+(?:{re.escape(mark)}\d*)?|{re.escape(mark)}\d+)(?:[eE][+-]?\d+)?", re.ASCII)
     for mark in ".,"
 }
+_BROKEN = re.compile(r"[-+]?[.,]?\d")
 _DATE = re.compile(r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}")
 _CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,:]\d+)?)?")
 
@@ -142,15 +143,18 @@ def _is_value(cell: str, decimal: str) -> bool:
 
 
 def _table_score(rows: list[list[str]], decimal: str) -> tuple[float, int]:
-    """Cells that are numbers less three times those that are not, over the lines of numbers; the first such line or -1."""
+    """Cells that are numbers less those that are broken ones, over the lines of numbers; the first such line or -1.
+
+    A broken number, such as "0,5;12" where the separator is wrong, weighs three; a word may be a column of its own.
+    """
     score, first, widths = 0.0, -1, []
     for number, row in enumerate(rows):
         values = sum(_is_value(cell, decimal) for cell in row)
-        filled = sum(cell.lower() not in _EMPTY for cell in row)
-        if len(row) < 2 or values == 0 or values < 0.7 * filled:
+        others = [cell for cell in row if cell.lower() not in _EMPTY and not _is_value(cell, decimal)]
+        if len(row) < 2 or values < len(others) or values == 0:
             continue
         first = number if first < 0 else first
-        score += values - 3.0 * (filled - values)
+        score += values - sum(3.0 if _BROKEN.match(cell) else 0.3 for cell in others)
         widths.append(len(row))
     if len(widths) < 2:
         return 0.0, -1
