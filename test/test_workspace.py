@@ -24,7 +24,8 @@ SOURCES = sorted(path for name in PYTHON_PACKAGES for path in (ROOT / "src" / na
 
 # Module -> distribution where they are called differently.
 PROVIDED_BY = {
-    "boom_input": "boom_model", "google": "protobuf", "can": "python-can", "can_remote": "python-can-remote", "pinocchio": "pin", "yaml": "pyyaml",
+    "boom_input": "boom_model", "google": "protobuf",
+    "can": "python-can", "can_remote": "python-can-remote", "pinocchio": "pin", "yaml": "pyyaml",
 }  # fmt: skip
 # Distribution -> its rosdep key for Ubuntu; None: there is none, package.xml says so in a comment.
 ROSDEP_KEYS = {

@@ -96,7 +96,7 @@ def test_a_topic_exported_to_csv_has_words_among_its_numbers_and_the_stamp_of_it
     lines += [f"{T0 + k * 10**7 + 900_000},{T0 + k * 10**7},base,boom,{0.1 * k},{1.0}" for k in range(30)]
     source = reading.read([made(tmp_path, "\n".join(lines))])
     keys = {column.key: column for column in source.columns}
-    assert set(keys) == {"%time", "field.position0", "field.velocity0"} and source.dated
+    assert set(keys) == {"time", "field.position0", "field.velocity0"} and source.dated
     assert np.abs(keys["field.position0"].stamps_ns - (T0 + 10**7 * np.arange(30))).max() < 500
 
 

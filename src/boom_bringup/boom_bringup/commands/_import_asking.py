@@ -17,8 +17,8 @@ def ask(proposal: Proposal) -> None:
     from boom_import.mapping import ASK, NONE, SignalMap
 
     signals = proposal.mapping.signals
-    for signal, question in list(proposal.questions.items()):
-        print(f"\n{signal.replace('_', ' ')}: {question}")
+    for signal in [name for name in signals if name in proposal.questions]:
+        print(f"\n{signal.replace('_', ' ')}: {proposal.questions[signal]}")
         given = signals[signal]
         if isinstance(given, SignalMap) and given.reference == ASK:
             chosen = _choice(["gauge (0 in air)", "absolute (about 1 bar in air)"])
