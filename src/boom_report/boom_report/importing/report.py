@@ -93,8 +93,8 @@ def figure(source: Source, proposal: Proposal) -> Json:
         column = columns[best.column]
         unit = _UNITS.get(BY_NAME[signal].unit, Unit(BY_NAME[signal].unit, 1.0))
         n = panels.add(signal, _HEIGHT, _GAP)
-        said = f"<b>{signal.replace('_', ' ').capitalize()}</b> [{unit.name}] from {_html(best.column)}"
-        title(panels, signal, said + (" — to be decided" if given == ASK else ""))
+        said = f"<b>{signal.replace('_', ' ').capitalize()}</b> [{unit.name}] from {_html(best.column, 20)}"
+        title(panels, signal, said + (" ?" if given == ASK else ""))
         time = (column.stamps_ns - zero) / 1e9
         longest = max(longest, float(time[-1]))
         traces.append(
@@ -117,6 +117,6 @@ def _rest(source: Source, unused: list[Column]) -> Json:
     return {"data": traces, "layout": panels.layout([], longest)}
 
 
-def _html(text: str) -> str:
-    """Foreign text in a heading of a chart, which reads some HTML."""
-    return quoted(text, 80).replace("&", "&amp;").replace("<", "&lt;")
+def _html(text: str, longest: int = 40) -> str:
+    """Foreign text in a heading of a chart, which reads some HTML, short enough for a phone."""
+    return quoted(text, longest).replace("&", "&amp;").replace("<", "&lt;")
