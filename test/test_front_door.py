@@ -240,7 +240,8 @@ REPORTING = [
 ]
 CASES: dict[str, Callable[[Door], list[Path]]] = {
     "demo": _demo, "validate": _validate, "diagnose": _diagnose, "identify": _identify, "simulate": _simulate,
-    "robustness": _robustness, "sim": _live, "watch": _live, "record": _live, "replay": _live, "import": _import, "import-can": _import_can,
+    "robustness": _robustness, "sim": _live, "watch": _live, "record": _live, "replay": _live,
+    "import": _import, "import-can": _import_can,
     "prove": _prove, "test": _test, "check-machine": _check_machine, "setup": _setup, "python": _python,
 }  # fmt: skip
 
