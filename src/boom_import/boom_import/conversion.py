@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -14,13 +14,14 @@ from boom_import.mapping import DERIVATIVE, Mapping, SignalMap
 from boom_import.source import Column, Floats, Source, Stamps
 from boom_input.channels import AMBIENT_PRESSURE_PA, BY_NAME, CHANNELS, of_topic
 from boom_input.shown import quoted
-from boom_recording.recording import Configuration, Recording, Signal
+from boom_recording.recording import Configuration, GivenConfiguration, Recording, Signal
 from boom_recording.writing import START_NS
 
 _WINDOW = (
     0.1  # s, of the derivative: an angle quantised to 0.4 mrad then gives a rate to 1 mrad/s, and a valve is slower
 )
 _REST = 1e-9  # rad/s
+_DEFAULT_MACHINE = "tz17"
 _MOST_OUTSIDE = 0.02
 _APART = 0.05  # s: further apart than this, nothing is interpolated
 _Series = tuple[Stamps, Floats]
@@ -67,10 +68,12 @@ def convert(name: str, source: Source, mapping: Mapping) -> Recording:
 
 
 def _configuration(source: Source, mapping: Mapping) -> Configuration | None:
-    if mapping.q3 is None or mapping.q4 is None:
+    """What the mapping says, over what the source says; None where neither knows the pose."""
+    made = GivenConfiguration(mapping.q3, mapping.q4, mapping.load).over(source.configuration)
+    if made is None:
         return None
-    load = math.nan if mapping.load is None else mapping.load
-    return Configuration(mapping.machine, mapping.q3, mapping.q4, load, f"imported from {quoted(source.path.name, 80)}")
+    machine = mapping.machine or made.machine or _DEFAULT_MACHINE
+    return replace(made, machine=machine, note=f"imported from {quoted(source.path.name, 80)}")
 
 
 def _column(columns: dict[str, Column], entry: SignalMap, joint: str, signal: str) -> Column:

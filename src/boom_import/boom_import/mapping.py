@@ -56,13 +56,13 @@ class Mapping:
         signals: by name: a `SignalMap`, or "ask", "none", "derivative of angle".
         time: how the time of a table is read.
         joint: name of the boom's joint in the source, "" for none.
-        machine, q3, q4, load: configuration, None where it is not known [rad, m, kg].
+        machine, q3, q4, load: configuration, "" or None where it is not known [rad, m, kg].
     """
 
     signals: dict[str, SignalMap | str] = field(default_factory=dict)
     time: TimeChoice = field(default_factory=TimeChoice)
     joint: str = ""
-    machine: str = "tz17"
+    machine: str = ""
     q3: float | None = None
     q4: float | None = None
     load: float | None = None
@@ -183,10 +183,9 @@ def text(mapping: Mapping, comments: dict[str, str], heading: list[str]) -> str:
     for signal, entry in mapping.signals.items():
         lines += [f"  # {line}" for line in comments.get(signal, "").splitlines()]
         lines.append(f"  {signal}: {entry_text(entry)}")
-    pose = {name: getattr(mapping, name) for name in ("q3", "q4", "load")}
-    lines.append(
-        f"configuration: {_flow({'machine': mapping.machine, **pose})}  # q3 [rad], q4 [m], load [kg]; null = not known"
-    )
+    known = {name: getattr(mapping, name) for name in ("machine", "q3", "q4", "load")}
+    stated = {name: None if value == "" or value != value else value for name, value in known.items()}
+    lines.append(f"configuration: {_flow(stated)}  # q3 [rad], q4 [m], load [kg]; null = not known")
     return "\n".join(lines) + "\n"
 
 

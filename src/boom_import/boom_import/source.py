@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_recording.recording import Configuration
+
 _LARGEST = 1e25  # what is larger is damage: even nanoseconds since 1970 are 2e18
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -45,6 +47,7 @@ class Source:
         dated: stamps count from 1970, not from the beginning of the recording.
         time: how time was read, one phrase.
         notes: what was left out or assumed, a sentence each.
+        configuration: of the machine, where the source has one of the contract.
     """
 
     path: Path
@@ -53,6 +56,7 @@ class Source:
     dated: bool
     time: str
     notes: list[str] = field(default_factory=list)
+    configuration: Configuration | None = None
 
     def by_key(self) -> dict[str, Column]:
         """The columns by their key."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from boom_import.errors import ImportingError
 from boom_import.mapping import Mapping, SignalMap
 from boom_import.source import Column, Source
 from boom_import.timing import TimeChoice
+from boom_recording.recording import Configuration
 
 WHOLE = Mapping(
     {
@@ -37,6 +39,21 @@ def test_a_mapping_survives_its_file(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     path.write_text(mapping.text(WHOLE, {"angle": "a comment"}, ["heading"]))
     assert mapping.read(path) == WHOLE
+
+
+def test_a_load_that_is_not_known_stays_so(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(mapping.text(replace(WHOLE, load=float("nan"), machine=""), {}, []))
+    assert mapping.read(path).load is None and mapping.read(path).machine == ""
+
+
+def test_pose_and_load_of_the_source_stay_where_the_mapping_says_nothing() -> None:
+    own = source()
+    own.configuration = Configuration("crane_7", 0.5, 1.0, 40.0)
+    told = replace(WHOLE, q3=None, q4=None, load=60.0, machine="")
+    made = conversion.convert("made", own, told).configuration
+    assert (made.machine, made.outer_boom_angle, made.telescope_length, made.load_mass) == ("crane_7", 0.5, 1.0, 60.0)
+    assert conversion.convert("made", source(), told).stored_configuration is None
 
 
 def test_a_mapping_is_applied() -> None:

@@ -21,6 +21,8 @@ from boom_import.readers.messages import Batches, Decoder, MessageColumns
 from boom_import.source import Source
 from boom_input.shown import quoted
 from boom_recording import bag_folder, definitions
+from boom_recording.bag_reader import BagReader
+from boom_recording.channels import DEFAULT_JOINT, MACHINE_CONFIGURATION
 from boom_recording.errors import RecordingError
 from boom_recording.mcap_file import opened_mcap
 from boom_recording.mcap_records import Batch, Topic
@@ -39,17 +41,25 @@ def read_mcap(path: Path, progress: Progress) -> Source:
     collector = MessageColumns(_types_of)
     foreign = _Foreign(collector)
     notes = list(bag.warnings)
+    declared: list[set[str]] = []
     for i, name in enumerate(bag.files):
         with opened_mcap(name) as file:
             for batch in file.batches():
                 collector.take(file.topics, batch)
                 foreign.take(file.topics, batch)
                 progress((i + 0.5) / len(bag.files))
+        declared.append({topic.topic for topic in file.topics.values()})
         notes += [damage.what for damage in file.damages[:4]]
         if not file.complete:
             notes.append("the file was not closed (recorder killed, or copied only in part): it is read up to its end")
     foreign.flush()
-    return _source(path, "MCAP", collector, notes)
+    source = _source(path, "MCAP", collector, notes)
+    if any(MACHINE_CONFIGURATION in topics for topics in declared):
+        reader = BagReader(DEFAULT_JOINT)
+        for name in bag.files:
+            reader.read(name)
+        source.configuration = reader.configuration()
+    return source
 
 
 def read_db3(path: Path, progress: Progress) -> Source:
