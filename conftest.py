@@ -11,7 +11,7 @@ import pytest
 from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling
 
-sys.path[:0] = [str(Path(__file__).parent / "src" / "boom_bringup"), str(Path(__file__).parent / "test")]
+sys.path[:0] = [str(Path(__file__).parent / folder) for folder in ("src/boom_bringup", "test", "benchmarks")]
 
 import headless_browser
 

@@ -45,7 +45,7 @@ def test_documented_command_and_its_options_exist(page: str, line: str) -> None:
     if not words or words[0] in ("--help", "COMMAND"):
         return
     assert words[0] in cli.command_names(), f"{page}: {line}"
-    module = importlib.import_module(f"boom_bringup.commands.{words[0].replace('-', '_')}")
+    module = importlib.import_module(f"boom_bringup.commands.{cli.module_name(words[0])}")
     if words[1:] in ([], ["--help"]):  # named, not typed
         return
     args = cli.parse(module, "boom", words[1:])

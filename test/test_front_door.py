@@ -15,6 +15,7 @@ from pathlib import Path
 
 import can
 import pytest
+from foreign_recordings import csv_german, data_of
 from fresh_clone import ROOT, Clone, Running, children, ended_well
 from headless_browser import Browser, faults
 from mcap.reader import make_reader
@@ -180,6 +181,16 @@ def _live(door: Door) -> list[Path]:
     return []
 
 
+def _import(door: Door) -> list[Path]:
+    folder = door.folder / "laboratory"
+    folder.mkdir()
+    (table,) = csv_german(data_of(cut("healthy/extended", door.folder / "first", 25.0)), folder)
+    said = door.boom("import", table, "--yes", "--q3", "0.28", "--q4", "2.2", "--load", "0", "--output", "table")
+    assert "./boom validate table" in said
+    assert "table: agrees within sensor noise" in door.boom("validate", "table", "--no-report")
+    return [door.clone.path / "output/import-Messung_03.csv.html"]
+
+
 def _import_can(door: Door) -> list[Path]:
     codec, log = Codec.load("tz17"), door.folder / "log.blf"
     values = {"angle": 0.3, "rate": 0.1, "hose_pressure": 9e6, "rod_pressure": 1e6, "retract_current": 0.0, "extend_current": 0.3,
@@ -224,10 +235,13 @@ def _python(door: Door) -> list[Path]:
     return []
 
 
-REPORTING = [name for name in TABLE if name in ("demo", "validate", "diagnose", "identify", "robustness", "prove")]
+REPORTING = [
+    name for name in TABLE if name in ("demo", "validate", "diagnose", "identify", "robustness", "prove", "import")
+]
 CASES: dict[str, Callable[[Door], list[Path]]] = {
     "demo": _demo, "validate": _validate, "diagnose": _diagnose, "identify": _identify, "simulate": _simulate,
-    "robustness": _robustness, "sim": _live, "watch": _live, "record": _live, "replay": _live, "import-can": _import_can,
+    "robustness": _robustness, "sim": _live, "watch": _live, "record": _live, "replay": _live,
+    "import": _import, "import-can": _import_can,
     "prove": _prove, "test": _test, "check-machine": _check_machine, "setup": _setup, "python": _python,
 }  # fmt: skip
 

@@ -24,10 +24,12 @@ SOURCES = sorted(path for name in PYTHON_PACKAGES for path in (ROOT / "src" / na
 
 # Module -> distribution where they are called differently.
 PROVIDED_BY = {
-    "boom_input": "boom_model", "can": "python-can", "can_remote": "python-can-remote", "pinocchio": "pin", "yaml": "pyyaml",
+    "boom_input": "boom_model", "google": "protobuf",
+    "can": "python-can", "can_remote": "python-can-remote", "pinocchio": "pin", "yaml": "pyyaml",
 }  # fmt: skip
 # Distribution -> its rosdep key for Ubuntu; None: there is none, package.xml says so in a comment.
 ROSDEP_KEYS = {
+    "asammdf": None, "h5py": "python3-h5py", "pandas": "python3-pandas", "protobuf": "python3-protobuf",
     "cantools": "python3-cantools-pip", "casadi": None, "dask": None, "distributed": None,
     "jinja2": "python3-jinja2", "lz4": None, "markupsafe": "python3-jinja2", "mcap": None, "numba": None,
     "numpy": "python3-numpy", "pin": None, "plotly": None, "python-can": "python3-can", "python-can-remote": None,

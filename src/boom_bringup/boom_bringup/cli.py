@@ -1,6 +1,6 @@
 """The entry point of the commands: finds and loads the requested command and prints errors in one line.
 
-A command is a module of `boom_bringup.commands` (`import-can` is `import_can`) with
+A command is a module of `boom_bringup.commands` (`import-can` is `import_can`, `import` is `import_`) with
 
 - `HELP`: one line, a plain string constant (read without importing the module),
 - `add_arguments(parser)`: its options, added to an `argparse.ArgumentParser`; module and options need the standard library only,
@@ -18,6 +18,7 @@ import argparse
 import ast
 import difflib
 import importlib
+import keyword
 import os
 import sys
 from collections.abc import Sequence
@@ -32,7 +33,7 @@ from boom_input.shown import printable, quoted
 # The order of the help: what a newcomer needs first comes first.
 _ORDER = (
     "demo", "test", "validate", "chain", "identify", "diagnose", "prove", "robustness", "simulate", "sim", "replay", "record",
-    "watch", "import-can", "check-machine", "setup", "python",
+    "watch", "import", "import-can", "check-machine", "setup", "python",
 )  # fmt: skip
 _HELP = ("-h", "--help", "help")
 _ASKS = (["--help"], ["-h"])
@@ -68,7 +69,9 @@ class _CommandParser(argparse.ArgumentParser):
 
 def command_names() -> list[str]:
     """List the commands that exist, in the order of the help."""
-    found = {path.stem.replace("_", "-") for path in _COMMANDS.glob("*.py") if not path.stem.startswith("_")}
+    found = {
+        path.stem.rstrip("_").replace("_", "-") for path in _COMMANDS.glob("*.py") if not path.stem.startswith("_")
+    }
     known = [name for name in _ORDER if name in found]
     return [*known, *sorted(found - set(known))]
 
@@ -78,13 +81,14 @@ def only_asks(arguments: Sequence[str]) -> bool:
     return not arguments or arguments[0] not in command_names() or list(arguments[1:]) in _ASKS
 
 
-def _module(name: str) -> str:
-    return name.replace("-", "_")
+def module_name(name: str) -> str:
+    """The module of a command in `boom_bringup.commands`: a keyword of Python gets an underscore."""
+    return f"{name}_" if keyword.iskeyword(name) else name.replace("-", "_")
 
 
 def command_help(name: str) -> str:
     """Read the one-line help of a command without importing it."""
-    tree = ast.parse((_COMMANDS / f"{_module(name)}.py").read_text(encoding="utf-8"))
+    tree = ast.parse((_COMMANDS / f"{module_name(name)}.py").read_text(encoding="utf-8"))
     for statement in tree.body:
         targets = statement.targets if isinstance(statement, ast.Assign) else []
         if isinstance(statement, ast.AnnAssign):
@@ -122,7 +126,7 @@ def _run(arguments: Sequence[str], program: str) -> int:
         near = difflib.get_close_matches(name.lower(), names, n=1)
         hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
         raise UsageError(f"unknown command {name}: {hint}")
-    module = importlib.import_module(f"boom_bringup.commands.{_module(name)}")
+    module = importlib.import_module(f"boom_bringup.commands.{module_name(name)}")
     return int(module.run(parse(module, f"{program} {name}", words[1:])))
 
 

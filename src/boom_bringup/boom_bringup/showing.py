@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 
-def diagnose_next(bags: Sequence[str], machine: str | None) -> list[str]:
+def diagnose_next(bags: Sequence[str], machine: str | None, configuration: Sequence[str] = ()) -> list[str]:
     """The next command to type for recordings that differ from the model, one shell line each."""
-    words = ["--machine", machine] if machine else []
+    words = [*(["--machine", machine] if machine else []), *configuration]
     program = os.environ.get("BOOM_PROGRAM", "boom")
     return [f"next: {shlex.join([program, 'diagnose', str(bag), *words])}" for bag in bags]
 

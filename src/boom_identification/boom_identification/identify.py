@@ -123,8 +123,12 @@ class Identification:
         return result
 
 
-def read_inputs(paths: Sequence[str | Path], progress: Progress = lambda _: None) -> Inputs:
-    """Sort bags by content.
+def read_inputs(
+    paths: Sequence[str | Path],
+    progress: Progress = lambda _: None,
+    load: Callable[[str | Path], Recording] = loading.load,
+) -> Inputs:
+    """Sort bags by content; `load` reads a recording of the machine.
 
     Raises:
         RecordingError: a bag cannot be read, or is of neither kind.
@@ -137,7 +141,7 @@ def read_inputs(paths: Sequence[str | Path], progress: Progress = lambda _: None
         if found:
             traces += found
         else:
-            recordings.append(loading.load(path))
+            recordings.append(load(path))
     return Inputs(tuple(traces), tuple(recordings))
 
 

@@ -36,6 +36,12 @@ PARAMETERS = (
     ParameterSpec(
         "threshold", _DEFAULT.threshold, "score (1 = noise) above which an alarm is raised", "", 1.0, 1000.0, read_only=True
     ),
+    ParameterSpec(
+        "own_configuration", False, "take pose and load from these parameters, not from /boom/machine_configuration", read_only=True
+    ),
+    ParameterSpec("outer_boom_angle", 0.28, "own configuration: angle of the outer boom", "rad", -6.3, 6.3, read_only=True),
+    ParameterSpec("telescope_length", 2.2, "own configuration: length of the telescope", "m", 0.0, 20.0, read_only=True),
+    ParameterSpec("load_mass", 0.0, "own configuration: load at the tip", "kg", 0.0, 50_000.0, read_only=True),
     ParameterSpec("memory", _DEFAULT.memory, "time constant of the score", "s", 0.2, 60.0, read_only=True),
     ParameterSpec("hold", _DEFAULT.hold, "time below the threshold after which an alarm ends", "s", 0.0, 3600.0, read_only=True),
     ParameterSpec("delay", _DEFAULT.delay, "how long the watch waits for late samples", "s", 0.0, 2.0, read_only=True),
@@ -67,7 +73,9 @@ class WatchNode(Node):
         self._refused = 0
         self._told: watch.Alarm | None = None
         self._input = InputWatch(
-            "no /boom/machine_configuration for {age} s: start the crane or replay a bag", time.monotonic(), once=True
+            "no /boom/machine_configuration for {age} s: start the crane, or give --machine --q3 --q4 --load",
+            time.monotonic(),
+            once=True,
         )
         sensor = qos.EVERY_SENSOR_SAMPLE
         self.create_subscription(JointState, channels.JOINT_STATES, self._on_joints, sensor)
@@ -76,11 +84,17 @@ class WatchNode(Node):
                 on_pressure = partial(self._on_pressure, channel.name)
                 self.create_subscription(FluidPressure, channel.topic, on_pressure, sensor)
         self.create_subscription(SolenoidCurrents, channels.SOLENOID_CURRENTS, self._on_currents, sensor)
-        self.create_subscription(
-            MachineConfiguration, channels.MACHINE_CONFIGURATION, self._on_configuration,
-            qos.BY_TOPIC[channels.MACHINE_CONFIGURATION],
-        )  # fmt: skip
         self._diagnostics = DiagnosticsPublisher(self, self._health, values.machine)
+        if values.own_configuration:
+            if self._machine is None:
+                raise StartError("own_configuration needs the parameter 'machine'")
+            self._configuration = (values.machine, values.outer_boom_angle, values.telescope_length, values.load_mass)
+            self._begin()
+        else:
+            self.create_subscription(
+                MachineConfiguration, channels.MACHINE_CONFIGURATION, self._on_configuration,
+                qos.BY_TOPIC[channels.MACHINE_CONFIGURATION],
+            )  # fmt: skip
         self.create_timer(_ADVANCE_PERIOD_S, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     # ----------------------------------------------------------------------------------------------------------- inputs

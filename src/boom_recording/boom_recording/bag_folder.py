@@ -1,17 +1,19 @@
 """Finds the MCAP files of a bag: a bare file, or a rosbag2 directory with or without a usable metadata.yaml."""
 
 import re
+import shlex
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from boom_input.files import InputError, read_text
+from boom_input.files import InputError, opened, read_text
 from boom_input.shown import quoted
 from boom_input.yaml_text import parse_yaml
 from boom_recording.errors import RecordingError
 
 METADATA = "metadata.yaml"
 _ENDINGS = (".mcap", ".mcap.zstd")
+_CAN_LOGS = (".blf", ".asc", ".trc")
 _SPLIT = re.compile(r"^(.*)_(\d+)\.mcap(\.zstd)?$")
 
 
@@ -32,21 +34,34 @@ def find(path: Path) -> BagFiles:
         return _directory(path)
     if not path.exists():
         raise RecordingError(f"{path}: there is no such file or folder: give a rosbag2 directory or a .mcap file")
-    if path.suffix == ".db3":
-        raise _sqlite(path)
     if path.name == METADATA:
         return _directory(path.parent)
     if not path.is_file():
         raise RecordingError(f"{path}: it is neither a file nor a folder: give a rosbag2 directory or a .mcap file")
     if path.stat().st_size == 0:
         raise RecordingError(f"{path}: the file is empty (0 bytes): record again, or give another bag")
+    if path.suffix == ".db3":
+        raise _sqlite(path)
+    if path.suffix in _CAN_LOGS:
+        raise RecordingError(f"{path}: it is a CAN log: ./boom import-can turns it into a bag")
+    if not path.name.endswith(_ENDINGS) and not _begins_like_one(path):
+        raise RecordingError(f"{path}: it is not an MCAP file: {import_line(path)}")
     return BagFiles(path.stem, [path])
 
 
+def import_line(path: Path) -> str:
+    """What to type where a recording is not of this workspace's form."""
+    words = ["./boom", "import", str(path), "--output", f"output/{path.stem}"]
+    return f"import it: {shlex.join(words)}"
+
+
+def _begins_like_one(path: Path) -> bool:
+    with opened(path) as file:
+        return file.read(4) in (b"\x89MCA", b"\x28\xb5\x2f\xfd")
+
+
 def _sqlite(path: Path) -> RecordingError:
-    return RecordingError(
-        f"{path}: it is a sqlite3 bag: convert it to MCAP ('ros2 bag convert', storage_id mcap) and give the result"
-    )
+    return RecordingError(f"{path}: it is a sqlite3 bag: {import_line(path)}")
 
 
 def _directory(path: Path) -> BagFiles:
@@ -77,9 +92,7 @@ def _from_metadata(bag: BagFiles, path: Path, document: Any) -> None:
     if information.get("storage_identifier") == "sqlite3":
         raise _sqlite(path)
     if str(information.get("compression_mode")).upper() == "MESSAGE":
-        raise RecordingError(
-            f"{path}: its messages are compressed one by one: convert it ('ros2 bag convert') to a plain MCAP bag"
-        )
+        raise RecordingError(f"{path}: its messages are compressed one by one: {import_line(path)}")
     beside = {entry.name for entry in _entries(path) if entry.is_file()}
     named = list(dict.fromkeys(Path(name).name for name in names))
     missing = quoted(", ".join(name for name in named if name not in beside))

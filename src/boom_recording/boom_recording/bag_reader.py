@@ -20,6 +20,7 @@ from boom_recording.recording import Configuration, Floats
 _MANY_LAYOUTS = 16  # so many layouts are tried on whole batches; then the rest is read message by message
 _MANY_WALKS = 50_000  # messages that are walked one by one: what goes beyond is no recording, and would take minutes
 _MANY_DECLARATIONS = 2  # of one topic, in one file
+_OWN = ("/boom/", "/boom_", "/tf", "/diagnostics", "/robot_description", "/clock", "/rosout", "/parameter_events")
 _Found = tuple[cdr_layout.Layout, dict[str, str]]  # a layout, and where in it each signal lies
 
 
@@ -80,12 +81,14 @@ class BagReader:
             if len(which):
                 self._take(topic, batch, which)
 
-    def demand(self, require: tuple[str, ...], damages: list[Damage]) -> None:
-        """Raises RecordingError where a required topic is missing, empty or of another type."""
+    def demand(self, require: tuple[str, ...], damages: list[Damage], import_line: str) -> None:
+        """Raises RecordingError where a required topic is missing, empty or of another type; a foreign bag is to be imported."""
         for topic, found in self.types.items():
             wanted = TYPES.get(topic)
             if wanted is not None and found != wanted:
-                raise RecordingError(f"{topic} is of type {quoted(found) or 'unknown'}: it has to be {wanted}")
+                raise RecordingError(
+                    f"{topic} is of type {quoted(found) or 'unknown'}: it has to be {wanted}; {import_line}"
+                )
         why = f" ({quoted(damages[0].what)})" if damages else ""
         if not self.messages and not self.columns:
             raise RecordingError(f"it holds no messages{why}: record again, or give another bag")
@@ -99,12 +102,21 @@ class BagReader:
             column = self.columns.get(topic)
             if column is not None and column.unreadable:
                 raise RecordingError(f"no message of {topic} can be read: {quoted(column.reason)}")
+        if missing == [MACHINE_CONFIGURATION]:
+            raise RecordingError(
+                f"{MACHINE_CONFIGURATION} missing: give pose and load with --q3 RAD --q4 M --load KG, "
+                f"and the machine with --machine{why}"
+            )
         if missing:
             has = quoted(", ".join(sorted(self.types))) or "no topics at all"
-            raise RecordingError(
-                f"{' and '.join(missing)} missing: record {'it' if len(missing) == 1 else 'them'} too "
-                f"(the bag has {has}){why}"
-            )
+            advice = f"record {'it' if len(missing) == 1 else 'them'} too (the bag has {has}){why}"
+            if self._is_foreign():
+                advice = f"the bag has {has}{why}; {import_line}"
+            raise RecordingError(f"{' and '.join(missing)} missing: {advice}")
+
+    def _is_foreign(self) -> bool:
+        """Whether there are topics that no recording of this workspace has, which may carry the missing signals."""
+        return any(topic not in TYPES and not topic.startswith(_OWN) for topic in self.types)
 
     def _has(self, topic: str) -> bool:
         if topic == MACHINE_CONFIGURATION:
@@ -250,7 +262,9 @@ class BagReader:
                 names = [layout.texts[f"name[{i}]"] for i in range(layout.lengths.get("name", 0))]
                 if self.joint not in names:
                     among = quoted(", ".join(names)) or "no joints"
-                    raise cdr_layout.LayoutError(f"joint '{self.joint}' is not among {among}")
+                    raise cdr_layout.LayoutError(
+                        f"joint '{self.joint}' is not among {among}: give its name with --joint"
+                    )
                 path = f"{path}[{names.index(self.joint)}]"
             if path not in layout.numbers:
                 raise cdr_layout.LayoutError(f"field {channel.field} is missing or empty")

@@ -16,7 +16,8 @@ _FOLLOW = {sensor.name for sensor in PREDICTED if sensor.is_pressure}
 def check_stuck(topics: dict[str, TopicSamples], limits: Thresholds = THRESHOLDS) -> dict[str, list[StampedEvent]]:
     """Mask values that repeat for longer than noise and quantisation, or the motion of the boom, make believable.
 
-    A quantised angle at rest may be constant for minutes and an idle current is clipped at zero: neither is stuck. The
+    A quantised angle at rest may be constant for minutes, its derivative is then zero, and an idle current is clipped at zero: none
+    of them is stuck. The
     angle is judged by the rate, the pressures also by the angle, and each noisy signal by itself.
     """
     found: dict[str, list[StampedEvent]] = {topic: [] for topic in topics}
@@ -40,6 +41,10 @@ def _stuck(samples: TopicSamples, name: str, witness: "_Motion", limits: Thresho
     events = []
     for a, b in _runs_of_equal(values):
         if (times[b] - times[a]) / SECOND < limits.stuck or (clipped and values[a] <= 0):
+            continue
+        if (
+            name == "rate" and values[a] == 0.0
+        ):  # no gyro is that quiet: it is the derivative of an angle that does not change
             continue
         start = times[a]
         if longest is None or b - a + 1 <= longest:

@@ -13,7 +13,7 @@ from boom_recording.channels import DEFAULT_JOINT, MACHINE_CONFIGURATION
 from boom_recording.defects import StampedEvent, TopicSamples
 from boom_recording.errors import RecordingError
 from boom_recording.mcap_records import Damage
-from boom_recording.recording import Recording, Signal
+from boom_recording.recording import GivenConfiguration, Recording, Signal
 
 REQUIRED = (*SENSOR_TOPICS, MACHINE_CONFIGURATION)
 _MANY_DAMAGES = 8
@@ -21,12 +21,14 @@ _UNRELATED_NS = 3600 * 10**9
 
 
 def load(
-    path: str | Path, *, require: Iterable[str] = REQUIRED, joint: str = DEFAULT_JOINT, check: bool = True
-) -> Recording:
+    path: str | Path, *, require: Iterable[str] = REQUIRED, joint: str = DEFAULT_JOINT, check: bool = True,
+    given: GivenConfiguration | None = None,
+) -> Recording:  # fmt: skip
     """Load the bag at `path`: a rosbag2 directory or a bare .mcap file.
 
     require   topics that must be there; the rest is optional. Default: what a recording of the machine contains
     joint     name of the boom's joint in /joint_states
+    given     pose and load that replace the recorded ones; a bag without a configuration then needs none
     check     False: values and stamps are taken as they are (only the order of stamps is held)
 
     Raises RecordingError, one line that begins with the path, where a required topic is missing or of another type,
@@ -36,12 +38,14 @@ def load(
     path = Path(path)
     bag = bag_folder.find(path)
     try:
-        return _load(path, bag, tuple(require), joint, check)
+        return _load(path, bag, tuple(require), joint, check, given or GivenConfiguration())
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
 
 
-def _load(path: Path, bag: bag_folder.BagFiles, require: tuple[str, ...], joint: str, check: bool) -> Recording:
+def _load(
+    path: Path, bag: bag_folder.BagFiles, require: tuple[str, ...], joint: str, check: bool, given: GivenConfiguration
+) -> Recording:
     reader = BagReader(joint)
     damages: list[Damage] = []
     for file in bag.files:
@@ -49,7 +53,9 @@ def _load(path: Path, bag: bag_folder.BagFiles, require: tuple[str, ...], joint:
             damages += reader.read(file)
         except RecordingError as error:
             raise RecordingError(f"{file.name}: {error}" if len(bag.files) > 1 else str(error)) from None
-    reader.demand(require, damages)
+    if given.complete():
+        require = tuple(topic for topic in require if topic != MACHINE_CONFIGURATION)
+    reader.demand(require, damages, bag_folder.import_line(path))
     topics = reader.samples()
     sensors = [samples for samples in topics.values() if samples.topic in SENSOR_TOPICS] or list(topics.values())
     if not sensors:
@@ -70,7 +76,7 @@ def _load(path: Path, bag: bag_folder.BagFiles, require: tuple[str, ...], joint:
         signals=_signals(topics, start_ns),
         events=sorted(events, key=lambda event: (event.start_s, event.topic, event.kind)),
         notes=sorted(set(reader.notes)),
-        stored_configuration=reader.configuration(),
+        stored_configuration=given.over(reader.configuration()),
     )
     recording.warnings = bag.warnings + _losses(damages, reader, bag, recording)
     return recording

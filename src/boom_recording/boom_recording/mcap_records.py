@@ -24,7 +24,10 @@ _LONGEST_DECLARATIONS = 32_000_000
 
 @dataclass(frozen=True)
 class Topic:
-    """One channel of the file; type as "pkg/msg/Type", definition_encoding "ros2msg", "ros2idl" or ""."""
+    """One channel of the file; type as "pkg/msg/Type", definition_encoding "ros2msg", "ros2idl" or "".
+
+    A definition that is no text keeps its bytes (``surrogateescape``).
+    """
 
     topic: str
     type: str
@@ -147,7 +150,7 @@ class Declarations:
         self.topics[channel.id] = Topic(
             topic=channel.topic,
             type=f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else name,
-            definition=schema.data.decode("utf-8", "replace") if schema else "",
+            definition=schema.data.decode("utf-8", "surrogateescape") if schema else "",
             definition_encoding=schema.encoding if schema else "",
             message_encoding=channel.message_encoding,
         )

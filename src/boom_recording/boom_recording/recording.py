@@ -1,6 +1,7 @@
 """A recording: signals with units, stamps and defects. No files, no ROS."""
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,26 @@ class Configuration:
     telescope_length: float
     load_mass: float
     note: str = ""
+
+
+@dataclass(frozen=True)
+class GivenConfiguration:
+    """What a user says of pose and load, in the place of what the recording says; None = nothing. Units as in `Configuration`."""
+
+    outer_boom_angle: float | None = None
+    telescope_length: float | None = None
+    load_mass: float | None = None
+
+    def complete(self) -> bool:
+        """Whether it can stand for a configuration that is missing: the pose is given."""
+        return self.outer_boom_angle is not None and self.telescope_length is not None
+
+    def over(self, stored: Configuration | None) -> Configuration | None:
+        """The stored configuration with what is given; a new one, of no machine, where none is stored and the pose is given."""
+        told = {name: value for name, value in vars(self).items() if value is not None}
+        if stored is None:
+            return Configuration(**{"machine": "", "load_mass": math.nan, **told}) if self.complete() else None
+        return replace(stored, **told)
 
 
 @dataclass(frozen=True)

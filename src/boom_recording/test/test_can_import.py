@@ -320,7 +320,7 @@ def test_command_writes_a_bag_and_says_what_it_left_out(codec: Codec, tmp_path: 
         (["machine.log", "--output", "there"], "there exists already"),
         (["machine.txt", "--output", "x"], "give one of .blf"),
         (["machine.log", "--dbc", "tz71", "--output", "x"], "no DBC tz71"),
-        (["machine.log", "--load", "inf", "--output", "x"], "--load inf"),
+        (["machine.log", "--load", "inf", "--output", "x"], "inf is not a number"),
         (["empty.log", "--output", "x"], "not one CAN frame"),
         (["machine.log", "--dbc", "other_machine", "--output", "x"], "right DBC file"),
     ],

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from boom_bringup.given import load_given
 
 if TYPE_CHECKING:
     from boom_model.machine import Machine
@@ -26,12 +29,11 @@ class Law:
     told: Machine
 
 
-def load_reference(source: str | Path) -> Recording:
+def load_reference(source: str | Path, args: argparse.Namespace) -> Recording:
     """Load the recording whose angle is the reference; nothing else of it is needed. Raises RecordingError."""
     from boom_recording.channels import JOINT_STATES, MACHINE_CONFIGURATION
-    from boom_recording.loading import load
 
-    return load(source, require=(JOINT_STATES, MACHINE_CONFIGURATION))
+    return load_given(source, args, require=(JOINT_STATES, MACHINE_CONFIGURATION))
 
 
 def simulate_reference(

@@ -62,6 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--seed", type=arguments.seed, default=0, help="seed of the simulated sensors' noise (default: 0)"
     )
     parser.add_argument("--json", metavar="F", help="also write the numbers to this file")
+    arguments.add_configuration(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -70,15 +71,15 @@ def run(args: argparse.Namespace) -> int:
 
     from boom_bringup import demo_folder, outputs, replica, showing
     from boom_bringup.demo_results import Results, Tracked
+    from boom_bringup.given import load_given
     from boom_identification.validation import validate
-    from boom_recording.loading import load
     from boom_report.console import console_for
     from boom_report.tracking import position_error
 
     console = console_for()
     json_path = outputs.checked(args.json, "--json")
     bag = Path(args.bag) if args.bag else _shipped_bag()
-    recording = load(bag)
+    recording = load_given(bag, args)
     machine, source = replica.machine_of({str(bag): recording}, args.machine)
     simulation = replica.simulation_parameters(recording, str(bag), machine, source, args.seed)
     with demo_folder.held(Path(args.output)) as folder:

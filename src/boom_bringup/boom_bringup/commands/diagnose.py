@@ -21,7 +21,7 @@ import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from boom_bringup import __version__
+from boom_bringup import __version__, arguments
 from boom_bringup.cli import UsageError
 from boom_bringup.memory import keep_memory
 from boom_bringup.outputs import checked, held, json_text, write, write_text
@@ -48,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="machine file, or the name of a shipped one (default: the machine that the recording names)",
     )
+    arguments.add_configuration(parser)
     parser.add_argument(
         "--output", metavar="DIR", default="output/diagnosis", help="folder for the results (default: output/diagnosis)"
     )
@@ -73,16 +74,16 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
 
     keep_memory()
 
-    from boom_recording.loading import load
+    from boom_bringup.given import load_given
 
     with progress(_STEPS) as step:
         step("reading the recordings", 0)
-        recordings = [load(bag) for bag in args.bags]
-        held_out = [load(bag) for bag in args.hold_out]
+        recordings = [load_given(bag, args) for bag in args.bags]
+        held_out = [load_given(bag, args) for bag in args.hold_out]
         everything = [*recordings, *held_out]
         machine, _ = machine_of(dict(zip([*args.bags, *args.hold_out], everything, strict=True)), args.machine)
         for recording in everything:
-            if recording.configuration.machine != machine.name:
+            if recording.configuration.machine not in ("", machine.name):
                 raise UsageError(
                     f"{recording.name} was recorded on machine '{recording.configuration.machine}', the machine file is that "
                     f"of '{machine.name}': give the file of that machine"
@@ -172,4 +173,5 @@ def _words(args: argparse.Namespace) -> list[str]:
     for option in ("machine", "output", "json"):
         if getattr(args, option):
             words += [f"--{option}", getattr(args, option)]
+    words += arguments.configuration_words(args)
     return words + (["--seed", str(args.seed)] if args.seed else [])

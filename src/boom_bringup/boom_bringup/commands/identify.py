@@ -20,6 +20,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from boom_bringup import arguments
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import checked, default_report, write, write_json
 from boom_bringup.replica import machine_of
@@ -46,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="initial machine file, or a shipped name (default: the recordings', else tz17)",
     )
+    arguments.add_configuration(parser)
     parser.add_argument("--output", metavar="machine.yaml", help="write a machine file with the identified numbers")
     parser.add_argument("--json", metavar="F", help="write the numbers as a JSON document to F")
     report = parser.add_mutually_exclusive_group()
@@ -84,10 +86,11 @@ def run(args: argparse.Namespace) -> int:
     json_path = checked(args.json, "--json")
     command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "identify", *_words(args)])
 
+    from boom_bringup.given import load_given
     from boom_identification.identify import identify, read_inputs
 
     with progress(_STEPS) as step:
-        inputs = read_inputs(args.bags, lambda text: step(text, 0))
+        inputs = read_inputs(args.bags, lambda text: step(text, 0), lambda bag: load_given(bag, args))
         machine, source = _machine(args.machine, inputs)
         result = identify(
             inputs, machine,
@@ -186,6 +189,7 @@ def _words(args: argparse.Namespace) -> list[str]:
         value = getattr(args, option)
         if value is not None:
             words += [f"--{option.replace('_', '-')}", str(value)]
+    words += arguments.configuration_words(args)
     return words + (["--stationary-only"] if args.stationary_only else [])
 
 

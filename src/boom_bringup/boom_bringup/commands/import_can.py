@@ -12,12 +12,12 @@ Every command accepts the bag as a recording, e.g. ./boom validate output/machin
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from boom_bringup import arguments
 from boom_bringup.outputs import new_bag
 
 if TYPE_CHECKING:
@@ -27,27 +27,32 @@ HELP = "turn a CAN log into a bag"
 _MANY = 12
 
 
-class ImportCanError(ValueError):
-    """The options cannot be used."""
-
-    exit_status = 2
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument(
-        "log", metavar="LOG", help="CAN log: .blf, .asc, .log, .csv or .trc (no .mf4: convert it first)"
-    )
+    parser.add_argument("log", metavar="LOG", help="CAN log: .blf, .asc, .log, .csv or .trc (.mf4: ./boom import)")
     parser.add_argument("--dbc", metavar="FILE", default="tz17", help="DBC file or shipped name (default: tz17)")
     parser.add_argument("--mapping", metavar="FILE", help="mapping file (default: the .yaml beside the DBC file)")
     parser.add_argument("--output", metavar="BAG", required=True, help="folder of the new bag; must not exist")
     parser.add_argument(
         "--machine", metavar="NAME", default="tz17", help="machine file of the recorded machine (default: tz17)"
     )
-    parser.add_argument("--outer-boom-angle", type=float, metavar="RAD", default=0.28, help="q3 [rad] (default: 0.28)")
-    parser.add_argument("--telescope-length", type=float, metavar="M", default=2.2, help="q4 [m] (default: 2.2)")
     parser.add_argument(
-        "--load", type=float, metavar="KG", default=0.0, help="load at the tip [kg], nan = not known (default: 0)"
+        "--q3",
+        "--outer-boom-angle",
+        type=arguments.finite,
+        metavar="RAD",
+        default=0.28,
+        help="q3 [rad] (default: 0.28)",
+    )
+    parser.add_argument(
+        "--q4", "--telescope-length", type=arguments.finite, metavar="M", default=2.2, help="q4 [m] (default: 2.2)"
+    )
+    parser.add_argument(
+        "--load",
+        type=arguments.load_mass,
+        metavar="KG",
+        default=0.0,
+        help="load at the tip [kg], nan = not known (default: 0)",
     )
 
 
@@ -61,13 +66,9 @@ def run(args: argparse.Namespace) -> int:
     from boom_report.console import console_for
 
     output = Path(args.output)
-    for option in ("outer_boom_angle", "telescope_length", "load"):
-        value = getattr(args, option)
-        if not (math.isfinite(value) or (option == "load" and math.isnan(value))):
-            raise ImportCanError(f"--{option.replace('_', '-')} {value}: give a finite number")
     codec = Codec.load(args.dbc, args.mapping)
     note = f"imported from the CAN log {Path(args.log).name}"
-    configuration = Configuration(args.machine, args.outer_boom_angle, args.telescope_length, args.load, note)
+    configuration = Configuration(args.machine, args.q3, args.q4, args.load, note)
     begin = time.perf_counter()
     columns = (
         TextColumn("{task.description}"),

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from boom_bringup import arguments
+from boom_bringup.given import load_given
 from boom_bringup.outputs import held, new_bag
 from boom_controller import laws
 
@@ -84,10 +85,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--angle", type=float, metavar="RAD", help="initial boom angle [rad] (default: the input's, csv: 0.3)"
     )
     parser.add_argument(
-        "--outer-boom-angle", type=float, metavar="RAD", help="q3 [rad] (default: the input's, csv: 0.28)"
+        "--q3",
+        "--outer-boom-angle",
+        type=arguments.finite,
+        metavar="RAD",
+        help="q3 [rad] (default: the input's, csv: 0.28)",
     )
-    parser.add_argument("--telescope-length", type=float, metavar="M", help="q4 [m] (default: the input's, csv: 2.2)")
+    parser.add_argument(
+        "--q4", "--telescope-length", type=arguments.finite, metavar="M", help="q4 [m] (default: the input's, csv: 2.2)"
+    )
     parser.add_argument("--load", type=float, metavar="KG", help="load at the tip [kg] (default: the input's, csv: 0)")
+    parser.add_argument(
+        "--joint", metavar="NAME", help="name of the boom's joint in /joint_states (default: inner_boom_joint)"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -143,8 +153,8 @@ def _given(args: argparse.Namespace, source: Path) -> _Given:
     if args.angle is not None:
         given.start = CraneStart(args.angle)  # the measured pressures belong to the measured angle
     pose = {
-        "outer_boom_angle": args.outer_boom_angle,
-        "telescope_length": args.telescope_length,
+        "outer_boom_angle": args.q3,
+        "telescope_length": args.q4,
         "load_mass": args.load,
     }
     changed = {key: value for key, value in pose.items() if value is not None}
@@ -161,7 +171,7 @@ def _from_reference(args: argparse.Namespace, source: Path) -> _Given:
 
     if source.suffix == ".csv" or args.model != "full":
         raise SimulateError("--reference needs a bag and runs the full model: leave out --model, or give a bag")
-    recording = load_reference(source)
+    recording = load_reference(source, args)
     machine, _ = replica.machine_of({args.input: recording}, args.machine)
     return _Given(machine, recording.configuration, CraneStart(0.0), recording=recording)
 
@@ -178,7 +188,7 @@ def _with_currents(args: argparse.Namespace, source: Path) -> _Given:
         configuration = Configuration("tz17", 0.28, 2.2, 0.0)
         machine = load_machine(configuration.machine if args.machine is None else args.machine)
         return _Given(machine, configuration, CraneStart(0.3), stamps, currents)
-    recording, stamps, currents = _from_bag(source)
+    recording, stamps, currents = _from_bag(source, args)
     machine, _ = replica.machine_of({args.input: recording}, args.machine)
     start = CraneStart(0.0)
     if args.angle is None:
@@ -217,8 +227,8 @@ def _ended(error: EndedEarlyError, output: Path) -> str:
 
 def _campaign(args: argparse.Namespace, output: Path) -> int:
     """Write a campaign of chapter 4 into the folder, one bag after the other."""
-    given = {"INPUT": args.input, "--angle": args.angle, "--outer-boom-angle": args.outer_boom_angle,
-             "--telescope-length": args.telescope_length, "--load": args.load}  # fmt: skip
+    given = {"INPUT": args.input, "--angle": args.angle, "--q3": args.q3,
+             "--q4": args.q4, "--load": args.load}  # fmt: skip
     given["--duration"] = args.duration if args.campaign == "pilot" else None
     given["--model"] = args.model if args.model != "full" else None
     unfit = [name for name, value in given.items() if value is not None]
@@ -276,11 +286,10 @@ def _runs(args: argparse.Namespace, machine: Machine) -> Iterator[tuple[str, Cal
         yield recording.name, partial(writing.write, recording=recording)
 
 
-def _from_bag(path: Path) -> tuple[Recording, Array, Array]:
+def _from_bag(path: Path, args: argparse.Namespace) -> tuple[Recording, Array, Array]:
     from boom_estimation.currents import held_currents
-    from boom_recording.loading import load
 
-    recording = load(path)
+    recording = load_given(path, args)
     held = held_currents(recording)
     stretches = held.stretches(recording.duration)
     if len(stretches) > 1:

@@ -13,6 +13,7 @@ import os
 import shlex
 from typing import TYPE_CHECKING
 
+from boom_bringup import arguments
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import checked, default_report, write, write_json
 from boom_bringup.replica import machine_of
@@ -32,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="machine file, or the name of a shipped one (default: the machine that the recording names)",
     )
+    arguments.add_configuration(parser)
     parser.add_argument(
         "--simulated",
         metavar="BAG",
@@ -53,15 +55,15 @@ def run(args: argparse.Namespace) -> int:
     json_path = checked(args.json, "--json")
     report = None if args.no_report else checked(args.report, "--report") or default_report("validate", args.bags)
 
-    from boom_recording.loading import load
+    from boom_bringup.given import load_given
 
     with progress(len(args.bags)) as step:
         # All are read before the first is run: a misspelt name is told at once, not after minutes.
         recordings = []
         for bag in args.bags:
             step(f"reading {bag}", 0)
-            recordings.append(load(bag))
-        simulated = load(args.simulated) if args.simulated else None
+            recordings.append(load_given(bag, args))
+        simulated = load_given(args.simulated, args) if args.simulated else None
 
         from boom_checks.doubts import first_look
         from boom_identification.validation import Validation, validate
@@ -108,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
         )
         console.print(f"report: {report}", markup=False, soft_wrap=True)
     differing = [bag for bag, found in zip(args.bags, validation.bags, strict=True) if found.mismatches]
-    for line in diagnose_next(differing, args.machine):
+    for line in diagnose_next(differing, args.machine, arguments.configuration_words(args)):
         console.print(line, markup=False, soft_wrap=True)
     return 1 if args.strict and differing else 0
 
@@ -118,7 +120,7 @@ def _notes(recordings: list[Recording], machine: str) -> list[str]:
     notes = []
     for recording in recordings:
         c = recording.configuration
-        if c.machine != machine:
+        if c.machine not in ("", machine):
             notes.append(f"{recording.name} was recorded on machine '{c.machine}', the model is that of '{machine}'")
         if math.isnan(c.load_mass):
             notes.append(f"{recording.name} does not state its load: 0 kg is assumed")
@@ -131,4 +133,4 @@ def _words(args: argparse.Namespace) -> list[str]:
     for option in ("machine", "simulated", "json", "report"):
         if getattr(args, option):
             words += [f"--{option}", getattr(args, option)]
-    return words + (["--strict"] if args.strict else [])
+    return words + arguments.configuration_words(args) + (["--strict"] if args.strict else [])

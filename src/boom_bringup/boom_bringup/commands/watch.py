@@ -10,7 +10,10 @@ printed here. Ctrl-C ends it. To try it, type in two more terminals:
 from __future__ import annotations
 
 import argparse
+import math
 
+from boom_bringup import arguments
+from boom_bringup.cli import UsageError
 from boom_bringup.node_command import become_node
 
 HELP = "watch a running machine and raise an alarm when it leaves the tolerance of its model"
@@ -22,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--machine", metavar="FILE",
         help="machine file, or the name of a shipped one (default: the machine that the configuration names)",
     )  # fmt: skip
-    parser.add_argument("--joint", metavar="NAME", help="name of the boom's joint (default: inner_boom_joint)")
+    arguments.add_configuration(parser)
     parser.add_argument(
         "--threshold",
         type=float,
@@ -33,6 +36,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replace this process by the node; does not return."""
+    own = args.q3 is not None and args.q4 is not None
+    if not own and (args.q3, args.q4, args.load) != (None, None, None):
+        raise UsageError(
+            "--q3, --q4 and --load stand for a missing /boom/machine_configuration: give both --q3 and --q4"
+        )
+    if own and not args.machine:
+        raise UsageError("--q3 and --q4 say no machine: give its file, or tz17, with --machine")
+    load = None if args.load is None or math.isnan(args.load) else args.load
     become_node(
-        "boom_monitor.watch_node", {"machine": args.machine, "joint_name": args.joint, "threshold": args.threshold}
-    )
+        "boom_monitor.watch_node",
+        {
+            "machine": args.machine, "joint_name": args.joint, "threshold": args.threshold, "own_configuration": own or None,
+            "outer_boom_angle": args.q3, "telescope_length": args.q4, "load_mass": load,
+        },
+    )  # fmt: skip

@@ -1,0 +1,212 @@
+"""Turn foreign recordings into a bag that every command takes: CSV, MAT, MF4, rosbag2 .db3, ROS 1 bags, MCAP with other topics.
+
+Several FILEs are parts of one recording. Without --mapping the command proposes one from names, units, ranges and dynamics, shows
+it as a table and as a page with a plot of each signal, and writes it to a file. What it cannot tell it asks; without a terminal it
+ends with exit status 2 and names the file to edit.
+
+  ./boom import test3.csv --q3 0.28 --q4 2.2 --load 0 --output output/test3
+  ./boom import test3.csv --mapping output/import-test3.csv.yaml --output output/test3
+  ./boom validate output/test3
+
+Angle and rate become positive while the boom is lifted, pressures absolute [Pa] on the wire, currents [A].
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from boom_bringup import arguments
+from boom_bringup.cli import UsageError
+from boom_bringup.outputs import checked, default_report, new_bag, write, write_text
+
+if TYPE_CHECKING:
+    from boom_import.assembly import Proposal
+    from boom_import.source import Source
+    from boom_import.timing import TimeChoice
+
+HELP = "turn CSV, MAT, MF4, .db3, ROS 1 and other foreign recordings into a bag"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "files", nargs="+", metavar="FILE", help="file or rosbag2 folder; several are parts of one recording"
+    )
+    parser.add_argument("--output", metavar="BAG", required=True, help="folder of the new bag; must not exist")
+    parser.add_argument("--mapping", metavar="M.yaml", help="which column is which signal; default: propose one")
+    parser.add_argument(
+        "--write-mapping", metavar="M.yaml", help="write the proposed mapping here (default: output/import-FILE.yaml)"
+    )
+    parser.add_argument(
+        "--yes", action="store_true", help="take the proposal without asking; what is not sure is asked all the same"
+    )
+    parser.add_argument("--time", metavar="COLUMN", default="", help="column of the time in a table (default: found)")
+    parser.add_argument(
+        "--time-unit", choices=("s", "ms", "us", "ns", "min", "h", "d"), help="its unit (default: found)"
+    )
+    parser.add_argument(
+        "--sample-rate", type=arguments.positive, metavar="HZ", help="samples per second of a table without a time"
+    )
+    report = parser.add_mutually_exclusive_group()
+    report.add_argument("--report", metavar="F.html", help="path of the page (default: output/import-FILE.html)")
+    report.add_argument("--no-report", action="store_true", help="write no page")
+    parser.add_argument("--machine", metavar="NAME", help="machine file of the recorded machine (default: tz17)")
+    arguments.add_configuration(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Read, propose or take a mapping, convert, write; returns 0."""
+    page = None if args.no_report else checked(args.report, "--report") or default_report("import", args.files[:1])
+    written = checked(args.write_mapping, "--write-mapping") or default_report("import", args.files[:1]).with_suffix(
+        ".yaml"
+    )
+
+    from boom_import import mapping as mappings
+    from boom_import.assembly import Proposal, propose
+    from boom_import.timing import TimeChoice
+
+    given = mappings.read(args.mapping) if args.mapping else None
+    choice = TimeChoice(args.time, args.time_unit or "", args.sample_rate or 0.0)
+    if given is not None and choice == TimeChoice():
+        choice = given.time
+    source = _read(args.files, choice)
+    proposal = Proposal(given) if given is not None else propose(source, choice, args.joint or "")
+    _configure(proposal, args)
+    _show(source, proposal)
+    command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "import", *sys.argv[2:]])
+    if page is not None:
+        from boom_report.importing.report import write_import_page
+
+        write(page, lambda: write_import_page(page, source, proposal, command))
+        print(f"page: {page}")
+    if given is None:
+        _settle(proposal, written, args)
+    elif given.open():
+        raise UsageError(f"{args.mapping}: {given.open()[0]} is not decided: write its column in the place of 'ask'")
+    return _convert(args, source, proposal)
+
+
+def _read(files: list[str], choice: TimeChoice) -> Source:
+    from boom_bringup.showing import progress
+    from boom_import import reading
+
+    done = 0
+    with progress(100) as step:
+        step(f"reading {Path(files[0]).name}", 0)
+
+        def advance(part: float) -> None:
+            nonlocal done
+            step("", max(0, round(100 * part) - done))
+            done = max(done, round(100 * part))
+
+        return reading.read([Path(file) for file in files], choice, advance)
+
+
+def _configure(proposal: Proposal, args: argparse.Namespace) -> None:
+    mapping = proposal.mapping
+    mapping.machine = args.machine or mapping.machine
+    mapping.joint = args.joint or mapping.joint
+    for name in ("q3", "q4", "load"):
+        value = getattr(args, name)
+        if value is not None:
+            setattr(mapping, name, value)
+
+
+def _show(source: Source, proposal: Proposal) -> None:
+    from rich.table import Table
+
+    from boom_report.console import console_for
+    from boom_report.importing.report import rows
+
+    console = console_for()
+    count = max(len(column.values) for column in source.columns)
+    console.print(
+        f"{source.path.name}: {source.kind}, {len(source.columns)} columns of up to {count} samples; time: {source.time}",
+        soft_wrap=True,
+    )
+    table = Table()
+    for heading in ("signal", "column", "unit", "sign", "reference", "range", "sure"):
+        table.add_column(heading, justify="right" if heading == "sure" else "left", overflow="fold")
+    for row in rows(source, proposal):
+        table.add_row(*row[:7])
+    console.print(table)
+    for note in (*proposal.notes, *source.notes):
+        console.print(f"note: {note}", soft_wrap=True)
+
+
+def _settle(proposal: Proposal, written: Path, args: argparse.Namespace) -> None:
+    """Ask for what is open, and whether the proposal is taken. Raises UsageError where nobody can be asked."""
+    _write_mapping(proposal, written, args)
+    again = shlex.join(["./boom", "import", *args.files, "--mapping", str(written), "--output", args.output])
+    asking = sys.stdin.isatty() and sys.stdout.isatty()
+    if proposal.questions:
+        if not asking:
+            signal, question = next(iter(proposal.questions.items()))
+            more = f" (and {len(proposal.questions) - 1} more)" if len(proposal.questions) > 1 else ""
+            raise UsageError(f"{args.files[0]}: {signal}: {question}{more}: decide it in {written}, then: {again}")
+        from boom_bringup.commands import _import_asking
+
+        _import_asking.ask(proposal)
+        _write_mapping(proposal, written, args)
+    elif args.yes:
+        return
+    elif not asking:
+        raise UsageError(f"{args.files[0]}: take this mapping with --yes, or edit {written}, then: {again}")
+    answer = "y" if args.yes else input("import with this mapping? [Y/n] ").strip().lower()
+    if answer not in ("", "y", "yes"):
+        raise UsageError(f"not imported: edit {written}, then: {again}")
+
+
+def _write_mapping(proposal: Proposal, path: Path, args: argparse.Namespace) -> None:
+    from boom_import import mapping as mappings
+
+    comments = {}
+    for signal in proposal.mapping.signals:
+        lines = [proposal.why.get(signal, "")]
+        if signal in proposal.questions:
+            lines = [f"to be decided: {proposal.questions[signal]}"]
+            lines += [
+                f"  {mappings.entry_text(entry)}   ({100 * p:.0f} %)"
+                for entry, p in proposal.options.get(signal, [])[:4]
+                if p > 0.005
+            ]
+        comments[signal] = "\n".join(line for line in lines if line)
+    heading = [
+        f"Proposed by {shlex.join(['./boom', 'import', *args.files])}",
+        "Edit it, and give it back with --mapping.",
+    ]
+    write_text(path, mappings.text(proposal.mapping, comments, heading))
+    print(f"mapping: {path}")
+
+
+def _convert(args: argparse.Namespace, source: Source, proposal: Proposal) -> int:
+    from boom_import.conversion import convert
+    from boom_recording import writing
+    from boom_report.console import console_for
+
+    output = Path(args.output)
+    with new_bag(output) as made:
+        recording = convert(output.name, source, proposal.mapping)
+        writing.write(made, recording)
+    console = console_for()
+    missing = [signal for signal, entry in proposal.mapping.signals.items() if entry == "none"]
+    for note in recording.notes:
+        console.print(f"note: {note}", soft_wrap=True)
+    if missing:
+        console.print(
+            f"note: without {', '.join(missing)}: commands that compare it with the model will refuse the bag",
+            soft_wrap=True,
+        )
+    console.print(f"{recording.duration:.1f} s imported; the bag is {output}", soft_wrap=True)
+    pose = "" if recording.stored_configuration is not None else " --q3 RAD --q4 M --load KG --machine FILE"
+    if pose:
+        console.print(
+            "note: pose and load are not known: every command that needs them takes them as options", soft_wrap=True
+        )
+    console.print(f"compare it with the model: ./boom validate {shlex.quote(str(output))}{pose}", soft_wrap=True)
+    return 0

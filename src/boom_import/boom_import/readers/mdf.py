@@ -1,0 +1,70 @@
+"""MF4 and other MDF files (ASAM MDF 3 and 4), read with asammdf."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from asammdf import MDF
+
+from boom_import.errors import ImportingError
+from boom_import.source import Column, Source, column, unique
+from boom_input.files import opened
+from boom_input.shown import quoted
+
+_EARLIEST = 946_684_800
+_MOST_COLUMNS = 5000
+
+
+def _opened(content: BinaryIO) -> Any:
+    """The file. Raises ImportingError; what asammdf says while its half-made object is thrown away stays unsaid."""
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        try:
+            return MDF(content, raise_on_multiple_occurrences=False)
+        except Exception as error:  # of many kinds, for a damaged file
+            why = quoted(error, 120) or type(error).__name__
+        gc.collect()  # the error is gone, and now the object that it held, too
+    finally:
+        sys.unraisablehook = hook
+    raise ImportingError(f"it begins like an MDF file, but cannot be read ({why}): export it again")
+
+
+def read(path: Path, progress: Callable[[float], None]) -> Source:
+    """The channels of an MDF file that are numbers, each with the time of its group.
+
+    Raises:
+        ImportingError: no such channels.
+    """
+    logging.getLogger("asammdf").setLevel(logging.CRITICAL)
+    columns: list[Column] = []
+    taken: set[str] = set()
+    with opened(path) as content, _opened(content) as file:
+        begin = file.header.start_time.timestamp()
+        dated = begin > _EARLIEST
+        zero = round(begin * 1e9) if dated else 0
+        for index, group in enumerate(file.groups):
+            master = file.masters_db.get(index)
+            label = (getattr(group.channel_group, "acq_name", "") or "").strip()
+            for number, channel in enumerate(group.channels):
+                if number == master or len(columns) >= _MOST_COLUMNS:
+                    continue
+                signal = file.get(group=index, index=number, ignore_invalidation_bits=False)
+                if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "fiub" or master is None:
+                    continue
+                key = unique(f"{label}/{channel.name}" if label else channel.name, taken)
+                words = " ".join(part for part in (label, channel.name, signal.comment or "") if part)[:200]
+                stamps = zero + np.rint(np.asarray(signal.timestamps, float) * 1e9).astype(np.int64)
+                made = column(key, words, signal.unit or "", stamps, np.asarray(signal.samples, np.float64))
+                columns += [made] if made else []
+            progress((index + 1) / len(file.groups))
+    if not columns:
+        raise ImportingError("it holds no channels of numbers with a time")
+    return Source(
+        path, "MDF", columns, dated, "each group's time channel" + (" and the file's start time" if dated else "")
+    )

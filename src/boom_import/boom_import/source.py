@@ -1,0 +1,85 @@
+"""What a foreign file holds, whatever its kind: columns of numbers with stamps, names and units. No decision is made here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_recording.recording import Configuration
+
+_LARGEST = 1e25  # what is larger is damage: even nanoseconds since 1970 are 2e18
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One series of numbers.
+
+    Attributes:
+        key: names it in a mapping file; unique within a source.
+        name: the words that say what it is.
+        unit: as the file states it, "" where it does not.
+        stamps_ns: (n,) [ns] since 1970 where the source is dated, else since its beginning.
+        values: (n,) as the file has them, finite.
+        by_type: the unit is the message type's (``sensor_msgs/FluidPressure`` is Pa), not the author's.
+        joint: of the element of a JointState, "" for all else.
+    """
+
+    key: str
+    name: str
+    unit: str
+    stamps_ns: Stamps
+    values: Floats
+    by_type: bool = False
+    joint: str = ""
+
+
+@dataclass
+class Source:
+    """All columns of the files that make one recording.
+
+    Attributes:
+        path, kind: of the file; the kind for people, "CSV".
+        dated: stamps count from 1970, not from the beginning of the recording.
+        time: how time was read, one phrase.
+        notes: what was left out or assumed, a sentence each.
+        configuration: of the machine, where the source has one of the contract.
+    """
+
+    path: Path
+    kind: str
+    columns: list[Column]
+    dated: bool
+    time: str
+    notes: list[str] = field(default_factory=list)
+    configuration: Configuration | None = None
+
+    def by_key(self) -> dict[str, Column]:
+        """The columns by their key."""
+        return {column.key: column for column in self.columns}
+
+
+def unique(key: str, taken: set[str]) -> str:
+    """The key, with a number behind it where it is taken already."""
+    found, number = key, 1
+    while found in taken:
+        number += 1
+        found = f"{key} #{number}"
+    taken.add(found)
+    return found
+
+
+def column(
+    key: str, name: str, unit: str, stamps_ns: Stamps, values: Floats, *, by_type: bool = False, joint: str = ""
+) -> Column | None:
+    """A column of what is finite of `values` (n,), or None where that is less than two samples."""
+    there = np.abs(values) < _LARGEST  # false for NaN, too
+    if there.sum() < 2:
+        return None
+    if not there.all():
+        stamps_ns, values = stamps_ns[there], values[there]
+    return Column(key, name, unit, stamps_ns, values, by_type, joint)

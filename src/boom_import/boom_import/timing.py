@@ -1,0 +1,213 @@
+"""Which column of a table is its time, and in which unit: a score of name, unit and steps; asked where that does not tell.
+
+A table of a CSV or MAT file has no stamps of its own. The unit is weighed by the period that it gives the samples (log-normal
+around 10 ms, a factor of five each way: what loggers of machines have) against what the header states.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_import import units
+from boom_import.errors import ImportingError
+from boom_import.source import Floats, Stamps
+from boom_input.shown import quoted
+
+_PERIOD, _PERIOD_SPREAD = math.log(0.01), math.log(5.0)
+_PRIOR = {"s": 0.5, "ms": 0.25, "us": 0.1, "ns": 0.05, "d": 0.05, "min": 0.02, "h": 0.03}
+_STATED_WRONG = 0.02
+_SURE = 0.9
+_NAMES = ("time", "zeit", "stamp", "clock", "datum", "date", "uhr", "temps", "tiempo")
+_SHORT = ("t", "ts", "x", "sec", "ms")
+_COUNTERS = ("index", "idx", "count", "sample", "frame", "seq", "line", "row", "nr", "no", "id", "zeile", "zaehler")
+_SECONDS_2000, _SECONDS_2100 = 946_684_800.0, 4_102_444_800.0
+_HALF_A_DAY = 43_200.0
+_EXCEL_1970 = 25_569.0  # days from Excel's zero, 1899-12-30
+_MATLAB_1970 = 719_529.0  # days from Matlab's year 0
+
+
+@dataclass(frozen=True)
+class TimeChoice:
+    """How a mapping file says that time is to be read.
+
+    Attributes:
+        column: name of the column, "" where there is none.
+        unit: "s", "ms", "us", "ns", "min", "h", "d", or "" to find out.
+        rate: samples per second where no column is time, 0 for none.
+    """
+
+    column: str = ""
+    unit: str = ""
+    rate: float = 0.0
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Stamps (n,) [ns], whether they count from 1970, how they were read, and which column they are ("" for none)."""
+
+    stamps_ns: Stamps
+    dated: bool
+    said: str
+    column: str
+
+
+@dataclass
+class RawColumn:
+    """A column before its table's time is known.
+
+    Attributes:
+        key, name, unit: as in `boom_import.source.Column`.
+        values: (n,) NaN where there is no number; for a column of dates seconds since 1970 or midnight.
+        clock: "date" or "time of day" for a column that was written as such, "" for plain numbers.
+    """
+
+    key: str
+    name: str
+    unit: str
+    values: Floats
+    clock: str = field(default="")
+
+
+def axis(columns: list[RawColumn], choice: TimeChoice, hint_rate: float = 0.0) -> Axis:
+    """The stamps of a table.
+
+    Args:
+        columns: of the table, of one length.
+        choice: what the user said; an empty one is no choice.
+        hint_rate: samples per second that the file states elsewhere, 0 for none.
+
+    Raises:
+        ImportingError: no column is time, or its unit cannot be told; the message says what to write.
+    """
+    count = len(columns[0].values)
+    rate = choice.rate or (0.0 if choice.column else hint_rate)
+    if choice.column:
+        found = next((c for c in columns if choice.column in (c.key, c.name)), None)
+        if found is None:
+            raise ImportingError(
+                f"there is no column '{quoted(choice.column, 60)}' for the time: it has {_listed(columns)}"
+            )
+        return _of_column(found, choice.unit, columns)
+    if not choice.rate:
+        ranked = sorted(((_score(c), -i) for i, c in enumerate(columns)), reverse=True)
+        if ranked and ranked[0][0] > 0:
+            return _of_column(columns[-ranked[0][1]], choice.unit, columns)
+    if rate > 0:
+        return Axis(np.rint(np.arange(count) * 1e9 / rate).astype(np.int64), False, f"{rate:g} samples/s", "")
+    raise ImportingError(
+        f"no column is recognisable as the time ({_listed(columns)}): give --time COLUMN, "
+        "or --sample-rate with the samples per second"
+    )
+
+
+def _listed(columns: list[RawColumn]) -> str:
+    return quoted(", ".join(c.key for c in columns[:12]), 160) + (" ..." if len(columns) > 12 else "")
+
+
+def _score(column: RawColumn) -> float:
+    """Evidence [log odds] that a column is the time of its table."""
+    values = column.values[np.isfinite(column.values)]
+    if len(values) < 2:
+        return -99.0
+    steps = np.diff(values)
+    if column.clock == "time of day":
+        steps = np.where(steps < -_HALF_A_DAY, steps + 2 * _HALF_A_DAY, steps)
+    rising = float(np.mean(steps >= 0))
+    if rising < 0.99 or not float(steps.sum()) > 0.0:
+        return -99.0
+    score = -2.0 + (8.0 if column.clock else 0.0) - (6.0 if column.clock == "time of day" and rising < 1 else 0.0)
+    name = column.name.lower()
+    words = name.replace("_", " ").replace("-", " ").split()
+    score += 4.0 if any(part in name for part in _NAMES) else 2.0 if any(word in _SHORT for word in words) else 0.0
+    score += 0.5 if "stamp" in name else 0.0  # of the measurement, where the other is that of its arrival
+    stated = units.parse(column.unit).measure
+    if stated is not None:
+        score += 4.0 if stated.dimension == units.TIME else -8.0
+    positive = steps[steps > 0]
+    regular = len(positive) > 0 and float(np.median(np.abs(positive / np.median(positive) - 1.0))) < 0.2
+    score += 3.5 if regular and float(np.mean(steps > 0)) > 0.9 else -2.0  # nothing else rises evenly all the time
+    if stated is None and not column.clock and np.all(steps == 1.0):
+        score -= 6.0  # a counter rises by one, whatever it is called: its unit is not told by its steps
+    if any(word.rstrip("0123456789.") in _COUNTERS for word in words):
+        score -= 4.0
+    return score
+
+
+def _of_column(column: RawColumn, unit: str, columns: list[RawColumn]) -> Axis:
+    values = column.values
+    if column.clock:
+        return _of_clock(column, columns)
+    name = unit or _unit(column)
+    seconds, dated, what = _seconds(values, name)
+    return Axis(_stamps(seconds), dated, f"column '{column.key}' in {what}", column.key)
+
+
+def _of_clock(column: RawColumn, columns: list[RawColumn]) -> Axis:
+    seconds, said = column.values, f"column '{column.key}' ({column.clock})"
+    if column.clock == "time of day":
+        turned = np.concatenate(([0.0], np.cumsum(np.diff(np.nan_to_num(seconds)) < -_HALF_A_DAY) * 86_400.0))
+        seconds = seconds + turned
+        day = next(
+            (c for c in columns if c.clock == "date" and np.nanmax(c.values) - np.nanmin(c.values) < 90_000.0), None
+        )
+        if day is not None and np.all(np.nan_to_num(day.values) % 86_400.0 == 0.0):
+            return Axis(_stamps(seconds + day.values[0]), True, f"columns '{day.key}' and '{column.key}'", column.key)
+        return Axis(_stamps(seconds), False, said, column.key)
+    return Axis(_stamps(seconds), True, said, column.key)
+
+
+def _unit(column: RawColumn) -> str:
+    """The most probable unit. Raises ImportingError where two are about as probable."""
+    values = column.values[np.isfinite(column.values)]
+    steps = np.diff(values)
+    period = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    if not period > 0:
+        raise ImportingError(f"column '{column.key}' does not rise: it cannot be the time")
+    stated = units.parse(column.unit).measure
+    score = {}
+    for name, prior in _PRIOR.items():
+        seconds = period * units.BY_NAME[name].factor
+        fit = -0.5 * ((math.log(seconds) - _PERIOD) / _PERIOD_SPREAD) ** 2
+        given = 0.0
+        if stated is not None and stated.dimension == units.TIME:
+            given = math.log(1 - _STATED_WRONG if stated.name == name else _STATED_WRONG / len(_PRIOR))
+        era = 3.0 if _dated(values[0], name) else 0.0
+        score[name] = math.log(prior) + max(fit, -12.0) + given + era
+    best = max(score, key=lambda name: score[name])
+    sure = 1.0 / sum(math.exp(s - score[best]) for s in score.values())
+    if sure < _SURE:
+        likely = sorted(score, key=lambda name: -score[name])[:2]
+        raise ImportingError(
+            f"the unit of the time '{column.key}' cannot be told ({' or '.join(likely)}?): give --time-unit"
+        )
+    return best
+
+
+def _dated(value: float, unit: str) -> bool:
+    if unit == "d":
+        return any(_SECONDS_2000 < (value - zero) * 86_400 < _SECONDS_2100 for zero in (_EXCEL_1970, _MATLAB_1970))
+    return unit in ("s", "ms", "us", "ns") and _SECONDS_2000 < value * units.BY_NAME[unit].factor < _SECONDS_2100
+
+
+def _seconds(values: Floats, unit: str) -> tuple[Floats, bool, str]:
+    first = float(values[np.isfinite(values)][0])
+    dated = _dated(first, unit)
+    if unit == "d" and dated:
+        excel = _SECONDS_2000 < (first - _EXCEL_1970) * 86_400 < _SECONDS_2100
+        zero, what = (_EXCEL_1970, "days (Excel's dates)") if excel else (_MATLAB_1970, "days (Matlab's dates)")
+        return (values - zero) * 86_400.0, True, what
+    factor = units.BY_NAME[unit].factor
+    return values * factor, dated, unit + (" since 1970" if dated else "")
+
+
+def _stamps(seconds: Floats) -> NDArray[np.int64]:
+    """[ns]; a double of seconds since 1970 resolves 0.2 us, which is enough."""
+    whole = np.nan_to_num(np.floor(seconds), nan=-1.0)
+    fraction = np.nan_to_num(seconds - whole)
+    if np.abs(whole).max(initial=0.0) > 4e9:
+        raise ImportingError("the times of the table lie beyond the year 2096: is the unit of the time right?")
+    return np.asarray(whole.astype(np.int64) * 10**9 + np.rint(fraction * 1e9).astype(np.int64), np.int64)

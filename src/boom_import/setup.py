@@ -1,0 +1,25 @@
+"""Packaging of boom_import for colcon and pip."""
+
+from setuptools import find_packages, setup
+
+package_name = "boom_import"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(include=[package_name, f"{package_name}.*"]),
+    package_data={package_name: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools", "asammdf", "h5py", "numpy", "pandas", "protobuf", "rosbags", "scipy"],
+    zip_safe=False,
+    author="boom developers",
+    author_email="boom@example.com",
+    maintainer="boom developers",
+    maintainer_email="boom@example.com",
+    description="Turns foreign recordings (CSV, MAT, MF4, other bags) into bags of the contract",
+    license="Apache-2.0",
+    python_requires=">=3.11",
+)

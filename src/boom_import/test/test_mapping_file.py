@@ -1,0 +1,121 @@
+"""Mapping files: what is written is read back, and what is wrong in one is told with its entry."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from boom_import import conversion, mapping
+from boom_import.errors import ImportingError
+from boom_import.mapping import Mapping, SignalMap
+from boom_import.source import Column, Source
+from boom_import.timing import TimeChoice
+from boom_recording.recording import Configuration
+
+WHOLE = Mapping(
+    {
+        "angle": SignalMap("Winkel: [°]", "deg", -1.0, 1.0, 90.0),
+        "rate": "derivative of angle",
+        "hose_pressure": SignalMap("p_A", "bar", reference="absolute"),
+        "rod_pressure": "none",
+        "extend_current": SignalMap("u", "A", 1.0, 0.006, part="positive"),
+        "retract_current": SignalMap("u", "A", -1.0, 0.006, part="negative"),
+    },
+    TimeChoice("t", "ms"), "boom", "tz17", 0.28, 2.2, None,
+)  # fmt: skip
+
+
+def source() -> Source:
+    stamps = np.arange(100, dtype=np.int64) * 10_000_000
+    angle = 90.0 - 30.0 * np.sin(0.01 * np.arange(100))
+    values = {"Winkel: [°]": angle, "p_A": np.full(100, 51.01325), "u": np.linspace(-100, 100, 100)}
+    return Source(Path("x.csv"), "CSV", [Column(k, k, "", stamps, v) for k, v in values.items()], False, "")
+
+
+def test_a_mapping_survives_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(mapping.text(WHOLE, {"angle": "a comment"}, ["heading"]))
+    assert mapping.read(path) == WHOLE
+
+
+def test_a_load_that_is_not_known_stays_so(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(mapping.text(replace(WHOLE, load=float("nan"), machine=""), {}, []))
+    assert mapping.read(path).load is None and mapping.read(path).machine == ""
+
+
+def test_pose_and_load_of_the_source_stay_where_the_mapping_says_nothing() -> None:
+    own = source()
+    own.configuration = Configuration("crane_7", 0.5, 1.0, 40.0)
+    told = replace(WHOLE, q3=None, q4=None, load=60.0, machine="")
+    made = conversion.convert("made", own, told).configuration
+    assert (made.machine, made.outer_boom_angle, made.telescope_length, made.load_mass) == ("crane_7", 0.5, 1.0, 60.0)
+    assert conversion.convert("made", source(), told).stored_configuration is None
+
+
+def test_a_mapping_is_applied() -> None:
+    made = conversion.convert("made", source(), WHOLE)
+    angle = np.deg2rad(30.0 * np.sin(0.01 * np.arange(100)))
+    np.testing.assert_allclose(made.signals["angle"].values, angle, atol=1e-12)
+    np.testing.assert_allclose(made.signals["rate"].values[20:-20], np.gradient(angle, 0.01)[20:-20], atol=2e-3)
+    np.testing.assert_allclose(made.signals["hose_pressure"].values, 50e5, atol=1e-6)
+    assert (
+        made.signals["extend_current"].values.max()
+        == made.signals["retract_current"].values.max()
+        == pytest.approx(0.6)
+    )
+    assert np.all(made.signals["extend_current"].values * made.signals["retract_current"].values == 0.0)
+    assert "rod_pressure" not in made.signals
+    assert made.configuration.telescope_length == 2.2 and np.isnan(made.configuration.load_mass)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('unit: "deg"', 'unit: "bar"', "signals: angle: unit bar: a angle is in rad"),
+        ("sign: -1", "sign: 2", "signals: angle: sign: give 1 or -1"),
+        ("  rod_pressure: none\n", "", "rod_pressure is missing"),
+        ("  rod_pressure: none\n", "  rod_presure: none\n", "unknown entry rod_presure"),
+        (', reference: "absolute"', "", "give gauge (0 in air) or absolute"),
+        ('column: "p_A", ', "", "hose_pressure: column is missing"),
+        ("q3: 0.28", "q3: .nan", "q3: nan is not a number"),
+        ('part: "positive"', 'part: "upper"', "give positive or negative"),
+    ],
+)
+def test_a_wrong_entry_is_named(old: str, new: str, told: str, tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    text = mapping.text(WHOLE, {}, [])
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(ImportingError) as caught:
+        mapping.read(path)
+    assert told in str(caught.value) and str(caught.value).startswith(str(path))
+
+
+@pytest.mark.parametrize(
+    ("entry", "told"),
+    [
+        (SignalMap("p_B", "bar", reference="gauge"), "there is no column 'p_B'"),
+        (SignalMap("p_A", "MPa", scale=10.0, reference="gauge"), "100 % of 'p_A' in MPa lie outside"),
+        ("ask", "hose_pressure is not decided"),
+    ],
+)
+def test_a_mapping_that_does_not_fit_the_file_is_refused(entry: SignalMap | str, told: str) -> None:
+    with pytest.raises(ImportingError, match=told):
+        conversion.convert("made", source(), Mapping({**WHOLE.signals, "hose_pressure": entry}))
+
+
+def test_signals_of_one_message_get_common_times_and_no_gap_is_bridged() -> None:
+    stamps = np.arange(200, dtype=np.int64) * 10_000_000
+    late = np.delete(stamps + 3_000_000, slice(80, 120))
+    columns = [Column("q", "q", "", stamps, np.sin(stamps / 1e9)), Column("w", "w", "", late, np.cos(late / 1e9))]
+    signals: dict[str, SignalMap | str] = {"angle": SignalMap("q", "rad"), "rate": SignalMap("w", "rad/s")}
+    made = conversion.convert("made", Source(Path("x"), "", columns, False, ""), Mapping(signals))
+    rate = made.signals["rate"]
+    np.testing.assert_array_equal(rate.stamps_ns, made.signals["angle"].stamps_ns)
+    np.testing.assert_allclose(rate.values[rate.valid], np.cos(stamps / 1e9)[rate.valid], atol=2e-5)
+    assert not rate.valid[81:120].any() and rate.valid[10:80].all()
+    assert made.notes == ["rate was interpolated to the times of angle"]

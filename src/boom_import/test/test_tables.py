@@ -1,0 +1,167 @@
+"""Tables: dialects, times, units; each on a few lines whose numbers are known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+from boom_import import reading, units
+from boom_import.errors import ImportingError
+from boom_import.timing import TimeChoice
+
+T0 = 1_748_943_667_250_000_000  # 2025-06-03 09:41:07.25 UTC
+
+
+def made(folder: Path, text: str, encoding: str = "utf-8") -> Path:
+    path = folder / "table.csv"
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def rows(separator: str = ",", decimal: str = ".", count: int = 30, step: float = 0.01) -> str:
+    lines = [f"{k * step:.3f}{separator}{1.5 * k:.2f}" for k in range(count)]
+    return "\n".join(line.replace(".", decimal) for line in lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("head", "separator", "decimal", "encoding"),
+    [
+        ("time [s],p [bar]\n", ",", ".", "utf-8"),
+        ("time [s];p [bar]\n", ";", ",", "cp1252"),
+        ("time [s]\tp [bar]\n", "\t", ",", "utf-16"),
+        ("\ufefftime [s]|p [bar]\n", "|", ".", "utf-8"),
+        ("# time p\n", " ", ".", "utf-8"),
+        ("Prüfstand 3;;\nLauf 7;;\n\ntime;p\ns;bar\n", ";", ",", "cp1252"),
+        ('"time [s]";"p [bar]"\n', ";", ",", "utf-8"),
+    ],
+)
+def test_a_dialect_is_found(head: str, separator: str, decimal: str, encoding: str, tmp_path: Path) -> None:
+    source = reading.read([made(tmp_path, head + rows(separator, decimal), encoding)])
+    (column,) = source.columns
+    np.testing.assert_allclose(column.values, 1.5 * np.arange(30))
+    np.testing.assert_array_equal(column.stamps_ns, 10_000_000 * np.arange(30))
+    assert column.unit == ("" if head.startswith("# time") else "bar")
+    assert not source.dated
+
+
+@pytest.mark.parametrize(
+    ("header", "first", "second", "dated", "step_ns"),
+    [
+        ("t", "0.00", "0.01", False, 10_000_000),
+        ("time_ms", "100", "110", False, 10_000_000),
+        ("Zeit [us]", "1000", "11000", False, 10_000_000),
+        ("stamp", "1748943667250", "1748943667260", True, 10_000_000),
+        ("stamp", "1748943667250000", "1748943667260000", True, 10_000_000),
+        ("Date", "45811.4035561343", "45811.4035562500", True, 10_000_000),
+        ("when", "2025-06-03T09:41:07.250Z", "2025-06-03T09:41:07.260Z", True, 10_000_000),
+        ("when", "2025-06-03 11:41:07.250+02:00", "2025-06-03 11:41:07.260+02:00", True, 10_000_000),
+        ("Datum", "03.06.2025 09:41:07.250", "03.06.2025 09:41:07.260", True, 10_000_000),
+        ("Uhrzeit", "23:59:59.995", "00:00:00.005", False, 10_000_000),
+    ],
+)
+def test_a_time_is_read(header: str, first: str, second: str, dated: bool, step_ns: int, tmp_path: Path) -> None:
+    """The first two times are given; a long even tail follows for numbers, so that the column can be told."""
+    text = f"{header};p\n{first};1.5\n{second};3.5\n"
+    if first.replace(".", "").isdigit():
+        a, step = float(first), float(second) - float(first)
+        text = f"{header};p\n" + "".join(f"{a + k * step:.10f};{k}\n" for k in range(30))
+    source = reading.read([made(tmp_path, text)])
+    column = next(c for c in source.columns if c.key == "p")
+    assert source.dated == dated
+    assert abs(int(column.stamps_ns[1] - column.stamps_ns[0]) - step_ns) < 20_000
+    if dated:
+        assert abs(int(column.stamps_ns[0]) - T0) < 20_000
+
+
+def test_without_a_time_the_rate_is_asked_for_and_taken(tmp_path: Path) -> None:
+    text = "p;q\n" + "".join(f"{100 + (k % 7)};{k % 5}\n" for k in range(40))
+    path = made(tmp_path, text)
+    with pytest.raises(ImportingError, match=r"no column is recognisable as the time .*--sample-rate"):
+        reading.read([path])
+    source = reading.read([path], TimeChoice(rate=50.0))
+    assert source.columns[0].stamps_ns[1] == 20_000_000
+
+
+def test_a_counter_is_not_the_time(tmp_path: Path) -> None:
+    text = "sample;p\n" + "".join(f"{k};{k % 5}\n" for k in range(40))
+    with pytest.raises(ImportingError, match="no column is recognisable as the time"):
+        reading.read([made(tmp_path, text)])
+
+
+def test_a_topic_exported_to_csv_has_words_among_its_numbers_and_the_stamp_of_its_header(tmp_path: Path) -> None:
+    lines = ["%time,field.header.stamp,field.header.frame_id,field.name0,field.position0,field.velocity0"]
+    lines += [f"{T0 + k * 10**7 + 900_000},{T0 + k * 10**7},base,boom,{0.1 * k},{1.0}" for k in range(30)]
+    source = reading.read([made(tmp_path, "\n".join(lines))])
+    keys = {column.key: column for column in source.columns}
+    assert set(keys) == {"time", "field.position0", "field.velocity0"} and source.dated
+    assert np.abs(keys["field.position0"].stamps_ns - (T0 + 10**7 * np.arange(30))).max() < 500
+
+
+def test_missing_cells_and_short_lines_cost_only_themselves(tmp_path: Path) -> None:
+    text = "t,p\n" + "".join(f"{k / 100},{'' if k == 5 else k}\n" for k in range(30)) + "1.0,2,3,4\n"
+    source = reading.read([made(tmp_path, text)])
+    (column,) = source.columns
+    assert 5.0 not in column.values and len(column.values) == 29
+    assert source.notes == ["1 lines have another number of cells and are left out"]
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "unit"),
+    [
+        ("Druck Kolben [bar]", "Druck Kolben", "bar"), ("p_A (MPa)", "p_A", "MPa"), ("p / bar", "p", "bar"),
+        ("angle_deg", "angle", "deg"), ("rate_deg_s", "rate", "deg_s"), ("p_a", "p_a", ""), ("p_head", "p_head", ""),
+        ("extend_current_a", "extend_current", "a"), ("pressure in kPa", "pressure", "kPa"), ("boom (inner)", "boom (inner)", ""),
+        ("i_ext_mA", "i_ext", "mA"), ("p [bar(a)]", "p", "bar(a)"),
+    ],
+)  # fmt: skip
+def test_a_header_is_split(header: str, name: str, unit: str) -> None:
+    found = units.split(header)
+    assert found == ((name, unit) if unit else (header, ""))
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "reference"),
+    [("bar", "bar", ""), ("barg", "bar", "gauge"), ("bar abs", "bar", "absolute"), ("psia", "psi", "absolute"), ("MPA", "MPa", ""),
+     ("°/s", "deg/s", ""), ("mA", "mA", ""), ("N/mm²", "MPa", "")],
+)  # fmt: skip
+def test_a_unit_is_known(text: str, name: str, reference: str) -> None:
+    found = units.parse(text)
+    assert found.measure is not None and (found.measure.name, found.reference) == (name, reference)
+
+
+def test_a_structure_with_time_is_read(tmp_path: Path) -> None:
+    t = np.arange(50) / 100
+    values = [{"values": t * 2, "label": "angle [deg]"}, {"values": t * 3, "label": "p_A [bar]"}]
+    scipy.io.savemat(tmp_path / "out.mat", {"out": {"time": t, "signals": np.array(values, object)}})
+    source = reading.read([tmp_path / "out.mat"])
+    assert {c.unit: float(c.values[-1]) for c in source.columns} == {
+        "deg": pytest.approx(0.98),
+        "bar": pytest.approx(1.47),
+    }
+    assert all(c.stamps_ns[-1] == 490_000_000 for c in source.columns)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("a.xlsx", b"PK\x03\x04rest", "save the table as CSV"),
+        ("a.gz", b"\x1f\x8brest", "gunzip"),
+        ("a.blf", b"LOGGrest", "import-can"),
+        ("a.csv", b"", "empty"),
+        ("a.csv", b"no table at all\n", "no table of numbers"),
+        ("a.mat", b"MATLAB 5.0 MAT-file" + b"\0" * 300, "export it again"),
+        ("a.mf4", b"MDF     4.10" + b"\xff" * 300, "export it again"),
+        ("a.bag", b"#ROSBAG V2.0\n" + b"\xff" * 300, "export it again"),
+        ("a.db3", b"SQLite format 3\0" + b"\xff" * 300, "export it again"),
+        ("a.png", b"\x89PNG\r\n\x1a\n\0\0", "neither text nor of a kind that is known"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_in_one_line(name: str, content: bytes, told: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(ImportingError, match=told) as caught:
+        reading.read([path])
+    assert str(caught.value).startswith(str(path)) and str(caught.value).isprintable()

@@ -1,0 +1,1 @@
+"""The page of an import: what each signal was taken from, and how it looks."""

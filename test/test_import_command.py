@@ -1,0 +1,151 @@
+"""./boom import: foreign recordings of twelve kinds become bags with the original's values; what cannot be told is asked."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_recordings import ASKS, KINDS, Data, data_of
+
+from boom_bringup import cli
+from boom_identification.validation import validate
+from boom_input.yaml_text import read_yaml
+from boom_model.machine_file import load_machine
+from boom_recording import writing
+from boom_recording.loading import load
+from boom_recording.recording import Configuration, GivenConfiguration
+
+BAG = Path(__file__).parents[1] / "bags" / "healthy" / "extended"
+POSE = ("--q3", "0.28", "--q4", "2.2", "--load", "0")
+ORIGINAL = {
+    "angle": "q",
+    "rate": "w",
+    "hose_pressure": "ph",
+    "rod_pressure": "pb",
+    "extend_current": "ie",
+    "retract_current": "ir",
+}
+DERIVED = 0.02  # rad/s: the derivative of an angle quantised to 0.38 mrad, smoothed over 0.1 s
+
+
+@pytest.fixture(scope="module")
+def original() -> Data:
+    """The first 25 s: long enough to lift and lower."""
+    whole = data_of(BAG)
+    kept = whole.t < 25.0
+    return Data(*(getattr(whole, field.name)[kept] for field in fields(whole)))
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def boom(*words: str) -> int:
+    return cli.main(words)
+
+
+@pytest.mark.parametrize("kind", sorted(set(KINDS) - set(ASKS)))
+def test_a_foreign_recording_is_imported_with_the_proposed_mapping(kind: str, original: Data, tmp_path: Path) -> None:
+    files = KINDS[kind](original, tmp_path)
+    assert boom("import", *map(str, files), "--yes", "--no-report", *POSE, "--output", "made") == 0
+    made = load(tmp_path / "made")
+    for signal, field in ORIGINAL.items():
+        own = made.signals[signal]
+        # An MF4 file has groups with times of their own: the original is looked at between its samples.
+        wanted = np.interp(own.time, original.t, getattr(original, field))
+        derived = signal == "rate" and "derivative" in str(read_yaml(mapping_of(files[0]))["signals"]["rate"])
+        inner = slice(20, -20) if derived else slice(None)
+        # One signed current holds the difference of both, and at rest both measure a milliampere of noise.
+        allowed = (
+            DERIVED
+            if derived
+            else 1e-3 * np.ptp(wanted) + (0.002 if kind == "mf4_signed" and "current" in signal else 0.0)
+        )
+        assert np.abs(own.values - wanted)[inner].max() <= allowed, signal
+    assert validate(made, load_machine("tz17")).mismatches == []
+
+
+def mapping_of(file: Path) -> Path:
+    return Path("output") / f"import-{file.name if file.suffix != '.mcap' else file.stem}.yaml"
+
+
+def test_what_the_file_does_not_say_is_asked_and_the_answer_imports_it(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (file,) = KINDS["csv_percent"](original, tmp_path)
+    assert boom("import", str(file), "--yes", "--no-report", *POSE, "--output", "made") == 2
+    said = capsys.readouterr().err
+    assert "extend_current: no column fits it" in said and "percent" in said and said.count("\n") == 1
+    assert not Path("made").exists()
+    mapping = mapping_of(file)
+    answer = '{column: "Valve command (%)", unit: A, sign: SIGN, scale: 0.006, part: PART}'
+    text = mapping.read_text()
+    for signal, sign, part in (("extend_current", "1", "positive"), ("retract_current", "-1", "negative")):
+        entry = answer.replace("SIGN", sign).replace("PART", part)
+        text = text.replace(f"  {signal}: ask", f"  {signal}: {entry}")
+    mapping.write_text(text)
+    assert boom("import", str(file), "--mapping", str(mapping), "--no-report", *POSE, "--output", "made") == 0
+    made = load(tmp_path / "made")
+    net = made.signals["extend_current"].values - made.signals["retract_current"].values
+    assert np.abs(net - (original.ie - original.ir)).max() < 1e-4
+
+
+def test_without_a_terminal_nothing_is_taken_without_yes(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (file,) = KINDS["csv_german"](original, tmp_path)
+    assert boom("import", str(file), "--output", "made") == 2
+    assert "take this mapping with --yes, or edit output/import-Messung_03.csv.yaml" in capsys.readouterr().err
+    page = Path("output/import-Messung_03.csv.html").read_text()
+    assert "Strom Heben [mA]" in page and "Columns that are left out" in page
+
+
+@pytest.mark.parametrize("command", ["validate", "identify", "diagnose", "simulate"])
+@pytest.mark.parametrize("name", ["x.txt", "x.mat", "x.mf4", "x.bag", "x.db3"])
+def test_a_command_says_what_to_type_for_a_foreign_file(
+    command: str, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / name).write_bytes(b"some bytes of another kind")
+    extra = ("--output", "made") if command == "simulate" else ()
+    assert boom(command, name, *extra) == 2
+    assert f"import it: ./boom import {name} --output output/x\n" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bag without a configuration whose joint has another name."""
+    recording = load(BAG)
+    recording.stored_configuration = None
+    path = tmp_path_factory.mktemp("bare") / "bare"
+    writing.write(path, recording, joint="main_boom")
+    return path
+
+
+def test_pose_load_and_joint_are_given_where_the_bag_lacks_them(bare: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert boom("validate", str(bare)) == 2
+    assert "give its name with --joint" in capsys.readouterr().err
+    assert boom("validate", str(bare), "--joint", "main_boom") == 2
+    assert "--q3 RAD --q4 M --load KG, and the machine with --machine" in capsys.readouterr().err
+    assert boom("validate", str(bare), "--joint", "main_boom", *POSE) == 2
+    assert "no machine named" in capsys.readouterr().err
+    words = ("--joint", "main_boom", *POSE, "--machine", "tz17")
+    assert boom("validate", str(bare), *words, "--no-report", "--strict") == 0
+    assert boom("simulate", str(bare), *words, "--duration", "3", "--output", "made") == 0
+
+
+def test_a_given_load_replaces_the_recorded_one() -> None:
+    given = GivenConfiguration(load_mass=120.0)
+    assert load(BAG, given=given).configuration == Configuration("tz17", 0.28, 2.2, 120.0, "stand-in machine")
+
+
+def test_a_bag_with_foreign_topics_is_sent_to_the_import(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (file,) = KINDS["opera"](original, tmp_path)
+    assert boom("diagnose", str(file)) == 2
+    said = capsys.readouterr().err
+    assert "the bag has /zx120/boom_down_solenoid_current" in said
+    assert f"import it: ./boom import {file} --output output/zx120_boom" in said
