@@ -111,7 +111,7 @@ def _in_motion(
     return InitialState(start, guess + fit.x * spread, f"in motion, fitted to {start:.2f} s to {until:.2f} s")
 
 
-def stationary_guess(plant: Plant, measured: dict[str, float], current: tuple[float, float]) -> Array:
+def stationary_guess(plant: Plant, measured: dict[str, float], current: tuple[float, ...]) -> Array:
     """State with pilot stage, spool and accumulators at rest under the currents [A] that act, and p_a = p_h."""
     state = plant.rest_state_measured(measured["angle"], measured["hose_pressure"], measured["rod_pressure"])
     index = {name: i for i, name in enumerate(plant.state_names)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import isfinite
@@ -126,6 +126,10 @@ class Machine:
         result = replace(self, effects=active_effects(dict(effects), self.structure.has))
         check_together(result)
         return result
+
+    def driven_by(self, measured: Container[str]) -> Machine:
+        """The machine whose model is driven by those pressures of ``structure.DRIVING`` that are measured, not by its constants."""
+        return replace(self, structure=self.structure.driven_by(measured))
 
     def pose(self, outer_boom_angle: float, telescope_length: float, load: float = 0.0) -> Pose:
         """D_0, S and tip for locked joints q_3 [rad], q_4 [m] and the load [kg] that hangs at the tip.
