@@ -136,11 +136,12 @@ def metrics(recording: Recording, values: Mapping[str, Array]) -> Metrics:
 
 
 def plant_for(recording: Recording, machine: Machine, kind: Kind) -> Plant:
-    """The model in the configured pose and with the configured load of a recording (an unknown load counts as none).
+    """The model in the configured pose and with the load of a recording: the configured one (unknown: none), and its steps.
 
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
     c = recording.configuration
+    machine = machine.carrying(recording.name)
     load = 0.0 if math.isnan(c.load_mass) else c.load_mass
     return Plant(machine, machine.pose(c.outer_boom_angle, c.telescope_length, load), kind)

@@ -18,10 +18,10 @@ from boom_model import learned as learned_terms
 from boom_model import sensors
 from boom_model.catalogue import EFFECTS
 from boom_model.catalogue.terms import Terms
-from boom_model.components import cylinder, equation_of_motion, oil
+from boom_model.components import cylinder, equation_of_motion, oil, payload
 from boom_model.errors import ModelError
 from boom_model.learned import DISCREPANCY_TIME, PLACES, LearnedTerm, discrepancy_state
-from boom_model.state import State
+from boom_model.state import ELAPSED_TIME, State
 from boom_model.structure import CURRENTS, DRIVING, Structure
 
 Kind = Literal["full", "reduced"]
@@ -209,7 +209,8 @@ class _Wiring:
         self.force = cylinder.force(head_pressure, rod_pressure, p)
         friction = self.structure.friction.torque(self.angle, self.rate, self.jacobian, p, e)
         self.friction = friction - self.learnt("torque")
-        load = equation_of_motion.load_mass(p, e)
+        steps = payload.mass(self.structure.steps, self._time, self.position, p)
+        load = equation_of_motion.load_mass(p, e, self.position, steps)
         inertia = equation_of_motion.inertia(load, p)
         self.gravity = equation_of_motion.gravity_torque(self.angle, load, p, e)
         torque = equation_of_motion.torque(self.gravity, self.jacobian, self.force, self.friction)
@@ -226,6 +227,10 @@ class _Wiring:
         flow = self.structure.hose_burst_valve.flow(self, hose, head, rod)
         flow = self.e.through("valve_flow", flow, hose=hose, head=head, rod=rod)
         return self.e.through("head_flow", flow, position=self.position)
+
+    def _time(self) -> Any:
+        self.rates[ELAPSED_TIME.name] = 1.0
+        return self.add_state(ELAPSED_TIME)
 
     def rod_side(self, rod_pressure: Any, inflow: Any) -> None:
         beta = oil.bulk_modulus(rod_pressure, self.p, self.e)

@@ -10,6 +10,7 @@ import ctypes
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -112,9 +113,12 @@ class Plant(CompiledModel):
 
         Behind a valve that holds the load p_a is what carries the boom, at least p_h.
 
-        angle [rad]; hose_pressure, rod_pressure [Pa gauge]; parameters (NP,) other numbers than the machine's.
+        angle [rad]; hose_pressure, rod_pressure [Pa gauge], NaN: not measured; parameters (NP,) other numbers than the machine's.
+        One pressure that was not measured balances the other one; behind a valve that holds the load, and where none was measured,
+        it is that of the tank.
         """
         p, e = self._components(parameters)
+        hose_pressure, rod_pressure = self._balanced(angle, hose_pressure, rod_pressure, parameters)
         values = {"angle": angle, "rod_pressure": rod_pressure, "hose_pressure": hose_pressure}
         values["head_pressure"] = hose_pressure
         if self.holds:
@@ -125,6 +129,20 @@ class Plant(CompiledModel):
             if effect.at_rest:
                 values |= effect.at_rest(values, p, e)
         return np.array([values.get(name, 0.0) for name in self.state_names])
+
+    def _balanced(self, angle: float, hose: float, rod: float, parameters: Array | None) -> tuple[float, float]:
+        """p_h, p_b [Pa], of which one that is NaN follows from the other one."""
+        if isfinite(hose) and isfinite(rod):
+            return hose, rod
+        p = dict(zip(self.parameter_names, self.p if parameters is None else parameters, strict=True))
+        tank = float(p["fluid.p_t"])
+        if not isfinite(rod):
+            lacking = hose - self._carrying(angle, 0.0, parameters)  # of p_a: what p_b holds against
+            known = isfinite(hose) and not self.holds
+            rod = max(lacking * float(p["cylinder.A_a"] / p["cylinder.A_b"]), 0.0) if known else tank
+        if not isfinite(hose):
+            hose = tank if self.holds else max(self._carrying(angle, rod, parameters), 0.0)
+        return hose, rod
 
     def _carrying(self, angle: float, rod_pressure: float, parameters: Array | None = None) -> float:
         """p_a [Pa] that carries the boom without friction, p_a A_a = g / J + p_b A_b; negative for a boom that hangs."""

@@ -6,7 +6,7 @@ from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from boom_model.components import cylinder, equation_of_motion, oil
+from boom_model.components import cylinder, equation_of_motion, oil, payload
 from boom_model.errors import MachineError
 from boom_model.slots import (
     Accumulators,
@@ -41,6 +41,7 @@ class Structure:
 
     Attributes:
         driven: keys of ``DRIVING`` whose measurement is an input, in place of the constant.
+        steps: of the load, each by ``time`` or by ``stroke``.
     """
 
     linkage: Linkage
@@ -53,6 +54,7 @@ class Structure:
     accumulators: Accumulators
     hose_burst_valve: HoseBurstValve
     driven: tuple[str, ...] = ()
+    steps: tuple[payload.By, ...] = ()
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -74,6 +76,7 @@ class Structure:
         groups = (
             equation_of_motion.SPECIFICATIONS, self.linkage.specifications, self.friction.specifications, oil.SPECIFICATIONS,
             cylinder.SPECIFICATIONS, HOSE, *(part.specifications for part in parts),
+            *(payload.specifications(k, by) for k, by in enumerate(self.steps)),
         )  # fmt: skip
         return tuple({spec.key: spec for group in groups for spec in group}.values())
 

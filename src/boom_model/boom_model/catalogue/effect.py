@@ -15,7 +15,7 @@ Term = Callable[[Expression, Any, Any], Expression]
 """(value, own, at) -> the quantity with the term. own: the effect's numbers and states (``terms.Own``); at: see ``QUANTITIES``."""
 
 QUANTITIES: dict[str, str] = {
-    "load_mass": "m at the tip [kg]",
+    "load_mass": "m at the tip [kg]; at.position of the piston",
     "gravity_torque": "g(q_2) [N m]; at.angle",
     "coulomb_friction": "tau_C, its size without direction [N m]; at.angle, at.rate",
     "sliding_friction": "tau_C tanh(w / sigma) [N m]; at.rate, at.coulomb",
