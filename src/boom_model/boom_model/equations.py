@@ -107,7 +107,7 @@ class _Wiring:
         self.effects = tuple(sorted(effects))
         for name in self.effects:
             if not structure.has(EFFECTS[name].needs):
-                raise ModelError(f"effects.{name}: this machine has no {EFFECTS[name].needs.replace('_', ' ')}")
+                raise ModelError(f"effects.{name}: this machine has {EFFECTS[name].lacking}")
         self.names = parameter_names(structure, self.effects, self.learned)
         self.p_vector = ca.SX.sym("p", len(self.names))
         symbols = {name: self.p_vector[i] for i, name in enumerate(self.names)}

@@ -13,12 +13,13 @@ The lengths of a linkage can be measured with a rule: the prior of one ends at i
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf, log
 from typing import TYPE_CHECKING, Any, Literal
 
 from boom_model.errors import MachineError, nearest
-from boom_model.specification import Specification, number
+from boom_model.specification import number
 
 if TYPE_CHECKING:
     from boom_model.machine import Machine, Parameter, Pose
@@ -165,16 +166,15 @@ def _prior(tolerance: Tolerance, value: float, low: float, high: float) -> Prior
     return Prior(kind, tolerance.sigma(value), low, high)
 
 
-def summary(parameters: Any) -> list[tuple[str, str, str]]:
-    """Rows (meaning, value, source) for a table: how well the numbers are known, those with a ``tol`` of their own one by one."""
-    by_confidence: dict[str, int] = {}
-    rows = []
+def summary(parameters: Iterable[Parameter]) -> list[tuple[str, str, str]]:
+    """Rows (meaning, value, source) for a table: how far the numbers may be off, those without a ``tol`` counted."""
+    told: dict[str, list[str]] = {}
+    counted: dict[str, int] = {}
     for parameter in parameters:
-        spec: Specification = parameter.specification
-        if parameter.tol is not None:
-            rows.append((f"tolerance of {spec.key}", f"{parameter.tol}", spec.key))
+        said = str(tolerance_of(parameter))
+        if parameter.tol is None:
+            counted[said] = counted.get(said, 0) + 1
         else:
-            said = str(tolerance_of(parameter))
-            by_confidence[said] = by_confidence.get(said, 0) + 1
-    known = ", ".join(f"{said}: {count}" for said, count in sorted(by_confidence.items(), key=lambda row: -row[1]))
-    return [("tolerance, by confidence: numbers", known, "prov, conf"), *rows]
+            told.setdefault(said, []).append(parameter.specification.key)
+    known = ", ".join(f"{said}: {count}" for said, count in sorted(counted.items(), key=lambda row: -row[1]))
+    return [("tolerance: numbers", known, "prov, conf"), *((f"tolerance {said}", ", ".join(k), "tol") for said, k in told.items())]

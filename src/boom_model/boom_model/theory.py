@@ -17,7 +17,7 @@ from boom_input.channels import PREDICTED
 from boom_model.catalogue import CATALOGUE
 from boom_model.equations import INPUTS, full_model, reduced_model
 from boom_model.errors import ModelError
-from boom_model.machine_file import load_machine
+from boom_model.machine_file import load_machine, shipped_machines
 from boom_model.slots import registered
 from boom_model.specification import Specification
 from boom_model.state import State
@@ -59,7 +59,7 @@ def all_states() -> tuple[State, ...]:
 
 def symbols_table() -> str:
     """Symbol, code name, unit, equation, source, range of everything that the equations contain."""
-    nominal, example = load_machine("tz17"), load_machine("triangle_direct")
+    nominal, *examples = (load_machine(name) for name in sorted(shipped_machines(), key=lambda name: name != "tz17"))
     rows = []
     for name, symbol in zip(INPUTS, _INPUT_SYMBOLS, strict=True):
         rows.append((symbol, f"input `{name}`", "A", "5.39p,s", "measured", ""))
@@ -87,10 +87,10 @@ def symbols_table() -> str:
         elif spec.key in nominal.parameters:
             parameter = nominal.parameters[spec.key]
             source = parameter.source + (f", {parameter.confidence}" if parameter.confidence else "")
-        elif spec.key in example.parameters:
-            source = f"not in tz17; {example.parameters[spec.key].source} in triangle_direct"
         else:
-            source = "in no machine that is shipped"
+            having = next((m for m in examples if spec.key in m.parameters), None)
+            told = f"{having.parameters[spec.key].source} in {having.name}" if having else "in no machine that is shipped"
+            source = f"not in tz17; {told}" if having else told
         rows.append(
             (spec.symbol, f"`{spec.key}`", spec.unit, spec.equation, source, _range(spec.minimum, spec.maximum))
         )

@@ -26,8 +26,8 @@ EFFECT = Effect(
     ("one edge of the main valve", "opens earlier or later than its partner"),
     "pressure level while creeping; intensification where meter-out opens late",
     (
-        parameter("d_extend", "-", 0.0, (-0.1, 0.1), (-0.25, 0.5), "added overlap of b to tank over full stroke, lifting"),
-        parameter("d_retract", "-", 0.0, (-0.1, 0.1), (-0.25, 0.5), "added overlap of a to tank over full stroke, lowering"),
+        parameter("d_extend", "-", 0.0, (-0.05, 0.05), (-0.25, 0.5), "added overlap of b to tank over full stroke, lifting"),
+        parameter("d_retract", "-", 0.0, (-0.05, 0.05), (-0.25, 0.5), "added overlap of a to tank over full stroke, lowering"),
     ),
     {"overlap": _overlap},
     place=6, independent=True, check=_check,

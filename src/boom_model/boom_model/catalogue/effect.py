@@ -167,3 +167,9 @@ class Effect:
     def leading(self) -> tuple[EffectParameter, ...]:
         """The parameters at whose neutral values the term vanishes."""
         return self.parameters if self.independent else self.parameters[:1]
+
+    @property
+    def lacking(self) -> str:
+        """What a machine that cannot have it has: "no pilot valves", "a holding valve"."""
+        absent = self.needs.removeprefix("no_")
+        return f"{'no' if absent == self.needs else 'a'} {absent.replace('_', ' ')}"
