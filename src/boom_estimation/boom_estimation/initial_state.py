@@ -80,7 +80,7 @@ def means_at_rest(recording: Recording, start: float, end: float) -> dict[str, f
         return None
     means = {name: _mean(recording, name, start, end) for name in OUTPUTS}
     there = {name for name in OUTPUTS if recording.signals[name].valid.any()}
-    if not all(np.isfinite(means[name]) for name in there):
+    if "angle" not in there or not all(np.isfinite(means[name]) for name in there):
         return None
     rate = means["rate"] if "rate" in there else _drift(recording, start, end)
     return means if abs(rate) < RESTING_RATE else None
@@ -100,7 +100,7 @@ def _in_motion(
     until = min(start + FIT_WINDOW, end)
     there = [name for name in OUTPUTS if recording.signals[name].valid.any()]
     samples = {name: _samples(recording, name, start, until) for name in there}
-    if any(len(time) == 0 for time, _ in samples.values()):
+    if "angle" not in there or any(len(time) == 0 for time, _ in samples.values()):
         return None
     first = dict.fromkeys(OUTPUTS, float("nan"))
     first |= {name: float(np.mean(values[:3])) for name, (_, values) in samples.items()}
