@@ -75,7 +75,7 @@ def rest_end(currents: HeldCurrents, start: float, end: float) -> float:
 
 
 def means_at_rest(recording: Recording, start: float, end: float) -> dict[str, float] | None:
-    """Means of the outputs [SI] over [start, end] [s], NaN for what was not recorded; None where the boom moves or the time is short."""
+    """Means of the outputs [SI] over [start, end] [s], NaN: not recorded; None where the boom moves or the time is too short."""
     if end - start < SHORTEST_REST:
         return None
     means = {name: _mean(recording, name, start, end) for name in OUTPUTS}

@@ -15,9 +15,9 @@ from boom_identification.estimate import Identified
 from boom_input.whole import write_whole
 from boom_model.components import hose_burst_valve, payload
 from boom_model.machine import Machine, check_range
-from boom_model.prior import TOLERANCES
 from boom_model.machine_check import STROKE_SLACK
 from boom_model.machine_file import machine_from
+from boom_model.prior import TOLERANCES
 from boom_model.specification import number
 
 _LAW = "main_valve_orifices.A_ta_law"
@@ -76,7 +76,7 @@ def document_with(machine: Machine, estimates: Iterable[Identified]) -> dict[str
         document[section][name] = entry
     if any(key.startswith(_LAW) for key in found):
         _meter_out(document, machine, found)
-    if any(key.startswith("hose_burst_valve.") for key in found):
+    if any(key.startswith("hose_burst_valve.a") for key in found):
         _smooth(document)
     if any(key.startswith(_GEOMETRY) for key in found):
         _angle_range(document, machine.with_values(vector_values(machine, found.values())))

@@ -163,7 +163,11 @@ def test_a_recording_outside_the_machines_range_is_no_crash():
 def test_a_sensor_that_was_not_recorded_is_not_compared_and_the_others_are():
     recording = simulated(8.0, joystick(np.arange(800) * 0.01))
     for missing in (("rod_pressure",), ("hose_pressure",), ("rate",), ("rate", "rod_pressure", "hose_pressure")):
-        never = {n: dataclasses.replace(s, valid=np.zeros(len(s.time), bool)) for n, s in recording.signals.items() if n in missing}
+        never = {
+            n: dataclasses.replace(s, valid=np.zeros(len(s.time), bool))
+            for n, s in recording.signals.items()
+            if n in missing
+        }
         bag = validate(dataclasses.replace(recording, signals=recording.signals | never), tz17())
         for name in ("angle_mae", "rate_rmse", "hose_pressure_rmse", "rod_pressure_rmse"):
             key = next(k for k in bag.full.metrics.values if k.startswith(name))

@@ -154,7 +154,7 @@ REQUIRED: tuple[Channel, ...] = (*(sensor for sensor in SENSORS if sensor.requir
 SENSOR_TOPICS = tuple(dict.fromkeys(channel.topic for channel in REQUIRED))
 """Topics that every machine has."""
 ESSENTIAL = ("angle", *(channel.name for channel in CURRENTS))
-"""Channels without which a recording is refused; another one that the model predicts may be missing, and has no valid sample then."""
+"""Channels without which a recording is refused; another one that the model predicts has no valid sample where it is missing."""
 ESSENTIAL_TOPICS = tuple(dict.fromkeys(channel.topic for channel in CHANNELS if channel.name in ESSENTIAL))
 """Their topics."""
 MEASURED_TOPICS = tuple(dict.fromkeys(channel.topic for channel in (*SENSORS, *CURRENTS)))

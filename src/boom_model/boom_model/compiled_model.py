@@ -72,9 +72,7 @@ class CompiledModel:
         self._library.boom_outputs(pointer(p), pointer(x), pointer(u), pointer(y))
         return y
 
-    def auxiliary(
-        self, states: ArrayLike, currents: ArrayLike, parameters: Array | None = None
-    ) -> dict[str, Array]:
+    def auxiliary(self, states: ArrayLike, currents: ArrayLike, parameters: Array | None = None) -> dict[str, Array]:
         """Inner quantities over time by name (flows, force, friction, ...), SI: states (n, NX), inputs (n, NU)."""
         x, u = np.asarray(states, dtype=float).T, np.asarray(currents, dtype=float).T
         p = self.p if parameters is None else parameters

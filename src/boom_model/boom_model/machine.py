@@ -9,10 +9,10 @@ from math import isfinite
 from typing import Any, Literal
 
 from boom_model.catalogue import EFFECTS, active_effects
-from boom_model.equations import namespace
-from boom_model.errors import MachineError, nearest
 from boom_model.components import payload
 from boom_model.components.payload import Step
+from boom_model.equations import namespace
+from boom_model.errors import MachineError, nearest
 from boom_model.learned import LearnedTerm
 from boom_model.prior import TOLERANCES, Tolerance
 from boom_model.rigid_body import locked_inertia
@@ -21,6 +21,7 @@ from boom_model.specification import Specification
 from boom_model.structure import Structure
 
 Confidence = Literal["high", "medium", "low", ""]
+
 
 @dataclass(frozen=True)
 class Parameter:

@@ -151,7 +151,7 @@ class Plant(CompiledModel):
         state[self.state_names.index("angle")] = angle
         at_rest = self.auxiliary(state[None], np.zeros((1, len(self.machine.structure.inputs))), p)
         force = float(at_rest["gravity_torque"][0] / at_rest["jacobian"][0])
-        return (force + rod_pressure * number["cylinder.A_b"]) / number["cylinder.A_a"]
+        return float((force + rod_pressure * number["cylinder.A_b"]) / number["cylinder.A_a"])
 
     def rest_state_measured(
         self, angle: float, hose_pressure: float, rod_pressure: float, parameters: Array | None = None
@@ -290,7 +290,9 @@ class Plant(CompiledModel):
     def _check(self, t_in: Array, u: Array, t_out: Array, x: Array, begin: float) -> None:
         inputs = len(self.machine.structure.inputs)
         if u.ndim != 2 or u.shape != (len(t_in), inputs) or len(t_in) == 0:
-            raise ModelError(f"currents must have shape (m, {inputs}) with m input times, not {u.shape} with {len(t_in)}")
+            raise ModelError(
+                f"currents must have shape (m, {inputs}) with m input times, not {u.shape} with {len(t_in)}"
+            )
         if x.shape != (len(self.state_names),):
             raise ModelError(f"the initial state must have {len(self.state_names)} numbers, not {x.shape}")
         for name, values in (("input times", t_in), ("currents", u), ("output times", t_out), ("initial state", x)):
@@ -349,7 +351,11 @@ class Stepper:
         self.plant = plant
         self.state = np.ascontiguousarray(state)
         self.time = 0.0
-        self._u, self._y, self._report = np.zeros(len(plant.machine.structure.inputs)), np.empty(len(OUTPUTS)), np.zeros(8)
+        self._u, self._y, self._report = (
+            np.zeros(len(plant.machine.structure.inputs)),
+            np.empty(len(OUTPUTS)),
+            np.zeros(8),
+        )
         self._c = np.empty(max(1, plant._library.boom_sizes(4)))
         self._h = np.array([_FIRST_STEP])
         self._tolerance = ctypes.c_double(tolerance)

@@ -99,7 +99,9 @@ def check_tolerance(given: Any, key: str, value: tuple[float, ...]) -> Tolerance
             raise MachineError(f"{key}.tol: the range [a, b] has to hold the value; {forms}")
     elif word == "factor":
         if not 1.0 < numbers[0] <= LARGEST_FACTOR or not all(v > 0.0 for v in value):
-            raise MachineError(f"{key}.tol: a factor is above 1, up to {LARGEST_FACTOR:g}, and its value above 0; {forms}")
+            raise MachineError(
+                f"{key}.tol: a factor is above 1, up to {LARGEST_FACTOR:g}, and its value above 0; {forms}"
+            )
     elif numbers[0] <= 0.0:
         raise MachineError(f"{key}.tol: {numbers[0]:g} is not above 0; {forms}")
     return Tolerance(word, numbers)  # type: ignore[arg-type]
@@ -177,4 +179,7 @@ def summary(parameters: Iterable[Parameter]) -> list[tuple[str, str, str]]:
         else:
             told.setdefault(said, []).append(parameter.specification.key)
     known = ", ".join(f"{said}: {count}" for said, count in sorted(counted.items(), key=lambda row: -row[1]))
-    return [("tolerance: numbers", known, "prov, conf"), *((f"tolerance {said}", ", ".join(k), "tol") for said, k in told.items())]
+    return [
+        ("tolerance: numbers", known, "prov, conf"),
+        *((f"tolerance {said}", ", ".join(k), "tol") for said, k in told.items()),
+    ]

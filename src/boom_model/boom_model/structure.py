@@ -81,7 +81,7 @@ class Structure:
         return tuple({spec.key: spec for group in groups for spec in group}.values())
 
     def has(self, need: str) -> bool:
-        """Whether a component provides what an effect needs (``Effect.needs``), "no_" before it: none does; an empty need is met."""
+        """Whether a component provides what an effect needs (``Effect.needs``), "no_" before it: none does; "" is met."""
         absent = need.removeprefix("no_")
         return need == "" or any(absent in c.offers for c in self) == (absent == need)
 

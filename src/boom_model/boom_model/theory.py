@@ -89,7 +89,9 @@ def symbols_table() -> str:
             source = parameter.source + (f", {parameter.confidence}" if parameter.confidence else "")
         else:
             having = next((m for m in examples if spec.key in m.parameters), None)
-            told = f"{having.parameters[spec.key].source} in {having.name}" if having else "in no machine that is shipped"
+            told = (
+                f"{having.parameters[spec.key].source} in {having.name}" if having else "in no machine that is shipped"
+            )
             source = f"not in tz17; {told}" if having else told
         rows.append(
             (spec.symbol, f"`{spec.key}`", spec.unit, spec.equation, source, _range(spec.minimum, spec.maximum))

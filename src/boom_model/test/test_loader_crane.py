@@ -116,7 +116,10 @@ def test_oil_of_a_crane_with_a_load_holding_valve_is_conserved(crane: Plant) -> 
     head = p.cylinder.V_0a + inner["piston_position"] * p.cylinder.A_a
 
     def stored(volume: Any, pressure: str) -> Any:
-        return np.concatenate(([0.0], np.cumsum((volume[1:] + volume[:-1]) / 2 * np.diff(run.state(pressure))))) / p.fluid.beta
+        return (
+            np.concatenate(([0.0], np.cumsum((volume[1:] + volume[:-1]) / 2 * np.diff(run.state(pressure)))))
+            / p.fluid.beta
+        )
 
     moved = (inner["piston_position"] - inner["piston_position"][0]) * p.cylinder.A_a
     kept = moved + stored(head, "head_pressure") + stored(np.full_like(head, p.cylinder.V_h), "hose_pressure")
@@ -285,7 +288,10 @@ def test_load_leaves_the_ground_at_a_stroke_and_is_grasped_at_a_time() -> None:
 
 
 def test_steps_of_the_file_are_those_of_the_recording(loader: Machine) -> None:
-    steps = {"steps": [{"mass": 100.0, "stroke": 0.3}], "recordings": {"second": [{"mass": 40, "time": 2.0, "tol": 0.2}]}}
+    steps = {
+        "steps": [{"mass": 100.0, "stroke": 0.3}],
+        "recordings": {"second": [{"mass": 40, "time": 2.0, "tol": 0.2}]},
+    }
     machine = machine_from({**loader.document, "payload": steps | {"tol": 0.1}})
     assert machine.structure.steps == ("stroke",)
     second, first = machine.carrying("second"), machine.carrying("first")
@@ -349,7 +355,9 @@ def test_tolerance_is_two_standard_deviations(
     assert (prior.kind, prior.sigma, prior.low, prior.high) == (kind, pytest.approx(sigma), low, high)
 
 
-@pytest.mark.parametrize("tol", [0, -0.1, "much", {"abs": 0}, {"factor": 1}, {"range": [2e9, 3e9]}, {"sigma": 1}, [1, 2], True, None])
+@pytest.mark.parametrize(
+    "tol", [0, -0.1, "much", {"abs": 0}, {"factor": 1}, {"range": [2e9, 3e9]}, {"sigma": 1}, [1, 2], True, None]
+)
 def test_what_is_no_tolerance_is_refused_in_one_line(loader: Machine, tol: Any) -> None:
     with pytest.raises(MachineError, match=r"^fluid\.beta\.tol: .*write 0\.1, \{abs: 0\.03\}"):
         with_tol(loader, tol)

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from boom_model.catalogue import CATALOGUE
 from boom_model.codegen.compiled import LANES
 from boom_model.machine import Machine
 from boom_model.observer import Job, Observed, Samples, observe, observe_all, observe_groups

@@ -16,7 +16,7 @@ from boom_model.variation import LOAD, PRECHARGE, Variation, draw
 
 DRAWS = 300
 MOST_ENDED = 180
-"""Loads up to 2000 kg are too heavy in half of the poses, and a meter-out edge that opens late locks a valve without a relief valve."""
+"""Loads up to 2000 kg are too heavy in half of the poses; a meter-out edge that opens late locks a valve without relief."""
 
 
 class Universal:

@@ -214,7 +214,9 @@ class BagReader:
                 stamps[fits] = seconds.astype(np.int64) * 10**9 + nanoseconds.astype(np.int64)
                 for channel in of_topic(topic.topic):
                     there = channel.name in paths
-                    values[channel.name][fits] = layout.column(rows, paths[channel.name]) - channel.wire_offset if there else np.nan
+                    values[channel.name][fits] = (
+                        layout.column(rows, paths[channel.name]) - channel.wire_offset if there else np.nan
+                    )
                 done[fits] = True
             part = rest
 

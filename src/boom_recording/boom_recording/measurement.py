@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import hypot, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from boom_input.channels import PREDICTED, SENSORS
 from boom_recording.recording import Floats, Recording, Signal
@@ -19,8 +20,7 @@ FEWEST = 200
 WINDOW = 50
 """Samples of a window; the noise is the median over the windows, in few of which the motion adds to third differences."""
 DERIVED = 0.5
-"""Coherence of angle and rate in ``BAND``, from which the rate is the angle's derivative. Where nothing but noise is, a gyro of its own
-has 0.02, a filtered derivative 0.9."""
+"""Coherence of angle and rate in ``BAND`` from which the rate is a derivative: a gyro has 0.02 there, a filtered derivative 0.9."""
 BAND = (0.15, 0.45)
 """Of the sample rate: where a boom does not move."""
 SEGMENT = 128
@@ -71,7 +71,9 @@ def measurements(recording: Recording) -> dict[str, ChannelMeasurement]:
     angle, rate = recording.signals.get("angle"), recording.signals.get("rate")
     if angle is not None and rate is not None and _is_derivative(angle, rate):
         own = result["rate"]
-        result["rate"] = ChannelMeasurement("rate", own.samples, own.period, own.sigma, own.quantum, own.repeats, "angle")
+        result["rate"] = ChannelMeasurement(
+            "rate", own.samples, own.period, own.sigma, own.quantum, own.repeats, "angle"
+        )
     return result
 
 
@@ -96,7 +98,7 @@ def _quantum(values: Floats) -> float:
     multiples = steps / quantum
     fits = np.abs(multiples - np.round(multiples)) < 0.02 * np.maximum(1.0, multiples)
     few = len(steps) < len(values) / 2  # of random numbers nearly all differ
-    return quantum if fits.mean() > 0.95 and (few or len(steps) >= COARSE and np.median(multiples) < 1.5) else 0.0
+    return quantum if fits.mean() > 0.95 and (few or (len(steps) >= COARSE and np.median(multiples) < 1.5)) else 0.0
 
 
 def _repeats(values: Floats) -> float:
@@ -131,7 +133,21 @@ def _is_derivative(angle: Signal, rate: Signal) -> bool:
     both = angle.valid & rate.valid
     if both.sum() < 4 * SEGMENT or not (np.diff(angle.values[both]) != 0).any():
         return False
-    from scipy.signal import coherence  # costs more to load than most recordings to read
+    return _coherence(angle.values[both], rate.values[both]) > DERIVED
 
-    share, alike = coherence(angle.values[both], rate.values[both], nperseg=SEGMENT, detrend="linear")
-    return float(np.median(alike[(share > BAND[0]) & (share < BAND[1])])) > DERIVED
+
+def _coherence(a: Floats, b: Floats) -> float:
+    """Median over ``BAND`` of |S_ab|^2 / (S_aa S_bb), spectra of half-overlapping segments (Welch) without their straight lines."""
+    ramp = np.linspace(-1.0, 1.0, SEGMENT)
+    line = np.stack((np.full(SEGMENT, SEGMENT**-0.5), ramp / np.linalg.norm(ramp)))
+
+    def spectra(values: Floats) -> NDArray[np.complex128]:
+        rows = np.lib.stride_tricks.sliding_window_view(values, SEGMENT)[:: SEGMENT // 2]
+        return np.fft.rfft((rows - rows @ line.T @ line) * np.hanning(SEGMENT))
+
+    one, other = spectra(a), spectra(b)
+    power = (np.abs(one) ** 2).mean(axis=0) * (np.abs(other) ** 2).mean(axis=0)
+    share = np.fft.rfftfreq(SEGMENT)
+    inside = (share > BAND[0]) & (share < BAND[1]) & (power > 0.0)
+    alike = np.abs((one * other.conj()).mean(axis=0)[inside]) ** 2 / power[inside]
+    return float(np.median(alike)) if len(alike) else 0.0

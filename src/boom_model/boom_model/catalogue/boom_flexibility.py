@@ -25,7 +25,7 @@ def _restoring(own: Any) -> Expression:
     return 2 * own.zeta * omega * own.state("bend_rate") + omega * omega * own.state("bend")
 
 
-def _acceleration(acceleration: Expression, own: Any, at: Any) -> Expression:
+def _acceleration(acceleration: Expression, own: Any, _at: Any) -> Expression:
     return (acceleration + _restoring(own)) / (1 - own.gain)
 
 

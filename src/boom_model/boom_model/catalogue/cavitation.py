@@ -1,4 +1,4 @@
-"""Oil that is pulled apart: below p_c gas comes out of it, its bulk modulus falls towards zero, and the compensator has nothing to hold.
+"""Oil that is pulled apart: below p_c gas comes out, the bulk modulus falls towards zero, the compensator has nothing to hold.
 
     beta(p) = beta / (1 + r),   r = (p_c / p_abs)^4,   p_abs = p + p_0
     supply flow q (1 - c r / (1 + r)) into a port at p

@@ -33,7 +33,9 @@ SPECIFICATIONS = (
     Specification("hose_burst_valve.p_set", "p_set", "Pa", "set pressure of the load-holding valve", 1e5, 6e7, "-"),
     Specification("hose_burst_valve.R", "R", "-", "pilot ratio: how much more p_b opens it than p_a", 0.0, 20.0, "-"),
     Specification("hose_burst_valve.gain", "g", "m^3/s/Pa^1.5", "opening per pilot pressure", 1e-16, 1e-9, "-"),
-    Specification("hose_burst_valve.G_max", "G_max", "m^3/s/Pa^0.5", "flow over root of the drop, open", 1e-9, 1e-4, "-"),
+    Specification(
+        "hose_burst_valve.G_max", "G_max", "m^3/s/Pa^0.5", "flow over root of the drop, open", 1e-9, 1e-4, "-"
+    ),
     Specification("hose_burst_valve.play", "play", "Pa", "play of the pilot, both ways together", 0.0, 1e7, "-"),
     Specification("hose_burst_valve.p_check", "p_check", "Pa", "opening pressure of the check valve", 0.0, 1e7, "-"),
     Specification("hose_burst_valve.r_check", "r_check", "Pa s/m^3", "resistance of the check valve", 1e6, 1e11, "-"),
@@ -54,7 +56,9 @@ def flow(hose: Expression, head: Expression, pilot: Expression, v: Any) -> Expre
     """q_a [m^3/s] at p_h, p_a and z [Pa]."""
     wanted, rounded = v.gain * ramp(pilot, WIDTH), ROUNDED * v.G_max
     short = v.G_max - wanted
-    below = ca.fmin(ca.fmax(short + rounded, 0.0), 2 * rounded)  # 0 where the limit holds, 2 rounded where it does not yet
+    below = ca.fmin(
+        ca.fmax(short + rounded, 0.0), 2 * rounded
+    )  # 0 where the limit holds, 2 rounded where it does not yet
     opening = v.G_max - below * below / (4 * rounded) - ca.fmax(short - rounded, 0.0)
     return ramp(hose - head - v.p_check, WIDTH) / v.r_check + opening * signed_sqrt(hose - head)
 
@@ -66,7 +70,7 @@ def _flow(w: Wiring, hose: Expression, head: Expression, rod: Expression) -> Exp
     return flow(hose, head, pilot, v)
 
 
-def pressure_drop(flow: Expression, p: Any, e: Any) -> Expression:
+def pressure_drop(flow: Expression, p: Any, _e: Any) -> Expression:
     """p_h - p_a [Pa] of the check valve at a flow q_a [m^3/s] into the cylinder; what holds it open to lower is not told by q_a."""
     v = p.hose_burst_valve
     return ca.if_else(flow > 0, v.p_check * ca.tanh(flow * v.r_check / WIDTH) + v.r_check * flow, 0.0)

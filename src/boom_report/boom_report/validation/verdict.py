@@ -65,9 +65,15 @@ def verdict(bag: BagValidation) -> Verdict:
         text = f"no prediction could be compared in {_listed(missing)}"
         return Verdict("not compared", f"not compared: {text}", f"{text[0].upper()}{text[1:]}.{_why(bag.full)}")
     if bag.too_little:
-        return Verdict("not compared", f"not compared: {bag.too_little}", f"No verdict: {bag.too_little}.{_not_compared(missing)}")
-    sentence = f"The full model agrees with the measurement within the sensors' noise: {numbers}.{_not_compared(missing)}"
-    return Verdict("agrees", f"agrees within sensor noise{f'; without {_listed(missing)}' if missing else ''}", sentence)
+        return Verdict(
+            "not compared", f"not compared: {bag.too_little}", f"No verdict: {bag.too_little}.{_not_compared(missing)}"
+        )
+    sentence = (
+        f"The full model agrees with the measurement within the sensors' noise: {numbers}.{_not_compared(missing)}"
+    )
+    return Verdict(
+        "agrees", f"agrees within sensor noise{f'; without {_listed(missing)}' if missing else ''}", sentence
+    )
 
 
 def where(bag: BagValidation, channel: Sensor) -> str:
