@@ -63,7 +63,7 @@ def document_with(machine: Machine, estimates: Iterable[Identified]) -> dict[str
             continue
         if key.startswith(payload.SECTION):
             _, name, k = key.split(".")
-            step = document["payload"]["steps"][int(k)]
+            step = document[payload.NAME]["steps"][int(k)]
             step["mass" if name == "mass" else machine.structure.steps[int(k)]] = value
             continue
         own = [e for name, e in found.items() if name == key or name.rpartition(".")[0] == key]

@@ -18,6 +18,7 @@ from boom_identification.estimate import Identified
 from boom_identification.machine_output import document_with
 from boom_input.channels import PREDICTED
 from boom_model.component_numbers import component_parameters
+from boom_model.components import payload
 from boom_model.machine import Machine, Pose
 from boom_model.machine_file import load_machine, machine_from
 from boom_model.prior import prior_of
@@ -127,9 +128,9 @@ def _document(rng: np.random.Generator) -> tuple[Document, dict[str, str]]:
         orifices["dp_c"] = margin
     orifices["anti_cavitation"]["enabled"] = anti_cavitation
     steps = bool(rng.uniform() < 0.3)
-    document.pop("payload", None)
+    document.pop(payload.NAME, None)
     if steps:
-        document["payload"] = {"tol": 0.1, "steps": [{"mass": 60.0, "stroke": 0.4}, {"mass": -30.0, "time": 8.0}]}
+        document[payload.NAME] = {"tol": 0.1, "steps": [{"mass": 60.0, "stroke": 0.4}, {"mass": -30.0, "time": 8.0}]}
     machine = machine_from(document)
     names = {c.slot: str(c.name) for c in machine.structure}
     return document, names | {"body": body, "steps": "yes" if steps else "none"}

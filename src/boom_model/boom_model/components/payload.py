@@ -19,7 +19,9 @@ from boom_model.regularisation import Expression
 from boom_model.specification import Specification
 
 By = Literal["time", "stroke"]
-SECTION = "payload."
+NAME = "payload"
+SECTION = f"{NAME}."
+"""Section of a machine file, and the beginning of its parameters' keys."""
 GRASP_TIME = 0.01
 """s. Width of the tanh with which a load is grasped or released."""
 GROUND = 5.0e-3
