@@ -52,7 +52,8 @@ def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
         "fluid": fluid | {"beta": number(1.12e9, "Pa")},
         "cylinder": cylinder | {"V_h": number(0.52e-3, "m^3")},
         "main_valve_spool": spool | {"T_s": number(1 / 38, "s")},
-        "main_valve_orifices": edges | {"type": "four_edges", "compensator": False, "anti_cavitation": old["anti_cavitation"]},
+        "main_valve_orifices": edges
+        | {"type": "four_edges", "compensator": False, "anti_cavitation": old["anti_cavitation"]},
         "friction": {"type": "cylinder"} | {name: number(*value) for name, value in seals.items()},
     }
 

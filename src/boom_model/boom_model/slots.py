@@ -113,7 +113,7 @@ class Friction(Component):
 
     Attributes:
         torque: tau_f [N m] at q_2 [rad] and q_2' [rad/s], for (q_2, q_2', J [m/rad], p, e).
-        sizes: keys of the numbers that are proportional to it.
+        sizes: keys of the numbers that are proportional to it: Coulomb friction lifting and lowering, viscous friction so.
     """
 
     slot, key, default = "friction", ("friction", "type"), "joint"

@@ -119,7 +119,9 @@ def effects_table() -> str:
             for row in effect.parameters
         ]
         first, *more = ("<br>".join(numbers[k : k + IN_A_CELL]) for k in range(0, len(numbers), IN_A_CELL))
-        rows.append((f"`{effect.id}`", f"`{effect.subsystem}`", effect.equation, f"`{effect.term}`", first, effect.regime))
+        rows.append(
+            (f"`{effect.id}`", f"`{effect.subsystem}`", effect.equation, f"`{effect.term}`", first, effect.regime)
+        )
         rows += [("", "", "", "", further, "") for further in more]
     return _table(("effect", "subsystem", "equation", "term", "parameters", "shows"), rows)
 
