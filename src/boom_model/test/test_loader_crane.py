@@ -259,9 +259,10 @@ def test_cavitating_oil_loses_half_of_its_stiffness_at_p_c_and_the_supply_its_sh
 # -------------------------------------------------------------------------------------------------------- flexibility
 
 
-def test_bending_boom_acts_back_so_that_the_torque_moves_the_whole(loader: Machine) -> None:
-    """D (q_2 + x)'' is the torque, whatever the share behind the spring; a stiff cylinder lets it ring at f."""
-    machine = loader.with_effects({"boom_flexibility": {"gain": 0.6, "f": 2.0, "zeta": 0.015}})
+def test_bending_boom_acts_back_as_two_masses_on_a_spring(loader: Machine) -> None:
+    """Gamma = 1: the outer part D_2 = mu D moves with q_2 + x, and the torque moves both; momentum is that of both."""
+    f_n, zeta, mu = 2.0, 0.015, 0.6
+    machine = loader.with_effects({"boom_flexibility": {"gain": 1.0, "f": f_n, "zeta": zeta, "mu": mu}})
     plant, rigid = Plant(machine, machine.pose(*POSE)), Plant(loader, loader.pose(*POSE))
     names = plant.state_names
     x = np.zeros(len(names))
@@ -269,10 +270,10 @@ def test_bending_boom_acts_back_so_that_the_torque_moves_the_whole(loader: Machi
     x[own] = rigid.equilibrium(0.2) * 1.05
     x[names.index("bend")], x[names.index("bend_rate")] = 0.004, -0.02
     f = plant.derivative(x, (0.0, 0.0))[0]
-    expected = rigid.derivative(x[own], (0.0, 0.0))[0][1]
-    assert f[names.index("rate")] + f[names.index("bend_rate")] == pytest.approx(expected)
-    restoring = 2 * 0.015 * 4 * pi * -0.02 + (4 * pi) ** 2 * 0.004
-    assert f[names.index("bend_rate")] == pytest.approx(-0.6 * f[names.index("rate")] - restoring)
+    inner, outer = f[names.index("rate")], f[names.index("rate")] + f[names.index("bend_rate")]
+    assert (1 - mu) * inner + mu * outer == pytest.approx(rigid.derivative(x[own], (0.0, 0.0))[0][1])
+    spring = (2 * pi * f_n) ** 2 * 0.004 + 2 * zeta * 2 * pi * f_n * -0.02
+    assert outer == pytest.approx(-spring)
 
 
 # ------------------------------------------------------------------------------------------------------ steps of the load
