@@ -30,8 +30,9 @@ from boom_model.errors import SimulationError
 from boom_recording.writing import write
 from boom_trials.structures import complete, draw
 
-LARGEST = {"angle_mae_rad": 3e-3, "hose_pressure_rmse_pa": 1.5e5, "rod_pressure_rmse_pa": 1.5e5}
-"""Errors that the noise of the rest state and of the currents makes at most; a hose behind a shut valve keeps its share of them."""
+LARGEST = {"angle_mae_rad": 3e-3, "hose_pressure_rmse_pa": 3e5, "rod_pressure_rmse_pa": 3e5}
+"""Errors that the noise of the rest state and of the currents makes at most; a hose behind a shut valve keeps its share of them,
+and a load-holding valve that hunts makes more of them."""
 KNOWN = ("check-machine", "simulate", "validate", "identify", "diagnose")
 
 
