@@ -178,8 +178,8 @@ def summary(parameters: Iterable[Parameter]) -> list[tuple[str, str, str]]:
             counted[said] = counted.get(said, 0) + 1
         else:
             told.setdefault(said, []).append(parameter.specification.key)
-    known = ", ".join(f"{said}: {count}" for said, count in sorted(counted.items(), key=lambda row: -row[1]))
+    counts = sorted(counted.items(), key=lambda row: -row[1])
     return [
-        ("tolerance: numbers", known, "prov, conf"),
-        *((f"tolerance {said}", ", ".join(k), "tol") for said, k in told.items()),
+        *((f"tolerance {said}", f"{count} numbers", "prov, conf") for said, count in counts),
+        *((f"tolerance {said}", ", ".join(keys), "tol") for said, keys in told.items()),
     ]
