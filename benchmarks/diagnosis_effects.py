@@ -91,7 +91,8 @@ def judged(effect: str, result: DiagnosisResult) -> bool:
 def main(argv: list[str] | None = None) -> int:
     """Runs the effects and prints one line each."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--effects", nargs="+", default=[e.id for e in CATALOGUE], metavar="ID", help="default: all")
+    possible = [e.id for e in CATALOGUE if load_machine("tz17").structure.has(e.needs)]
+    parser.add_argument("--effects", nargs="+", default=possible, metavar="ID", help="default: all that tz17 can have")
     parser.add_argument(
         "--bag", default=str(BAG), help="recording whose currents are used (default: bags/healthy/extended)"
     )

@@ -26,11 +26,11 @@ EDITED = ("boom_model", "boom_recording")  # what the two files are in; all else
 TOUCHED = {
     "boom_model/boom_input/channels.py": (
         '    _pressure("rod_pressure", "p_b"),\n',
-        '    _pressure("supply_pressure", "p_s", predicted=False, required=False),\n',
+        '    _pressure("brake_pressure", "p_z", predicted=False, required=False),\n',
     ),
     "boom_recording/boom_recording/channels.py": (
         '    "/boom/rod_pressure": "sensor_msgs/msg/FluidPressure",\n',
-        '    "/boom/supply_pressure": "sensor_msgs/msg/FluidPressure",\n',
+        '    "/boom/brake_pressure": "sensor_msgs/msg/FluidPressure",\n',
     ),
 }
 USE = """
@@ -52,12 +52,12 @@ machine, plain = load_machine("tz17"), loading.load(bag)
 values = 200e5 + 1e5 * np.sin(np.arange(6000) * 0.3)
 values[1000:1010] = 900e5
 configuration = plain.configuration
-made = writing.from_columns("made", np.arange(6000) * 0.01, {"supply_pressure": values}, configuration, start_ns=plain.start_ns)
+made = writing.from_columns("made", np.arange(6000) * 0.01, {"brake_pressure": values}, configuration, start_ns=plain.start_ns)
 both = loading.load(bag)
 both.signals |= made.signals
 writing.write(folder / "both", both)
 loaded = loading.load(folder / "both")
-supply = loaded.signals["supply_pressure"]
+brake = loaded.signals["brake_pressure"]
 seen = validate(loaded, machine)
 channels = proof._channels(loaded, machine, 0, {stage: [seen.full] for stage in STAGES})
 diagnosed = BagResult("both", False, None, loaded.duration, (), channels, (), np.zeros(0), {}, np.zeros(0, np.int64))
@@ -66,11 +66,11 @@ def lines(chart):
     return [trace["name"] for trace in chart["data"] if trace.get("yaxis") == "y9"]
 
 print(json.dumps({
-    "topics": [t for t in recorder.DEFAULT_TOPICS if "supply" in t],
-    "type": recorder.offered("/boom/supply_pressure", [recorder.Publisher("std_msgs/msg/Float64", "", None)])[1],
-    "can": [name for name in OPTIONAL_FIELDS if "supply" in name], "unit": supply.unit,
-    "median": float(np.median(supply.values)), "masked": int((~supply.valid).sum()),
-    "events": [(e.kind, e.count, e.detail) for e in loaded.events if e.topic == "/boom/supply_pressure"],
+    "topics": [t for t in recorder.DEFAULT_TOPICS if "brake" in t],
+    "type": recorder.offered("/boom/brake_pressure", [recorder.Publisher("std_msgs/msg/Float64", "", None)])[1],
+    "can": [name for name in OPTIONAL_FIELDS if "brake" in name], "unit": brake.unit,
+    "median": float(np.median(brake.values)), "masked": int((~brake.valid).sum()),
+    "events": [(e.kind, e.count, e.detail) for e in loaded.events if e.topic == "/boom/brake_pressure"],
     "with": seen.document(), "without": validate(plain, machine).document(),
     "panels": [a["text"] for a in figure(seen)["layout"]["annotations"] if a["text"].startswith("<b>")],
     "lines": [lines(figure(seen)), lines(diagnosis.figure(diagnosed))],
@@ -104,9 +104,9 @@ def used(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 def test_it_is_recorded_where_it_is_published_and_may_come_over_can(used: dict[str, Any]) -> None:
-    assert used["topics"] == ["/boom/supply_pressure"]
+    assert used["topics"] == ["/boom/brake_pressure"]
     assert used["type"].endswith("has to be sensor_msgs/msg/FluidPressure")
-    assert used["can"] == ["supply_pressure"]
+    assert used["can"][0] == "brake_pressure"
 
 
 def test_it_is_written_and_loaded_with_its_unit_and_its_range(used: dict[str, Any]) -> None:
@@ -114,18 +114,18 @@ def test_it_is_written_and_loaded_with_its_unit_and_its_range(used: dict[str, An
     assert used["median"] == pytest.approx(200e5, rel=0.01)  # gauge, as it was before the way through the absolute one
     assert used["masked"] == 10
     assert [event[:2] for event in used["events"]] == [["out_of_range", 10]]
-    assert "supply_pressure reads 9e+07 Pa" in used["events"][0][2]
+    assert "brake_pressure reads 9e+07 Pa" in used["events"][0][2]
 
 
 def test_it_is_drawn_beside_the_others_and_compared_with_nothing(used: dict[str, Any]) -> None:
-    assert "<b>Supply pressure</b> p<sub>s</sub> [bar]" in used["panels"]
+    assert "<b>Brake pressure</b> p<sub>z</sub> [bar]" in used["panels"]
     assert used["lines"] == [["measured"], ["measured"]]  # in a validation's report, and in a diagnosis'
     assert used["with"]["full"] == used["without"]["full"]
     assert used["with"]["agrees"]
 
 
 def test_recordings_without_it_are_as_good_as_before(used: dict[str, Any]) -> None:
-    assert "/boom/supply_pressure" not in recorder.DEFAULT_TOPICS  # here, where the table does not have it
+    assert "/boom/brake_pressure" not in recorder.DEFAULT_TOPICS  # here, where the table does not have it
     before = validate(load(BAG), load_machine("tz17")).document()
     assert used["without"] == json.loads(json.dumps(before))
 

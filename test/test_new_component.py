@@ -100,7 +100,7 @@ def flows(position, hose, rod, p, e, supply, passage):
 
 register(
     Metering(
-        name="four_edges",
+        name="overlap_of_each_side",
         meaning="ports with overlaps of their own",
         term="A = A_max (x - x_0) / (1 - x_0)",
         specifications=(
@@ -154,7 +154,7 @@ SPOOL = tz17(
 METERING = tz17(
     "main_valve_orifices",
     {
-        "type": "four_edges", "x_a": number(0.25, "-"), "x_b": number(0.3, "-"), "A_a": number(6e-5, "m^2"),
+        "type": "overlap_of_each_side", "x_a": number(0.25, "-"), "x_b": number(0.3, "-"), "A_a": number(6e-5, "m^2"),
         "A_b": number(4e-5, "m^2"),
     },
     ("dp_c", "anti_cavitation"),

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from math import exp, isfinite, log, sqrt
 
 from boom_model.catalogue import CATALOGUE
-from boom_model.machine import TOLERANCES, Machine, Pose
+from boom_model.machine import Machine, Pose
+from boom_model.prior import TOLERANCES
 
 LARGEST_Z = 4.0
 """Standard deviations a number may move: 2.3 times its tolerance."""

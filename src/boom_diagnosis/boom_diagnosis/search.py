@@ -206,7 +206,8 @@ class Scanner:
         masses = -start[mass] * g / np.maximum(projected, 1e-9)
         gains = np.where(masses < -self.load, 0.0, 0.5 * g * g / np.maximum(projected, 1e-9))
         k = int(np.argmax(gains))
-        return Candidate(effect, {mass: float(masses[k]), onset_of(effect): float(t[pick[k]])}, float(gains[k]))
+        found = {mass: float(masses[k]), onset_of(effect): float(t[pick[k]])}
+        return Candidate(effect, {**start, **found}, float(gains[k]))
 
     def follow(self, columns: Array, size: Array) -> Array:
         """z that the tolerances would take if the innovations changed by columns @ size."""

@@ -72,9 +72,9 @@ def test_unknown_physics_is_likely_where_much_of_the_mismatch_stays() -> None:
         ({"presliding_friction": {"compliance": 1.8e-6}}, 0.0, True),
         ({"presliding_friction": {"compliance": 5.4e-8}}, 0.0, True),
         ({"presliding_friction": {"compliance": 4e-8}}, 0.0, False),
-        ({"boom_flexibility": {"gain": 0.02, "f": 0.9, "zeta": 0.02}}, 0.0, False),
-        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.08}}, 0.0, False),
-        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.02}}, 0.0, True),
+        ({"boom_flexibility": {"gain": 0.02, "f": 0.9, "zeta": 0.02, "mu": 0.3}}, 0.0, False),
+        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.08, "mu": 0.3}}, 0.0, False),
+        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.02, "mu": 0.3}}, 0.0, True),
         ({"rate_scale": {"a": 0.9}}, 0.0, True),
     ],
 )

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_estimation.currents import HeldCurrents, held_currents
+from boom_estimation.currents import HeldCurrents, driven, held_inputs
 from boom_estimation.initial_state import InitialState, initial_state
 from boom_input.channels import PREDICTED
 from boom_model.equations import Kind
@@ -69,17 +69,17 @@ class FreeRun:
 
 
 def predict(recording: Recording, machine: Machine, kind: Kind, *, through_evaporation: bool = False) -> FreeRun:
-    """Free runs of one model over a recording, at the stamps of its channels.
+    """Free runs of one model over a recording, at the stamps of its channels; measured supply and tank pressures drive it.
 
     through_evaporation: the runs continue where the oil of the head side would evaporate.
 
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
-    plant = plant_for(recording, machine, kind)
+    plant = plant_for(recording, driven(machine, recording), kind)
     if through_evaporation:
         plant = plant.through_evaporation()
-    currents = held_currents(recording)
+    currents = held_inputs(recording, plant.machine.structure.inputs)
     times = {name: recording.signals[name].time for name in OUTPUTS}
     values = {name: np.full(len(time), np.nan) for name, time in times.items()}
     runs: list[str] = []
@@ -136,11 +136,12 @@ def metrics(recording: Recording, values: Mapping[str, Array]) -> Metrics:
 
 
 def plant_for(recording: Recording, machine: Machine, kind: Kind) -> Plant:
-    """The model in the configured pose and with the configured load of a recording (an unknown load counts as none).
+    """The model in the configured pose and with the load of a recording: the configured one (unknown: none), and its steps.
 
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
     c = recording.configuration
+    machine = machine.carrying(recording.name)
     load = 0.0 if math.isnan(c.load_mass) else c.load_mass
     return Plant(machine, machine.pose(c.outer_boom_angle, c.telescope_length, load), kind)

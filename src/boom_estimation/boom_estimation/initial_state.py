@@ -29,6 +29,8 @@ CLOSED_CURRENT = 0.05
 RESTING_RATE = 5e-3
 """rad/s. Mean rate below which the boom rests."""
 FIT_WINDOW = 1.0
+DRIFT_WINDOW = 0.1
+"""s over which the angle tells the rate where no gyro does."""
 
 NOISE = {"rad": 4e-4, "rad/s": 1.5e-3, "Pa": 2e4}
 """By unit: weights of the channels in the fit (sensors of ch. 6.4)."""
@@ -73,12 +75,21 @@ def rest_end(currents: HeldCurrents, start: float, end: float) -> float:
 
 
 def means_at_rest(recording: Recording, start: float, end: float) -> dict[str, float] | None:
-    """Means of the outputs [SI] over [start, end] [s]; None where the boom moves or the time is too short."""
+    """Means of the outputs [SI] over [start, end] [s], NaN: not recorded; None where the boom moves or the time is too short."""
     if end - start < SHORTEST_REST:
         return None
     means = {name: _mean(recording, name, start, end) for name in OUTPUTS}
-    still = all(np.isfinite(v) for v in means.values()) and abs(means["rate"]) < RESTING_RATE
-    return means if still else None
+    there = {name for name in OUTPUTS if recording.signals[name].valid.any()}
+    if "angle" not in there or not all(np.isfinite(means[name]) for name in there):
+        return None
+    rate = means["rate"] if "rate" in there else _drift(recording, start, end)
+    return means if abs(rate) < RESTING_RATE else None
+
+
+def _drift(recording: Recording, start: float, end: float) -> float:
+    """Mean rate [rad/s] over [start, end] [s] by the angle."""
+    time, angle = _samples(recording, "angle", start, end)
+    return float(np.polyfit(time, angle, 1)[0]) if len(time) > 2 else float("nan")
 
 
 def _in_motion(
@@ -87,10 +98,14 @@ def _in_motion(
     from scipy.optimize import least_squares  # takes a second to load, and most recordings begin at rest
 
     until = min(start + FIT_WINDOW, end)
-    samples = {name: _samples(recording, name, start, until) for name in OUTPUTS}
-    if any(len(time) == 0 for time, _ in samples.values()):
+    there = [name for name in OUTPUTS if recording.signals[name].valid.any()]
+    samples = {name: _samples(recording, name, start, until) for name in there}
+    if "angle" not in there or any(len(time) == 0 for time, _ in samples.values()):
         return None
-    first = {name: float(np.mean(values[:3])) for name, (_, values) in samples.items()}
+    first = dict.fromkeys(OUTPUTS, float("nan"))
+    first |= {name: float(np.mean(values[:3])) for name, (_, values) in samples.items()}
+    if "rate" not in there:
+        first["rate"] = _drift(recording, start, start + DRIFT_WINDOW)
     guess = stationary_guess(plant, first, currents.at(start))
     names = plant.state_names
     spread = np.array([UNCERTAINTY.get(name, max(abs(g), 1e-9)) for name, g in zip(names, guess, strict=True)])
@@ -111,7 +126,7 @@ def _in_motion(
     return InitialState(start, guess + fit.x * spread, f"in motion, fitted to {start:.2f} s to {until:.2f} s")
 
 
-def stationary_guess(plant: Plant, measured: dict[str, float], current: tuple[float, float]) -> Array:
+def stationary_guess(plant: Plant, measured: dict[str, float], current: tuple[float, ...]) -> Array:
     """State with pilot stage, spool and accumulators at rest under the currents [A] that act, and p_a = p_h."""
     state = plant.rest_state_measured(measured["angle"], measured["hose_pressure"], measured["rod_pressure"])
     index = {name: i for i, name in enumerate(plant.state_names)}

@@ -11,6 +11,7 @@ The torque also contains errors of areas, geometry, load and hose burst valve, a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ from boom_identification import estimate
 from boom_identification.estimate import Identified, NotDetermined
 from boom_identification.stationary import Points
 from boom_model.component_numbers import component_parameters
-from boom_model.components import cylinder, friction
+from boom_model.components import cylinder
 from boom_model.machine import Machine, Pose
 
 Array = NDArray[np.float64]
@@ -67,23 +68,29 @@ def friction_torque(points: Points, machine: Machine, pose: Pose) -> Array:
 
 
 def identify_friction(points: Points, machine: Machine, pose: Pose) -> FrictionResult:
-    """tau_C and k_v of both directions; a direction without enough speeds is not determined."""
+    """Coulomb and viscous friction of both directions; a direction without enough speeds is not determined.
+
+    Behind a valve that holds the load, whose drop the flow does not tell, none is.
+    """
     torque = friction_torque(points, machine, pose)
-    values = {key: machine.parameters[f"friction.{key}"].value[0] for key in _KEYS}
+    sizes = machine.structure.friction.sizes
+    values = {key: machine.parameters[key].value[0] for key in sizes}
+    holds = machine.structure.hose_burst_valve.holds
     found: list[Identified] = []
     missing: list[NotDetermined] = []
-    for sign, suffix, direction in ((1.0, "pos", "lifting"), (-1.0, "neg", "lowering")):
-        keys = (f"tau_C_{suffix}", f"k_v_{suffix}")
+    for sign, direction, keys in ((1.0, "lifting", sizes[0::2]), (-1.0, "lowering", sizes[1::2])):
         chosen = np.sign(points.rate) == sign
         try:
-            solution, covariance = _fit(points.where(chosen), torque[chosen], machine, pose, suffix)
+            if holds:
+                raise ValueError("the pressure behind the load-holding valve is not measured")
+            solution, covariance = _fit(points.where(chosen), torque[chosen], machine, pose, keys)
         except ValueError as error:
-            missing += [NotDetermined(f"friction.{key}", f"{direction}: {error}") for key in keys]
+            missing += [NotDetermined(key, f"{direction}: {error}") for key in keys]
             continue
         for k, key in enumerate(keys):
-            unit = machine.parameters[f"friction.{key}"].specification.unit
+            unit = machine.parameters[key].specification.unit
             bounds = estimate.interval(float(solution[k]), float(covariance[k, k]))
-            new = Identified(f"friction.{key}", float(solution[k]), unit, bounds, _HOW)
+            new = Identified(key, float(solution[k]), unit, bounds, _HOW)
             values[key] = new.value
             why = estimate.too_wide(new, machine.parameters[new.key].tolerance)
             if why:
@@ -95,20 +102,15 @@ def identify_friction(points: Points, machine: Machine, pose: Pose) -> FrictionR
     return FrictionResult(points.rate, torque, fitted, residual, tuple(found), tuple(missing))
 
 
-_KEYS = ("tau_C_pos", "tau_C_neg", "k_v_pos", "k_v_neg")
-
-
-def _fit(points: Points, torque: Array, machine: Machine, pose: Pose, suffix: str) -> tuple[Array, Array]:
+def _fit(points: Points, torque: Array, machine: Machine, pose: Pose, keys: Sequence[str]) -> tuple[Array, Array]:
     if len(points) == 0 or len(np.unique(points.group)) < FEWEST_GROUPS:
         raise ValueError(f"{len(np.unique(points.group))} stationary stretches, {FEWEST_GROUPS} are needed")
     speed = np.abs(points.rate)
     low, high = np.percentile(speed, [5, 95])
     if high - low < SMALLEST_SPREAD:
         raise ValueError(f"speeds only between {low:.3f} and {high:.3f} rad/s")
-    zero = dict.fromkeys(_KEYS, 0.0)
-    design = np.column_stack(
-        [_model(points, machine, pose, zero | {f"{name}_{suffix}": 1.0}) for name in ("tau_C", "k_v")]
-    )
+    zero = dict.fromkeys(machine.structure.friction.sizes, 0.0)
+    design = np.column_stack([_model(points, machine, pose, zero | {key: 1.0}) for key in keys])
     solution, covariance = estimate.least_squares(design, torque, points.group)
     if (solution < 0.0).any():
         raise ValueError("the best fit has a negative friction: load, areas or hose burst valve of the model are wrong")
@@ -119,5 +121,7 @@ def _model(points: Points, machine: Machine, pose: Pose, values: dict[str, float
     """(3.7) with other numbers, linear in all four."""
     p, e = component_parameters(machine, pose)
     for key, value in values.items():
-        setattr(p.friction, key, value)
-    return np.asarray(friction.torque(points.angle, points.rate, p, e), float).ravel()
+        setattr(p.friction, key.partition(".")[2], value)
+    return np.asarray(
+        machine.structure.friction.torque(points.angle, points.rate, points.jacobian, p, e), float
+    ).ravel()

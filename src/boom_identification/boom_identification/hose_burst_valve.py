@@ -21,7 +21,7 @@ from boom_identification import estimate
 from boom_identification.estimate import Identified, NotDetermined
 from boom_identification.stationary import Points
 from boom_model.component_numbers import component_parameters
-from boom_model.components import friction, hose_burst_valve
+from boom_model.components import hose_burst_valve
 from boom_model.machine import Machine, Pose
 
 Array = NDArray[np.float64]
@@ -184,7 +184,7 @@ def from_recordings(points: Points, machine: Machine, pose: Pose) -> HoseBurstVa
     therefore shown and never written to a machine file.
     """
     p, e = component_parameters(machine, pose)
-    tau = np.asarray(friction.torque(points.angle, points.rate, p, e), float).ravel()
+    tau = np.asarray(machine.structure.friction.torque(points.angle, points.rate, points.jacobian, p, e), float).ravel()
     force = (points.gravity_torque + points.inertia * points.acceleration + tau) / points.jacobian
     head = (force + points.rod_pressure * p.cylinder.A_b) / p.cylinder.A_a
     drop = (points.hose_pressure - head) / p.hose_burst_valve.unit_pressure

@@ -13,10 +13,11 @@ import yaml
 
 from boom_identification.estimate import Identified
 from boom_input.whole import write_whole
-from boom_model.components import hose_burst_valve
-from boom_model.machine import TOLERANCES, Machine, check_range
+from boom_model.components import hose_burst_valve, payload
+from boom_model.machine import Machine, check_range
 from boom_model.machine_check import STROKE_SLACK
 from boom_model.machine_file import machine_from
+from boom_model.prior import TOLERANCES
 from boom_model.specification import number
 
 _LAW = "main_valve_orifices.A_ta_law"
@@ -60,16 +61,22 @@ def document_with(machine: Machine, estimates: Iterable[Identified]) -> dict[str
     for key, value in vector_values(machine, found.values()).items():
         if key.startswith(_LAW):
             continue
+        if key.startswith(payload.SECTION):
+            _, name, k = key.split(".")
+            step = document[payload.NAME]["steps"][int(k)]
+            step["mass" if name == "mass" else machine.structure.steps[int(k)]] = value
+            continue
         own = [e for name, e in found.items() if name == key or name.rpartition(".")[0] == key]
         section, name = key.split(".")[:2]
         old = document[section][name]
         entry = dict(old) if isinstance(old, Mapping) else {"unit": own[0].unit}
         entry["value"] = list(value) if isinstance(value, tuple) else value
+        entry.pop("tol", None)  # what was believed before
         entry |= _provenance(own, old)
         document[section][name] = entry
     if any(key.startswith(_LAW) for key in found):
         _meter_out(document, machine, found)
-    if any(key.startswith("hose_burst_valve.") for key in found):
+    if any(key.startswith("hose_burst_valve.a") for key in found):
         _smooth(document)
     if any(key.startswith(_GEOMETRY) for key in found):
         _angle_range(document, machine.with_values(vector_values(machine, found.values())))

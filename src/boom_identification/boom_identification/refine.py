@@ -36,6 +36,8 @@ UNKNOWNS = (
     "friction.tau_C_pos", "friction.tau_C_neg", "friction.k_v_pos", "friction.k_v_neg", "fluid.beta", "cylinder.V_h",
     "accumulators.p_g0_1", "accumulators.p_g0_2", "accumulators.V_g0", "accumulators.d_1", "accumulators.d_2",
     *AREAS, f"{_VALVE}.A_ta_law.c0", f"{_VALVE}.A_ta_law.c1", f"{_VALVE}.x0", f"{_VALVE}.n",
+    "friction.F_C_pos", "friction.F_C_neg", "friction.d_pos", "friction.d_neg", f"{_VALVE}.A_ta_max",
+    *(f"{_VALVE}.x0_{edge}" for edge in ("sa", "tb", "sb", "ta")),
 )  # fmt: skip
 """Numbers that are estimated by default; those that a machine lacks are left out."""
 

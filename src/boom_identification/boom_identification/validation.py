@@ -37,15 +37,23 @@ class BagValidation:
 
     @property
     def mismatches(self) -> list[str]:
-        """Metrics in which the error of the full model exceeds noise; "stopped" if it did not finish."""
+        """Metrics in which the error of the full model exceeds noise; "stopped" if it did not finish.
+
+        Sensors that were not recorded count only where that leaves no angle.
+        """
         names = []
         if self.full.stopped:
             names.append("stopped")
         for name, limit in self.limits.document().items():
             value = self.full.metrics[name]
-            if limit is not None and (value is None or value > limit):
+            if limit is not None and (name not in self._absent if value is None else value > limit):
                 names.append(name)
         return names
+
+    @property
+    def _absent(self) -> set[str]:
+        others = (sensor for sensor in PREDICTED[1:] if not self.recording.signals[sensor.name].valid.any())
+        return {sensor.metric(statistic) for sensor in others for statistic in sensor.statistics}
 
     @property
     def compared_s(self) -> float:

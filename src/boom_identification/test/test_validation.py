@@ -160,7 +160,23 @@ def test_a_recording_outside_the_machines_range_is_no_crash():
     assert bag.full.metrics["angle_mae_rad"] is None
 
 
-@pytest.mark.parametrize("name", ["rod_pressure", "angle", "retract_current"])
+def test_a_sensor_that_was_not_recorded_is_not_compared_and_the_others_are():
+    recording = simulated(8.0, joystick(np.arange(800) * 0.01))
+    for missing in (("rod_pressure",), ("hose_pressure",), ("rate",), ("rate", "rod_pressure", "hose_pressure")):
+        never = {
+            n: dataclasses.replace(s, valid=np.zeros(len(s.time), bool))
+            for n, s in recording.signals.items()
+            if n in missing
+        }
+        bag = validate(dataclasses.replace(recording, signals=recording.signals | never), tz17())
+        for name in ("angle_mae", "rate_rmse", "hose_pressure_rmse", "rod_pressure_rmse"):
+            key = next(k for k in bag.full.metrics.values if k.startswith(name))
+            assert (bag.full.metrics[key] is None) == key.startswith(missing)
+        assert bag.full.metrics["angle_mae_rad"] < (1e-3 if len(missing) == 1 else 0.02)
+        assert bag.document()["agrees"]
+
+
+@pytest.mark.parametrize("name", ["angle", "retract_current"])
 def test_a_channel_without_a_valid_sample_gives_no_number_and_no_crash(name):
     recording = constant(angle=0.4, hose_pressure=6e6)
     signal = recording.signals[name]

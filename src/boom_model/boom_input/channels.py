@@ -61,7 +61,7 @@ class Sensor(Channel):
         statistics: of the errors of a prediction, "mae" or "rmse"; the first one judges it.
         predicted: whether the model predicts it: then it is an output of the model, and every recording needs it.
             Another one is recorded, checked and shown, and compared with nothing.
-        required: whether a recording without it is refused.
+        required: whether the machine's bus and recorder have to provide it.
     """
 
     symbol: str
@@ -122,6 +122,8 @@ SENSORS: tuple[Sensor, ...] = (
     _pressure("hose_pressure", "p_h"),
     _pressure("rod_pressure", "p_b"),
     _pressure("head_pressure", "p_a", predicted=False, required=False),
+    _pressure("supply_pressure", "p_s", predicted=False, required=False),
+    _pressure("tank_pressure", "p_t", predicted=False, required=False),
 )  # fmt: skip
 """What the machine's sensors measure."""
 
@@ -151,7 +153,11 @@ PREDICTED = tuple(sensor for sensor in SENSORS if sensor.predicted)
 REQUIRED: tuple[Channel, ...] = (*(sensor for sensor in SENSORS if sensor.required), *CURRENTS)
 """What every machine measures."""
 SENSOR_TOPICS = tuple(dict.fromkeys(channel.topic for channel in REQUIRED))
-"""Topics that every recording of the machine has."""
+"""Topics that every machine has."""
+ESSENTIAL = ("angle", *(channel.name for channel in CURRENTS))
+"""Channels without which a recording is refused; another one that the model predicts has no valid sample where it is missing."""
+ESSENTIAL_TOPICS = tuple(dict.fromkeys(channel.topic for channel in CHANNELS if channel.name in ESSENTIAL))
+"""Their topics."""
 MEASURED_TOPICS = tuple(dict.fromkeys(channel.topic for channel in (*SENSORS, *CURRENTS)))
 """The same with those that only some machines have."""
 

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from boom_model.codegen.compiled import LANES, build
-from boom_model.equations import INPUTS, Equations, Kind, full_model, reduced_model
+from boom_model.equations import Equations, Kind, full_model, reduced_model
+from boom_model.errors import ModelError
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine, Pose
 from boom_model.sensors import OUTPUTS
@@ -49,10 +50,16 @@ class CompiledModel:
         self.p: Array = np.array([values[name] for name in self.parameter_names])
 
     def derivative(self, state: ArrayLike, current: ArrayLike, parameters: Array | None = None) -> tuple[Array, Array]:
-        """x' (NX,) and the Jacobian dx'/dx (NX, NX) at one point."""
-        n = len(self.state_names)
+        """x' (NX,) and the Jacobian dx'/dx (NX, NX) at one point, with the inputs (NU,).
+
+        Raises:
+            ModelError: another number of inputs.
+        """
+        n, inputs = len(self.state_names), self.machine.structure.inputs
         f, jacobian = np.empty(n), np.empty((n, n))
         x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
+        if u.shape != (len(inputs),):
+            raise ModelError(f"the inputs are {', '.join(inputs)}: give {len(inputs)} numbers, not {u.shape}")
         p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
         self._library.boom_derivative(pointer(p), pointer(x), pointer(u), pointer(f), pointer(jacobian))
         return f, jacobian
@@ -65,10 +72,11 @@ class CompiledModel:
         self._library.boom_outputs(pointer(p), pointer(x), pointer(u), pointer(y))
         return y
 
-    def auxiliary(self, states: ArrayLike, currents: ArrayLike) -> dict[str, Array]:
-        """Inner quantities over time by name (flows, force, friction, ...), SI: states (n, NX), currents (n, 2)."""
+    def auxiliary(self, states: ArrayLike, currents: ArrayLike, parameters: Array | None = None) -> dict[str, Array]:
+        """Inner quantities over time by name (flows, force, friction, ...), SI: states (n, NX), inputs (n, NU)."""
         x, u = np.asarray(states, dtype=float).T, np.asarray(currents, dtype=float).T
-        values = self._auxiliary_function.map(x.shape[1])(x, u, ca.repmat(ca.DM(self.p), 1, x.shape[1]))
+        p = self.p if parameters is None else parameters
+        values = self._auxiliary_function.map(x.shape[1])(x, u, ca.repmat(ca.DM(p), 1, x.shape[1]))
         return dict(zip(self.equations.auxiliary, np.asarray(values, dtype=float), strict=True))
 
     @cached_property
@@ -83,11 +91,11 @@ class CompiledModel:
         return ca.Function("auxiliary", [m.x, m.u, m.p], [ca.vertcat(*(e for _, e in m.auxiliary.values()))])
 
     def linearise(self, states: ArrayLike, currents: ArrayLike, parameters: Array | None = None) -> tuple[Array, Array]:
-        """Dx'/dx (n, NX, NX) and dx'/du (n, NX, 2) at the points: states (n, NX), currents (n, 2)."""
+        """Dx'/dx (n, NX, NX) and dx'/du (n, NX, NU) at the points: states (n, NX), inputs (n, NU)."""
         x, u = np.ascontiguousarray(states, dtype=float), np.ascontiguousarray(currents, dtype=float)
         p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
         n, size = x.shape
-        by_state, by_input = np.empty((n, size, size)), np.empty((n, size, len(INPUTS)))
+        by_state, by_input = np.empty((n, size, size)), np.empty((n, size, u.shape[1]))
         self._library.boom_linearise(
             pointer(p), pointer(x), pointer(u), ctypes.c_long(n), pointer(by_state), pointer(by_input)
         )

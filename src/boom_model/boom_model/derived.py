@@ -11,6 +11,7 @@ from boom_model.component_numbers import component_parameters
 from boom_model.components import cylinder, equation_of_motion
 from boom_model.equations import namespace
 from boom_model.machine import Machine
+from boom_model.prior import summary
 
 BAR, LPM, LITRE, MILLIMETRE, DEGREE = 1e5, 1 / 60_000.0, 1e-3, 1e-3, math.pi / 180.0
 LOAD_PRESSURE = 240e5
@@ -83,7 +84,7 @@ def quantities(machine: Machine) -> list[Quantity]:
             ),
             Quantity(f"{pose.tabulated}: and in every angle", _load(posed, angles, levers), where),
         ]
-    return rows
+    return rows + [Quantity(*row) for row in summary(machine.parameters.values())]
 
 
 def _angles(machine: Machine) -> list[float]:

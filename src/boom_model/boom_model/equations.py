@@ -18,21 +18,16 @@ from boom_model import learned as learned_terms
 from boom_model import sensors
 from boom_model.catalogue import EFFECTS
 from boom_model.catalogue.terms import Terms
-from boom_model.components import (
-    cylinder,
-    equation_of_motion,
-    friction,
-    oil,
-)
+from boom_model.components import cylinder, equation_of_motion, oil, payload
 from boom_model.errors import ModelError
 from boom_model.learned import DISCREPANCY_TIME, PLACES, LearnedTerm, discrepancy_state
-from boom_model.state import State
-from boom_model.structure import Structure
+from boom_model.state import ELAPSED_TIME, State
+from boom_model.structure import CURRENTS, DRIVING, Structure
 
 Kind = Literal["full", "reduced"]
 
-INPUTS = ("retract_current", "extend_current")
-"""u = (i_+, i_-) [A]."""
+INPUTS = CURRENTS
+"""u = (i_+, i_-) [A]; measured pressures that drive the model stand behind them (``Structure.inputs``)."""
 
 LOWEST_PRESSURE = -1.0e5
 HIGHEST_PRESSURE = 1.0e8
@@ -112,7 +107,7 @@ class _Wiring:
         self.effects = tuple(sorted(effects))
         for name in self.effects:
             if not structure.has(EFFECTS[name].needs):
-                raise ModelError(f"effects.{name}: this machine has no {EFFECTS[name].needs.replace('_', ' ')}")
+                raise ModelError(f"effects.{name}: this machine has {EFFECTS[name].lacking}")
         self.names = parameter_names(structure, self.effects, self.learned)
         self.p_vector = ca.SX.sym("p", len(self.names))
         symbols = {name: self.p_vector[i] for i, name in enumerate(self.names)}
@@ -131,7 +126,12 @@ class _Wiring:
         self.rates: dict[str, Any] = {}
         self.memories: set[str] = set()
         self.auxiliary: dict[str, tuple[str, Any]] = {}
-        self.u = ca.SX.sym("u", 2)
+        self.u = ca.SX.sym("u", len(structure.inputs))
+        if hasattr(self.p.fluid, "p_s"):
+            self.p.fluid.p_s = self.e.through("supply_pressure", self.p.fluid.p_s)
+        for k, name in enumerate(structure.driven, start=len(CURRENTS)):
+            section, key = DRIVING[name]
+            setattr(getattr(self.p, section), key, self.u[k])
 
     def add(self, name: str, symbol: str, unit: str, scale: float, low: float = -inf, high: float = inf) -> Any:
         return self.add_state(State(name, symbol, unit, scale, low, high))
@@ -187,9 +187,9 @@ class _Wiring:
         p, e = self.p, self.e
         spool = self.add("spool_position", "s_s", "m", 5e-3, -1.0, 1.0)
         self.quantities["spool"] = spool / p.main_valve_spool.s_max
-        metering = e.through("metering_position", spool, p=p)
-        passage = e.through("rod_passage", 1.0, distance=p.cylinder.l_p - self.position)
         s = self.structure
+        metering = e.through("metering_position", spool + s.metering.neutral(p), p=p)
+        passage = e.through("rod_passage", 1.0, distance=p.cylinder.l_p - self.position)
         flows = s.metering.flows(metering, hose_pressure, rod_pressure, p, e, s.supply, passage)
         before = len(self.states)
         s.spool.motion(self, spool, flows.force)
@@ -207,8 +207,10 @@ class _Wiring:
         """Equation of motion from the pressures that act on the piston."""
         p, e = self.p, self.e
         self.force = cylinder.force(head_pressure, rod_pressure, p)
-        self.friction = friction.torque(self.angle, self.rate, p, e) - self.learnt("torque")
-        load = equation_of_motion.load_mass(p, e)
+        friction = self.structure.friction.torque(self.angle, self.rate, self.jacobian, p, e)
+        self.friction = friction - self.learnt("torque")
+        steps = payload.mass(self.structure.steps, self._time, self.position, p)
+        load = equation_of_motion.load_mass(p, e, self.position, steps)
         inertia = equation_of_motion.inertia(load, p)
         self.gravity = equation_of_motion.gravity_torque(self.angle, load, p, e)
         torque = equation_of_motion.torque(self.gravity, self.jacobian, self.force, self.friction)
@@ -219,6 +221,16 @@ class _Wiring:
         )  # fmt: skip
         self.seen_angle = e.through("seen_angle", self.angle, acceleration=self.rates["rate"])
         self.seen_rate = e.through("seen_rate", self.rate)
+
+    def through_valve(self, hose: Any, head: Any, rod: Any) -> Any:
+        """q_a [m^3/s] from the hose into the head side at p_h, p_a, p_b [Pa]."""
+        flow = self.structure.hose_burst_valve.flow(self, hose, head, rod)
+        flow = self.e.through("valve_flow", flow, hose=hose, head=head, rod=rod)
+        return self.e.through("head_flow", flow, position=self.position)
+
+    def _time(self) -> Any:
+        self.rates[ELAPSED_TIME.name] = 1.0
+        return self.add_state(ELAPSED_TIME)
 
     def rod_side(self, rod_pressure: Any, inflow: Any) -> None:
         beta = oil.bulk_modulus(rod_pressure, self.p, self.e)
@@ -271,7 +283,8 @@ def full_model(
     p, e = w.p, w.e
     w.kinematics()
     p_a, p_b = w.add_pressure("head_pressure", "p_a"), w.add_pressure("rod_pressure", "p_b")
-    p_h = w.add_pressure("hose_pressure", "p_h") if structure.hose_burst_valve.separates else p_a
+    separates = structure.hose_burst_valve.separates or any(EFFECTS[name].holds for name in w.effects)
+    p_h = w.add_pressure("hose_pressure", "p_h") if separates else p_a
     w.quantities |= {"angle": w.angle, "rate": w.rate, "head_pressure": p_a, "rod_pressure": p_b, "hose_pressure": p_h}
     q_o = structure.accumulators.flow(w, p_h)
     q_h, q_b = w.valve(p_h, p_b)
@@ -279,8 +292,8 @@ def full_model(
     w.motion(p_a, p_b)
     w.rod_side(p_b, q_b + leakage)
     beta_a = oil.bulk_modulus(p_a, p, e)
-    if structure.hose_burst_valve.separates:
-        q_a = e.through("head_flow", structure.hose_burst_valve.flow(w, p_h - p_a), position=w.position)
+    if separates:
+        q_a = w.through_valve(p_h, p_a, p_b)
         head, net = cylinder.head_volume(w.position, p), q_a
         w.rates["hose_pressure"] = cylinder.pressure_rate(
             oil.bulk_modulus(p_h, p, e), p.cylinder.V_h, q_h - q_o - q_a + w.learnt("hose_flow")
@@ -298,23 +311,31 @@ def reduced_model(structure: Structure, effects: Iterable[str] = (), learned: Se
     """The reduced model (5.47); 8 states (5.46).
 
     V_h is dropped, the accumulators are part of the head volume (5.43), the hose burst valve is the torque
-    A_a J dp_ha(q_2, q_2') of (5.41), and the hose pressure is p_a.
+    A_a J dp_ha(q_2, q_2') of (5.41), and the hose pressure is p_a. A valve that shuts the head side cannot be a torque: there the
+    hose keeps its volume, of which the accumulators are part.
 
     Raises:
         ModelError: an effect needs a component that the structure does not have.
     """
     w = _Wiring(structure, [name for name in effects if not EFFECTS[name].states], learned)
-    p, e = w.p, w.e
+    p, e, valve = w.p, w.e, structure.hose_burst_valve
     w.kinematics()
     p_a, p_b = w.add_pressure("head_pressure", "p_a"), w.add_pressure("rod_pressure", "p_b")
-    w.quantities |= {"angle": w.angle, "rate": w.rate, "head_pressure": p_a, "rod_pressure": p_b, "hose_pressure": p_a}
-    q_a, q_b = w.valve(p_a, p_b)
+    p_h = w.add_pressure("hose_pressure", "p_h") if valve.holds else p_a
+    w.quantities |= {"angle": w.angle, "rate": w.rate, "head_pressure": p_a, "rod_pressure": p_b, "hose_pressure": p_h}
+    q_h, q_b = w.valve(p_h, p_b)
     leakage = cylinder.leakage(p_a, p_b, e)
-    drop = structure.hose_burst_valve.pressure_drop(w.velocity * p.cylinder.A_a, p, e)
+    drop = 0.0 if valve.holds else valve.pressure_drop(w.velocity * p.cylinder.A_a, p, e)
     w.motion(p_a - drop, p_b)
     w.rod_side(p_b, q_b + leakage)
-    net = q_a - w.velocity * p.cylinder.A_a - leakage + w.learnt("head_flow") + w.learnt("hose_flow")
-    beta = oil.bulk_modulus(p_a, p, e)
-    compliance = sum(structure.accumulators.compliances(p_a, beta, p, e), cylinder.head_volume(w.position, p) / beta)
-    w.rates["head_pressure"] = net / compliance
-    return w.finish("reduced", p_a, p_b, {"head_flow": ("m^3/s", q_a), "rod_flow": ("m^3/s", q_b)})
+    q_a = w.through_valve(p_h, p_a, p_b) if valve.holds else q_h + w.learnt("hose_flow")
+    net = q_a - w.velocity * p.cylinder.A_a - leakage + w.learnt("head_flow")
+    beta, head = oil.bulk_modulus(p_a, p, e), cylinder.head_volume(w.position, p)
+    if valve.holds:
+        beta_h = oil.bulk_modulus(p_h, p, e)
+        compliance = sum(structure.accumulators.compliances(p_h, beta_h, p, e), p.cylinder.V_h / beta_h)
+        w.rates["hose_pressure"] = (q_h - q_a + w.learnt("hose_flow")) / compliance
+        w.rates["head_pressure"] = cylinder.pressure_rate(beta, head, net)
+    else:
+        w.rates["head_pressure"] = net / sum(structure.accumulators.compliances(p_a, beta, p, e), head / beta)
+    return w.finish("reduced", p_h, p_b, {"head_flow": ("m^3/s", q_a), "rod_flow": ("m^3/s", q_b)})

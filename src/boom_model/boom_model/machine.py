@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import isfinite
 from typing import Any, Literal
 
 from boom_model.catalogue import EFFECTS, active_effects
+from boom_model.components import payload
+from boom_model.components.payload import Step
 from boom_model.equations import namespace
 from boom_model.errors import MachineError, nearest
 from boom_model.learned import LearnedTerm
+from boom_model.prior import TOLERANCES, Tolerance
 from boom_model.rigid_body import locked_inertia
 from boom_model.sensors import SensorNoise
 from boom_model.specification import Specification
 from boom_model.structure import Structure
 
 Confidence = Literal["high", "medium", "low", ""]
-TOLERANCES = {"high": 0.03, "medium": 0.10, "low": 0.30, "": 0.15}
-"""How far a number may be off before it is no longer the same machine (machine notes)."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +32,13 @@ class Parameter:
     source: str = ""
     confidence: Confidence = ""
     note: str = ""
+    tol: Tolerance | None = None
 
     @property
     def tolerance(self) -> float:
-        """Relative tolerance within which it is still the same machine."""
+        """Relative tolerance within which it is still the same machine; of the largest number of a pair or triple."""
+        if self.tol is not None:
+            return self.tol.relative(max(self.value, key=abs))
         if self.source.startswith("thesis"):
             return TOLERANCES["high"]
         return TOLERANCES[self.confidence]
@@ -75,6 +79,8 @@ class Machine:
         sensors: numbers of the sensors, key of section ``control`` -> number.
         document: the file as it was read.
         learned: terms learnt from data.
+        load_tolerance: of the load that a configuration tells, if the file states one.
+        payloads: steps of the load by name of the recording, those of every other recording under "".
     """
 
     name: str
@@ -86,6 +92,8 @@ class Machine:
     sensors: Mapping[str, float] = field(default_factory=dict)
     document: Mapping[str, Any] = field(default_factory=dict)
     learned: tuple[LearnedTerm, ...] = ()
+    load_tolerance: Tolerance | None = None
+    payloads: Mapping[str, tuple[Step, ...]] = field(default_factory=dict)
 
     def values(self, pose: Pose) -> dict[str, float]:
         """Every component of the parameter vector by name: machine, pose, effects."""
@@ -126,6 +134,22 @@ class Machine:
         result = replace(self, effects=active_effects(dict(effects), self.structure.has))
         check_together(result)
         return result
+
+    def carrying(self, recording: str = "") -> Machine:
+        """The machine with the steps of the load that it has in a recording of this name."""
+        steps = self.payloads.get(recording, self.payloads.get("", ()))
+        parameters = {key: p for key, p in self.parameters.items() if not key.startswith(payload.SECTION)}
+        for k, step in enumerate(steps):
+            mass, at = payload.specifications(k, step.by)
+            for spec, value, tol in ((mass, step.mass, step.tol), (at, step.at, None)):
+                check_range(spec, (value,))
+                parameters[spec.key] = Parameter(spec, (value,), tol=tol)
+        structure = replace(self.structure, steps=tuple(step.by for step in steps))
+        return replace(self, structure=structure, parameters=parameters)
+
+    def driven_by(self, measured: Container[str]) -> Machine:
+        """The machine whose model is driven by those pressures of ``structure.DRIVING`` that are measured, not by its constants."""
+        return replace(self, structure=self.structure.driven_by(measured))
 
     def pose(self, outer_boom_angle: float, telescope_length: float, load: float = 0.0) -> Pose:
         """D_0, S and tip for locked joints q_3 [rad], q_4 [m] and the load [kg] that hangs at the tip.

@@ -11,7 +11,9 @@ from boom_model import rigid_body, sensors
 from boom_model.catalogue import active_effects
 from boom_model.errors import MachineError, nearest
 from boom_model.learned import check_learned
-from boom_model.machine import TOLERANCES, Confidence, Machine, Parameter, Pose, check_range, check_together
+from boom_model.machine import Confidence, Machine, Parameter, Pose, check_range, check_together
+from boom_model.machine_payload import check_payload
+from boom_model.prior import TOLERANCES, check_tolerance
 from boom_model.slots import C, component, registered
 from boom_model.specification import Specification, number
 from boom_model.structure import SLOTS, Structure
@@ -43,7 +45,9 @@ _INFORMATION: dict[str, frozenset[str]] = {
         }
     ),
 }
-_TOP = frozenset({*_INFORMATION, "effects", "learned"})
+_FREE = ("effects", "learned", "payload")
+"""Sections that are not checked by the parameters of components."""
+_TOP = frozenset({*_INFORMATION, *_FREE})
 STROKE_SLACK = 1e-3
 """m."""
 LONGEST_NAME = 100
@@ -82,6 +86,7 @@ def check(document: Any) -> tuple[Machine | None, list[str]]:
     kinematics = sections.get("kinematics", {})
     limits = faults.of(_limit, kinematics, "q2_stroke_min"), faults.of(_limit, kinematics, "q2_max")
     effects = faults.of(active_effects, sections.get("effects") or {}, structure.has)
+    payloads = faults.of(check_payload, sections.get("payload") or {})
     learned = faults.of(check_learned, sections.get("learned") or []) or ()
     if not structure.spool.piloted and any(entry.equation == "spool" for entry in learned):
         faults.append("learned: this machine has no pilot stage, to whose pressure a term of equation spool is added")
@@ -97,7 +102,9 @@ def check(document: Any) -> tuple[Machine | None, list[str]]:
         {key.split(".")[1]: parameter.value[0] for key, parameter in said.items()},
         document,
         learned,
+        *payloads,
     )
+    machine = faults.of(machine.carrying) or machine
     for step in (_check_positions, _check_areas, _check_links, check_together):
         faults.of(step, machine)
     for part in structure:
@@ -111,7 +118,7 @@ def _sections(document: Mapping[Any, Any], faults: list[str]) -> dict[str, Any]:
     for name, section in document.items():
         if name not in _TOP:
             faults.append(f"{name}: no such section{nearest(str(name), _TOP)}")
-        elif name not in ("effects", "learned") and not isinstance(section, dict):
+        elif name not in _FREE and not isinstance(section, dict):
             faults.append(f"{name}: expected keys with values below it")
         else:
             sections[name] = section
@@ -156,7 +163,7 @@ def _wrong_keys(document: Mapping[str, Any], specifications: Iterable[Specificat
         section, key = spec.key.split(".")[:2]
         wanted.setdefault(section, set()).add(key)
     for section, keys in document.items():
-        if section in ("effects", "learned"):
+        if section in _FREE:
             continue
         allowed = wanted.get(section, set()) | _INFORMATION[section] | _component_keys(section)
         for key in keys:
@@ -173,14 +180,15 @@ def _component_keys(section: str) -> set[str]:
 
 def _parameter(document: Mapping[str, Any], spec: Specification) -> Parameter:
     entry = _entry(document, spec)
-    unknown = set(entry) - {"value", "unit", "prov", "conf", "note"}
+    unknown = set(entry) - {"value", "unit", "prov", "conf", "tol", "note"}
     if unknown:
-        raise MachineError(f"{spec.key}.{sorted(unknown)[0]}: no such key; known: value, unit, prov, conf, note")
+        raise MachineError(f"{spec.key}.{sorted(unknown)[0]}: no such key; known: value, unit, prov, conf, tol, note")
     if str(entry.get("unit", "")).strip() != spec.unit:
         raise MachineError(f"{spec.key}.unit: {entry.get('unit', 'missing')!s}; expected {spec.unit}")
     value = _value(entry, spec)
     check_range(spec, value, shown=entry["value"])
-    return Parameter(spec, value, str(entry.get("prov", "")), _confidence(entry, spec), str(entry.get("note", "")))
+    tol = check_tolerance(entry["tol"], spec.key, value) if "tol" in entry else None
+    return Parameter(spec, value, str(entry.get("prov", "")), _confidence(entry, spec), str(entry.get("note", "")), tol)
 
 
 def _entry(document: Mapping[str, Any], spec: Specification) -> Mapping[str, Any]:
@@ -247,6 +255,8 @@ def _tabulated(section: Mapping[str, Any]) -> tuple[Pose, ...]:
         tip = entry.get("tip")
         if not isinstance(tip, list) or len(tip) != 2 or not all(abs(number(v)) <= LARGEST for v in tip):
             raise MachineError(f"rigid_body.configs.{name}.tip: expected [x, y] in m")
+        if "tol" in entry:
+            check_tolerance(entry["tol"], f"rigid_body.configs.{name}", (D0, Sx, Sy))
         poses.append(Pose(q3, q4, 0.0, D0, Sx, Sy, (number(tip[0]), number(tip[1])), str(name)))
     return tuple(poses)
 

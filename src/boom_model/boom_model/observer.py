@@ -339,7 +339,7 @@ def output_jacobian(plant: Plant, state: Array, parameters: Array | None = None)
 
 
 def _outputs(plant: Plant, state: Array, parameters: Array | None) -> Array:
-    y, u = np.empty(len(OUTPUTS)), np.zeros(2)
+    y, u = np.empty(len(OUTPUTS)), np.zeros(len(plant.machine.structure.inputs))
     p = plant.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
     x = np.ascontiguousarray(state, dtype=float)
     plant._library.boom_outputs(pointer(p), pointer(x), pointer(u), pointer(y))

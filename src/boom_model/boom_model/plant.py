@@ -10,6 +10,7 @@ import ctypes
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from boom_model.catalogue import EFFECTS
 from boom_model.catalogue.terms import Terms
 from boom_model.compiled_model import CompiledModel, pointer
 from boom_model.component_numbers import components_of
-from boom_model.equations import INPUTS, Kind
+from boom_model.equations import Kind
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine, Pose
 from boom_model.sensors import OUTPUTS, PRESSURES
@@ -74,6 +75,8 @@ class Plant(CompiledModel):
         for k, state in enumerate(states):
             if "spool_position" in (state.name, state.like):
                 self.minimum[k], self.maximum[k] = -stroke, stroke
+        effects = (EFFECTS[name] for name in self.equations.effects)
+        self.holds = machine.structure.hose_burst_valve.holds or any(effect.holds for effect in effects)
         self._delay_index = tuple(self._delaying(what) for what in ("command", "pressures"))
         self.command_delay, self.pressure_delay = self.delays(self.p)
 
@@ -108,37 +111,63 @@ class Plant(CompiledModel):
     ) -> Array:
         """State of a boom that has rested: p_a = p_h, p_o,i = max(p_h, p_g0,i), spool and pilot states zero (notes).
 
-        angle [rad]; hose_pressure, rod_pressure [Pa gauge]; parameters (NP,) other numbers than the machine's.
-        """
-        return self._at_rest(angle, hose_pressure, rod_pressure, *self._components(parameters))
+        Behind a valve that holds the load p_a is what carries the boom, at least p_h.
 
-    def _at_rest(self, angle: float, hose_pressure: float, rod_pressure: float, p: Any, e: Terms) -> Array:
-        values = {"angle": angle, "rod_pressure": rod_pressure}
-        values |= dict.fromkeys(("head_pressure", "hose_pressure"), hose_pressure)
+        angle [rad]; hose_pressure, rod_pressure [Pa gauge], NaN: not measured; parameters (NP,) other numbers than the machine's.
+        One pressure that was not measured balances the other one; behind a valve that holds the load, and where none was measured,
+        it is that of the tank.
+        """
+        p, e = self._components(parameters)
+        hose_pressure, rod_pressure = self._balanced(angle, hose_pressure, rod_pressure, parameters)
+        values = {"angle": angle, "rod_pressure": rod_pressure, "hose_pressure": hose_pressure}
+        values["head_pressure"] = hose_pressure
+        if self.holds:
+            values["head_pressure"] = max(self._carrying(angle, rod_pressure, parameters), hose_pressure)
         for component in self.machine.structure:
-            values |= component.rest(p, e, hose_pressure)
+            values |= component.rest(values, p, e)
         for effect in (EFFECTS[name] for name in self.equations.effects):
             if effect.at_rest:
                 values |= effect.at_rest(values, p, e)
         return np.array([values.get(name, 0.0) for name in self.state_names])
 
+    def _balanced(self, angle: float, hose: float, rod: float, parameters: Array | None) -> tuple[float, float]:
+        """p_h, p_b [Pa], of which one that is NaN follows from the other one."""
+        if isfinite(hose) and isfinite(rod):
+            return hose, rod
+        p = dict(zip(self.parameter_names, self.p if parameters is None else parameters, strict=True))
+        tank = float(p["fluid.p_t"])
+        if not isfinite(rod):
+            lacking = hose - self._carrying(angle, 0.0, parameters)  # of p_a: what p_b holds against
+            known = isfinite(hose) and not self.holds
+            rod = max(lacking * float(p["cylinder.A_a"] / p["cylinder.A_b"]), 0.0) if known else tank
+        if not isfinite(hose):
+            hose = tank if self.holds else max(self._carrying(angle, rod, parameters), 0.0)
+        return hose, rod
+
+    def _carrying(self, angle: float, rod_pressure: float, parameters: Array | None = None) -> float:
+        """p_a [Pa] that carries the boom without friction, p_a A_a = g / J + p_b A_b; negative for a boom that hangs."""
+        p = self.p if parameters is None else parameters
+        state, number = np.zeros(len(self.state_names)), dict(zip(self.parameter_names, p, strict=True))
+        state[self.state_names.index("angle")] = angle
+        at_rest = self.auxiliary(state[None], np.zeros((1, len(self.machine.structure.inputs))), p)
+        force = float(at_rest["gravity_torque"][0] / at_rest["jacobian"][0])
+        return float((force + rod_pressure * number["cylinder.A_b"]) / number["cylinder.A_a"])
+
     def rest_state_measured(
         self, angle: float, hose_pressure: float, rod_pressure: float, parameters: Array | None = None
     ) -> Array:
         """:meth:`rest_state` from what the sensors show [rad, Pa gauge]: offsets that the machine has are taken off."""
-        p, e = self._components(parameters)
+        _, e = self._components(parameters)
         shown = {"angle": angle, "hose_pressure": hose_pressure, "rod_pressure": rod_pressure}
         angle, hose, rod = (value - e.through(f"measured_{name}", 0.0) for name, value in shown.items())
-        return self._at_rest(angle, hose, rod, p, e)
+        return self.rest_state(angle, hose, rod, parameters)
 
     def equilibrium(self, angle: float, rod_pressure: float = 1.0e6) -> Array:
         """Rest state in which the pressures carry the boom without friction: p_a A_a = g / J + p_b A_b."""
-        auxiliary = self.auxiliary(self.rest_state(angle, 0.0, rod_pressure)[None], np.zeros((1, 2)))
-        area_a, area_b = (self.machine.parameters[f"cylinder.{k}"].value[0] for k in ("A_a", "A_b"))
-        force = auxiliary["gravity_torque"][0] / auxiliary["jacobian"][0]
-        head = (force + rod_pressure * area_b) / area_a
+        head = self._carrying(angle, rod_pressure)
         if head < 0.0:  # the boom hangs: the rod side carries it
-            head, rod_pressure = 0.0, -force / area_b
+            area_a, area_b = (self.machine.parameters[f"cylinder.{k}"].value[0] for k in ("A_a", "A_b"))
+            rod_pressure, head = rod_pressure - head * area_a / area_b, 0.0
         return self.rest_state(angle, head, rod_pressure)
 
     # ---------------------------------------------------------------------------------------------------------- runs
@@ -160,7 +189,7 @@ class Plant(CompiledModel):
 
         Args:
             input_time: (m,) [s], ascending: from when each current acts.
-            currents: (m, 2) [A]: retract i_+, extend i_-.
+            currents: (m, NU): retract i_+, extend i_- [A], and the pressures [Pa] that drive the model (``Structure.inputs``).
             output_time: (n,) [s], ascending, not before ``start``.
             initial_state: (NX,) at ``start``.
             start: [s].
@@ -259,8 +288,11 @@ class Plant(CompiledModel):
         return sampled, (where[:n], where[n:])
 
     def _check(self, t_in: Array, u: Array, t_out: Array, x: Array, begin: float) -> None:
-        if u.ndim != 2 or u.shape != (len(t_in), len(INPUTS)) or len(t_in) == 0:
-            raise ModelError(f"currents must have shape (m, 2) with m input times, not {u.shape} with {len(t_in)}")
+        inputs = len(self.machine.structure.inputs)
+        if u.ndim != 2 or u.shape != (len(t_in), inputs) or len(t_in) == 0:
+            raise ModelError(
+                f"currents must have shape (m, {inputs}) with m input times, not {u.shape} with {len(t_in)}"
+            )
         if x.shape != (len(self.state_names),):
             raise ModelError(f"the initial state must have {len(self.state_names)} numbers, not {x.shape}")
         for name, values in (("input times", t_in), ("currents", u), ("output times", t_out), ("initial state", x)):
@@ -319,7 +351,11 @@ class Stepper:
         self.plant = plant
         self.state = np.ascontiguousarray(state)
         self.time = 0.0
-        self._u, self._y, self._report = np.zeros(2), np.empty(len(OUTPUTS)), np.zeros(8)
+        self._u, self._y, self._report = (
+            np.zeros(len(plant.machine.structure.inputs)),
+            np.empty(len(OUTPUTS)),
+            np.zeros(8),
+        )
         self._c = np.empty(max(1, plant._library.boom_sizes(4)))
         self._h = np.array([_FIRST_STEP])
         self._tolerance = ctypes.c_double(tolerance)

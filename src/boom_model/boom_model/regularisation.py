@@ -26,6 +26,12 @@ def positive(x: Expression) -> Expression:
     return ca.fmax(x, 0.0)
 
 
+def ramp(x: Expression, width: float) -> Expression:
+    """max(0, x), with the corner rounded over ``width`` above zero: x^2 / (2 width) there, x - width / 2 beyond."""
+    held = ca.fmin(ca.fmax(x, 0.0), width)
+    return held * held / (2 * width) + ca.fmax(x - width, 0.0)
+
+
 def power(base: Expression, exponent: Expression) -> Expression:
     """base^exponent for base > 0, as exp(exponent ln base): its derivative uses the same exponential again."""
     return ca.exp(exponent * ca.log(base))

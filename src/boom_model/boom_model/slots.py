@@ -67,7 +67,7 @@ class Component:
         offers: what effects may need (``Effect.needs``).
         check: raises MachineError where numbers do not go together, given the numbers by section and the file's own section.
         data: rows (meaning, value) of what its numbers mean on a data sheet, given the numbers by section.
-        rest: its states that are not zero at rest, for (p, e, pressure of the head side [Pa]).
+        rest: its states that are not zero at rest, for (states so far by name, p, e).
     """
 
     slot: ClassVar[str]
@@ -89,7 +89,7 @@ class Component:
     offers: frozenset[str] = frozenset()
     check: Callable[[Any, Mapping[str, Any]], None] = _zero
     data: Callable[[Any], tuple[tuple[str, str], ...]] = _none
-    rest: Callable[[Any, Any, float], Mapping[str, float]] = field(default=lambda p, e, pressure: {})
+    rest: Callable[[Mapping[str, float], Any, Any], Mapping[str, float]] = field(default=lambda states, p, e: {})
 
     def __reduce__(self) -> tuple[Any, ...]:
         return component, (type(self), self.name)
@@ -105,6 +105,20 @@ class Linkage(Component):
 
     slot, key, default = "linkage", ("kinematics", "type"), "four_bar"
     piston_position: Callable[[Expression, Any], Expression]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Friction(Component):
+    """Friction of the boom's motion.
+
+    Attributes:
+        torque: tau_f [N m] at q_2 [rad] and q_2' [rad/s], for (q_2, q_2', J [m/rad], p, e).
+        sizes: keys of the numbers that are proportional to it: Coulomb friction lifting and lowering, viscous friction so.
+    """
+
+    slot, key, default = "friction", ("friction", "type"), "joint"
+    torque: Callable[[Expression, Expression, Expression, Any, Any], Expression]
+    sizes: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -131,13 +145,16 @@ class HoseBurstValve(Component):
 
     Attributes:
         separates: hose and head side are two volumes. Otherwise they are one, whose pressure p_h = p_a is one state.
-        flow: q_a [m^3/s] into the head side at p_h - p_a [Pa]; may add states to the full model.
+        holds: it shuts the head side, whose pressure p_a then carries the boom whatever the hose's is. Both models then keep
+            both volumes.
+        flow: q_a [m^3/s] into the head side at p_h, p_a, p_b [Pa]; may add states.
         pressure_drop: p_h - p_a [Pa] that drives the flow q_a [m^3/s], for (q_a, p, e): the reduced model's.
     """
 
     slot, key, default = "hose_burst_valve", ("hose_burst_valve", "type"), "flow_limiting"
     separates: bool = True
-    flow: Callable[[Wiring, Expression], Expression] = _zero
+    holds: bool = False
+    flow: Callable[[Wiring, Expression, Expression, Expression], Expression] = _zero
     pressure_drop: Callable[[Expression, Any, Any], Expression] = _zero
 
 
@@ -231,6 +248,7 @@ class Metering(Component):
         areas: (supply, tank) [m^2] of the edges that are open at s_s [m], for (s_s, p, e).
         overlap: dead zone over full stroke on the side of s_s [m], for (s_s, p, e).
         largest_opening: |s_s| over full stroke beyond which no area grows.
+        neutral: where the edges' middle is [m] of s_s, for p.
         overlaps: keys of the overlaps, all within the stroke.
         law: whether the areas follow the law of ch. 5.2, so that its numbers can be identified from stationary points.
     """
@@ -240,6 +258,7 @@ class Metering(Component):
     areas: Callable[[Expression, Any, Any], tuple[Expression, Expression]]
     overlap: Callable[[Expression, Any, Any], Expression]
     largest_opening: float
+    neutral: Callable[[Any], Expression] = _zero
     overlaps: tuple[str, ...] = ()
     law: bool = False
 

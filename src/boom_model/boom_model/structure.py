@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from boom_model.components import cylinder, equation_of_motion, friction, oil
+from boom_model.components import cylinder, equation_of_motion, oil, payload
 from boom_model.errors import MachineError
 from boom_model.slots import (
     Accumulators,
     Component,
+    Friction,
     HoseBurstValve,
     Linkage,
     Metering,
@@ -24,17 +25,27 @@ from boom_model.slots import (
 from boom_model.specification import Specification
 
 HOSE = (Specification("cylinder.V_h", "V_h", "m^3", "volume of the head-side hose", 1e-6, 0.1, "5.39i"),)
+CURRENTS = ("retract_current", "extend_current")
+"""i_+, i_- [A]: the inputs of every model."""
+DRIVING = {"supply_pressure": ("fluid", "p_s"), "tank_pressure": ("fluid", "p_t")}
+"""Optional channels that take the place of a number of the machine where they are recorded: section and key of it."""
 SLOTS: tuple[type[Component], ...] = (
-    Linkage, PilotStage, Spool, Supply, PortValves, Metering, Accumulators, HoseBurstValve,
+    Linkage, Friction, PilotStage, Spool, Supply, PortValves, Metering, Accumulators, HoseBurstValve,
 )  # fmt: skip
 """In the order in which a machine file is read."""
 
 
 @dataclass(frozen=True)
 class Structure:
-    """The component of each slot, ``boom_model.slots``."""
+    """The component of each slot, ``boom_model.slots``, and what drives the model beside the currents.
+
+    Attributes:
+        driven: keys of ``DRIVING`` whose measurement is an input, in place of the constant.
+        steps: of the load, each by ``time`` or by ``stroke``.
+    """
 
     linkage: Linkage
+    friction: Friction
     pilot_valves: PilotStage
     spool: Spool
     supply: Supply
@@ -42,6 +53,17 @@ class Structure:
     metering: Metering
     accumulators: Accumulators
     hose_burst_valve: HoseBurstValve
+    driven: tuple[str, ...] = ()
+    steps: tuple[payload.By, ...] = ()
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs u: the currents i_+, i_- [A], then the pressures [Pa] that drive the model."""
+        return CURRENTS + self.driven
+
+    def driven_by(self, measured: Container[str]) -> Structure:
+        """The same, driven by those of ``DRIVING`` that are measured."""
+        return replace(self, driven=tuple(name for name in DRIVING if name in measured))
 
     def __iter__(self) -> Iterator[Component]:
         return (getattr(self, slot.slot) for slot in SLOTS)
@@ -52,14 +74,16 @@ class Structure:
             self.spool, self.metering, self.supply, self.accumulators, self.hose_burst_valve, self.pilot_valves, self.port_valves,
         )  # fmt: skip
         groups = (
-            equation_of_motion.SPECIFICATIONS, self.linkage.specifications, friction.SPECIFICATIONS, oil.SPECIFICATIONS,
+            equation_of_motion.SPECIFICATIONS, self.linkage.specifications, self.friction.specifications, oil.SPECIFICATIONS,
             cylinder.SPECIFICATIONS, HOSE, *(part.specifications for part in parts),
+            *(payload.specifications(k, by) for k, by in enumerate(self.steps)),
         )  # fmt: skip
         return tuple({spec.key: spec for group in groups for spec in group}.values())
 
     def has(self, need: str) -> bool:
-        """Whether a component provides what an effect needs (``Effect.needs``); an empty need is always met."""
-        return need == "" or any(need in c.offers for c in self)
+        """Whether a component provides what an effect needs (``Effect.needs``), "no_" before it: none does; "" is met."""
+        absent = need.removeprefix("no_")
+        return need == "" or any(absent in c.offers for c in self) == (absent == need)
 
     def with_component(self, new: Component) -> Structure:
         """The same with another component in its slot; a pilot stage is added and removed with its spool."""

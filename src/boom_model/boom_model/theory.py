@@ -17,7 +17,7 @@ from boom_input.channels import PREDICTED
 from boom_model.catalogue import CATALOGUE
 from boom_model.equations import INPUTS, full_model, reduced_model
 from boom_model.errors import ModelError
-from boom_model.machine_file import load_machine
+from boom_model.machine_file import load_machine, shipped_machines
 from boom_model.slots import registered
 from boom_model.specification import Specification
 from boom_model.state import State
@@ -30,6 +30,8 @@ _STATE_EQUATIONS = {
     "hose_pressure": "5.39i", "accumulator_pressure_1": "5.39g", "accumulator_pressure_2": "5.39h",
     "spool_position": "5.39n", "spool_velocity": "5.39n,o", "pilot_retract": "5.39p", "pilot_extend": "5.39s",
 }  # fmt: skip
+IN_A_CELL = 3
+"""Numbers of an effect; more go on in the next row."""
 _INPUT_SYMBOLS = ("i_+", "i_-")
 _AUXILIARY = {
     "head_flow": ("q_a", "5.39f"), "hose_flow": ("q_h", "5.39l"), "rod_flow": ("q_b", "5.39m"),
@@ -59,7 +61,7 @@ def all_states() -> tuple[State, ...]:
 
 def symbols_table() -> str:
     """Symbol, code name, unit, equation, source, range of everything that the equations contain."""
-    nominal, example = load_machine("tz17"), load_machine("triangle_direct")
+    nominal, *examples = (load_machine(name) for name in sorted(shipped_machines(), key=lambda name: name != "tz17"))
     rows = []
     for name, symbol in zip(INPUTS, _INPUT_SYMBOLS, strict=True):
         rows.append((symbol, f"input `{name}`", "A", "5.39p,s", "measured", ""))
@@ -87,10 +89,12 @@ def symbols_table() -> str:
         elif spec.key in nominal.parameters:
             parameter = nominal.parameters[spec.key]
             source = parameter.source + (f", {parameter.confidence}" if parameter.confidence else "")
-        elif spec.key in example.parameters:
-            source = f"not in tz17; {example.parameters[spec.key].source} in triangle_direct"
         else:
-            source = "in no machine that is shipped"
+            having = next((m for m in examples if spec.key in m.parameters), None)
+            told = (
+                f"{having.parameters[spec.key].source} in {having.name}" if having else "in no machine that is shipped"
+            )
+            source = f"not in tz17; {told}" if having else told
         rows.append(
             (spec.symbol, f"`{spec.key}`", spec.unit, spec.equation, source, _range(spec.minimum, spec.maximum))
         )
@@ -110,13 +114,15 @@ def effects_table() -> str:
     """One row per effect of the catalogue."""
     rows = []
     for effect in CATALOGUE:
-        numbers = "<br>".join(
+        numbers = [
             f"`{row.name}` [{row.unit}] {row.meaning}: neutral {row.neutral:g}, range {row.low:.3g} .. {row.high:.3g}"
             for row in effect.parameters
-        )
+        ]
+        first, *more = ("<br>".join(numbers[k : k + IN_A_CELL]) for k in range(0, len(numbers), IN_A_CELL))
         rows.append(
-            (f"`{effect.id}`", f"`{effect.subsystem}`", effect.equation, f"`{effect.term}`", numbers, effect.regime)
+            (f"`{effect.id}`", f"`{effect.subsystem}`", effect.equation, f"`{effect.term}`", first, effect.regime)
         )
+        rows += [("", "", "", "", further, "") for further in more]
     return _table(("effect", "subsystem", "equation", "term", "parameters", "shows"), rows)
 
 

@@ -41,8 +41,8 @@ def draw(machine: Machine, rng: np.random.Generator, most_effects: int = 2) -> V
     )}  # fmt: skip
     load = float(rng.uniform(*LOAD))
     changed = {"fluid.beta": machine.parameters["fluid.beta"].value[0] * factors["beta"]}
-    for key in ("tau_C_pos", "tau_C_neg", "k_v_pos", "k_v_neg"):
-        changed[f"friction.{key}"] = machine.parameters[f"friction.{key}"].value[0] * factors["tau_f"]
+    for key in machine.structure.friction.sizes:
+        changed[key] = machine.parameters[key].value[0] * factors["tau_f"]
     for key in machine.structure.accumulators.precharges:
         changed[key] = machine.parameters[key].value[0] * factors["p_g0"]
     possible = [effect for effect in CATALOGUE if machine.structure.has(effect.needs)]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from boom_model.catalogue import check_effects
+from boom_model.catalogue import CATALOGUE, Effect, check_effects
 from boom_model.catalogue.terms import Terms
 from boom_model.equations import namespace
 from boom_model.machine import Machine
@@ -29,6 +29,11 @@ def tz17() -> Machine:
 @pytest.fixture(scope="session")
 def other_make() -> Machine:
     return load_machine("triangle_direct")
+
+
+@pytest.fixture(scope="session")
+def loader() -> Machine:
+    return load_machine("loader_crane")
 
 
 @pytest.fixture
@@ -63,6 +68,12 @@ def effects() -> Callable[..., Terms]:
         return Terms(check_effects(given), states)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def possible(tz17: Machine) -> list[Effect]:
+    """The effects that tz17 can have."""
+    return [effect for effect in CATALOGUE if tz17.structure.has(effect.needs)]
 
 
 @pytest.fixture(scope="session")

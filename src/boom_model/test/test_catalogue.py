@@ -44,6 +44,7 @@ def test_equations_let_every_quantity_of_the_catalogue_pass(monkeypatch: pytest.
 
     monkeypatch.setattr(Terms, "through", noting)
     full_model(structure())
+    full_model(structure(supply=False))
     assert passed == set(QUANTITIES)
 
 

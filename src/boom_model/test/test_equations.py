@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from boom_model.catalogue import CATALOGUE, EFFECTS
+from boom_model.components.payload import Step
 from boom_model.equations import full_model, parameter_names, reduced_model
 from boom_model.errors import ModelError
 from boom_model.machine import Machine
@@ -28,6 +30,14 @@ VARIANTS: dict[str, dict[str, Any]] = {
         "linkage": "triangle", "accumulators": "none", "hose_burst_valve": "none", "spool": "direct", "pilot_valves": "none",
         "supply": False,
     },
+    "loader_crane": {
+        "linkage": "triangle", "friction": "cylinder", "accumulators": "none", "hose_burst_valve": "pilot_opened",
+        "spool": "second_order", "pilot_valves": "none", "supply": False, "metering": "four_edges",
+    },
+    "holding_valve_and_accumulators": {"hose_burst_valve": "pilot_opened"},
+    "four_edges": {"metering": "four_edges"},
+    "measured_supply": {"driven": ("supply_pressure", "tank_pressure")},
+    "load_in_steps": {"steps": ("time", "stroke")},
 }  # fmt: skip
 
 
@@ -35,16 +45,19 @@ def middle(effect: Any) -> dict[str, float]:
     return {row.name: 0.5 * (row.low + row.high) + 0.1 * (row.high - row.low) for row in effect.parameters}
 
 
-def variant(tz17: Machine, other_make: Machine, changes: dict[str, Any], effects: bool) -> Machine:
-    """A machine of any structure: the numbers that tz17 lacks come from the other make."""
-    changed = structure(**changes)
-    pool = dict(other_make.parameters) | dict(tz17.parameters)
+def variant(tz17: Machine, others: Sequence[Machine], changes: dict[str, Any], effects: bool) -> Machine:
+    """A machine of any structure: the numbers that tz17 lacks come from the others."""
+    beside = {name: changes[name] for name in ("driven", "steps") if name in changes}
+    changed = replace(structure(**{name: c for name, c in changes.items() if name not in beside}), **beside)
+    other_make, loader = others
+    steps = {"": (Step(120.0, "time", 5.0), Step(80.0, "stroke", 0.3))}
+    stepped = replace(tz17, payloads=steps).carrying().parameters
+    pool = dict(loader.parameters) | dict(other_make.parameters) | dict(stepped)
     keys = [s.key for s in changed.specifications() if not s.key.startswith("pose.")]
     if {"linkage", "spool"} & set(changes):
+        own = loader if changes.get("spool") == "second_order" else other_make
         pool |= {
-            k: v
-            for k, v in other_make.parameters.items()
-            if k.startswith(("kinematics", "main_valve_spool", "cylinder.l"))
+            k: v for k, v in own.parameters.items() if k.startswith(("kinematics", "main_valve_spool", "cylinder.l"))
         }
     machine = replace(tz17, structure=changed, parameters={k: pool[k] for k in keys})
     active = {e.id: middle(e) for e in CATALOGUE if changed.has(e.needs)} if effects else {}
@@ -62,16 +75,17 @@ def random_points(plant: Plant, count: int) -> list[tuple[Any, Any]]:
         "accumulator_entropy_2": (-0.1, 0.1), "accumulator_ambient_1": (0.9, 1.3), "accumulator_ambient_2": (0.9, 1.3),
     }  # fmt: skip
     low, high = np.array([typical.get(name, (-5e4, 2e7)) for name in plant.state_names]).T
-    return [(rng.uniform(low, high), rng.uniform(0.0, 0.6, 2)) for _ in range(count)]
+    most = [2e7 if "pressure" in name else 0.6 for name in plant.machine.structure.inputs]
+    return [(rng.uniform(low, high), rng.uniform(0.0, most)) for _ in range(count)]
 
 
 @pytest.mark.parametrize("effects", [False, True], ids=["nominal", "all_effects"])
 @pytest.mark.parametrize("kind", ["full", "reduced"])
 @pytest.mark.parametrize("name", list(VARIANTS))
 def test_compiled_model_is_casadis_and_its_jacobian_that_of_differences(
-    tz17: Machine, other_make: Machine, name: str, kind: Any, effects: bool
+    tz17: Machine, other_make: Machine, loader: Machine, name: str, kind: Any, effects: bool
 ) -> None:
-    machine = variant(tz17, other_make, VARIANTS[name], effects)
+    machine = variant(tz17, (other_make, loader), VARIANTS[name], effects)
     plant = Plant(machine, machine.pose(0.28, 2.2, 100.0), kind)
     m = plant.equations
     function = ca.Function("f", [m.x, m.u, m.p], [m.derivative, m.outputs])
@@ -117,7 +131,7 @@ def test_effect_of_a_missing_component_is_refused(other_make: Machine) -> None:
 @pytest.mark.parametrize("kind", ["full", "reduced"])
 def test_terms_at_their_neutral_values_leave_the_equations_as_they_are(tz17: Machine, kind: Any) -> None:
     # all effects compiled in, then put to neutral through the parameter vector
-    active = {e.id: middle(e) for e in CATALOGUE if not e.states}
+    active = {e.id: middle(e) for e in CATALOGUE if not e.states and tz17.structure.has(e.needs)}
     with_terms = Plant(tz17.with_effects(active), tz17.pose(4.59, 0.0), kind)
     nominal = Plant(tz17, tz17.pose(4.59, 0.0), kind)
     neutral = {f"effects.{e.id}.{row.name}": row.neutral for e in CATALOGUE for row in e.parameters}
@@ -166,10 +180,10 @@ def test_without_anti_cavitation_the_equations_are_those_of_the_thesis(tz17: Mac
     assert np.count_nonzero(difference) == 1
 
 
-def test_numbers_that_an_effect_changes_are_numbers_of_the_machine(tz17: Machine) -> None:
-    names = tz17.values(tz17.pose(4.59, 0.0))
+def test_numbers_that_an_effect_changes_are_numbers_of_the_machine(tz17: Machine, other_make: Machine) -> None:
     for effect in CATALOGUE:
-        assert set(effect.changes) <= set(names), effect.id
+        machine = tz17 if tz17.structure.has(effect.needs) else other_make
+        assert set(effect.changes) <= set(machine.values(machine.tabulated[0])), effect.id
 
 
 def test_every_effect_of_the_catalogue_stands_once_and_has_plausible_rows() -> None:

@@ -254,7 +254,8 @@ def test_number_written_as_yaml_1_1_text_is_a_number(document: dict[str, Any]) -
 def test_tz17_has_the_structure_of_the_thesis(tz17: Machine) -> None:
     names = {c.slot: c.name for c in tz17.structure}
     assert names == {
-        "linkage": "four_bar", "accumulators": "two_diaphragm", "hose_burst_valve": "flow_limiting", "spool": "pilot_operated",
+        "linkage": "four_bar", "friction": "joint",
+        "accumulators": "two_diaphragm", "hose_burst_valve": "flow_limiting", "spool": "pilot_operated",
         "pilot_valves": "wiener", "supply": True, "metering": "common_overlap", "port_valves": True,
     }  # fmt: skip
     assert tz17.parameters["pilot_valves.h"].value == (76.1, -0.58, 0.247)
@@ -272,7 +273,8 @@ def test_file_of_the_same_machine_in_the_shared_folder_is_the_same() -> None:
 def test_other_make_has_another_structure(other_make: Machine) -> None:
     names = {c.slot: c.name for c in other_make.structure}
     assert names == {
-        "linkage": "triangle", "accumulators": "none", "hose_burst_valve": "none", "spool": "direct", "pilot_valves": "none",
+        "linkage": "triangle", "friction": "joint",
+        "accumulators": "none", "hose_burst_valve": "none", "spool": "direct", "pilot_valves": "none",
         "supply": False, "metering": "common_overlap", "port_valves": True,
     }  # fmt: skip
     assert other_make.parameters["fluid.p_s"].value == (2.1e7,)

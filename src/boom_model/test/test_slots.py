@@ -71,7 +71,8 @@ def test_a_structure_is_the_same_in_another_process(tz17: Machine) -> None:
 
 def test_a_pilot_stage_and_a_spool_that_needs_one_go_together() -> None:
     with pytest.raises(
-        MachineError, match=r"pilot_valves\.type: none goes with main_valve_spool\.type: direct, and only"
+        MachineError,
+        match=r"pilot_valves\.type: none goes with main_valve_spool\.type: direct or second_order, and only",
     ):
         structure(pilot_valves="none").check()
     structure().with_component(component(PilotStage, "none")).check()

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from boom_estimation.unknown import PRECHARGE_TOLERANCE
 from boom_model.catalogue import EFFECTS
-from boom_model.machine import TOLERANCES, Machine, Pose
+from boom_model.machine import Machine, Pose
 from boom_model.observer import compile_abreast
 from boom_model.plant import Plant
+from boom_model.prior import TOLERANCES
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_input.channels import of_topic
+from boom_input.channels import ESSENTIAL, of_topic
 from boom_input.shown import quoted
 from boom_recording import cdr_layout, definitions
 from boom_recording.channels import MACHINE_CONFIGURATION, OSCILLOSCOPE, TYPES
@@ -132,6 +132,8 @@ class BagReader:
                 continue
             stamps, log = np.concatenate(column.stamps), np.concatenate(column.log)
             values = {name: np.concatenate(parts) for name, parts in column.values.items()}
+            values = {name: v for name, v in values.items() if name in ESSENTIAL or not np.isnan(v).all()}
+            channels = tuple(channel for channel in of_topic(topic) if channel.name in values)
             if not stamps.any():
                 self.notes.append(f"{topic} carries no stamps: the time of arrival is used")
                 stamps = log.copy()
@@ -141,7 +143,7 @@ class BagReader:
                 values = {name: column[order] for name, column in values.items()}
             timed = np.ones(len(stamps), bool)
             valid = {name: np.ones(len(stamps), bool) for name in values}
-            result[topic] = TopicSamples(topic, of_topic(topic), stamps, log, values, timed, valid)
+            result[topic] = TopicSamples(topic, channels, stamps, log, values, timed, valid)
         return result
 
     def configuration(self) -> Configuration | None:
@@ -223,7 +225,10 @@ class BagReader:
                 seconds, nanoseconds = (layout.column(rows, f"header.stamp.{name}") for name in ("sec", "nanosec"))
                 stamps[fits] = seconds.astype(np.int64) * 10**9 + nanoseconds.astype(np.int64)
                 for channel in of_topic(topic.topic):
-                    values[channel.name][fits] = layout.column(rows, paths[channel.name]) - channel.wire_offset
+                    there = channel.name in paths
+                    values[channel.name][fits] = (
+                        layout.column(rows, paths[channel.name]) - channel.wire_offset if there else np.nan
+                    )
                 done[fits] = True
             part = rest
 
@@ -266,6 +271,8 @@ class BagReader:
                         f"joint '{self.joint}' is not among {among}: give its name with --joint"
                     )
                 path = f"{path}[{names.index(self.joint)}]"
+            if path not in layout.numbers and topic.type.endswith("/JointState") and channel.name not in ESSENTIAL:
+                continue  # a joint without gyro
             if path not in layout.numbers:
                 raise cdr_layout.LayoutError(f"field {channel.field} is missing or empty")
             paths[channel.name] = path

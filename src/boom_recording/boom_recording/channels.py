@@ -17,6 +17,8 @@ TYPES = {
     "/boom/hose_pressure": "sensor_msgs/msg/FluidPressure",
     "/boom/rod_pressure": "sensor_msgs/msg/FluidPressure",
     "/boom/head_pressure": "sensor_msgs/msg/FluidPressure",
+    "/boom/supply_pressure": "sensor_msgs/msg/FluidPressure",
+    "/boom/tank_pressure": "sensor_msgs/msg/FluidPressure",
     SOLENOID_CURRENTS: "boom_interfaces/msg/SolenoidCurrents",
     CURRENT_COMMAND: "boom_interfaces/msg/SolenoidCurrents",
     REFERENCE: "sensor_msgs/msg/JointState",

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from boom_input.channels import CHANNELS, MEASURED_TOPICS, SENSOR_TOPICS
+from boom_input.channels import CHANNELS, ESSENTIAL_TOPICS, MEASURED_TOPICS, PREDICTED, SENSOR_TOPICS
 from boom_input.shown import quoted
 from boom_recording import bag_folder, defects, defects_stamps, defects_stuck
 from boom_recording.bag_reader import BagReader
@@ -15,7 +15,7 @@ from boom_recording.errors import RecordingError
 from boom_recording.mcap_records import Damage
 from boom_recording.recording import GivenConfiguration, Recording, Signal
 
-REQUIRED = (*SENSOR_TOPICS, MACHINE_CONFIGURATION)
+REQUIRED = (*ESSENTIAL_TOPICS, MACHINE_CONFIGURATION)
 _MANY_DAMAGES = 8
 _UNRELATED_NS = 3600 * 10**9
 
@@ -26,7 +26,8 @@ def load(
 ) -> Recording:  # fmt: skip
     """Load the bag at `path`: a rosbag2 directory or a bare .mcap file.
 
-    require   topics that must be there; the rest is optional. Default: what a recording of the machine contains
+    require   topics that must be there; the rest is optional. Default: angle, currents and configuration; of a sensor that
+              was not recorded there is a signal without valid samples then, and a note
     joint     name of the boom's joint in /joint_states
     given     pose and load that replace the recorded ones; a bag without a configuration then needs none
     check     False: values and stamps are taken as they are (only the order of stamps is held)
@@ -68,14 +69,17 @@ def _load(
     if check:
         _check_values(topics, raw, start_ns, end_ns)
     events = [event for topic, found in raw.items() for event in defects.in_seconds(topic, found, start_ns)]
+    signals = _signals(topics, start_ns)
+    absent = _absent(signals) if set(require) >= set(ESSENTIAL_TOPICS) else {}
+    signals |= absent
     recording = Recording(
         name=bag.name,
         path=path,
         start_ns=start_ns,
         duration=(end_ns - start_ns) / 1e9,
-        signals=_signals(topics, start_ns),
+        signals=signals,
         events=sorted(events, key=lambda event: (event.start_s, event.topic, event.kind)),
-        notes=sorted(set(reader.notes)),
+        notes=sorted({*reader.notes, *(f"{name} was not recorded" for name in absent)}),
         stored_configuration=given.over(reader.configuration()),
     )
     recording.warnings = bag.warnings + _losses(damages, reader, bag, recording)
@@ -118,6 +122,18 @@ def _signals(topics: dict[str, TopicSamples], start_ns: int) -> dict[str, Signal
         time = (samples.stamps_ns - start_ns) / 1e9
         values, valid = samples.values[channel.name], samples.valid[channel.name]
         result[channel.name] = Signal(channel.name, channel.unit, channel.topic, samples.stamps_ns, time, values, valid)
+    return result
+
+
+def _absent(signals: dict[str, Signal]) -> dict[str, Signal]:
+    """Signals of the sensors that were not recorded: NaN, never valid, at the stamps of their topic if it was recorded."""
+    result = {}
+    for sensor in (sensor for sensor in PREDICTED if sensor.name not in signals):
+        beside = next((s.stamps_ns for s in signals.values() if s.topic == sensor.topic), np.zeros(0, np.int64))
+        time = next((s.time for s in signals.values() if s.topic == sensor.topic), np.zeros(0))
+        nothing = np.full(len(beside), np.nan)
+        never = np.zeros(len(beside), bool)
+        result[sensor.name] = Signal(sensor.name, sensor.unit, sensor.topic, beside, time, nothing, never)
     return result
 
 

@@ -325,10 +325,27 @@ def _rewrite(bag: Path, change: Callable[[str, str, bytes], tuple[str, bytes] | 
 
 
 def test_a_missing_topic_is_named(bag: Path) -> None:
-    _rewrite(bag, lambda topic, kind, data: None if topic == "/boom/rod_pressure" else (kind, data))
-    with pytest.raises(RecordingError, match="/boom/rod_pressure missing"):
+    _rewrite(bag, lambda topic, kind, data: None if topic == "/boom/solenoid_currents" else (kind, data))
+    with pytest.raises(RecordingError, match="/boom/solenoid_currents missing"):
         load(bag)
-    assert "rod_pressure" not in load(bag, require=("/joint_states",)).signals
+    assert "retract_current" not in load(bag, require=("/joint_states",)).signals
+
+
+def test_a_sensor_that_was_not_recorded_has_no_valid_sample(bag: Path) -> None:
+    _rewrite(bag, lambda topic, kind, data: None if topic == "/boom/rod_pressure" else (kind, data))
+    found = load(bag)
+    assert len(found.signals["rod_pressure"].time) == 0
+    assert "rod_pressure was not recorded" in found.notes
+    assert "rod_pressure" not in load(bag, require=("/boom/hose_pressure",)).signals
+
+
+def test_a_joint_without_gyro_has_an_angle_and_no_rate(tmp_path: Path) -> None:
+    table = {name: np.arange(200.0) for name in ("angle", "hose_pressure", "retract_current", "extend_current")}
+    write(tmp_path / "made", from_columns("made", np.arange(200) * 0.01, table, CONFIGURATION))
+    found = load(tmp_path / "made", check=False)
+    assert found.signals["angle"].values.tolist() == list(range(200))
+    assert np.isnan(found.signals["rate"].values).all() and not found.signals["rate"].valid.any()
+    assert {"rate was not recorded", "rod_pressure was not recorded"} <= set(found.notes)
 
 
 def test_a_topic_of_another_type_is_named_with_the_right_one(bag: Path) -> None:

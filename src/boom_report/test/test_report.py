@@ -152,7 +152,16 @@ def test_a_run_that_stopped_is_told_in_red(tmp_path):
     assert any("stopped" in row[-1] for row in page.rows if row and row[0] == "constant")
 
 
-@pytest.mark.parametrize("name", ["angle", "rod_pressure", "retract_current"])
+def test_a_sensor_that_was_not_recorded_leaves_a_dash_and_is_told(tmp_path):
+    bag = without("rod_pressure")
+    _, page = page_of(tmp_path, bag)
+    row = next(row for row in page.rows if row[0] == "constant")
+    assert [cell == "–" for cell in row[4:9]] == [False] * 4 + [True]
+    assert verdict(bag).kind == "not compared" and "2 s are too few" in verdict(bag).short
+    assert "Not compared, for lack of valid samples: rod pressure" in "".join(page.text)
+
+
+@pytest.mark.parametrize("name", ["angle", "retract_current"])
 def test_a_channel_without_a_valid_sample_leaves_dashes(tmp_path, name):
     _, page = page_of(tmp_path, without(name))
     row = next(row for row in page.rows if row[0] == "constant")

@@ -52,7 +52,7 @@ def simulate(
     """
     load = 0.0 if math.isnan(configuration.load_mass) else configuration.load_mass
     pose = machine.pose(configuration.outer_boom_angle, configuration.telescope_length, load)
-    plant = Plant(machine, pose, kind)
+    plant = Plant(machine.carrying(name), pose, kind)
     end = float(time[-1]) + PERIOD if duration is None else duration
     grid: Array = np.arange(math.floor(end / PERIOD + 1e-9) + 1, dtype=np.float64) * PERIOD
     initial = start.state(plant)

@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
         return 2
     table = Table(title=f"{args.file}: machine {machine.name}", box=None, title_justify="left", pad_edge=False)
     for heading in ("quantity", "value", "from"):
-        table.add_column(heading, overflow="fold")
+        table.add_column(heading, overflow="fold", no_wrap=heading == "quantity")
     for row in rows:
         table.add_row(row.meaning, row.value, row.source)
     console = console_for()

@@ -14,7 +14,7 @@ import casadi as ca
 from boom_controller.blocks.buffers import on_buffers
 from boom_controller.types import Reference
 from boom_model.component_numbers import component_parameters
-from boom_model.components import cylinder, equation_of_motion, friction, oil
+from boom_model.components import cylinder, equation_of_motion, oil
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
 from boom_model.structure import Structure
@@ -129,7 +129,7 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
     def torque(angle: Any, jacobian: Any, rate: Any) -> Any:
         """tau~_f, (5.41)."""
         drop = structure.hose_burst_valve.pressure_drop(jacobian * rate * a_a, p, e)
-        return friction.torque(angle, rate, p, e) + a_a * jacobian * drop
+        return structure.friction.torque(angle, rate, jacobian, p, e) + a_a * jacobian * drop
 
     further: Any = v.load
     position, jacobian = kinematics(v.angle)

@@ -91,7 +91,7 @@ def active_effects(given: Any, has: Callable[[str], bool]) -> dict[str, dict[str
     complete = check_effects(given)
     for name in complete:
         if not has(EFFECTS[name].needs):
-            raise MachineError(f"effects.{name}: this machine has no {EFFECTS[name].needs.replace('_', ' ')}")
+            raise MachineError(f"effects.{name}: this machine has {EFFECTS[name].lacking}")
     return {name: values for name, values in complete.items() if not is_neutral(name, values)}
 
 

@@ -5,6 +5,6 @@ from boom_model.catalogue.effect import Effect, parameter
 EFFECT = Effect(
     "command_delay", "pilot_valves", "5.39p,s", "i(t - T)",
     ("the command", "arrives late at the pilot valves"), "follows the edges of the command",
-    (parameter("T", "s", 0.0, (0.005, 0.1), (0.0, 1.0), "dead time between command and valve", starts=(0.01, 0.04)),),
+    (parameter("T", "s", 0.0, (0.005, 0.1), (0.0, 1.0), "dead time between command and valve", starts=(0.01, 0.04, 0.08)),),
     place=2, delays="command", watched=False,
 )  # fmt: skip

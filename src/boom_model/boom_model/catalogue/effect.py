@@ -15,7 +15,7 @@ Term = Callable[[Expression, Any, Any], Expression]
 """(value, own, at) -> the quantity with the term. own: the effect's numbers and states (``terms.Own``); at: see ``QUANTITIES``."""
 
 QUANTITIES: dict[str, str] = {
-    "load_mass": "m at the tip [kg]",
+    "load_mass": "m at the tip [kg]; at.position of the piston",
     "gravity_torque": "g(q_2) [N m]; at.angle",
     "coulomb_friction": "tau_C, its size without direction [N m]; at.angle, at.rate",
     "sliding_friction": "tau_C tanh(w / sigma) [N m]; at.rate, at.coulomb",
@@ -33,9 +33,11 @@ QUANTITIES: dict[str, str] = {
     "entropy_rate": "rate of an accumulator's ln(p V_g^kappa) [1/s]; at.number",
     "limited_flow": "a_21, a_30, a_31 of the hose burst valve",
     "limited_conductance": "q_a / (p_h - p_a) while it limits [m^3/s/Pa]",
-    "overlap": "x_0 [-]; at.position of the spool",
+    "valve_flow": "q_a through the valve between hose and head side [m^3/s]; at.hose, at.head, at.rod [Pa]",
+    "overlap": "x_0 [-]; at.position of the spool, at.edge: supply or tank",
     "metering_position": "s_s at the metering edges [m]; at.p",
-    "supply_flow": "from the supply to a port [m^3/s]",
+    "supply_pressure": "p_s without a compensator [Pa]",
+    "supply_flow": "from the supply to a port [m^3/s]; at.conductance = q / sqrt(dp), at.pressure of the port",
     "tank_flow": "from a port to the tank [m^3/s]; at.conductance = q / sqrt(dp)",
     "flow_force": "F_q, closes the spool [N]; at.size of |q| sqrt(|dp|), at.extend",
     "return_spring": "k [N/m]",
@@ -113,7 +115,9 @@ class Effect:
         states: states that it brings while active; it is then left out of the reduced model.
         at_rest: (states so far, p, e) -> values of its own states of a boom that has rested, where these are not zero.
         check: (its numbers, machine); raises MachineError where both do not go together.
-        needs: structure that the machine must have, e.g. "hose_burst_valve"; empty if none.
+        holds: it shuts the head side, whose pressure p_a then carries the boom whatever the hose's is; hose and head side are two
+            volumes then.
+        needs: structure that the machine must have, e.g. "hose_burst_valve"; "no_" before it: must not; empty if none.
         independent: each parameter is a term of its own; otherwise the first one leads, and without it there is no term.
         changes: components of the parameter vector that it is a change of: off by more than their tolerance they are this effect.
         delays: its first parameter is a dead time of what is said here.
@@ -140,6 +144,7 @@ class Effect:
     states: tuple[State, ...] = ()
     at_rest: Callable[[Mapping[str, float], Any, Any], dict[str, float]] | None = None
     check: Callable[[Mapping[str, float], Any], None] | None = None
+    holds: bool = False
     needs: str = ""
     independent: bool = False
     changes: tuple[str, ...] = ()
@@ -162,3 +167,9 @@ class Effect:
     def leading(self) -> tuple[EffectParameter, ...]:
         """The parameters at whose neutral values the term vanishes."""
         return self.parameters if self.independent else self.parameters[:1]
+
+    @property
+    def lacking(self) -> str:
+        """What a machine that cannot have it has: "no pilot valves", "a holding valve"."""
+        absent = self.needs.removeprefix("no_")
+        return f"{'no' if absent == self.needs else 'a'} {absent.replace('_', ' ')}"

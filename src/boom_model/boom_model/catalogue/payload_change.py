@@ -1,28 +1,27 @@
-"""A load that is grasped or released during the recording: attached within some 10 ms at t_g, at the tip's speed."""
+"""A load that is grasped or released during the recording, at a time, or that leaves the ground at a stroke, in every cycle.
+
+At t_g it is attached within some 10 ms, at the tip's speed. Below the piston position s_g it rests on the ground.
+"""
 
 from typing import Any
 
-import casadi as ca
-
 from boom_model.catalogue.effect import Effect, parameter
+from boom_model.components.payload import on_the_hook
 from boom_model.regularisation import Expression
 from boom_model.state import ELAPSED_TIME
 
-GRASP_TIME = 0.01
-"""s. Width of the tanh with which a load is grasped or released."""
 
-
-def _load(mass: Expression, own: Any, _at: Any) -> Expression:
-    grasped = 0.5 * (1 + ca.tanh((own.time() - own.t_g) / GRASP_TIME))
-    return mass + own.mass * grasped
+def _load(mass: Expression, own: Any, at: Any) -> Expression:
+    return mass + own.mass * on_the_hook(own.time(), own.t_g, "time") * on_the_hook(at.position, own.s_g, "stroke")
 
 
 EFFECT = Effect(
-    "payload_change", "load", "5.39a", "m (1 + tanh((t - t_g) / 0.01 s)) / 2 at the tip",
+    "payload_change", "load", "5.39a", "m (1 + tanh((t - t_g) / 0.01 s)) / 2 (1 + tanh((s_p - s_g) / 5 mm)) / 2 at the tip",
     ("a load", "was grasped or released during the recording"), "static head pressure steps, with the lever arm",
     (
         parameter("mass", "kg", 0.0, (50.0, 2000.0), (-2000.0, 5000.0), "mass grasped (released: negative)"),
         parameter("t_g", "s", 20.0, (5.0, 50.0), (-1e5, 1e5), "when, since the start of the run"),
+        parameter("s_g", "m", -1.0, (0.0, 1.0), (-1.0, 10.0), "piston position below which it rests on the ground; -1: none"),
     ),
     {"load_mass": _load},
     place=2, states=(ELAPSED_TIME,), load=True, onset="t_g", lasting="payload", watched=False,

@@ -57,6 +57,7 @@ class Terms:
     """
 
     def __init__(self, values: Mapping[str, Mapping[str, Expression]], states: States | None = None) -> None:
+        self._values = values
         self._active = [
             (effect, Own(effect, values[effect.id], states))
             for effect in CATALOGUE
@@ -70,6 +71,10 @@ class Terms:
             if term is not None:
                 value = term(value, own, SimpleNamespace(**at))
         return value
+
+    def numbers(self, effect: str) -> SimpleNamespace:
+        """The numbers of an active effect by name."""
+        return SimpleNamespace(**self._values[effect])
 
     def delay(self, of: str) -> float:
         """Dead time [s] of the ``command`` or the ``pressures``."""

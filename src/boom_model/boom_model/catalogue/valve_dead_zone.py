@@ -13,15 +13,23 @@ LARGEST_OVERLAP = 0.95
 """Of the stroke: largest dead zone, x_0 + d."""
 
 
-def _check(values: Mapping[str, float], machine: Any) -> None:
-    """A dead zone x_0 + d is not negative and leaves something of the stroke."""
+def check_overlaps(effect: str, values: Mapping[str, float], machine: Any) -> None:
+    """A dead zone x_0 + d is not negative and leaves something of the stroke.
+
+    Raises:
+        MachineError: names the effect's parameter and its range.
+    """
     for key, (name, change) in product(machine.structure.metering.overlaps, values.items()):
         overlap = machine.parameters[key].value[0]
         if not 0.0 <= overlap + change <= LARGEST_OVERLAP:
             raise MachineError(
-                f"effects.valve_dead_zone.{name}: {change:g} is outside {-overlap:g} .. {LARGEST_OVERLAP - overlap:g}, "
+                f"effects.{effect}.{name}: {change:g} is outside {-overlap:g} .. {LARGEST_OVERLAP - overlap:g}, "
                 f"with which {key} = {overlap:g} stays within 0 .. {LARGEST_OVERLAP:g} of the stroke"
             )
+
+
+def _check(values: Mapping[str, float], machine: Any) -> None:
+    check_overlaps("valve_dead_zone", values, machine)
 
 
 EFFECT = Effect(

@@ -9,6 +9,7 @@ as a jump it overshoots and costs ten times the steps. Valid for p_o > 0.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import pi
 from typing import Any
 
@@ -108,7 +109,8 @@ def _flow(w: Wiring, hose_pressure: Expression) -> Expression:
     return total
 
 
-def _rest(p: Any, e: Any, pressure: float) -> dict[str, float]:
+def _rest(states: Mapping[str, float], p: Any, e: Any) -> dict[str, float]:
+    pressure = states["hose_pressure"]
     return {f"accumulator_pressure_{i}": max(pressure, precharge) for i, (precharge, _) in enumerate(cells(p, e), 1)}
 
 

@@ -29,9 +29,9 @@ SPECIFICATIONS = (
 """The section ``pose`` is not in the machine file: it follows from it, the pose of the locked joints and the load."""
 
 
-def load_mass(p: Any, e: Any) -> Expression:
-    """m [kg]."""
-    return e.through("load_mass", p.pose.load)
+def load_mass(p: Any, e: Any, position: Expression = 0.0, steps: Expression = 0.0) -> Expression:
+    """m [kg] at the piston position [m], with the ``steps`` of the load [kg]."""
+    return e.through("load_mass", p.pose.load + steps, position=position)
 
 
 def inertia(load: Expression, p: Any) -> Expression:

@@ -1,9 +1,10 @@
-"""Asymmetric friction torque of the cylinder, (3.7) = (5.39b).
+"""Friction of the cylinder: as a torque in the joint, (3.7) = (5.39b), or as a force of its seals, which acts through the linkage.
 
-    tau_f = tau_C+ tanh(w / sigma) + k_v+ w   for w >= 0 (lifting)
-    tau_f = tau_C- tanh(w / sigma) + k_v- w   for w <  0 (lowering)
+    joint:     tau_f = tau_C+- tanh(w / sigma) + k_v+- w
+    cylinder:  tau_f = J (F_C+- tanh(w_p / sigma) + k_v+- w_p),   w_p = J w
 
-w is the boom's angular velocity [rad/s].
++ for w >= 0 (lifting), - for w < 0 (lowering); w is the boom's angular velocity [rad/s], J = ds_p/dq_2. The second is not in the
+thesis; seals of a loader crane rub with 300 to 900 N.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 import casadi as ca
 
 from boom_model.regularisation import Expression
+from boom_model.slots import Friction, register
 from boom_model.specification import Specification
 
 SPECIFICATIONS = (
@@ -22,13 +24,51 @@ SPECIFICATIONS = (
     Specification("friction.k_v_neg", "k_v-", "N m s/rad", "viscous friction, lowering", 0.0, 1e6, "3.7"),
     Specification("friction.sigma", "sigma", "rad/s", "width of the tanh", 1e-4, 1.0, "3.7"),
 )
+AT_SEALS = (
+    Specification("friction.F_C_pos", "F_C+", "N", "Coulomb friction of the seals, lifting", 0.0, 1e5, "-"),
+    Specification("friction.F_C_neg", "F_C-", "N", "Coulomb friction of the seals, lowering", 0.0, 1e5, "-"),
+    Specification("friction.d_pos", "d_+", "N s/m", "viscous friction of the seals, lifting", 0.0, 1e6, "-"),
+    Specification("friction.d_neg", "d_-", "N s/m", "viscous friction of the seals, lowering", 0.0, 1e6, "-"),
+    Specification("friction.sigma_p", "sigma_p", "m/s", "width of the tanh", 1e-5, 1.0, "-"),
+)
 
 
 def torque(angle: Expression, rate: Expression, p: Any, e: Any) -> Expression:
-    """tau_f [N m] at boom angle q_2 [rad] and angular velocity [rad/s]; ``e``: the active effects."""
+    """tau_f [N m] in the joint at boom angle q_2 [rad] and angular velocity [rad/s]; ``e``: the active effects."""
     c = p.friction
-    size = ca.if_else(rate >= 0, c.tau_C_pos, c.tau_C_neg)
+    return _torque(angle, rate, e, (c.tau_C_pos, c.tau_C_neg), (c.k_v_pos, c.k_v_neg), c.sigma)
+
+
+def torque_of_seals(angle: Expression, rate: Expression, jacobian: Expression, p: Any, e: Any) -> Expression:
+    """tau_f [N m] of the seals at q_2 [rad], angular velocity [rad/s] and J [m/rad]."""
+    c = p.friction
+    coulomb = (jacobian * c.F_C_pos, jacobian * c.F_C_neg)
+    viscous = (jacobian**2 * c.d_pos, jacobian**2 * c.d_neg)
+    return _torque(angle, rate, e, coulomb, viscous, c.sigma_p / jacobian)
+
+
+def _torque(
+    angle: Expression, rate: Expression, e: Any, coulomb: tuple[Any, Any], viscous: tuple[Any, Any], sigma: Expression
+) -> Expression:
+    """coulomb [N m] and viscous [N m s/rad] friction of lifting and lowering, sigma [rad/s]."""
+    size = ca.if_else(rate >= 0, *coulomb)
     size = e.through("coulomb_friction", size, angle=angle, rate=rate)
-    sliding = e.through("sliding_friction", size * ca.tanh(rate / c.sigma), rate=rate, coulomb=size)
-    torque = sliding + ca.if_else(rate >= 0, c.k_v_pos, c.k_v_neg) * rate
+    sliding = e.through("sliding_friction", size * ca.tanh(rate / sigma), rate=rate, coulomb=size)
+    torque = sliding + ca.if_else(rate >= 0, *viscous) * rate
     return e.through("friction_torque", torque, angle=angle, rate=rate)
+
+
+def _sizes(specifications: tuple[Specification, ...]) -> tuple[str, ...]:
+    return tuple(spec.key for spec in specifications[:4])
+
+
+register(Friction(
+    name="joint", meaning="friction as a torque in the joint", term="tau_f = tau_C tanh(w / sigma) + k_v w", equation="5.39b",
+    specifications=SPECIFICATIONS, torque=lambda angle, rate, jacobian, p, e: torque(angle, rate, p, e),
+    sizes=_sizes(SPECIFICATIONS),
+))  # fmt: skip
+register(Friction(
+    name="cylinder", meaning="friction of the cylinder's seals, through the linkage",
+    term="tau_f = J (F_C tanh(w_p / sigma_p) + d w_p)", specifications=AT_SEALS, torque=torque_of_seals,
+    sizes=_sizes(AT_SEALS),
+))  # fmt: skip

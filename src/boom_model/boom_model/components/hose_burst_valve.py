@@ -110,7 +110,8 @@ register(HoseBurstValve(
     name="flow_limiting", meaning="limits the flow out of the cylinder",
     term="q_a = a_11 dp + a_12 sqrt(dp), a_21 dp + a_22 dp^2, a_30 + a_31 dp", equation="5.39e,f",
     specifications=SPECIFICATIONS, information=frozenset({"a22", "node", "a22_c1", "node_c1"}),
-    offers=frozenset({"hose_burst_valve"}), check=_check, flow=lambda w, drop: flow(drop, w.p, w.e),
+    offers=frozenset({"hose_burst_valve"}), check=_check,
+    flow=lambda w, hose, head, rod: flow(hose - head, w.p, w.e),
     pressure_drop=pressure_drop,
 ))  # fmt: skip
 register(HoseBurstValve(name="none", meaning="hose and head side are one volume", term="p_h = p_a", separates=False))

@@ -14,7 +14,7 @@ In the dead zone x <= x_0 every area is exactly zero. F_q, with which the flow c
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import casadi as ca
@@ -24,6 +24,7 @@ from boom_model.regularisation import Expression, power, signed_sqrt
 from boom_model.slots import Metering, Supply, ValveFlows, register
 from boom_model.specification import Specification
 
+Areas = Callable[[Expression, Any, Any], tuple[Expression, Expression]]
 LARGEST_OPENING = 1.2
 LARGEST_METER_OUT = 1.3
 SMALLEST_OPENING = 1e-12
@@ -64,14 +65,13 @@ SPECIFICATIONS = (
 )
 
 
-def overlap(position: Expression, p: Any, e: Any) -> Expression:
-    """x_0 [-] of the edges that are open at the spool position s_s [m], over full stroke."""
-    return e.through("overlap", p.main_valve_orifices.x0, position=position)
+def overlap(position: Expression, p: Any, e: Any, edge: str = "supply") -> Expression:
+    """x_0 [-] of the ``supply`` or the ``tank`` edge that is open at the spool position s_s [m], over full stroke."""
+    return e.through("overlap", p.main_valve_orifices.x0, position=position, edge=edge)
 
 
-def opening(position: Expression, p: Any, e: Any) -> Expression:
-    """u [-] at the spool position s_s [m], of the edges that are open on its side."""
-    x0 = overlap(position, p, e)
+def opening(position: Expression, x0: Expression, p: Any) -> Expression:
+    """u [-] at the spool position s_s [m] of an edge with the overlap x_0 [-]."""
     x = ca.fmin(ca.fabs(position) / p.main_valve_spool.s_max, LARGEST_OPENING)
     u = (x - x0) / (1 - x0)
     return ca.if_else(u > 0, power(ca.fmax(u, SMALLEST_OPENING), p.main_valve_orifices.n), 0.0)
@@ -81,9 +81,9 @@ def areas(position: Expression, p: Any, e: Any) -> tuple[Expression, Expression]
     """(A_sa, A_tb) [m^2] at s_s < 0, (A_sb, A_ta) at s_s >= 0 [m]: from the supply to one port, from the other to the tank."""
     o = p.main_valve_orifices
     extend = position < 0
-    u = opening(position, p, e)
-    a_ta = o.A_sb_max * u / (o.A_ta_law.c0 - o.A_ta_law.c1 * ca.fmin(u, LARGEST_METER_OUT) ** 2)
-    return ca.if_else(extend, o.A_sa_max, o.A_sb_max) * u, ca.if_else(extend, o.A_tb_max * u, a_ta)
+    supply, tank = (opening(position, overlap(position, p, e, edge), p) for edge in ("supply", "tank"))
+    a_ta = o.A_sb_max * tank / (o.A_ta_law.c0 - o.A_ta_law.c1 * ca.fmin(tank, LARGEST_METER_OUT) ** 2)
+    return ca.if_else(extend, o.A_sa_max, o.A_sb_max) * supply, ca.if_else(extend, o.A_tb_max * tank, a_ta)
 
 
 def flows(
@@ -94,18 +94,21 @@ def flows(
     e: Any,
     supply_drop: Supply,
     rod_passage: Expression = 1.0,
+    edges: Areas = areas,
 ) -> ValveFlows:
     """Flows and closing force at the spool position s_s [m], p_h and p_b [Pa].
 
-    supply_drop: over the edge from the supply. rod_passage: share of the rod side's return passage that is left open.
+    supply_drop: over the edge from the supply. rod_passage: share of the rod side's return passage that is left open. edges: areas
+    of the edges that are open, as :func:`areas`.
     """
     f = p.fluid
     gain = f.C_d * ca.sqrt(2 / f.rho)
     extend = position < 0
-    supply_area, tank_area = areas(position, p, e)
+    supply_area, tank_area = edges(position, p, e)
     port_pressure = ca.if_else(extend, hose_pressure, rod_pressure)
     supply_root = supply_drop.root(port_pressure, p)
-    supply = e.through("supply_flow", gain * supply_area * supply_root)
+    conducted = gain * supply_area
+    supply = e.through("supply_flow", conducted * supply_root, conductance=conducted, pressure=port_pressure)
     tank_drop = ca.if_else(extend, rod_pressure, hose_pressure) - f.p_t
     conductance = gain * ca.if_else(extend, tank_area * rod_passage, tank_area)
     tank = e.through("tank_flow", conductance * signed_sqrt(tank_drop), conductance=conductance)

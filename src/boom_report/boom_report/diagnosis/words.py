@@ -26,6 +26,9 @@ _SCALES = {
     "rad/s": (1e3, "mrad/s"),
     "m^3/s": (6e4, "l/min"),
     "m^3/s/Pa": (6e4 * 1e7, "l/min at 100 bar"),
+    "m^3/s/Pa^0.5": (6e4 * 1e5**0.5, "(l/min)/sqrt(bar)"),
+    "m^3/s/Pa^1.5": (6e4 * 1e5**1.5, "(l/min)/sqrt(bar) per bar"),
+    "Pa s/m^3": (1e-5 / 6e4, "bar/(l/min)"),
     "Pa s^2/m^6": (1e-5 * (100 / 6e4) ** 2, "bar at 100 l/min"),
     "rad/(N m)": (1e9, "nrad/(N m)"),
 }

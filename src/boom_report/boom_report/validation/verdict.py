@@ -39,6 +39,7 @@ def verdict(bag: BagValidation) -> Verdict:
     """Judges the full model against the measurement."""
     judged = [(c, r) for c in PREDICTED if (r := ratio(c, bag)) is not None]
     missing = [c.label for c in PREDICTED if bag.full.metrics[c.judging] is None]
+    compared = [c for c, _ in judged]
     off = sorted((pair for pair in judged if pair[1] > 1), key=lambda pair: -pair[1])
     numbers = ", ".join(_with_number(c, bag) for c, _ in judged)
     if bag.full.stopped:
@@ -60,13 +61,19 @@ def verdict(bag: BagValidation) -> Verdict:
             f"{where(bag, worst)}{fine}{_not_compared(missing)}"
         )
         return Verdict("differs", f"differs: {most}{also}", sentence)
-    if missing:
+    if PREDICTED[0] not in compared:
         text = f"no prediction could be compared in {_listed(missing)}"
         return Verdict("not compared", f"not compared: {text}", f"{text[0].upper()}{text[1:]}.{_why(bag.full)}")
     if bag.too_little:
-        return Verdict("not compared", f"not compared: {bag.too_little}", f"No verdict: {bag.too_little}.")
-    sentence = f"The full model agrees with the measurement within the sensors' noise: {numbers}."
-    return Verdict("agrees", "agrees within sensor noise", sentence)
+        return Verdict(
+            "not compared", f"not compared: {bag.too_little}", f"No verdict: {bag.too_little}.{_not_compared(missing)}"
+        )
+    sentence = (
+        f"The full model agrees with the measurement within the sensors' noise: {numbers}.{_not_compared(missing)}"
+    )
+    return Verdict(
+        "agrees", f"agrees within sensor noise{f'; without {_listed(missing)}' if missing else ''}", sentence
+    )
 
 
 def where(bag: BagValidation, channel: Sensor) -> str:

@@ -1,0 +1,44 @@
+"""Spool of a valve that the currents command directly, with on-board position control: second order.
+
+    s_s'' = omega_n^2 (K_i (i_+ - i_-) - s_s) - 2 zeta omega_n s_s'
+
+i_+ retracts (s_s > 0), i_- extends (s_s < 0). Not in the thesis; makers of proportional valves state natural frequency and damping.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from boom_model.regularisation import Expression
+from boom_model.slots import Spool, Wiring, register
+from boom_model.specification import Specification
+
+SPECIFICATIONS = (
+    Specification("main_valve_spool.s_max", "s_s^max", "m", "full stroke to either side", 1e-4, 0.1, "5.9"),
+    Specification("main_valve_spool.K_i", "K_i", "m/A", "spool position per current", 1e-5, 1.0, "-"),
+    Specification("main_valve_spool.omega_n", "omega_n", "rad/s", "natural frequency of the spool", 1.0, 1e4, "-"),
+    Specification("main_valve_spool.zeta", "zeta", "-", "damping ratio of the spool", 0.05, 10.0, "-"),
+)
+
+
+def acceleration(
+    position: Expression, velocity: Expression, retract: Expression, extend: Expression, p: Any
+) -> Expression:
+    """s_s'' [m/s^2] for s_s [m], s_s' [m/s] and the two currents [A]."""
+    s = p.main_valve_spool
+    return s.omega_n**2 * (s.K_i * (retract - extend) - position) - 2 * s.zeta * s.omega_n * velocity
+
+
+def _motion(w: Wiring, position: Expression, _force: Expression) -> None:
+    velocity = w.add("spool_velocity", "w_s", "m/s", 0.1, -10.0, 10.0)
+    w.rates["spool_position"] = velocity
+    w.rates["spool_velocity"] = acceleration(position, velocity, w.u[0], w.u[1], w.p)
+
+
+register(Spool(
+    name="second_order", meaning="follows its current as a second-order system",
+    term="s_s'' = omega_n^2 (K_i (i_+ - i_-) - s_s) - 2 zeta omega_n s_s'", specifications=SPECIFICATIONS, motion=_motion,
+    position=lambda retract, extend, p, pilot: p.main_valve_spool.K_i * (retract - extend),
+    current=lambda position, p, pilot: position / p.main_valve_spool.K_i,
+    settling=lambda p, e, pilot: 2 * p.main_valve_spool.zeta / p.main_valve_spool.omega_n,
+))  # fmt: skip

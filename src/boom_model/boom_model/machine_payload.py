@@ -1,0 +1,52 @@
+"""Section ``payload`` of a machine file: how well loads are known, and in which steps they are picked up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from boom_model.components.payload import By, Step
+from boom_model.errors import MachineError, nearest
+from boom_model.prior import Tolerance, check_tolerance
+from boom_model.specification import number
+
+MOST_STEPS = 8
+_FORM = "{mass: ..., time: ...} or {mass: ..., stroke: ...}"
+
+
+def check_payload(section: Any) -> tuple[Tolerance | None, Mapping[str, tuple[Step, ...]]]:
+    """Tolerance of the load of a configuration, and the steps by name of the recording ("": every other one).
+
+    Raises:
+        MachineError: names the first key that is missing, misspelt or impossible.
+    """
+    known = ("tol", "steps", "recordings")
+    if not isinstance(section, dict):
+        raise MachineError("payload: expected tol, steps or recordings below it")
+    for key in section:
+        if key not in known:
+            raise MachineError(f"payload.{key}: no such key{nearest(str(key), known)}")
+    tolerance = check_tolerance(section["tol"], "payload", ()) if "tol" in section else None
+    recordings = section.get("recordings") or {}
+    if not isinstance(recordings, dict):
+        raise MachineError("payload.recordings: expected the name of a recording with its steps")
+    listed = {f"payload.recordings.{name}": (str(name), steps) for name, steps in recordings.items()}
+    if "steps" in section:
+        listed["payload.steps"] = ("", section["steps"])
+    return tolerance, {name: _steps(steps, where) for where, (name, steps) in listed.items()}
+
+
+def _steps(given: Any, where: str) -> tuple[Step, ...]:
+    if not isinstance(given, list) or len(given) > MOST_STEPS:
+        raise MachineError(f"{where}: expected a list of at most {MOST_STEPS} steps, each {_FORM}")
+    return tuple(_step(entry, f"{where}[{k}]") for k, entry in enumerate(given))
+
+
+def _step(entry: Any, where: str) -> Step:
+    if not isinstance(entry, dict) or set(entry) - {"tol"} not in ({"mass", "time"}, {"mass", "stroke"}):
+        raise MachineError(f"{where}: expected {_FORM}")
+    by: By = "time" if "time" in entry else "stroke"
+    mass, at = number(entry["mass"]), number(entry[by])
+    if not abs(mass) <= 1e5 or not abs(at) <= 1e5:
+        raise MachineError(f"{where}: {_FORM} in kg and {'s' if by == 'time' else 'm'}, up to 100000")
+    return Step(mass, by, at, check_tolerance(entry["tol"], where, (mass,)) if "tol" in entry else None)

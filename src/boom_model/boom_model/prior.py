@@ -1,0 +1,185 @@
+"""How far a number of a machine may be off: its ``tol`` or its confidence, read here and nowhere else.
+
+A tolerance is two standard deviations of the number's prior. ``tol`` of an entry is one of
+
+    0.1                relative: sigma = 0.1 |value| / 2
+    {abs: 0.03}        in the unit of the number: sigma = 0.03 / 2
+    {factor: 3}        log-normal: sigma of ln(value) is ln(3) / 2
+    {range: [a, b]}    sigma = (b - a) / 4, and nothing outside a .. b
+
+Without it ``conf`` decides (``machine.TOLERANCES``), pre-charge pressures are known to 5 %, loads to 5 % or 20 kg (machine notes).
+The lengths of a linkage can be measured with a rule: the prior of one ends at its tolerance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import inf, log
+from typing import TYPE_CHECKING, Any, Literal
+
+from boom_model.errors import MachineError, nearest
+from boom_model.specification import number
+
+if TYPE_CHECKING:
+    from boom_model.machine import Machine, Parameter, Pose
+
+Kind = Literal["normal", "log_normal"]
+
+TOLERANCES = {"high": 0.03, "medium": 0.10, "low": 0.30, "": 0.15}
+"""Relative tolerance of a number by its confidence (machine notes)."""
+PRECHARGE = 0.05
+"""Relative tolerance of a pre-charge pressure of which neither ``tol`` nor ``conf`` is told."""
+LOAD, LOAD_KG = 0.05, 20.0
+"""Tolerance of a load: the larger one of a share and of kilograms."""
+LINKAGE = ("kinematics.", "cylinder.l_min")
+LARGEST_FACTOR = 1e3
+MOMENTS = ("D0", "Sx", "Sy")
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """``tol`` of an entry: its word (``relative`` for a bare number) and its number, two for a range."""
+
+    word: Literal["relative", "abs", "factor", "range"]
+    numbers: tuple[float, ...]
+
+    def sigma(self, value: float) -> float:
+        """Standard deviation of the prior [unit of the number], of its logarithm for a factor."""
+        if self.word == "relative":
+            return self.numbers[0] * abs(value) / 2
+        if self.word == "factor":
+            return log(self.numbers[0]) / 2
+        return self.numbers[0] / 2 if self.word == "abs" else (self.numbers[1] - self.numbers[0]) / 4
+
+    def relative(self, value: float) -> float:
+        """Two standard deviations over the value; 0 for a number that is zero."""
+        if self.word == "factor":
+            return self.numbers[0] - 1.0
+        return 2 * self.sigma(value) / abs(value) if value else 0.0
+
+    def __str__(self) -> str:
+        """For people."""
+        if self.word == "relative":
+            return f"+-{100 * self.numbers[0]:g} %"
+        if self.word == "factor":
+            return f"factor {self.numbers[0]:g}"
+        return f"+-{self.numbers[0]:g}" if self.word == "abs" else "{:g} .. {:g}".format(*self.numbers)
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Prior of one number.
+
+    Attributes:
+        kind: ``normal`` about the value of the file, or ``log_normal``.
+        sigma: standard deviation [unit of the number], of ln(value) if log-normal; 0: the number is known.
+        low, high: it is not outside these.
+    """
+
+    kind: Kind
+    sigma: float
+    low: float
+    high: float
+
+
+def check_tolerance(given: Any, key: str, value: tuple[float, ...]) -> Tolerance:
+    """The tolerance that an entry states under ``tol``.
+
+    Raises:
+        MachineError: not one of the four forms, or one that does not fit the value.
+    """
+    word, stated = next(iter(given.items())) if isinstance(given, dict) and len(given) == 1 else ("relative", given)
+    numbers = tuple(number(v) for v in (stated if word == "range" and isinstance(stated, list) else [stated]))
+    forms = "write 0.1, {abs: 0.03}, {factor: 3} or {range: [a, b]}"
+    if word not in ("relative", "abs", "factor", "range") or not all(abs(v) < inf for v in numbers):
+        raise MachineError(f"{key}.tol: {given!r} is no tolerance; {forms}")
+    if word == "range":
+        if len(numbers) != 2 or not all(numbers[0] <= v <= numbers[1] for v in value) or numbers[0] == numbers[1]:
+            raise MachineError(f"{key}.tol: the range [a, b] has to hold the value; {forms}")
+    elif word == "factor":
+        if not 1.0 < numbers[0] <= LARGEST_FACTOR or not all(v > 0.0 for v in value):
+            raise MachineError(
+                f"{key}.tol: a factor is above 1, up to {LARGEST_FACTOR:g}, and its value above 0; {forms}"
+            )
+    elif numbers[0] <= 0.0:
+        raise MachineError(f"{key}.tol: {numbers[0]:g} is not above 0; {forms}")
+    return Tolerance(word, numbers)  # type: ignore[arg-type]
+
+
+def prior_of(machine: Machine, name: str, pose: Pose | None = None) -> Prior:
+    """Prior of a component of the parameter vector: ``fluid.beta``, ``pilot_valves.h.0``, ``pose.D0``, ``pose.load``.
+
+    pose: needed for the names that begin with ``pose.``.
+
+    Raises:
+        MachineError: this machine has no such number.
+    """
+    if name.startswith("pose."):
+        if pose is None or name not in pose.values():
+            raise MachineError(f"{name}: no such number of the pose")
+        return _of_pose(machine, name, pose)
+    for parameter in machine.parameters.values():
+        components = parameter.specification.components
+        if name in components:
+            return _of_number(parameter, parameter.value[components.index(name)])
+    known = [c for p in machine.parameters.values() for c in p.specification.components]
+    raise MachineError(f"{name}: no such parameter{nearest(name, known)}")
+
+
+def tolerance_of(parameter: Parameter) -> Tolerance:
+    """The tolerance of a number: its ``tol``, else by its confidence."""
+    if parameter.tol is not None:
+        return parameter.tol
+    if parameter.specification.key.startswith("accumulators.p_g0") and not parameter.confidence:
+        return Tolerance("relative", (PRECHARGE,))
+    return Tolerance("relative", (parameter.tolerance,))
+
+
+def _of_number(parameter: Parameter, value: float) -> Prior:
+    spec, tolerance = parameter.specification, tolerance_of(parameter)
+    low, high = spec.minimum, spec.maximum
+    if tolerance.word == "range":
+        low, high = max(low, tolerance.numbers[0]), min(high, tolerance.numbers[1])
+    elif spec.key.startswith(LINKAGE):
+        most = tolerance.relative(value) * abs(value)
+        low, high = max(low, value - most), min(high, value + most)
+    return _prior(tolerance, value, low, high)
+
+
+def _of_pose(machine: Machine, name: str, pose: Pose) -> Prior:
+    value, key = pose.values()[name], name.removeprefix("pose.")
+    if key == "load":
+        said = machine.load_tolerance
+        if said is None:
+            return Prior("normal", max(LOAD * value, LOAD_KG) / 2 if value else 0.0, 0.0, 1e5)
+        return _prior(said, value, 0.0, 1e5)
+    if key not in MOMENTS:  # where the load hangs is a length
+        return Prior("normal", 0.0, value, value)
+    entry = machine.document["rigid_body"]["configs"].get(pose.tabulated, {})
+    own = Tolerance("relative", (TOLERANCES.get(entry.get("conf", "medium"), TOLERANCES[""]),))
+    if "tol" in entry:
+        own = check_tolerance(entry["tol"], f"rigid_body.configs.{pose.tabulated}", (value,))
+    return _prior(own, value, *((1.0, 1e7) if key == "D0" else (-1e6, 1e6)))
+
+
+def _prior(tolerance: Tolerance, value: float, low: float, high: float) -> Prior:
+    kind: Kind = "log_normal" if tolerance.word == "factor" else "normal"
+    return Prior(kind, tolerance.sigma(value), low, high)
+
+
+def summary(parameters: Iterable[Parameter]) -> list[tuple[str, str, str]]:
+    """Rows (meaning, value, source) for a table: how far the numbers may be off, those without a ``tol`` counted."""
+    told: dict[str, list[str]] = {}
+    counted: dict[str, int] = {}
+    for parameter in parameters:
+        said = str(tolerance_of(parameter))
+        if parameter.tol is None:
+            counted[said] = counted.get(said, 0) + 1
+        else:
+            told.setdefault(said, []).append(parameter.specification.key)
+    counts = sorted(counted.items(), key=lambda row: -row[1])
+    return [
+        *((f"tolerance {said}", f"{count} numbers", "prov, conf") for said, count in counts),
+        *((f"tolerance {said}", ", ".join(keys), "tol") for said, keys in told.items()),
+    ]
