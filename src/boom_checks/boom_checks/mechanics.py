@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from boom_identification.stationary import pose_of
 from boom_model.component_numbers import component_parameters
 from boom_model.components import equation_of_motion
-from boom_model.machine import TOLERANCES, Machine
+from boom_model.machine import Machine
 from boom_model.plant import Plant
+from boom_model.tolerance import TOLERANCES
 from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]

@@ -182,7 +182,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     return DiagnosisResult(
         document, case.machine, final_machine(case, verdict, learned), bags,
         regimes.table(cells, tight.nominal, explained, case.healthy_squares), equations, agreement, ladder,
-        (learned.curve,) if learned else (), remaining, moved, experiment, _notes(case, weak), about.command,
+        (learned.curve,) if learned else (), remaining, moved, experiment, _notes(case, weak), command=about.command,
     )  # fmt: skip
 
 

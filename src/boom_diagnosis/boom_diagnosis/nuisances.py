@@ -12,7 +12,7 @@ from math import exp, isfinite, log, sqrt
 
 from boom_model.catalogue import CATALOGUE
 from boom_model.machine import Machine, Pose
-from boom_model.prior import TOLERANCES
+from boom_model.tolerance import TOLERANCES
 
 LARGEST_Z = 4.0
 """Standard deviations a number may move: 2.3 times its tolerance."""

@@ -17,8 +17,8 @@ from boom_model.components import hose_burst_valve, payload
 from boom_model.machine import Machine, check_range
 from boom_model.machine_check import STROKE_SLACK
 from boom_model.machine_file import machine_from
-from boom_model.prior import TOLERANCES
 from boom_model.specification import number
+from boom_model.tolerance import TOLERANCES
 
 _LAW = "main_valve_orifices.A_ta_law"
 _GEOMETRY = ("kinematics.", "cylinder.l_")

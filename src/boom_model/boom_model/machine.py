@@ -14,11 +14,11 @@ from boom_model.components.payload import Step
 from boom_model.equations import namespace
 from boom_model.errors import MachineError, nearest
 from boom_model.learned import LearnedTerm
-from boom_model.prior import TOLERANCES, Tolerance
 from boom_model.rigid_body import locked_inertia
 from boom_model.sensors import SensorNoise
 from boom_model.specification import Specification
 from boom_model.structure import Structure
+from boom_model.tolerance import TOLERANCES, Tolerance
 
 Confidence = Literal["high", "medium", "low", ""]
 

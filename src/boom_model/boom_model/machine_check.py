@@ -13,10 +13,10 @@ from boom_model.errors import MachineError, nearest
 from boom_model.learned import check_learned
 from boom_model.machine import Confidence, Machine, Parameter, Pose, check_range, check_together
 from boom_model.machine_payload import check_payload
-from boom_model.prior import TOLERANCES, check_tolerance
 from boom_model.slots import C, component, registered
 from boom_model.specification import Specification, number
 from boom_model.structure import SLOTS, Structure
+from boom_model.tolerance import TOLERANCES, check_tolerance
 
 # Keys that a section may hold beside its parameters: for people, for other parts of the project, or derived from others. What
 # names a component, and what components allow, is added.

@@ -7,8 +7,8 @@ from typing import Any
 
 from boom_model.components.payload import By, Step
 from boom_model.errors import MachineError, nearest
-from boom_model.prior import Tolerance, check_tolerance
 from boom_model.specification import number
+from boom_model.tolerance import Tolerance, check_tolerance
 
 MOST_STEPS = 8
 _FORM = "{mass: ..., time: ...} or {mass: ..., stroke: ...}"

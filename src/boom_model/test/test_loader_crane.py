@@ -25,8 +25,9 @@ from boom_model.errors import MachineError, ModelError
 from boom_model.machine import Machine
 from boom_model.machine_file import machine_from
 from boom_model.plant import Plant
-from boom_model.prior import Tolerance, prior_of
+from boom_model.prior import prior_of
 from boom_model.structure import DRIVING
+from boom_model.tolerance import Tolerance
 
 BAR, LPM = 1e5, 1 / 60_000
 POSE = (0.3, 2.0, 200.0)

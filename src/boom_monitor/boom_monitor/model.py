@@ -21,7 +21,7 @@ from boom_model.catalogue import EFFECTS
 from boom_model.machine import Machine, Pose
 from boom_model.observer import compile_abreast
 from boom_model.plant import Plant
-from boom_model.prior import TOLERANCES
+from boom_model.tolerance import TOLERANCES
 
 Array = NDArray[np.float64]
 

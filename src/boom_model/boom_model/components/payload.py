@@ -14,9 +14,9 @@ from typing import Any, Literal
 
 import casadi as ca
 
-from boom_model.prior import Tolerance
 from boom_model.regularisation import Expression
 from boom_model.specification import Specification
+from boom_model.tolerance import Tolerance
 
 By = Literal["time", "stroke"]
 NAME = "payload"
