@@ -20,7 +20,7 @@ from typing import Any
 
 from boom_diagnosis.bag_samples import prepare
 from boom_diagnosis.crane_system import CraneSystem, catalogue_effects, tolerance_numbers
-from boom_estimation.search import Search, Weighed
+from boom_estimation.search import Search, WeighedHypothesis
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
 from concealed_plant.cases import cases
@@ -31,7 +31,9 @@ EFFECT_LOG_ODDS = -4.0
 SHOWN = 8
 
 
-def weighed(paths: Sequence[Path], machine: str, report: Callable[[str], None]) -> list[tuple[Weighed, float]]:
+def weighed(
+    paths: Sequence[Path], machine: str, report: Callable[[str], None]
+) -> list[tuple[WeighedHypothesis, float]]:
     """The search over recordings of one crane."""
     own = load_machine(machine)
     bags = [bag for bag in (prepare(load(path), aligned=True) for path in paths) if bag is not None]
@@ -45,7 +47,7 @@ def weighed(paths: Sequence[Path], machine: str, report: Callable[[str], None]) 
     return search.run()
 
 
-def row(found: Weighed, probability: float) -> dict[str, Any]:
+def row(found: WeighedHypothesis, probability: float) -> dict[str, Any]:
     """What is told of a hypothesis."""
     effects = {k: float(f"{v:.3g}") for k, v in found.fit.values().items() if k.startswith("effects.")}
     return {

@@ -19,7 +19,7 @@ from boom_diagnosis.nuisances import GEOMETRY, Nuisance, closed, tolerances
 from boom_diagnosis.prediction import CURRENT_NOISE, NUDGED_TOLERANCE, TIMING_NOISE, TOLERANCE, noise_model
 from boom_estimation.free_run import plant_for
 from boom_estimation.numbers import Number
-from boom_estimation.search import Effect as SearchEffect
+from boom_estimation.score_test import SearchedEffect
 from boom_estimation.system import Pass, Tangent, Values
 from boom_input.channels import PREDICTED
 from boom_model.catalogue import CATALOGUE, EFFECTS, check_effects
@@ -299,7 +299,7 @@ class CraneSystem:
         return tolerances(self.machine, self.models(())[0].plant.pose)
 
 
-def catalogue_effects(machine: Machine, duration: float, log_odds: float) -> tuple[SearchEffect, ...]:
+def catalogue_effects(machine: Machine, duration: float, log_odds: float) -> tuple[SearchedEffect, ...]:
     """The catalogue's effects that a machine can have and does not have yet; ``duration`` of the longest recording [s]."""
     return tuple(
         _search_effect(effect.id, duration, log_odds) for effect in CATALOGUE
@@ -307,7 +307,7 @@ def catalogue_effects(machine: Machine, duration: float, log_odds: float) -> tup
     )  # fmt: skip
 
 
-def _search_effect(effect: str, duration: float, log_odds: float) -> SearchEffect:
+def _search_effect(effect: str, duration: float, log_odds: float) -> SearchedEffect:
     entry = EFFECTS[effect]
     points = starts(entry, duration)
     prefix = f"effects.{effect}."
@@ -323,7 +323,7 @@ def _search_effect(effect: str, duration: float, log_odds: float) -> SearchEffec
     ]  # fmt: skip
     neutral = {prefix + row.name: row.neutral for row in entry.parameters}
     leading = tuple(prefix + row.name for row in entry.leading)
-    return SearchEffect(
+    return SearchedEffect(
         effect,
         effect_numbers(effect),
         tuple(points),

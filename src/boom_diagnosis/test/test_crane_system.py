@@ -10,9 +10,10 @@ import pytest
 
 from boom_diagnosis.bag_samples import prepare
 from boom_diagnosis.crane_system import CraneSystem, catalogue_effects, tolerance_numbers
+from boom_estimation.linearising import HypothesisProblem
 from boom_estimation.numbers import SizePriors
-from boom_estimation.posterior import Problem, fit
-from boom_estimation.recursion import Linearised
+from boom_estimation.posterior import fit
+from boom_estimation.recursion import LinearisedPass
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
@@ -35,11 +36,11 @@ def system(tz17: Machine) -> CraneSystem:
 
 
 @pytest.fixture(scope="module")
-def linearised(system: CraneSystem) -> Linearised:
+def linearised(system: CraneSystem) -> LinearisedPass:
     q = len(system.places)
     sizes = SizePriors(np.full(q, np.nan), np.full(q, np.nan), np.ones(q))
     numbers = tolerance_numbers(system.nuisances)
-    problem = Problem(system, (), numbers, sizes)
+    problem = HypothesisProblem(system, (), numbers, sizes)
     return fit(problem, np.zeros(len(numbers)), np.full(q, np.log(0.02)), turns=0).linearised[0]
 
 
@@ -51,7 +52,7 @@ def test_every_equation_of_the_tz17_may_have_a_discrepancy(system: CraneSystem) 
     assert system.places == ("head_flow", "hose_flow", "rod_flow", "spool", "torque")
 
 
-def test_columns_hold_for_an_observer_with_other_gains(system: CraneSystem, linearised: Linearised) -> None:
+def test_columns_hold_for_an_observer_with_other_gains(system: CraneSystem, linearised: LinearisedPass) -> None:
     """Taken with one gain, they say what numbers change in the innovations of another, within 10 %."""
     model, numbers = system.models(())[0], tolerance_numbers(system.nuisances)
     there = linearised.run(np.full(len(system.places), 0.03), np.zeros(len(numbers)), by=True, gain=True)
@@ -67,7 +68,7 @@ def test_columns_hold_for_an_observer_with_other_gains(system: CraneSystem, line
 
 
 def test_a_late_pressure_is_told_from_the_slope_and_not_from_the_noise_of_shifted_samples(
-    system: CraneSystem, linearised: Linearised
+    system: CraneSystem, linearised: LinearisedPass
 ) -> None:
     model = system.models(())[0]
     ((base, moved),) = model.beside({}, [{"effects.pressure_delay.T": 1e-3}], linearised.pass_gain)

@@ -10,16 +10,15 @@ experiments, linearises it there, and climbs on that linearisation; it ends when
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from math import log, pi
 
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_estimation.numbers import RANGE, Number, Priors, SizePriors
-from boom_estimation.recursion import Exact, Filtered, Linearised, difference_columns, huber_weights
-from boom_estimation.system import Columns, Model, Pass, System, Values
+from boom_estimation.linearising import HypothesisProblem, Known, linearise
+from boom_estimation.numbers import RANGE, Priors, SizePriors
+from boom_estimation.recursion import Filtered, LinearisedPass, huber_weights
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -30,8 +29,6 @@ TURNS, CLIMBS = 12, 6
 """At most: passes of a fit, steps on one linearisation."""
 LEVEL_TURNS = 2
 """Passes at each size at which the numbers are fitted first."""
-REUSE = 0.3
-"""How far numbers may be from where their columns were taken, as the radius is counted."""
 V_STEP = 1e-3
 """Of v, for differences."""
 DULL = 0.05
@@ -43,36 +40,7 @@ LARGEST_MOVE = 1.5
 
 
 @dataclass(frozen=True)
-class Problem:
-    """A hypothesis to be fitted.
-
-    Attributes:
-        effects: what the equations have beside the machine's own. numbers: that may move.
-        sizes: priors of the discrepancies' sizes: of each place, then of each number that wanders.
-        wandering: indices of the numbers that may wander about their value, because an effect's form is not exactly known; their
-            discrepancies count in shares of what the number is off its neutral value.
-        scales: (c) -> that, in inner coordinates (k,).
-    """
-
-    system: System
-    effects: tuple[str, ...]
-    numbers: tuple[Number, ...]
-    sizes: SizePriors
-    wandering: tuple[int, ...] = ()
-    scales: Callable[[Array], Array] = lambda c: np.zeros(0)
-
-    @property
-    def models(self) -> Sequence[Model]:
-        """Of every experiment."""
-        return self.system.models(self.effects)
-
-    def values(self, c: Array, experiment: str) -> dict[str, float]:
-        """Numbers of an experiment by name."""
-        return {n.name: n.value(float(v)) for n, v in zip(self.numbers, c, strict=True) if n.own in ("", experiment)}
-
-
-@dataclass(frozen=True)
-class Fit:
+class HypothesisFit:
     """A fitted hypothesis.
 
     Attributes:
@@ -81,13 +49,13 @@ class Fit:
         linearised: each experiment along its pass at (c, v).
     """
 
-    problem: Problem
+    problem: HypothesisProblem
     c: Array
     v: Array
     log_likelihood: float
     log_prior: float
     hessian: Array
-    linearised: tuple[Linearised, ...]
+    linearised: tuple[LinearisedPass, ...]
 
     @property
     def objective(self) -> float:
@@ -140,97 +108,13 @@ class _Local:
     curvature: Array
 
 
-Known = Sequence[Linearised | None] | None
-"""Linearisations of every experiment, whose columns may be good enough where they are wanted."""
-
-
-def linearise(problem: Problem, c: Array, v: Array, gains: Sequence[Array] | None, known: Known) -> list[Linearised]:
-    """Every experiment along a pass with these numbers; ``gains`` as they are, or those of ``v`` along a followed trajectory.
-
-    Raises:
-        FloatingPointError: a model that cannot be run with these numbers.
-    """
-    models = problem.models
-    jobs: list[Callable[[], Linearised]] = [
-        lambda k=k, m=m: _linearise(problem, m, c, v, None if gains is None else gains[k], known[k] if known else None)  # type: ignore[misc]
-        for k, m in enumerate(models)
-    ]
-    return [job() for job in jobs] if len(jobs) == 1 else _together(jobs)
-
-
-def _together(jobs: Sequence[Callable[[], Linearised]]) -> list[Linearised]:
-    with ThreadPoolExecutor(2) as pool:
-        return list(pool.map(lambda job: job(), jobs))
-
-
-def _linearise(
-    problem: Problem, model: Model, c: Array, v: Array, gain: Array | None, known: Linearised | None
-) -> Linearised:
-    values = problem.values(c, model.name)
-    if gain is None:
-        gain = model.first_gain()
-        followed = model.observe(values, gain, coarse=True)
-        loose = Linearised(model, followed, gain, model.tangent(values, followed), None)
-        gain = loose.run(np.exp(v[: len(model.places)]), gain=True).gain
-        assert gain is not None
-    along = model.observe(values, gain)
-    if not along.complete:
-        raise FloatingPointError(f"{model.name}: the model cannot be run with these numbers")
-    tangent = model.tangent(values, along)
-    found = Linearised(model, along, gain, tangent, _exact(problem, model, c, gain, along, tangent.output, known))
-    return found.wandering(problem.wandering, problem.scales(c)) if problem.wandering else found
-
-
-def _exact(
-    problem: Problem, model: Model, c: Array, gain: Array, along: Pass, output: Array, known: Linearised | None
-) -> Exact:
-    """Transitions, and the columns of the numbers by differences of passes; those known from nearby are taken as they are."""
-    values = problem.values(c, model.name)
-    exact = _usable(problem, model, c, known)
-    at = {n.name: float(x) for n, x in zip(problem.numbers, c, strict=True)}
-    missing = [j for j, name in enumerate(at) if exact is None or name not in exact.at]
-    others, steps = [], []
-    for j in missing:
-        there, n = c.copy(), problem.numbers[j]
-        steps.append(n.step if c[j] + n.step <= n.high else -n.step)
-        there[j] += steps[-1]
-        others.append(problem.values(there, model.name))
-    transition = model.transitions(values, along) if exact is None else exact.transition
-    pairs = pairs_of(model, values, others, gain)
-    fresh = difference_columns(model.name, pairs, np.array(steps), gain, transition, output)
-    if exact is None:
-        return Exact(transition, fresh, at)
-    taken = list(exact.at)
-    order = [taken.index(name) if name in exact.at else len(taken) + missing.index(j) for j, name in enumerate(at)]
-    columns = Columns.joined(exact.columns, fresh).chosen(order)
-    return Exact(transition, columns, {name: exact.at.get(name, x) for name, x in at.items()})
-
-
-def _usable(problem: Problem, model: Model, c: Array, known: Linearised | None) -> Exact | None:
-    """Derivatives that were taken with the same states, no further away than ``REUSE``."""
-    if known is None or known.exact is None or known.model.state_names != model.state_names:
-        return None
-    width = Priors.of(problem.numbers).width
-    for n, x, w in zip(problem.numbers, c, width, strict=True):
-        if n.name in known.exact.at and abs(x - known.exact.at[n.name]) > REUSE * w:
-            return None
-    return known.exact
-
-
-def pairs_of(model: Model, values: Values, others: Sequence[Values], gain: Array) -> list[tuple[Pass, Pass] | None]:
-    """For each of ``others`` a pass with ``values`` and one with it; None where it is the same."""
-    changed = [other for other in others if other != values]
-    passes = iter(model.beside(values, changed, gain))
-    return [next(passes) if other != values else None for other in others]
-
-
 @dataclass(frozen=True)
 class _Around:
     """A problem linearised about c."""
 
     priors: Priors
     sizes: SizePriors
-    linearised: Sequence[Linearised]
+    linearised: Sequence[LinearisedPass]
     c: Array
 
 
@@ -254,7 +138,7 @@ def _local(around: _Around, c: Array, v: Array, derivatives: bool, active: Flags
     return _Local(value, total, gradient, curvature)
 
 
-def _derivatives(lin: Linearised, here: Filtered, moved: Array, v: Array, active: Flags) -> tuple[Array, Array]:
+def _derivatives(lin: LinearisedPass, here: Filtered, moved: Array, v: Array, active: Flags) -> tuple[Array, Array]:
     """Gradient (m + q,) of the log-likelihood by numbers and log sizes, and its expected curvature (Fisher scoring)."""
     counted = lin.model.counted
     assert here.by is not None
@@ -343,7 +227,7 @@ def _step(here: Array, gradient: Array, curvature: Array, low: Array, high: Arra
 
 
 def fit(
-    problem: Problem,
+    problem: HypothesisProblem,
     c: Array,
     v: Array,
     *,
@@ -351,7 +235,7 @@ def fit(
     turns: int = TURNS,
     hopeless: Callable[[float], bool] = lambda _: False,
     known: Known = None,
-) -> Fit:
+) -> HypothesisFit:
     """Fits a hypothesis from (c, v).
 
     levels: sizes at which the numbers are fitted first: with free ones a discrepancy would take what the numbers can explain.
@@ -366,13 +250,20 @@ def fit(
         problem, c, np.maximum(v, log(levels[-1])) if levels else v, turns, hopeless, known, sized=True
     )
     at = _local(around, around.c, v, True)
-    return Fit(
+    return HypothesisFit(
         problem, around.c, v, at.log_likelihood, at.value - at.log_likelihood, at.curvature, tuple(around.linearised)
     )
 
 
 def _turns(
-    problem: Problem, c: Array, v: Array, turns: int, hopeless: Callable[[float], bool], known: Known, *, sized: bool
+    problem: HypothesisProblem,
+    c: Array,
+    v: Array,
+    turns: int,
+    hopeless: Callable[[float], bool],
+    known: Known,
+    *,
+    sized: bool,
 ) -> tuple[_Around, Array, _Local]:
     """Turns of passing, linearising and climbing, within a radius that follows how well the last turn kept its promise."""
     around = _around(problem, c, v, None, known)
@@ -396,7 +287,7 @@ def _turns(
     return around, v, at
 
 
-def _at(problem: Problem, around: _Around, c: Array, v: Array) -> tuple[_Around | None, _Local | None]:
+def _at(problem: HypothesisProblem, around: _Around, c: Array, v: Array) -> tuple[_Around | None, _Local | None]:
     """The problem at another point, with the gains that suit it; None where the model cannot be run."""
     gains = [
         np.ascontiguousarray(lin.run(np.exp(v), c - around.c, gain=True).gain[:, : lin.along.states.shape[1]])  # type: ignore[index]
@@ -409,7 +300,7 @@ def _at(problem: Problem, around: _Around, c: Array, v: Array) -> tuple[_Around 
         return None, None
 
 
-def best_start(problem: Problem, points: Sequence[Array], v: Array, known: Known = None) -> Array:
+def best_start(problem: HypothesisProblem, points: Sequence[Array], v: Array, known: Known = None) -> Array:
     """The most probable of several points (m,).
 
     Raises:
@@ -430,6 +321,6 @@ def best_start(problem: Problem, points: Sequence[Array], v: Array, known: Known
     return best
 
 
-def _around(problem: Problem, c: Array, v: Array, gains: Sequence[Array] | None, known: Known) -> _Around:
+def _around(problem: HypothesisProblem, c: Array, v: Array, gains: Sequence[Array] | None, known: Known) -> _Around:
     lins = linearise(problem, c, v, gains, known)
     return _Around(Priors.of(problem.numbers), problem.sizes, lins, c)

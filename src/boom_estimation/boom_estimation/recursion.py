@@ -83,7 +83,7 @@ class Exact:
     at: dict[str, float]
 
 
-class Linearised:
+class LinearisedPass:
     """A model linearised along a pass.
 
     Raises:
@@ -120,7 +120,7 @@ class Linearised:
         self.spread, self.unknown = model.spread, model.discrepancies
         self.valid = np.ascontiguousarray(along.valid, dtype=np.uint8)
 
-    def with_columns(self, changes: Columns) -> Linearised:
+    def with_columns(self, changes: Columns) -> LinearisedPass:
         """The same with further numbers, behind its own."""
         other = copy(self)
         grown = np.zeros((len(self.forced), self.forced.shape[1], changes.ends.shape[2]))
@@ -132,7 +132,7 @@ class Linearised:
         other.begin = np.concatenate([self.begin, begin], axis=1)
         return other
 
-    def wandering(self, columns: Sequence[int], scales: Array) -> Linearised:
+    def wandering(self, columns: Sequence[int], scales: Array) -> LinearisedPass:
         """The same with numbers that wander about their value: c_j + scale_j d_j, d_j a further discrepancy."""
         n, nx, q = self.entry.shape
         k, decay = len(columns), np.exp(-self.model.interval / self.model.memory)

@@ -7,9 +7,10 @@ import pytest
 import two_tanks_system as tanks
 from numpy.typing import NDArray
 
+from boom_estimation.linearising import HypothesisProblem
 from boom_estimation.numbers import Number, SizePriors
-from boom_estimation.posterior import Fit, Problem, fit
-from boom_estimation.recursion import Linearised, rho
+from boom_estimation.posterior import HypothesisFit, fit
+from boom_estimation.recursion import LinearisedPass, rho
 from boom_estimation.search import Hypothesis, Search
 
 Array = NDArray[np.float64]
@@ -20,7 +21,7 @@ def overflowing() -> tanks.Tanks:
     return tanks.recorded(1, c_1=2.06e-4, c_2=1.55e-4, overflow=2e-3)
 
 
-def exact_likelihood(lin: Linearised, sizes: Array, moved: Array) -> float:
+def exact_likelihood(lin: LinearisedPass, sizes: Array, moved: Array) -> float:
     """The same density from the joint covariance of all innovations' linear model, without a recursion."""
     n, ny = lin.along.innovations.shape
     nx = lin.transition.shape[1]
@@ -44,9 +45,9 @@ def exact_likelihood(lin: Linearised, sizes: Array, moved: Array) -> float:
     return total
 
 
-def linearised(model: tanks.Tanks, numbers: tuple[Number, ...]) -> Linearised:
+def linearised(model: tanks.Tanks, numbers: tuple[Number, ...]) -> LinearisedPass:
     sizes = SizePriors(np.full(2, np.nan), np.full(2, np.nan), np.ones(2))
-    problem = Problem(tanks.TankSystem(model), (), numbers, sizes)
+    problem = HypothesisProblem(tanks.TankSystem(model), (), numbers, sizes)
     found = fit(problem, np.zeros(len(numbers)), np.log([0.1, 0.1]), turns=0)
     return found.linearised[0]
 
@@ -82,7 +83,7 @@ def test_healthy_tanks_need_no_discrepancy_and_their_numbers_are_found() -> None
     _assert_inside(best.fit, {"c_1": np.log(2.06 / 2.0) / 0.05, "c_2": np.log(1.55 / 1.6) / 0.05})
 
 
-def _assert_inside(found: Fit, truth: dict[str, float]) -> None:
+def _assert_inside(found: HypothesisFit, truth: dict[str, float]) -> None:
     """Within four standard deviations."""
     spread = np.sqrt(np.diag(found.covariance))
     for k, number in enumerate(found.problem.numbers):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_estimation.numbers import Number
-from boom_estimation.search import Effect
+from boom_estimation.score_test import SearchedEffect
 from boom_estimation.system import Pass, Tangent, Values
 
 Array = NDArray[np.float64]
@@ -134,11 +134,11 @@ class TankSystem:
 
 
 TOLERANCES = (Number("c_1", float, -4.0, 4.0), Number("c_2", float, -4.0, 4.0))
-LEAK = Effect(
+LEAK = SearchedEffect(
     "leak", (Number("leak", float, 0.0, 1e-3, float("inf"), step=1e-6),), ({"leak": 2e-5},), {"leak": 0.0}, ("leak",), True, True,
     -2.0,
 )  # fmt: skip
-OVERFLOW = Effect(
+OVERFLOW = SearchedEffect(
     "overflow", (Number("overflow", float, 0.0, 2e-2, float("inf"), step=1e-5),), ({"overflow": 1e-3},), {"overflow": 0.0},
     ("overflow",), True, True, -2.0,
 )  # fmt: skip
