@@ -71,7 +71,7 @@ def _coordinate(effect: Effect, row: EffectParameter) -> Coordinate:
     if row.neutral == 0.0 and row.low > 0.0 and not row.positive:
         low = -row.high if effect.load else 0.0
     if row.positive:
-        low, high = max(row.minimum, row.low / 3.0, 1e-12), min(row.maximum, row.high * 3.0)
+        low, high = max(row.minimum, row.low / 3.0, 1e-30), min(row.maximum, row.high * 3.0)
     share = DELAY_STEP if effect.delays else STEP
     step = FACTOR_STEP if row.positive else share * max(abs(row.low), abs(row.high))
     if onset:

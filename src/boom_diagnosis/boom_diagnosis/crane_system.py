@@ -72,7 +72,7 @@ def effect_numbers(effect: str) -> tuple[Number, ...]:
 
 def _effect_number(c: Coordinate) -> Number:
     return Number(
-        c.name, exp if c.positive else float, c.inner(c.low) if c.low > 0 or not c.positive else log(1e-12), c.inner(c.high),
+        c.name, exp if c.positive else float, c.inner(c.low) if c.low > 0 or not c.positive else log(1e-30), c.inner(c.high),
         inf, 0.0, c.step,
     )  # fmt: skip
 
