@@ -201,6 +201,9 @@ class ChainStudy:
         }  # fmt: skip
 
 
+HELD = "the machine file's valve holds the load: the hose pressure is not the cylinder's"
+
+
 def chain_of_machine(recording: Recording, machine: Machine) -> RecordingChain:
     """The links of a recording of a machine.
 
@@ -217,9 +220,13 @@ def chain_of_machine(recording: Recording, machine: Machine) -> RecordingChain:
     else:
         missing.append(("kinematics", f"angle and rate are known together for less than {SHORTEST:g} s"))
     if repaired.known(*ALL):
-        still = statics_of(repaired, boom)
+        if machine.structure.hose_burst_valve.holds:
+            missing.append(("mechanics", HELD))
+        else:
+            still = statics_of(repaired, boom)
+            links.append(_mechanics(repaired, boom, still, machine))
         plant = Plant(machine, pose_of(recording, machine))
-        links += [_mechanics(repaired, boom, still, machine), *_ports(repaired, forced_run(repaired, plant), plant)]
+        links += _ports(repaired, forced_run(repaired, plant), plant)
     else:
         why = f"motion, currents, hose and rod pressure are known together for less than {SHORTEST:g} s"
         missing += [(name, why) for name in ("mechanics", "head flow", "rod flow")]

@@ -39,12 +39,15 @@ class FirstLook:
 def first_look(recording: Recording, machine: Machine) -> FirstLook:
     """Doubts and levels of a recording of a machine; the levels with signs, units and channels put right.
 
+    Behind a valve that holds the load, where the file has one, the hose pressure is not what the boom needs: no levels then.
+
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
     series, boom = even_series(recording), mechanics(machine, recording)
     found, repaired = checks_of(recording, series, boom, machine)
-    return FirstLook(recording.name, tuple(found), statics_of(repaired, boom) if series.known(*ALL) else None)
+    levels = series.known(*ALL) and not machine.structure.hose_burst_valve.holds
+    return FirstLook(recording.name, tuple(found), statics_of(repaired, boom) if levels else None)
 
 
 def checks(recording: Recording, machine: Machine) -> list[RecordingCheck]:
