@@ -14,6 +14,15 @@ class Reference(NamedTuple):
     acceleration: float = 0.0
     jerk: float = 0.0
 
+    def ahead(self, t: Any) -> Reference:
+        """The reference t [s] later, from its derivatives; also of expressions."""
+        return Reference(
+            self.angle + t * (self.rate + t / 2 * (self.acceleration + t / 3 * self.jerk)),
+            self.rate + t * (self.acceleration + t / 2 * self.jerk),
+            self.acceleration + t * self.jerk,
+            self.jerk,
+        )
+
 
 class Measurement(NamedTuple):
     """Sensor values: time [s], q_2 [rad], its rate [rad/s], p_h and p_b [Pa gauge]; age [s] when the currents go out."""

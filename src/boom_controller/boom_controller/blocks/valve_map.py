@@ -15,6 +15,7 @@ from typing import Any
 
 import casadi as ca
 
+from boom_controller.blocks.control_model import ModelQuantities
 from boom_model.regularisation import Expression
 from boom_model.slots import Metering
 
@@ -37,6 +38,23 @@ class ValveMap:
     def retracting(self, wanted: Expression, psi: Expression, omega: Expression) -> Expression:
         """|s_s| [m] with psi A_ta + omega A_sb = wanted <= 0, psi and omega <= 0."""
         return _root(self.retract, -wanted, -omega, -psi)
+
+    def spool(
+        self, sigma: Expression, q: ModelQuantities, a: Expression, b: Expression, largest: Expression
+    ) -> Expression:
+        """s_s* [m] of (6.23) for Sigma [N/s], at most ``largest``; a, b [N/m^3] are force per volume of both chambers."""
+        return ca.if_else(
+            sigma > 0,
+            -ca.fmin(self.extending(sigma, a * q.extend_supply, -b * q.extend_tank), largest),
+            ca.fmin(self.retracting(sigma, a * q.retract_tank, -b * q.retract_supply), largest),
+        )
+
+    def through_dead_zone(self, spool: Expression, speed: Expression, whole: Expression) -> Expression:
+        """s_s* [m] with its jump across the dead zone made a ramp over ``speed`` [m/s], positive lifts; ``whole``: its end."""
+        share = ca.fmin(ca.fabs(speed) / whole, 1.0)
+        edge = ca.if_else(speed > 0, -self.dead_extend, self.dead_retract)
+        agree = ca.if_else(speed > 0, spool < 0, spool >= 0)
+        return ca.if_else(agree, spool, edge) * share
 
     def areas(self, position: Expression) -> tuple[Expression, Expression]:
         """(supply, tank) area [m^2] at s_s [m], as interpolated, the function whose root is sought."""

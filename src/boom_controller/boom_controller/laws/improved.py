@@ -176,7 +176,7 @@ class Improved:
             x.stall, velocity, head_flow / self._area_a, m.hose_pressure * self._area_a, a * self._area_a, s
         )
 
-        ahead = _ahead(r, s.preview + delay)
+        ahead = r.ahead(s.preview + delay)
         future = self._model.coming(ahead, load.load)
         k = gains(stiffness, q.inertia / q.jacobian**2, s)
         e1 = q.position - q.reference_position
@@ -186,8 +186,10 @@ class Improved:
         wanted = (future.jacobian * ahead.rate - k.position * e1 - k.velocity * e2 - k.force * force
                   - missed.speed)  # fmt: skip
         sigma = stiffness * wanted + future.force_rate
-        coming = future.jacobian * _ahead(r, s.dead_zone_preview + delay).rate
-        spool = self._through_dead_zone(self._spool(q, sigma, a, b, s), sigma / stiffness + coming, s)
+        coming = future.jacobian * r.ahead(s.dead_zone_preview + delay).rate
+        spool = self._map.through_dead_zone(
+            self._map.spool(sigma, q, a, b, s.largest_spool_position * self._stroke), sigma / stiffness + coming, s.dead_zone_speed
+        )
         valve, plus, minus = self._valve.step(x.valve, spool, s)
         return ImprovedState(valve, load, head, rod, missed, stall), [
             valve.retract.current, valve.extend.current, r.angle - m.angle, -e1, q.feedforward_force - q.force,
@@ -201,29 +203,3 @@ class Improved:
             ca.if_else(position < 0, q.extend_supply * supply, q.retract_tank * tank),
             ca.if_else(position < 0, q.extend_tank * tank, q.retract_supply * supply),
         )
-
-    def _spool(self, q: ModelQuantities, sigma: Expression, a: Expression, b: Expression, s: Any) -> Expression:
-        """s_s* [m] of (6.23) for Sigma [N/s]; a, b [N/m^3] are force per volume of both chambers."""
-        largest = s.largest_spool_position * self._stroke
-        return ca.if_else(
-            sigma > 0,
-            -ca.fmin(self._map.extending(sigma, a * q.extend_supply, -b * q.extend_tank), largest),
-            ca.fmin(self._map.retracting(sigma, a * q.retract_tank, -b * q.retract_supply), largest),
-        )
-
-    def _through_dead_zone(self, spool: Expression, speed: Expression, s: Any) -> Expression:
-        """s_s* [m] with its jump across the dead zone made a ramp over ``speed`` [m/s], positive lifts."""
-        share = ca.fmin(ca.fabs(speed) / s.dead_zone_speed, 1.0)
-        edge = ca.if_else(speed > 0, -self._map.dead_extend, self._map.dead_retract)
-        agree = ca.if_else(speed > 0, spool < 0, spool >= 0)
-        return ca.if_else(agree, spool, edge) * share
-
-
-def _ahead(r: Reference, t: Expression) -> Reference:
-    """The reference t [s] later, from its derivatives."""
-    return Reference(
-        r.angle + t * (r.rate + t / 2 * (r.acceleration + t / 3 * r.jerk)),
-        r.rate + t * (r.acceleration + t / 2 * r.jerk),
-        r.acceleration + t * r.jerk,
-        r.jerk,
-    )

@@ -23,6 +23,7 @@ from boom_controller.blocks.control_model import ControlModel, OperatingPoint
 from boom_controller.controller import Settings, make_controller
 from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_controller.types import Controller, Reference
+from boom_model.catalogue import EFFECTS, EffectParameter
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
@@ -122,7 +123,7 @@ def carry_out_one(job: StudyRun) -> Result:
         references = references[: round(job.duration / job.settings.sample_time)]
     base = nominal.pose(*pose_key)
     machine = job.case.machine(nominal, job.limited)
-    plant = _plant(job.machine, job.limited, pose_key).with_numbers(
+    plant = _plant(job.machine, frozenset(machine.effects), pose_key).with_numbers(
         machine, replace(base, load=base.load + job.case.load)
     )
     crane = TrialCrane(
@@ -135,9 +136,10 @@ def carry_out_one(job: StudyRun) -> Result:
         supply_pressure=SUPPLY_PRESSURE if job.limited else float("inf"),
         grasp=job.grasp,
     )
-    controller = _controller(job.mode, job.machine, pose_key, job.settings)
+    known = machine if job.case.told else nominal
+    controller = _controller(job.mode, _Known(job.machine, known), pose_key, job.settings)
     history = carried_out(controller, crane, references, delay=job.delay)
-    error = piston_positions(nominal, history.reference) - piston_positions(nominal, history.values["angle"])
+    error = piston_positions(nominal, history.reference) - piston_positions(nominal, history.values["true_angle"])
     measured = errors(error)
     wanted = _feedforward(job.machine, pose_key, job.case.load, job.folder, job.bag, job.settings)
     oscillation, final = _oscillation(
@@ -211,15 +213,37 @@ def _machine(name: str) -> Machine:
 
 
 @lru_cache(maxsize=16)
-def _plant(name: str, limited: bool, pose: tuple[float, float, float]) -> Plant:
-    machine = PlantCase("").machine(_machine(name), limited)
+def _plant(name: str, effects: frozenset[str], pose: tuple[float, float, float]) -> Plant:
+    """Compiled with these effects, whose numbers follow (``with_numbers``)."""
+    machine = _machine(name)
+    active = {
+        effect: machine.effects.get(effect, {row.name: _not_neutral(row) for row in EFFECTS[effect].parameters})
+        for effect in effects
+    }
+    machine = machine.with_effects(active)
     return Plant(machine, machine.pose(*pose))
 
 
+def _not_neutral(row: EffectParameter) -> float:
+    return next(value for value in (row.low, row.high) if value != row.neutral)
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A machine as a key of a cache: two are the same if their numbers are."""
+
+    name: str
+    machine: Machine = field(compare=False)
+    numbers: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        m = self.machine
+        object.__setattr__(self, "numbers", repr(([p.value for p in m.parameters.values()], m.effects, m.learned)))
+
+
 @lru_cache(maxsize=32)
-def _controller(mode: str, machine: str, pose: tuple[float, float, float], settings: Settings) -> Controller:
-    nominal = _machine(machine)
-    return make_controller(mode, nominal, nominal.pose(*pose), settings)
+def _controller(mode: str, known: _Known, pose: tuple[float, float, float], settings: Settings) -> Controller:
+    return make_controller(mode, known.machine, known.machine.pose(*pose), settings)
 
 
 @lru_cache(maxsize=32)
