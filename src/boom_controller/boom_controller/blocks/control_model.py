@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from boom_controller.blocks.buffers import on_buffers
-from boom_controller.types import Reference
+from boom_controller.types import Measurement, Reference
+from boom_input.channels import PREDICTED
 from boom_model.component_numbers import component_parameters
 from boom_model.components import cylinder, equation_of_motion, oil
 from boom_model.machine import Machine, Pose
@@ -47,6 +48,7 @@ class ModelQuantities(NamedTuple):
         reference_position, reference_jacobian, reference_gravity, reference_friction: s_p(q_2*), J(q_2*), g(q_2*), tau~_f(*).
         feedforward_force, feedforward_force_rate: f_p^f of (6.2) [N] and its time derivative along the reference [N/s].
         tip_gravity: dg/dm at q_2 [N m/kg]; tip_inertia: dD/dm [m^2].
+        leakage: q_l [m^3/s]; rod_passage: share of the rod side's return passage that is open [-].
     """
 
     force: float
@@ -71,6 +73,8 @@ class ModelQuantities(NamedTuple):
     feedforward_force_rate: float
     tip_gravity: float
     tip_inertia: float
+    leakage: float
+    rod_passage: float
 
 
 class Coming(NamedTuple):
@@ -91,6 +95,24 @@ class ControlModel:
         self._out = array("d", [0.0] * len(ModelQuantities._fields))
         self._whole, self._coming = _functions(machine, self.p, self.e)
         self._evaluate = on_buffers(self._whole, [self._in], [self._out])
+
+    def sample(self, m: Measurement) -> Measurement:
+        """What the sensors would show without the offsets and gains that the machine file tells of them (expressions)."""
+        shown = {channel.name: getattr(m, channel.name) for channel in PREDICTED}
+        for name, value in shown.items():
+            offset, one = (self.e.through(f"measured_{name}", at) for at in (0.0, 1.0))
+            shown[name] = (value - offset) / (one - offset)
+        return m._replace(**shown)
+
+    @property
+    def command_delay(self) -> float:
+        """Dead time [s] between command and valve, of the machine file."""
+        return self.e.delay("command")
+
+    @property
+    def pressure_delay(self) -> float:
+        """Dead time [s] of both pressures, of the machine file."""
+        return self.e.delay("pressures")
 
     def at(self, point: OperatingPoint) -> ModelQuantities:
         """All quantities at a point, numbers."""
@@ -167,6 +189,8 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
         feedforward_force_rate=wanted_rate,
         tip_gravity=ca.jacobian(gravity, further),
         tip_inertia=ca.jacobian(inertia, further),
+        leakage=cylinder.leakage(v.hose_pressure, v.rod_pressure, e),
+        rod_passage=e.through("rod_passage", 1.0, distance=p.cylinder.l_p - position),
     )
     coming = Coming(reference_jacobian, wanted, wanted_rate)
     return (

@@ -25,8 +25,8 @@ class FeedbackGains(NamedTuple):
     frequency: Expression
 
 
-def gains(stiffness: Expression, mass: Expression, s: Any) -> FeedbackGains:
-    """For K [N/m] and m = D / J^2 [kg] and the settings ``s``."""
+def gains(stiffness: Expression, mass: Expression, dead_time: Expression, s: Any) -> FeedbackGains:
+    """For K [N/m], m = D / J^2 [kg], a dead time [s] that is predicted over, and the settings ``s``."""
     natural = ca.sqrt(stiffness / mass)
     frequency = ca.fmax(natural, s.slowest_frequency)
     a = -s.feedback_pole

@@ -93,7 +93,7 @@ class Cascade:
         self._variant = variant if variant is not None else VARIANTS[mode]
         self._model = ControlModel(machine, pose)
         p, e = self._model.p, self._model.e
-        self._map = ValveMap(machine.structure.metering, p, e)
+        self._map = ValveMap(machine.structure, p, e)
         self._area_a, self._area_b = float(p.cylinder.A_a), float(p.cylinder.A_b)
         self._stroke = float(p.main_valve_spool.s_max)
         self._settings = settings

@@ -20,11 +20,13 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from boom_controller.blocks.control_model import ControlModel, ModelQuantities, OperatingPoint
+from boom_controller.blocks.dead_time import Errors, Held, Past, predicted
 from boom_controller.blocks.flat import FlatLaw
+from boom_controller.blocks.hysteresis import Play
 from boom_controller.blocks.pilot_stage import StaticPilot, require_pilot_stage
 from boom_controller.blocks.state_feedback import gains, predicted_force
 from boom_controller.blocks.valve_follower import ValveFollower, ValveState
-from boom_controller.blocks.valve_map import ValveMap
+from boom_controller.blocks.valve_map import FlowsNow, ValveMap
 from boom_controller.errors import ControlError
 from boom_controller.observers.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
 from boom_controller.observers.load_observer import LoadState, observe_load
@@ -56,7 +58,8 @@ class ImprovedSettings(LawSettings):
     preview: float = tunable(0.035, "s", 0.0, 0.2, "lead of the reference over the valve's remaining lag, improved")
     remaining_lag: float = tunable(0.015, "s", 0.0, 0.2, "lag over which the force is predicted, improved")
     command_delay: float = tunable(
-        0.0, "s", 0.0, 0.05, "dead time from a command to the solenoids, compensated like the samples' age, improved"
+        0.0, "s", 0.0, 0.1,
+        "dead time from a command to the solenoids beyond the machine file's, compensated like the samples' age, improved",
     )
     dead_zone_speed: float = tunable(
         1.0e-3, "m/s", 1e-4, 0.02, "piston speed below which the spool stays inside its dead zone, improved"
@@ -99,6 +102,8 @@ class ImprovedState(NamedTuple):
     rod: ChamberState = ChamberState()
     missed: MissedState = MissedState()
     stall: StallState = StallState()
+    past: Past = Past((), ())
+    held: Held = Held(())
 
 
 class Improved:
@@ -112,18 +117,23 @@ class Improved:
         p, e = self._model.p, self._model.e
         self._area_a, self._area_b = float(p.cylinder.A_a), float(p.cylinder.A_b)
         self._stroke = float(p.main_valve_spool.s_max)
-        self._map = ValveMap(machine.structure.metering, p, e)
+        self._map = ValveMap(machine.structure, p, e)
         dead_zone = max(self._map.dead_extend, self._map.dead_retract)
-        self._valve = ValveFollower(p, e, StaticPilot(p, e), dead_zone, settings.sample_time)
+        play = Play(machine.effects, self._stroke)
+        self._valve = ValveFollower(p, e, StaticPilot(p, e), dead_zone, settings.sample_time, play)
         self._settings = settings
-        self._law = FlatLaw(self.mode, ImprovedState(), self._after, SETTINGS, settings)
+        self._start = ImprovedState(
+            past=Past.resting(settings.sample_time), held=Held.of(self._model.pressure_delay, settings.sample_time)
+        )
+        self._law = FlatLaw(self.mode, self._start, self._after, SETTINGS, settings)
         self._reason = ""
 
     def reset(self, measurement: Measurement) -> None:
         """Start at rest: valve centred, nominal oil, no load beyond the configured one."""
         hose, rod = measurement.hose_pressure, measurement.rod_pressure
         self._law.start(
-            ImprovedState(
+            self._start._replace(
+                held=self._start.held.filled(measurement),
                 head=ChamberState(pressure=hose),
                 rod=ChamberState(pressure=rod),
                 missed=MissedState(force=float(cylinder.force(hose, rod, self._model.p))),
@@ -152,16 +162,17 @@ class Improved:
 
     def _after(self, x: ImprovedState, r: Reference, m: Measurement, s: Any) -> tuple[ImprovedState, list[Expression]]:
         """The law as expressions: states one sample time later; ``ControlOutput`` up to the load, and whether the supply stalls."""
+        now, m, held = x.held.with_next(r, self._model.sample(m), self._model.pressure_delay, s.sample_time)
+        late = m.age + s.command_delay + self._model.command_delay  # until the command acts
+        dead = late + self._model.pressure_delay  # since the sample
         q = self._model.expressions(
-            OperatingPoint(
-                m.angle, m.rate, m.hose_pressure, m.rod_pressure,
-                r.angle, r.rate, r.acceleration, r.jerk, x.load.load,
-            )
-        )  # fmt: skip
+            OperatingPoint(m.angle, m.rate, m.hose_pressure, m.rod_pressure, *now, x.load.load)
+        )
         load = observe_load(x.load, q, m.rate, s)
         velocity = q.jacobian * m.rate
-        delay = m.age + s.command_delay
-        head_flow, rod_flow = self._flows(q, self._valve.position_before(x.valve, delay))
+        flows = self._map.flows(m.hose_pressure, m.rod_pressure, q.rod_passage)
+        head_flow, rod_flow, _ = flows.at(x.past.position(dead, s.sample_time))
+        head_flow, rod_flow = head_flow - q.leakage, rod_flow + q.leakage
         head = observe_chamber(x.head, m.hose_pressure, q.stiffness_line * (head_flow - self._area_a * velocity), s)
         rod = observe_chamber(
             x.rod, m.rod_pressure, q.stiffness_rod * (rod_flow + self._area_b * velocity), s,
@@ -176,30 +187,38 @@ class Improved:
             x.stall, velocity, head_flow / self._area_a, m.hose_pressure * self._area_a, a * self._area_a, s
         )
 
-        ahead = r.ahead(s.preview + delay)
-        future = self._model.coming(ahead, load.load)
-        k = gains(stiffness, q.inertia / q.jacobian**2, s)
-        e1 = q.position - q.reference_position
-        e2 = velocity - q.reference_jacobian * r.rate
-        driving = modelled - future.force_rate / stiffness - velocity
-        force = predicted_force(q.force - q.feedforward_force, driving, stiffness, k.frequency, s.remaining_lag)
-        wanted = (future.jacobian * ahead.rate - k.position * e1 - k.velocity * e2 - k.force * force
-                  - missed.speed)  # fmt: skip
-        sigma = stiffness * wanted + future.force_rate
-        coming = future.jacobian * r.ahead(s.dead_zone_preview + delay).rate
-        spool = self._map.through_dead_zone(
-            self._map.spool(sigma, q, a, b, s.largest_spool_position * self._stroke), sigma / stiffness + coming, s.dead_zone_speed
+        k = gains(stiffness, q.inertia / q.jacobian**2, dead, s)
+        present = Errors(
+            q.position - q.reference_position, velocity - q.reference_jacobian * now.rate, q.force - q.feedforward_force
         )
-        valve, plus, minus = self._valve.step(x.valve, spool, s)
-        return ImprovedState(valve, load, head, rod, missed, stall), [
-            valve.retract.current, valve.extend.current, r.angle - m.angle, -e1, q.feedforward_force - q.force,
+        e = predicted(present, x.past, missed.speed, stiffness, k.frequency, dead, s.sample_time)
+        coming = r.ahead(s.preview + late)
+        future = self._model.coming(coming, load.load)
+        force = predicted_force(e.force, x.past.surplus[0] - e.velocity, stiffness, k.frequency, s.remaining_lag)
+        leaking = (a + b) * q.leakage / stiffness
+        wanted = (future.jacobian * coming.rate - k.position * e.position - k.velocity * e.velocity - k.force * force
+                  - missed.speed + leaking)  # fmt: skip
+        sigma = stiffness * wanted + future.force_rate
+        soon = r.ahead(s.dead_zone_preview + late)
+        spool = self._map.through_dead_zone(
+            flows.spool(sigma, a, b, s.largest_spool_position * self._stroke),
+            sigma / stiffness + self._model.coming(soon, load.load).jacobian * soon.rate, s.dead_zone_speed,
+        )  # fmt: skip
+        valve, plus, minus = self._valve.step(x.valve, spool, lambda position: flows.at(position)[2], s)
+        past = x.past.with_next(self._valve.edges(valve), self._surplus(flows, valve, r, late, load.load, q, a, b, s))
+        return ImprovedState(valve, load, head, rod, missed, stall, past, held), [
+            valve.retract.current, valve.extend.current, r.angle - m.angle, -present.position, -present.force,
             q.feedforward_force, 0.0, q.feedforward_force, q.force, spool, plus, minus, load.load, stalled(stall, s),
         ]  # fmt: skip
 
-    def _flows(self, q: ModelQuantities, position: Expression) -> tuple[Expression, Expression]:
-        """(q_h, q_b) [m^3/s] into the ports, at the computed spool position s_s [m]."""
-        supply, tank = self._map.areas(position)
-        return (
-            ca.if_else(position < 0, q.extend_supply * supply, q.retract_tank * tank),
-            ca.if_else(position < 0, q.extend_tank * tank, q.retract_supply * supply),
-        )
+    def _surplus(
+        self, flows: FlowsNow, valve: ValveState, r: Reference, late: Expression, load: Expression, q: ModelQuantities,
+        a: Expression, b: Expression, s: Any,
+    ) -> Expression:  # fmt: skip
+        """Speed [m/s] that the valve gives beyond what the reference needs, when the command after this one acts."""
+        stiffness = a * self._area_a + b * self._area_b
+        head, rod, _ = flows.at(self._valve.edges(valve))
+        then = r.ahead(late + s.sample_time)
+        needs = self._model.coming(then, load)
+        given = (a * (head - q.leakage) - b * (rod + q.leakage)) / stiffness
+        return given - needs.jacobian * then.rate - needs.force_rate / stiffness

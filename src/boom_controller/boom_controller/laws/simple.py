@@ -62,7 +62,7 @@ class Simple:
         self._model = ControlModel(machine, pose)
         p, e = self._model.p, self._model.e
         self._area_a, self._area_b = float(p.cylinder.A_a), float(p.cylinder.A_b)
-        self._map = ValveMap(machine.structure.metering, p, e)
+        self._map = ValveMap(machine.structure, p, e)
         self._stroke = float(p.main_valve_spool.s_max)
         self._pilot = StaticPilot(p, e)
         self._settings = settings
@@ -89,15 +89,17 @@ class Simple:
 
     def _after(self, x: SimpleState, r: Reference, m: Measurement, s: Any) -> tuple[SimpleState, list[Expression]]:
         """The law as expressions: ``ControlOutput`` up to the pilot pressures."""
+        m = self._model.sample(m)
         q = self._model.expressions(
             OperatingPoint(m.angle, m.rate, m.hose_pressure, m.rod_pressure, *r, 0.0)
         )  # fmt: skip
-        ahead = r.ahead(s.simple_preview + m.age)
+        ahead = r.ahead(s.simple_preview + m.age + self._model.command_delay)
         error = q.position - q.reference_position
         wanted = self._model.coming(ahead, 0.0).jacobian * ahead.rate - s.simple_gain * error
         a, b = self._area_a * q.stiffness_line, self._area_b * q.stiffness_rod
         sigma = (a * self._area_a + b * self._area_b) * wanted
-        spool = self._map.spool(sigma, q, a, b, s.largest_spool_position * self._stroke)
+        flows = self._map.flows(m.hose_pressure, m.rod_pressure, q.rod_passage)
+        spool = flows.spool(sigma, a, b, s.largest_spool_position * self._stroke)
         spool = self._map.through_dead_zone(spool, wanted, s.simple_dead_zone_speed)
         plus, minus = self._pilot.split(self._pilot.stiffness * spool, s.neutral_pressure)
         retract, extend = (ca.fmin(self._pilot.current(side), s.largest_current) for side in (plus, minus))
