@@ -78,8 +78,12 @@ class ModelQuantities(NamedTuple):
 
 
 class Coming(NamedTuple):
-    """Quantities that the reference needs at one of its points: J(q_2*) [m/rad], f_p^f of (6.2) [N], its time derivative [N/s]."""
+    """Quantities that the reference needs at one of its points.
 
+    s_p(q_2*) [m], J(q_2*) [m/rad], f_p^f of (6.2) [N] and its time derivative [N/s].
+    """
+
+    position: float
     jacobian: float
     force: float
     force_rate: float
@@ -192,7 +196,7 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
         leakage=cylinder.leakage(v.hose_pressure, v.rod_pressure, e),
         rod_passage=e.through("rod_passage", 1.0, distance=p.cylinder.l_p - position),
     )
-    coming = Coming(reference_jacobian, wanted, wanted_rate)
+    coming = Coming(reference_position, reference_jacobian, wanted, wanted_rate)
     return (
         ca.Function("control_model", [x], [ca.cse(ca.densify(ca.vertcat(*values)))]),
         ca.Function("coming", [x[-_COMING_INPUTS:]], [ca.cse(ca.densify(ca.vertcat(*coming)))]),

@@ -1,13 +1,14 @@
 """Dead time: what happened until the next command acts is computed from the commands that are on their way (Smith, 1957).
 
 A sample is theta old when the command that answers it acts: its own age, the dead time of the valve chain, that of the pressures.
-In the errors against the reference, with dQ what the valve gives beyond what the reference needs, as a speed, held in each sample time:
+With Q the speed that the valve gives, held in each sample time, and f_0 the force under which the boom would not accelerate:
 
-    e' = u + dQ,   u' = f~ / m,   f~' = -K u,   u = v - v* - dQ
+    v' = (f - f_0) / m,   f' = K (Q - v)
 
-is an undamped oscillator, which is solved exactly (w = sqrt(K/m)):
+is an undamped oscillator, which is solved exactly (w = sqrt(K/m), u = v - Q):
 
-    u+ = u cos wh + f~ / (m w) sin wh,   f~+ = f~ cos wh - (K/w) u sin wh,   e+ = e + dQ h + u sin(wh) / w + f~ (1 - cos wh) / K
+    u+ = u cos wh + (f - f_0) / (m w) sin wh,   f+ = f_0 + (f - f_0) cos wh - (K/w) u sin wh
+    s+ = s + Q h + u sin(wh) / w + (f - f_0) (1 - cos wh) / K
 
 The feedback then is that of a plant without dead time, as far as the model is right; its gains leave room for what is not
 (``state_feedback``).
@@ -28,10 +29,10 @@ LONGEST = 0.2
 
 
 class Past(NamedTuple):
-    """s_s [m] and dQ [m/s] when the next command acts, and one, two .. sample times before."""
+    """s_s [m] and Q [m/s] when the next command acts, and one, two .. sample times before."""
 
     positions: tuple[Expression, ...]
-    surplus: tuple[Expression, ...]
+    speeds: tuple[Expression, ...]
 
     @classmethod
     def resting(cls, sample_time: float) -> Past:
@@ -39,9 +40,9 @@ class Past(NamedTuple):
         count = round(LONGEST / sample_time) + 1
         return cls((0.0,) * count, (0.0,) * count)
 
-    def with_next(self, position: Expression, surplus: Expression) -> Past:
+    def with_next(self, position: Expression, speed: Expression) -> Past:
         """One sample time later."""
-        return Past((position, *self.positions[:-1]), (surplus, *self.surplus[:-1]))
+        return Past((position, *self.positions[:-1]), (speed, *self.speeds[:-1]))
 
     def position(self, dead_time: Expression, sample_time: float) -> Expression:
         """s_s [m] when the sample was taken."""
@@ -78,8 +79,8 @@ class Held(NamedTuple):
         return Reference(*reference), m._replace(angle=angle, rate=rate), Held(rows[:-1])
 
 
-class Errors(NamedTuple):
-    """e = s_p - s_p* [m], e' [m/s], f~ = f_p - f_ff [N]."""
+class Motion(NamedTuple):
+    """s_p [m], v [m/s], f_p [N]."""
 
     position: Expression
     velocity: Expression
@@ -87,17 +88,21 @@ class Errors(NamedTuple):
 
 
 def predicted(
-    now: Errors, past: Past, missed: Expression, stiffness: Expression, frequency: Expression, dead_time: Expression,
-    sample_time: float,
-) -> Errors:  # fmt: skip
-    """The errors after ``dead_time`` [s]; missed [m/s]: what the valve gives beyond its model; K [N/m], w [rad/s]."""
-    e, v, f = now
-    d = past.surplus
-    for k in reversed(range(len(d) - 1)):
+    now: Motion, past: Past, missed: Expression, still: Expression, stiffness: Expression, frequency: Expression,
+    dead_time: Expression, sample_time: float,
+) -> Motion:  # fmt: skip
+    """The motion after ``dead_time`` [s].
+
+    missed: what the valve gives beyond its model [m/s]; still: f_0 [N]; stiffness: K [N/m]; frequency: w [rad/s].
+    """
+    position, v, f = now
+    q = past.speeds
+    for k in reversed(range(len(q) - 1)):
         h = ca.fmin(ca.fmax(dead_time - k * sample_time, 0.0), sample_time)
-        surplus = 0.5 * (d[k] + d[k + 1]) + missed
+        given = 0.5 * (q[k] + q[k + 1]) + missed
         c, s = ca.cos(frequency * h), ca.sin(frequency * h)
-        u = v - surplus
-        e = e + surplus * h + u * s / frequency + f * (1.0 - c) / stiffness
-        v, f = surplus + u * c + f * frequency / stiffness * s, f * c - stiffness / frequency * u * s
-    return Errors(e, v, f)
+        u, beyond = v - given, f - still
+        position = position + given * h + u * s / frequency + beyond * (1.0 - c) / stiffness
+        v = given + u * c + beyond * frequency / stiffness * s
+        f = still + beyond * c - stiffness / frequency * u * s
+    return Motion(position, v, f)

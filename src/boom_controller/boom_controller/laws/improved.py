@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from boom_controller.blocks.control_model import ControlModel, ModelQuantities, OperatingPoint
-from boom_controller.blocks.dead_time import Errors, Held, Past, predicted
+from boom_controller.blocks.dead_time import Held, Motion, Past, predicted
 from boom_controller.blocks.flat import FlatLaw
 from boom_controller.blocks.hysteresis import Play
 from boom_controller.blocks.pilot_stage import StaticPilot, require_pilot_stage
@@ -54,6 +54,9 @@ class ImprovedSettings(LawSettings):
     largest_damping: float = tunable(30.0, "1/s", 1.0, 60.0, "limit of the force feedback K k_d, improved")
     slowest_frequency: float = tunable(
         3.0, "rad/s", 0.5, 20.0, "frequency to which a softer oil spring is stiffened, improved"
+    )
+    predicted_phase: float = tunable(
+        1.3, "rad", 0.1, 100.0, "turn of the oil spring within the dead time at which the damping is halved, improved"
     )
     preview: float = tunable(0.035, "s", 0.0, 0.2, "lead of the reference over the valve's remaining lag, improved")
     remaining_lag: float = tunable(0.015, "s", 0.0, 0.2, "lag over which the force is predicted, improved")
@@ -187,16 +190,21 @@ class Improved:
             x.stall, velocity, head_flow / self._area_a, m.hose_pressure * self._area_a, a * self._area_a, s
         )
 
-        k = gains(stiffness, q.inertia / q.jacobian**2, dead, s)
-        present = Errors(
-            q.position - q.reference_position, velocity - q.reference_jacobian * now.rate, q.force - q.feedforward_force
+        mass = q.inertia / q.jacobian**2
+        k = gains(stiffness, mass, dead, s)
+        between, then = r.ahead(late - 0.5 * dead), r.ahead(late)
+        half, target = self._model.coming(between, load.load), self._model.coming(then, load.load)
+        still = half.force - mass * half.jacobian * between.acceleration
+        motion = predicted(
+            Motion(q.position, velocity, q.force), x.past, missed.speed, still, stiffness, k.frequency, dead, s.sample_time
         )
-        e = predicted(present, x.past, missed.speed, stiffness, k.frequency, dead, s.sample_time)
+        e1, e2 = motion.position - target.position, motion.velocity - target.jacobian * then.rate
         coming = r.ahead(s.preview + late)
         future = self._model.coming(coming, load.load)
-        force = predicted_force(e.force, x.past.surplus[0] - e.velocity, stiffness, k.frequency, s.remaining_lag)
+        driving = x.past.speeds[0] - future.force_rate / stiffness - motion.velocity
+        force = predicted_force(motion.force - target.force, driving, stiffness, k.frequency, s.remaining_lag)
         leaking = (a + b) * q.leakage / stiffness
-        wanted = (future.jacobian * coming.rate - k.position * e.position - k.velocity * e.velocity - k.force * force
+        wanted = (future.jacobian * coming.rate - k.position * e1 - k.velocity * e2 - k.force * force
                   - missed.speed + leaking)  # fmt: skip
         sigma = stiffness * wanted + future.force_rate
         soon = r.ahead(s.dead_zone_preview + late)
@@ -205,20 +213,10 @@ class Improved:
             sigma / stiffness + self._model.coming(soon, load.load).jacobian * soon.rate, s.dead_zone_speed,
         )  # fmt: skip
         valve, plus, minus = self._valve.step(x.valve, spool, lambda position: flows.at(position)[2], s)
-        past = x.past.with_next(self._valve.edges(valve), self._surplus(flows, valve, r, late, load.load, q, a, b, s))
+        edges = self._valve.edges(valve)
+        head_flow, rod_flow, _ = flows.at(edges)
+        past = x.past.with_next(edges, (a * head_flow - b * rod_flow) / stiffness - leaking)
         return ImprovedState(valve, load, head, rod, missed, stall, past, held), [
-            valve.retract.current, valve.extend.current, r.angle - m.angle, -present.position, -present.force,
+            valve.retract.current, valve.extend.current, now.angle - m.angle, q.reference_position - q.position, q.feedforward_force - q.force,
             q.feedforward_force, 0.0, q.feedforward_force, q.force, spool, plus, minus, load.load, stalled(stall, s),
         ]  # fmt: skip
-
-    def _surplus(
-        self, flows: FlowsNow, valve: ValveState, r: Reference, late: Expression, load: Expression, q: ModelQuantities,
-        a: Expression, b: Expression, s: Any,
-    ) -> Expression:  # fmt: skip
-        """Speed [m/s] that the valve gives beyond what the reference needs, when the command after this one acts."""
-        stiffness = a * self._area_a + b * self._area_b
-        head, rod, _ = flows.at(self._valve.edges(valve))
-        then = r.ahead(late + s.sample_time)
-        needs = self._model.coming(then, load)
-        given = (a * (head - q.leakage) - b * (rod + q.leakage)) / stiffness
-        return given - needs.jacobian * then.rate - needs.force_rate / stiffness
