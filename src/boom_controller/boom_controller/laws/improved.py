@@ -29,7 +29,8 @@ from boom_controller.blocks.valve_follower import ValveFollower, ValveState
 from boom_controller.blocks.valve_map import FlowsNow, ValveMap
 from boom_controller.errors import ControlError
 from boom_controller.observers.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
-from boom_controller.observers.load_observer import LoadState, observe_load
+from boom_controller.observers.load_observer import LoadObserver, LoadState
+from boom_controller.observers.mode_observer import Modes
 from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
 from boom_controller.settings import LawSettings, tunable
 from boom_controller.types import Controller, ControlOutput, Measurement, Reference
@@ -125,10 +126,12 @@ class Improved:
         play = Play(machine.effects, self._stroke)
         self._valve = ValveFollower(p, e, StaticPilot(p, e), dead_zone, settings.sample_time, play)
         self._settings = settings
+        self._load = LoadObserver(Modes(machine, pose, p))
         self._start = ImprovedState(
+            load=self._load.start,
             past=Past.resting(settings.sample_time), held=Held.of(self._model.pressure_delay, settings.sample_time)
         )
-        self._law = FlatLaw(self.mode, self._start, self._after, SETTINGS, settings)
+        self._law = FlatLaw(self.mode, self._start, self._after, SETTINGS, settings, self._load.gains(settings))
         self._reason = ""
 
     def reset(self, measurement: Measurement) -> None:
@@ -160,18 +163,19 @@ class Improved:
         """
         if settings.sample_time != self._settings.sample_time:
             raise ControlError("sample_time cannot change while running: stop the controller and start it again")
-        self._law.change(settings)
+        self._law.change(settings, self._load.gains(settings))
         self._settings = settings
 
     def _after(self, x: ImprovedState, r: Reference, m: Measurement, s: Any) -> tuple[ImprovedState, list[Expression]]:
         """The law as expressions: states one sample time later; ``ControlOutput`` up to the load, and whether the supply stalls."""
         now, m, held = x.held.with_next(r, self._model.sample(m), self._model.pressure_delay, s.sample_time)
+        m = self._load.seen(x.load, m)
         late = m.age + s.command_delay + self._model.command_delay  # until the command acts
         dead = late + self._model.pressure_delay  # since the sample
         q = self._model.expressions(
             OperatingPoint(m.angle, m.rate, m.hose_pressure, m.rod_pressure, *now, x.load.load)
         )
-        load = observe_load(x.load, q, m.rate, s)
+        load = self._load.step(x.load, q, m, s)
         velocity = q.jacobian * m.rate
         flows = self._map.flows(m.hose_pressure, m.rod_pressure, q.rod_passage)
         head_flow, rod_flow, _ = flows.at(x.past.position(dead, s.sample_time))
