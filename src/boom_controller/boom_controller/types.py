@@ -45,7 +45,9 @@ class ControlOutput(NamedTuple):
         spool_position: s_s^* [m], positive lowers.
         pilot_pressure_retract, pilot_pressure_extend: p_+^*, p_-^* [Pa].
         estimated_load: at the tip, beyond the configured load [kg].
-        reason: why the motion has to be stopped, in words for the operator (a load that cannot be held); empty without a reason.
+        reason: why the motion has to be stopped, in words for the operator; empty without a reason.
+        cause: its id in ``supervision.reasons``.
+        note: what the operator has to know although the motion goes on; usually empty.
     """
 
     retract: float
@@ -62,6 +64,8 @@ class ControlOutput(NamedTuple):
     pilot_pressure_extend: float = nan
     estimated_load: float = nan
     reason: str = ""
+    cause: str = "load_not_held"
+    note: str = ""
 
 
 class Controller(Protocol):

@@ -21,6 +21,10 @@ LARGEST_TURN = 0.5
 """rad: real pole of the position times the dead time."""
 
 
+SAFE_POLE, SAFE_DAMPING = 1.0, 5.0
+"""1/s. Position pole and K k_d once an oscillation was recognised; the speed is not fed back."""
+
+
 class FeedbackGains(NamedTuple):
     """k_p [1/s], k_v [-], k_d [m/s/N], natural frequency sqrt(K/m) [rad/s]."""
 
@@ -30,17 +34,21 @@ class FeedbackGains(NamedTuple):
     frequency: Expression
 
 
-def gains(stiffness: Expression, mass: Expression, dead_time: Expression, s: Any) -> FeedbackGains:
-    """For K [N/m], m = D / J^2 [kg], a dead time [s] that is predicted over, and the settings ``s``."""
+def gains(
+    stiffness: Expression, mass: Expression, dead_time: Expression, safe: Expression, s: Any
+) -> FeedbackGains:
+    """For K [N/m], m = D / J^2 [kg], a dead time [s] that is predicted over, and the settings ``s``; ``safe``: 1 for the safe set."""
     natural = ca.sqrt(stiffness / mass)
     frequency = ca.fmax(natural, s.slowest_frequency)
     largest = s.largest_damping / (1.0 + (natural * dead_time / s.predicted_phase) ** 4)
-    a = ca.fmin(-s.feedback_pole, LARGEST_TURN / ca.fmax(dead_time, 1e-3))
+    largest = ca.if_else(safe, ca.fmin(largest, SAFE_DAMPING), largest)
+    a = ca.fmin(ca.if_else(safe, ca.fmin(-s.feedback_pole, SAFE_POLE), -s.feedback_pole), LARGEST_TURN / ca.fmax(dead_time, 1e-3))
     damping = ca.fmin(a + 2.0 * s.feedback_damping * frequency, ca.fmax(largest, a))
     zeta = (damping - a) / (2.0 * frequency)
     ratio = (frequency / natural) ** 2
     velocity = ratio * (1.0 + 2.0 * zeta * a / frequency) - 1.0
-    return FeedbackGains(a * ratio, velocity, damping / stiffness, natural)
+    velocity = ca.if_else(safe, 0.0, velocity)
+    return FeedbackGains(a * ca.if_else(safe, 1.0, ratio), velocity, damping / stiffness, natural)
 
 
 def predicted_force(

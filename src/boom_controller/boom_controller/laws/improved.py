@@ -31,6 +31,8 @@ from boom_controller.errors import ControlError
 from boom_controller.observers.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
 from boom_controller.observers.load_observer import LoadObserver, LoadState
 from boom_controller.observers.mode_observer import Modes
+from boom_controller.observers import oscillation_watch
+from boom_controller.observers.oscillation_watch import OscillationState, watch_oscillation
 from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
 from boom_controller.settings import LawSettings, tunable
 from boom_controller.types import Controller, ControlOutput, Measurement, Reference
@@ -41,6 +43,7 @@ from boom_model.regularisation import Expression
 LAWS = {
     "improved": "the boom as a mass on an oil spring driven by the valve's flow; observers for load, oil and missing flow",
 }
+_GO = ("", "load_not_held")
 CAVITATION = 3.0e5
 """Pa. Below this the rod side may draw oil through its anti-cavitation valve and gives no information on its compliance."""
 
@@ -84,6 +87,9 @@ class ImprovedSettings(LawSettings):
     compliance_pressure: float = tunable(
         1.0e6, "Pa", 1e4, 1e7, "pressure change below which it is not learnt, improved"
     )
+    oscillation_speed: float = tunable(
+        0.01, "m/s", 1e-3, 0.1, "half-wave from which an oscillation counts, improved"
+    )
     stall_time: float = tunable(
         0.5, "s", 0.1, 5.0, "how long the supply may deliver too little before the load counts as too heavy"
     )
@@ -108,6 +114,7 @@ class ImprovedState(NamedTuple):
     stall: StallState = StallState()
     past: Past = Past((), ())
     held: Held = Held(())
+    swings: OscillationState = OscillationState()
 
 
 class Improved:
@@ -132,7 +139,7 @@ class Improved:
             past=Past.resting(settings.sample_time), held=Held.of(self._model.pressure_delay, settings.sample_time)
         )
         self._law = FlatLaw(self.mode, self._start, self._after, SETTINGS, settings, self._load.gains(settings))
-        self._reason = ""
+        self._stop = _GO
 
     def reset(self, measurement: Measurement) -> None:
         """Start at rest: valve centred, nominal oil, no load beyond the configured one."""
@@ -146,14 +153,15 @@ class Improved:
                 stall=StallState(force=hose * self._area_a),
             )
         )
-        self._reason = ""
+        self._stop = _GO
 
     def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         """One sample time."""
-        *quantities, is_stalled = self._law.step(reference, measurement)
-        if is_stalled and not self._reason:
-            self._reason = reason(quantities[-1], measurement.hose_pressure)
-        return ControlOutput._make((*quantities, self._reason))
+        *quantities, is_stalled, is_calmed, is_unsettled = self._law.step(reference, measurement)
+        if not self._stop[0] and (is_stalled or is_unsettled):
+            stalls = reason(quantities[-1], measurement.hose_pressure), "load_not_held"
+            self._stop = stalls if is_stalled else (oscillation_watch.REASON, "oscillation")
+        return ControlOutput._make((*quantities, *self._stop, oscillation_watch.NOTE if is_calmed else ""))
 
     def change(self, settings: ImprovedSettings) -> None:
         """Change everything except the sample time; the observers keep their states.
@@ -175,7 +183,8 @@ class Improved:
         q = self._model.expressions(
             OperatingPoint(m.angle, m.rate, m.hose_pressure, m.rod_pressure, *now, x.load.load)
         )
-        load = self._load.step(x.load, q, m, s)
+        safe = x.swings.calmed > 0
+        load = self._load.step(x.load, q, m, safe, s)
         velocity = q.jacobian * m.rate
         flows = self._map.flows(m.hose_pressure, m.rod_pressure, q.rod_passage)
         head_flow, rod_flow, _ = flows.at(x.past.position(dead, s.sample_time))
@@ -189,13 +198,13 @@ class Improved:
         b = self._area_b * q.stiffness_rod / rod.ratio
         stiffness = a * self._area_a + b * self._area_b
         modelled = (a * head_flow - b * rod_flow) / stiffness
-        missed = observe_missed_flow(x.missed, velocity, modelled, q.force, stiffness, s)
+        missed = observe_missed_flow(x.missed, velocity, modelled, q.force, stiffness, safe, s)
         stall = watch_supply(
             x.stall, velocity, head_flow / self._area_a, m.hose_pressure * self._area_a, a * self._area_a, s
         )
 
         mass = q.inertia / q.jacobian**2
-        k = gains(stiffness, mass, dead, s)
+        k = gains(stiffness, mass, dead, safe, s)
         between, then = r.ahead(late - 0.5 * dead), r.ahead(late)
         half, target = self._model.coming(between, load.load), self._model.coming(then, load.load)
         still = half.force - mass * half.jacobian * between.acceleration
@@ -203,6 +212,9 @@ class Improved:
             Motion(q.position, velocity, q.force), x.past, missed.speed, still, stiffness, k.frequency, dead, s.sample_time
         )
         e1, e2 = motion.position - target.position, motion.velocity - target.jacobian * then.rate
+        swings = watch_oscillation(
+            x.swings, velocity - q.reference_jacobian * now.rate + (q.force - q.feedforward_force) * k.frequency / stiffness, s
+        )
         coming = r.ahead(s.preview + late)
         future = self._model.coming(coming, load.load)
         driving = x.past.speeds[0] - future.force_rate / stiffness - motion.velocity
@@ -220,7 +232,8 @@ class Improved:
         edges = self._valve.edges(valve)
         head_flow, rod_flow, _ = flows.at(edges)
         past = x.past.with_next(edges, (a * head_flow - b * rod_flow) / stiffness - leaking)
-        return ImprovedState(valve, load, head, rod, missed, stall, past, held), [
+        return ImprovedState(valve, load, head, rod, missed, stall, past, held, swings), [
             valve.retract.current, valve.extend.current, now.angle - m.angle, q.reference_position - q.position, q.feedforward_force - q.force,
-            q.feedforward_force, 0.0, q.feedforward_force, q.force, spool, plus, minus, load.load, stalled(stall, s),
+            q.feedforward_force, 0.0, q.feedforward_force, q.force, spool, plus, minus, load.load,
+            stalled(stall, s), swings.calmed > 0, swings.unsettled,
         ]  # fmt: skip

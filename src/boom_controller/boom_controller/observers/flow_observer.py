@@ -22,6 +22,8 @@ SOFTEST, STIFFEST = 8.0, 0.7
 """Limits of kappa: air in the oil (beta x 0.2, Table 6.1) with a margin."""
 FORGETTING = 4.0
 """1/s, of the high-pass filters."""
+SAFE_POLE = -1.0
+"""1/s. Once an oscillation was recognised."""
 LARGEST_MISSED = 0.05
 """m/s."""
 
@@ -60,9 +62,10 @@ def observe_chamber(
 
 
 def observe_missed_flow(
-    x: MissedState, velocity: Expression, modelled: Expression, force: Expression, stiffness: Expression, s: Any
-) -> MissedState:
-    """One sample time: v and Q [m/s], f_p [N], K [N/m], settings ``s``."""
+    x: MissedState, velocity: Expression, modelled: Expression, force: Expression, stiffness: Expression,
+    safe: Expression, s: Any,
+) -> MissedState:  # fmt: skip
+    """One sample time: v and Q [m/s], f_p [N], K [N/m], settings ``s``; ``safe``: not faster than ``SAFE_POLE``."""
     gained = s.sample_time * (velocity - modelled - x.speed) + (force - x.force) / stiffness
-    speed = x.speed - s.flow_pole * gained
+    speed = x.speed - ca.if_else(safe, ca.fmax(s.flow_pole, SAFE_POLE), s.flow_pole) * gained
     return MissedState(limited(speed, -LARGEST_MISSED, LARGEST_MISSED), force)

@@ -20,6 +20,8 @@ from boom_model.regularisation import Expression
 
 LEAST_EFFECT = 1e-4
 """rad/s^2 per kg: for c of about this size or less the load is hardly observable."""
+SAFE_POLE = -2.0
+"""1/s. Once an oscillation was recognised: far below what bends or swings."""
 LIGHTEST = -500.0
 """kg. Allowed below the configured load, because wrong friction may look like that."""
 
@@ -33,7 +35,7 @@ class LoadState(NamedTuple):
 
 
 class LoadObserver:
-    """The observer of a machine, with the modes that its file tells; ``gains``: slow and fast, see :meth:`gains`."""
+    """The observer of a machine, with the modes that its file tells; ``gains``: slow, fast, safe, see :meth:`gains`."""
 
     def __init__(self, modes: Modes) -> None:
         self.modes = modes
@@ -42,7 +44,7 @@ class LoadObserver:
     def gains(self, s: Any) -> dict[str, float]:
         """Gains for the settings ``s``, by name, for :class:`boom_controller.blocks.flat.FlatLaw`."""
         named = {}
-        for word, pole in (("slow", s.load_pole), ("fast", s.load_pole_fast)):
+        for word, pole in (("slow", s.load_pole), ("fast", s.load_pole_fast), ("safe", SAFE_POLE)):
             gain = self.modes.gain(-pole)
             named |= {f"{word}_{k}": value for k, value in enumerate((gain.rate, gain.missing, *gain.states))}
         return named
@@ -52,8 +54,8 @@ class LoadObserver:
         beyond = self.modes.at(x.modes, m.angle, m.rate, 1.0, 0.0, 0.0)
         return m._replace(angle=m.angle - beyond.angle, rate=m.rate - beyond.rate)
 
-    def step(self, x: LoadState, q: ModelQuantities, m: Measurement, s: Any) -> LoadState:
-        """One sample time with the model at the present load, the sample at the cylinder and settings with ``gains``."""
+    def step(self, x: LoadState, q: ModelQuantities, m: Measurement, safe: Expression, s: Any) -> LoadState:
+        """One sample time with the model at the present load, the sample at the cylinder and settings with ``gains``; ``safe``: slowly."""
         torque = q.jacobian * q.force - q.friction - q.gravity
         point = (m.angle, m.rate, q.inertia, torque, 0.0)
         acceleration = self.modes.at(x.modes, *point).acceleration
@@ -63,7 +65,8 @@ class LoadObserver:
 
         def gain(k: int) -> Expression:
             slow: Expression = getattr(s, f"slow_{k}")
-            return slow + fast * (getattr(s, f"fast_{k}") - slow)
+            usual = slow + fast * (getattr(s, f"fast_{k}") - slow)
+            return ca.if_else(safe, getattr(s, f"safe_{k}"), usual)
 
         t = s.sample_time
         load = x.load + t * gain(1) * surprise * effect / (effect * effect + LEAST_EFFECT * LEAST_EFFECT)
