@@ -111,7 +111,7 @@ class Cascade:
 
     def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         """(6.2), (6.13), (6.22), (6.23), (6.24)-(6.26), one sample time."""
-        return ControlOutput._make((*self._law.step(reference, measurement), nan, ""))
+        return ControlOutput(*self._law.step(reference, measurement))
 
     def change(self, settings: CascadeSettings) -> None:
         """Change gains, limits and neutral pressure; integral states are adapted so that forces and spool keep their values.

@@ -33,6 +33,7 @@ from boom_controller.observers.load_observer import LoadObserver, LoadState
 from boom_controller.observers.mode_observer import Modes
 from boom_controller.observers import oscillation_watch
 from boom_controller.observers.oscillation_watch import OscillationState, watch_oscillation
+from boom_controller.observers.rest import RestState, watch_rest
 from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
 from boom_controller.settings import LawSettings, tunable
 from boom_controller.types import Controller, ControlOutput, Measurement, Reference
@@ -115,6 +116,7 @@ class ImprovedState(NamedTuple):
     past: Past = Past((), ())
     held: Held = Held(())
     swings: OscillationState = OscillationState()
+    rest: RestState = RestState()
 
 
 class Improved:
@@ -161,7 +163,7 @@ class Improved:
         if not self._stop[0] and (is_stalled or is_unsettled):
             stalls = reason(quantities[-1], measurement.hose_pressure), "load_not_held"
             self._stop = stalls if is_stalled else (oscillation_watch.REASON, "oscillation")
-        return ControlOutput._make((*quantities, *self._stop, oscillation_watch.NOTE if is_calmed else ""))
+        return ControlOutput(*quantities, *self._stop, oscillation_watch.NOTE if is_calmed else "")
 
     def change(self, settings: ImprovedSettings) -> None:
         """Change everything except the sample time; the observers keep their states.
@@ -224,15 +226,17 @@ class Improved:
                   - missed.speed + leaking)  # fmt: skip
         sigma = stiffness * wanted + future.force_rate
         soon = r.ahead(s.dead_zone_preview + late)
+        starting = self._model.coming(soon, load.load).jacobian * soon.rate
+        rest = watch_rest(x.rest, sigma / stiffness, starting, s.dead_zone_speed, s.sample_time)
         spool = self._map.through_dead_zone(
-            flows.spool(sigma, a, b, s.largest_spool_position * self._stroke),
-            sigma / stiffness + self._model.coming(soon, load.load).jacobian * soon.rate, s.dead_zone_speed,
-        )  # fmt: skip
+            flows.spool(sigma, a, b, s.largest_spool_position * self._stroke), sigma / stiffness + starting, s.dead_zone_speed
+        )
+        spool = ca.if_else(rest.resting, 0.0, spool)
         valve, plus, minus = self._valve.step(x.valve, spool, lambda position: flows.at(position)[2], s)
         edges = self._valve.edges(valve)
         head_flow, rod_flow, _ = flows.at(edges)
         past = x.past.with_next(edges, (a * head_flow - b * rod_flow) / stiffness - leaking)
-        return ImprovedState(valve, load, head, rod, missed, stall, past, held, swings), [
+        return ImprovedState(valve, load, head, rod, missed, stall, past, held, swings, rest), [
             valve.retract.current, valve.extend.current, now.angle - m.angle, q.reference_position - q.position, q.feedforward_force - q.force,
             q.feedforward_force, 0.0, q.feedforward_force, q.force, spool, plus, minus, load.load,
             stalled(stall, s), swings.calmed > 0, swings.unsettled,

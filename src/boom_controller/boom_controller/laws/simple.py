@@ -9,7 +9,6 @@ dynamics, and nothing that the gyro measures: what is better has to be worth its
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import nan
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -74,7 +73,7 @@ class Simple:
 
     def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         """One sample time."""
-        return ControlOutput._make((*self._law.step(reference, measurement), nan, ""))
+        return ControlOutput(*self._law.step(reference, measurement))
 
     def change(self, settings: SimpleSettings) -> None:
         """Change everything except the sample time.

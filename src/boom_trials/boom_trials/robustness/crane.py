@@ -26,6 +26,7 @@ LOWEST_PRESSURE = -1.0e8
 """Pa."""
 SUBSTEP = 0.002
 """s. How often the supply's pressure limit is applied within a sample time."""
+INSIDE = ("angle", "spool_position")
 GIVEN = ("force_set_point", "feedforward_force", "estimated_load", "spool_position", "retract", "extend")
 
 
@@ -44,6 +45,7 @@ class History:
     Attributes:
         diverged: why the run ended early; empty if it did not.
         stopped: (time [s], reason) when the controller asked to stop, with which the run ends; None if it did not.
+        noted: time [s] from which the controller had a note for the operator; None if it never had.
     """
 
     time: Array
@@ -51,6 +53,7 @@ class History:
     values: dict[str, Array]
     diverged: str = ""
     stopped: tuple[float, str] | None = None
+    noted: float | None = None
 
 
 class TrialCrane:
@@ -72,7 +75,7 @@ class TrialCrane:
     Attributes:
         machine: the plant's.
         true: the outputs without noise, at time zero and after each period.
-        angles: q_2 [rad] itself at the same times, whatever the sensor makes of it.
+        inside: q_2 [rad] itself and s_s [m] at the same times, whatever the sensors make of it.
         command_delay: dead time [s] of the valve chain, an effect of the plant's machine.
         sample: what the sensors show now.
     """
@@ -100,8 +103,8 @@ class TrialCrane:
         self._acting = self._next = (0.0, 0.0)
         self._from = -math.inf
         self.command_delay, self._late = plant.command_delay, plant.pressure_delay / period
-        self._angle = plant.state_names.index("angle")
-        self.angles = [float(start[self._angle])]
+        self._inside = [plant.state_names.index(name) for name in INSIDE]
+        self.inside = [[float(start[k]) for k in self._inside]]
         self.true: list[list[float]] = [[float(v) for v in plant.outputs(start)]]
         self.sample = self._measure(0, self.true[0])
 
@@ -125,7 +128,7 @@ class TrialCrane:
         self._acting = self._next
         y = self._step(*self._acting, period).tolist()
         self.true.append(y)
-        self.angles.append(float(self._stepper.state[self._angle]))
+        self.inside.append([float(self._stepper.state[k]) for k in self._inside])
         self.sample = sample = self._measure(len(self.true) - 1, self._delayed(y) if self._late else y)
         return sample
 
@@ -161,16 +164,18 @@ def carried_out(
     length, true = _position_scale(crane.machine), crane.true
     done = closed_loop.run(
         controller, crane, references, dead_time=delay * crane.period + crane.command_delay, heed=True,
-        astray=lambda wanted: abs(crane.angles[-1] - wanted) * length > DIVERGED,
+        astray=lambda wanted: abs(crane.inside[-1][0] - wanted) * length > DIVERGED,
     )  # fmt: skip
     n = len(done.outputs)
     rows = np.hstack([true[:n], list(map(attrgetter(*GIVEN), done.outputs))])
-    values = dict(zip((*OUTPUTS, *GIVEN), rows.T, strict=True)) | {"true_angle": np.array(crane.angles[:n])}
+    values = dict(zip((*OUTPUTS, *GIVEN), rows.T, strict=True))
+    values |= dict(zip(("true_angle", "true_spool"), np.array(crane.inside[:n]).T, strict=True))
     diverged = str(done.failed or "")
     if done.astray is not None:
         diverged = f"at {done.astray:.2f} s the piston was {DIVERGED * 1e3:.0f} mm from its reference"
     wanted = np.array([reference.angle for reference in references[:n]])
-    return History(np.arange(n, dtype=np.float64) * crane.period, wanted, values, diverged, done.stopped)
+    noted = next((k * crane.period for k, output in enumerate(done.outputs) if output.note), None)
+    return History(np.arange(n, dtype=np.float64) * crane.period, wanted, values, diverged, done.stopped, noted)
 
 
 def start_state(plant: Plant, machine: Machine, pose: Pose, angle: float) -> Array:

@@ -7,6 +7,7 @@ modes.
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Sequence
@@ -36,6 +37,12 @@ Array = NDArray[np.float64]
 
 OSCILLATION_FROM = 0.8
 """Hz."""
+LATE = 3.0
+"""s. By then a load that was attached at the first instant is carried."""
+STILL, SETTLING = 5.0e-6, 1.0
+"""m/s below which the reference rests; s after which the boom does, too."""
+SLOWEST = 1.0e-3
+"""m/s. Largest speed that a motion has at least."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +74,13 @@ class StudyRun:
 
 @dataclass(frozen=True)
 class Result:
-    """Result of a run: errors of the piston [m], force oscillation [N] (NaN if it diverged), why it diverged or stopped."""
+    """Result of a run: errors of the piston [m], force oscillation [N] (NaN if it diverged), why it diverged or stopped.
+
+    Attributes:
+        late_mae: mean error after the first ``LATE`` seconds. rho: largest error over largest wanted speed [s].
+        rest_travel: travel of the spool over full stroke while the reference rests [1/s]; NaN if it never does.
+        noted: see :class:`boom_trials.robustness.crane.History`.
+    """
 
     job: StudyRun
     mae: float
@@ -77,6 +90,10 @@ class Result:
     final_oscillation: float
     diverged: str
     stopped: tuple[float, str] | None
+    late_mae: float = math.nan
+    rho: float = math.nan
+    rest_travel: float = math.nan
+    noted: float | None = None
     history: History | None = None
 
     @property
@@ -139,16 +156,34 @@ def carry_out_one(job: StudyRun) -> Result:
     known = machine if job.case.told else nominal
     controller = _controller(job.mode, _Known(job.machine, known), pose_key, job.settings)
     history = carried_out(controller, crane, references, delay=job.delay)
-    error = piston_positions(nominal, history.reference) - piston_positions(nominal, history.values["true_angle"])
+    wished = piston_positions(nominal, history.reference)
+    error = wished - piston_positions(nominal, history.values["true_angle"])
     measured = errors(error)
+    speed = np.abs(np.gradient(wished, job.settings.sample_time)) if len(wished) > 1 else np.zeros(1)
+    late = error[round(LATE / job.settings.sample_time) :]
     wanted = _feedforward(job.machine, pose_key, job.case.load, job.folder, job.bag, job.settings)
     oscillation, final = _oscillation(
         force(nominal, history) - wanted[: len(history.time)], history, job.settings.sample_time
     )
     return Result(
         job, measured.mae, measured.maxe, measured.rmse, oscillation, final, history.diverged, history.stopped,
-        history if job.keep else None,
+        late_mae=float(np.mean(np.abs(late))) if len(late) else math.nan,
+        rho=measured.maxe / max(float(speed.max()), SLOWEST), rest_travel=_rest_travel(nominal, history, speed),
+        noted=history.noted, history=history if job.keep else None,
     )  # fmt: skip
+
+
+def _rest_travel(machine: Machine, history: History, speed: Array) -> float:
+    """Travel of the spool over full stroke [1/s] while the reference has rested for ``SETTLING`` and will."""
+    period = history.time[1] - history.time[0] if len(history.time) > 1 else 1.0
+    moving = (speed > STILL).astype(float)
+    reach = round(SETTLING / period)
+    near = np.convolve(moving, np.ones(reach + reach // 10 + 1))[reach // 10 :][: len(speed)]
+    resting = near[1:] < 0.5
+    if not resting.any():
+        return math.nan
+    travel = np.abs(np.diff(history.values["true_spool"])) / machine.numbers.main_valve_spool.s_max
+    return float(np.sum(travel[resting]) / (np.sum(resting) * period))
 
 
 def force(machine: Machine, history: History) -> Array:
