@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import nan
 from typing import Any, NamedTuple, Protocol
 
@@ -35,6 +36,10 @@ class Measurement(NamedTuple):
     age: float = 0.0
 
 
+GO = ("", "load_not_held")
+"""No reason to stop."""
+
+
 class ControlOutput(NamedTuple):
     """Currents [A] and the quantities behind them, SI; NaN if a mode has no such quantity.
 
@@ -66,6 +71,12 @@ class ControlOutput(NamedTuple):
     reason: str = ""
     cause: str = "load_not_held"
     note: str = ""
+
+    @classmethod
+    def of(cls, quantities: Sequence[float], stop: tuple[str, str] = GO, note: str = "") -> ControlOutput:
+        """The quantities up to the last one that the law has, the reason to stop and its id, the note."""
+        missing = len(cls._fields) - 3 - len(quantities)
+        return cls._make((*quantities, *(nan,) * missing, *stop, note))
 
 
 class Controller(Protocol):

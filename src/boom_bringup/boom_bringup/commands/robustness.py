@@ -131,16 +131,14 @@ def run(args: argparse.Namespace) -> int:
         parts["stability_map"] = stability_jobs(modes, args.bags, args.machine)
     asked = rows(args.scattered, args.seed) if args.requirements else []
     judged = [mode for mode in MODES if mode in modes]
-    if asked:
-        parts["requirements"] = requirement_jobs(asked, judged, args.bags, args.machine, args.seed)
+    parts["requirements"] = requirement_jobs(asked, judged, args.bags, args.machine, args.seed)
     results: dict[str, list[Result]] = {}
     with progress(sum(len(jobs) for jobs in parts.values())) as step:
-        for name, jobs in parts.items():
+        for name, jobs in ((name, jobs) for name, jobs in parts.items() if jobs):
             step(f"{name.replace('_', ' ')}: {len(jobs)} runs", 0)
             results[name] = carry_out(jobs, args.workers, lambda: step("", 1))
     numbers = document(results, modes, bags, args.seed)
-    if asked:
-        numbers["requirements"] = requirement_document(asked, judged, results["requirements"])
+    numbers |= requirement_document(asked, judged, results.get("requirements", ()))
     console = console_for()
     print_document(numbers, console, limited=args.supply == "limited")
     if json_path:

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import casadi as ca
-
 from boom_controller.blocks.limits import limited
 from boom_model.regularisation import Expression
 

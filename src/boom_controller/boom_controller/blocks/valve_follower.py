@@ -46,9 +46,7 @@ class ValveState(NamedTuple):
 class ValveFollower:
     """Two pilot valves and the spool."""
 
-    def __init__(
-        self, p: Any, e: Any, pilot: StaticPilot, dead_zone: float, sample_time: float, play: Play
-    ) -> None:
+    def __init__(self, p: Any, e: Any, pilot: StaticPilot, dead_zone: float, sample_time: float, play: Play) -> None:
         self._p, self._pilot, self._dead_zone, self._play = p, pilot, dead_zone, play
         self._area = float(p.main_valve_spool.A_s)
         self._spring = self._area * pilot.stiffness

@@ -24,7 +24,10 @@ NODES = (0.0, 0.02, 0.05, 0.1, 0.16, 0.24, 0.34, 0.43, 0.52, 0.6, 0.68, 0.76, 0.
 
 
 class ValveMap:
-    """The valve of a machine. The areas' nodes: ``extend`` and ``retract`` hold (|s_s| [m], supply area [m^2], tank area [m^2]) in ascending order."""
+    """The valve of a machine.
+
+    The areas' nodes: ``extend`` and ``retract`` hold (|s_s| [m], supply area [m^2], tank area [m^2]) in ascending order.
+    """
 
     def __init__(self, structure: Structure, p: Any, e: Any) -> None:
         self._structure, self._p, self._e = structure, p, e

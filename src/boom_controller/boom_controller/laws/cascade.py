@@ -9,7 +9,6 @@ Anti-windup: while the wanted spool position is beyond its limit, the integral s
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import nan
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -111,7 +110,7 @@ class Cascade:
 
     def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         """(6.2), (6.13), (6.22), (6.23), (6.24)-(6.26), one sample time."""
-        return ControlOutput(*self._law.step(reference, measurement))
+        return ControlOutput.of(self._law.step(reference, measurement))
 
     def change(self, settings: CascadeSettings) -> None:
         """Change gains, limits and neutral pressure; integral states are adapted so that forces and spool keep their values.

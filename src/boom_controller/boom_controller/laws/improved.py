@@ -19,24 +19,24 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from boom_controller.blocks.control_model import ControlModel, ModelQuantities, OperatingPoint
+from boom_controller.blocks.control_model import ControlModel, OperatingPoint
 from boom_controller.blocks.dead_time import Held, Motion, Past, predicted
 from boom_controller.blocks.flat import FlatLaw
 from boom_controller.blocks.hysteresis import Play
 from boom_controller.blocks.pilot_stage import StaticPilot, require_pilot_stage
 from boom_controller.blocks.state_feedback import gains, predicted_force
 from boom_controller.blocks.valve_follower import ValveFollower, ValveState
-from boom_controller.blocks.valve_map import FlowsNow, ValveMap
+from boom_controller.blocks.valve_map import ValveMap
 from boom_controller.errors import ControlError
+from boom_controller.observers import oscillation_watch
 from boom_controller.observers.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
 from boom_controller.observers.load_observer import LoadObserver, LoadState
 from boom_controller.observers.mode_observer import Modes
-from boom_controller.observers import oscillation_watch
 from boom_controller.observers.oscillation_watch import OscillationState, watch_oscillation
 from boom_controller.observers.rest import RestState, watch_rest
 from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
 from boom_controller.settings import LawSettings, tunable
-from boom_controller.types import Controller, ControlOutput, Measurement, Reference
+from boom_controller.types import GO, Controller, ControlOutput, Measurement, Reference
 from boom_model.components import cylinder
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
@@ -44,7 +44,6 @@ from boom_model.regularisation import Expression
 LAWS = {
     "improved": "the boom as a mass on an oil spring driven by the valve's flow; observers for load, oil and missing flow",
 }
-_GO = ("", "load_not_held")
 CAVITATION = 3.0e5
 """Pa. Below this the rod side may draw oil through its anti-cavitation valve and gives no information on its compliance."""
 
@@ -66,7 +65,10 @@ class ImprovedSettings(LawSettings):
     preview: float = tunable(0.035, "s", 0.0, 0.2, "lead of the reference over the valve's remaining lag, improved")
     remaining_lag: float = tunable(0.015, "s", 0.0, 0.2, "lag over which the force is predicted, improved")
     command_delay: float = tunable(
-        0.0, "s", 0.0, 0.1,
+        0.0,
+        "s",
+        0.0,
+        0.1,
         "dead time from a command to the solenoids beyond the machine file's, compensated like the samples' age, improved",
     )
     dead_zone_speed: float = tunable(
@@ -88,9 +90,7 @@ class ImprovedSettings(LawSettings):
     compliance_pressure: float = tunable(
         1.0e6, "Pa", 1e4, 1e7, "pressure change below which it is not learnt, improved"
     )
-    oscillation_speed: float = tunable(
-        0.01, "m/s", 1e-3, 0.1, "half-wave from which an oscillation counts, improved"
-    )
+    oscillation_speed: float = tunable(0.01, "m/s", 1e-3, 0.1, "half-wave from which an oscillation counts, improved")
     stall_time: float = tunable(
         0.5, "s", 0.1, 5.0, "how long the supply may deliver too little before the load counts as too heavy"
     )
@@ -138,10 +138,11 @@ class Improved:
         self._load = LoadObserver(Modes(machine, pose, p))
         self._start = ImprovedState(
             load=self._load.start,
-            past=Past.resting(settings.sample_time), held=Held.of(self._model.pressure_delay, settings.sample_time)
+            past=Past.resting(settings.sample_time),
+            held=Held.of(self._model.pressure_delay, settings.sample_time),
         )
         self._law = FlatLaw(self.mode, self._start, self._after, SETTINGS, settings, self._load.gains(settings))
-        self._stop = _GO
+        self._stop = GO
 
     def reset(self, measurement: Measurement) -> None:
         """Start at rest: valve centred, nominal oil, no load beyond the configured one."""
@@ -155,7 +156,7 @@ class Improved:
                 stall=StallState(force=hose * self._area_a),
             )
         )
-        self._stop = _GO
+        self._stop = GO
 
     def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         """One sample time."""
@@ -163,7 +164,7 @@ class Improved:
         if not self._stop[0] and (is_stalled or is_unsettled):
             stalls = reason(quantities[-1], measurement.hose_pressure), "load_not_held"
             self._stop = stalls if is_stalled else (oscillation_watch.REASON, "oscillation")
-        return ControlOutput(*quantities, *self._stop, oscillation_watch.NOTE if is_calmed else "")
+        return ControlOutput.of(quantities, self._stop, oscillation_watch.NOTE if is_calmed else "")
 
     def change(self, settings: ImprovedSettings) -> None:
         """Change everything except the sample time; the observers keep their states.
@@ -182,9 +183,7 @@ class Improved:
         m = self._load.seen(x.load, m)
         late = m.age + s.command_delay + self._model.command_delay  # until the command acts
         dead = late + self._model.pressure_delay  # since the sample
-        q = self._model.expressions(
-            OperatingPoint(m.angle, m.rate, m.hose_pressure, m.rod_pressure, *now, x.load.load)
-        )
+        q = self._model.expressions(OperatingPoint(m.angle, m.rate, m.hose_pressure, m.rod_pressure, *now, x.load.load))
         safe = x.swings.calmed > 0
         load = self._load.step(x.load, q, m, safe, s)
         velocity = q.jacobian * m.rate
@@ -211,11 +210,20 @@ class Improved:
         half, target = self._model.coming(between, load.load), self._model.coming(then, load.load)
         still = half.force - mass * half.jacobian * between.acceleration
         motion = predicted(
-            Motion(q.position, velocity, q.force), x.past, missed.speed, still, stiffness, k.frequency, dead, s.sample_time
+            Motion(q.position, velocity, q.force),
+            x.past,
+            missed.speed,
+            still,
+            stiffness,
+            k.frequency,
+            dead,
+            s.sample_time,
         )
         e1, e2 = motion.position - target.position, motion.velocity - target.jacobian * then.rate
         swings = watch_oscillation(
-            x.swings, velocity - q.reference_jacobian * now.rate + (q.force - q.feedforward_force) * k.frequency / stiffness, s
+            x.swings,
+            velocity - q.reference_jacobian * now.rate + (q.force - q.feedforward_force) * k.frequency / stiffness,
+            s,
         )
         coming = r.ahead(s.preview + late)
         future = self._model.coming(coming, load.load)
@@ -229,7 +237,9 @@ class Improved:
         starting = self._model.coming(soon, load.load).jacobian * soon.rate
         rest = watch_rest(x.rest, sigma / stiffness, starting, s.dead_zone_speed, s.sample_time)
         spool = self._map.through_dead_zone(
-            flows.spool(sigma, a, b, s.largest_spool_position * self._stroke), sigma / stiffness + starting, s.dead_zone_speed
+            flows.spool(sigma, a, b, s.largest_spool_position * self._stroke),
+            sigma / stiffness + starting,
+            s.dead_zone_speed,
         )
         spool = ca.if_else(rest.resting, 0.0, spool)
         valve, plus, minus = self._valve.step(x.valve, spool, lambda position: flows.at(position)[2], s)
@@ -237,7 +247,8 @@ class Improved:
         head_flow, rod_flow, _ = flows.at(edges)
         past = x.past.with_next(edges, (a * head_flow - b * rod_flow) / stiffness - leaking)
         return ImprovedState(valve, load, head, rod, missed, stall, past, held, swings, rest), [
-            valve.retract.current, valve.extend.current, now.angle - m.angle, q.reference_position - q.position, q.feedforward_force - q.force,
+            valve.retract.current, valve.extend.current, now.angle - m.angle,
+            q.reference_position - q.position, q.feedforward_force - q.force,
             q.feedforward_force, 0.0, q.feedforward_force, q.force, spool, plus, minus, load.load,
             stalled(stall, s), swings.calmed > 0, swings.unsettled,
         ]  # fmt: skip

@@ -73,7 +73,7 @@ class Simple:
 
     def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         """One sample time."""
-        return ControlOutput(*self._law.step(reference, measurement))
+        return ControlOutput.of(self._law.step(reference, measurement))
 
     def change(self, settings: SimpleSettings) -> None:
         """Change everything except the sample time.

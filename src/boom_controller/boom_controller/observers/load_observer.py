@@ -2,7 +2,8 @@
 
     w^' = (J f_p - tau~_f - g(q_2; m)) / D(m) + 2 p (w - w^),   m^' = p^2 (w - w^) / c,   c = -(dg/dm + dD/dm w^') / D
 
-Both poles at -p; with modes between cylinder and IMU the gains are those of ``mode_observer``. Where gravity depends little on the load (c near zero: a folded boom with the tip above the joint) the estimate
+Both poles at -p; with modes between cylinder and IMU the gains are those of ``mode_observer``.
+Where gravity depends little on the load (c near zero: a folded boom with the tip above the joint) the estimate
 moves slowly. A rate error far above the gyro's noise selects faster poles: a grasped load is known after 0.1 s.
 """
 
@@ -43,7 +44,7 @@ class LoadObserver:
 
     def gains(self, s: Any) -> dict[str, float]:
         """Gains for the settings ``s``, by name, for :class:`boom_controller.blocks.flat.FlatLaw`."""
-        named = {}
+        named: dict[str, float] = {}
         for word, pole in (("slow", s.load_pole), ("fast", s.load_pole_fast), ("safe", SAFE_POLE)):
             gain = self.modes.gain(-pole)
             named |= {f"{word}_{k}": value for k, value in enumerate((gain.rate, gain.missing, *gain.states))}
@@ -55,7 +56,7 @@ class LoadObserver:
         return m._replace(angle=m.angle - beyond.angle, rate=m.rate - beyond.rate)
 
     def step(self, x: LoadState, q: ModelQuantities, m: Measurement, safe: Expression, s: Any) -> LoadState:
-        """One sample time with the model at the present load, the sample at the cylinder and settings with ``gains``; ``safe``: slowly."""
+        """One sample time with the model at the present load, the sample at the cylinder, settings with ``gains``."""
         torque = q.jacobian * q.force - q.friction - q.gravity
         point = (m.angle, m.rate, q.inertia, torque, 0.0)
         acceleration = self.modes.at(x.modes, *point).acceleration

@@ -32,12 +32,11 @@ DRIVEN, OWN = 3.0, 1.0
 
 
 class Seen(NamedTuple):
-    """At one point: q_2'' [rad/s^2]; what the IMU shows beyond angle [rad] and rate [rad/s]; the rates of the states z."""
+    """At one point: q_2'' [rad/s^2]; what the IMU shows beyond angle [rad] and rate [rad/s]."""
 
     acceleration: Expression
     angle: Expression
     rate: Expression
-    rates: tuple[Expression, ...]
 
 
 class ModeGain(NamedTuple):
@@ -87,11 +86,17 @@ class Modes:
 
     def at(self, z: tuple[Expression, ...], *inputs: Expression) -> Seen:
         """At z and (q_2 [rad], q_2' [rad/s], D [kg m^2], torque [N m], d [rad/s^2]); expressions."""
-        values, rates, _ = self._function(ca.vertcat(ca.SX(0, 1), *z), ca.vertcat(*inputs))
-        return Seen(*ca.vertsplit(values), tuple(ca.vertsplit(rates)) if z else ())
+        values, _, _ = self._function(ca.vertcat(ca.SX(0, 1), *z), ca.vertcat(*inputs))
+        acceleration, angle, rate = ca.vertsplit(values)
+        return Seen(acceleration, angle, rate)
 
     def after(
-        self, z: tuple[Expression, ...], gain: tuple[Expression, ...], innovation: Expression, t: float, *inputs: Expression
+        self,
+        z: tuple[Expression, ...],
+        gain: tuple[Expression, ...],
+        innovation: Expression,
+        t: float,
+        *inputs: Expression,
     ) -> tuple[Expression, ...]:
         """One sample time t [s], trapezoidal rule linearised: stable, and true to oscillations."""
         if not z:

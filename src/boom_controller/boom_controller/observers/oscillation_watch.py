@@ -2,12 +2,13 @@
 
     y = e' + f~ w / K,   without what is slower than ``SLOWEST``
 
-is the speed with which boom and oil spring swing against each other, whatever the share of the two. A half-wave counts if it is
-as long as oscillations of a boom are, larger than ``oscillation_speed``, and not much smaller than the one before; one that does not
+is the speed with which boom and oil spring swing against each other, whatever the share of the two. A half-wave counts if it is as
+long as oscillations of a boom are, larger than ``oscillation_speed``, and not much smaller than the one before; one that does not
 takes the count back to zero. A reference moves the boom once or twice, and rings down; ``HALF_WAVES`` in a row are an oscillation.
-Then the gains are lowered to a safe set (``state_feedback``, ``load_observer``, ``flow_observer``) and stay so. A bending boom rings for
-seconds whatever the gains are; what grows beyond ``GROWN`` times what it was then, or has not become less ``PATIENCE`` later, is a
-reason to stop.
+
+Then the gains are lowered to a safe set (``state_feedback``, ``load_observer``, ``flow_observer``) and stay so. A bending boom
+rings for seconds whatever the gains are; what grows beyond ``GROWN`` times what it was then, or has not become less ``PATIENCE``
+later, is a reason to stop.
 """
 
 from __future__ import annotations

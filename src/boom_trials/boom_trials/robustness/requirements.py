@@ -1,7 +1,7 @@
 """What a control law must show, row by row: what is asked, and what each law reaches on the same plants.
 
-A plant here has an effect of the catalogue, which the law is told by the machine file or not. A row gives numbers, of which each has
-a bound; a run that diverged or was stopped leaves its row not met.
+A plant here has an effect of the catalogue, which the law is told by the machine file or not. A row gives numbers, of which each
+has a bound; a run that diverged or was stopped leaves its row not met.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ MODES = ("improved", "simple")
 """The law in use and the yardstick."""
 SHORT = 20.0
 """s of the trajectories of the rows with many plants."""
-ONE_EACH = tuple(bags[-1] if pose == "log" else bags[1] if pose == "folded" else bags[0] for pose, bags in TRAJECTORIES.items())
+ONE_EACH = tuple(
+    bags[-1] if pose == "log" else bags[1] if pose == "folded" else bags[0] for pose, bags in TRAJECTORIES.items()
+)
 """One trajectory in each pose."""
 EVERY = tuple(bag for bags in TRAJECTORIES.values() for bag in bags)
 DEAD_TIMES = (0.0, 0.04, 0.06)
@@ -102,8 +104,8 @@ def requirement_jobs(
     return [job if job.bag else _in_turn(job, turn) for job in jobs]
 
 
-def requirement_document(asked: Sequence[Row], modes: Sequence[str], results: Sequence[Result]) -> list[dict[str, Any]]:
-    """For each row what is asked and, for each mode, its numbers and whether they meet it."""
+def requirement_document(asked: Sequence[Row], modes: Sequence[str], results: Sequence[Result]) -> dict[str, Any]:
+    """``requirements``: for each row what is asked and, for each mode, its numbers and whether they meet it; empty without rows."""
     rest = iter(results)
     document = []
     for row in asked:
@@ -116,7 +118,7 @@ def requirement_document(asked: Sequence[Row], modes: Sequence[str], results: Se
                 "reached": reached,
             }
         )
-    return document
+    return {"requirements": document} if document else {}
 
 
 def _reached(row: Row, results: Sequence[Result]) -> dict[str, Any]:
@@ -200,4 +202,8 @@ def _ratio(results: Sequence[Result]) -> dict[str, float]:
 
 def _scattered(results: Sequence[Result]) -> dict[str, float]:
     good = [1e3 * r.mae for r in results if r.finished]
-    return {"mean": _mean(good), "worst": max(good, default=nan), "out of control": float(sum(not r.finished for r in results))}
+    return {
+        "mean": _mean(good),
+        "worst": max(good, default=nan),
+        "out of control": float(sum(not r.finished for r in results)),
+    }
