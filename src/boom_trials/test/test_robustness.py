@@ -88,7 +88,7 @@ def test_the_spool_is_still_while_the_reference_rests_and_simple_is_the_yardstic
     )
     assert improved.rest_travel < 0.1
     assert improved.mae < 0.3 * simple.mae
-    assert improved.rho == pytest.approx(improved.maxe / 0.1, rel=0.6)
+    assert improved.maxe / 0.2 < improved.rho < improved.maxe / 0.02  # over a speed that cranes have
 
 
 def test_the_requirements_are_judged_row_by_row() -> None:

@@ -69,6 +69,7 @@ class Modes:
         self._inputs = [ca.SX.sym(name) for name in ("angle", "rate", "inertia", "torque", "missing")]
         self._function = self._built(mine, states, p)
         self.start = (0.0,) * len(states.symbols)
+        self._found: dict[float, ModeGain] = {}
 
     def _built(self, effects: Mapping[str, Mapping[str, float]], states: _States, p: Any) -> Any:
         angle, rate, inertia, torque, missing = self._inputs
@@ -107,9 +108,14 @@ class Modes:
 
     def gain(self, pole: float) -> ModeGain:
         """Constant gain with which d follows as quickly as without modes with both poles at -``pole`` [1/s]."""
-        count = len(self.start)
-        if not count:
+        if not self.start:
             return ModeGain(2.0 * pole, pole * pole, ())
+        if pole not in self._found:  # settings that change gradually come here in every cycle
+            self._found[pole] = self._riccati(pole)
+        return self._found[pole]
+
+    def _riccati(self, pole: float) -> ModeGain:
+        count = len(self.start)
         z, u = ca.SX.sym("z", count), ca.SX.sym("u", len(self._inputs))
         values, rates, _ = self._function(z, u)
         x = ca.vertcat(u[1], u[4], z)
