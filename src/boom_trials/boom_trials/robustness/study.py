@@ -135,7 +135,7 @@ def carry_out(
 def carry_out_one(job: StudyRun) -> Result:
     """One run and its numbers."""
     nominal = _machine(job.machine)
-    references, pose_key = _references(job.folder, job.bag, job.settings.sample_time, job.settings.generator_pole)
+    references, pose_key = references_of(job.folder, job.bag, job.settings.sample_time, job.settings.generator_pole)
     if job.duration:
         references = references[: round(job.duration / job.settings.sample_time)]
     base = nominal.pose(*pose_key)
@@ -237,7 +237,7 @@ def _feedforward(
 ) -> Array:
     """f_p^f (n,) [N] of (6.2) along the reference, with the true load [kg]."""
     model = ControlModel(_machine(machine), _machine(machine).pose(*pose))
-    references, _ = _references(folder, bag, settings.sample_time, settings.generator_pole)
+    references, _ = references_of(folder, bag, settings.sample_time, settings.generator_pole)
     points = (OperatingPoint(r.angle, 0.0, 0.0, 0.0, *r, load) for r in references)
     return np.array([model.at(point).feedforward_force for point in points])
 
@@ -282,7 +282,7 @@ def _controller(mode: str, known: _Known, pose: tuple[float, float, float], sett
 
 
 @lru_cache(maxsize=32)
-def _references(
+def references_of(
     folder: str, bag: str, period: float, pole: float
 ) -> tuple[list[Reference], tuple[float, float, float]]:
     """Smooth references of a recorded angle, one a period, and (q_3, q_4, load) of its configuration."""
