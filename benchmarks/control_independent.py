@@ -98,7 +98,12 @@ def run(mode: str, name: str, bag: str, told: bool, duration: float) -> str:
     known = machine.with_effects(effects if told else {})
     controller = make_controller(mode, known, known.pose(*key))
     done = closed_loop.run(
-        controller, crane, references, dead_time=dead_time, heed=True, astray=lambda wanted: abs(crane.angles[-1] - wanted) > 0.2
+        controller,
+        crane,
+        references,
+        dead_time=dead_time,
+        heed=True,
+        astray=lambda wanted: abs(crane.angles[-1] - wanted) > 0.2,
     )
     n = len(done.outputs)
     wished = piston_positions(machine, np.array([r.angle for r in references[:n]]))

@@ -15,6 +15,7 @@ from boom_controller.blocks.pilot_stage import StaticPilot
 from boom_controller.blocks.valve_follower import ValveFollower, ValveState
 from boom_controller.controller import Settings
 from boom_controller.observers.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
+from boom_controller.observers.friction_observer import FrictionState, observe_friction
 from boom_controller.observers.load_observer import LoadObserver
 from boom_controller.observers.mode_observer import Modes
 from boom_controller.observers.oscillation_watch import OscillationState, watch_oscillation
@@ -190,3 +191,23 @@ def test_a_bending_boom_is_seen_from_the_machine_file_and_the_gains_are_stable(m
     assert len(gain.states) == 2
     assert gain.missing > 0
     assert Modes(machine, pose, p).gain(15.0) == (30.0, 225.0, ())
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 1.5])
+def test_friction_is_told_from_load_by_the_direction_of_motion(machine: Machine, factor: float) -> None:
+    model = ControlModel(machine, machine.pose(0.28, 2.2))
+    x, load = FrictionState(), 0.0
+    for k in range(6000):
+        rate = 0.1 * sin(2 * pi * k * T / 8.0)
+        q = model.at(OperatingPoint(0.4, rate, 8e6, 1e6, 0.4, rate, 0.0, 0.0, 0.0, float(x.factor)))
+        load = 200.0 + (factor - float(x.factor)) * q.sliding / q.tip_gravity  # as the load observer would find it
+        x = FrictionState(*map(float, observe_friction(x, q, load, T)))
+    assert x.factor == pytest.approx(factor, rel=0.05)
+    assert x.steady == pytest.approx(200.0, abs=20.0)
+
+
+def test_a_grasped_load_is_not_taken_for_friction(machine: Machine) -> None:
+    model = ControlModel(machine, machine.pose(0.28, 2.2))
+    q = model.at(OperatingPoint(0.4, 0.1, 8e6, 1e6, 0.4, 0.1, 0.0, 0.0, 0.0))
+    x = FrictionState(*map(float, observe_friction(FrictionState(), q, 700.0, T)))
+    assert (x.factor, x.steady) == (1.0, 700.0)

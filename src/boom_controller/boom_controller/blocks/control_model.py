@@ -22,7 +22,8 @@ from boom_model.structure import Structure
 
 
 class OperatingPoint(NamedTuple):
-    """Inputs: measured q_2 [rad], q_2' [rad/s], p_h, p_b [Pa]; reference q_2* and derivatives; load beyond the pose's [kg]."""
+    """Inputs: measured q_2 [rad], q_2' [rad/s], p_h, p_b [Pa]; reference q_2* and derivatives; load beyond the
+    pose's [kg], friction over the machine file's [-]."""
 
     angle: float
     rate: float
@@ -33,6 +34,7 @@ class OperatingPoint(NamedTuple):
     reference_acceleration: float
     reference_jerk: float
     load: float
+    friction: float = 1.0
 
 
 class ModelQuantities(NamedTuple):
@@ -49,6 +51,7 @@ class ModelQuantities(NamedTuple):
         feedforward_force, feedforward_force_rate: f_p^f of (6.2) [N] and its time derivative along the reference [N/s].
         tip_gravity: dg/dm at q_2 [N m/kg]; tip_inertia: dD/dm [m^2].
         leakage: q_l [m^3/s]; rod_passage: share of the rod side's return passage that is open [-].
+        sliding: tau_f(q_2, q_2') [N m] of the machine file.
     """
 
     force: float
@@ -75,6 +78,7 @@ class ModelQuantities(NamedTuple):
     tip_inertia: float
     leakage: float
     rod_passage: float
+    sliding: float
 
 
 class Coming(NamedTuple):
@@ -128,15 +132,15 @@ class ControlModel:
         """:meth:`at` for a point of expressions."""
         return ModelQuantities(*ca.vertsplit(self._whole(ca.vertcat(*point))))
 
-    def coming(self, reference: Reference, load: Expression) -> Coming:
-        """Quantities for a point of the reference, with a load [kg] beyond the pose's: the part of :meth:`at` without sensors.
+    def coming(self, reference: Reference, load: Expression, friction: Expression = 1.0) -> Coming:
+        """Quantities for a point of the reference: the part of :meth:`at` without sensors.
 
         Takes and returns expressions.
         """
-        return Coming(*ca.vertsplit(self._coming(ca.vertcat(*reference, load))))
+        return Coming(*ca.vertsplit(self._coming(ca.vertcat(*reference, load, friction))))
 
 
-_COMING_INPUTS = 5
+_COMING_INPUTS = 6
 
 
 def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
@@ -155,7 +159,7 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
     def torque(angle: Any, jacobian: Any, rate: Any) -> Any:
         """tau~_f, (5.41)."""
         drop = structure.hose_burst_valve.pressure_drop(jacobian * rate * a_a, p, e)
-        return structure.friction.torque(angle, rate, jacobian, p, e) + a_a * jacobian * drop
+        return v.friction * structure.friction.torque(angle, rate, jacobian, p, e) + a_a * jacobian * drop
 
     further: Any = v.load
     position, jacobian = kinematics(v.angle)
@@ -194,6 +198,7 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
         tip_gravity=ca.jacobian(gravity, further),
         tip_inertia=ca.jacobian(inertia, further),
         leakage=cylinder.leakage(v.hose_pressure, v.rod_pressure, e),
+        sliding=structure.friction.torque(v.angle, v.rate, jacobian, p, e),
         rod_passage=e.through("rod_passage", 1.0, distance=p.cylinder.l_p - position),
     )
     coming = Coming(reference_position, reference_jacobian, wanted, wanted_rate)

@@ -30,6 +30,7 @@ from boom_controller.blocks.valve_map import ValveMap
 from boom_controller.errors import ControlError
 from boom_controller.observers import oscillation_watch
 from boom_controller.observers.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
+from boom_controller.observers.friction_observer import FrictionState, observe_friction
 from boom_controller.observers.load_observer import LoadObserver, LoadState
 from boom_controller.observers.mode_observer import Modes
 from boom_controller.observers.oscillation_watch import OscillationState, watch_oscillation
@@ -117,6 +118,7 @@ class ImprovedState(NamedTuple):
     held: Held = Held(())
     swings: OscillationState = OscillationState()
     rest: RestState = RestState()
+    friction: FrictionState = FrictionState()
 
 
 class Improved:
@@ -183,9 +185,12 @@ class Improved:
         m = self._load.seen(x.load, m)
         late = m.age + s.command_delay + self._model.command_delay  # until the command acts
         dead = late + self._model.pressure_delay  # since the sample
-        q = self._model.expressions(OperatingPoint(m.angle, m.rate, m.hose_pressure, m.rod_pressure, *now, x.load.load))
+        q = self._model.expressions(
+            OperatingPoint(m.angle, m.rate, m.hose_pressure, m.rod_pressure, *now, x.load.load, x.friction.factor)
+        )
         safe = x.swings.calmed > 0
         load = self._load.step(x.load, q, m, safe, s)
+        rub = observe_friction(x.friction, q, load.load, s.sample_time)
         velocity = q.jacobian * m.rate
         flows = self._map.flows(m.hose_pressure, m.rod_pressure, q.rod_passage)
         head_flow, rod_flow, _ = flows.at(x.past.position(dead, s.sample_time))
@@ -207,7 +212,10 @@ class Improved:
         mass = q.inertia / q.jacobian**2
         k = gains(stiffness, mass, dead, safe, s)
         between, then = r.ahead(late - 0.5 * dead), r.ahead(late)
-        half, target = self._model.coming(between, load.load), self._model.coming(then, load.load)
+        half, target = (
+            self._model.coming(between, load.load, rub.factor),
+            self._model.coming(then, load.load, rub.factor),
+        )
         still = half.force - mass * half.jacobian * between.acceleration
         motion = predicted(
             Motion(q.position, velocity, q.force),
@@ -226,7 +234,7 @@ class Improved:
             s,
         )
         coming = r.ahead(s.preview + late)
-        future = self._model.coming(coming, load.load)
+        future = self._model.coming(coming, load.load, rub.factor)
         driving = x.past.speeds[0] - future.force_rate / stiffness - motion.velocity
         force = predicted_force(motion.force - target.force, driving, stiffness, k.frequency, s.remaining_lag)
         leaking = (a + b) * q.leakage / stiffness
@@ -246,7 +254,7 @@ class Improved:
         edges = self._valve.edges(valve)
         head_flow, rod_flow, _ = flows.at(edges)
         past = x.past.with_next(edges, (a * head_flow - b * rod_flow) / stiffness - leaking)
-        return ImprovedState(valve, load, head, rod, missed, stall, past, held, swings, rest), [
+        return ImprovedState(valve, load, head, rod, missed, stall, past, held, swings, rest, rub), [
             valve.retract.current, valve.extend.current, now.angle - m.angle,
             q.reference_position - q.position, q.feedforward_force - q.force,
             q.feedforward_force, 0.0, q.feedforward_force, q.force, spool, plus, minus, load.load,
