@@ -2,9 +2,9 @@
 
     ./boom python benchmarks/control_independent.py
 
-The plant has no state that could be carried from one period to the next, so every period computes the run from its beginning: 8 s of
-a trajectory take half a minute a pose. The laws are told an effect in the catalogue's form; the plant has another one. Errors are of the piston,
-from the angle at the IMU, in mm, with the sensors' noise.
+The plant has no state that could be carried from one period to the next, so every period computes the run from its beginning:
+8 s of a trajectory take half a minute a pose. The laws are told an effect in the catalogue's form; the plant has another one. Errors
+are of the piston, from the angle at the IMU, in mm, with the sensors' noise.
 """
 
 from __future__ import annotations
@@ -64,10 +64,12 @@ class IndependentCrane:
         self.sample = self._measured(np.array([angle, 0.0, *self._start[1:]]))
 
     def command(self, retract: float, extend: float, at: float | None = None) -> None:
+        """Both currents [A] from ``at`` [s] on."""
         begin = self._done if at is None else round(1e3 * at)
         self._currents[begin:] = retract, extend
 
     def advance(self) -> CraneSample:
+        """One period."""
         self._done += MILLISECONDS
         n = self._done
         none = np.zeros(n)

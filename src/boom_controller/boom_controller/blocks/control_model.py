@@ -22,8 +22,11 @@ from boom_model.structure import Structure
 
 
 class OperatingPoint(NamedTuple):
-    """Inputs: measured q_2 [rad], q_2' [rad/s], p_h, p_b [Pa]; reference q_2* and derivatives; load beyond the
-    pose's [kg], friction over the machine file's [-]."""
+    """Inputs of the model.
+
+    Measured q_2 [rad], q_2' [rad/s], p_h, p_b [Pa]; reference q_2* and its derivatives; load beyond the pose's [kg]; friction over
+    the machine file's [-].
+    """
 
     angle: float
     rate: float

@@ -1,7 +1,7 @@
 """Friction told from load: what the load observer takes for a load that comes and goes with the direction of motion is friction.
 
-Friction that is phi times the machine file's has the load observer find m^ = m + (phi - phi^) tau_f / g_m, g_m = dg/dm. A load stays
-where it is when the boom turns, friction changes its sign:
+Friction that is phi times the machine file's has the load observer find m^ = m + (phi - phi^) tau_f / g_m, g_m = dg/dm. A load
+stays where it is when the boom turns, friction changes its sign:
 
     r = g_m (m^ - m_s),   phi^' = gamma r tau_f / (tau_f^2 + tau_0^2),   m_s' = (m^ - m_s) / T_s
 
