@@ -3,8 +3,8 @@
     ./boom python benchmarks/control_independent.py
 
 The plant has no state that could be carried from one period to the next, so every period computes the run from its beginning:
-8 s of a trajectory take half a minute a pose. The laws are told an effect in the catalogue's form; the plant has another one. Errors
-are of the piston, from the angle at the IMU, in mm, with the sensors' noise.
+8 s of a trajectory take half a minute a pose. The laws are told an effect in the catalogue's form; the plant has another one.
+Errors are of the piston, from the angle at the IMU, in mm, with the sensors' noise.
 """
 
 from __future__ import annotations

@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from boom_controller.blocks.limits import limited
+from boom_model.catalogue.valve_hysteresis import EFFECT
 from boom_model.regularisation import Expression
 
-EFFECT = "valve_hysteresis"
 LEAST_SLOPE = 0.15
 """Of the edges against the spool within the play: below it noise would drive the spool to and fro."""
 
@@ -22,7 +22,7 @@ class Play:
     """The play of a machine with these effects; ``stroke``: s_max [m]. Without the effect the edges are where the spool is."""
 
     def __init__(self, effects: Mapping[str, Mapping[str, float]], stroke: float) -> None:
-        given = effects.get(EFFECT, {"h": 0.0, "travel": 0.0})
+        given = effects.get(EFFECT.id, {"h": 0.0, "travel": 0.0})
         half, travel = given["h"], max(given["h"], given["travel"])
         self._share = half / travel if travel else 0.0
         self._offset, self._reach = half * stroke, travel * stroke

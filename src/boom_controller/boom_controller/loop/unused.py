@@ -7,9 +7,8 @@ make up for them.
 
 from __future__ import annotations
 
-from boom_controller.blocks import hysteresis
 from boom_controller.observers import mode_observer
-from boom_model.catalogue import EFFECTS, effect_name
+from boom_model.catalogue import EFFECTS, effect_name, valve_hysteresis
 from boom_model.machine import Machine
 
 SLOW = frozenset({"throat"})
@@ -31,6 +30,6 @@ def unused_in_words(machine: Machine) -> str:
 def _used(name: str) -> bool:
     effect = EFFECTS[name]
     quantities = set(effect.terms)
-    if name == hysteresis.EFFECT or mode_observer.QUANTITIES & quantities:
+    if name == valve_hysteresis.EFFECT.id or mode_observer.QUANTITIES & quantities:
         return True
     return (not effect.states and not quantities <= SLOW) or bool(effect.delays)

@@ -13,7 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from boom_model.catalogue import CATALOGUE
+from boom_model.catalogue import (
+    CATALOGUE,
+    boom_flexibility,
+    command_delay,
+    entrained_air,
+    pilot_lag,
+    pump_flow_limit,
+    valve_hysteresis,
+)
 from boom_model.catalogue.effect import Effect
 from boom_trials.robustness.plants import CONFIGURATIONS, TRAJECTORIES, PlantCase, monte_carlo
 from boom_trials.robustness.study import Result, StudyRun
@@ -30,16 +38,16 @@ EVERY = tuple(bag for bags in TRAJECTORIES.values() for bag in bags)
 DEAD_TIMES = (0.0, 0.04, 0.06)
 FLEXIBLE = tuple({"gain": gain, "f": f} for f in (1.5, 2.5, 5.0) for gain in (0.25, 0.5))
 COMBINED = {
-    "pilot_lag": {"r": 1.7}, "command_delay": {"T": 0.04}, "entrained_air": {"a": 0.02}, "valve_hysteresis": {"h": 0.02},
+    pilot_lag.EFFECT.id: {"r": 1.7}, command_delay.EFFECT.id: {"T": 0.04}, entrained_air.EFFECT.id: {"a": 0.02}, valve_hysteresis.EFFECT.id: {"h": 0.02},
 }  # fmt: skip
-PUMP = {"pump_flow_limit": {"inverse_q_max": 60_000 / 50}}
+PUMP = {pump_flow_limit.EFFECT.id: {"inverse_q_max": 60_000 / 50}}
 ONSET = 5.0
 """s. When an effect sets in that does on the way."""
 Measure = Callable[[Sequence[Result]], dict[str, float]]
 
 
 @dataclass(frozen=True)
-class Row:
+class Requirement:
     """One requirement.
 
     Attributes:
@@ -65,38 +73,39 @@ class Row:
         ]
 
 
-def rows(scattered: int, seed: int) -> list[Row]:
+def rows(scattered: int, seed: int) -> list[Requirement]:
     """All requirements; ``scattered``: so many plants with all their numbers within tolerance."""
     mean = {"mean": (0.0, "mm")}
-    delays = [_case(f"{1e3 * t:.0f} ms", {"command_delay": {"T": t}} if t else {}) for t in DEAD_TIMES]
-    bends = [_case(f"{n['f']:g} Hz, {n['gain']:g}", {"boom_flexibility": n}) for n in FLEXIBLE]
+    delays = [_case(f"{1e3 * t:.0f} ms", {command_delay.EFFECT.id: {"T": t}} if t else {}) for t in DEAD_TIMES]
+    bends = [_case(f"{n['f']:g} Hz, {n['gain']:g}", {boom_flexibility.EFFECT.id: n}) for n in FLEXIBLE]
     nominal = PlantCase("nominal")
     loaded = [CONFIGURATIONS[name] for name in ("C1", "C2", "C3", "C4")]
     found = [
-        Row("C0", {"MAE": (0.08, "mm"), "MAXE": (1.4, "mm"), "rho": (12.0, "ms"), "spool at rest": (0.1, "strokes/s")},
+        Requirement("C0", {"MAE": (0.08, "mm"), "MAXE": (1.4, "mm"), "rho": (12.0, "ms"), "spool at rest": (0.1, "strokes/s")},
             [nominal], _whole, EVERY, 0.0),
-        Row("C1 to C4", {"MAE": (0.4, "mm"), "after 3 s": (0.3, "mm"), "MAXE": (16.5, "mm")}, loaded, _whole, EVERY, 0.0),
-        Row("dead time 0 to 60 ms, told", {**_up_to(mean, 0.3), "worst pose": (0.5, "mm")}, _told(delays), _worst_case),
-        Row("dead time 0 to 60 ms, not told", {"worst pose": (0.5, "mm")}, delays, _worst_case),
-        Row("flexibility 1.5 to 5 Hz, told", {"worst pose": (0.5, "mm"), "force in the end": (2.0, "kN")}, _told(bends),
+        Requirement("C1 to C4", {"MAE": (0.4, "mm"), "after 3 s": (0.3, "mm"), "MAXE": (16.5, "mm")}, loaded, _whole, EVERY, 0.0),
+        Requirement("dead time 0 to 60 ms, told", {**_up_to(mean, 0.3), "worst pose": (0.5, "mm")}, _told(delays), _worst_case),
+        Requirement("dead time 0 to 60 ms, not told", {"worst pose": (0.5, "mm")}, delays, _worst_case),
+        Requirement("flexibility 1.5 to 5 Hz, told", {"worst pose": (0.5, "mm"), "force in the end": (2.0, "kN")}, _told(bends),
             _worst_case),
-        Row("flexibility 1.5 to 5 Hz, not told", {"out of control": (0.0, "runs")}, bends, _out_of_control, may_stop=True),
-        Row("lag x 1.7, 40 ms, air, hysteresis, told", _up_to(mean, 0.4), _told([_case("combined", COMBINED)]), _worst_case),
+        Requirement("flexibility 1.5 to 5 Hz, not told", {"out of control": (0.0, "runs")}, bends, _out_of_control, may_stop=True),
+        Requirement("lag x 1.7, 40 ms, air, hysteresis, told", _up_to(mean, 0.4), _told([_case("combined", COMBINED)]),
+            _worst_case),
         *(
-            Row(f"{effect.id}, told", {"over nominal": (1.5, "")}, [nominal, *_told([_of(effect)])], _ratio)
+            Requirement(f"{effect.id}, told", {"over nominal": (1.5, "")}, [nominal, *_told([_of(effect)])], _ratio)
             for effect in CATALOGUE
         ),
-        Row("pump limit of 50 l/min, told", {"worst pose": (3.0, "mm")}, _told([_case("pump", PUMP)]), _worst_case),
+        Requirement("pump limit of 50 l/min, told", {"worst pose": (3.0, "mm")}, _told([_case("pump", PUMP)]), _worst_case),
     ]  # fmt: skip
     if scattered:
         plants = monte_carlo(scattered, seed, loaded=False)
         asked = {"mean": (0.15, "mm"), "worst": (0.3, "mm"), "out of control": (0.0, "runs")}
-        found.append(Row(f"{scattered} scattered plants", asked, plants, _scattered, ("",)))
+        found.append(Requirement(f"{scattered} scattered plants", asked, plants, _scattered, ("",)))
     return found
 
 
 def requirement_jobs(
-    asked: Sequence[Row], modes: Sequence[str], folder: str, machine: str, seed: int
+    asked: Sequence[Requirement], modes: Sequence[str], folder: str, machine: str, seed: int
 ) -> list[StudyRun]:
     """All runs, row by row and mode by mode; scattered plants take the trajectories in turn."""
     jobs = [job for row in asked for mode in modes for job in row.jobs(mode, folder, machine, seed)]
@@ -104,7 +113,9 @@ def requirement_jobs(
     return [job if job.bag else _in_turn(job, turn) for job in jobs]
 
 
-def requirement_document(asked: Sequence[Row], modes: Sequence[str], results: Sequence[Result]) -> dict[str, Any]:
+def requirement_document(
+    asked: Sequence[Requirement], modes: Sequence[str], results: Sequence[Result]
+) -> dict[str, Any]:
     """``requirements``: for each row what is asked and, for each mode, its numbers and whether they meet it; empty without rows."""
     rest = iter(results)
     document = []
@@ -121,7 +132,7 @@ def requirement_document(asked: Sequence[Row], modes: Sequence[str], results: Se
     return {"requirements": document} if document else {}
 
 
-def _reached(row: Row, results: Sequence[Result]) -> dict[str, Any]:
+def _reached(row: Requirement, results: Sequence[Result]) -> dict[str, Any]:
     numbers = row.measure(results)
     lost = sum(not r.finished for r in results)
     met = (row.may_stop or not lost) and all(
