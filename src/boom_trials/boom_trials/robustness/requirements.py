@@ -38,7 +38,8 @@ EVERY = tuple(bag for bags in TRAJECTORIES.values() for bag in bags)
 DEAD_TIMES = (0.0, 0.04, 0.06)
 FLEXIBLE = tuple({"gain": gain, "f": f} for f in (1.5, 2.5, 5.0) for gain in (0.25, 0.5))
 COMBINED = {
-    pilot_lag.EFFECT.id: {"r": 1.7}, command_delay.EFFECT.id: {"T": 0.04}, entrained_air.EFFECT.id: {"a": 0.02}, valve_hysteresis.EFFECT.id: {"h": 0.02},
+    pilot_lag.EFFECT.id: {"r": 1.7}, command_delay.EFFECT.id: {"T": 0.04},
+    entrained_air.EFFECT.id: {"a": 0.02}, valve_hysteresis.EFFECT.id: {"h": 0.02},
 }  # fmt: skip
 PUMP = {pump_flow_limit.EFFECT.id: {"inverse_q_max": 60_000 / 50}}
 ONSET = 5.0
