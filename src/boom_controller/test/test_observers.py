@@ -178,6 +178,8 @@ def test_the_spool_that_lags_by_its_play_has_the_edges_where_they_are_wanted() -
             x = float(play.after(x, spool))
         assert play.edges(x, spool) == pytest.approx(wanted, abs=1e-9)
     assert Play({}, 1.0).spool(0.3, 0.2) == 0.2
+    off = Play({}, 1.0, 0.05)
+    assert off.edges(0.0, off.spool(0.0, 0.2)) == pytest.approx(0.2)
 
 
 def test_a_bending_boom_is_seen_from_the_machine_file_and_the_gains_are_stable(machine: Machine) -> None:

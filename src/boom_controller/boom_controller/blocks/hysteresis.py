@@ -19,9 +19,13 @@ LEAST_SLOPE = 0.15
 
 
 class Play:
-    """The play of a machine with these effects; ``stroke``: s_max [m]. Without the effect the edges are where the spool is."""
+    """The play of a machine with these effects; ``stroke``: s_max [m], ``neutral``: where the edges stand at s_s = 0 [m].
 
-    def __init__(self, effects: Mapping[str, Mapping[str, float]], stroke: float) -> None:
+    Without effect and offset the edges are where the spool is.
+    """
+
+    def __init__(self, effects: Mapping[str, Mapping[str, float]], stroke: float, neutral: float = 0.0) -> None:
+        self._neutral = neutral
         given = effects.get(EFFECT.id, {"h": 0.0, "travel": 0.0})
         half, travel = given["h"], max(given["h"], given["travel"])
         self._share = half / travel if travel else 0.0
@@ -29,15 +33,17 @@ class Play:
 
     def after(self, x: Expression, spool: Expression) -> Expression:
         """State x [m] once the spool is at ``spool`` [m]."""
-        return limited(x, spool - self._reach, spool + self._reach)
+        centred = spool + self._neutral
+        return limited(x, centred - self._reach, centred + self._reach)
 
     def edges(self, x: Expression, spool: Expression) -> Expression:
         """Position of the metering edges [m]."""
-        return spool + (x - spool) * self._share
+        centred = spool + self._neutral
+        return centred + (x - centred) * self._share
 
     def spool(self, x: Expression, edges: Expression) -> Expression:
         """Position of the spool [m] for a wanted one of the edges [m]."""
         if not self._reach:
-            return edges
+            return edges - self._neutral
         slope = max(1.0 - self._share, LEAST_SLOPE)
-        return edges + limited((edges - x) * (1.0 / slope - 1.0), -self._offset, self._offset)
+        return edges + limited((edges - x) * (1.0 / slope - 1.0), -self._offset, self._offset) - self._neutral

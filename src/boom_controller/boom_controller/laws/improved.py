@@ -134,7 +134,8 @@ class Improved:
         self._stroke = float(p.main_valve_spool.s_max)
         self._map = ValveMap(machine.structure, p, e)
         dead_zone = max(self._map.dead_extend, self._map.dead_retract)
-        play = Play(machine.effects, self._stroke)
+        neutral = float(e.through("metering_position", machine.structure.metering.neutral(p), p=p))
+        play = Play(machine.effects, self._stroke, neutral)
         self._valve = ValveFollower(p, e, StaticPilot(p, e), dead_zone, settings.sample_time, play)
         self._settings = settings
         self._load = LoadObserver(Modes(machine, pose, p))

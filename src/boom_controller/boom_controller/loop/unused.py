@@ -11,7 +11,7 @@ from boom_controller.observers import mode_observer
 from boom_model.catalogue import EFFECTS, effect_name, valve_hysteresis
 from boom_model.machine import Machine
 
-SLOW = frozenset({"throat"})
+ABSENT = frozenset({"throat", "valve_flow", "supply_pressure"})
 """Quantities without part in the laws' reduced model."""
 
 
@@ -32,4 +32,4 @@ def _used(name: str) -> bool:
     quantities = set(effect.terms)
     if name == valve_hysteresis.EFFECT.id or mode_observer.QUANTITIES & quantities:
         return True
-    return (not effect.states and not quantities <= SLOW) or bool(effect.delays)
+    return (not effect.states and not quantities <= ABSENT) or bool(effect.delays)
