@@ -187,7 +187,8 @@ def test_a_bending_boom_is_seen_from_the_machine_file_and_the_gains_are_stable(m
     pose = machine.pose(0.28, 2.2)
     p = ControlModel(bending, pose).p
     modes = Modes(bending, pose, p)
-    seen = modes.at((0.01, 0.2), 0.4, 0.1, 3e4, 0.0, 0.0)
+    bent = {"bend": 0.01, "bend_rate": 0.2}
+    seen = modes.at(tuple(bent[name] for name in modes.names), 0.4, 0.1, 3e4, 0.0, 0.0)
     assert (float(seen.angle), float(seen.rate)) == pytest.approx((0.01, 0.2))
     gain = modes.gain(15.0)
     assert len(gain.states) == 2

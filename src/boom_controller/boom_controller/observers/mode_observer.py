@@ -59,7 +59,11 @@ class _States:
 
 
 class Modes:
-    """The modes of a machine in a pose; ``p`` its numbers."""
+    """The modes of a machine in a pose; ``p`` its numbers.
+
+    Attributes:
+        names: of the states z. start: their values at rest.
+    """
 
     def __init__(self, machine: Machine, pose: Pose, p: Any) -> None:
         mine = {name: values for name, values in machine.effects.items() if QUANTITIES & set(EFFECTS[name].terms)}
@@ -68,7 +72,8 @@ class Modes:
         states = _States()
         self._inputs = [ca.SX.sym(name) for name in ("angle", "rate", "inertia", "torque", "missing")]
         self._function = self._built(mine, states, p)
-        self.start = (0.0,) * len(states.symbols)
+        self.names = tuple(states.symbols)
+        self.start = (0.0,) * len(self.names)
         self._found: dict[float, ModeGain] = {}
 
     def _built(self, effects: Mapping[str, Mapping[str, float]], states: _States, p: Any) -> Any:
