@@ -108,7 +108,7 @@ def test_one_new_file_is_a_control_law_that_follows_is_tuned_and_is_listed(tmp_p
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout.splitlines()[-1])
 
-    assert list(found["laws"]) == ["thesis", "baseline", "improved", "proportional"]
+    assert list(found["laws"]) == ["thesis", "baseline", "improved", "proportional", "simple"]
     assert all("proportional" in text for text in found["helps"].values())
     mean_mm = float(found["tracked"].split("error: mean ")[1].split(" mm")[0])
     assert mean_mm < 15.0  # a boom that stands still is 90 mm away

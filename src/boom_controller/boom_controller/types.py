@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import nan
 from typing import Any, NamedTuple, Protocol
 
@@ -13,6 +14,15 @@ class Reference(NamedTuple):
     rate: float = 0.0
     acceleration: float = 0.0
     jerk: float = 0.0
+
+    def ahead(self, t: Any) -> Reference:
+        """The reference t [s] later, from its derivatives; also of expressions."""
+        return Reference(
+            self.angle + t * (self.rate + t / 2 * (self.acceleration + t / 3 * self.jerk)),
+            self.rate + t * (self.acceleration + t / 2 * self.jerk),
+            self.acceleration + t * self.jerk,
+            self.jerk,
+        )
 
 
 class Measurement(NamedTuple):
@@ -26,6 +36,10 @@ class Measurement(NamedTuple):
     age: float = 0.0
 
 
+GO = ("", "load_not_held")
+"""No reason to stop."""
+
+
 class ControlOutput(NamedTuple):
     """Currents [A] and the quantities behind them, SI; NaN if a mode has no such quantity.
 
@@ -36,7 +50,9 @@ class ControlOutput(NamedTuple):
         spool_position: s_s^* [m], positive lowers.
         pilot_pressure_retract, pilot_pressure_extend: p_+^*, p_-^* [Pa].
         estimated_load: at the tip, beyond the configured load [kg].
-        reason: why the motion has to be stopped, in words for the operator (a load that cannot be held); empty without a reason.
+        reason: why the motion has to be stopped, in words for the operator; empty without a reason.
+        cause: its id in ``supervision.reasons``.
+        note: what the operator has to know although the motion goes on; usually empty.
     """
 
     retract: float
@@ -53,6 +69,14 @@ class ControlOutput(NamedTuple):
     pilot_pressure_extend: float = nan
     estimated_load: float = nan
     reason: str = ""
+    cause: str = "load_not_held"
+    note: str = ""
+
+    @classmethod
+    def of(cls, quantities: Sequence[float], stop: tuple[str, str] = GO, note: str = "") -> ControlOutput:
+        """The quantities up to the last one that the law has, the reason to stop and its id, the note."""
+        missing = len(cls._fields) - 3 - len(quantities)
+        return cls._make((*quantities, *(nan,) * missing, *stop, note))
 
 
 class Controller(Protocol):

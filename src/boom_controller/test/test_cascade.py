@@ -96,7 +96,7 @@ def test_the_feedforward_force_is_what_the_equation_of_motion_needs(machine: Mac
     assert q.feedforward_force * q.reference_jacobian == pytest.approx(needed, rel=1e-9)
     coming = model.coming(Reference(ANGLE, 0.1, 0.3, 0.0), 0.0)
     assert tuple(float(value) for value in coming) == pytest.approx(
-        (q.reference_jacobian, q.feedforward_force, q.feedforward_force_rate)
+        (q.reference_position, q.reference_jacobian, q.feedforward_force, q.feedforward_force_rate)
     )
 
 
@@ -108,7 +108,15 @@ def test_another_sample_time_and_a_mode_that_is_not_there_are_refused(machine: M
             make_controller(mode, machine, machine.pose(0.28, 2.2)).change(replace(Settings(), sample_time=0.02))
 
 
-@pytest.mark.parametrize("mode", MODES)
+def test_simple_keeps_nothing_and_does_not_need_the_gyro(machine: Machine, rest: Measurement) -> None:
+    controller = make_controller("simple", machine, machine.pose(0.28, 2.2))
+    controller.reset(rest)
+    good = controller.step(Reference(ANGLE), rest)
+    assert math.isnan(controller.step(Reference(ANGLE), rest._replace(hose_pressure=math.nan)).retract)
+    assert controller.step(Reference(ANGLE), rest._replace(rate=math.nan))[:2] == good[:2]
+
+
+@pytest.mark.parametrize("mode", [mode for mode in MODES if mode != "simple"])
 @pytest.mark.parametrize("broken", ["rate", "hose_pressure"])
 def test_what_is_no_number_is_not_hidden_by_a_limit(
     machine: Machine, rest: Measurement, mode: str, broken: str

@@ -392,13 +392,13 @@ def test_no_law_has_to_be_made_while_the_boom_moves(boom: Boom, monkeypatch: pyt
 
     monkeypatch.setattr(law_in_use, "make_controller", make)
     boom.loop.configure(boom.machine, boom.pose)
-    assert made == ["improved", "thesis", "baseline"]
+    assert made == ["improved", "thesis", "baseline", "simple"]
     lifting(boom)
     for mode in ("baseline", "thesis", "improved"):
         boom.loop.change(mode=mode)
         boom.run(0.2)  # the hand-over takes 0.4 s
     boom.run(1.0)
-    assert len(made) == 3
+    assert len(made) == 4
     assert boom.loop.law.controller is not None and boom.loop.law.controller.mode == "improved"
     assert boom.last.state is MotionState.TRACK
     with pytest.raises(ControlError, match="thesis, baseline, improved"):
@@ -468,3 +468,11 @@ def test_deactivation_gives_the_last_currents_to_be_ramped(boom: Boom) -> None:
     extend = boom.last.extend
     assert boom.loop.drop() == (0.0, pytest.approx(extend))
     assert boom.loop.supervision.state is MotionState.IDLE
+
+
+def test_what_the_law_does_not_use_of_the_machine_file_is_said_at_start(boom: Boom) -> None:
+    machine = boom.machine.with_effects({"hose_burst_valve_lag": {"tau": 0.05}, "boom_flexibility": {"gain": 0.3}})
+    boom.loop.configure(machine, boom.pose)
+    cycle = boom.run(0.1)
+    assert cycle.status == "warning"
+    assert "tells hose burst valve lag, which the control law does not use" in cycle.reason

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from boom_controller.blocks.position_feedback import ackermann, feedback_torque, integral_for, position_gains
-from boom_controller.blocks.state_feedback import gains, predicted_force
+from boom_controller.blocks.state_feedback import FeedbackGains, gains, predicted_force
 from boom_controller.controller import Settings
 
 T = 0.01
@@ -48,7 +48,7 @@ def test_an_error_of_the_position_and_its_integral_are_worked_against() -> None:
 @pytest.mark.parametrize(("stiffness", "mass"), [(5e6, 4e4), (2e6, 1e5), (1e6, 3e5)])
 def test_the_boom_on_its_oil_spring_gets_the_poles_that_are_wanted(stiffness: float, mass: float) -> None:
     s = replace(Settings(), largest_damping=60.0, feedback_damping=0.7, feedback_pole=-5.0)
-    g = gains(stiffness, mass, s)
+    g = FeedbackGains(*map(float, gains(stiffness, mass, 0.0, 0.0, s)))
     polynomial = [1.0, stiffness * g.force, stiffness / mass * (1 + g.velocity), stiffness / mass * g.position]
     w = max((stiffness / mass) ** 0.5, s.slowest_frequency)
     assert polynomial == pytest.approx(np.polymul([1.0, 5.0], [1.0, 2 * 0.7 * w, w * w]))
@@ -56,7 +56,7 @@ def test_the_boom_on_its_oil_spring_gets_the_poles_that_are_wanted(stiffness: fl
 
 def test_the_limit_of_the_damping_leaves_a_stable_loop() -> None:
     s = replace(Settings(), largest_damping=8.0)
-    g = gains(2e7, 4e4, s)
+    g = FeedbackGains(*map(float, gains(2e7, 4e4, 0.0, 0.0, s)))
     assert 2e7 * g.force == pytest.approx(8.0)
     ratio = 2e7 / 4e4
     assert np.all(np.roots([1.0, 8.0, ratio * (1 + g.velocity), ratio * g.position]).real < 0)
@@ -67,3 +67,15 @@ def test_the_force_is_predicted_as_the_oscillator_moves() -> None:
     assert predicted_force(100.0, 0.0, stiffness, frequency, np.pi / frequency) == pytest.approx(-100.0)
     small = predicted_force(0.0, 1e-3, stiffness, frequency, 1e-3)
     assert small == pytest.approx(stiffness * 1e-3 * 1e-3, rel=1e-3)
+
+
+def test_a_dead_time_takes_the_damping_from_a_stiff_spring_first_and_the_safe_set_is_slow() -> None:
+    def damping(stiffness: float, dead_time: float, safe: float = 0.0) -> float:
+        return stiffness * float(gains(stiffness, 1.5e5, dead_time, safe, Settings()).force)
+
+    soft, stiff = 1.5e7, 4e8  # 10 and 52 rad/s
+    assert damping(soft, 0.06) > 0.5 * damping(soft, 0.0)
+    assert damping(stiff, 0.06) < 0.4 * damping(stiff, 0.0)
+    safe = gains(stiff, 1.5e5, 0.0, 1.0, Settings())
+    assert (float(safe.position), float(safe.velocity)) == (1.0, 0.0)
+    assert damping(stiff, 0.0, 1.0) == pytest.approx(5.0)

@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import sin
+from math import exp, pi, sin
+from types import SimpleNamespace
 
 import pytest
 
 from boom_controller.blocks.control_model import ControlModel, OperatingPoint
+from boom_controller.blocks.dead_time import Motion, Past, predicted
+from boom_controller.blocks.hysteresis import Play
 from boom_controller.blocks.pilot_stage import StaticPilot
 from boom_controller.blocks.valve_follower import ValveFollower, ValveState
 from boom_controller.controller import Settings
 from boom_controller.observers.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
-from boom_controller.observers.load_observer import LoadState, observe_load
+from boom_controller.observers.friction_observer import FrictionState, observe_friction
+from boom_controller.observers.load_observer import LoadObserver
+from boom_controller.observers.mode_observer import Modes
+from boom_controller.observers.oscillation_watch import OscillationState, watch_oscillation
+from boom_controller.observers.rest import RestState, watch_rest
 from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
+from boom_controller.types import Measurement
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
@@ -30,14 +38,18 @@ def machine() -> Machine:
 @pytest.mark.parametrize("load", [0.0, 260.0, 1500.0])
 def test_a_load_that_is_carried_at_rest_is_known_within_a_second(machine: Machine, load: float) -> None:
     pose = machine.pose(0.28, 2.2)
-    model, x = ControlModel(machine, pose), LoadState()
+    model = ControlModel(machine, pose)
+    observer = LoadObserver(Modes(machine, pose, model.p))
+    settings = SimpleNamespace(**vars(S), **observer.gains(S))
+    x = observer.start
     truth = ControlModel(machine, replace(pose, load=load))
     at_rest = OperatingPoint(0.4, 0.0, 0.0, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0)
     q = truth.at(at_rest)
     pressure = q.gravity / q.jacobian / truth.p.cylinder.A_a
     for _ in range(round(1.0 / T)):
-        x = observe_load(x, model.at(at_rest._replace(hose_pressure=float(pressure), load=float(x.load))), 0.0, S)
-    assert x.load == pytest.approx(load, abs=5.0)
+        q = model.at(at_rest._replace(hose_pressure=float(pressure), load=float(x.load)))
+        x = observer.step(x, q, Measurement(0.0, 0.4, 0.0, float(pressure), 0.0), 0.0, settings)
+    assert float(x.load) == pytest.approx(load, abs=5.0)
 
 
 @pytest.mark.parametrize("softer", [1.0, 2.5, 5.0])
@@ -63,7 +75,7 @@ def test_nothing_is_learnt_at_rest_nor_where_the_pressure_is_not_trusted() -> No
 def test_flow_that_the_model_misses_is_learnt_as_a_speed() -> None:
     x = MissedState(force=5e4)
     for _ in range(300):
-        x = observe_missed_flow(x, 0.05, 0.04, 5e4, 4e6, S)
+        x = observe_missed_flow(x, 0.05, 0.04, 5e4, 4e6, 0.0, S)
     assert x.speed == pytest.approx(0.01, rel=0.01)
 
 
@@ -84,16 +96,121 @@ def test_a_supply_that_does_not_deliver_is_told_after_the_stall_time_and_one_tha
 def test_the_spool_goes_where_it_is_wanted_and_is_known_without_being_measured(machine: Machine) -> None:
     pose = machine.pose(0.28, 2.2)
     model = ControlModel(machine, pose)
-    valve, x = ValveFollower(model.p, model.e, StaticPilot(model.p, model.e), 0.0, T), ValveState()
+    none = Play({}, float(model.p.main_valve_spool.s_max))
+    valve, x = ValveFollower(model.p, model.e, StaticPilot(model.p, model.e), 0.0, T, none), ValveState()
     plant = Plant(machine, pose)
     stepper = plant.stepper(plant.equilibrium(0.4))
     spool = plant.state_names.index("spool_position")
     stroke = float(model.p.main_valve_spool.s_max)
     for k in range(150):
         wanted = 0.0 if k < 20 else -0.45 * stroke if k < 85 else 0.4 * stroke
-        x, _, _ = valve.step(x, wanted, S)
+        x, _, _ = valve.step(x, wanted, lambda position: 0.0, S)
         stepper.step(float(x.retract.current), float(x.extend.current), T)
         if k > 20:
             assert x.position == pytest.approx(stepper.state[spool], abs=0.05 * stroke)  # on its way: 2 ms at most
         if k in (84, 149):
             assert stepper.state[spool] == pytest.approx(wanted, abs=0.01 * stroke)
+
+
+@pytest.mark.parametrize("frequency", [1.5, 2.5, 7.0])
+def test_an_oscillation_that_stands_is_recognised_within_four_half_waves_and_a_damped_or_small_one_never(
+    frequency: float,
+) -> None:
+    def recognised(size: float, decay: float) -> float | None:
+        x = OscillationState()
+        for k in range(500):
+            t = k * T
+            x = watch_oscillation(x, size * exp(-decay * t) * sin(2 * pi * frequency * t), S)
+            if x.calmed:
+                return t
+        return None
+
+    at = recognised(3 * S.oscillation_speed, 0.0)
+    assert at is not None
+    assert at < 2.5 / frequency
+    assert recognised(3 * S.oscillation_speed, 2.0 * frequency) is None
+    assert recognised(0.7 * S.oscillation_speed, 0.0) is None
+
+
+def test_what_decays_under_the_safe_gains_is_no_reason_to_stop_and_what_grows_is() -> None:
+    def stops(growth: float) -> bool:
+        x = OscillationState()
+        for k in range(800):
+            x = watch_oscillation(x, 0.03 * exp(growth * k * T) * sin(2 * pi * 2.5 * k * T), S)
+        return bool(x.unsettled)
+
+    assert not stops(-0.3)
+    assert stops(0.4)
+
+
+def test_the_boom_rests_until_the_reference_moves_or_the_feedback_asks() -> None:
+    def after(x: RestState, asked: float, moving: float, count: int) -> RestState:
+        for _ in range(count):
+            x = watch_rest(x, asked, moving, 1e-3, T)
+        return x
+
+    resting = after(RestState(), 5e-4, 0.0, 10)
+    assert resting.resting
+    assert not after(resting, 5e-4, 1e-3, 1).resting
+    assert not after(resting, 3e-3, 0.0, 100).resting
+    assert not after(resting, 2e-2, 0.0, 1).resting
+
+
+@pytest.mark.parametrize("dead_time", [0.0, 0.013, 0.1])
+def test_the_motion_over_the_dead_time_is_that_of_a_mass_on_an_oil_spring(dead_time: float) -> None:
+    stiffness, mass, still, given = 3e7, 1.5e5, 1.6e5, 0.04
+    past = Past((0.0,) * 21, (given,) * 21)
+    frequency = (stiffness / mass) ** 0.5
+    end = predicted(Motion(1.0, 0.1, 1.7e5), past, 0.01, still, stiffness, frequency, dead_time, T)
+    position, v, f = 1.0, 0.1, 1.7e5
+    steps = round(dead_time / 1e-5)
+    for _ in range(steps):
+        v += 1e-5 * (f - still) / mass
+        position, f = position + 1e-5 * v, f + 1e-5 * stiffness * (given + 0.01 - v)
+    assert [float(part) for part in end] == pytest.approx([position, v, f], rel=1e-3)
+
+
+def test_the_spool_that_lags_by_its_play_has_the_edges_where_they_are_wanted() -> None:
+    play, x, spool = Play({"valve_hysteresis": {"h": 0.04, "travel": 0.1}}, 1.0), 0.0, 0.0
+    for wanted in (0.5, 0.9, 0.2, -0.6):
+        for _ in range(3):
+            spool = float(play.spool(x, wanted))
+            x = float(play.after(x, spool))
+        assert play.edges(x, spool) == pytest.approx(wanted, abs=1e-9)
+    assert Play({}, 1.0).spool(0.3, 0.2) == 0.2
+    off = Play({}, 1.0, 0.05)
+    assert off.edges(0.0, off.spool(0.0, 0.2)) == pytest.approx(0.2)
+
+
+def test_a_bending_boom_is_seen_from_the_machine_file_and_the_gains_are_stable(machine: Machine) -> None:
+    bending = machine.with_effects({"boom_flexibility": {"gain": 0.5, "f": 2.5, "zeta": 0.02}})
+    pose = machine.pose(0.28, 2.2)
+    p = ControlModel(bending, pose).p
+    modes = Modes(bending, pose, p)
+    bent = {"bend": 0.01, "bend_rate": 0.2}
+    seen = modes.at(tuple(bent[name] for name in modes.names), 0.4, 0.1, 3e4, 0.0, 0.0)
+    assert (float(seen.angle), float(seen.rate)) == pytest.approx((0.01, 0.2))
+    gain = modes.gain(15.0)
+    assert len(gain.states) == 2
+    assert gain.missing > 0
+    assert Modes(machine, pose, p).gain(15.0) == (30.0, 225.0, ())
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 1.5])
+def test_friction_is_told_from_load_by_the_direction_of_motion(machine: Machine, factor: float) -> None:
+    model = ControlModel(machine, machine.pose(0.28, 2.2))
+    x, load = FrictionState(), 0.0
+    for k in range(6000):
+        rate = 0.1 * sin(2 * pi * k * T / 8.0)
+        q = model.at(OperatingPoint(0.4, rate, 8e6, 1e6, 0.4, rate, 0.0, 0.0, 0.0, float(x.factor)))
+        load = 200.0 + (factor - float(x.factor)) * q.sliding / q.tip_gravity  # as the load observer would find it
+        x = FrictionState(*map(float, observe_friction(x, q, load, T)))
+    assert x.factor == pytest.approx(factor, rel=0.05)
+    assert x.steady == pytest.approx(200.0, abs=20.0)
+
+
+def test_a_grasped_load_is_not_taken_for_friction(machine: Machine) -> None:
+    model = ControlModel(machine, machine.pose(0.28, 2.2))
+    q = model.at(OperatingPoint(0.4, 0.1, 8e6, 1e6, 0.4, 0.1, 0.0, 0.0, 0.0))
+    x = FrictionState(*map(float, observe_friction(FrictionState(), q, 700.0, T)))
+    assert (x.factor, x.steady) == (1.0, 700.0)

@@ -32,6 +32,7 @@ from boom_trials.robustness.plants import (
     monte_carlo,
     off_nominal,
 )
+from boom_trials.robustness.requirements import requirement_document, requirement_jobs, rows
 from boom_trials.robustness.stability import is_stable, stability_document
 from boom_trials.robustness.study import Result, StudyRun, carry_out, carry_out_one, summary, with_poses
 
@@ -54,6 +55,55 @@ def test_improved_follows_in_every_pose_nominal_and_loaded(bag: str) -> None:
 def test_baseline_does_not_diverge_where_the_thesis_does() -> None:
     assert "mm from its reference" in short("thesis", "healthy/folded_fast", CONFIGURATIONS["C0"], 0.0).diverged
     assert not short("baseline", "healthy/folded_fast", CONFIGURATIONS["C0"], 0.0).diverged
+
+
+@pytest.mark.parametrize("bag", ["healthy/folded_fast", "healthy/extended"])
+def test_a_dead_time_that_the_machine_file_tells_is_predicted_over(bag: str) -> None:
+    late = PlantCase("60 ms", effects={"command_delay": {"T": 0.06}})
+    told = short("improved", bag, replace(late, told=True), 8.0)
+    assert told.finished
+    assert told.noted is None
+    assert told.mae < 0.5e-3
+    assert told.mae < 0.5 * short("simple", bag, late, 8.0).mae
+
+
+def test_pressures_that_come_late_and_sensors_that_are_off_cost_nothing_once_they_are_told() -> None:
+    effects = {"pressure_delay": {"T": 0.025}, "angle_offset": {"b": 0.03}, "rate_scale": {"a": 1.05}}
+    off = PlantCase("off", effects=effects)
+    assert short("improved", "healthy/extended", replace(off, told=True), 8.0).mae < 0.25e-3
+    assert short("improved", "healthy/extended", off, 8.0).mae > 5e-3
+
+
+def test_a_bending_boom_is_followed_where_it_is_told_and_stays_in_control_where_it_is_not() -> None:
+    bending = PlantCase("bends", effects={"boom_flexibility": {"gain": 0.5, "f": 2.5, "zeta": 0.02}})
+    told = short("improved", "healthy/extended", replace(bending, told=True), 8.0)
+    assert told.mae < 0.2e-3
+    assert told.noted is None
+    assert not short("improved", "healthy/extended", bending, 8.0).diverged
+
+
+def test_the_spool_is_still_while_the_reference_rests_and_simple_is_the_yardstick() -> None:
+    improved, simple = (
+        short(mode, "healthy/folded_fast", CONFIGURATIONS["C0"], 12.0) for mode in ("improved", "simple")
+    )
+    assert improved.rest_travel < 0.1
+    assert improved.mae < 0.3 * simple.mae
+    assert improved.maxe / 0.2 < improved.rho < improved.maxe / 0.02  # over a speed that cranes have
+
+
+def test_the_requirements_are_judged_row_by_row() -> None:
+    asked = [row for row in rows(2, 0) if row.name in ("boom_flexibility, told", "2 scattered plants")]
+    jobs = requirement_jobs(asked, ["improved"], FOLDER, "tz17", 0)
+    assert [job.case.told for job in jobs] == [False] * 3 + [True] * 3 + [False] * 2
+    assert all(job.bag in POSE_OF for job in jobs)
+    good = [replace(result(1e-4 if job.case.told else 2e-4, bag=job.bag), job=job) for job in jobs]
+    first, second = requirement_document(asked, ["improved"], good)["requirements"]
+    assert first["reached"]["improved"]["numbers"] == {"over nominal": pytest.approx(0.5)}
+    assert first["reached"]["improved"]["met"]
+    assert second["reached"]["improved"]["numbers"]["worst"] == pytest.approx(0.2)
+    lost = [replace(good[0], diverged="far away"), *good[1:]]
+    assert not requirement_document(asked, ["improved"], lost)["requirements"][0]["reached"]["improved"]["met"]
+    assert requirement_document([], ["improved"], []) == {}
 
 
 def test_the_same_seed_gives_the_same_run_and_another_one_another() -> None:

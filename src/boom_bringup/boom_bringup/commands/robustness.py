@@ -7,6 +7,7 @@ noisy sampled sensors of ch. 6.4; the load is attached from the first instant, a
   ./boom robustness                                   all modes, C0 to C4
   ./boom robustness --modes improved --repeat 5       with 90 % intervals over the seeds of the noise
   ./boom robustness --modes improved --monte-carlo 500
+  ./boom robustness --requirements                    dead time, bending and every effect of the catalogue: asked and reached
   ./boom robustness --stability-map                   where the modes are stable: dead time, stiffness, load
 """
 
@@ -69,6 +70,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "with the latter only; one trajectory each, in turn",
     )  # fmt: skip
     parser.add_argument(
+        "--requirements",
+        action="store_true",
+        help="also run improved and simple on plants with dead time, bending and each effect of the catalogue, told to the law "
+        "or not, and print what is asked and what is reached (two minutes)",
+    )
+    parser.add_argument(
+        "--scattered", type=_count, default=20, metavar="N", help="plants of its last row (default: 20)"
+    )
+    parser.add_argument(
         "--stability-map",
         action="store_true",
         help="also compute the map of dead time, oil stiffness and load (about a minute)",
@@ -89,6 +99,7 @@ def run(args: argparse.Namespace) -> int:
     from boom_report.console import console_for
     from boom_trials.robustness.document import document
     from boom_trials.robustness.plants import CONFIGURATIONS, TRAJECTORIES, monte_carlo, off_nominal
+    from boom_trials.robustness.requirements import MODES, requirement_document, requirement_jobs, rows
     from boom_trials.robustness.stability import stability_jobs
     from boom_trials.robustness.study import carry_out
     from boom_trials.robustness.tables import print_document
@@ -118,12 +129,16 @@ def run(args: argparse.Namespace) -> int:
             ]  # fmt: skip
     if args.stability_map:
         parts["stability_map"] = stability_jobs(modes, args.bags, args.machine)
+    asked = rows(args.scattered, args.seed) if args.requirements else []
+    judged = [mode for mode in MODES if mode in modes]
+    parts["requirements"] = requirement_jobs(asked, judged, args.bags, args.machine, args.seed)
     results: dict[str, list[Result]] = {}
     with progress(sum(len(jobs) for jobs in parts.values())) as step:
-        for name, jobs in parts.items():
+        for name, jobs in ((name, jobs) for name, jobs in parts.items() if jobs):
             step(f"{name.replace('_', ' ')}: {len(jobs)} runs", 0)
             results[name] = carry_out(jobs, args.workers, lambda: step("", 1))
     numbers = document(results, modes, bags, args.seed)
+    numbers |= requirement_document(asked, judged, results.get("requirements", ()))
     console = console_for()
     print_document(numbers, console, limited=args.supply == "limited")
     if json_path:
@@ -179,5 +194,6 @@ def _words(args: argparse.Namespace) -> list[str]:
     words: list[Any] = ["--modes", *args.modes, "--seed", args.seed, "--repeat", args.repeat, "--supply", args.supply]
     words += ["--off-nominal"] if args.off_nominal else []
     words += ["--monte-carlo", args.monte_carlo] if args.monte_carlo else []
+    words += ["--requirements", "--scattered", args.scattered] if args.requirements else []
     words += ["--stability-map"] if args.stability_map else []
     return [str(word) for word in words]

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from boom_controller.blocks.buffers import on_buffers
-from boom_controller.types import Reference
+from boom_controller.types import Measurement, Reference
+from boom_input.channels import PREDICTED
 from boom_model.component_numbers import component_parameters
 from boom_model.components import cylinder, equation_of_motion, oil
 from boom_model.machine import Machine, Pose
@@ -21,7 +22,11 @@ from boom_model.structure import Structure
 
 
 class OperatingPoint(NamedTuple):
-    """Inputs: measured q_2 [rad], q_2' [rad/s], p_h, p_b [Pa]; reference q_2* and derivatives; load beyond the pose's [kg]."""
+    """Inputs of the model.
+
+    Measured q_2 [rad], q_2' [rad/s], p_h, p_b [Pa]; reference q_2* and its derivatives; load beyond the pose's [kg]; friction over
+    the machine file's [-].
+    """
 
     angle: float
     rate: float
@@ -32,6 +37,7 @@ class OperatingPoint(NamedTuple):
     reference_acceleration: float
     reference_jerk: float
     load: float
+    friction: float = 1.0
 
 
 class ModelQuantities(NamedTuple):
@@ -47,6 +53,8 @@ class ModelQuantities(NamedTuple):
         reference_position, reference_jacobian, reference_gravity, reference_friction: s_p(q_2*), J(q_2*), g(q_2*), tau~_f(*).
         feedforward_force, feedforward_force_rate: f_p^f of (6.2) [N] and its time derivative along the reference [N/s].
         tip_gravity: dg/dm at q_2 [N m/kg]; tip_inertia: dD/dm [m^2].
+        leakage: q_l [m^3/s]; rod_passage: share of the rod side's return passage that is open [-].
+        sliding: tau_f(q_2, q_2') [N m] of the machine file.
     """
 
     force: float
@@ -71,11 +79,18 @@ class ModelQuantities(NamedTuple):
     feedforward_force_rate: float
     tip_gravity: float
     tip_inertia: float
+    leakage: float
+    rod_passage: float
+    sliding: float
 
 
 class Coming(NamedTuple):
-    """Quantities that the reference needs at one of its points: J(q_2*) [m/rad], f_p^f of (6.2) [N], its time derivative [N/s]."""
+    """Quantities that the reference needs at one of its points.
 
+    s_p(q_2*) [m], J(q_2*) [m/rad], f_p^f of (6.2) [N] and its time derivative [N/s].
+    """
+
+    position: float
     jacobian: float
     force: float
     force_rate: float
@@ -92,6 +107,24 @@ class ControlModel:
         self._whole, self._coming = _functions(machine, self.p, self.e)
         self._evaluate = on_buffers(self._whole, [self._in], [self._out])
 
+    def sample(self, m: Measurement) -> Measurement:
+        """What the sensors would show without the offsets and gains that the machine file tells of them (expressions)."""
+        shown = {channel.name: getattr(m, channel.name) for channel in PREDICTED}
+        for name, value in shown.items():
+            offset, one = (self.e.through(f"measured_{name}", at) for at in (0.0, 1.0))
+            shown[name] = (value - offset) / (one - offset)
+        return m._replace(**shown)
+
+    @property
+    def command_delay(self) -> float:
+        """Dead time [s] between command and valve, of the machine file."""
+        return self.e.delay("command")
+
+    @property
+    def pressure_delay(self) -> float:
+        """Dead time [s] of both pressures, of the machine file."""
+        return self.e.delay("pressures")
+
     def at(self, point: OperatingPoint) -> ModelQuantities:
         """All quantities at a point, numbers."""
         self._in[:] = array("d", point)
@@ -102,15 +135,15 @@ class ControlModel:
         """:meth:`at` for a point of expressions."""
         return ModelQuantities(*ca.vertsplit(self._whole(ca.vertcat(*point))))
 
-    def coming(self, reference: Reference, load: Expression) -> Coming:
-        """Quantities for a point of the reference, with a load [kg] beyond the pose's: the part of :meth:`at` without sensors.
+    def coming(self, reference: Reference, load: Expression, friction: Expression = 1.0) -> Coming:
+        """Quantities for a point of the reference: the part of :meth:`at` without sensors.
 
         Takes and returns expressions.
         """
-        return Coming(*ca.vertsplit(self._coming(ca.vertcat(*reference, load))))
+        return Coming(*ca.vertsplit(self._coming(ca.vertcat(*reference, load, friction))))
 
 
-_COMING_INPUTS = 5
+_COMING_INPUTS = 6
 
 
 def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
@@ -129,7 +162,7 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
     def torque(angle: Any, jacobian: Any, rate: Any) -> Any:
         """tau~_f, (5.41)."""
         drop = structure.hose_burst_valve.pressure_drop(jacobian * rate * a_a, p, e)
-        return structure.friction.torque(angle, rate, jacobian, p, e) + a_a * jacobian * drop
+        return v.friction * structure.friction.torque(angle, rate, jacobian, p, e) + a_a * jacobian * drop
 
     further: Any = v.load
     position, jacobian = kinematics(v.angle)
@@ -167,8 +200,11 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
         feedforward_force_rate=wanted_rate,
         tip_gravity=ca.jacobian(gravity, further),
         tip_inertia=ca.jacobian(inertia, further),
+        leakage=cylinder.leakage(v.hose_pressure, v.rod_pressure, e),
+        sliding=structure.friction.torque(v.angle, v.rate, jacobian, p, e),
+        rod_passage=e.through("rod_passage", 1.0, distance=p.cylinder.l_p - position),
     )
-    coming = Coming(reference_jacobian, wanted, wanted_rate)
+    coming = Coming(reference_position, reference_jacobian, wanted, wanted_rate)
     return (
         ca.Function("control_model", [x], [ca.cse(ca.densify(ca.vertcat(*values)))]),
         ca.Function("coming", [x[-_COMING_INPUTS:]], [ca.cse(ca.densify(ca.vertcat(*coming)))]),

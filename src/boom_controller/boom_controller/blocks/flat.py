@@ -115,7 +115,8 @@ def leaves(value: Any) -> list[Any]:
 
 
 def nested(shape: Any, values: Iterator[Any]) -> Any:
-    """The inverse of :func:`leaves`: as many values as it takes, in nested NamedTuples like ``shape``."""
+    """The inverse of :func:`leaves`: as many values as it takes, in nested tuples and NamedTuples like ``shape``."""
     if isinstance(shape, tuple):
-        return type(shape)(*(nested(part, values) for part in shape))
+        make = getattr(type(shape), "_make", tuple)
+        return make([nested(part, values) for part in shape])
     return next(values)

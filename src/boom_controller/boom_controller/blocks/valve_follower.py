@@ -11,13 +11,17 @@ the dead zone, where nothing flows and noise would only make the solenoids hum, 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import casadi as ca
 
+from boom_controller.blocks.hysteresis import Play
 from boom_controller.blocks.pilot_stage import PilotState, PilotValve, StaticPilot
 from boom_model.components import main_valve_spool
 from boom_model.regularisation import Expression
+
+ClosingForce = Callable[[Expression], Expression]
 
 SUBSTEPS = 4
 _NEWTON = 3
@@ -26,15 +30,15 @@ _LEAST_SLOPE = 0.02
 
 
 class ValveState(NamedTuple):
-    """s_s now and a sample time ago [m] and s_s' [m/s] as simulated, filtered set point [m]; both pilot valves.
+    """s_s [m] and s_s' [m/s] as simulated, filtered set point [m], state of the play [m]; both pilot valves.
 
     Initially: no current for long.
     """
 
     position: Expression = 0.0
-    before: Expression = 0.0
     velocity: Expression = 0.0
     target: Expression = 0.0
+    play: Expression = 0.0
     retract: PilotState = PilotState()
     extend: PilotState = PilotState()
 
@@ -42,35 +46,42 @@ class ValveState(NamedTuple):
 class ValveFollower:
     """Two pilot valves and the spool."""
 
-    def __init__(self, p: Any, e: Any, pilot: StaticPilot, dead_zone: float, sample_time: float) -> None:
-        self._p, self._pilot, self._dead_zone = p, pilot, dead_zone
+    def __init__(self, p: Any, e: Any, pilot: StaticPilot, dead_zone: float, sample_time: float, play: Play) -> None:
+        self._p, self._pilot, self._dead_zone, self._play = p, pilot, dead_zone, play
         self._area = float(p.main_valve_spool.A_s)
         self._spring = self._area * pilot.stiffness
         self._valve = PilotValve(p, e, sample_time)
         self._step = sample_time
 
-    def step(self, x: ValveState, wanted: Expression, s: Any) -> tuple[ValveState, Expression, Expression]:
-        """For the wanted s_s [m], one sample time: the state, whose currents are (i_+, i_-), and (p_+*, p_-*) [Pa] for it."""
+    def step(
+        self, x: ValveState, wanted: Expression, closing: ClosingForce, s: Any
+    ) -> tuple[ValveState, Expression, Expression]:
+        """For wanted edges at s_s [m], one sample time: the state, whose currents are (i_+, i_-), and (p_+*, p_-*) [Pa] for it.
+
+        closing: F_q [N] at a position of the edges [m].
+        """
         t = self._step
-        resting = ca.logic_and(ca.fabs(wanted) <= self._dead_zone, ca.fabs(x.position) <= self._dead_zone)
+        edges = self.edges(x)
+        resting = ca.logic_and(ca.fabs(wanted) <= self._dead_zone, ca.fabs(edges) <= self._dead_zone)
         response = ca.if_else(resting, s.rest_response, s.spool_response)
-        velocity = (wanted - x.target) * ((1.0 - ca.exp(-t / response)) / t)
+        velocity = (self._play.spool(x.play, wanted) - x.target) * ((1.0 - ca.exp(-t / response)) / t)
         target = x.target + velocity * t
-        needed = self._spring * target + main_valve_spool.friction(velocity, self._p)
+        needed = self._spring * target + main_valve_spool.friction(velocity, self._p) + closing(wanted)
         plus, minus = self._pilot.split(needed / self._area, s.neutral_pressure)
         retract = self._valve.drive(x.retract, self._pilot.current(plus), s)
         extend = self._valve.drive(x.extend, self._pilot.current(minus), s)
+        thrust = closing(edges) / self._area
         position, moving = self._moved(
             x.position,
             x.velocity,
-            self._valve.pressure(x.retract) - self._valve.pressure(x.extend),
-            self._valve.pressure(retract) - self._valve.pressure(extend),
+            self._valve.pressure(x.retract) - self._valve.pressure(x.extend) - thrust,
+            self._valve.pressure(retract) - self._valve.pressure(extend) - thrust,
         )
-        return ValveState(position, x.position, moving, target, retract, extend), plus, minus
+        return ValveState(position, moving, target, self._play.after(x.play, position), retract, extend), plus, minus
 
-    def position_before(self, x: ValveState, dead_time: Expression) -> Expression:
-        """s_s [m] when the sample was taken; the simulated position is ahead by the ``dead_time`` [s] of commands."""
-        return x.position - ca.fmin(dead_time / self._step, 1.0) * (x.position - x.before)
+    def edges(self, x: ValveState) -> Expression:
+        """Where the metering edges stand [m]: s_s but for play."""
+        return self._play.edges(x.play, x.position)
 
     def _moved(
         self, position: Expression, v: Expression, before: Expression, after: Expression

@@ -9,7 +9,6 @@ Anti-windup: while the wanted spool position is beyond its limit, the integral s
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import nan
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -93,7 +92,7 @@ class Cascade:
         self._variant = variant if variant is not None else VARIANTS[mode]
         self._model = ControlModel(machine, pose)
         p, e = self._model.p, self._model.e
-        self._map = ValveMap(machine.structure.metering, p, e)
+        self._map = ValveMap(machine.structure, p, e)
         self._area_a, self._area_b = float(p.cylinder.A_a), float(p.cylinder.A_b)
         self._stroke = float(p.main_valve_spool.s_max)
         self._settings = settings
@@ -111,7 +110,7 @@ class Cascade:
 
     def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         """(6.2), (6.13), (6.22), (6.23), (6.24)-(6.26), one sample time."""
-        return ControlOutput._make((*self._law.step(reference, measurement), nan, ""))
+        return ControlOutput.of(self._law.step(reference, measurement))
 
     def change(self, settings: CascadeSettings) -> None:
         """Change gains, limits and neutral pressure; integral states are adapted so that forces and spool keep their values.

@@ -19,18 +19,25 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from boom_controller.blocks.control_model import ControlModel, ModelQuantities, OperatingPoint
+from boom_controller.blocks.control_model import ControlModel, OperatingPoint
+from boom_controller.blocks.dead_time import Held, Motion, Past, predicted
 from boom_controller.blocks.flat import FlatLaw
+from boom_controller.blocks.hysteresis import Play
 from boom_controller.blocks.pilot_stage import StaticPilot, require_pilot_stage
 from boom_controller.blocks.state_feedback import gains, predicted_force
 from boom_controller.blocks.valve_follower import ValveFollower, ValveState
 from boom_controller.blocks.valve_map import ValveMap
 from boom_controller.errors import ControlError
+from boom_controller.observers import oscillation_watch
 from boom_controller.observers.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
-from boom_controller.observers.load_observer import LoadState, observe_load
+from boom_controller.observers.friction_observer import FrictionState, observe_friction
+from boom_controller.observers.load_observer import LoadObserver, LoadState
+from boom_controller.observers.mode_observer import Modes
+from boom_controller.observers.oscillation_watch import OscillationState, watch_oscillation
+from boom_controller.observers.rest import RestState, watch_rest
 from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
 from boom_controller.settings import LawSettings, tunable
-from boom_controller.types import Controller, ControlOutput, Measurement, Reference
+from boom_controller.types import GO, Controller, ControlOutput, Measurement, Reference
 from boom_model.components import cylinder
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
@@ -53,10 +60,17 @@ class ImprovedSettings(LawSettings):
     slowest_frequency: float = tunable(
         3.0, "rad/s", 0.5, 20.0, "frequency to which a softer oil spring is stiffened, improved"
     )
+    predicted_phase: float = tunable(
+        1.3, "rad", 0.1, 100.0, "turn of the oil spring within the dead time at which the damping is halved, improved"
+    )
     preview: float = tunable(0.035, "s", 0.0, 0.2, "lead of the reference over the valve's remaining lag, improved")
     remaining_lag: float = tunable(0.015, "s", 0.0, 0.2, "lag over which the force is predicted, improved")
     command_delay: float = tunable(
-        0.0, "s", 0.0, 0.05, "dead time from a command to the solenoids, compensated like the samples' age, improved"
+        0.0,
+        "s",
+        0.0,
+        0.1,
+        "dead time from a command to the solenoids beyond the machine file's, compensated like the samples' age, improved",
     )
     dead_zone_speed: float = tunable(
         1.0e-3, "m/s", 1e-4, 0.02, "piston speed below which the spool stays inside its dead zone, improved"
@@ -77,6 +91,7 @@ class ImprovedSettings(LawSettings):
     compliance_pressure: float = tunable(
         1.0e6, "Pa", 1e4, 1e7, "pressure change below which it is not learnt, improved"
     )
+    oscillation_speed: float = tunable(0.01, "m/s", 1e-3, 0.1, "half-wave from which an oscillation counts, improved")
     stall_time: float = tunable(
         0.5, "s", 0.1, 5.0, "how long the supply may deliver too little before the load counts as too heavy"
     )
@@ -99,6 +114,11 @@ class ImprovedState(NamedTuple):
     rod: ChamberState = ChamberState()
     missed: MissedState = MissedState()
     stall: StallState = StallState()
+    past: Past = Past((), ())
+    held: Held = Held(())
+    swings: OscillationState = OscillationState()
+    rest: RestState = RestState()
+    friction: FrictionState = FrictionState()
 
 
 class Improved:
@@ -112,32 +132,42 @@ class Improved:
         p, e = self._model.p, self._model.e
         self._area_a, self._area_b = float(p.cylinder.A_a), float(p.cylinder.A_b)
         self._stroke = float(p.main_valve_spool.s_max)
-        self._map = ValveMap(machine.structure.metering, p, e)
+        self._map = ValveMap(machine.structure, p, e)
         dead_zone = max(self._map.dead_extend, self._map.dead_retract)
-        self._valve = ValveFollower(p, e, StaticPilot(p, e), dead_zone, settings.sample_time)
+        neutral = float(e.through("metering_position", machine.structure.metering.neutral(p), p=p))
+        play = Play(machine.effects, self._stroke, neutral)
+        self._valve = ValveFollower(p, e, StaticPilot(p, e), dead_zone, settings.sample_time, play)
         self._settings = settings
-        self._law = FlatLaw(self.mode, ImprovedState(), self._after, SETTINGS, settings)
-        self._reason = ""
+        self._load = LoadObserver(Modes(machine, pose, p))
+        self._start = ImprovedState(
+            load=self._load.start,
+            past=Past.resting(settings.sample_time),
+            held=Held.of(self._model.pressure_delay, settings.sample_time),
+        )
+        self._law = FlatLaw(self.mode, self._start, self._after, SETTINGS, settings, self._load.gains(settings))
+        self._stop = GO
 
     def reset(self, measurement: Measurement) -> None:
         """Start at rest: valve centred, nominal oil, no load beyond the configured one."""
         hose, rod = measurement.hose_pressure, measurement.rod_pressure
         self._law.start(
-            ImprovedState(
+            self._start._replace(
+                held=self._start.held.filled(measurement),
                 head=ChamberState(pressure=hose),
                 rod=ChamberState(pressure=rod),
                 missed=MissedState(force=float(cylinder.force(hose, rod, self._model.p))),
                 stall=StallState(force=hose * self._area_a),
             )
         )
-        self._reason = ""
+        self._stop = GO
 
     def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         """One sample time."""
-        *quantities, is_stalled = self._law.step(reference, measurement)
-        if is_stalled and not self._reason:
-            self._reason = reason(quantities[-1], measurement.hose_pressure)
-        return ControlOutput._make((*quantities, self._reason))
+        *quantities, is_stalled, is_calmed, is_unsettled = self._law.step(reference, measurement)
+        if not self._stop[0] and (is_stalled or is_unsettled):
+            stalls = reason(quantities[-1], measurement.hose_pressure), "load_not_held"
+            self._stop = stalls if is_stalled else (oscillation_watch.REASON, "oscillation")
+        return ControlOutput.of(quantities, self._stop, oscillation_watch.NOTE if is_calmed else "")
 
     def change(self, settings: ImprovedSettings) -> None:
         """Change everything except the sample time; the observers keep their states.
@@ -147,21 +177,25 @@ class Improved:
         """
         if settings.sample_time != self._settings.sample_time:
             raise ControlError("sample_time cannot change while running: stop the controller and start it again")
-        self._law.change(settings)
+        self._law.change(settings, self._load.gains(settings))
         self._settings = settings
 
     def _after(self, x: ImprovedState, r: Reference, m: Measurement, s: Any) -> tuple[ImprovedState, list[Expression]]:
         """The law as expressions: states one sample time later; ``ControlOutput`` up to the load, and whether the supply stalls."""
+        now, m, held = x.held.with_next(r, self._model.sample(m), self._model.pressure_delay, s.sample_time)
+        m = self._load.seen(x.load, m)
+        late = m.age + s.command_delay + self._model.command_delay  # until the command acts
+        dead = late + self._model.pressure_delay  # since the sample
         q = self._model.expressions(
-            OperatingPoint(
-                m.angle, m.rate, m.hose_pressure, m.rod_pressure,
-                r.angle, r.rate, r.acceleration, r.jerk, x.load.load,
-            )
-        )  # fmt: skip
-        load = observe_load(x.load, q, m.rate, s)
+            OperatingPoint(m.angle, m.rate, m.hose_pressure, m.rod_pressure, *now, x.load.load, x.friction.factor)
+        )
+        safe = x.swings.calmed > 0
+        load = self._load.step(x.load, q, m, safe, s)
+        rub = observe_friction(x.friction, q, load.load, s.sample_time)
         velocity = q.jacobian * m.rate
-        delay = m.age + s.command_delay
-        head_flow, rod_flow = self._flows(q, self._valve.position_before(x.valve, delay))
+        flows = self._map.flows(m.hose_pressure, m.rod_pressure, q.rod_passage)
+        head_flow, rod_flow, _ = flows.at(x.past.position(dead, s.sample_time))
+        head_flow, rod_flow = head_flow - q.leakage, rod_flow + q.leakage
         head = observe_chamber(x.head, m.hose_pressure, q.stiffness_line * (head_flow - self._area_a * velocity), s)
         rod = observe_chamber(
             x.rod, m.rod_pressure, q.stiffness_rod * (rod_flow + self._area_b * velocity), s,
@@ -171,59 +205,59 @@ class Improved:
         b = self._area_b * q.stiffness_rod / rod.ratio
         stiffness = a * self._area_a + b * self._area_b
         modelled = (a * head_flow - b * rod_flow) / stiffness
-        missed = observe_missed_flow(x.missed, velocity, modelled, q.force, stiffness, s)
+        missed = observe_missed_flow(x.missed, velocity, modelled, q.force, stiffness, safe, s)
         stall = watch_supply(
             x.stall, velocity, head_flow / self._area_a, m.hose_pressure * self._area_a, a * self._area_a, s
         )
 
-        ahead = _ahead(r, s.preview + delay)
-        future = self._model.coming(ahead, load.load)
-        k = gains(stiffness, q.inertia / q.jacobian**2, s)
-        e1 = q.position - q.reference_position
-        e2 = velocity - q.reference_jacobian * r.rate
-        driving = modelled - future.force_rate / stiffness - velocity
-        force = predicted_force(q.force - q.feedforward_force, driving, stiffness, k.frequency, s.remaining_lag)
-        wanted = (future.jacobian * ahead.rate - k.position * e1 - k.velocity * e2 - k.force * force
-                  - missed.speed)  # fmt: skip
+        mass = q.inertia / q.jacobian**2
+        k = gains(stiffness, mass, dead, safe, s)
+        between, then = r.ahead(late - 0.5 * dead), r.ahead(late)
+        half, target = (
+            self._model.coming(between, load.load, rub.factor),
+            self._model.coming(then, load.load, rub.factor),
+        )
+        still = half.force - mass * half.jacobian * between.acceleration
+        motion = predicted(
+            Motion(q.position, velocity, q.force),
+            x.past,
+            missed.speed,
+            still,
+            stiffness,
+            k.frequency,
+            dead,
+            s.sample_time,
+        )
+        e1, e2 = motion.position - target.position, motion.velocity - target.jacobian * then.rate
+        swings = watch_oscillation(
+            x.swings,
+            velocity - q.reference_jacobian * now.rate + (q.force - q.feedforward_force) * k.frequency / stiffness,
+            s,
+        )
+        coming = r.ahead(s.preview + late)
+        future = self._model.coming(coming, load.load, rub.factor)
+        driving = x.past.speeds[0] - future.force_rate / stiffness - motion.velocity
+        force = predicted_force(motion.force - target.force, driving, stiffness, k.frequency, s.remaining_lag)
+        leaking = (a + b) * q.leakage / stiffness
+        wanted = (future.jacobian * coming.rate - k.position * e1 - k.velocity * e2 - k.force * force
+                  - missed.speed + leaking)  # fmt: skip
         sigma = stiffness * wanted + future.force_rate
-        coming = future.jacobian * _ahead(r, s.dead_zone_preview + delay).rate
-        spool = self._through_dead_zone(self._spool(q, sigma, a, b, s), sigma / stiffness + coming, s)
-        valve, plus, minus = self._valve.step(x.valve, spool, s)
-        return ImprovedState(valve, load, head, rod, missed, stall), [
-            valve.retract.current, valve.extend.current, r.angle - m.angle, -e1, q.feedforward_force - q.force,
-            q.feedforward_force, 0.0, q.feedforward_force, q.force, spool, plus, minus, load.load, stalled(stall, s),
+        soon = r.ahead(s.dead_zone_preview + late)
+        starting = self._model.coming(soon, load.load).jacobian * soon.rate
+        rest = watch_rest(x.rest, sigma / stiffness, starting, s.dead_zone_speed, s.sample_time)
+        spool = self._map.through_dead_zone(
+            flows.spool(sigma, a, b, s.largest_spool_position * self._stroke),
+            sigma / stiffness + starting,
+            s.dead_zone_speed,
+        )
+        spool = ca.if_else(rest.resting, 0.0, spool)
+        valve, plus, minus = self._valve.step(x.valve, spool, lambda position: flows.at(position)[2], s)
+        edges = self._valve.edges(valve)
+        head_flow, rod_flow, _ = flows.at(edges)
+        past = x.past.with_next(edges, (a * head_flow - b * rod_flow) / stiffness - leaking)
+        return ImprovedState(valve, load, head, rod, missed, stall, past, held, swings, rest, rub), [
+            valve.retract.current, valve.extend.current, now.angle - m.angle,
+            q.reference_position - q.position, q.feedforward_force - q.force,
+            q.feedforward_force, 0.0, q.feedforward_force, q.force, spool, plus, minus, load.load,
+            stalled(stall, s), swings.calmed > 0, swings.unsettled,
         ]  # fmt: skip
-
-    def _flows(self, q: ModelQuantities, position: Expression) -> tuple[Expression, Expression]:
-        """(q_h, q_b) [m^3/s] into the ports, at the computed spool position s_s [m]."""
-        supply, tank = self._map.areas(position)
-        return (
-            ca.if_else(position < 0, q.extend_supply * supply, q.retract_tank * tank),
-            ca.if_else(position < 0, q.extend_tank * tank, q.retract_supply * supply),
-        )
-
-    def _spool(self, q: ModelQuantities, sigma: Expression, a: Expression, b: Expression, s: Any) -> Expression:
-        """s_s* [m] of (6.23) for Sigma [N/s]; a, b [N/m^3] are force per volume of both chambers."""
-        largest = s.largest_spool_position * self._stroke
-        return ca.if_else(
-            sigma > 0,
-            -ca.fmin(self._map.extending(sigma, a * q.extend_supply, -b * q.extend_tank), largest),
-            ca.fmin(self._map.retracting(sigma, a * q.retract_tank, -b * q.retract_supply), largest),
-        )
-
-    def _through_dead_zone(self, spool: Expression, speed: Expression, s: Any) -> Expression:
-        """s_s* [m] with its jump across the dead zone made a ramp over ``speed`` [m/s], positive lifts."""
-        share = ca.fmin(ca.fabs(speed) / s.dead_zone_speed, 1.0)
-        edge = ca.if_else(speed > 0, -self._map.dead_extend, self._map.dead_retract)
-        agree = ca.if_else(speed > 0, spool < 0, spool >= 0)
-        return ca.if_else(agree, spool, edge) * share
-
-
-def _ahead(r: Reference, t: Expression) -> Reference:
-    """The reference t [s] later, from its derivatives."""
-    return Reference(
-        r.angle + t * (r.rate + t / 2 * (r.acceleration + t / 3 * r.jerk)),
-        r.rate + t * (r.acceleration + t / 2 * r.jerk),
-        r.acceleration + t * r.jerk,
-        r.jerk,
-    )

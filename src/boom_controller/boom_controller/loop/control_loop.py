@@ -16,6 +16,7 @@ from boom_controller.loop.cycle import Cycle
 from boom_controller.loop.interlock import Interlock
 from boom_controller.loop.law_in_use import LawInUse
 from boom_controller.loop.request import Request
+from boom_controller.loop.unused import unused_in_words
 from boom_controller.references.joint_trajectory import Bounds, Code, TrajectoryError, TrajectoryPoint
 from boom_controller.references.references import References
 from boom_controller.references.trajectory_generator import TrajectoryGenerator
@@ -82,6 +83,7 @@ class ControlLoop:
         if self.supervision.moving:
             raise ControlError("the boom moves: stop it before the configuration changes")
         self.law.configure(machine, pose)
+        self._note = unused_in_words(machine)
         self.sensors.set_stroke(*machine.angle_limits)
         self._watch = MotionWatch(self.supervision.settings, machine.angle_limits)
         self._use_supervision(self.supervision.settings)
@@ -376,8 +378,7 @@ class ControlLoop:
         self._refused_stream = self._note = text
 
     def _status(self, now: float) -> tuple[str, str]:
-        finding = self.supervision.finding
-        if finding is not None:
+        if (finding := self.supervision.finding) is not None:
             return "stopped", f"{finding.reason}: {finding.text}"
         if self.supervision.state is MotionState.IDLE:
             missing = self._interlock.missing(now)
@@ -385,7 +386,8 @@ class ControlLoop:
                 return "warning", missing
             if self._refused_stream and now - self._last_reference > 1.0:
                 self._refused_stream = self._note = ""
-        return ("warning", self._note) if self._note else ("ok", "")
+        note = self._note or (self.law.note if self.supervision.closed_loop else "")
+        return ("warning", note) if note else ("ok", "")
 
     def pop_endings(self) -> list[tuple[int, Ending]]:
         """Trajectories that ended since the last call, by their number; called by ``cycle``."""

@@ -25,12 +25,14 @@ class LawInUse:
         mode, settings: present values; gradual changes are in progress.
         configuration: machine and pose; None before :meth:`configure`.
         controller: the law; both laws during a handover.
+        note: what the law had to say in the last step; usually empty.
     """
 
     def __init__(self, mode: str, settings: Settings) -> None:
         self.mode, self.settings = mode, settings
         self.configuration: tuple[Machine, Pose] | None = None
         self.controller: Controller | None = None
+        self.note = ""
         self._laws: dict[str, Controller] = {}
         self._gradual: GradualSettings | None = None
 
@@ -94,6 +96,7 @@ class LawInUse:
         controller = self.controller
         assert controller is not None  # nothing is tracked or held before
         output = controller.step(reference, measurement)
+        self.note = output.note
         if isinstance(controller, Handover) and controller.finished:
             self.controller = controller.new
         return output

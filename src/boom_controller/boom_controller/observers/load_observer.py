@@ -2,7 +2,8 @@
 
     w^' = (J f_p - tau~_f - g(q_2; m)) / D(m) + 2 p (w - w^),   m^' = p^2 (w - w^) / c,   c = -(dg/dm + dD/dm w^') / D
 
-Both poles at -p. Where gravity depends little on the load (c near zero: a folded boom with the tip above the joint) the estimate
+Both poles at -p; with modes between cylinder and IMU the gains are those of ``mode_observer``.
+Where gravity depends little on the load (c near zero: a folded boom with the tip above the joint) the estimate
 moves slowly. A rate error far above the gyro's noise selects faster poles: a grasped load is known after 0.1 s.
 """
 
@@ -14,31 +15,65 @@ import casadi as ca
 
 from boom_controller.blocks.control_model import ModelQuantities
 from boom_controller.blocks.limits import limited
+from boom_controller.observers.mode_observer import Modes
+from boom_controller.types import Measurement
 from boom_model.regularisation import Expression
 
 LEAST_EFFECT = 1e-4
 """rad/s^2 per kg: for c of about this size or less the load is hardly observable."""
+SAFE_POLE = -2.0
+"""1/s. Once an oscillation was recognised: far below what bends or swings."""
 LIGHTEST = -500.0
 """kg. Allowed below the configured load, because wrong friction may look like that."""
 
 
 class LoadState(NamedTuple):
-    """m^ [kg] beyond the configured load, w^ [rad/s]."""
+    """m^ [kg] beyond the configured load, w^ [rad/s], states of the modes."""
 
     load: Expression = 0.0
     rate: Expression = 0.0
+    modes: tuple[Expression, ...] = ()
 
 
-def observe_load(x: LoadState, q: ModelQuantities, rate: Expression, s: Any) -> LoadState:
-    """One sample time with the model at the present load, the measured rate [rad/s] and the settings ``s``."""
-    acceleration = (q.jacobian * q.force - q.friction - q.gravity) / q.inertia
-    effect = -(q.tip_gravity + q.tip_inertia * acceleration) / q.inertia
-    surprise = rate - x.rate
-    noise = s.rate_surprise
-    fast = ca.fmin(ca.fmax((ca.fabs(surprise) - noise) / noise, 0.0), 1.0)
-    pole = -(s.load_pole + fast * (s.load_pole_fast - s.load_pole))
-    load = x.load + s.sample_time * pole * pole * surprise * effect / (effect * effect + LEAST_EFFECT * LEAST_EFFECT)
-    return LoadState(
-        limited(load, LIGHTEST, s.largest_load),
-        x.rate + s.sample_time * (acceleration + 2.0 * pole * surprise),
-    )
+class LoadObserver:
+    """The observer of a machine, with the modes that its file tells; ``gains``: slow, fast, safe, see :meth:`gains`."""
+
+    def __init__(self, modes: Modes) -> None:
+        self.modes = modes
+        self.start = LoadState(modes=modes.start)
+
+    def gains(self, s: Any) -> dict[str, float]:
+        """Gains for the settings ``s``, by name, for :class:`boom_controller.blocks.flat.FlatLaw`."""
+        named: dict[str, float] = {}
+        for word, pole in (("slow", s.load_pole), ("fast", s.load_pole_fast), ("safe", SAFE_POLE)):
+            gain = self.modes.gain(-pole)
+            named |= {f"{word}_{k}": value for k, value in enumerate((gain.rate, gain.missing, *gain.states))}
+        return named
+
+    def seen(self, x: LoadState, m: Measurement) -> Measurement:
+        """Angle and rate at the cylinder: without what the modes add to them where they are measured."""
+        beyond = self.modes.at(x.modes, m.angle, m.rate, 1.0, 0.0, 0.0)
+        return m._replace(angle=m.angle - beyond.angle, rate=m.rate - beyond.rate)
+
+    def step(self, x: LoadState, q: ModelQuantities, m: Measurement, safe: Expression, s: Any) -> LoadState:
+        """One sample time with the model at the present load, the sample at the cylinder, settings with ``gains``."""
+        torque = q.jacobian * q.force - q.friction - q.gravity
+        point = (m.angle, m.rate, q.inertia, torque, 0.0)
+        acceleration = self.modes.at(x.modes, *point).acceleration
+        effect = -(q.tip_gravity + q.tip_inertia * acceleration) / q.inertia
+        surprise, noise = m.rate - x.rate, s.rate_surprise
+        fast = ca.fmin(ca.fmax((ca.fabs(surprise) - noise) / noise, 0.0), 1.0)
+
+        def gain(k: int) -> Expression:
+            slow: Expression = getattr(s, f"slow_{k}")
+            usual = slow + fast * (getattr(s, f"fast_{k}") - slow)
+            return ca.if_else(safe, getattr(s, f"safe_{k}"), usual)
+
+        t = s.sample_time
+        load = x.load + t * gain(1) * surprise * effect / (effect * effect + LEAST_EFFECT * LEAST_EFFECT)
+        own = tuple(gain(2 + k) for k in range(len(x.modes)))
+        return LoadState(
+            limited(load, LIGHTEST, s.largest_load),
+            x.rate + t * (acceleration + gain(0) * surprise),
+            self.modes.after(x.modes, own, surprise, t, *point),
+        )

@@ -45,6 +45,8 @@ REASONS: dict[str, Reason] = {
                "look at the last motion before the next one"),
         Reason("load_not_held", "the load is heavier than the supply can hold", "currents",
                "set the load down"),
+        Reason("oscillation", "the boom oscillates although the gains were lowered", "currents",
+               "lower the gains, or tell the machine file what was left out"),
         Reason("currents_not_followed", "the solenoids do not get the commanded current", "currents",
                "enable the motion on the bridge, look at its diagnostics"),
         Reason("configuration_changed", "machine, pose or load changed in the configuration during a motion", "reference",

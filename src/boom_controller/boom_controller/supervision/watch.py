@@ -68,7 +68,7 @@ class MotionWatch:
         if not (math.isfinite(output.retract) and math.isfinite(output.extend)):
             return StopCause("divergence", "the control law gave a current that is not a number")
         if output.reason:
-            return StopCause("load_not_held", output.reason)
+            return StopCause(output.cause, output.reason)
         if self._fast(abs(m.rate) > s.largest_rate, now, s.persistence):
             return StopCause("speed_limit", f"{m.rate:.2f} rad/s, allowed is {s.largest_rate:g} rad/s")
         pressure = max(m.hose_pressure, m.rod_pressure)

@@ -14,7 +14,7 @@ from boom_controller.types import Controller, Reference
 from boom_input.channels import PREDICTED
 from boom_model.machine import Machine, Pose
 from boom_model.plant import Plant, Stepper
-from boom_model.sensors import OUTPUTS, SensorNoise
+from boom_model.sensors import OUTPUTS, PRESSURES, SensorNoise
 from boom_sim.simulated_crane import CraneSample
 from boom_trials import closed_loop
 
@@ -26,6 +26,7 @@ LOWEST_PRESSURE = -1.0e8
 """Pa."""
 SUBSTEP = 0.002
 """s. How often the supply's pressure limit is applied within a sample time."""
+INSIDE = ("angle", "spool_position")
 GIVEN = ("force_set_point", "feedforward_force", "estimated_load", "spool_position", "retract", "extend")
 
 
@@ -44,6 +45,7 @@ class History:
     Attributes:
         diverged: why the run ended early; empty if it did not.
         stopped: (time [s], reason) when the controller asked to stop, with which the run ends; None if it did not.
+        noted: time [s] from which the controller had a note for the operator; None if it never had.
     """
 
     time: Array
@@ -51,6 +53,7 @@ class History:
     values: dict[str, Array]
     diverged: str = ""
     stopped: tuple[float, str] | None = None
+    noted: float | None = None
 
 
 class TrialCrane:
@@ -72,6 +75,8 @@ class TrialCrane:
     Attributes:
         machine: the plant's.
         true: the outputs without noise, at time zero and after each period.
+        inside: q_2 [rad] itself and s_s [m] at the same times, whatever the sensors make of it.
+        command_delay: dead time [s] of the valve chain, an effect of the plant's machine.
         sample: what the sensors show now.
     """
 
@@ -97,6 +102,9 @@ class TrialCrane:
         self._quanta = tuple(noise.quantum(sensor) for sensor in PREDICTED)
         self._acting = self._next = (0.0, 0.0)
         self._from = -math.inf
+        self.command_delay, self._late = plant.command_delay, plant.pressure_delay / period
+        self._inside = [plant.state_names.index(name) for name in INSIDE]
+        self.inside = [[float(start[k]) for k in self._inside]]
         self.true: list[list[float]] = [[float(v) for v in plant.outputs(start)]]
         self.sample = self._measure(0, self.true[0])
 
@@ -120,8 +128,20 @@ class TrialCrane:
         self._acting = self._next
         y = self._step(*self._acting, period).tolist()
         self.true.append(y)
-        self.sample = sample = self._measure(len(self.true) - 1, y)
+        self.inside.append([float(self._stepper.state[k]) for k in self._inside])
+        self.sample = sample = self._measure(len(self.true) - 1, self._delayed(y) if self._late else y)
         return sample
+
+    def _delayed(self, y: list[float]) -> list[float]:
+        """The outputs y with the pressures of some time ago."""
+        place = max(len(self.true) - 1 - self._late, 0.0)
+        before = int(place)
+        older, newer = self.true[before], self.true[min(before + 1, len(self.true) - 1)]
+        part = place - before
+        return [
+            (1 - part) * a + part * b if delayed else now
+            for a, b, now, delayed in zip(older, newer, y, PRESSURES, strict=True)
+        ]
 
     def _measure(self, k: int, y: list[float]) -> CraneSample:
         shown = [
@@ -143,17 +163,19 @@ def carried_out(
     """
     length, true = _position_scale(crane.machine), crane.true
     done = closed_loop.run(
-        controller, crane, references, dead_time=delay * crane.period, heed=True,
-        astray=lambda wanted: abs(true[-1][0] - wanted) * length > DIVERGED,
+        controller, crane, references, dead_time=delay * crane.period + crane.command_delay, heed=True,
+        astray=lambda wanted: abs(crane.inside[-1][0] - wanted) * length > DIVERGED,
     )  # fmt: skip
     n = len(done.outputs)
     rows = np.hstack([true[:n], list(map(attrgetter(*GIVEN), done.outputs))])
     values = dict(zip((*OUTPUTS, *GIVEN), rows.T, strict=True))
+    values |= dict(zip(("true_angle", "true_spool"), np.array(crane.inside[:n]).T, strict=True))
     diverged = str(done.failed or "")
     if done.astray is not None:
         diverged = f"at {done.astray:.2f} s the piston was {DIVERGED * 1e3:.0f} mm from its reference"
     wanted = np.array([reference.angle for reference in references[:n]])
-    return History(np.arange(n, dtype=np.float64) * crane.period, wanted, values, diverged, done.stopped)
+    noted = next((k * crane.period for k, output in enumerate(done.outputs) if output.note), None)
+    return History(np.arange(n, dtype=np.float64) * crane.period, wanted, values, diverged, done.stopped, noted)
 
 
 def start_state(plant: Plant, machine: Machine, pose: Pose, angle: float) -> Array:

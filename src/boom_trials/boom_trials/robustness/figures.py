@@ -35,7 +35,7 @@ def figure(results: Sequence[Result]) -> Json:
         h = result.history
         if h is None:
             continue
-        reference, position = piston_positions(machine, h.reference), piston_positions(machine, h.values["angle"])
+        reference, position = piston_positions(machine, h.reference), piston_positions(machine, h.values["true_angle"])
         colour, mode = COLOURS[result.job.mode], result.job.mode
         if index == 0:
             traces.append(_line(h.time, reference, 1, "reference", "#000000", 1.0))

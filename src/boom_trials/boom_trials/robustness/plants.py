@@ -1,7 +1,7 @@
 """Test cases of the closed loop: trajectories, configurations of Tables 6.1 and 6.2, off-nominal plants, Monte Carlo.
 
-A plant is the nominal machine with factors on some numbers and a load in addition to the configured one. The controller
-always knows only the nominal machine and the configuration.
+A plant is the nominal machine with factors on some numbers, effects, and a load in addition to the configured one. The
+controller knows the nominal machine and the configuration only, unless it is told (``PlantCase.told``).
 """
 
 from __future__ import annotations
@@ -37,11 +37,18 @@ FULL_PUMP_FLOW, SUPPLY_PRESSURE = 1.4e-3, 2.5e7
 
 @dataclass(frozen=True)
 class PlantCase:
-    """A plant: factors of the nominal numbers by dotted key, load [kg] in addition to the configured one."""
+    """A plant: factors of the nominal numbers by dotted key, load [kg] in addition to the configured one, effects.
+
+    Attributes:
+        told: the controller is given the machine file of this plant, but for the load: "explained". Otherwise it knows the
+            nominal machine only.
+    """
 
     name: str
     load: float = 0.0
     factors: Mapping[str, float] = field(default_factory=dict)
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    told: bool = False
 
     def machine(self, nominal: Machine, limited: bool) -> Machine:
         """The machine of the plant; ``limited``: its pump delivers 84 l/min.
@@ -50,12 +57,10 @@ class PlantCase:
             MachineError: a factor leaves the range of its parameter.
         """
         changed = {key: nominal.parameters[key].value[0] * factor for key, factor in self.factors.items()}
-        machine = nominal.with_values(changed)
+        effects = {**nominal.effects, **self.effects}
         if limited:
-            machine = machine.with_effects(
-                {**machine.effects, EFFECT.id: {EFFECT.parameters[0].name: 1 / FULL_PUMP_FLOW}}
-            )
-        return machine
+            effects[EFFECT.id] = {EFFECT.parameters[0].name: 1 / FULL_PUMP_FLOW}
+        return nominal.with_values(changed).with_effects(effects)
 
     def off(self, factors: Mapping[str, float], name: str = "") -> PlantCase:
         """The same plant with further factors."""

@@ -7,6 +7,7 @@ modes.
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Sequence
@@ -23,6 +24,7 @@ from boom_controller.blocks.control_model import ControlModel, OperatingPoint
 from boom_controller.controller import Settings, make_controller
 from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_controller.types import Controller, Reference
+from boom_model.catalogue import EFFECTS, EffectParameter
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
@@ -35,6 +37,12 @@ Array = NDArray[np.float64]
 
 OSCILLATION_FROM = 0.8
 """Hz."""
+LATE = 3.0
+"""s. By then a load that was attached at the first instant is carried."""
+STILL, SETTLING = 5.0e-6, 1.0
+"""m/s below which the reference rests; s after which the boom does, too."""
+SLOWEST = 1.0e-3
+"""m/s. Largest speed that a motion has at least."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +74,13 @@ class StudyRun:
 
 @dataclass(frozen=True)
 class Result:
-    """Result of a run: errors of the piston [m], force oscillation [N] (NaN if it diverged), why it diverged or stopped."""
+    """Result of a run: errors of the piston [m], force oscillation [N] (NaN if it diverged), why it diverged or stopped.
+
+    Attributes:
+        late_mae: mean error after the first ``LATE`` seconds. rho: largest error over largest wanted speed [s].
+        rest_travel: travel of the spool over full stroke while the reference rests [1/s]; NaN if it never does.
+        noted: see :class:`boom_trials.robustness.crane.History`.
+    """
 
     job: StudyRun
     mae: float
@@ -76,6 +90,10 @@ class Result:
     final_oscillation: float
     diverged: str
     stopped: tuple[float, str] | None
+    late_mae: float = math.nan
+    rho: float = math.nan
+    rest_travel: float = math.nan
+    noted: float | None = None
     history: History | None = None
 
     @property
@@ -117,12 +135,12 @@ def carry_out(
 def carry_out_one(job: StudyRun) -> Result:
     """One run and its numbers."""
     nominal = _machine(job.machine)
-    references, pose_key = _references(job.folder, job.bag, job.settings.sample_time, job.settings.generator_pole)
+    references, pose_key = references_of(job.folder, job.bag, job.settings.sample_time, job.settings.generator_pole)
     if job.duration:
         references = references[: round(job.duration / job.settings.sample_time)]
     base = nominal.pose(*pose_key)
     machine = job.case.machine(nominal, job.limited)
-    plant = _plant(job.machine, job.limited, pose_key).with_numbers(
+    plant = _plant(job.machine, frozenset(machine.effects), pose_key).with_numbers(
         machine, replace(base, load=base.load + job.case.load)
     )
     crane = TrialCrane(
@@ -135,18 +153,37 @@ def carry_out_one(job: StudyRun) -> Result:
         supply_pressure=SUPPLY_PRESSURE if job.limited else float("inf"),
         grasp=job.grasp,
     )
-    controller = _controller(job.mode, job.machine, pose_key, job.settings)
+    known = machine if job.case.told else nominal
+    controller = _controller(job.mode, _Known(job.machine, known), pose_key, job.settings)
     history = carried_out(controller, crane, references, delay=job.delay)
-    error = piston_positions(nominal, history.reference) - piston_positions(nominal, history.values["angle"])
+    wished = piston_positions(nominal, history.reference)
+    error = wished - piston_positions(nominal, history.values["true_angle"])
     measured = errors(error)
+    speed = np.abs(np.gradient(wished, job.settings.sample_time)) if len(wished) > 1 else np.zeros(1)
+    late = error[round(LATE / job.settings.sample_time) :]
     wanted = _feedforward(job.machine, pose_key, job.case.load, job.folder, job.bag, job.settings)
     oscillation, final = _oscillation(
         force(nominal, history) - wanted[: len(history.time)], history, job.settings.sample_time
     )
     return Result(
         job, measured.mae, measured.maxe, measured.rmse, oscillation, final, history.diverged, history.stopped,
-        history if job.keep else None,
+        late_mae=float(np.mean(np.abs(late))) if len(late) else math.nan,
+        rho=measured.maxe / max(float(speed.max()), SLOWEST), rest_travel=_rest_travel(nominal, history, speed),
+        noted=history.noted, history=history if job.keep else None,
     )  # fmt: skip
+
+
+def _rest_travel(machine: Machine, history: History, speed: Array) -> float:
+    """Travel of the spool over full stroke [1/s] while the reference has rested for ``SETTLING`` and will."""
+    period = history.time[1] - history.time[0] if len(history.time) > 1 else 1.0
+    moving = (speed > STILL).astype(float)
+    reach = round(SETTLING / period)
+    near = np.convolve(moving, np.ones(reach + reach // 10 + 1))[reach // 10 :][: len(speed)]
+    resting = near[1:] < 0.5
+    if not resting.any():
+        return math.nan
+    travel = np.abs(np.diff(history.values["true_spool"])) / machine.numbers.main_valve_spool.s_max
+    return float(np.sum(travel[resting]) / (np.sum(resting) * period))
 
 
 def force(machine: Machine, history: History) -> Array:
@@ -200,7 +237,7 @@ def _feedforward(
 ) -> Array:
     """f_p^f (n,) [N] of (6.2) along the reference, with the true load [kg]."""
     model = ControlModel(_machine(machine), _machine(machine).pose(*pose))
-    references, _ = _references(folder, bag, settings.sample_time, settings.generator_pole)
+    references, _ = references_of(folder, bag, settings.sample_time, settings.generator_pole)
     points = (OperatingPoint(r.angle, 0.0, 0.0, 0.0, *r, load) for r in references)
     return np.array([model.at(point).feedforward_force for point in points])
 
@@ -211,19 +248,41 @@ def _machine(name: str) -> Machine:
 
 
 @lru_cache(maxsize=16)
-def _plant(name: str, limited: bool, pose: tuple[float, float, float]) -> Plant:
-    machine = PlantCase("").machine(_machine(name), limited)
+def _plant(name: str, effects: frozenset[str], pose: tuple[float, float, float]) -> Plant:
+    """Compiled with these effects, whose numbers follow (``with_numbers``)."""
+    machine = _machine(name)
+    active = {
+        effect: machine.effects.get(effect, {row.name: _not_neutral(row) for row in EFFECTS[effect].parameters})
+        for effect in effects
+    }
+    machine = machine.with_effects(active)
     return Plant(machine, machine.pose(*pose))
 
 
-@lru_cache(maxsize=32)
-def _controller(mode: str, machine: str, pose: tuple[float, float, float], settings: Settings) -> Controller:
-    nominal = _machine(machine)
-    return make_controller(mode, nominal, nominal.pose(*pose), settings)
+def _not_neutral(row: EffectParameter) -> float:
+    return next(value for value in (row.low, row.high) if value != row.neutral)
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A machine as a key of a cache: two are the same if their numbers are."""
+
+    name: str
+    machine: Machine = field(compare=False)
+    numbers: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        m = self.machine
+        object.__setattr__(self, "numbers", repr(([p.value for p in m.parameters.values()], m.effects, m.learned)))
 
 
 @lru_cache(maxsize=32)
-def _references(
+def _controller(mode: str, known: _Known, pose: tuple[float, float, float], settings: Settings) -> Controller:
+    return make_controller(mode, known.machine, known.machine.pose(*pose), settings)
+
+
+@lru_cache(maxsize=32)
+def references_of(
     folder: str, bag: str, period: float, pole: float
 ) -> tuple[list[Reference], tuple[float, float, float]]:
     """Smooth references of a recorded angle, one a period, and (q_3, q_4, load) of its configuration."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich import box
@@ -35,6 +35,9 @@ def print_document(numbers: Mapping[str, Any], console: Console, *, limited: boo
             if part in numbers:
                 console.print(title, markup=False)
                 console.print(_monte_carlo(numbers[part]))
+        if "requirements" in numbers:
+            console.print("what is asked and what is reached (*: not met), trajectories in all poses", markup=False)
+            console.print(_requirements(numbers["requirements"]))
         if "stability_map" in numbers:
             console.print("largest dead time [ms] up to which the loop is stable (-: never stable)", markup=False)
             console.print(_stability(numbers["stability_map"]))
@@ -116,6 +119,22 @@ def _monte_carlo(numbers: Mapping[str, Any]) -> Table:
             mode, str(each["plants"]), str(each["diverged"]), means, " / ".join(f"{v:.2f}" for v in quantiles.values())
         )
     return table
+
+
+def _requirements(rows: Sequence[Mapping[str, Any]]) -> Table:
+    modes = list(rows[0]["reached"])
+    table = _table("plant", "asked, at most", *modes)
+    for row in rows:
+        asked = ", ".join(f"{name} {a['at_most']:g} {a['unit']}".rstrip() for name, a in row["asked"].items())
+        table.add_row(row["row"], asked, *(_one_reached(row["reached"][mode], row["asked"]) for mode in modes))
+    return table
+
+
+def _one_reached(reached: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
+    values = [reached["numbers"][name] for name in asked]
+    text = ", ".join("-" if value is None else f"{value:.3g}" for value in values)
+    lost = f", {reached['lost']} lost" if reached["lost"] else ""
+    return f"{text}{lost}{'' if reached['met'] else ' *'}"
 
 
 def _stability(stability: Mapping[str, Any]) -> Table:

@@ -1,0 +1,35 @@
+"""What a machine file tells that no control law uses, said when the machine becomes known.
+
+A law uses what the components make of the effects without a state of their own (``ControlModel``), the dead times, the play of the
+spool and what moves between cylinder and IMU. It does not see the effects below, and terms learnt from data: its observers have to
+make up for them.
+"""
+
+from __future__ import annotations
+
+from boom_controller.observers import mode_observer
+from boom_model.catalogue import EFFECTS, effect_name, valve_hysteresis
+from boom_model.machine import Machine
+
+ABSENT = frozenset({"throat", "valve_flow", "supply_pressure"})
+"""Quantities without part in the laws' reduced model."""
+
+
+def unused(machine: Machine) -> tuple[str, ...]:
+    """Names of the effects, and ``learned`` where there are such terms; empty if the law uses everything."""
+    names = [effect_name(name) for name in machine.effects if not _used(name)]
+    return (*names, *(["learned terms"] if machine.learned else []))
+
+
+def unused_in_words(machine: Machine) -> str:
+    """A sentence for the operator; empty if the law uses everything."""
+    names = unused(machine)
+    return f"the machine file tells {', '.join(names)}, which the control law does not use" if names else ""
+
+
+def _used(name: str) -> bool:
+    effect = EFFECTS[name]
+    quantities = set(effect.terms)
+    if name == valve_hysteresis.EFFECT.id or mode_observer.QUANTITIES & quantities:
+        return True
+    return (not effect.states and not quantities <= ABSENT) or bool(effect.delays)
