@@ -3,10 +3,12 @@
 import contextlib
 import json
 from importlib.resources import files
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from recording_faults import swapped
 
 from boom_bringup import cli
 from boom_bringup.commands.diagnose import _next_experiment as propose
@@ -16,6 +18,8 @@ from boom_recording.loading import load
 from boom_recording.recording import Configuration
 from boom_recording.writing import from_columns, write
 from boom_report.diagnosis import report
+
+BAGS = Path(__file__).parents[1] / "bags"
 
 
 @pytest.fixture
@@ -75,6 +79,26 @@ def test_a_standstill_has_a_plain_verdict_and_all_files(diagnose, tmp_path):
     assert document["verdict"] == "not_enough_excitation" and document["findings"] == []
     names = sorted(path.name for path in (tmp_path / "output" / "diagnosis").iterdir())
     assert names == ["diagnosis.json", "machine.yaml", "report.html"]
+
+
+@pytest.mark.parametrize("held_out", [False, True], ids=["given", "held out"])
+def test_a_command_with_the_wrong_sign_is_told_and_no_physics_named(diagnose, tmp_path, held_out):
+    good = BAGS / "healthy" / "extended"
+    bad = swapped(load(good), "retract_current", "extend_current")
+    write(tmp_path / "turned", bad)
+    arguments = [good, "--hold-out", "turned"] if held_out else ["turned"]
+    status, out, _ = diagnose(*arguments, "--json", "d.json")
+    document = json.loads((tmp_path / "d.json").read_text())
+    assert status == 0 and document["verdict"] == "sensor_or_clock"
+    assert document["findings"] == [] and document["ranking"] == []
+    spoilt = [check for check in document["checks"] if check["spoils"]]
+    assert [(check["bag"], check["kind"], check["topic"]) for check in spoilt] == [
+        ("turned", "sign", "/boom/solenoid_currents")
+    ]
+    assert " ".join(out.split()).startswith(
+        "sensor or clock: turned, /boom/solenoid_currents: the command has the wrong sign"
+    )
+    assert "repair first" in (tmp_path / "output" / "diagnosis" / "report.html").read_text()
 
 
 SUPPORT = """learned:

@@ -116,7 +116,8 @@ def not_enough_excitation(recordings: Sequence[Recording], machine: Machine, abo
 def spoilt(machine: Machine, about: About) -> DiagnosisResult:
     """The answer to recordings of which one has to be repaired first; its checks say what."""
     text = (
-        "Put the recording right and diagnose it again: what is named before would explain the fault, not the machine."
+        "Put the recording right, e.g. by a mapping of ./boom import, which tells signs, units and channels, and diagnose "
+        "it again: what is named before would explain the fault, not the machine."
     )
     subsystems = dict.fromkeys(SUBSYSTEMS, 0.0) | {"sensors": MOST_CERTAIN}
     document = Document(
