@@ -115,6 +115,11 @@ def _validate(door: Door) -> list[Path]:
     return [door.clone.path / "validation.html"]
 
 
+def _chain(door: Door) -> list[Path]:
+    assert "no link breaks" in door.boom("chain", door.short, "--report", "chain.html")
+    return [door.clone.path / "chain.html"]
+
+
 def _diagnose(door: Door) -> list[Path]:
     reports = []
     for source, seconds, verdict in (
@@ -236,10 +241,12 @@ def _python(door: Door) -> list[Path]:
 
 
 REPORTING = [
-    name for name in TABLE if name in ("demo", "validate", "diagnose", "identify", "robustness", "prove", "import")
+    name
+    for name in TABLE
+    if name in ("demo", "validate", "chain", "diagnose", "identify", "robustness", "prove", "import")
 ]
 CASES: dict[str, Callable[[Door], list[Path]]] = {
-    "demo": _demo, "validate": _validate, "diagnose": _diagnose, "identify": _identify, "simulate": _simulate,
+    "demo": _demo, "validate": _validate, "chain": _chain, "diagnose": _diagnose, "identify": _identify, "simulate": _simulate,
     "robustness": _robustness, "sim": _live, "watch": _live, "record": _live, "replay": _live,
     "import": _import, "import-can": _import_can,
     "prove": _prove, "test": _test, "check-machine": _check_machine, "setup": _setup, "python": _python,

@@ -31,7 +31,7 @@ LARGEST = (0.3e-3, 1.5e-3, 0.5e5, 0.5e5)
 RMS = (0.2e-3, 0.1e-3, 0.08e5, 0.15e5)
 
 
-@pytest.mark.parametrize("bag", ["extended", "extended_log", "folded_fast", "folded_slow"])
+@pytest.mark.parametrize("bag", ["extended_log", "folded_fast"])
 def test_with_nothing_concealed_its_free_run_is_that_of_the_model(bag):
     recording = load(ROOT / "bags" / "healthy" / bag)
     count = int(recording.duration / STEP)
@@ -84,9 +84,7 @@ def _as_it_is(drawn):
     return yaml.safe_dump(document, sort_keys=False), told.load * (factors["load"] - 1.0)
 
 
-@pytest.mark.parametrize(
-    ("seed", "anything"), [(1, False), (2, False), (1, True), (2, True), (3, True), (4, True), (5, True)]
-)
+@pytest.mark.parametrize(("seed", "anything"), [(1, False), (1, True), (3, True), (5, True)])
 def test_a_crane_that_is_drawn_is_explained_to_the_noise_by_the_model_with_its_true_numbers(
     seed, anything, tmp_path, monkeypatch
 ):

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import can
 import numpy as np
+
+from boom_can_bridge.python_can import can
 
 from .codec import Codec
 from .command_gate import CommandGate, GatedCommand

@@ -30,10 +30,11 @@ from collections import deque
 from http.server import ThreadingHTTPServer
 from typing import Any, cast
 
-import can
 from can_remote.protocol import RemoteProtocolBase
 from can_remote.server import ClientRequestHandler, RemoteServerProtocol
 from can_remote.websocket import WebSocket, get_accept_key
+
+from boom_can_bridge.python_can import can
 
 ADDRESS = "127.0.0.1"
 DEFAULT_PORT = 54701

@@ -8,7 +8,7 @@ import threading
 from dataclasses import dataclass
 from typing import Any
 
-import can
+from boom_can_bridge.python_can import can
 
 from .errors import CanConfigurationError
 

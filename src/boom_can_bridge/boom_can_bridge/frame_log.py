@@ -4,7 +4,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
-import can
+from boom_can_bridge.python_can import can
 
 from .errors import CanConfigurationError
 

@@ -4,7 +4,7 @@ import math
 import random
 from dataclasses import dataclass
 
-import can
+from boom_can_bridge.python_can import can
 
 from .codec import Codec
 from .receiver import FrameChecker

@@ -6,8 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-import cantools
-
+from boom_can_bridge.python_can import cantools
 from boom_input.files import InputError, read_bytes
 from boom_input.shown import quoted
 from boom_input.yaml_text import read_yaml

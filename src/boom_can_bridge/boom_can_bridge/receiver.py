@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-import can
+from boom_can_bridge.python_can import can
 
 from .clock_map import ClockMap
 from .codec import Codec, CounterCheck, Decoded

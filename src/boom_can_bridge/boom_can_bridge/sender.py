@@ -6,7 +6,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from typing import Any
 
-import can
+from boom_can_bridge.python_can import can
 
 from .codec import Codec
 from .command_gate import CommandGate, GatedCommand

@@ -342,9 +342,9 @@ class DiagnosisResult:
         agreement: whether both ways of locating agree, in words.
         remaining: what stays unexplained, in words; empty where nothing does.
         tolerances_used: machine-file key -> estimate, of parameters that moved within their tolerance.
-        looks: what each recording says before any model.
-    notes: what the reader must know (masked samples, an unknown load, ...).
+        notes: what the reader must know (masked samples, an unknown load, ...).
         command: the command line.
+        looks: what each recording says before any model.
     """
 
     document: Document
@@ -360,5 +360,5 @@ class DiagnosisResult:
     tolerances_used: Mapping[str, Estimate] = field(default_factory=dict)
     experiment: Experiment | None = None
     notes: tuple[str, ...] = ()
-    looks: tuple[FirstLook, ...] = ()
     command: str = ""
+    looks: tuple[FirstLook, ...] = ()

@@ -10,8 +10,7 @@ import threading
 import time
 from collections.abc import Callable
 
-import can
-
+from boom_can_bridge.python_can import can
 from boom_sim.ecu import Ecu
 from boom_sim.ecu_faults import FaultSettings, FaultyLine, Frame
 from boom_sim.simulated_crane import PERIOD, SimulatedCrane

@@ -11,7 +11,7 @@ from boom_node import early  # noqa: F401  (first: signals and environment)
 import functools
 from typing import Any
 
-import can
+from boom_can_bridge.python_can import can
 from boom_can_bridge.codec import CanConfigurationError, Codec
 from boom_interfaces.msg import GroundTruth
 from boom_interfaces.srv import SetPayload

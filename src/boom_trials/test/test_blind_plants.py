@@ -100,11 +100,15 @@ def test_an_effect_that_the_catalogue_has_not_is_rightly_called_unknown():
     assert [e.known for e in truth.effects] == [True, False]
 
 
-def test_every_plant_tells_the_forms_of_its_effects():
+def test_every_effect_of_the_catalogue_is_concealed_by_a_plant_and_every_form_is_told():
+    concealed = set()
     for plant in PLANTS.values():
         forms = plant.forms()
-        assert set(EFFECTS) <= {name for name, form in forms.items() if form.known}
+        known = {name for name, form in forms.items() if form.known}
+        assert known <= set(EFFECTS)
+        concealed |= known
         assert all(form.text and form.unit and len(form.text) < 400 for form in forms.values())
+    assert concealed == set(EFFECTS)
 
 
 @pytest.mark.parametrize(

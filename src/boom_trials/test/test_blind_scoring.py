@@ -8,6 +8,7 @@ import pytest
 from boom_trials.blind import scoring, tables
 from boom_trials.blind.outcomes import ConcealedEffect, NamedEffect, Row, Said, Truth
 from boom_trials.blind.page import page
+from boom_trials.blind.plants import PLANTS
 from boom_trials.blind.report import _confusion
 from boom_trials.blind.trial import TrialState
 
@@ -170,7 +171,7 @@ def test_a_pair_is_right_in_the_confusion_matrix_where_one_of_its_two_is_named_f
     assert scoring.confusion([right, wrong, unknown]) == {
         "pair, one of them first": {"command_delay": 1}, "pair, none of them first": {"flow_force": 1, "unknown_physics": 1},
     }  # fmt: skip
-    tones = re.findall(r"<td class='(\w+)'>1", _confusion([right, wrong, unknown]))
+    tones = re.findall(r"<td class='(\w+)'>1", _confusion(PLANTS["p"].forms(), [right, wrong, unknown]))
     assert sorted(tones) == ["right", "soft", "wrong"]
 
 

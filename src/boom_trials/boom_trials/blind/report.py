@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from functools import partial
 
 import numpy as np
@@ -12,6 +12,7 @@ from boom_input.channels import PREDICTED
 from boom_report.templates import render
 from boom_trials.blind import drawing, judging, scoring, tables
 from boom_trials.blind.outcomes import Row
+from boom_trials.blind.plants import ConcealedForm
 from boom_trials.blind.trial import Trial
 
 _MEANING = (
@@ -36,7 +37,7 @@ def report(trial: Trial, rows: Sequence[Row], seconds: float) -> str:
         calibration=drawing.calibration(scoring.confidence_bins(rows)),
         stages=_stages(rows),
         channels=PREDICTED,
-        confusion=_confusion(trial, rows),
+        confusion=_confusion(trial.plant.forms(), rows),
         worst=[(what, row) for _, what, row in scoring.worst(rows)],
         concealed=_concealed,
         pictures=partial(_pictures, trial),
@@ -61,9 +62,9 @@ def _stages(rows: Sequence[Row]) -> list[tuple[str, list[float], int]]:
     ]
 
 
-def _confusion(trial: Trial, rows: Sequence[Row]) -> Markup:
+def _confusion(forms: Mapping[str, ConcealedForm], rows: Sequence[Row]) -> Markup:
     confusion = scoring.confusion(rows)
-    known = {name for name, form in trial.plant.forms().items() if form.known}
+    known = {name for name, form in forms.items() if form.known}
     columns = sorted({name for counts in confusion.values() for name in counts})
     return render("boom_trials/blind/confusion.html", confusion=confusion, columns=columns, tone=partial(_tone, known))
 
