@@ -51,10 +51,12 @@ def all_specifications() -> tuple[Specification, ...]:
 
 def all_states() -> tuple[State, ...]:
     """Every state that the full model can have, those of the thesis' structure first."""
-    lagging = [effect.id for effect in CATALOGUE if effect.states]
-    found = {state.name: state for state in full_model(structure(), lagging).states}
-    for c in (c for slot in SLOTS for c in registered(slot)[1:]):
-        for state in full_model(structure().with_component(c)).states:
+    thesis = structure()
+    lagging = [effect for effect in CATALOGUE if effect.states]
+    found = {state.name: state for state in full_model(thesis, [e.id for e in lagging if thesis.has(e.needs)]).states}
+    for other in (thesis.with_component(c) for slot in SLOTS for c in registered(slot)[1:]):
+        own = [effect.id for effect in lagging if not thesis.has(effect.needs) and other.has(effect.needs)]
+        for state in full_model(other, own).states:
             found.setdefault(state.name, state)
     return tuple(found.values())
 

@@ -143,7 +143,7 @@ def test_effect_is_the_component(loader: Machine) -> None:
         plant = Plant(machine, machine.pose(*POSE))
         runs.append(plant.run(time, currents, time, plant.equilibrium(0.2), tolerance=1e-6).outputs)
     np.testing.assert_allclose(runs[0], runs[1], rtol=1e-3, atol=1e-3)
-    with pytest.raises(MachineError, match=r"effects\.load_holding_valve: this machine has a holding valve"):
+    with pytest.raises(MachineError, match=r"effects\.load_holding_valve: this machine has a valve at the cylinder"):
         loader.with_effects({"load_holding_valve": numbers})
 
 

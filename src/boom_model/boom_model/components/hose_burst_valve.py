@@ -110,7 +110,7 @@ register(HoseBurstValve(
     name="flow_limiting", meaning="limits the flow out of the cylinder",
     term="q_a = a_11 dp + a_12 sqrt(dp), a_21 dp + a_22 dp^2, a_30 + a_31 dp", equation="5.39e,f",
     specifications=SPECIFICATIONS, information=frozenset({"a22", "node", "a22_c1", "node_c1"}),
-    offers=frozenset({"hose_burst_valve"}), check=_check,
+    offers=frozenset({"hose_burst_valve", "valve_at_the_cylinder"}), check=_check,
     flow=lambda w, hose, head, rod: flow(hose - head, w.p, w.e),
     pressure_drop=pressure_drop,
 ))  # fmt: skip
