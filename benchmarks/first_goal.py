@@ -33,6 +33,8 @@ from typing import Any
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
 import rclpy
+from builtin_interfaces.msg import Duration
+from control_msgs.action import FollowJointTrajectory
 from controller_timing import HIGHEST, metronomes
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
@@ -40,7 +42,6 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from boom_bringup import environment
-from boom_interfaces.action import TrackTrajectory
 from boom_interfaces.msg import ControllerState
 from boom_node import qos
 from boom_node.stamps import ns_to_seconds, seconds_to_ns, set_ns, to_ns
@@ -78,7 +79,7 @@ class Partner:
         self.states: list[ControllerState] = []
         self.ages: list[float] = []
         self.node.create_subscription(ControllerState, "/boom/controller_state", self._on_state, qos.SENSOR_DATA)
-        self.action = ActionClient(self.node, TrackTrajectory, "/boom_controller/track_trajectory")
+        self.action = ActionClient(self.node, FollowJointTrajectory, "/boom_controller/follow_joint_trajectory")
         self.topic = self.node.create_publisher(JointTrajectory, "/boom/joint_trajectory", qos.EVENTS)
 
     def _on_state(self, message: ControllerState) -> None:
@@ -116,7 +117,8 @@ class Partner:
             return any(state.mode == "track" for state in self.states[first:])
 
         if start.way == "action":
-            future = self.action.send_goal_async(TrackTrajectory.Goal(trajectory=message, goal_time_tolerance=10.0))
+            goal = FollowJointTrajectory.Goal(trajectory=message, goal_time_tolerance=Duration(sec=10))
+            future = self.action.send_goal_async(goal)
             assert self.until(future.done)
             answer = future.result().get_result_async()
             self.until(lambda: tracked() or answer.done())

@@ -58,10 +58,10 @@ from fuzzing import FLOATS, MEMORY_BYTES, NUMBERS, SECONDS, TEXTS, mutate
 
 from boom_bringup import environment
 from boom_bringup.demo_processes import free_bus
-from boom_interfaces.action import TrackTrajectory
 from boom_interfaces.msg import ControllerState, MachineConfiguration, SolenoidCurrents
 from boom_interfaces.srv import SetPayload
 from boom_node import qos
+from boom_node.motion_action import NAME, MotionAction
 from boom_node.stamps import to_ns
 
 ROOT = Path(__file__).parents[1]
@@ -246,7 +246,7 @@ class System:
             **{f"/{n}/{s}": k for n in programs if not n.startswith("_") for s, k in PARAMETER_SERVICES.items()},
         }
         self._clients = {name: self.node.create_client(kind, name) for name, kind in self._services.items()}
-        self._action = ActionClient(self.node, TrackTrajectory, "/boom_controller/track_trajectory")
+        self._action = ActionClient(self.node, MotionAction, f"/boom_controller/{NAME}")
         self._commanded = self._faked_until = 0.0
         self._watch()
         self.executor = SingleThreadedExecutor(context=self.context)
@@ -328,7 +328,7 @@ class System:
                 future.add_done_callback(lambda f: f.exception())
             return f"service {name.split('/')[-1]}", 1
         if way == "action":
-            goal = TrackTrajectory.Goal() if random.random() < 0.3 else filled(random, TrackTrajectory.Goal)
+            goal = MotionAction.Goal() if random.random() < 0.3 else filled(random, MotionAction.Goal)
             if random.random() < 0.5:
                 goal.trajectory = near(random, good(random, "/boom/joint_trajectory"))
             if self._action.server_is_ready():

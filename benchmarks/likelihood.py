@@ -3,7 +3,7 @@
     python benchmarks/likelihood.py BAG...                   the hypotheses of these recordings of one crane, together
     python benchmarks/likelihood.py --seed 7 --cases 20      of cases of plant P, each against its truth
 
-The diagnosis does not use it yet; docs/engine.md says how far it is.
+``./boom diagnose --engine likelihood`` gives the answer to one recording; docs/likelihood.md says how far it is.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from boom_diagnosis.assumptions import EFFECT_LOG_ODDS
 from boom_diagnosis.bag_samples import prepare
 from boom_diagnosis.crane_system import CraneSystem, catalogue_effects, tolerance_numbers
 from boom_estimation.search import Search, WeighedHypothesis
@@ -26,8 +27,6 @@ from boom_recording.loading import load
 from concealed_plant.cases import cases
 from concealed_plant.generator import ANSWER, RECORDING, make_case
 
-EFFECT_LOG_ODDS = -4.0
-"""Prior odds of one effect of the catalogue against nothing [nats]: half a machine in thirty."""
 SHOWN = 8
 
 
@@ -36,7 +35,7 @@ def weighed(
 ) -> list[tuple[WeighedHypothesis, float]]:
     """The search over recordings of one crane."""
     own = load_machine(machine)
-    bags = [bag for bag in (prepare(load(path), aligned=True) for path in paths) if bag is not None]
+    bags = [bag for bag in (prepare(load(path), own, aligned=True) for path in paths) if bag is not None]
     if not bags:
         raise SystemExit("likelihood.py: none of the recordings has all channels")
     system = CraneSystem(own, bags)
@@ -71,6 +70,7 @@ def main() -> int:
     parser.add_argument("--machine", default="tz17", help="machine file")
     parser.add_argument("--seed", type=int, default=1, help="of the cases")
     parser.add_argument("--cases", type=int, default=0, help="how many of plant P, instead of recordings")
+    parser.add_argument("--first", type=int, default=0, help="number of the first of them")
     parser.add_argument("--json", type=Path, help="a line for each case, with all hypotheses")
     parser.add_argument("--verbose", action="store_true", help="every fit, as it ends")
     args = parser.parse_args()
@@ -85,7 +85,7 @@ def main() -> int:
     right = 0
     with tempfile.TemporaryDirectory() as folder:
         blind, sealed = Path(folder) / "blind", Path(folder) / "sealed"
-        for spec in cases(args.seed, args.cases):
+        for spec in cases(args.seed, args.cases)[args.first :]:
             make_case(spec, str(files("boom_model") / "machines" / "tz17.yaml"), blind, sealed)
             truth = json.loads((sealed / spec.name / ANSWER).read_text())
             begun = time.process_time()
@@ -98,7 +98,7 @@ def main() -> int:
             if args.json:
                 with args.json.open("a", encoding="utf-8") as out:
                     out.write(json.dumps({"case": spec.name, "truth": truth, "rows": rows, "seconds": seconds}) + "\n")
-    print(f"{right} of {args.cases} likeliest hypotheses are the truth")
+    print(f"{right} of {args.cases - args.first} likeliest hypotheses are the truth")
     return 0
 
 

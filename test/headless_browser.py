@@ -18,7 +18,8 @@ from typing import Any
 
 PATIENCE = 60.0
 _OPTIONS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update",
+    "--headless", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader",
+    "--disable-background-networking", "--disable-component-update",
     "--disable-dev-shm-usage", "--disable-sync", "--no-first-run", "--no-default-browser-check", "--hide-scrollbars",
     "--remote-debugging-pipe",
 )  # fmt: skip
@@ -97,11 +98,15 @@ class Browser:
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
         self.call("Emulation.setDeviceMetricsOverride", **size)
 
-    def open(self, path: Path, width: int) -> None:
-        """Open a file in a window of this width [px] and wait until it has been loaded."""
+    def colours(self, scheme: str) -> None:
+        """What the user prefers, "light" or "dark"."""
+        self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+
+    def open(self, page: Path | str, width: int) -> None:
+        """Open a file or an address in a window of this width [px] and wait until it has been loaded."""
         self.resize(width)
         self.events.clear()
-        self.call("Page.navigate", url=path.resolve().as_uri())
+        self.call("Page.navigate", url=page if isinstance(page, str) else page.resolve().as_uri())
         while not any(event.get("method") == "Page.loadEventFired" for event in self.events):
             self.events.append(self._message())
 
@@ -120,7 +125,9 @@ class Browser:
                 details = said["exceptionDetails"]
                 found.append(details.get("exception", {}).get("description", details["text"]))
             elif (method == "Runtime.consoleAPICalled" and said["type"] in ("error", "assert", "warning")) or (
-                method == "Log.entryAdded" and said["entry"]["level"] in ("error", "warning")
+                method == "Log.entryAdded"
+                and said["entry"]["level"] in ("error", "warning")
+                and said["entry"]["source"] != "rendering"  # how fast its own driver draws is not the page's affair
             ):
                 found.append(json.dumps(said.get("args") or said.get("entry")))
         return found
@@ -186,6 +193,17 @@ _RESIZED = """(async () => {
   });
   return figures.filter((f) => !follows(f)).length;
 })()"""
+# What stays light on a dark screen: the page, its boxes, the charts.
+_LIGHT = """(async () => {
+  const light = (e) => {
+    const [r, g, b, a = 1] = getComputedStyle(e).backgroundColor.match(/[\\d.]+/g).map(Number);
+    return a > 0.5 && r + g + b > 384;
+  };
+  const found = () => [...document.querySelectorAll("body, .card, .main-svg")].filter(light);
+  const end = performance.now() + 5000;
+  while (found().length && performance.now() < end) await new Promise(requestAnimationFrame);
+  return found().map((e) => e.getAttribute("class") || e.tagName);
+})()"""
 _PAPER = 1000  # px: an A4 page between its margins
 
 
@@ -205,6 +223,9 @@ def faults(browser: Browser, report: Path) -> list[str]:
         browser.resize(1000)
         stuck = browser.value(_RESIZED)
         found += [f"{report.name}: {stuck} charts do not follow the window's size"] if stuck else []
+    browser.colours("dark")
+    found += [f"{report.name}: light on a dark screen: {name}" for name in browser.value(_LIGHT)]
+    browser.colours("light")
     words = words_per_page(browser.printed())
     high = [height for height in browser.value("window.onPaper || []") if height > _PAPER]
     found += [f"{report.name}: a chart of {height:.0f} px does not fit a page" for height in high]

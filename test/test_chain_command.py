@@ -77,7 +77,20 @@ def test_the_hydraulics_at_a_cylinder_are_examined_without_a_machine(chain, tmp_
     assert opened_by >= {None, "rod pressure"}
 
 
+def test_what_is_lost_of_a_cut_file_is_told_on_terminal_page_and_in_the_document(chain, tmp_path):
+    file = next((BAGS / "healthy" / "extended").glob("*.mcap"))
+    (tmp_path / "cut.mcap").write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    pose = ("--q3", "0.28", "--q4", "2.2", "--load", "0", "--machine", "tz17")
+    status, out, _ = chain("cut.mcap", *pose, "--json", "c.json", "--report", "c.html")
+    assert status == 0
+    (said,) = json.loads((tmp_path / "c.json").read_text())["bags"][0]["warnings"]
+    assert said.startswith("cut at ") and f"damaged file: {said}" in out
+    page = (tmp_path / "c.html").read_text()
+    assert f"<p class=warning>damaged file: {said}" in page and "--q3 0.28 --q4 2.2 --load 0.0" in page
+
+
 @pytest.mark.parametrize("arguments, told", [
+    ((LOAD, "--areas", "0.02", "0.01", "--q3", "0.2"), "--q3: with --areas there is no boom"),
     (("missing",), "missing"),
     ((LOAD, "--areas", "1", "ten"), "ten is not the area of a piston"),
     ((LOAD, "--areas", "0.02", "0.01", "--machine", "tz17"), "not allowed with"),

@@ -118,4 +118,4 @@ def test_samples_that_are_told_to_be_old_cost_little_tracking(machine: Machine) 
 
     at_once, told, untold = error(0.0, told=True), error(0.005, told=True), error(0.005, told=False)
     assert told < 1.05 * at_once
-    assert untold > 1.15 * at_once
+    assert untold > told  # it is estimated, but not at once

@@ -20,6 +20,9 @@ from typing import Any
 
 import pytest
 import rclpy
+from builtin_interfaces.msg import Duration
+from control_msgs.action import FollowJointTrajectory
+from control_msgs.msg import JointTolerance
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
@@ -33,7 +36,6 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from boom_bringup.environment import private_domain
 from boom_controller.supervision.reasons import REASONS
-from boom_interfaces.action import TrackTrajectory
 from boom_interfaces.msg import ControllerState, MachineConfiguration, SolenoidCurrents
 from boom_interfaces.srv import SetPayload
 from boom_node import qos
@@ -89,7 +91,7 @@ class Rig:
         self.stop = publish(Bool, "/boom/emergency_stop", qos.LATCHED)
         self.trajectory = publish(JointTrajectory, "/boom/joint_trajectory", qos.EVENTS)
         self.reference = publish(JointState, "/boom/reference", qos.LATEST)
-        self.action = ActionClient(self.node, TrackTrajectory, "/boom_controller/track_trajectory")
+        self.action = ActionClient(self.node, FollowJointTrajectory, "/boom_controller/follow_joint_trajectory")
         self.clients: dict[str, Any] = {}
         self.shown: dict[str, float] | None = None
         self.node.create_timer(0.01, self._show)
@@ -372,11 +374,18 @@ def test_two_commanders_are_an_error_and_nothing_resumes_until_one_has_gone(rig:
     rig.until(lambda: rig.call(Trigger, "/boom_controller/resume", Trigger.Request()).success)
 
 
-def goal(rig: Rig, message: JointTrajectory, **tolerances: float) -> tuple[Any, list[Any]]:
-    """Sends a goal; returns its handle and the feedback to come."""
+def goal(
+    rig: Rig, message: JointTrajectory, *, way: float = 0.0, end: float = 0.0, late: int = 0
+) -> tuple[Any, list[Any]]:
+    """Sends a goal with tolerances on the way and at the end [rad] and in time [s]; returns its handle and the feedback to come."""
     rig.until(rig.action.server_is_ready)
     feedback: list[Any] = []
-    request = TrackTrajectory.Goal(trajectory=message, **tolerances)
+    request = FollowJointTrajectory.Goal(
+        trajectory=message,
+        path_tolerance=[JointTolerance(name=JOINT, position=way)],
+        goal_tolerance=[JointTolerance(name=JOINT, position=end)],
+        goal_time_tolerance=Duration(sec=late),
+    )
     future = rig.action.send_goal_async(request, feedback_callback=lambda m: feedback.append(m.feedback))
     rig.until(future.done)
     return future.result(), feedback
@@ -389,12 +398,13 @@ def ended(rig: Rig, handle: Any) -> Any:
 
 
 def test_a_goal_is_tracked_with_feedback_and_succeeds_within_its_tolerances(rig: Rig) -> None:
-    handle, feedback = goal(rig, path([(1.0, 0.35)]), path_tolerance=0.1, goal_tolerance=0.01, goal_time_tolerance=20.0)
+    handle, feedback = goal(rig, path([(1.0, 0.35)]), way=0.1, end=0.01, late=20)
     result = ended(rig, handle)
     assert (result.error_code, result.error_string) == (result.SUCCESSFUL, "")
-    assert 0.0 < result.max_error < 0.1
     assert feedback
-    assert feedback[-1].error_angle == pytest.approx(feedback[-1].desired_angle - feedback[-1].actual_angle)
+    last = feedback[-1]
+    assert last.joint_names == [JOINT]
+    assert last.error.positions[0] == pytest.approx(last.desired.positions[0] - last.actual.positions[0])
     rig.until(lambda: rig.states[-1].mode == "hold")
     assert rig.states[-1].reference_angle == pytest.approx(0.35)
 
@@ -409,7 +419,7 @@ def test_a_goal_on_its_way_costs_no_more_processor_time_than_a_trajectory(rig: R
         return rig.processor_time() - before
 
     by_topic = cost(lambda: rig.trajectory.publish(path([(0.8, 0.33)])), 0.33)
-    by_action = cost(lambda: goal(rig, path([(0.8, 0.36)]), path_tolerance=-1.0, goal_tolerance=-1.0), 0.36)
+    by_action = cost(lambda: goal(rig, path([(0.8, 0.36)]), way=-1.0, end=-1.0), 0.36)
     assert by_action < 1.5 * by_topic + 0.1
 
 
@@ -426,18 +436,18 @@ def test_a_cancelled_goal_comes_to_rest_and_is_held(rig: Rig) -> None:
 def test_a_new_goal_replaces_the_old_one(rig: Rig) -> None:
     first, _ = goal(rig, path([(6.0, 0.8)]))
     rig.until(lambda: rig.states[-1].rate > 0.03)
-    second, _ = goal(rig, path([(1.0, 0.4)]), path_tolerance=-1.0, goal_time_tolerance=20.0, goal_tolerance=0.01)
+    second, _ = goal(rig, path([(1.0, 0.4)]), way=-1.0, end=0.01, late=20)
     assert "replaced" in ended(rig, first).error_string
     assert ended(rig, second).error_code == 0
 
 
 def test_a_goal_that_leaves_its_path_is_aborted_and_the_boom_held(rig: Rig) -> None:
-    handle, _ = goal(rig, path([(6.0, 0.8)]), path_tolerance=0.02)
+    handle, _ = goal(rig, path([(6.0, 0.8)]), way=0.02)
     rig.until(lambda: rig.states[-1].rate > 0.03)
     rig.call(SetPayload, "/boom_simulation/set_payload", SetPayload.Request(mass=2000.0))
     result = ended(rig, handle)
     assert result.error_code == result.PATH_TOLERANCE_VIOLATED
-    assert result.max_error > 0.02
+    assert "away from the path" in result.error_string
     rig.until(lambda: rig.states[-1].mode in ("hold", "stopped"))
 
 

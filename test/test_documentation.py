@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
+import importlib.util
 import os
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 GLOSSARY = ROOT / "docs" / "glossary.md"
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES += [*sorted(ROOT.glob("[!.]*/README.md")), *sorted((ROOT / "src").glob("*/README.md"))]
 LONGEST_CELL = 400
 
@@ -70,3 +75,33 @@ def test_a_broken_link_a_broken_anchor_and_a_long_cell_are_seen(tmp_path: Path) 
     page.write_text(f"# A title\n[a](nowhere.md) [b](#a-title) [c](#another) [d](page.md)\n| x | {'y' * 401} |\n")
     assert broken(page) == ["nowhere.md", "#another"]
     assert [cell[:3] for cell in long_cells(page)] == ["401"]
+
+
+def python_blocks() -> list[tuple[str, str]]:
+    found = []
+    for page in PAGES:
+        for block in re.findall(
+            r"^```python[^\n]*\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+        ):
+            found.append((str(page.relative_to(ROOT)), block))
+    return found
+
+
+@pytest.mark.parametrize(("page", "block"), python_blocks())
+def test_every_block_of_python_compiles_and_imports_what_exists(page: str, block: str) -> None:
+    for node in ast.walk(ast.parse(block, page)):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("boom_"):
+            module = importlib.import_module(node.module)
+            lacking = [name.name for name in node.names if not hasattr(module, name.name)]
+            assert [name for name in lacking if importlib.util.find_spec(f"{node.module}.{name}") is None] == []
+
+
+def test_what_a_release_needs_names_what_is_there() -> None:
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"] == version
+    copied = re.findall(r"^COPY --chown=boom (.*) \S+$", (ROOT / "Dockerfile").read_text(), re.MULTILINE)
+    assert [name for line in copied for name in line.split() if not (ROOT / name).exists()] == []
+    steps = yaml.safe_load((ROOT / ".github/workflows/release.yml").read_text())["jobs"]["wheels"]["steps"]
+    typed = [word for step in steps for word in step.get("run", "").split()]
+    assert {".ci/run", ".ci/wheels"} <= set(typed)
+    assert all(os.access(ROOT / word, os.X_OK) for word in typed if word.startswith((".ci/", "./boom")))

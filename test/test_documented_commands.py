@@ -14,8 +14,13 @@ import pytest
 from boom_bringup import cli
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(ROOT.glob("*/README.md"))]
-PAGES += sorted((ROOT / "src").glob("*/README.md"))
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted(ROOT.glob("*/README.md")),
+]
+PAGES += sorted((ROOT / "docs" / "history").glob("*.md")) + sorted((ROOT / "src").glob("*/README.md"))
 
 
 def _code(page: Path) -> Iterator[str]:
@@ -46,7 +51,7 @@ def test_documented_command_and_its_options_exist(page: str, line: str) -> None:
         return
     assert words[0] in cli.command_names(), f"{page}: {line}"
     module = importlib.import_module(f"boom_bringup.commands.{cli.module_name(words[0])}")
-    if words[1:] in ([], ["--help"]):  # named, not typed
+    if words[1:] in ([], ["--help"], ["FILE"]):  # named, not typed
         return
     args = cli.parse(module, "boom", words[1:])
     if words[0] == "python":

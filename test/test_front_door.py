@@ -10,6 +10,7 @@ import dataclasses
 import json
 import re
 import threading
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -191,8 +192,8 @@ def _import(door: Door) -> list[Path]:
     folder.mkdir()
     (table,) = csv_german(data_of(cut("healthy/extended", door.folder / "first", 25.0)), folder)
     said = door.boom("import", table, "--yes", "--q3", "0.28", "--q4", "2.2", "--load", "0", "--output", "table")
-    assert "./boom validate table" in said
-    assert "table: agrees within sensor noise" in door.boom("validate", "table", "--no-report")
+    assert "./boom validate table --machine FILE" in said
+    assert "table: agrees within sensor noise" in door.boom("validate", "table", "--machine", "tz17", "--no-report")
     return [door.clone.path / "output/import-Messung_03.csv.html"]
 
 
@@ -229,6 +230,36 @@ def _check_machine(door: Door) -> list[Path]:
     return []
 
 
+def _new_machine(door: Door) -> list[Path]:
+    lengths = ("--foot-distance", "1.32", "--eye-distance", "0.61", "--closed-length", "0.905", "--stroke", "0.62")
+    cylinder = ("--lowest-angle", "-21.6", "--piston-diameter", "80", "--rod-diameter", "45", "--pump-pressure", "165")
+    valve = ("--opening-current", "0.1", "--full-current", "1", "--lift-flow", "26", "--lower-flow", "22")
+    words = (*lengths, *cylinder, *valve, "--inner-mass", "300", "--inner-length", "2.2", "--no-manoeuvre")
+    door.boom("new-machine", *words, "--output", "own.yaml")
+    assert "80.0 mm, 45.0 mm" in door.boom("check-machine", "own.yaml")
+    return []
+
+
+def _view(door: Door) -> list[Path]:
+    door.boom("view", door.short, "--output", "crane.html")
+    assert "id=replay" in (door.clone.path / "crane.html").read_text("utf-8")  # looked at in test_view_command
+    return []
+
+
+def _fleet(door: Door) -> list[Path]:
+    cut("healthy/extended", door.folder / "fleet" / "monday", 8.0)
+    door.boom("fleet", door.folder / "fleet", "--output", "fleet", "--no-diagnosis")
+    pages = list((door.clone.path / "fleet").glob("*.html"))
+    assert pages and list((door.clone.path / "fleet").rglob("*.parquet"))
+    return pages
+
+
+def _export_fmu(door: Door) -> list[Path]:
+    door.boom("export-fmu", "--output", "tz17.fmu")
+    assert zipfile.ZipFile(door.clone.path / "tz17.fmu").testzip() is None
+    return []
+
+
 def _setup(door: Door) -> list[Path]:
     assert "is set up" in door.boom("setup")
     return []
@@ -243,13 +274,14 @@ def _python(door: Door) -> list[Path]:
 REPORTING = [
     name
     for name in TABLE
-    if name in ("demo", "validate", "chain", "diagnose", "identify", "robustness", "prove", "import")
+    if name in ("demo", "validate", "chain", "diagnose", "identify", "robustness", "prove", "import", "fleet")
 ]
 CASES: dict[str, Callable[[Door], list[Path]]] = {
     "demo": _demo, "validate": _validate, "chain": _chain, "diagnose": _diagnose, "identify": _identify, "simulate": _simulate,
     "robustness": _robustness, "sim": _live, "watch": _live, "record": _live, "replay": _live,
     "import": _import, "import-can": _import_can,
-    "prove": _prove, "test": _test, "check-machine": _check_machine, "setup": _setup, "python": _python,
+    "view": _view, "fleet": _fleet, "prove": _prove, "test": _test, "check-machine": _check_machine, "new-machine": _new_machine,
+    "export-fmu": _export_fmu, "setup": _setup, "python": _python,
 }  # fmt: skip
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from foreign_recordings import ASKS, KINDS, Data, data_of
 
+import boom_model
 from boom_bringup import cli
 from boom_identification.validation import validate
 from boom_input.yaml_text import read_yaml
@@ -66,6 +67,7 @@ def test_a_foreign_recording_is_imported_with_the_proposed_mapping(kind: str, or
         )
         assert np.abs(own.values - wanted)[inner].max() <= allowed, signal
     assert validate(made, load_machine("tz17")).mismatches == []
+    assert made.configuration.machine == ""
 
 
 def mapping_of(file: Path) -> Path:
@@ -134,6 +136,33 @@ def test_pose_load_and_joint_are_given_where_the_bag_lacks_them(bare: Path, caps
     words = ("--joint", "main_boom", *POSE, "--machine", "tz17")
     assert boom("validate", str(bare), *words, "--no-report", "--strict") == 0
     assert boom("simulate", str(bare), *words, "--duration", "3", "--output", "made") == 0
+
+
+def test_what_the_contract_names_is_not_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A supply whose pressure moves like the rod's, and a rod pressure that moves like nothing."""
+    recording = load(BAG)
+    hose, rod = recording.signals["hose_pressure"], recording.signals["rod_pressure"]
+    steps = 50e5 + 1e5 * np.floor(rod.time / 7.0)
+    recording.signals["supply_pressure"] = replace(rod, name="supply_pressure", topic="/boom/supply_pressure")
+    recording.signals["rod_pressure"] = replace(rod, values=steps)
+    recording.signals["tank_pressure"] = replace(hose, name="tank_pressure", topic="/boom/tank_pressure")
+    writing.write(tmp_path / "bag", recording)
+    assert boom("import", "bag", "--yes", "--no-report", "--output", "made") == 0
+    np.testing.assert_allclose(load(tmp_path / "made").signals["rod_pressure"].values, steps, atol=1.0)
+
+
+def test_the_bag_carries_the_name_of_its_machine_file(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (Path(boom_model.__file__).parent / "machines" / "tz17.yaml").read_text()
+    Path("stranger.yaml").write_text(text.replace("name: tz17", "name: stranger", 1))
+    (file,) = KINDS["csv_german"](original, tmp_path)
+    words = ("import", str(file), "--yes", "--no-report")
+    assert boom(*words, "--machine", "stranger.yaml", *POSE, "--output", "named") == 0
+    assert "./boom validate named --machine stranger.yaml\n" in capsys.readouterr().out
+    assert load(tmp_path / "named").configuration.machine == "stranger"
+    assert boom(*words, "--output", "bare") == 0
+    assert "./boom validate bare --q3 RAD --q4 M --load KG --machine FILE\n" in capsys.readouterr().out
 
 
 def test_a_given_load_replaces_the_recorded_one() -> None:

@@ -56,7 +56,7 @@ from boom_model.catalogue import EFFECTS
 from boom_model.equations import full_model
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
-from boom_monitor.model import _switched_on
+from boom_monitor.model import switched_on
 from boom_report.diagnosis.words import statement
 from concealed_plant.concealments import CONCEALMENTS, KNOWN
 from concealed_plant.quantities import Quantities
@@ -76,7 +76,7 @@ print(json.dumps({
     "candidate": "hose_bundle" in possible_effects(nominal.structure.has),
     "coordinates": [c.name for c in all_coordinates(["hose_bundle"])],
     "starts": starts(EFFECTS["hose_bundle"], 60.0),
-    "watched": "hose_bundle" in _switched_on(nominal),
+    "watched": "hose_bundle" in switched_on(nominal),
     "statement": statement(finding),
     "documented": "| `hose_bundle` | `structure` |" in theory.effects_table(),
     "concealed": "hose_bundle" in KNOWN and set(hidden.changes) <= set(Quantities._fields),

@@ -79,7 +79,7 @@ def test_tables_verdicts_document_and_report_of_several_recordings(tmp_path):
     assert "gap 24.19 s to 25.40 s, on 4 topics" in out
     assert "\x1b" not in out and max(map(len, out.splitlines())) <= 100
     assert "report: output/validate-folded_fast-and-2-more.html" in result.stdout.splitlines()
-    assert (tmp_path / "output" / "validate-folded_fast-and-2-more.html").stat().st_size > 3e6
+    assert (tmp_path / "output" / "validate-folded_fast-and-2-more.html").stat().st_size > 1e6
 
     document = json.loads((tmp_path / "numbers.json").read_text())
     assert document["machine"] == "tz17"

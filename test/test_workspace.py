@@ -30,9 +30,9 @@ PROVIDED_BY = {
 # Distribution -> its rosdep key for Ubuntu; None: there is none, package.xml says so in a comment.
 ROSDEP_KEYS = {
     "asammdf": None, "h5py": "python3-h5py", "pandas": "python3-pandas", "protobuf": "python3-protobuf",
-    "cantools": "python3-cantools-pip", "casadi": None, "dask": None, "distributed": None,
+    "cantools": "python3-cantools-pip", "casadi": None, "dask": None, "distributed": None, "fsspec": None, "pyarrow": None,
     "jinja2": "python3-jinja2", "lz4": None, "markupsafe": "python3-jinja2", "mcap": None, "numba": None,
-    "numpy": "python3-numpy", "pin": None, "plotly": None, "python-can": "python3-can", "python-can-remote": None,
+    "numpy": "python3-numpy", "pin": None, "python-can": "python3-can", "python-can-remote": None,
     "pyyaml": "python3-yaml", "rich": "python3-rich", "rosbags": None, "scipy": "python3-scipy", "zstandard": None,
 }  # fmt: skip
 
@@ -220,6 +220,7 @@ class TestLauncher:
             "src/boom_bringup/boom_bringup",
             "src/boom_interfaces",
             "src/boom_model/boom_input",
+            "src/boom_model/boom_model",
             "src/boom_controller/boom_controller",
         ):
             shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))

@@ -27,5 +27,11 @@ setup(
     description="URDF of the boom and the pose of its tip",
     license="Apache-2.0",
     python_requires=">=3.11",
-    entry_points={"console_scripts": ["tip_pose = boom_description.tip_pose_node:main"]},
+    entry_points={
+        "console_scripts": [
+            "log_scene = boom_description.perception.log_scene_node:main",
+            "reach_log = boom_description.perception.reach_log_node:main",
+            "tip_pose = boom_description.tip_pose_node:main",
+        ]
+    },
 )

@@ -8,7 +8,7 @@ setup(
     name=package_name,
     version="0.1.0",
     packages=find_packages(include=[package_name, f"{package_name}.*", "boom_input"]),
-    package_data={package_name: ["py.typed", "machines/*.yaml", "codegen/*.c"], "boom_input": ["py.typed"]},
+    package_data={package_name: ["py.typed", "machines/*.yaml", "codegen/*.c", "fmu/*.c"], "boom_input": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),

@@ -13,7 +13,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "lz4", "mcap", "numpy", "pyyaml", "rosbags", "zstandard"],
+    install_requires=["setuptools", "lz4", "mcap", "numpy", "pyyaml", "rosbags", "scipy", "zstandard"],
     zip_safe=False,
     author="boom developers",
     author_email="boom@example.com",

@@ -8,12 +8,24 @@ setup(
     name=package_name,
     version="0.1.0",
     packages=find_packages(include=[package_name, f"{package_name}.*"]),
-    package_data={package_name: ["py.typed", "*.css", "*.js", "*.html", "*/*.html", "diagnosis/*.css"]},
+    package_data={
+        package_name: [
+            "py.typed",
+            "*.css",
+            "*.js",
+            "*.html",
+            "*/*.html",
+            "diagnosis/*.css",
+            "view/*.css",
+            "view/*.js",
+            "vendor/*",
+        ]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "jinja2", "markupsafe", "numpy", "plotly", "rich"],
+    install_requires=["setuptools", "jinja2", "markupsafe", "numpy", "rich"],
     zip_safe=False,
     author="boom developers",
     author_email="boom@example.com",

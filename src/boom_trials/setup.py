@@ -13,7 +13,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "dask", "distributed", "markupsafe", "numpy", "rich", "scipy"],
+    install_requires=["setuptools", "markupsafe", "numpy", "rich", "scipy"],
     zip_safe=False,
     author="boom developers",
     author_email="boom@example.com",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
+import shlex
 
 LONGEST_RUN = 3600.0
 """s. A simulated hour at 100 Hz fills 0.1 GB; more is taken for a typing error."""
@@ -28,6 +30,17 @@ def duration(text: str) -> float:
         value = math.nan
     if not 0.0 < value <= LONGEST_RUN:
         raise argparse.ArgumentTypeError(f"{text} is not a duration: give above 0 and up to {LONGEST_RUN:g} s")
+    return value
+
+
+def tolerance(text: str) -> float:
+    """A relative tolerance of the integration."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 1e-12 <= value <= 1e-3:
+        raise argparse.ArgumentTypeError(f"{text} is not a tolerance: give 1e-12 .. 1e-3")
     return value
 
 
@@ -60,12 +73,72 @@ def load_mass(text: str) -> float:
     return value
 
 
+def add_recordings(parser: argparse.ArgumentParser) -> None:
+    """Declare the recordings that a command works on."""
+    parser.add_argument("bags", nargs="+", metavar="BAG", help="recording: a rosbag2 folder or a .mcap file")
+
+
+def add_machine(parser: argparse._ActionsContainer) -> None:
+    """Declare the machine whose model is run."""
+    parser.add_argument(
+        "--machine",
+        metavar="FILE",
+        help="machine file, or the name of a shipped one (default: the machine that the recording names)",
+    )
+
+
+def add_documents(parser: argparse.ArgumentParser, command: str) -> None:
+    """Declare where numbers and report go."""
+    parser.add_argument("--json", metavar="F", help="write the numbers as a JSON document to F")
+    report = parser.add_mutually_exclusive_group()
+    report.add_argument("--report", metavar="F.html", help=f"path of the report (default: output/{command}-BAG.html)")
+    report.add_argument("--no-report", action="store_true", help="write no report")
+
+
+def option_words(args: argparse.Namespace, *names: str) -> list[str]:
+    """The options with one value that were given, as words of a command line."""
+    given = {name: getattr(args, name.replace("-", "_")) for name in names}
+    return [word for name, value in given.items() if value is not None for word in (f"--{name}", str(value))]
+
+
+def command_line(*words: str) -> str:
+    """What somebody types: the program's name in front of the words, quoted for a shell."""
+    return shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), *words])
+
+
+def joint_names(text: str) -> dict[str, str]:
+    """``PART=NAME,PART=NAME``: names in /joint_states of joints other than the boom's."""
+    from boom_input.channels import JOINT_NAMES
+
+    found = {}
+    for entry in text.split(","):
+        part, _, name = entry.partition("=")
+        if part.strip() not in JOINT_NAMES or not name.strip():
+            raise argparse.ArgumentTypeError(
+                f"{text}: give PART=NAME,PART=NAME with the parts {', '.join(JOINT_NAMES)}, e.g. outer_boom=arm_joint"
+            )
+        found[part.strip()] = name.strip()
+    return found
+
+
+def add_other_joints(parser: argparse.ArgumentParser) -> None:
+    """Declare the names of the joints whose motion drives the model."""
+    parser.add_argument(
+        "--joints", type=joint_names, default={}, metavar="PART=NAME,...",
+        help="names there of the other joints, which drive the model where they move: outer_boom, telescope (both stages "
+        "together), slewing (default: outer_boom_joint, telescope_joint, slewing_joint)",
+    )  # fmt: skip
+
+
 def configuration_words(args: argparse.Namespace) -> list[str]:
     """The options of `add_configuration` that were given, as words of a command line."""
-    names = ("q3", "q4", "load", "joint")
-    return [
-        word for name in names if getattr(args, name) is not None for word in (f"--{name}", str(getattr(args, name)))
-    ]
+    return option_words(args, "q3", "q4", "load", "joint") + other_joints_words(args)
+
+
+def other_joints_words(args: argparse.Namespace) -> list[str]:
+    """The option of `add_other_joints`, if it was given, as words of a command line."""
+    joints = ",".join(f"{part}={name}" for part, name in args.joints.items())
+    return ["--joints", joints] if joints else []
 
 
 def add_configuration(parser: argparse.ArgumentParser) -> None:

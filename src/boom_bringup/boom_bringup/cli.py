@@ -32,8 +32,8 @@ from boom_input.shown import printable, quoted
 
 # The order of the help: what a newcomer needs first comes first.
 _ORDER = (
-    "demo", "test", "validate", "chain", "identify", "diagnose", "prove", "robustness", "simulate", "sim", "replay", "record",
-    "watch", "import", "import-can", "check-machine", "setup", "python",
+    "demo", "test", "validate", "view", "chain", "identify", "diagnose", "fleet", "prove", "robustness", "simulate", "sim",
+    "replay", "record", "watch", "import", "import-can", "new-machine", "check-machine", "export-fmu", "setup", "python",
 )  # fmt: skip
 _HELP = ("-h", "--help", "help")
 _ASKS = (["--help"], ["-h"])

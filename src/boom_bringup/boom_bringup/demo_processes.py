@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from boom_bringup import environment
+from boom_bringup import environment, replica
 from boom_bringup.node_command import node_command
 from boom_bringup.supervisor import Outcome, Program, Supervisor
 
@@ -65,7 +65,7 @@ def over_can(bag: Path, target: Path, simulation: Mapping[str, Any], bridge: Map
     return [
         Program("bus", bus_command(bus)),
         Program("bridge", node_command("boom_can_bridge.bridge_node", {**bridge, **bus})),
-        Program("ecu", node_command("boom_sim.ecu_node", {**simulation, **bus})),
+        Program("ecu", node_command("boom_sim.ecu_node", {**replica.ecu_parameters(simulation), **bus})),
         Program("enable", node_command("boom_can_bridge.enable_node", {}), may_end=True),
         Program("recorder", node_command("boom_recording.recorder_node", {"output": str(target)})),
         Program("replay", node_command("boom_recording.replay_node", {"bag": str(bag), **CAN_REPLAY}), main=True),

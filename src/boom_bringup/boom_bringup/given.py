@@ -28,4 +28,4 @@ def load_given(bag: str | Path, args: argparse.Namespace, require: Iterable[str]
 
     wanted = loading.REQUIRED if require is None else require
     given = GivenConfiguration(args.q3, args.q4, args.load)
-    return loading.load(bag, require=wanted, joint=args.joint or DEFAULT_JOINT, given=given)
+    return loading.load(bag, require=wanted, joint=args.joint or DEFAULT_JOINT, given=given, joints=args.joints)

@@ -6,13 +6,16 @@ import json
 import math
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from boom_bringup.cli import UsageError
 from boom_input.whole import one_writer, write_whole
+
+if TYPE_CHECKING:
+    from boom_recording.recording import Recording
 
 
 def checked(given: str | None, option: str) -> Path | None:
@@ -33,8 +36,8 @@ def checked(given: str | None, option: str) -> Path | None:
     return path
 
 
-def default_report(command: str, bags: list[str]) -> Path:
-    """The default path of a command's report; creates the folder ``output``.
+def default_report(command: str, bags: Sequence[str] = ()) -> Path:
+    """The default path of a command's report, called after the first of its recordings; creates the folder ``output``.
 
     Raises:
         UsageError: the folder cannot be created.
@@ -46,10 +49,11 @@ def default_report(command: str, bags: list[str]) -> Path:
         raise UsageError(
             f"cannot create the folder output here ({error.strerror}): give --report FILE or --no-report"
         ) from None
-    first = Path(bags[0])
-    name = first.stem if first.suffix in (".mcap", ".zstd", ".yaml") else first.resolve().name
+    name = command
+    for first in (Path(bag) for bag in bags[:1]):
+        name += f"-{first.stem if first.suffix in ('.mcap', '.zstd', '.yaml') else first.resolve().name}"
     more = f"-and-{len(bags) - 1}-more" if len(bags) > 1 else ""
-    path = checked(str(folder / f"{command}-{name}{more}.html"), "report")
+    path = checked(str(folder / f"{name}{more}.html"), "report")
     assert path is not None
     return path
 
@@ -64,6 +68,19 @@ def write(path: Path, action: Callable[[], Any]) -> None:
         action()
     except OSError as error:
         raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def write_recording(path: Path, recording: Recording) -> None:
+    """Write a recording as a bag, with the robot description of its machine where there is one.
+
+    Raises:
+        RecordingError: it cannot be written.
+    """
+    from boom_description.shipped import urdf_text
+    from boom_recording import writing
+
+    told = recording.stored_configuration
+    writing.write(path, recording, robot_description=urdf_text(told.machine) if told else "")
 
 
 def write_text(path: Path, text: str) -> None:

@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from boom_recording.recording import Recording
 
 
+_NOT_OF_AN_ECU = ("robot_description", "publish_description", "controller_follows", "realtime_priority")
+_TOLD = ("outer_boom_angle", "telescope_length", "load_mass", "robot_description")
+
+
 class ReplicaError(ValueError):
     """The recording lacks data that the simulation needs; one line that says what to do."""
 
@@ -105,18 +109,28 @@ def simulation_parameters(recording: Recording, bag: str, machine: Machine, sour
     }
 
 
-def bridge_parameters(simulation: Mapping[str, Any], machine: Machine) -> dict[str, Any]:
+def ecu_parameters(simulation: Mapping[str, Any]) -> dict[str, Any]:
+    """ROS parameters of the ECU stand-in: those of the simulation without what the bridge tells of the machine.
+
+    Args:
+        simulation: as `simulation_parameters` gives them.
+    """
+    return {name: value for name, value in simulation.items() if name not in _NOT_OF_AN_ECU}
+
+
+def bridge_parameters(simulation: Mapping[str, Any], machine: Machine, *, lockstep: bool = True) -> dict[str, Any]:
     """ROS parameters of the CAN bridge for that crane: data that the bus does not carry, and no limits.
 
     Args:
         simulation: as `simulation_parameters` gives them.
         machine: of the simulated crane.
+        lockstep: whether the ECU makes the time.
     """
     return {
-        "lockstep": True,
+        "lockstep": lockstep,
         "wait_for_bus": True,
         "machine": machine.name,
-        **{name: simulation[name] for name in ("outer_boom_angle", "telescope_length", "load_mass")},
+        **{name: simulation[name] for name in _TOLD},
         "note": f"simulated behind CAN, seed {simulation['seed']}",
         "pressure_variance": machine.sensor_noise().pressure_sigma ** 2,
         "rise_rate": 1000.0,  # the recorded currents have their own; the ECU is simulated

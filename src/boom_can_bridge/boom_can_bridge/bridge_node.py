@@ -17,6 +17,7 @@ from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
+from boom_node.face import Face
 from boom_node.node import LifecycleNode
 from boom_node.publishers import COMMANDS, SolePublishers
 from boom_node.stamps import far, ns_to_seconds, seconds_to_ns, set_ns, to_ns
@@ -88,10 +89,11 @@ class BridgeNode(LifecycleNode):
 
     def _make_messages(self) -> None:
         values = self._values
-        fixed = [values.outer_boom_angle, values.telescope_length][: len(values.fixed_joints)]
-        names = list(values.fixed_joints)[: len(fixed)]
-        joints = JointState(name=[values.joint_name, *names], position=[0.0, *fixed], velocity=[0.0] * (1 + len(fixed)))
-        self._joint_message = PreparedMessage(joints, ("position.0", "velocity.0"), serialize_message)
+        self._face = Face(self, values, (values.outer_boom_angle, values.telescope_length))
+        joints = self._face.joints
+        state = JointState(name=joints.names, position=joints.positions(0.0), velocity=joints.velocities(0.0, 0.0))
+        places = [f"{field}.{k}" for field in ("position", "velocity") for k in joints.moving]
+        self._joint_message = PreparedMessage(state, tuple(places), serialize_message)
         self._pressure_messages = {}
         for sensor in _PRESSURES:
             pressure = FluidPressure(variance=values.pressure_variance)
@@ -183,7 +185,9 @@ class BridgeNode(LifecycleNode):
             stamp_ns = clock.last_ros_ns(reading.steady)
         values = reading.values
         if "angle" in values:
-            self._joints.publish(self._joint_message.fill(stamp_ns, values["angle"], values["rate"]))
+            self._joints.publish(
+                self._joint_message.fill(stamp_ns, *self._face.joints.moved(values["angle"], values["rate"]))
+            )
         for sensor in _PRESSURES:
             if sensor.name in values:
                 absolute = values[sensor.name] + sensor.wire_offset

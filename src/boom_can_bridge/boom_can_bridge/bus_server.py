@@ -14,7 +14,13 @@ The wire protocol is that of python-can-remote. This server avoids some behaviou
   computer: here a client that sends an ``Origin`` (every browser does) or requests a page is rejected.
 """
 
+# ruff: noqa: I001
 from __future__ import annotations
+
+from boom_node import early
+
+if __name__ == "__main__":
+    early.settle()  # a Ctrl-C during the imports ends it quietly
 
 import argparse
 import contextlib
@@ -30,11 +36,10 @@ from collections import deque
 from http.server import ThreadingHTTPServer
 from typing import Any, cast
 
+from boom_can_bridge.python_can import can  # before can_remote, which would load all of python-can's file formats
 from can_remote.protocol import RemoteProtocolBase
 from can_remote.server import ClientRequestHandler, RemoteServerProtocol
 from can_remote.websocket import WebSocket, get_accept_key
-
-from boom_can_bridge.python_can import can
 
 ADDRESS = "127.0.0.1"
 DEFAULT_PORT = 54701

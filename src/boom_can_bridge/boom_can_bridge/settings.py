@@ -1,5 +1,6 @@
 """Parameters of the bridge in one table, read by the node; a test compares it with the README."""
 
+from boom_node import face
 from boom_node.parameters import ParameterSpec
 from boom_node.publishers import PARAMETER as SHARED_TOPICS
 
@@ -35,10 +36,6 @@ PARAMETERS = (
     ParameterSpec("load_mass", 0.0, "load at the tip; negative: not known", "kg", -1.0, 1e5, read_only=True),
     ParameterSpec("note", "", "text for the machine configuration", read_only=True),
     SHARED_TOPICS,
-    ParameterSpec("joint_name", "inner_boom_joint", "name of the boom's joint in /joint_states", read_only=True),
-    ParameterSpec(
-        "fixed_joints", ["outer_boom_joint", "telescope_joint"],
-        "names under which q3 and q4 are published too; empty: they are not", read_only=True,
-    ),
+    *face.PARAMETERS,
     ParameterSpec("pressure_variance", 0.0, "variance of a pressure sensor, 0: unknown", "Pa^2", 0.0, 1e12, read_only=True),
 )  # fmt: skip

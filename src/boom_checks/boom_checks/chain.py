@@ -136,7 +136,8 @@ class RecordingChain:
     def document(self) -> dict[str, Any]:
         """As JSON."""
         return {
-            "bag": self.recording.name, "sentence": self.sentence, "checks": [c.document() for c in self.checks],
+            "bag": self.recording.name, "sentence": self.sentence, "warnings": list(self.recording.warnings),
+            "checks": [c.document() for c in self.checks],
             "links": [link.document() for link in self.links],
             "missing": [{"link": name, "why": why} for name, why in self.missing],
             "statics": self.statics.document() if self.statics else None,

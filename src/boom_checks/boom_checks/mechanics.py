@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_estimation.joint_torque import JointTorque, joint_torque
 from boom_identification.stationary import pose_of
 from boom_model.component_numbers import component_parameters
 from boom_model.components import equation_of_motion
@@ -38,6 +39,7 @@ class Mechanics:
         tip: g-moment of 1 kg at the tip over the angle (m,) [m]: t_x cos q_2 - t_y sin q_2.
         tolerance: relative, of the masses, as the file rates them.
         rate, friction: (m,) [rad/s], torque of the file's friction [N m], effects of the file included.
+        joints: torque that the motion of the other joints asks for; None: nothing is known of it.
         flow, drop: (m,) [m^3/s] into the cylinder, p_h - p_a [Pa] of the file's valve at the cylinder; zero without one.
     """
 
@@ -54,6 +56,7 @@ class Mechanics:
     friction: Array
     flow: Array
     drop: Array
+    joints: JointTorque | None = None
 
     def known_losses(self, angle: Array, rate: Array) -> Array:
         """Friction and valve at the cylinder as the file knows them (n,) [Pa on the head side]."""
@@ -84,10 +87,16 @@ class Mechanics:
         """D q_2'' / (J A_a) (n,) [Pa]: what the boom's inertia asks of the head side."""
         return self.inertia * acceleration / self.lever(angle) / self.A_a
 
-    def need(self, angle: Array, acceleration: Array, rod_pressure: Array) -> Array:
+    def joints_need(self, time: Array, angle: Array, rate: Array, acceleration: Array) -> Array:
+        """(n,) [Pa]: what the motion of the other joints asks of the head side beyond the configured pose."""
+        if self.joints is None:
+            return np.zeros(len(time))
+        return self.joints.at(time, angle, rate, acceleration) / self.lever(angle) / self.A_a
+
+    def need(self, time: Array, angle: Array, rate: Array, acceleration: Array, rod_pressure: Array) -> Array:
         """p_a (n,) [Pa] that the boom needs without friction, given p_b (n,) [Pa]."""
-        rod = rod_pressure * self.A_b / self.A_a
-        return self.static_need(angle) + self.dynamic_need(angle, acceleration) + rod
+        own = self.static_need(angle) + self.dynamic_need(angle, acceleration)
+        return own + self.joints_need(time, angle, rate, acceleration) + rod_pressure * self.A_b / self.A_a
 
 
 def mechanics(machine: Machine, recording: Recording) -> Mechanics:
@@ -115,7 +124,7 @@ def mechanics(machine: Machine, recording: Recording) -> Mechanics:
     return Mechanics(
         angle, inner["piston_position"], inner["jacobian"], inner["gravity_torque"], inertia, p.cylinder.A_a, p.cylinder.A_b, arm,
         _tolerance(machine, pose.tabulated), rate, plant.auxiliary(states, np.zeros((_POINTS, 2)))["friction_torque"],
-        flow, np.asarray(drop(flow[None, :]), float).ravel(),
+        flow, np.asarray(drop(flow[None, :]), float).ravel(), joint_torque(recording, machine, pose),
     )  # fmt: skip
 
 

@@ -113,7 +113,8 @@ def _level(name: str) -> Callable[[EvenSeries, Mechanics], IntervalValue]:
 
 
 def _miss(series: EvenSeries, boom: Mechanics) -> IntervalValue:
-    need = boom.need(series.smooth("angle"), series.smooth("rate", 1), series.smooth("rod_pressure"))
+    angle, rate, acceleration = series.smooth("angle"), series.smooth("rate"), series.smooth("rate", 1)
+    need = boom.need(series.time, angle, rate, acceleration, series.smooth("rod_pressure"))
     return mean_measure("hose pressure minus what the boom needs", "Pa", series.smooth("hose_pressure") - need)
 
 

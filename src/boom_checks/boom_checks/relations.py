@@ -134,7 +134,9 @@ def force(series: EvenSeries, boom: Mechanics) -> float:
     """
     angle, rate = series.smooth("angle"), series.smooth("rate")
     measured = (series.smooth("hose_pressure") - series.smooth("rod_pressure") * boom.A_b / boom.A_a)[::_EVERY]
-    loads = np.column_stack((boom.static_need(angle), boom.dynamic_need(angle, series.smooth("rate", 1))))[::_EVERY]
+    acceleration = series.smooth("rate", 1)
+    carried = boom.static_need(angle) + boom.joints_need(series.time, angle, rate, acceleration)
+    loads = np.column_stack((carried, boom.dynamic_need(angle, acceleration)))[::_EVERY]
     plain = np.column_stack((np.ones(len(angle)), np.tanh(rate / TURNING)))[::_EVERY]
     known = np.isfinite(measured) & np.isfinite(loads).all(axis=1) & np.isfinite(plain).all(axis=1)
     if not known.any():

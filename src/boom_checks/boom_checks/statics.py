@@ -166,7 +166,7 @@ def statics(recording: Recording, machine: Machine) -> Statics:
 def statics_of(series: EvenSeries, boom: Mechanics, pressure: str = "hose_pressure") -> Statics:
     """The same from prepared series; ``pressure``: that of the hose, or ``head_pressure`` where the cylinder's own is measured."""
     angle, rate, acceleration = series.smooth("angle"), series.smooth("rate"), series.smooth("rate", 1)
-    need = boom.need(angle, acceleration, series.smooth("rod_pressure"))
+    need = boom.need(series.time, angle, rate, acceleration, series.smooth("rod_pressure"))
     if pressure == "hose_pressure":
         need = need + boom.known_losses(angle, rate)
     gap = series.smooth(pressure) - need

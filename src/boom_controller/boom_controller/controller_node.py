@@ -92,7 +92,7 @@ class ControllerNode(LifecycleNode):
 
     def _make_topics(self) -> None:
         def subscribe(kind: Any, topic: str, callback: Any, *, sensor: bool = False) -> None:
-            profile = qos.EVERY_SAMPLE if sensor and self._lockstep else qos.BY_TOPIC[topic]
+            profile = qos.EVERY_SAMPLE if sensor and self._lockstep else qos.requested(topic)
             self.create_subscription(kind, topic, callback, profile)
 
         self._outputs = Outputs(self.create_publisher, self._times.now_ns, bool(self._lockstep))

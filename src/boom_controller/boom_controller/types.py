@@ -50,6 +50,7 @@ class ControlOutput(NamedTuple):
         spool_position: s_s^* [m], positive lowers.
         pilot_pressure_retract, pilot_pressure_extend: p_+^*, p_-^* [Pa].
         estimated_load: at the tip, beyond the configured load [kg].
+        fastest_lift, fastest_lower: rates that valve, pump and currents allow now [rad/s], both positive.
         reason: why the motion has to be stopped, in words for the operator; empty without a reason.
         cause: its id in ``supervision.reasons``.
         note: what the operator has to know although the motion goes on; usually empty.
@@ -68,6 +69,8 @@ class ControlOutput(NamedTuple):
     pilot_pressure_retract: float = nan
     pilot_pressure_extend: float = nan
     estimated_load: float = nan
+    fastest_lift: float = nan
+    fastest_lower: float = nan
     reason: str = ""
     cause: str = "load_not_held"
     note: str = ""

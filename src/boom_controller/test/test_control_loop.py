@@ -34,6 +34,7 @@ class Law:
         self.gain = 8.0 if mode == "improved" else 4.0
         self.reason = ""
         self.load = 120.0
+        self.fastest = math.nan
 
     def reset(self, measurement: Measurement) -> None:
         pass
@@ -44,7 +45,10 @@ class Law:
     def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         u = (reference.rate + self.gain * (reference.angle - measurement.angle)) / GAIN
         u = min(max(u, -1.0), 1.0)
-        return ControlOutput(max(-u, 0.0), max(u, 0.0), reason=self.reason, estimated_load=self.load)
+        return ControlOutput(
+            max(-u, 0.0), max(u, 0.0), reason=self.reason, estimated_load=self.load, fastest_lift=self.fastest,
+            fastest_lower=self.fastest,
+        )  # fmt: skip
 
 
 class Boom:
@@ -137,6 +141,27 @@ def test_a_stream_is_followed_and_its_silence_holds_the_boom(boom: Boom) -> None
     assert boom.last.state is MotionState.HOLD
     assert boom.last.status == "warning" and "no reference" in boom.last.reason
     assert abs(boom.rate) < 1e-3
+
+
+def test_a_trajectory_that_the_boom_cannot_follow_is_slowed_said_and_reaches_its_goal(boom: Boom) -> None:
+    boom.loop.law.controller.fastest = 0.1  # type: ignore[union-attr]
+    number = boom.loop.start([TrajectoryPoint(2.0, 0.7, 0.0, 0.0)], boom.now)
+    boom.run(1.5)
+    assert boom.last.status == "warning" and "the path is slowed to" in boom.last.reason
+    progress = boom.loop.goal_progress(number)
+    assert progress is not None and progress[2] < 1.0 and progress[3] < 0.5
+    boom.until(MotionState.HOLD, 10.0)
+    assert max(abs(cycle.reference.rate) for cycle in boom.cycles) < 0.1
+    assert boom.angle == pytest.approx(0.7, abs=2e-3)
+
+
+def test_a_stream_that_the_boom_cannot_follow_is_limited_in_its_rate_and_said(boom: Boom) -> None:
+    boom.loop.law.controller.fastest = 0.1  # type: ignore[union-attr]
+    lifted = boom.now
+    boom.wanted = lambda now: 0.3 + 0.2 * (now - lifted)
+    boom.run(1.5)
+    assert 0.05 < boom.rate < 0.1
+    assert "the boom cannot move faster" in boom.last.reason
 
 
 def test_a_stream_that_begins_far_away_is_not_followed(boom: Boom) -> None:

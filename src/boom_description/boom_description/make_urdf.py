@@ -10,7 +10,7 @@ in the tip hinge, x outward along the arm.
 The arm cylinder closes a loop, which a tree of links cannot represent. Its barrels are set on the inner boom and its rods on
 the outer boom so that the first moment about the boom joint is that of the machine file at `LUMPED_AT` and within 0.5 %
 of it in every other pose; the inertia is within 2 %. The load at the tip is a point mass in the hinge, as in the model.
-Shapes are visual sketches: there is no collision geometry.
+Shapes are sketches, and the collision shapes are the same boxes: planning keeps the sketched crane clear, not the real one.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ NOTICE = (
     "Numbers come from public descriptions of an Epsilon crane of the same institute "
     "(Geryyy/crane_model, Geryyy/crane_planning); "
     "that it is the crane of the thesis is inferred from equal reach, fold angle and gripper, not stated anywhere. "
-    "The shapes are sketches. The format asks for effort and velocity of every joint: "
+    "The shapes are sketches, for collision as for the eye. The format asks for effort and velocity of every joint: "
     "only those of inner_boom_joint follow from the "
     "machine (head side at 250 bar; full current), the others are assumed. "
 )
@@ -309,6 +309,9 @@ def _link(
         ET.SubElement(visual, "origin", xyz=_numbers(center))
         ET.SubElement(ET.SubElement(visual, "geometry"), "box", size=_numbers(size))
         ET.SubElement(visual, "material", name=color)
+        collision = ET.SubElement(link, "collision")
+        ET.SubElement(collision, "origin", xyz=_numbers(center))
+        ET.SubElement(ET.SubElement(collision, "geometry"), "box", size=_numbers(size))
 
 
 def _joint(

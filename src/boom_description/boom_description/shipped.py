@@ -8,6 +8,12 @@ DESCRIBED = {"tz17": "epsilon_tz17.urdf"}
 """``meta.name`` of a machine file -> file in the folder ``urdf``."""
 
 
+def urdf_text(machine: str) -> str:
+    """The URDF of a machine, by its ``meta.name``; empty if there is none."""
+    path = robot_description(machine)
+    return Path(path).read_text(encoding="utf-8") if path else ""
+
+
 def robot_description(machine: str) -> str:
     """Path of the URDF of a machine, by its ``meta.name``; empty if there is none."""
     name = DESCRIBED.get(machine)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import importlib
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,16 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_node.urdf import UrdfError, UrdfJoint, chain_to, read_urdf
+
 Vector = NDArray[np.float64]
 
 
 MOST_JOINTS = 1000
-
-
-class UrdfError(Exception):
-    """The robot description cannot be used; one line that says why."""
-
-    exit_status = 2
+STANDARD_GRAVITY = 9.81
+"""m/s^2, as pinocchio has it."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +35,31 @@ class TipPose:
 
 
 @dataclass(frozen=True)
-class _Joint:
-    name: str
+class CarriedMoments:
+    """What a joint carries: inertia about it [kg m^2], first moments outward and upward [kg m], and the tip there [m]."""
+
+    D0: float
+    Sx: float
+    Sy: float
+    tip: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class LinkPose:
+    """A link relative to its parent."""
+
     parent: str
     child: str
-    limits: tuple[float, float]
-    mimic: tuple[str, float, float] | None  # leader, multiplier, offset
-    moves: bool
+    pose: TipPose
+
+
+def _leaders(joints: Iterable[UrdfJoint], by_name: Mapping[str, UrdfJoint]) -> tuple[str, ...]:
+    """Names of those that have values of their own, or lead those that follow."""
+    names = dict.fromkeys(joint.mimic[0] if joint.mimic else joint.name for joint in joints if joint.moves)
+    for name in names:
+        if name not in by_name:
+            raise UrdfError(f"the robot description has a joint that mimics '{name}', which is not in it")
+    return tuple(names)
 
 
 class TipKinematics:
@@ -55,13 +70,14 @@ class TipKinematics:
         tip_frame: the link whose pose is wanted.
         joint_names: the joints between the two with values of their own, from the root outward.
         limits: their lower and upper limits [rad or m]; infinite for continuous joints.
+        all_limits: the same for all joints of the URDF with values of their own.
 
     Raises:
         UrdfError: no URDF, not one tree, or the tip is not in it.
     """
 
     def __init__(self, urdf: str, tip_frame: str = "boom_tip") -> None:
-        links, joints = _read(urdf)
+        links, joints = read_urdf(urdf)
         by_child = {joint.child: joint for joint in joints}
         roots = [link for link in links if link not in by_child]
         if len(roots) != 1:
@@ -71,14 +87,11 @@ class TipKinematics:
         self.root_frame = roots[0]
         self.tip_frame = tip_frame
         self._mimics = {joint.name: joint.mimic for joint in joints if joint.mimic is not None}
-        chain = _chain(by_child, tip_frame)
+        chain = chain_to(joints, tip_frame)
         by_name = {joint.name: joint for joint in joints}
-        leaders = dict.fromkeys(joint.mimic[0] if joint.mimic else joint.name for joint in chain if joint.moves)
-        for name in leaders:
-            if name not in by_name:
-                raise UrdfError(f"the robot description has a joint that mimics '{name}', which is not in it")
-        self.joint_names = tuple(leaders)
-        self.limits = {name: by_name[name].limits for name in leaders}
+        self.all_limits = {name: by_name[name].limits for name in _leaders(joints, by_name)}
+        self.joint_names = _leaders(chain, by_name)
+        self.limits = {name: by_name[name].limits for name in self.joint_names}
         self._pinocchio: Any = importlib.import_module("pinocchio")  # here because it takes a second to import
         try:
             self._model: Any = self._pinocchio.buildModelFromXML(urdf)
@@ -88,6 +101,10 @@ class TipKinematics:
         self._frame = self._model.getFrameId(tip_frame)
         joints_of_model = zip(self._model.names, self._model.joints, strict=True)
         self._places = [(name, joint.idx_v) for name, joint in joints_of_model if joint.nv == 1]
+        frame = self._model.getFrameId
+        edges = [(joint, (joint.parent, joint.child, frame(joint.parent), frame(joint.child))) for joint in joints]
+        self._moving = [edge for joint, edge in edges if joint.moves]
+        self._fixed = [edge for joint, edge in edges if not joint.moves]
 
     def pose(self, joints: Mapping[str, float]) -> TipPose:
         """Pose of the tip in `root_frame` for joint values [rad or m] by name.
@@ -95,16 +112,73 @@ class TipKinematics:
         Raises KeyError for a joint of `joint_names` that has no value and ValueError for one that is not finite. Others
         are ignored.
         """
+        self._check(joints)
+        self._place(joints)
+        return self._seen(self._data.oMf[self._frame])
+
+    def carried(self, name: str, joints: Mapping[str, float], sign: float = 1.0) -> CarriedMoments:
+        """What a joint of `joint_names` carries, all others locked at `joints` [rad or m] by name.
+
+        D_0 is the joint's own entry of the joint-space inertia; its generalised gravity, g (S_x cos q - S_y sin q), is read at
+        `joints` and a quarter turn above. The joint is level at its value in `joints`; sign: -1 if its value grows downwards.
+
+        Raises:
+            UrdfError: it does not turn about a horizontal axis.
+        """
+        self._check(joints)
+        pin, model, data = self._pinocchio, self._model, self._data
+        place = dict(self._places)[name]
+        level, quarter = self._position(joints), np.zeros(model.nv)
+        quarter[place] = sign * math.pi / 2
+        weights = [
+            sign * float(pin.computeGeneralizedGravity(model, data, q)[place]) / STANDARD_GRAVITY
+            for q in (level, pin.integrate(model, level, quarter))
+        ]
+        inertia = float(pin.crba(model, data, level)[place, place])
+        pin.computeJointJacobians(model, data, level)
+        pin.updateFramePlacements(model, data)
+        number = model.getJointId(name)
+        axis = sign * pin.getJointJacobian(model, data, number, pin.LOCAL_WORLD_ALIGNED)[3:, place]
+        if not 0.99 < float(np.hypot(axis[0], axis[1])) < 1.01:
+            raise UrdfError(f"joint {name} does not turn about a horizontal axis: it is not the boom's")
+        offset = data.oMf[self._frame].translation - data.oMi[number].translation
+        outward = np.cross((0.0, 0.0, 1.0), axis)
+        return CarriedMoments(inertia, weights[0], -weights[1], (float(offset @ outward), float(offset[2])))
+
+    def _check(self, joints: Mapping[str, float]) -> None:
+        """Raises KeyError and ValueError as :meth:`pose`."""
         for name in self.joint_names:
             if not math.isfinite(joints[name]):
                 raise ValueError(f"joint {name} is {joints[name]}")
+
+    def frames(self, joints: Mapping[str, float]) -> list[LinkPose]:
+        """Links that move, relative to their parents, for values [rad or m] of all joints of `all_limits` by name."""
+        self._place(joints)
+        return self._relative(self._moving)
+
+    def fixed_frames(self) -> list[LinkPose]:
+        """Links that are fixed to their parents."""
+        self._place({})
+        return self._relative(self._fixed)
+
+    def _relative(self, edges: list[tuple[str, str, int, int]]) -> list[LinkPose]:
+        places = self._data.oMf
+        return [LinkPose(parent, child, self._seen(places[at].actInv(places[to]))) for parent, child, at, to in edges]
+
+    def _place(self, joints: Mapping[str, float]) -> None:
+        """Forward kinematics of all frames."""
+        self._pinocchio.framesForwardKinematics(self._model, self._data, self._position(joints))
+
+    def _position(self, joints: Mapping[str, float]) -> Vector:
+        """Position vector of the model; joints without a value stand at zero."""
         step: Vector = np.zeros(self._model.nv)
         for name, place in self._places:
             step[place] = self._value(name, joints)
         # from the neutral position on: pinocchio holds a continuous joint as cosine and sine
-        position = self._pinocchio.integrate(self._model, self._pinocchio.neutral(self._model), step)
-        self._pinocchio.framesForwardKinematics(self._model, self._data, position)
-        found: Vector = self._pinocchio.SE3ToXYZQUAT(self._data.oMf[self._frame])
+        return np.asarray(self._pinocchio.integrate(self._model, self._pinocchio.neutral(self._model), step))
+
+    def _seen(self, placement: Any) -> TipPose:
+        found: Vector = self._pinocchio.SE3ToXYZQUAT(placement)
         # both signs are the same rotation; the one with w >= 0 is given
         return TipPose(found[:3], -found[3:] if found[6] < 0.0 else found[3:])
 
@@ -146,10 +220,10 @@ class JointTable:
         """Store the pose of locked joints [rad or m]; values that are not finite count as unknown."""
         self._configured = {name: value for name, value in joints.items() if math.isfinite(value)}
 
-    def values(self, kinematics: TipKinematics, now: float) -> JointSources:
-        """A value [rad or m] for every joint of the chain at the time `now` [s]."""
+    def values(self, limits: Mapping[str, tuple[float, float]], now: float) -> JointSources:
+        """A value [rad or m] for every joint with such limits at the time `now` [s]."""
         values, sources = {}, {}
-        for name in kinematics.joint_names:
+        for name, (low, high) in limits.items():
             measured = self._measured.get(name)
             if measured is not None and now - measured[1] <= self.timeout:
                 values[name], sources[name] = measured[0], "measured"
@@ -157,105 +231,6 @@ class JointTable:
                 values[name] = self._configured[name]
                 sources[name] = f"{values[name]:g} from /boom/machine_configuration"
             else:
-                low, high = kinematics.limits[name]
                 values[name] = min(max(0.0, low), high)
                 sources[name] = f"{values[name]:g}, because nobody publishes it"
         return JointSources(values, sources)
-
-
-def _chain(by_child: Mapping[str, _Joint], tip: str) -> list[_Joint]:
-    chain: list[_Joint] = []
-    link = tip
-    while link in by_child:
-        if len(chain) > len(by_child):
-            raise UrdfError(f"the robot description has a loop of joints at link '{link}'")
-        chain.append(by_child[link])
-        link = by_child[link].parent
-    return chain[::-1]
-
-
-def _read(urdf: str) -> tuple[list[str], list[_Joint]]:
-    """Names of the links, and the joints, of a URDF."""
-    if not urdf.strip():
-        raise UrdfError("the robot description is empty")
-    try:
-        robot = ET.fromstring(urdf)
-    except (ET.ParseError, ValueError) as error:
-        raise UrdfError(f"the robot description is no XML: {error}") from None
-    if robot.tag != "robot":
-        raise UrdfError(f"the robot description begins with <{robot.tag}>: a URDF begins with <robot>")
-    links = [_attribute(link, "name", "a link") for link in robot.findall("link")]
-    joints = [_read_joint(joint) for joint in robot.findall("joint")]
-    for kind, names in (("link", links), ("joint", [joint.name for joint in joints])):
-        twice = _first_repeated(names)
-        if twice is not None:
-            raise UrdfError(f"the robot description has two {kind}s named '{twice}'")
-    for joint in joints:
-        for link in (joint.parent, joint.child):
-            if link not in links:
-                raise UrdfError(f"the robot description's joint '{joint.name}' names link '{link}', which is not in it")
-    return links, joints
-
-
-def _read_joint(element: ET.Element) -> _Joint:
-    name = _attribute(element, "name", "a joint")
-    what = f"joint '{name}'"
-    kind = _attribute(element, "type", what)
-    if kind not in ("revolute", "continuous", "prismatic", "fixed"):
-        raise UrdfError(
-            f"the robot description's {what} is of type '{kind}': "
-            "revolute, continuous, prismatic and fixed are understood"
-        )
-    limits = (-math.inf, math.inf)
-    limit = element.find("limit")
-    if kind in ("revolute", "prismatic"):
-        if limit is None:
-            raise UrdfError(f"the robot description's {what} has no <limit>: a {kind} joint needs one")
-        limits = (_number(limit, "lower", what, 0.0), _number(limit, "upper", what, 0.0))
-        if not limits[0] <= limits[1]:
-            raise UrdfError(
-                f"the robot description's {what} has limits {limits[0]:g} to {limits[1]:g}: "
-                "the lower is above the upper"
-            )
-    mimic = None
-    leader = element.find("mimic")
-    if leader is not None:
-        mimic = (
-            _attribute(leader, "joint", what),
-            _number(leader, "multiplier", what, 1.0),
-            _number(leader, "offset", what, 0.0),
-        )
-    ends = []
-    for end in ("parent", "child"):
-        child = element.find(end)
-        if child is None:
-            raise UrdfError(f"the robot description's {what} has no <{end}>")
-        ends.append(_attribute(child, "link", what))
-    return _Joint(name, ends[0], ends[1], limits, mimic, kind != "fixed")
-
-
-def _attribute(element: ET.Element, name: str, what: str) -> str:
-    value = element.get(name)
-    if not value:
-        raise UrdfError(f"the robot description has {what} without '{name}'")
-    return value
-
-
-def _number(element: ET.Element, name: str, what: str, default: float) -> float:
-    text = element.get(name)
-    try:
-        value = default if text is None else float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise UrdfError(f"the robot description's {what} has {name}='{text}': give a number")
-    return value
-
-
-def _first_repeated(names: Iterable[str]) -> str | None:
-    known: set[str] = set()
-    for name in names:
-        if name in known:
-            return name
-        known.add(name)
-    return None

@@ -2,7 +2,7 @@
 
 In: /robot_description, /joint_states, /boom/machine_configuration (for joints that are not measured). Out:
 /boom/tip_pose, geometry_msgs/PoseStamped in the URDF's root frame, with the stamp of the joint state it was computed
-from; /diagnostics.
+from; /diagnostics. With publish_tf also /tf and /tf_static, as a robot_state_publisher publishes them.
 """
 
 from __future__ import annotations
@@ -11,14 +11,16 @@ from boom_node import early  # noqa: F401  isort: skip  (signals and environment
 
 import sys
 import time
+from typing import Any
 
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, TransformStamped
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
 
-from boom_description.tip_pose import JointTable, TipKinematics, UrdfError
+from boom_description.tip_pose import JointTable, LinkPose, TipKinematics, TipPose, UrdfError
 from boom_interfaces.msg import MachineConfiguration
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
@@ -41,6 +43,9 @@ PARAMETERS = (
         "telescope_joint", "telescope_joint", "joint that has the configuration's telescope length", read_only=True
     ),
     ParameterSpec(
+        "publish_tf", False, "true: publish /tf and /tf_static, where no robot_state_publisher does", read_only=True
+    ),
+    ParameterSpec(
         "input_timeout", 2.0, "silence of an input after which the node warns", "s", 0.1, 60.0, read_only=True
     ),
     ParameterSpec(
@@ -61,8 +66,12 @@ class TipPoseNode(Node):
         self._published = 0
         self._failure = ""
         self._watches = self._make_watches(time.monotonic())
+        self._frames = self._values.publish_tf
+        if self._frames:
+            self._tf = self.create_publisher(TFMessage, "/tf", qos.BY_TOPIC["/tf"])
+            self._tf_static = self.create_publisher(TFMessage, "/tf_static", qos.BY_TOPIC["/tf_static"])
         self._publisher = self.create_publisher(PoseStamped, "/boom/tip_pose", qos.SENSOR_DATA)
-        latched, sensor_data = qos.BY_TOPIC["/robot_description"], qos.BY_TOPIC["/joint_states"]
+        latched, sensor_data = qos.BY_TOPIC["/robot_description"], qos.requested("/joint_states")
         self.create_subscription(String, "/robot_description", self._on_description, latched)
         self.create_subscription(
             MachineConfiguration,
@@ -100,6 +109,10 @@ class TipPoseNode(Node):
             self._diagnostics.update()
             return
         self._failure = ""
+        if self._frames:
+            stamp = self.get_clock().now().to_msg()
+            fixed = [_transform(frame, stamp) for frame in self._kinematics.fixed_frames()]
+            self._tf_static.publish(TFMessage(transforms=fixed))
         self._watches["description"].seen(time.monotonic())
         self.get_logger().info(
             f"{self._kinematics.tip_frame} in {self._kinematics.root_frame}: {', '.join(self._kinematics.joint_names)}"
@@ -120,16 +133,18 @@ class TipPoseNode(Node):
         self._watches["joints"].seen(now)
         if self._kinematics is None:
             return
-        joints = self._joints.values(self._kinematics, now)
+        limits = self._kinematics.all_limits if self._frames else self._kinematics.limits
+        joints = self._joints.values(limits, now)
         self._tell_sources(dict(joints.sources))
         pose = self._kinematics.pose(joints.values)
         out = PoseStamped()
         out.header.stamp = message.header.stamp
         out.header.frame_id = self._kinematics.root_frame
-        out.pose.position.x, out.pose.position.y, out.pose.position.z = map(float, pose.position)
-        quaternion = out.pose.orientation
-        quaternion.x, quaternion.y, quaternion.z, quaternion.w = map(float, pose.quaternion)
+        _fill(out.pose.position, out.pose.orientation, pose)
         self._publisher.publish(out)
+        if self._frames:
+            frames = self._kinematics.frames(joints.values)
+            self._tf.publish(TFMessage(transforms=[_transform(frame, message.header.stamp) for frame in frames]))
         self._published += 1
 
     def _tell_sources(self, sources: dict[str, str]) -> None:
@@ -154,6 +169,18 @@ class TipPoseNode(Node):
         level = Level.WARN if missing else Level.OK
         message = f"missing: {', '.join(missing)}" if missing else "publishing the tip pose"
         return Health(level, message, {"poses published": self._published})
+
+
+def _fill(position: Any, orientation: Any, pose: TipPose) -> None:
+    position.x, position.y, position.z = map(float, pose.position)
+    orientation.x, orientation.y, orientation.z, orientation.w = map(float, pose.quaternion)
+
+
+def _transform(frame: LinkPose, stamp: Any) -> TransformStamped:
+    out = TransformStamped(child_frame_id=frame.child)
+    out.header.stamp, out.header.frame_id = stamp, frame.parent
+    _fill(out.transform.translation, out.transform.rotation, frame.pose)
+    return out
 
 
 def main() -> int:

@@ -88,14 +88,14 @@ def test_unusable_description_is_refused_in_one_line(urdf: str, named: str) -> N
 def test_measured_value_comes_first_then_configuration_then_the_value_next_to_zero() -> None:
     kinematics = TipKinematics(robot(low=0.5), "hand")
     table = JointTable(timeout=2.0)
-    assert table.values(kinematics, 0.0).values == {"shoulder": 0.0, "slide": 0.5}
+    assert table.values(kinematics.limits, 0.0).values == {"shoulder": 0.0, "slide": 0.5}
     table.configure({"slide": 1.5, "shoulder": math.nan})
-    assert table.values(kinematics, 0.0).values == {"shoulder": 0.0, "slide": 1.5}
+    assert table.values(kinematics.limits, 0.0).values == {"shoulder": 0.0, "slide": 1.5}
     assert table.measure(["shoulder", "slide"], [0.3, 2.0], 10.0) == ("shoulder", "slide")
-    found = table.values(kinematics, 11.0)
+    found = table.values(kinematics.limits, 11.0)
     assert found.values == {"shoulder": 0.3, "slide": 2.0}
     assert set(found.sources.values()) == {"measured"}
-    assert table.values(kinematics, 12.5).values == {"shoulder": 0.0, "slide": 1.5}, (
+    assert table.values(kinematics.limits, 12.5).values == {"shoulder": 0.0, "slide": 1.5}, (
         "a silent sensor does not count for ever"
     )
 

@@ -6,6 +6,7 @@ import copy
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -162,3 +163,31 @@ def test_command_writes_the_file_and_refuses_a_bad_machine(
     bad.write_text("rigid_body: [unclosed", encoding="utf-8")
     assert make_urdf.main(["--machine", str(bad), "--output", str(out)]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_collision_shapes_touch_their_neighbours_alone_in_a_level_pose(urdf: str) -> None:
+    model = pinocchio.buildModelFromXML(urdf)
+    shapes = pinocchio.buildGeomFromUrdfString(model, urdf, pinocchio.GeometryType.COLLISION)
+    assert {shape.name.rsplit("_", 1)[0] for shape in shapes.geometryObjects} == {
+        "base_link", "column", "inner_boom", "outer_boom", "telescope_1", "telescope_2", "gripper"
+    }  # fmt: skip
+    shapes.addAllCollisionPairs()
+    values = {
+        "inner_boom_joint": 0.3,
+        "outer_boom_joint": math.pi / 2,
+        "telescope_joint": 2.0,
+        "telescope_stage_joint": 1.0,
+    }
+    at = np.array([values.get(name, 0.0 if name != "gripper_hinge_joint" else -0.3) for name in list(model.names)[1:]])
+    data, found = model.createData(), shapes.createData()
+    pinocchio.computeCollisions(model, data, shapes, found, at, False)
+    names = [shape.name.rsplit("_", 1)[0] for shape in shapes.geometryObjects]
+    touching = {
+        frozenset((names[pair.first], names[pair.second]))
+        for pair, result in zip(shapes.collisionPairs, found.collisionResults, strict=True)
+        if result.isCollision()
+    }
+    order = ["base_link", "column", "inner_boom", "outer_boom", "telescope_1", "telescope_2", "gripper"]
+    assert {pair for pair in touching if len(pair) == 2} <= {
+        *(frozenset(pair) for pair in pairwise(order)), frozenset(("outer_boom", "telescope_2"))
+    }  # fmt: skip

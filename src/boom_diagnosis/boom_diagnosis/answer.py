@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis import regimes
-from boom_diagnosis.bag_samples import CAVITATES, PERIOD
+from boom_diagnosis.assumptions import MOST_CERTAIN, MOVED, NAMED_FROM
+from boom_diagnosis.bag_samples import CAVITATES, PERIOD, Bag
 from boom_diagnosis.document import (
     SUBSYSTEMS,
     Alternative,
@@ -21,6 +22,7 @@ from boom_diagnosis.document import (
     Estimate,
     Finding,
     Fit,
+    HypothesisRow,
     RankingRow,
     Verdict,
 )
@@ -30,6 +32,7 @@ from boom_diagnosis.freerun import UNKNOWN, free_run
 from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import links, locate
+from boom_diagnosis.must_keep import kept, told
 from boom_diagnosis.proof import (
     bag_result,
     final_machine,
@@ -49,21 +52,18 @@ from boom_recording.recording import Recording
 
 if TYPE_CHECKING:
     from boom_diagnosis.case import Case
+    from boom_diagnosis.weighed_case import WeighedCase
 
 Array = NDArray[np.float64]
 
-NAMED_FROM = 0.55
-"""Probability from which on a finding counts as identified, not as one of several."""
 LEARNT_FROM, LEARNT_IN = 0.3, 2
 """Probability of unknown physics from which on a term is learnt, and in how many equations it is tried."""
-MOST_CERTAIN = 0.99
-"""No more is claimed of anything."""
 DOUBTFUL = 0.1
 """Share of the excess that stays from which on the tolerances alone are fitted once more, by the observer that sees most."""
 FLOORS = 1.5
 """Held-out error over that which noise alone leaves from which on the report says that something remains."""
-MOVED = 1.0
-"""Standard deviations a tolerance has to move to be listed."""
+UNTOLD = 0.49
+"""At most this is claimed of an effect whose numbers' intervals all contain that it does nothing."""
 
 
 @dataclass(frozen=True)
@@ -168,38 +168,59 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     spans = spans_of(case)
     runs = {label: [free_run(s.recording, placed(m, case, s)) for s in spans.all] for label, m in machines.items()}
     fit, ladder = fit_and_ladder(case, machines, runs, spans)
-    experiment = propose(case, ranked) if verdict in ("ambiguous", "unknown_physics", "identified") else None
-    said = experiment.text if experiment else _nothing_more(verdict)
+    known = any(copy is not bag for copy, bag in zip(case.healthy, case.bags, strict=True))
+    verdict, findings, unproved = kept(verdict, findings, fit, known)
+    experiment = (
+        propose(case, _rivals(case, ranked)) if verdict in ("ambiguous", "unknown_physics", "identified") else None
+    )
+    said = experiment.text if experiment else said_of_next(verdict)
     document = Document(
         verdict, tuple(findings), _subsystems(ranked, findings), fit, said, about.seed, about.inputs_sha256, about.version,
-        tuple(ranked),
+        tuple(ranked), hypotheses=_hypotheses(case, odds, max(rest_equations, key=lambda e: e.statistical + e.chain).key),
     )  # fmt: skip
     bags = tuple(bag_result(case, i, cells, inputs, tight.nominal[i], runs) for i in range(len(case.bags))) + tuple(
         proving_result(case, i, runs) for i in range(len(case.proving))
     )
     explained = case.learned.point.parts if case.learned else tight.explained
     left = case.learned.point.excess(case.floor) if case.learned else tight.excess_after
-    remaining = _remaining(fit, tight.excess_before, left) if verdict not in ("no_mismatch", "parameters_only") else ""
+    left_over = remaining(fit, tight.excess_before, left) if verdict not in ("no_mismatch", "parameters_only") else ""
     return DiagnosisResult(
-        document, case.machine, final_machine(case, verdict, learned), bags,
+        document, case.machine, _final_machine(case, verdict, learned), bags,
         regimes.table(cells, tight.nominal, explained, case.healthy_squares), equations, agreement, ladder,
-        (learned.curve,) if learned else (), remaining, moved, experiment, _notes(case, weak), command=about.command,
+        (learned.curve,) if learned else (), left_over, moved, experiment, (*unproved, *notes_of(case.bags, case.proving, weak)),
+        command=about.command,
     )  # fmt: skip
 
 
-def _notes(case: Case, weak: Sequence[str]) -> tuple[str, ...]:
+def _rivals(case: Case, ranked: Sequence[RankingRow]) -> list[tuple[str, Point]]:
+    """The likeliest hypotheses that were fitted, the best first."""
+    fitted = {w.fitted.effect: w.fitted.point for w in case.weighed[0]} if case.weighed else {}
+    named = [row for row in ranked if row.effect in fitted or row.kind == "parameters"][:3]
+    return [(r.label, fitted[r.effect] if r.effect else case.rounds[0].base) for r in named]
+
+
+def _final_machine(case: Case, verdict: Verdict, learned: Learned | None) -> Machine:
+    if verdict == "no_mismatch":
+        return case.machine
+    jacobian = case.final.jacobian if case.final else case.rounds[0].jacobian
+    covariance = posterior(case.last, jacobian, len(case.last.z))
+    deviations = np.sqrt(np.diag(covariance)[: len(case.nuisances)])
+    return final_machine(case, learned.point if learned else case.last, deviations, (learned.term,) if learned else ())
+
+
+def notes_of(bags: Sequence[Bag], proving: Sequence[Bag], weak: Sequence[str]) -> tuple[str, ...]:
     """What was left out and what is damaged."""
     notes = [f"{name} is left out: the boom hardly moves in it, or a channel is missing" for name in weak]
-    for bag in case.bags:
+    for bag in bags:
         if bag.cavitating.any():
             notes.append(
                 f"{bag.name}: {PERIOD * float(bag.cavitating.sum()):.1f} s are left out: the oil of the head side evaporates "
                 f"(hose pressure below {CAVITATES / 1e5:g} bar), and the model ends there"
             )
-    return (*notes, *(f"{bag.name}: {said}" for bag in (*case.bags, *case.proving) for said in bag.recording.warnings))
+    return (*notes, *(f"{bag.name}: {said}" for bag in (*bags, *proving) for said in bag.recording.warnings))
 
 
-def _remaining(fit: Fit, before: float, after: float) -> str:
+def remaining(fit: Fit, before: float, after: float) -> str:
     """What the explanation leaves: of the one-step errors, and in free runs over data not used."""
     sentences = []
     if after > NEGLIGIBLE:
@@ -236,11 +257,11 @@ def _tight(case: Case) -> _Tight:
         problem = case.problem(case.kept(0).z, {}, LOOSENESS[0])
         start = problem.points([(case.kept(0).z, {})])[0]
         before = min(before, problem.fit(start, problem.nuisance_jacobian(start))[0].excess(case.floor))
-    channels = zip(_by_channel(case, stages[1]), _by_channel(case, stages[2]), strict=True)
+    channels = zip(by_channel(case, stages[1]), by_channel(case, stages[2]), strict=True)
     return _Tight(stages[0].parts, stages[2].parts, before, after, list(channels))
 
 
-def _by_channel(case: Case, point: Point) -> list[float]:
+def by_channel(case: Case | WeighedCase, point: Point) -> list[float]:
     """Loss per innovation of each measured channel over that of a healthy machine."""
     chosen = [
         np.concatenate([part[s[:, k], k] for part, s in zip(point.parts, case.select, strict=True)])
@@ -278,9 +299,38 @@ def odds_of(case: Case, unknown: float) -> Odds:
     effects, tolerances = [], 1.0 - stated
     for k, weighed in enumerate(case.weighed):
         *shares, none = (round(p * (1.0 - stated), 4) for p in probabilities(weighed, case.temperature))
-        effects.append({w.fitted.effect: p for w, p in zip(weighed, shares, strict=True)})
+        row = {w.fitted.effect: p for w, p in zip(weighed, shares, strict=True)}
+        for effect in (e for e in row if not _told(case, e)):  # as likely nothing
+            none, row[effect] = none + max(0.0, row[effect] - UNTOLD), min(row[effect], UNTOLD)
+        effects.append(row)
         tolerances = tolerances if k else none
     return Odds(stated, tuple(effects), round(tolerances, 4))
+
+
+def _hypotheses(case: Case, odds: Odds, place: str) -> tuple[HypothesisRow, ...]:
+    """What was weighed in the first round, and unknown physics at the equation in doubt; the posteriors sum to one."""
+    rows = [
+        HypothesisRow((), (), 0.0, 0.0, 0.0, odds.tolerances),
+        HypothesisRow((), (place,), 0.0, 0.0, 0.0, odds.unknown),
+    ]
+    for w in (*(case.weighed[0] if case.weighed else ()), *case.disproved):
+        effect, gain = w.fitted.effect, w.gain + w.held_out_gain
+        rows.append(HypothesisRow((effect,), (), gain, w.cost, 0.0, _first(odds, effect)))
+    total = sum(row.posterior for row in rows)
+    rows = [replace(row, posterior=row.posterior / total) for row in rows]
+    return tuple(sorted(rows, key=lambda row: -row.posterior))
+
+
+def _told(case: Case, effect: str) -> bool:
+    """Whether the numbers of what was taken differ from nothing; what was not taken has nothing to keep."""
+    if case.final is None or effect not in case.named:
+        return True
+    return told(effect, _short(_final_numbers(case), effect))
+
+
+def _final_numbers(case: Case) -> dict[str, Estimate]:
+    assert case.final is not None  # after a search that took something
+    return estimates(case.final, max(1.0, case.temperature / 3.0))
 
 
 def ranking(case: Case, odds: Odds, findings: Sequence[Finding]) -> list[RankingRow]:
@@ -326,14 +376,13 @@ def _inside(w: Weighed) -> bool:
 def _findings(case: Case, odds: Odds, cells: list[NDArray[np.int64]]) -> list[Finding]:
     result = []
     for k, w in enumerate(case.taken):
-        assert case.final is not None  # after a search that took something
         effect = w.fitted.effect
         others = sorted(((p, e) for e, p in odds.effects[k].items() if e != effect), reverse=True)
         alternatives = (*(Alternative(e, p) for p, e in others[:3] if p > 0.005), Alternative(None, odds.unknown))
         before = case.rounds[k].base
         place = regimes.where(cells, _gains(before, w.fitted.point))
         row = EFFECTS[effect]
-        numbers = _short(estimates(case.final, max(1.0, case.temperature / 3.0)), effect)
+        numbers = _short(_final_numbers(case), effect)
         result.append(
             Finding(
                 effect, row.subsystem, row.equation, odds.effects[k][effect], numbers, place.text, place.intervals,
@@ -427,16 +476,19 @@ def _subsystems(ranked: Sequence[RankingRow], findings: Sequence[Finding]) -> di
 
 
 def _moved(case: Case, point: Point) -> dict[str, Estimate]:
-    """Tolerances that the recordings moved."""
     jacobian = case.taken[-1].fitted.jacobian if case.taken else case.rounds[0].jacobian
-    covariance = posterior(point, jacobian, len(point.z))
+    return moved_tolerances(case, point, np.sqrt(np.diag(posterior(point, jacobian, len(point.z)))))
+
+
+def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array) -> dict[str, Estimate]:
+    """Tolerances that the recordings moved; deviations: of z."""
     numbers = case.values(point.z, {})
     result = {}
     for i, nuisance in enumerate(case.nuisances):
         if abs(point.z[i]) < MOVED or nuisance.name not in numbers or nuisance.name.startswith("pose."):
             continue
         value = numbers[nuisance.name]
-        spread = Z90 * sqrt(float(covariance[i, i])) * nuisance.sigma * abs(value)
+        spread = Z90 * float(deviations[i]) * nuisance.sigma * abs(value)
         components = {c: p for p in case.machine.parameters.values() for c in p.specification.components}
         result[nuisance.name] = Estimate(
             value, components[nuisance.name].specification.unit, (value - spread, value + spread)
@@ -444,7 +496,8 @@ def _moved(case: Case, point: Point) -> dict[str, Estimate]:
     return result
 
 
-def _nothing_more(verdict: Verdict) -> str:
+def said_of_next(verdict: Verdict) -> str:
+    """What to record where there is nothing to tell apart."""
     if verdict == "no_mismatch":
         return "Nothing: the model explains these recordings."
     return "A longer recording with full currents in both directions narrows the parameters that moved."

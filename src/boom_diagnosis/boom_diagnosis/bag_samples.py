@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.recent import Recent
-from boom_estimation.currents import GAP, HeldCurrents, held_currents
+from boom_estimation.currents import GAP, HeldCurrents, held_currents, held_inputs, with_joints
 from boom_estimation.initial_state import resting_start, stationary_guess
 from boom_model.machine import Machine
 from boom_model.observer import KalmanGains, Linearised, Samples
 from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS, PRESSURES
+from boom_model.structure import CURRENTS
 from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -92,16 +93,23 @@ class Bag:
         return np.asarray(np.ceil((time - self.grid[0]) / PERIOD - JITTER) - 1, dtype=np.int64)
 
     def _mean_currents(self, delay: float) -> Array:
-        """(n, 2) mean of the held currents in each interval, if they act ``delay`` [s] late.
+        """(n, NU) mean of the held currents in each interval, if they act ``delay`` [s] late, and of the other inputs as they are.
 
         When between two samples a current changed is not known (``TIMING_NOISE``); the mean moves it by less than that, and spares
         the model a step at every stamp.
         """
-        time, values = self.currents.time + delay, self.currents.values
+        count = len(CURRENTS)
+        commanded = self._means(self.currents.time + delay, self.currents.values[:, :count])
+        others = self._means(self.currents.time, self.currents.values[:, count:])
+        return np.ascontiguousarray(np.hstack((commanded, others)))
+
+    def _means(self, time: Array, values: Array) -> Array:
+        if values.shape[1] == 0:
+            return np.zeros((len(self.grid) - 1, 0))
         knots = np.concatenate([[min(self.grid[0], time[0]) - 1.0], time[1:], [max(self.grid[-1], time[-1]) + 1.0]])
-        integral = np.concatenate([np.zeros((1, 2)), np.cumsum(np.diff(knots)[:, None] * values, axis=0)])
+        integral = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(np.diff(knots)[:, None] * values, axis=0)])
         at = np.stack([np.interp(self.grid, knots, column) for column in integral.T], axis=-1)
-        return np.ascontiguousarray(np.diff(at, axis=0) / np.diff(self.grid)[:, None])
+        return np.asarray(np.diff(at, axis=0) / np.diff(self.grid)[:, None])
 
     def moving(self) -> Flags:
         """(n,) Whether the boom moves."""
@@ -120,7 +128,8 @@ class Bag:
         """Rest state of the measured values, or one with valve and accumulators at rest where the boom moves."""
         if self.resting:
             s = self.start
-            return plant.rest_state_measured(s["angle"], s["hose_pressure"], s["rod_pressure"], parameters)
+            acting = self.currents.at(0.0)
+            return plant.rest_state_measured(s["angle"], s["hose_pressure"], s["rod_pressure"], parameters, acting)
         return stationary_guess(plant, self.start, self.currents.at(0.0))
 
 
@@ -139,9 +148,15 @@ def _origin(recording: Recording) -> float:
     return (float(around[int(np.argmax(gaps))]) % 1.0 - 1.0) * PERIOD
 
 
-def prepare(recording: Recording, *, aligned: bool = False) -> Bag | None:
-    """The recording for the observer; None where a channel or the currents have no valid sample."""
-    currents = held_currents(recording)
+def prepare(recording: Recording, machine: Machine | None = None, *, aligned: bool = False) -> Bag | None:
+    """The recording for the observer; None where a channel or the currents have no valid sample.
+
+    machine: whose bodies the other joints move; without it they are locked.
+
+    Raises:
+        MachineError: other joints move, and the machine file does not tell the bodies.
+    """
+    currents = held_currents(recording) if machine is None else held_inputs(recording, with_joints(machine, recording))
     signals = [recording.signals[name] for name in OUTPUTS]
     if len(currents.time) == 0 or any(not s.valid.any() for s in signals):
         return None
@@ -154,7 +169,7 @@ def prepare(recording: Recording, *, aligned: bool = False) -> Bag | None:
     for begin, end in zip(currents.time[gaps], currents.time[gaps + 1], strict=True):
         counted[(time >= begin) & (time < end + SETTLING)] = False
     counted[(time < currents.time[0]) | (time > currents.time[-1] + GAP)] = False
-    rest = resting_start(recording)
+    rest = resting_start(recording, currents)
     start = rest or {name: float(np.mean(s.values[s.valid][:3])) for name, s in zip(OUTPUTS, signals, strict=True)}
     if rest is None:
         counted[time < SETTLING] = False

@@ -77,6 +77,11 @@ class Case:
         return self.spared.get(k) or (self.taken[k - 1].fitted.point if k else self.rounds[0].base)
 
     @property
+    def named(self) -> tuple[str, ...]:
+        """The effects that earned their place."""
+        return tuple(w.fitted.effect for w in self.taken)
+
+    @property
     def setting(self) -> Setting:
         """What a term is learnt from."""
         looseness = self.rounds[0].problem.predictor.looseness

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from math import exp, inf, log
@@ -17,6 +18,7 @@ from boom_diagnosis.bag_samples import PERIOD, Bag
 from boom_diagnosis.coordinates import Coordinate, coordinates, starts
 from boom_diagnosis.nuisances import GEOMETRY, Nuisance, closed, tolerances
 from boom_diagnosis.prediction import CURRENT_NOISE, NUDGED_TOLERANCE, TIMING_NOISE, TOLERANCE, noise_model
+from boom_estimation.currents import with_joints
 from boom_estimation.free_run import plant_for
 from boom_estimation.numbers import Number
 from boom_estimation.score_test import SearchedEffect
@@ -93,7 +95,7 @@ class CraneModel:
         self.name = bag.name
         self.interval = PERIOD
         pose = plant_for(bag.recording, machine, "full").pose
-        self.plant = Plant(_carrying(machine, stateful), pose, "full", discrepancies=True)
+        self.plant = Plant(_carrying(with_joints(machine, bag.recording), stateful), pose, "full", discrepancies=True)
         names = self.state_names = self.plant.state_names
         self.counted = np.asarray(bag.counted.all(axis=1))
         self.places = tuple(sorted(n.removeprefix(DISCREPANCY) for n in names if n.startswith(DISCREPANCY)))
@@ -186,7 +188,7 @@ class CraneModel:
     def _later(self, first: Pass, other: Pass, time: float, p: Array) -> Pass:
         y = first.states @ output_jacobian(self.plant, first.states[0], p).T
         slope = np.where(PRESSURES, np.gradient(y, PERIOD, axis=0), 0.0)
-        return replace(other, innovations=other.innovations + np.where(first.valid, time * slope, 0.0))
+        return replace(other, beside=time * slope)
 
     @cached_property
     def _pressure_delays(self) -> list[int]:
@@ -284,14 +286,24 @@ class CraneSystem:
         self.machine, self.bags = machine, tuple(bags)
         self.experiments = tuple(bag.name for bag in bags)
         self._models: dict[frozenset[str], list[CraneModel]] = {}
+        self._chosen: tuple[Flags, ...] = ()
         self.places = self.models(())[0].places
 
     def models(self, effects: Sequence[str]) -> list[CraneModel]:
         """One for each recording. Effects without states are there always, at their neutral values."""
         stateful = frozenset(effect for effect in effects if not light(effect))
         if stateful not in self._models:
-            self._models[stateful] = [CraneModel(self.machine, bag, stateful) for bag in self.bags]
+            made = [CraneModel(self.machine, bag, stateful) for bag in self.bags]
+            for model, chosen in zip(made, self._chosen, strict=False):
+                model.counted = model.counted & chosen[: len(model.counted)].all(axis=1)
+            self._models[stateful] = made
         return self._models[stateful]
+
+    def counting(self, chosen: Sequence[Flags]) -> CraneSystem:
+        """The same of which only some samples tell; chosen: (n, NY) for each recording."""
+        other = copy(self)
+        other._chosen, other._models = tuple(chosen), {}
+        return other
 
     @cached_property
     def nuisances(self) -> tuple[Nuisance, ...]:

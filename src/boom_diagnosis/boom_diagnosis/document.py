@@ -160,11 +160,40 @@ class RankingRow:
 
 
 @dataclass(frozen=True)
+class HypothesisRow:
+    """One hypothesis that was weighed.
+
+    Attributes:
+        effects: ids. unknown: places of unknown physics.
+        cost: what its numbers cost the evidence [nats]. log_likelihood, log_prior: [nats], the latter against nothing.
+    """
+
+    effects: tuple[str, ...]
+    unknown: tuple[str, ...]
+    log_likelihood: float
+    cost: float
+    log_prior: float
+    posterior: float
+
+    def document(self) -> dict[str, Any]:
+        """As in ``diagnosis.json``."""
+        return {
+            "effects": list(self.effects),
+            "unknown": list(self.unknown),
+            "log_likelihood": self.log_likelihood,
+            "cost": self.cost,
+            "log_prior": self.log_prior,
+            "posterior": self.posterior,
+        }
+
+
+@dataclass(frozen=True)
 class Document:
     """``diagnosis.json``: every probability that terminal and report show is one of these.
 
     ranking: what the first finding could be, the likeliest first.
     checks: name of a recording and what is doubtful about it before any physics.
+    hypotheses: all that were weighed, the likeliest first; their posteriors sum to one.
     """
 
     verdict: Verdict
@@ -177,6 +206,7 @@ class Document:
     version: str
     ranking: tuple[RankingRow, ...] = ()
     checks: tuple[tuple[str, RecordingCheck], ...] = ()
+    hypotheses: tuple[HypothesisRow, ...] = ()
 
     @property
     def spoilt(self) -> tuple[str, RecordingCheck] | None:
@@ -190,6 +220,7 @@ class Document:
             "checks": [{"bag": name, **check.document()} for name, check in self.checks],
             "findings": [finding.document() for finding in self.findings],
             "ranking": [row.document() for row in self.ranking],
+            "hypotheses": [row.document() for row in self.hypotheses],
             "subsystems": {name: self.subsystems.get(name, 0.0) for name in SUBSYSTEMS},
             "fit": self.fit.document(),
             "next_experiment": self.next_experiment,

@@ -8,13 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.document import Experiment, RankingRow
+from boom_diagnosis.document import Experiment
+from boom_diagnosis.fitting import Point
 from boom_diagnosis.hypotheses import effects_of
 from boom_estimation.free_run import plant_for
 from boom_model.errors import SimulationError
+from boom_model.structure import CURRENTS
 
 if TYPE_CHECKING:
     from boom_diagnosis.case import Case
+    from boom_diagnosis.weighed_case import WeighedCase
 
 Array = NDArray[np.float64]
 
@@ -58,13 +61,13 @@ def profiles() -> dict[str, Array]:
     }
 
 
-def propose(case: Case, ranked: Sequence[RankingRow]) -> Experiment | None:
-    """The profile that separates the two likeliest hypotheses best, with the separations it would bring."""
-    fitted = {w.fitted.effect: w.fitted.point for w in case.weighed[0]} if case.weighed else {}
-    named = [row for row in ranked if row.effect in fitted or row.kind == "parameters"][:3]
-    if len(named) < 2:
+def propose(case: Case | WeighedCase, points: Sequence[tuple[str, Point]]) -> Experiment | None:
+    """The profile that separates the two likeliest hypotheses best, with the separations it would bring.
+
+    points: hypotheses with what they are fitted to, the likeliest first.
+    """
+    if len(points) < 2:
         return None
-    points = [(r.label, fitted[r.effect] if r.effect else case.rounds[0].base) for r in named]
     bag = case.bags[0]
     start = bag.start
     tried: list[tuple[str, Array, Array, list[float]]] = []
@@ -82,11 +85,12 @@ def propose(case: Case, ranked: Sequence[RankingRow]) -> Experiment | None:
         outputs = []
         for plant, p, x0 in driven:
             try:
-                outputs.append(plant.run(time, currents, time, x0, parameters=p).outputs)
+                locked = np.zeros((len(currents), len(plant.machine.structure.inputs) - len(CURRENTS)))
+                outputs.append(plant.run(time, np.hstack((currents, locked)), time, x0, parameters=p).outputs)
             except SimulationError:
                 break
         if len(outputs) == len(points):
-            noise = np.array(case.rounds[0].problem.predictor.noise())
+            noise = np.array(case.problem(points[0][1].z, {}, 1.0).predictor.noise())
             apart = [float(np.sqrt(np.mean(((outputs[0] - o) / noise) ** 2))) for o in outputs[1:]]
             tried.append((name, currents, outputs[0], apart))
     if not tried:

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.prediction import CURRENT_NOISE
-from boom_estimation.currents import held_currents
+from boom_estimation.currents import held_inputs
 from boom_estimation.free_run import FreeRun, plant_for, predict
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
+from boom_model.structure import CURRENTS
 from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -55,14 +56,15 @@ def errors(span: Span, run: FreeRun) -> Errors:
 def noise_floor(span: Span, machine: Machine, seed: int) -> Errors:
     """The errors that the sensors' noise and that of the currents would leave if the model were exactly right."""
     recording = span.recording
-    currents = held_currents(recording)
     plant = plant_for(recording, machine, "full").through_evaporation()
+    currents = held_inputs(recording, plant.machine)
     rng = np.random.default_rng(seed)
     first = {n: recording.signals[n].values[recording.signals[n].valid] for n in OUTPUTS}
     angle, hose, rod = (float(np.mean(first[n][:50])) for n in ("angle", "hose_pressure", "rod_pressure"))
-    x0 = plant.rest_state_measured(angle, hose, rod)
+    x0 = plant.rest_state_measured(angle, hose, rod, inputs=currents.at(0.0))
     grid = np.arange(currents.time[0], min(span.end, currents.time[-1]), 0.01)
-    noisy = currents.values + CURRENT_NOISE * rng.standard_normal(currents.values.shape) * (currents.values > 0.05)
+    noisy, given = currents.values.copy(), currents.values[:, : len(CURRENTS)]
+    noisy[:, : len(CURRENTS)] += CURRENT_NOISE * rng.standard_normal(given.shape) * (given > 0.05)
     try:
         exact = plant.run(currents.time, currents.values, grid, x0).outputs
         other = plant.run(currents.time, noisy, grid, x0).outputs

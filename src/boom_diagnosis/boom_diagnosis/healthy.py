@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from boom_diagnosis.bag_samples import Bag, prepare
 from boom_diagnosis.prediction import CURRENT_NOISE, Values
 from boom_estimation.free_run import plant_for
+from boom_input.channels import BY_NAME
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
+from boom_model.structure import CURRENTS
 from boom_recording.recording import Recording
 from boom_recording.writing import from_columns
 
@@ -44,11 +46,12 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     columns = {name: measured[:, i] for i, name in enumerate(OUTPUTS)}
     copy: Recording = from_columns(recording.name, grid, columns, recording.configuration)
     known = currents.time <= grid[-1]
-    time, true = currents.time[known], currents.values[known]
+    time, true = currents.time[known], currents.values[known, : len(CURRENTS)]
     shown = np.maximum(true + CURRENT_NOISE * rng.standard_normal(true.shape), 0.0)
     driven = {"retract_current": shown[:, 0], "extend_current": shown[:, 1]}
     copy.signals |= from_columns(recording.name, time, driven, recording.configuration).signals
-    result = prepare(copy)
+    copy.signals |= {name: signal for name, signal in recording.signals.items() if BY_NAME[name].joint}
+    result = prepare(copy, machine)
     if result is None:
         return None
     count = min(len(result.counted), len(bag.counted))

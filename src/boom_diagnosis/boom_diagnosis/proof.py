@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import log, sqrt
-from typing import TYPE_CHECKING
+from math import log
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,21 +18,47 @@ from boom_diagnosis.found_machine import found_machine
 from boom_diagnosis.freerun import Span, errors, free_run, median, noise_floor
 from boom_diagnosis.learning import Learned
 from boom_diagnosis.parallel import in_parallel
-from boom_diagnosis.weighing import Z90, posterior
+from boom_diagnosis.weighing import Z90
 from boom_estimation.free_run import FreeRun
 from boom_input.channels import SENSORS
 from boom_model.catalogue import beginning
 from boom_model.learned import LearnedTerm
-from boom_model.machine import Machine
+from boom_model.machine import Machine, Pose
 from boom_recording.recording import Recording
 
 if TYPE_CHECKING:
-    from boom_diagnosis.case import Case
+    from boom_diagnosis.nuisances import Nuisance
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 ENDED = 10.0
 """Factor of the error that a free run which leaves the model's range counts as."""
+
+
+class Proved(Protocol):
+    """What was found in recordings, as far as its proof needs to know it; see ``case.Case``.
+
+    named: the effects that were found. trained: points with the first k of them, fitted to the data for training alone.
+    """
+
+    machine: Machine
+    pose: Pose
+    bags: list[Bag]
+    proving: list[Bag]
+    judged: list[Flags]
+    nuisances: tuple[Nuisance, ...]
+    seed: int
+    onset: float | None
+    trained: list[Point]
+    healthy_squares: Array
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Effects, what gains most first."""
+
+    def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
+        """Components of the parameter vector."""
 
 
 def label_of(effect: str) -> str:
@@ -40,7 +66,7 @@ def label_of(effect: str) -> str:
     return effect.replace("_", " ")
 
 
-def machines_of(case: Case, verdict: Verdict, learned: Learned | None) -> dict[str, Machine]:
+def machines_of(case: Proved, verdict: Verdict, learned: Learned | None) -> dict[str, Machine]:
     """Stage -> machine fitted to the data for training alone, and the steps of the ladder between them."""
 
     def at(point: Point, terms: tuple[LearnedTerm, ...] = ()) -> Machine:
@@ -48,28 +74,23 @@ def machines_of(case: Case, verdict: Verdict, learned: Learned | None) -> dict[s
 
     steps = {"nominal": case.machine, "parameters_only": at(case.trained[0])}
     for k, point in enumerate(case.trained[1:], start=1):
-        last = k == len(case.taken) and not learned
-        steps["explained" if last else f"+ {', '.join(x.fitted.effect for x in case.taken[:k])}"] = at(point)
+        last = k == len(case.named) and not learned
+        steps["explained" if last else f"+ {', '.join(case.named[:k])}"] = at(point)
     if learned:
         steps["explained"] = at(learned.point, (learned.term,))
-    elif not case.taken:
+    elif not case.named:
         steps["explained"] = case.machine if verdict == "no_mismatch" else steps["parameters_only"]
     return steps
 
 
-def final_machine(case: Case, verdict: Verdict, learned: Learned | None) -> Machine:
-    """The machine with everything that was found, fitted to all of the recordings."""
-    if verdict == "no_mismatch":
-        return case.machine
-    point = learned.point if learned else case.last
-    jacobian = case.final.jacobian if case.final else case.rounds[0].jacobian
+def final_machine(case: Proved, point: Point, deviations: Array, terms: tuple[LearnedTerm, ...]) -> Machine:
+    """The machine with everything that was found, fitted to all of the recordings; deviations: (count,) of the tolerances' z."""
     numbers = case.values(point.z, point.effects)
-    covariance = posterior(case.last, jacobian, len(point.z))
     spreads = {
-        n.name: Z90 * sqrt(float(covariance[i, i])) * n.sigma * abs(numbers.get(n.name, 0.0))
-        for i, n in enumerate(case.nuisances)
+        n.name: Z90 * float(d) * n.sigma * abs(numbers.get(n.name, 0.0))
+        for n, d in zip(case.nuisances, deviations, strict=True)
     }
-    return found_machine(case.machine, case.pose, numbers, spreads, (learned.term,) if learned else ())
+    return found_machine(case.machine, case.pose, numbers, spreads, terms)
 
 
 @dataclass(frozen=True)
@@ -81,7 +102,7 @@ class Spans:
     all: list[Span]
 
 
-def placed(machine: Machine, case: Case, span: Span) -> Machine:
+def placed(machine: Machine, case: Proved, span: Span) -> Machine:
     """The machine in a recording: a load that changes does so at that recording's own time."""
     held = any(bag.recording is span.recording for bag in case.proving)
     if case.onset is None or not held:
@@ -90,7 +111,7 @@ def placed(machine: Machine, case: Case, span: Span) -> Machine:
     return machine if effects == machine.effects else machine.with_effects(effects)
 
 
-def spans_of(case: Case) -> Spans:
+def spans_of(case: Proved) -> Spans:
     """What was fitted and what is judged, recording by recording."""
     training, judged, everything = [], [], []
     for bag, select in zip(case.bags, case.judged, strict=True):
@@ -110,7 +131,7 @@ def spans_of(case: Case) -> Spans:
     return Spans(training, judged, everything)
 
 
-def worsening(case: Case, before: Point, after: Point) -> float:
+def worsening(case: Proved, before: Point, after: Point) -> float:
     """Factor by which free runs over data not used err more at ``after`` than at ``before``: geometric mean of the channels.
 
     A run that ends early counts as ``ENDED`` times one that does not.
@@ -131,7 +152,7 @@ def worsening(case: Case, before: Point, after: Point) -> float:
 
 
 def fit_and_ladder(
-    case: Case, machines: Mapping[str, Machine], runs: Mapping[str, list[FreeRun]], spans: Spans
+    case: Proved, machines: Mapping[str, Machine], runs: Mapping[str, list[FreeRun]], spans: Spans
 ) -> tuple[Fit, tuple[LadderStep, ...]]:
     """Errors of the free runs of every stage, median over the recordings; the ladder of stages."""
     names = [s.recording.name for s in spans.all]
@@ -146,10 +167,10 @@ def fit_and_ladder(
     )
     labels = {"nominal": "nominal", "parameters_only": "parameters only"}
     learnt = bool(machines["explained"].learned)
-    if case.taken or learnt:
-        names_ = [label_of(w.fitted.effect) for w in case.taken] + (["term learnt from data"] if learnt else [])
+    if case.named or learnt:
+        names_ = [label_of(effect) for effect in case.named] + (["term learnt from data"] if learnt else [])
         labels["explained"] = "+ " + ", ".join(names_)
-    order = [k for k in machines if k != "explained"] + (["explained"] if case.taken or learnt else [])
+    order = [k for k in machines if k != "explained"] + (["explained"] if case.named or learnt else [])
     ladder = tuple(LadderStep(labels.get(k, k.replace("_", " ")), training[k], held[k]) for k in order)
     fit = Fit(
         {k: training[k] for k in STAGES}, {k: held[k] for k in STAGES}, floor,
@@ -175,7 +196,7 @@ def _channels(
 
 
 def bag_result(
-    case: Case, i: int, cells: list[NDArray[np.int64]], inputs: list[dict[str, Array]], nominal: Array,
+    case: Proved, i: int, cells: list[NDArray[np.int64]], inputs: list[dict[str, Array]], nominal: Array,
     runs: Mapping[str, list[FreeRun]],
 ) -> BagResult:  # fmt: skip
     """A recording that was fitted. nominal: (n, NY) its whitened innovations under the nominal machine."""
@@ -194,7 +215,7 @@ def bag_result(
     )  # fmt: skip
 
 
-def proving_result(case: Case, i: int, runs: Mapping[str, list[FreeRun]]) -> BagResult:
+def proving_result(case: Proved, i: int, runs: Mapping[str, list[FreeRun]]) -> BagResult:
     """A recording that nothing was fitted to."""
     bag: Bag = case.proving[i]
     k = len(case.bags) + i

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_checks.doubts import first_look
-from boom_diagnosis import answer
+from boom_diagnosis import answer, weighed_answer
 from boom_diagnosis.bag_samples import PERIOD, Bag, prepare
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import all_coordinates
@@ -22,6 +22,7 @@ from boom_diagnosis.learning import learn_plainly
 from boom_diagnosis.nuisances import tolerances
 from boom_diagnosis.onset import near_onset, time_in
 from boom_diagnosis.search import Fitted
+from boom_diagnosis.weighed_case import WeighedCase, searched
 from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT
 from boom_estimation.free_run import plant_for
 from boom_model.catalogue import EFFECTS
@@ -65,11 +66,13 @@ def diagnose(
     version: str = "",
     inputs_sha256: Mapping[str, str] | None = None,
     command: str = "",
+    engine: str = "rounds",
 ) -> DiagnosisResult:
     """Finds what ``machine`` lacks to explain ``recordings`` and proves it on ``held_out``.
 
     held_out: recordings that nothing is fitted to; without them the last third of each recording is held out.
     progress: called with what is being done and the share of the work that is done.
+    engine: "rounds", the search that adds effect after effect, or "likelihood", one likelihood for all hypotheses.
 
     Raises:
         MachineError: a pose or load that the machine cannot have.
@@ -81,7 +84,7 @@ def diagnose(
     if any(check.spoils for _, check in checks):
         result = answer.spoilt(machine, about)
     else:
-        result = _searched(recordings, machine, held_out, progress, about)
+        result = _searched(recordings, machine, held_out, progress, about, engine)
     return replace(result, looks=looks, document=replace(result.document, checks=checks))
 
 
@@ -91,14 +94,20 @@ def _searched(
     held_out: Sequence[Recording],
     progress: Progress,
     about: answer.About,
+    engine: str,
 ) -> DiagnosisResult:
     """The answer of recordings that nothing has to be repaired in."""
-    prepared = [prepare(recording) for recording in recordings]
+    prepared = [prepare(recording, machine) for recording in recordings]
     weak = [r.name for r, bag in zip(recordings, prepared, strict=True) if bag is None or not excited(bag)]
     bags = [bag for bag in prepared if bag is not None and excited(bag)]
     if not bags:
         return answer.not_enough_excitation(recordings, machine, about)
-    proving = [bag for bag in (prepare(recording) for recording in held_out) if bag is not None and excited(bag)]
+    proven = (prepare(recording, machine) for recording in held_out)
+    proving = [bag for bag in proven if bag is not None and excited(bag)]
+    if engine == "likelihood":
+        weighed = _weighed_case(machine, bags, proving, about.seed)
+        searched(weighed, progress)
+        return weighed_answer.assemble(weighed, about, weak)
     case = _case(machine, bags, proving, about.seed)
     search(case, progress)
     progress("locating", 0.8)
@@ -346,6 +355,11 @@ def _plain(case: Case) -> bool:
     case.spared = {k: v for k, v in case.spared.items() if k == 0}
     del case.trained[1:]
     return True
+
+
+def _weighed_case(machine: Machine, bags: list[Bag], proving: list[Bag], seed: int) -> WeighedCase:
+    c = _case(machine, bags, proving, seed)
+    return WeighedCase(machine, c.pose, bags, proving, c.select, c.training, c.judged, c.nuisances, seed)
 
 
 def _case(machine: Machine, bags: list[Bag], proving: list[Bag], seed: int) -> Case:

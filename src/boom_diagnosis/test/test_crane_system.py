@@ -13,7 +13,7 @@ from boom_diagnosis.crane_system import CraneSystem, catalogue_effects, toleranc
 from boom_estimation.linearising import HypothesisProblem
 from boom_estimation.numbers import SizePriors
 from boom_estimation.posterior import fit
-from boom_estimation.recursion import LinearisedPass
+from boom_estimation.recursion import LinearisedPass, difference_columns
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
@@ -72,9 +72,23 @@ def test_a_late_pressure_is_told_from_the_slope_and_not_from_the_noise_of_shifte
 ) -> None:
     model = system.models(())[0]
     ((base, moved),) = model.beside({}, [{"effects.pressure_delay.T": 1e-3}], linearised.pass_gain)
-    change = (moved.innovations - base.innovations)[model.counted]
+    assert moved.beside is not None and np.array_equal(moved.innovations, base.innovations)
+    change = moved.beside[model.counted]
     assert np.abs(change[:, :2]).max() == 0.0
     assert 0.0 < np.abs(change[:, 2:]).max() < 2e5  # 1 ms of at most 2000 bar/s
+
+
+def test_what_late_pressures_change_in_the_innovations_is_no_change_of_the_states(
+    system: CraneSystem, linearised: LinearisedPass
+) -> None:
+    model, gain = system.models(())[0], linearised.pass_gain
+    pairs = model.beside({}, [{"effects.pressure_delay.T": 1e-3}], gain)
+    found = difference_columns(
+        model.name, pairs, np.array([1e-3]), gain, linearised.pass_transition, linearised.pass_output
+    )
+    assert np.abs(found.ends).max() == 0.0
+    assert pairs[0][1].beside is not None
+    assert found.outputs[:, :, 0] == pytest.approx(-1e3 * pairs[0][1].beside * linearised.along.valid)
 
 
 def test_each_effect_that_the_machine_can_have_is_searched_with_starts_inside_its_range(tz17: Machine) -> None:

@@ -32,9 +32,9 @@ from boom_model.plant import Plant
 from boom_recording.loading import load
 from boom_recording.recording import Recording
 from boom_recording.writing import from_columns
+from boom_report.channels import probability
 from boom_report.diagnosis.report import html
 from boom_report.diagnosis.terminal import print_diagnosis
-from boom_report.diagnosis.words import probability
 
 OUTPUTS = ("angle", "rate", "hose_pressure", "rod_pressure")
 

@@ -22,7 +22,7 @@ def test_what_is_damaged_or_left_out_of_a_recording_is_said(case: Any) -> None:
         [bag("a", [], 150), bag("b", ["cut.mcap: the file is cut"], 0)],
         [bag("c", ["no index"], 0)],
     )
-    left_out, evaporating, *damaged = answer._notes(case, ["still"])
+    left_out, evaporating, *damaged = answer.notes_of(case.bags, case.proving, ["still"])
     assert left_out.startswith("still is left out")
     assert evaporating.startswith("a: 1.5 s are left out") and "evaporates" in evaporating
     assert damaged == ["b: cut.mcap: the file is cut", "c: no index"]

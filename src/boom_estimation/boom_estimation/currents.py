@@ -1,15 +1,20 @@
-"""The recorded inputs of the model: currents, held from stamp to stamp, and pressures that drive it where they were recorded."""
+"""The recorded inputs of the model: currents, held from stamp to stamp, and what else drives it where it was recorded.
+
+That is the supply and tank pressure, and the motion of the other joints (``boom_model.joint_motion``).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_model import joint_motion as other_joints
+from boom_model.errors import MachineError
 from boom_model.machine import Machine
 from boom_model.structure import CURRENTS, DRIVING
+from boom_recording.joint_motion import joint_motion
 from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -22,10 +27,14 @@ MEASURED = 0.9
 
 @dataclass(frozen=True)
 class HeldCurrents:
-    """Inputs: time (m,) [s] from which each acts, values (m, NU): retract, extend [A], then pressures [Pa] that drive the model."""
+    """Inputs: time (m,) [s] from which each acts, values (m, NU) as ``Structure.inputs``: retract, extend [A], what else drives.
+
+    still: (m,) whether the other joints stand still.
+    """
 
     time: Array
     values: Array
+    still: NDArray[np.bool_] | None = None
 
     def at(self, time: float) -> tuple[float, ...]:
         """The inputs that act at a time [s]; before the first sample the first."""
@@ -37,6 +46,13 @@ class HeldCurrents:
         later = self.time >= start
         above = np.flatnonzero(later & (self.values[:, : len(CURRENTS)].max(axis=1) > current))
         return float(self.time[above[0]]) if len(above) else float("inf")
+
+    def joints_move_from(self, start: float) -> float:
+        """When another joint first moves at or after ``start`` [s]; infinity if never."""
+        if self.still is None:
+            return float("inf")
+        moving = np.flatnonzero((self.time >= start) & ~self.still)
+        return float(self.time[moving[0]]) if len(moving) else float("inf")
 
     def stretches(self, end: float) -> list[tuple[float, float]]:
         """(start, end) [s] of the stretches without a gap, none without samples; the last ends at ``end`` at the latest."""
@@ -54,12 +70,38 @@ def driven(machine: Machine, recording: Recording) -> Machine:
     return machine.driven_by([name for name in DRIVING if name in signals and signals[name].valid.mean() > MEASURED])
 
 
-def held_inputs(recording: Recording, inputs: Sequence[str]) -> HeldCurrents:
-    """The inputs (``Structure.inputs``) of a recording where both currents are valid; pressures between their samples by lines."""
+def with_joints(machine: Machine, recording: Recording) -> Machine:
+    """The machine, driven by the motion of its other joints where they move in the recording.
+
+    Raises:
+        MachineError: they move, and the file does not tell the bodies.
+    """
+    if joint_motion(recording) is None:
+        return machine
+    if not other_joints.known(machine.document):
+        raise MachineError(
+            f"{recording.name}: other joints than the boom's move, and {machine.name} does not tell the bodies: "
+            "add rigid_body.planar to the machine file, or cut the recording to where they stand still"
+        )
+    return machine.with_moving_joints()
+
+
+def held_inputs(recording: Recording, machine: Machine) -> HeldCurrents:
+    """The inputs (``Structure.inputs``) of a recording where both currents are valid.
+
+    Pressures between their samples by lines; the joints' motion as it is in the middle of the time for which it is held.
+    """
     held = held_currents(recording)
-    pressures = [recording.signals[name] for name in inputs[len(CURRENTS) :]]
+    pressures = [recording.signals[name] for name in machine.structure.driven]
     columns = [np.interp(held.time, s.time[s.valid], s.values[s.valid]) for s in pressures]
-    return HeldCurrents(held.time, np.ascontiguousarray(np.column_stack((held.values, *columns))))
+    still = None
+    motion = joint_motion(recording) if machine.structure.moving_joints else None
+    if motion is not None and len(held.time):
+        pose = recording.configuration.outer_boom_angle, recording.configuration.telescope_length
+        ends = np.append(held.time[1:], held.time[-1])
+        columns.append(other_joints.inputs(machine.document, pose, *motion.at(0.5 * (held.time + ends))))
+        still = other_joints.still(columns[-1])
+    return HeldCurrents(held.time, np.ascontiguousarray(np.column_stack((held.values, *columns))), still)
 
 
 def held_currents(recording: Recording) -> HeldCurrents:

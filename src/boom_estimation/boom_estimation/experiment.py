@@ -100,11 +100,16 @@ class PreparedRecording:
             return segment.moving_state
         rest = self.plant.rest_state
         angle, hose, rod = segment.rest["angle"], segment.rest["hose_pressure"], segment.rest["rod_pressure"]
-        outputs = self.plant.outputs(rest(angle, hose, rod, parameters), parameters=parameters)
+        acting = self.currents.at(segment.start)
+        outputs = self.plant.outputs(rest(angle, hose, rod, parameters, acting), parameters=parameters)
         seen = dict(zip(OUTPUTS, outputs.tolist(), strict=True))
         # a biased sensor is seen through
         return rest(
-            2 * angle - seen["angle"], 2 * hose - seen["hose_pressure"], 2 * rod - seen["rod_pressure"], parameters
+            2 * angle - seen["angle"],
+            2 * hose - seen["hose_pressure"],
+            2 * rod - seen["rod_pressure"],
+            parameters,
+            acting,
         )
 
     def initial_spread(self, segment: Segment) -> Array:
@@ -165,7 +170,7 @@ def prepare(
         MachineError: a pose or load that the machine cannot have.
     """
     plant = plant_for(recording, driven(machine, recording), "full")
-    currents = held_inputs(recording, plant.machine.structure.inputs)
+    currents = held_inputs(recording, plant.machine)
     period = float(np.median(np.diff(currents.time))) if len(currents.time) > 1 else 0.01
     segments = []
     for start, end in currents.stretches(recording.duration):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_estimation.currents import HeldCurrents, driven, held_inputs
+from boom_estimation.currents import HeldCurrents, driven, held_inputs, with_joints
 from boom_estimation.initial_state import InitialState, initial_state
 from boom_input.channels import PREDICTED
 from boom_model.equations import Kind
@@ -69,7 +69,7 @@ class FreeRun:
 
 
 def predict(recording: Recording, machine: Machine, kind: Kind, *, through_evaporation: bool = False) -> FreeRun:
-    """Free runs of one model over a recording, at the stamps of its channels; measured supply and tank pressures drive it.
+    """Free runs of one model over a recording, at the stamps of its channels; measured pressures and joints drive it, too.
 
     through_evaporation: the runs continue where the oil of the head side would evaporate.
 
@@ -79,7 +79,7 @@ def predict(recording: Recording, machine: Machine, kind: Kind, *, through_evapo
     plant = plant_for(recording, driven(machine, recording), kind)
     if through_evaporation:
         plant = plant.through_evaporation()
-    currents = held_inputs(recording, plant.machine.structure.inputs)
+    currents = held_inputs(recording, plant.machine)
     times = {name: recording.signals[name].time for name in OUTPUTS}
     values = {name: np.full(len(time), np.nan) for name, time in times.items()}
     runs: list[str] = []
@@ -138,10 +138,12 @@ def metrics(recording: Recording, values: Mapping[str, Array]) -> Metrics:
 def plant_for(recording: Recording, machine: Machine, kind: Kind) -> Plant:
     """The model in the configured pose and with the load of a recording: the configured one (unknown: none), and its steps.
 
+    Other joints that move in the recording are among its inputs.
+
     Raises:
-        MachineError: a pose or load that the machine cannot have.
+        MachineError: a pose or load that the machine cannot have, or joints that move and bodies that the file does not tell.
     """
     c = recording.configuration
-    machine = machine.carrying(recording.name)
+    machine = with_joints(machine.carrying(recording.name), recording)
     load = 0.0 if math.isnan(c.load_mass) else c.load_mass
     return Plant(machine, machine.pose(c.outer_boom_angle, c.telescope_length, load), kind)

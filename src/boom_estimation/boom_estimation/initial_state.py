@@ -58,20 +58,23 @@ def initial_state(
     resting = rest_end(currents, start, end)
     means = means_at_rest(recording, start, resting)
     if means is not None:
-        state = plant.rest_state_measured(means["angle"], means["hose_pressure"], means["rod_pressure"])
+        state = plant.rest_state_measured(
+            means["angle"], means["hose_pressure"], means["rod_pressure"], inputs=currents.at(start)
+        )
         return InitialState(start, state, f"at rest from {start:.2f} s to {resting:.2f} s")
     return _in_motion(recording, plant, currents, start, end)
 
 
-def resting_start(recording: Recording) -> dict[str, float] | None:
+def resting_start(recording: Recording, currents: HeldCurrents | None = None) -> dict[str, float] | None:
     """Mean of each output [SI] while the boom rests at the beginning of a recording; None if it does not."""
-    currents = held_currents(recording)
+    currents = held_currents(recording) if currents is None else currents
     return means_at_rest(recording, 0.0, rest_end(currents, 0.0, recording.duration))
 
 
 def rest_end(currents: HeldCurrents, start: float, end: float) -> float:
-    """Time [s] until which the boom may rest at the beginning of [start, end]: no current has opened the valve yet."""
-    return min(start + REST_WINDOW, currents.first_above(CLOSED_CURRENT, start), end)
+    """Time [s] until which the crane may rest at the beginning of [start, end]: no valve opened yet, no other joint moves."""
+    opened = currents.first_above(CLOSED_CURRENT, start)
+    return min(start + REST_WINDOW, opened, currents.joints_move_from(start), end)
 
 
 def means_at_rest(recording: Recording, start: float, end: float) -> dict[str, float] | None:
@@ -128,7 +131,9 @@ def _in_motion(
 
 def stationary_guess(plant: Plant, measured: dict[str, float], current: tuple[float, ...]) -> Array:
     """State with pilot stage, spool and accumulators at rest under the currents [A] that act, and p_a = p_h."""
-    state = plant.rest_state_measured(measured["angle"], measured["hose_pressure"], measured["rod_pressure"])
+    state = plant.rest_state_measured(
+        measured["angle"], measured["hose_pressure"], measured["rod_pressure"], inputs=current
+    )
     index = {name: i for i, name in enumerate(plant.state_names)}
     state[index["rate"]] = measured["rate"]
     # the valve alone, followed for long enough under the held currents, is stationary; the rest of the state is put

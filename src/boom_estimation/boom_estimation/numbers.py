@@ -86,12 +86,19 @@ class SizePriors:
     """Priors of the discrepancies' sizes s_k (q,), in v = log s.
 
     Where ``mean`` is given s is exponential, p(v) = (s / mean) exp(-s / mean); where ``median`` is, v is normal about its logarithm
-    with ``spread``; where neither is (nan), v is flat on ``RANGE``.
+    with ``spread``; where neither is (nan), v is flat on ``RANGE``. most: largest v, ``RANGE``'s where it is not given.
     """
 
     mean: Array
     median: Array
     spread: Array
+    most: Array | None = None
+
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Least and largest v (q,)."""
+        high = np.full(len(self.mean), RANGE[1])
+        return np.full(len(high), RANGE[0]), high if self.most is None else np.minimum(high, self.most)
 
     def density(self, v: Array) -> float:
         """Logarithm of the density [nats] of v (q,)."""

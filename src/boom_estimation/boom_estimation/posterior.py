@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_estimation.linearising import HypothesisProblem, Known, linearise
-from boom_estimation.numbers import RANGE, Priors, SizePriors
+from boom_estimation.numbers import Priors, SizePriors
 from boom_estimation.recursion import Filtered, LinearisedPass, huber_weights
 
 Array = NDArray[np.float64]
@@ -70,22 +70,35 @@ class HypothesisFit:
         return np.concatenate([inside, np.ones(len(self.v), dtype=bool)])
 
     @property
-    def evidence(self) -> float:
-        """Log marginal likelihood [nats], but for a constant that all hypotheses share."""
-        free = self.free
-        h = self.hessian[np.ix_(free, free)]
+    def _precision(self) -> tuple[NDArray[np.bool_], Array, Array]:
+        """The free coordinates, the roots of the diagonal of their precision, and that precision scaled to a unit diagonal.
+
+        Along a coordinate that the experiments do not tell, Laplace's integral is as wide as a flat prior's range, not infinite.
+        """
+        p, free = Priors.of(self.problem.numbers), self.free
+        h = self.hessian.copy()
+        flat = np.flatnonzero(p.precision == 0.0)
+        h[flat, flat] += 2.0 * pi / np.square(p.high[flat] - p.low[flat])
+        h = h[np.ix_(free, free)]
         scale = np.sqrt(np.diag(h))
-        log_det = float(np.linalg.slogdet(h / np.outer(scale, scale))[1] + 2.0 * np.sum(np.log(scale)))
-        return self.objective + 0.5 * float(free.sum()) * log(2.0 * pi) - 0.5 * log_det
+        return free, scale, h / np.outer(scale, scale)
+
+    @property
+    def evidence(self) -> float:
+        """Log marginal likelihood [nats], but for a constant that all hypotheses share; minus infinity where it is not defined."""
+        free, scale, unit = self._precision
+        sign, log_det = np.linalg.slogdet(unit)
+        if sign <= 0.0 or not np.isfinite(self.objective):
+            return -np.inf
+        log_det += 2.0 * float(np.sum(np.log(scale)))
+        return self.objective + 0.5 * float(free.sum()) * log(2.0 * pi) - 0.5 * float(log_det)
 
     @property
     def covariance(self) -> Array:
         """(m + q, m + q) of the free coordinates; zero for those at an end of their range."""
-        free = self.free
-        h = self.hessian[np.ix_(free, free)]
-        scale = np.sqrt(np.diag(h))
+        free, scale, unit = self._precision
         result = np.zeros_like(self.hessian)
-        result[np.ix_(free, free)] = np.linalg.inv(h / np.outer(scale, scale)) / np.outer(scale, scale)
+        result[np.ix_(free, free)] = np.linalg.inv(unit) / np.outer(scale, scale)
         return result
 
     @property
@@ -182,8 +195,9 @@ def _climb(
     priors, c = around.priors, around.c
     m = len(c)
     reach = radius * priors.width
-    low = np.concatenate([np.maximum(priors.low, c - reach), np.full(len(v), RANGE[0])])
-    high = np.concatenate([np.minimum(priors.high, c + reach), np.full(len(v), RANGE[1])])
+    least, most = around.sizes.limits
+    low = np.concatenate([np.maximum(priors.low, c - reach), least])
+    high = np.concatenate([np.minimum(priors.high, c + reach), most])
     at = _local(around, c, v, True, None if sized else np.zeros(len(v), dtype=bool))
     if not sized:
         low[m:] = high[m:] = v
@@ -255,6 +269,14 @@ def fit(
     )
 
 
+def nearby(problem: HypothesisProblem, fitted: HypothesisFit, v: Array) -> HypothesisFit:
+    """A problem with the numbers of a fitted one and other priors of sizes, from log sizes v, on the linearisations of that fit."""
+    around = _Around(Priors.of(problem.numbers), problem.sizes, fitted.linearised, fitted.c)
+    c, v, _ = _climb(around, v, radius=FIRST_RADIUS)
+    at = _local(around, c, v, True)
+    return HypothesisFit(problem, c, v, at.log_likelihood, at.value - at.log_likelihood, at.curvature, ())
+
+
 def _turns(
     problem: HypothesisProblem,
     c: Array,
@@ -271,7 +293,9 @@ def _turns(
     radius = FIRST_RADIUS
     for _ in range(turns):
         nc, nv, promised = _climb(around, v, radius=radius, sized=sized)
-        if promised - at.value < SETTLED or hopeless(promised):
+        if promised - at.value < SETTLED:
+            break
+        if hopeless(promised) and np.all(np.abs(nc - around.c) < 0.9 * radius * around.priors.width):
             break
         other, there = _at(problem, around, nc, nv)
         ratio = -np.inf if there is None else (there.value - at.value) / (promised - at.value)
@@ -298,27 +322,6 @@ def _at(problem: HypothesisProblem, around: _Around, c: Array, v: Array) -> tupl
         return other, _local(other, c, v, False)
     except FloatingPointError:
         return None, None
-
-
-def best_start(problem: HypothesisProblem, points: Sequence[Array], v: Array, known: Known = None) -> Array:
-    """The most probable of several points (m,).
-
-    Raises:
-        FloatingPointError: the model cannot be run at any of them.
-    """
-    if len(points) == 1:
-        return points[0]
-    best, reached = None, -np.inf
-    for c in points:
-        try:
-            value = _local(_around(problem, c, v, None, known), c, v, False).value
-        except FloatingPointError:
-            continue
-        if best is None or value > reached:
-            best, reached = c, value
-    if best is None:
-        raise FloatingPointError("the model cannot be run at any of these points")
-    return best
 
 
 def _around(problem: HypothesisProblem, c: Array, v: Array, gains: Sequence[Array] | None, known: Known) -> _Around:

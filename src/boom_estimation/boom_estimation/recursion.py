@@ -231,4 +231,6 @@ def difference_columns(
             _pointer(base.innovations), _pointer(other.innovations), _pointer(found.ends), _pointer(found.outputs),
             _pointer(found.begin),
         )  # fmt: skip
+        if other.beside is not None:
+            found.outputs[:, :, k] -= other.beside * both / steps[k]
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import exp, log, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,10 +43,11 @@ class SearchedEffect:
 
 @dataclass(frozen=True)
 class ProposedEffect:
-    """What the score test expects of an effect: nats gained, and values to start from."""
+    """What the score test expects of an effect: nats gained, the same of the evidence, and values to start from."""
 
     effect: str
     gain: float
+    evidence: float
     values: dict[str, float]
 
 
@@ -64,8 +66,21 @@ def proposals(at: HypothesisFit, wanted: Sequence[SearchedEffect]) -> list[Propo
             values[name] = effect.neutral[name] + share * (start[name] - effect.neutral[name])
         values, gain = _allowed(effect, start, values, share, gain)
         if effect.id not in found or found[effect.id].gain < gain:
-            found[effect.id] = ProposedEffect(effect.id, gain, values)
+            found[effect.id] = ProposedEffect(effect.id, gain, gain - _cost(effect, values, gain), values)
     return sorted(found.values(), key=lambda p: -p.gain)
+
+
+def _cost(effect: SearchedEffect, values: Values, gain: float) -> float:
+    """What the leading numbers' ranges cost the evidence (Laplace): log(range / (sqrt(2 pi) sigma)), sigma by the parabola."""
+    cost = 0.0
+    for n in effect.numbers:
+        away = abs(values[n.name] - effect.neutral[n.name])
+        if n.name in effect.leading and away > 0.0:
+            sigma = away / sqrt(2.0 * max(gain, 0.5))
+            if n.value is exp:
+                sigma /= max(values[n.name], 1e-12)
+            cost += max(0.0, log((n.high - n.low) / (sqrt(2.0 * pi) * max(sigma, 1e-12))))
+    return cost
 
 
 def _allowed(

@@ -7,15 +7,17 @@ likelihood it must reach.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from boom_estimation.linearising import HypothesisProblem
 from boom_estimation.numbers import Number, Priors, SizePriors
-from boom_estimation.posterior import TURNS, HypothesisFit, best_start, fit
+from boom_estimation.posterior import HypothesisFit, fit, nearby
 from boom_estimation.score_test import SearchedEffect, proposals
 from boom_estimation.system import System, Values
 
@@ -23,18 +25,21 @@ Array = NDArray[np.float64]
 
 
 SHARES = (1.0, 0.3, 0.05)
-"""Of the size that the score test proposes, from which an effect is fitted: the best of them."""
+"""Of the size that the score test proposes, from which an effect is fitted: the first that leads to more than nothing."""
 
 
-MOST_EFFECTS = 3
+MOST_EFFECTS, ROUNDS = 3, 5
+"""Effects and places of a hypothesis, rounds of the search."""
 FITTED, FITTED_BESIDE = 6, 4
 """Proposals that are fitted: alone, and beside effects."""
 SETTLING, RIVALS, NEAR = 2, 3, 30.0
 """Times that the best one's rivals are fitted from where it is, how many of them, and how far behind they may be [nats]."""
-LEVELS = (0.1, 0.02, 0.004)
+LEVELS = (0.02,)
 """Sizes of the discrepancies at which the numbers are fitted first."""
-LEAST_GAIN = 1.0
-"""Nats that a proposal must promise."""
+WORTH = 3.0
+"""Nats: a hypothesis that promises to stay this far behind the likeliest is not fitted."""
+UNDERRATED = 3.0
+"""Times that what an effect gains may be more than a score test promised, which sees it as linear."""
 UNKNOWN_FROM = 0.02
 """Size from which a discrepancy is fitted where physics is unknown."""
 
@@ -98,6 +103,7 @@ class Search:
     assumed: Assumed = field(default_factory=Assumed)
     report: Callable[[str], None] = lambda _: None
     weighed: dict[Hypothesis, WeighedHypothesis] = field(default_factory=dict)
+    _begun: dict[Hypothesis, tuple[Hypothesis, float]] = field(default_factory=dict)
 
     @cached_property
     def by_id(self) -> dict[str, SearchedEffect]:
@@ -123,8 +129,9 @@ class Search:
         unknown = np.array([place in hypothesis.unknown for place in places] + [False] * wandering)
         mean = np.array([self.assumed.nothing] * len(places) + [self.assumed.form] * wandering)
         median, spread = self.assumed.unknown
+        most = np.array([np.inf] * len(places) + [0.0] * wandering)  # a form's error is no larger than the effect
         return SizePriors(
-            np.where(unknown, np.nan, mean), np.where(unknown, median, np.nan), np.full(len(mean), spread)
+            np.where(unknown, np.nan, mean), np.where(unknown, median, np.nan), np.full(len(mean), spread), most
         )
 
     def log_prior(self, hypothesis: Hypothesis) -> float:
@@ -140,30 +147,50 @@ class Search:
         begin: HypothesisFit | None,
         values: Values | None = None,
         v: Array | None = None,
-        turns: int = TURNS,
         own: bool = False,
     ) -> WeighedHypothesis:
-        """Fits a hypothesis from another one, with ``values`` of what it has beyond; ``own``: these are its own, as they are."""
+        """Fits a hypothesis from another one, with ``values`` of what it has beyond; ``own``: these are its own, as they are.
+
+        The fit ends where it cannot come near the likeliest one any more.
+
+        Raises:
+            FloatingPointError: the model cannot be run with it.
+        """
         problem = self.problem(hypothesis)
         if v is None:
             v = np.full(len(self.system.places), np.log(self.assumed.nothing)) if begin is None else begin.v
         v = self._sizes_from(problem, np.maximum(v, np.log(self.assumed.nothing)))
         effects = {n.name for effect in hypothesis.effects for n in self.by_id[effect].numbers}
         wanted = {name: value for name, value in (values or {}).items() if name in effects}
-        points = [
-            self._start(problem, begin, nearer) for nearer in ([wanted] if own else self._nearer(hypothesis, wanted))
-        ]
-        known = None if begin is None else begin.linearised
-        start = best_start(problem, points, v, known)
-        found = fit(problem, start, v, levels=LEVELS if begin is None else (), turns=turns, known=known)
-        result = WeighedHypothesis(hypothesis, found, self.log_prior(hypothesis))
-        before = self.weighed.get(hypothesis)
+        if begin is None:
+            found = fit(problem, self._start(problem, None, wanted), v, levels=LEVELS)
+            return self._kept(WeighedHypothesis(hypothesis, found, self.log_prior(hypothesis)))
+        least = self._best().score - WORTH - self.log_prior(hypothesis) - (begin.evidence - begin.objective)
+        tried = list[HypothesisFit]()
+        for nearer in [wanted] if own else self._nearer(hypothesis, wanted):
+            start = self._start(problem, begin, nearer)
+            with suppress(FloatingPointError):  # as far off as that no machine runs
+                tried.append(fit(problem, start, v, hopeless=lambda promised: promised < least, known=begin.linearised))
+                if tried[-1].log_likelihood > begin.log_likelihood:
+                    break
+        if not tried:
+            raise FloatingPointError(f"the model cannot be run with {hypothesis.label}")
+        found = max(tried, key=lambda at: at.objective)
+        return self._kept(WeighedHypothesis(hypothesis, found, self.log_prior(hypothesis)))
+
+    def _weighed(self, *args: Any, **how: Any) -> None:
+        """As ``weigh``; a hypothesis with which no machine runs is none."""
+        with suppress(FloatingPointError):
+            self.weigh(*args, **how)
+
+    def _kept(self, result: WeighedHypothesis) -> WeighedHypothesis:
+        """The better of what is known of a hypothesis."""
+        before = self.weighed.get(result.hypothesis)
         if before is None or before.score < result.score:
-            self.weighed[hypothesis] = result
-        if begin is not None:
-            self._best()
-        self.report(f"{hypothesis.label}: {result.score:.1f} ({found.log_likelihood:.1f})")
-        return self.weighed[hypothesis]
+            self.weighed[result.hypothesis] = result
+        self._best()
+        self.report(f"{result.hypothesis.label}: {result.score:.1f} ({result.fit.log_likelihood:.1f})")
+        return self.weighed[result.hypothesis]
 
     def _sizes_from(self, problem: HypothesisProblem, v: Array) -> Array:
         """Log sizes to start from: those of the places, and of each number that wanders."""
@@ -194,35 +221,40 @@ class Search:
     def run(self) -> list[tuple[WeighedHypothesis, float]]:
         """The whole search: add, swap and drop, until no hypothesis weighed is likelier than the best."""
         best = self.weigh(Hypothesis(), None)
-        for depth in range(MOST_EFFECTS):
+        for depth in range(ROUNDS):
             begin = best
             self._beside(begin, FITTED if depth == 0 else FITTED_BESIDE)
             best = self._settled()
-            if best.hypothesis == begin.hypothesis:
+            if best.hypothesis == begin.hypothesis and best.score < begin.score + WORTH:
                 break
         return self.posterior()
 
     def _settled(self) -> WeighedHypothesis:
-        """The best hypothesis, once those near it were fitted from where it is, too: all know the same valley then."""
+        """The best hypothesis, once those near it and those without one of its parts were fitted from where it is, too.
+
+        All know the same valley then.
+        """
         for _ in range(SETTLING):
             best = self._best()
             rivals = sorted(self.weighed.values(), key=lambda w: -w.score)
             near = [w.hypothesis for w in rivals[1:] if w.score > best.score - NEAR][:RIVALS]
-            less = [
-                Hypothesis(tuple(e for e in best.hypothesis.effects if e != effect), best.hypothesis.unknown)
-                for effect in best.hypothesis.effects
-            ]  # fmt: skip
-            for hypothesis in dict.fromkeys([*less, *near]):
-                known = self.weighed.get(hypothesis)
-                self.weigh(
-                    hypothesis,
-                    best.fit,
-                    {} if known is None else known.fit.values(self.system.experiments[0]),
-                    own=True,
-                )
+            for hypothesis in dict.fromkeys([*self._less(best.hypothesis), *near]):
+                if self._begun.get(hypothesis) != (best.hypothesis, best.score):
+                    self._begun[hypothesis] = (best.hypothesis, best.score)
+                    known = self.weighed.get(hypothesis)
+                    values = {} if known is None else known.fit.values(self.system.experiments[0])
+                    self._weighed(hypothesis, best.fit, values, own=True)
             if self._best().hypothesis == best.hypothesis:
                 break
         return self._best()
+
+    def _less(self, hypothesis: Hypothesis) -> list[Hypothesis]:
+        """It without one of its parts."""
+        effects, unknown = hypothesis.effects, hypothesis.unknown
+        return [
+            *(Hypothesis(tuple(e for e in effects if e != effect), unknown) for effect in effects),
+            *(Hypothesis(effects, tuple(p for p in unknown if p != place)) for place in unknown),
+        ]
 
     def _best(self) -> WeighedHypothesis:
         """The likeliest; of the others the linearisations are let go, which are 100 MB a minute each."""
@@ -233,26 +265,37 @@ class Search:
         return best
 
     def _beside(self, at: WeighedHypothesis, count: int) -> None:
-        """The likeliest effects beside those of a hypothesis, and unknown physics at each place."""
+        """Unknown physics at each place and effects beside those of a hypothesis, where they may be the likeliest of all."""
         own = at.hypothesis.effects
-        others = [effect for effect in self.effects if effect.id not in own]
-        proposed = proposals(at.fit, others)
-        self.report("proposed: " + ", ".join(f"{p.effect} {p.gain:.1f}" for p in proposed[: count + 3]))
-        for place in self.system.places:
-            if place not in at.hypothesis.unknown:
-                wider = Hypothesis(own, (*at.hypothesis.unknown, place))
-                v = at.fit.v[: len(self.system.places)]
-                wide = np.where([p == place for p in self.system.places], np.maximum(v, np.log(UNKNOWN_FROM)), v)
-                self.weigh(wider, at.fit, v=wide, turns=1)
-        taken = [p for p in proposed[:count] if p.gain > LEAST_GAIN]
-        for proposal in taken:
+        if len(own) + len(at.hypothesis.unknown) >= MOST_EFFECTS:
+            return
+        proposed = proposals(at.fit, [effect for effect in self.effects if effect.id not in own])[:count]
+        self.report("proposed: " + ", ".join(f"{p.effect} {p.gain:.1f} ({p.evidence:.1f})" for p in proposed))
+        wider = [self._wider(at, place) for place in self.system.places if place not in at.hypothesis.unknown]
+        for proposal in proposed:
             added = Hypothesis(tuple(sorted((*own, proposal.effect))), at.hypothesis.unknown)
-            if added not in self.weighed:
-                self.weigh(added, at.fit, proposal.values)
-            if at.hypothesis.unknown:  # what it explains is not unknown
-                alone = Hypothesis(added.effects)
-                if alone not in self.weighed:
-                    self.weigh(alone, at.fit, proposal.values)
+            for hypothesis in dict.fromkeys([added, Hypothesis(added.effects)]):  # what it explains is not unknown
+                gain = proposal.evidence + self.log_prior(hypothesis) - at.log_prior
+                if hypothesis not in self.weighed and self._worth(at, gain):
+                    self._begun[hypothesis] = (at.hypothesis, at.score)
+                    self._weighed(hypothesis, at.fit, proposal.values)
+        for found in wider:
+            if self._worth(at, found.score - at.score):
+                self._weighed(found.hypothesis, at.fit, v=found.fit.v)
+
+    def _worth(self, at: WeighedHypothesis, gain: float) -> bool:
+        """Whether what promises so much over a hypothesis may come near the likeliest."""
+        return gain > (self._best().score - at.score) / UNDERRATED - WORTH
+
+    def _wider(self, at: WeighedHypothesis, place: str) -> WeighedHypothesis:
+        """What unknown physics at one more place promises beside a fitted hypothesis, on its own linearisation."""
+        hypothesis = Hypothesis(at.hypothesis.effects, (*at.hypothesis.unknown, place))
+        v = at.fit.v.copy()
+        k = self.system.places.index(place)
+        v[k] = max(v[k], np.log(UNKNOWN_FROM))
+        found = WeighedHypothesis(hypothesis, nearby(self.problem(hypothesis), at.fit, v), self.log_prior(hypothesis))
+        self.report(f"{hypothesis.label} promises {found.score - at.score:.1f}")
+        return found
 
     def posterior(self) -> list[tuple[WeighedHypothesis, float]]:
         """Everything that was weighed with its probability, the likeliest first."""

@@ -28,6 +28,7 @@ class Pass:
         states: (n, NX) at the beginning of each interval. innovations: (n, NY), 0 where nothing was measured.
         valid: (n, NY) whether it was. share: (n, NY) when in the interval.
         complete: False if the model could not be run to the end.
+        beside: (n, NY) by how much the innovations would differ with no change of the states; None for not at all.
     """
 
     states: Array
@@ -35,6 +36,7 @@ class Pass:
     valid: Flags
     share: Array
     complete: bool
+    beside: Array | None = None
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ def test_measured_supply_takes_the_place_of_the_files(recording: Recording) -> N
 def test_inputs_are_the_currents_and_the_pressures_across_their_gaps(recording: Recording) -> None:
     machine = driven(load_machine("loader_crane"), recording)
     assert machine.structure.inputs == ("retract_current", "extend_current", "supply_pressure")
-    held = held_inputs(recording, machine.structure.inputs)
+    held = held_inputs(recording, machine)
     assert held.values.shape[1] == 3
     np.testing.assert_allclose(held.values[:, 2], LOW)
     assert held.first_above(0.05, 0.0) == pytest.approx(1.51, abs=0.02)

@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_estimation.joint_torque import joint_torque
 from boom_identification import signals
 from boom_input.channels import CURRENTS
 from boom_model.component_numbers import component_parameters
@@ -196,6 +197,8 @@ def _points(recording: Recording, machine: Machine) -> tuple[dict[str, Array], d
     if len(k):
         inner |= plant.auxiliary(states, np.zeros((len(k), 2)))
     columns |= {name: inner[name] for name in ("jacobian", "gravity_torque")}
+    asked = joint_torque(recording, machine, pose)
+    columns["gravity_torque"] += asked.at(*(columns[name] for name in ("time", "angle", "rate", "acceleration")))
     position, beta = inner["piston_position"], p.fluid.beta
     head = (cylinder.head_volume(position, p) + p.cylinder.V_h) / beta
     columns["head_storage"] = head * hose_rate[k] + into_gas[k]

@@ -91,6 +91,7 @@ _UNIT_PRIOR = {"bar": 0.45, "MPa": 0.2, "Pa": 0.15, "kPa": 0.05, "hPa": 0.02, "p
                "gon": 0.02, "rad/s": 0.5, "deg/s": 0.45, "mrad/s": 0.04, "rpm": 0.01, "A": 0.5, "mA": 0.5}  # fmt: skip
 _OTHER_DIMENSION = -8.0
 _MOST = 8
+_CONTRACT = 40.0  # more than all that dynamics and ranges can say together
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,9 @@ class ColumnCandidate:
 
 
 def name_evidence(column: Column, signal: str) -> float:
-    """Log odds of the words of a column for a signal."""
+    """Log odds of the words of a column for a signal; a topic and field of the contract say it beyond doubt."""
+    if column.signal:
+        return _CONTRACT if column.signal == signal else -_CONTRACT
     found = words.features(column.name)
     weights = _OF_SIGNAL[signal]
     own = _QUANTITY.get(signal, "angle" if signal == "reference_angle" else "current")

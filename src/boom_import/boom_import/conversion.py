@@ -21,7 +21,6 @@ _WINDOW = (
     0.1  # s, of the derivative: an angle quantised to 0.4 mrad then gives a rate to 1 mrad/s, and a valve is slower
 )
 _REST = 1e-9  # rad/s
-_DEFAULT_MACHINE = "tz17"
 _MOST_OUTSIDE = 0.02
 _APART = 0.05  # s: further apart than this, nothing is interpolated
 _Series = tuple[Stamps, Floats]
@@ -72,7 +71,7 @@ def _configuration(source: Source, mapping: Mapping) -> Configuration | None:
     made = GivenConfiguration(mapping.q3, mapping.q4, mapping.load).over(source.configuration)
     if made is None:
         return None
-    machine = mapping.machine or made.machine or _DEFAULT_MACHINE
+    machine = mapping.machine or made.machine
     return replace(made, machine=machine, note=f"imported from {quoted(source.path.name, 80)}")
 
 

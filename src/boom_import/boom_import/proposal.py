@@ -114,6 +114,9 @@ class _Scorer:
         self._add_pair(result, EXTEND, RETRACT, _same_unit)
         if self._grid is not None:
             self._add_dynamics(result)
+        for a, angle in enumerate(self._options[ANGLE]):
+            if angle is not None and angle.column.signal == ANGLE:  # which counts upwards by definition
+                result[a, ..., 1] += _NEVER
         return result
 
     def _add_pair(

@@ -32,6 +32,7 @@ _REFUSED = {
     b"LOGG": "it is a CAN log: ./boom import-can turns it into a bag",
     b"#ROSBAG V1": "it is a ROS bag of the old format 1: convert it with ROS 1's rosbag fix",
 }
+_MAT_4 = "MAT file v4"
 _NOTHING = "copy it again from its source, or export it again"
 
 
@@ -67,6 +68,7 @@ def read(paths: list[Path], choice: TimeChoice | None = None, progress: Progress
             c.values,
             c.by_type,
             c.joint,
+            c.signal,
         )
         for path, source in zip(paths, sources, strict=True)
         for c in source.columns
@@ -123,7 +125,7 @@ def kind_of(path: Path) -> str:
         (kind for magic, kind in _KINDS.items() if head.startswith(magic) or head[512:].startswith(magic)), None
     )
     if found is None and path.suffix == ".mat":
-        return "MAT file"  # version 4 has no magic
+        return _MAT_4  # has no magic: what no other kind begins like
     return found or "CSV file"
 
 
@@ -159,4 +161,9 @@ def _one_line(path: Path, kind: str) -> Iterator[None]:
     except Exception as error:
         lines = str(error).strip().splitlines()
         why = quoted(lines[0], 120) if lines else type(error).__name__
-        raise ImportingError(f"{path}: it begins like a {kind}, but cannot be read ({why}): {_NOTHING}") from None
+        is_one = (
+            "it is called .mat, but is no MAT file"
+            if kind == _MAT_4
+            else f"it begins like a {kind}, but cannot be read"
+        )
+        raise ImportingError(f"{path}: {is_one} ({why}): {_NOTHING}") from None

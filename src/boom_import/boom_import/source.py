@@ -27,6 +27,7 @@ class Column:
         values: (n,) as the file has them, finite.
         by_type: the unit is the message type's (``sensor_msgs/FluidPressure`` is Pa), not the author's.
         joint: of the element of a JointState, "" for all else.
+        signal: that topic and field carry by the contract, "" for all others.
     """
 
     key: str
@@ -36,6 +37,7 @@ class Column:
     values: Floats
     by_type: bool = False
     joint: str = ""
+    signal: str = ""
 
 
 @dataclass
@@ -74,12 +76,13 @@ def unique(key: str, taken: set[str]) -> str:
 
 
 def column(
-    key: str, name: str, unit: str, stamps_ns: Stamps, values: Floats, *, by_type: bool = False, joint: str = ""
-) -> Column | None:
+    key: str, name: str, unit: str, stamps_ns: Stamps, values: Floats, *, by_type: bool = False, joint: str = "",
+    signal: str = "",
+) -> Column | None:  # fmt: skip
     """A column of what is finite of `values` (n,), or None where that is less than two samples."""
     there = np.abs(values) < _LARGEST  # false for NaN, too
     if there.sum() < 2:
         return None
     if not there.all():
         stamps_ns, values = stamps_ns[there], values[there]
-    return Column(key, name, unit, stamps_ns, values, by_type, joint)
+    return Column(key, name, unit, stamps_ns, values, by_type, joint, signal)

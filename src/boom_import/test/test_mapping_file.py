@@ -54,6 +54,7 @@ def test_pose_and_load_of_the_source_stay_where_the_mapping_says_nothing() -> No
     made = conversion.convert("made", own, told).configuration
     assert (made.machine, made.outer_boom_angle, made.telescope_length, made.load_mass) == ("crane_7", 0.5, 1.0, 60.0)
     assert conversion.convert("made", source(), told).stored_configuration is None
+    assert conversion.convert("made", source(), replace(told, q3=0.1, q4=0.2)).configuration.machine == ""
 
 
 def test_a_mapping_is_applied() -> None:

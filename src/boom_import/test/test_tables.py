@@ -153,6 +153,7 @@ def test_a_structure_with_time_is_read(tmp_path: Path) -> None:
         ("a.csv", b"", "empty"),
         ("a.csv", b"no table at all\n", "no table of numbers"),
         ("a.mat", b"MATLAB 5.0 MAT-file" + b"\0" * 300, "export it again"),
+        ("a.mat", b"no such thing" * 30, "it is called .mat, but is no MAT file"),
         ("a.mf4", b"MDF     4.10" + b"\xff" * 300, "export it again"),
         ("a.bag", b"#ROSBAG V2.0\n" + b"\xff" * 300, "export it again"),
         ("a.db3", b"SQLite format 3\0" + b"\xff" * 300, "export it again"),

@@ -6,6 +6,7 @@ the type of its topic's messages in ``boom_recording.channels``.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ class Channel:
         topic: that carries it.
         field: of the message; a JointState's list is indexed by the joint's name.
         low, high: plausible range [unit]; outside, a value is a fault of the sensor or the bus, not of the machine.
+        joint: that of a JointState which is meant, by its part of ``JOINT_NAMES``; empty: the boom's own.
     """
 
     name: str
@@ -31,6 +33,7 @@ class Channel:
     field: str
     low: float
     high: float
+    joint: str = dataclasses.field(default="", kw_only=True)
 
     @property
     def is_pressure(self) -> bool:
@@ -133,9 +136,22 @@ CURRENTS: tuple[Channel, ...] = (
 )
 """What drives the model: the measured currents of the solenoids."""
 
+JOINT_NAMES = {"outer_boom": "outer_boom_joint", "telescope": "telescope_joint", "slewing": "slewing_joint"}
+"""The other joints whose motion drives the model where it is recorded, and their names in /joint_states unless others are given."""
+JOINTS: tuple[Channel, ...] = (
+    Channel("outer_boom_angle", "rad", "/joint_states", "position", -7.0, 7.0, joint="outer_boom"),
+    Channel("outer_boom_rate", "rad/s", "/joint_states", "velocity", -3.0, 3.0, joint="outer_boom"),
+    Channel("telescope_length", "m", "/joint_states", "position", -1.0, 50.0, joint="telescope"),
+    Channel("telescope_rate", "m/s", "/joint_states", "velocity", -5.0, 5.0, joint="telescope"),
+    Channel("slewing_angle", "rad", "/joint_states", "position", -100.0, 100.0, joint="slewing"),
+    Channel("slewing_rate", "rad/s", "/joint_states", "velocity", -3.0, 3.0, joint="slewing"),
+)
+"""Position and velocity of each, q_3, q_4 (both stages of the telescope together) and q_1."""
+
 CHANNELS: tuple[Channel, ...] = (
     *SENSORS,
     *CURRENTS,
+    *JOINTS,
     Channel("retract_current_command", "A", "/boom/current_command", "retract", -0.01, 3.0),
     Channel("extend_current_command", "A", "/boom/current_command", "extend", -0.01, 3.0),
     Channel("reference_angle", "rad", "/boom/reference", "position", -3.2, 3.2),

@@ -64,10 +64,10 @@ class CompiledModel:
         self._library.boom_derivative(pointer(p), pointer(x), pointer(u), pointer(f), pointer(jacobian))
         return f, jacobian
 
-    def outputs(self, state: ArrayLike, current: ArrayLike = (0.0, 0.0), parameters: Array | None = None) -> Array:
-        """y (NY,), in the order of ``OUTPUTS``, at one point, without delay."""
-        y = np.empty(len(OUTPUTS))
-        x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(current, dtype=float)
+    def outputs(self, state: ArrayLike, current: ArrayLike | None = None, parameters: Array | None = None) -> Array:
+        """y (NY,), in the order of ``OUTPUTS``, at one point, without delay; with the inputs (NU,), by default zero."""
+        y, given = np.empty(len(OUTPUTS)), np.zeros(len(self.machine.structure.inputs)) if current is None else current
+        x, u = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(given, dtype=float)
         p = self.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
         self._library.boom_outputs(pointer(p), pointer(x), pointer(u), pointer(y))
         return y

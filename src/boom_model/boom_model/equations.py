@@ -14,8 +14,8 @@ from typing import Any, Literal
 
 import casadi as ca
 
+from boom_model import joint_motion, sensors
 from boom_model import learned as learned_terms
-from boom_model import sensors
 from boom_model.catalogue import EFFECTS
 from boom_model.catalogue.terms import Terms
 from boom_model.components import cylinder, equation_of_motion, oil, payload
@@ -132,6 +132,9 @@ class _Wiring:
         for k, name in enumerate(structure.driven, start=len(CURRENTS)):
             section, key = DRIVING[name]
             setattr(getattr(self.p, section), key, self.u[k])
+        self.moved: Any = None
+        if structure.moving_joints:
+            self.moved = joint_motion.apply(self.p, self.u[len(CURRENTS) + len(structure.driven) :])
 
     def add(self, name: str, symbol: str, unit: str, scale: float, low: float = -inf, high: float = inf) -> Any:
         return self.add_state(State(name, symbol, unit, scale, low, high))
@@ -214,6 +217,8 @@ class _Wiring:
         inertia = equation_of_motion.inertia(load, p)
         self.gravity = equation_of_motion.gravity_torque(self.angle, load, p, e)
         torque = equation_of_motion.torque(self.gravity, self.jacobian, self.force, self.friction)
+        if self.moved is not None:
+            torque = torque + joint_motion.torque(self.moved, self.angle, self.rate, load, p)
         self.rates["angle"] = self.rate
         self.rates["rate"] = e.through(
             "angular_acceleration", torque / inertia,

@@ -151,6 +151,10 @@ class Machine:
         """The machine whose model is driven by those pressures of ``structure.DRIVING`` that are measured, not by its constants."""
         return replace(self, structure=self.structure.driven_by(measured))
 
+    def with_moving_joints(self) -> Machine:
+        """The machine whose model is driven by the motion of the other joints, too (``joint_motion``)."""
+        return replace(self, structure=replace(self.structure, moving_joints=True))
+
     def pose(self, outer_boom_angle: float, telescope_length: float, load: float = 0.0) -> Pose:
         """D_0, S and tip for locked joints q_3 [rad], q_4 [m] and the load [kg] that hangs at the tip.
 

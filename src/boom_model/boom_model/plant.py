@@ -10,16 +10,20 @@ import ctypes
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from boom_model import rest
 from boom_model.catalogue import EFFECTS
 from boom_model.catalogue.terms import Terms
 from boom_model.compiled_model import CompiledModel, pointer
 from boom_model.component_numbers import components_of
+from boom_model.delayed import delayed
 from boom_model.equations import Kind
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine, Pose
@@ -28,8 +32,10 @@ from boom_model.state import ELAPSED_TIME
 
 Array = NDArray[np.float64]
 
-_ORDER_3_ABOVE = 5e-7  # at coarser tolerances the method of order 3 is faster, at finer ones that of order 4 (measured)
-_FIRST_STEP = 1e-4
+ORDER_3_ABOVE = 5e-7
+"""At coarser tolerances the method of order 3 is faster, at finer ones that of order 4 (measured)."""
+FIRST_STEP = 1e-4
+"""s."""
 FAST, FINE = 1e-4, 1e-6
 """Tolerances of the error control. Measured over a 60 s recording they give errors of about the same size."""
 PULLED = -1.0e7
@@ -72,12 +78,10 @@ class Plant(CompiledModel):
         self.maximum: Array = np.array([s.maximum for s in states])
         self.minimum[0], self.maximum[0] = machine.angle_limits
         stroke = LARGEST_SPOOL * machine.numbers.main_valve_spool.s_max
-        for k, state in enumerate(states):
-            if "spool_position" in (state.name, state.like):
-                self.minimum[k], self.maximum[k] = -stroke, stroke
-        effects = (EFFECTS[name] for name in self.equations.effects)
-        self.holds = machine.structure.hose_burst_valve.holds or any(effect.holds for effect in effects)
-        self._delay_index = tuple(self._delaying(what) for what in ("command", "pressures"))
+        spools = [state.is_spool for state in states]
+        self.minimum[spools], self.maximum[spools] = -stroke, stroke
+        self.holds = rest.holds(self.equations)
+        self.delay_indices = tuple(self._delaying(what) for what in ("command", "pressures"))
         self.command_delay, self.pressure_delay = self.delays(self.p)
 
     def with_numbers(self, machine: Machine, pose: Pose) -> Plant:
@@ -107,68 +111,71 @@ class Plant(CompiledModel):
     # ------------------------------------------------------------------------------------------------ initial states
 
     def rest_state(
-        self, angle: float, hose_pressure: float, rod_pressure: float, parameters: Array | None = None
-    ) -> Array:
+        self, angle: float, hose_pressure: float, rod_pressure: float, parameters: Array | None = None,
+        inputs: ArrayLike | None = None,
+    ) -> Array:  # fmt: skip
         """State of a boom that has rested: p_a = p_h, p_o,i = max(p_h, p_g0,i), spool and pilot states zero (notes).
 
         Behind a valve that holds the load p_a is what carries the boom, at least p_h.
 
-        angle [rad]; hose_pressure, rod_pressure [Pa gauge], NaN: not measured; parameters (NP,) other numbers than the machine's.
-        One pressure that was not measured balances the other one; behind a valve that holds the load, and where none was measured,
-        it is that of the tank.
+        angle [rad]; hose_pressure, rod_pressure [Pa gauge], NaN: not measured; parameters (NP,) other numbers than the machine's;
+        inputs (NU,) that act, by default none: they tell where the other joints stand. One pressure that was not measured balances
+        the other one; behind a valve that holds the load, and where none was measured, it is that of the tank.
         """
         p, e = self._components(parameters)
-        hose_pressure, rod_pressure = self._balanced(angle, hose_pressure, rod_pressure, parameters)
+        hose_pressure, rod_pressure = self._balanced(angle, hose_pressure, rod_pressure, parameters, inputs)
         values = {"angle": angle, "rod_pressure": rod_pressure, "hose_pressure": hose_pressure}
         values["head_pressure"] = hose_pressure
         if self.holds:
-            values["head_pressure"] = max(self._carrying(angle, rod_pressure, parameters), hose_pressure)
-        for component in self.machine.structure:
-            values |= component.rest(values, p, e)
-        for effect in (EFFECTS[name] for name in self.equations.effects):
-            if effect.at_rest:
-                values |= effect.at_rest(values, p, e)
-        return np.array([values.get(name, 0.0) for name in self.state_names])
+            values["head_pressure"] = max(self._carrying(angle, rod_pressure, parameters, inputs), hose_pressure)
+        return np.array([float(value) for value in rest.settled(self.equations, values, p, e)])
 
-    def _balanced(self, angle: float, hose: float, rod: float, parameters: Array | None) -> tuple[float, float]:
+    def _balanced(
+        self, angle: float, hose: float, rod: float, parameters: Array | None, inputs: ArrayLike | None
+    ) -> tuple[float, float]:
         """p_h, p_b [Pa], of which one that is NaN follows from the other one."""
         if isfinite(hose) and isfinite(rod):
             return hose, rod
         p = dict(zip(self.parameter_names, self.p if parameters is None else parameters, strict=True))
         tank = float(p["fluid.p_t"])
         if not isfinite(rod):
-            lacking = hose - self._carrying(angle, 0.0, parameters)  # of p_a: what p_b holds against
+            lacking = hose - self._carrying(angle, 0.0, parameters, inputs)  # of p_a: what p_b holds against
             known = isfinite(hose) and not self.holds
             rod = max(lacking * float(p["cylinder.A_a"] / p["cylinder.A_b"]), 0.0) if known else tank
         if not isfinite(hose):
-            hose = tank if self.holds else max(self._carrying(angle, rod, parameters), 0.0)
+            hose = tank if self.holds else max(self._carrying(angle, rod, parameters, inputs), 0.0)
         return hose, rod
 
-    def _carrying(self, angle: float, rod_pressure: float, parameters: Array | None = None) -> float:
-        """p_a [Pa] that carries the boom without friction, p_a A_a = g / J + p_b A_b; negative for a boom that hangs."""
-        p = self.p if parameters is None else parameters
-        state, number = np.zeros(len(self.state_names)), dict(zip(self.parameter_names, p, strict=True))
-        state[self.state_names.index("angle")] = angle
-        at_rest = self.auxiliary(state[None], np.zeros((1, len(self.machine.structure.inputs))), p)
-        force = float(at_rest["gravity_torque"][0] / at_rest["jacobian"][0])
-        return float((force + rod_pressure * number["cylinder.A_b"]) / number["cylinder.A_a"])
+    def _carrying(
+        self, angle: float, rod_pressure: float, parameters: Array | None = None, inputs: ArrayLike | None = None
+    ) -> float:
+        """:func:`rest.carrying` [Pa] at an angle [rad] and a rod pressure [Pa]."""
+        u = np.zeros(len(self.machine.structure.inputs)) if inputs is None else np.asarray(inputs)
+        return float(self._carrying_function(angle, rod_pressure, self.p if parameters is None else parameters, u))
+
+    @cached_property
+    def _carrying_function(self) -> Any:
+        m, at = self.equations, (ca.SX.sym("angle"), ca.SX.sym("rod_pressure"))
+        u = ca.SX.sym("u", m.u.numel())
+        return ca.Function("carrying", [*at, m.p, u], [rest.carrying(m, *at, u)])
 
     def rest_state_measured(
-        self, angle: float, hose_pressure: float, rod_pressure: float, parameters: Array | None = None
-    ) -> Array:
+        self, angle: float, hose_pressure: float, rod_pressure: float, parameters: Array | None = None,
+        inputs: ArrayLike | None = None,
+    ) -> Array:  # fmt: skip
         """:meth:`rest_state` from what the sensors show [rad, Pa gauge]: offsets that the machine has are taken off."""
         _, e = self._components(parameters)
         shown = {"angle": angle, "hose_pressure": hose_pressure, "rod_pressure": rod_pressure}
         angle, hose, rod = (value - e.through(f"measured_{name}", 0.0) for name, value in shown.items())
-        return self.rest_state(angle, hose, rod, parameters)
+        return self.rest_state(angle, hose, rod, parameters, inputs)
 
-    def equilibrium(self, angle: float, rod_pressure: float = 1.0e6) -> Array:
+    def equilibrium(self, angle: float, rod_pressure: float = 1.0e6, inputs: ArrayLike | None = None) -> Array:
         """Rest state in which the pressures carry the boom without friction: p_a A_a = g / J + p_b A_b."""
-        head = self._carrying(angle, rod_pressure)
+        head = self._carrying(angle, rod_pressure, inputs=inputs)
         if head < 0.0:  # the boom hangs: the rod side carries it
             area_a, area_b = (self.machine.parameters[f"cylinder.{k}"].value[0] for k in ("A_a", "A_b"))
             rod_pressure, head = rod_pressure - head * area_a / area_b, 0.0
-        return self.rest_state(angle, head, rod_pressure)
+        return self.rest_state(angle, head, rod_pressure, inputs=inputs)
 
     # ---------------------------------------------------------------------------------------------------------- runs
 
@@ -238,10 +245,10 @@ class Plant(CompiledModel):
         if p.shape != (len(self.parameter_names),):
             raise ModelError(f"parameters must be {len(self.parameter_names)} numbers, not {p.shape}")
         command_delay, pressure_delay = self.delays(p)
-        t_in = np.ascontiguousarray(np.asarray(input_time, dtype=float) + command_delay)
-        u = np.ascontiguousarray(currents, dtype=float)
+        t_in, u = np.asarray(input_time, dtype=float), np.ascontiguousarray(currents, dtype=float)
         x = np.array(initial_state, dtype=float)
         self._check(t_in, u, output_time, x, start)
+        t_in, u = delayed(t_in, u, command_delay)
         self.set_time(x, start)
         sampled, late = self._sampling(output_time, pressure_delay)
         states, outputs, report = self._call(t_in, u, sampled, x, p, start, tolerance, order, stop)
@@ -254,7 +261,7 @@ class Plant(CompiledModel):
 
     def delays(self, parameters: Array) -> tuple[float, float]:
         """Dead times of command and pressures [s] of a parameter vector (NP,)."""
-        command, pressures = (sum(float(parameters[k]) for k in index) for index in self._delay_index)
+        command, pressures = (sum(float(parameters[k]) for k in index) for index in self.delay_indices)
         return command, pressures
 
     def stepper(self, initial_state: ArrayLike, *, tolerance: float = 1e-5) -> Stepper:
@@ -309,13 +316,13 @@ class Plant(CompiledModel):
     ) -> tuple[Array, Array, Array]:  # fmt: skip
         states, outputs = np.empty((len(t_out), len(x))), np.empty((len(t_out), len(OUTPUTS)))
         report = np.zeros(8)
-        method = order or (3 if tolerance > _ORDER_3_ABOVE else 4)
+        method = order or (3 if tolerance > ORDER_3_ABOVE else 4)
         end = float(t_out[-1]) if len(t_out) else begin
         self._library.boom_run(
             pointer(p), pointer(x), ctypes.c_double(begin), ctypes.c_double(end), pointer(t_in), pointer(u),
             ctypes.c_long(len(t_in)), pointer(t_out), ctypes.c_long(len(t_out)), pointer(states), pointer(outputs),
             ctypes.c_double(tolerance), ctypes.c_int(method), pointer(self.scale), pointer(self.minimum),
-            pointer(self.maximum), ctypes.c_double(_FIRST_STEP), ctypes.byref(stop) if stop is not None else None,
+            pointer(self.maximum), ctypes.c_double(FIRST_STEP), ctypes.byref(stop) if stop is not None else None,
             pointer(report),
         )  # fmt: skip
         return states, outputs, report
@@ -357,9 +364,9 @@ class Stepper:
             np.zeros(8),
         )
         self._c = np.empty(max(1, plant._library.boom_sizes(4)))
-        self._h = np.array([_FIRST_STEP])
+        self._h = np.array([FIRST_STEP])
         self._tolerance = ctypes.c_double(tolerance)
-        self._order = ctypes.c_int(3 if tolerance > _ORDER_3_ABOVE else 4)
+        self._order = ctypes.c_int(3 if tolerance > ORDER_3_ABOVE else 4)
         function = plant._library.boom_step
         plant._library.boom_prepare(pointer(plant.p), pointer(self._c))
         head = (pointer(self._c), pointer(self.state), pointer(self._u))

@@ -23,12 +23,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from boom_model.errors import MachineError
 
 Vector = NDArray[np.float64]
+Point = tuple[Any, Any]
+"""(x, y) [m], numbers or CasADi expressions."""
 
 AXES = ("x", "y", "z")
 LARGEST = 1e6
@@ -62,12 +65,28 @@ class LockedBody:
 
 @dataclass(frozen=True)
 class Body:
-    """One rigid body in the boom's plane frame: mass [kg], centre (x, y) [m], inertia about the centre [kg m^2]."""
+    """One rigid body in the boom's plane frame; numbers, or CasADi expressions of q_3 and q_4.
+
+    Attributes:
+        mass: [kg].
+        x, y: its centre [m].
+        inertia: about the centre, across the plane [kg m^2].
+        angle: its turn against the boom, up to a constant [rad].
+        spread: int x^2 dm, int y^2 dm, int x y dm about the centre, along the boom's axes [kg m^2].
+    """
 
     name: str
     mass: float
-    center: Vector
+    x: Any
+    y: Any
     inertia: float
+    angle: Any = 0.0
+    spread: tuple[Any, Any, Any] = (0.0, 0.0, 0.0)
+
+    @property
+    def center(self) -> Vector:
+        """The centre (2,) [m] where it is a number."""
+        return np.array([self.x, self.y])
 
 
 def locked_inertia(rigid_body: Mapping[str, Any], q3: float, q4: float, load_mass: float = 0.0) -> LockedBody:
@@ -89,20 +108,29 @@ def locked_inertia(rigid_body: Mapping[str, Any], q3: float, q4: float, load_mas
     inertia = pinocchio.crba(model, data, np.zeros(1))[0, 0]
     level = pinocchio.computeGeneralizedGravity(model, data, np.array([0.0]))[0]
     upright = pinocchio.computeGeneralizedGravity(model, data, np.array([math.pi / 2]))[0]
-    tip = tip_position(rigid_body, q3, q4)
+    tip_x, tip_y = tip_position(rigid_body, q3, q4)
     return LockedBody(
-        float(inertia), float(level), -float(upright), (float(tip[0]), float(tip[1])), load_mass=float(load_mass)
+        float(inertia), float(level), -float(upright), (float(tip_x), float(tip_y)), load_mass=float(load_mass)
     )
 
 
 def tip_position(rigid_body: Mapping[str, Any], q3: float, q4: float) -> Vector:
     """The tip hinge, shape (2,), in the boom's frame [m]. Raises MachineError for a missing key."""
+    return np.array(tip_point(rigid_body, q3, q4))
+
+
+def tip_point(rigid_body: Mapping[str, Any], q3: Any, q4: Any) -> Point:
+    """The same for numbers or CasADi symbols."""
     tip = entry(entry(rigid_body, "rigid_body", "planar"), "rigid_body.planar", "tip")
-    return _place(rigid_body, "rigid_body.planar.tip", tip, np.zeros(2), q3, q4)
+    return _place(rigid_body, "rigid_body.planar.tip", tip, (0.0, 0.0), q3, q4)
 
 
-def place_bodies(rigid_body: Mapping[str, Any], q3: float, q4: float) -> list[Body]:
-    """Every body that the boom joint carries, placed for q3 [rad] and q4 [m]. Raises MachineError for a missing key."""
+def place_bodies(rigid_body: Mapping[str, Any], q3: Any, q4: Any) -> list[Body]:
+    """Every body that the boom joint carries, placed for q3 [rad] and q4 [m], numbers or CasADi symbols.
+
+    Raises:
+        MachineError: a key is missing or has no sensible value.
+    """
     links = entry(rigid_body, "rigid_body", "links")
     planar = entry(rigid_body, "rigid_body", "planar")
     placed = []
@@ -110,10 +138,17 @@ def place_bodies(rigid_body: Mapping[str, Any], q3: float, q4: float) -> list[Bo
         key = f"rigid_body.planar.bodies.{name}"
         mass, center, inertia = link_data(links, name)
         turn = frame_axes(item, key)
-        center_in_plane = turn @ center
-        inertia_across = float(turn[2] @ inertia @ turn[2])
-        placed.append(Body(name, mass, _place(rigid_body, key, item, center_in_plane[:2], q3, q4), inertia_across))
-    placed.append(Body("tip", hanging_mass(rigid_body), tip_position(rigid_body, q3, q4), 0.0))
+        first, second, _ = (float(v) for v in turn @ center)
+        own = turn @ inertia @ turn.T
+        across = float(turn[2] @ inertia @ turn[2])
+        x, y = _place(rigid_body, key, item, (first, second), q3, q4)
+        thick = 0.5 * float(np.trace(own))
+        spread = (thick - float(own[0, 0]), thick - float(own[1, 1]), -float(own[0, 1]))
+        if entry(item, key, "carrier") == "arm":
+            placed.append(Body(name, mass, x, y, across, q3, _turned((spread[0], spread[1], -spread[2]), q3)))
+        else:
+            placed.append(Body(name, mass, x, y, across, 0.0, spread))
+    placed.append(Body("tip", hanging_mass(rigid_body), *tip_point(rigid_body, q3, q4), 0.0))
     return placed + _arm_cylinders(rigid_body, q3)
 
 
@@ -210,47 +245,65 @@ def scalar(value: Any, key: str) -> float:
     return float(value)
 
 
-def _arm_cylinders(rigid_body: Mapping[str, Any], q3: float) -> list[Body]:
+def _arm_cylinders(rigid_body: Mapping[str, Any], q3: Any) -> list[Body]:
     """Barrels and rods lie on the line from the foot on the boom to the eye on the arm."""
     key = "rigid_body.planar.arm_cylinder"
     cylinder = entry(entry(rigid_body, "rigid_body", "planar"), "rigid_body.planar", "arm_cylinder")
-    foot = vector(entry(cylinder, key, "foot"), f"{key}.foot", 2)
-    eye_in_arm = vector(entry(cylinder, key, "eye"), f"{key}.eye", 2)
-    eye = _arm_point(rigid_body, eye_in_arm, q3)
-    length = float(np.hypot(*(eye - foot)))
-    if not length > 0.0:
+    foot = _pair(entry(cylinder, key, "foot"), f"{key}.foot")
+    eye = _arm_point(rigid_body, _pair(entry(cylinder, key, "eye"), f"{key}.eye"), q3)
+    along_x, along_y = eye[0] - foot[0], eye[1] - foot[1]
+    length = ca.hypot(along_x, along_y)
+    if isinstance(length, float) and not length > 0.0:
         raise MachineError(f"{key}: foot and eye lie in one point at q3 = {q3:g} rad")
-    along = (eye - foot) / length
+    x, y = along_x / length, along_y / length
     bodies = []
-    for name, start, direction in (("barrels", foot, along), ("rods", eye, -along)):
+    for name, start, way in (("barrels", foot, 1.0), ("rods", eye, -1.0)):
         part = entry(cylinder, key, name)
         mass, distance, inertia = (
             scalar(entry(part, f"{key}.{name}", k), f"{key}.{name}.{k}") for k in ("m", "com", "I")
         )
-        bodies.append(Body(f"arm_cylinder_{name}", mass, start + distance * direction, inertia))
+        at = (start[0] + distance * (way * x), start[1] + distance * (way * y))
+        spread = (inertia * x * x, inertia * y * y, inertia * x * y)
+        bodies.append(Body(f"arm_cylinder_{name}", mass, *at, inertia, ca.atan2(along_y, along_x), spread))
     return bodies
 
 
-def _place(rigid_body: Mapping[str, Any], key: str, item: Any, point: Vector, q3: float, q4: float) -> Vector:
+def _place(rigid_body: Mapping[str, Any], key: str, item: Any, point: Point, q3: Any, q4: Any) -> Point:
     """A point of a body, given from the body's origin along its carrier's axes, in the boom's frame."""
-    origin = vector(entry(item, key, "origin"), f"{key}.origin", 2)
+    origin = _pair(entry(item, key, "origin"), f"{key}.origin")
     out = scalar(entry(item, key, "q4_share"), f"{key}.q4_share") * q4
     carrier = entry(item, key, "carrier")
     if carrier == "boom":
-        return origin + point
+        return origin[0] + point[0], origin[1] + point[1]
     if carrier == "arm":
-        return _arm_point(rigid_body, origin + point + np.array([0.0, out]), q3)
+        return _arm_point(rigid_body, (origin[0] + point[0], origin[1] + point[1] + out), q3)
     raise MachineError(f"{key}.carrier: {carrier!r} given, expected boom or arm")
 
 
-def _arm_point(rigid_body: Mapping[str, Any], point: Vector, q3: float) -> Vector:
+def _arm_point(rigid_body: Mapping[str, Any], point: Point, q3: Any) -> Point:
     """Point (x across, z along) of the arm's frame in the boom's frame: elbow + R(q3) (arm_origin + (x, -z))."""
     planar, key = entry(rigid_body, "rigid_body", "planar"), "rigid_body.planar"
-    elbow = vector(entry(planar, key, "elbow"), f"{key}.elbow", 2)
-    from_elbow = vector(entry(planar, key, "arm_origin"), f"{key}.arm_origin", 2) + np.array([point[0], -point[1]])
-    cos, sin = math.cos(q3), math.sin(q3)
-    turned: Vector = np.array([[cos, -sin], [sin, cos]]) @ from_elbow
-    return elbow + turned
+    elbow = _pair(entry(planar, key, "elbow"), f"{key}.elbow")
+    origin = _pair(entry(planar, key, "arm_origin"), f"{key}.arm_origin")
+    x, y = origin[0] + point[0], origin[1] - point[1]
+    cos, sin = ca.cos(q3), ca.sin(q3)
+    return elbow[0] + (cos * x - sin * y), elbow[1] + (sin * x + cos * y)
+
+
+def _pair(value: Any, key: str) -> Point:
+    x, y = vector(value, key, 2).tolist()
+    return x, y
+
+
+def _turned(spread: tuple[float, float, float], angle: Any) -> tuple[Any, Any, Any]:
+    """Second moments along other axes: R(angle) J R(angle)^T."""
+    xx, yy, xy = spread
+    cos, sin = ca.cos(angle), ca.sin(angle)
+    return (
+        cos * cos * xx - 2 * cos * sin * xy + sin * sin * yy,
+        sin * sin * xx + 2 * cos * sin * xy + cos * cos * yy,
+        cos * sin * (xx - yy) + (cos * cos - sin * sin) * xy,
+    )
 
 
 def _one_joint_model(bodies: Sequence[Body]) -> Any:
@@ -262,6 +315,6 @@ def _one_joint_model(bodies: Sequence[Body]) -> Any:
     for body in bodies:
         # Planar: only the inertia across the plane acts; the other two are set equal to keep the tensor physical.
         inertia = pinocchio.Inertia(body.mass, np.zeros(3), body.inertia * np.eye(3))
-        center = np.array([body.center[0], body.center[1], 0.0])
+        center = np.array([body.x, body.y, 0.0])
         model.appendBodyToJoint(joint, inertia, pinocchio.SE3(np.eye(3), center))
     return model

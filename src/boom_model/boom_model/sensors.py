@@ -44,7 +44,7 @@ class SensorNoise:
 
     Attributes:
         angle_quantum: [rad]. rate_sigma: [rad/s]. pressure_sigma, pressure_quantum: [Pa].
-        current_sigma, current_quantum: [A].
+        current_sigma, current_quantum: [A]. length_quantum: of the telescope's length [m] (assumed: a draw wire).
     """
 
     angle_quantum: float = 2 * pi / 2**14
@@ -53,6 +53,7 @@ class SensorNoise:
     pressure_quantum: float = 1.0e4
     current_sigma: float = 0.8e-3
     current_quantum: float = 1.0e-3
+    length_quantum: float = 1.0e-3
 
     def sigma(self, sensor: Sensor) -> float:
         """Standard deviation of a sensor's white noise [its unit]."""
@@ -81,7 +82,7 @@ class SensorNoise:
         return np.maximum(_quantise(noisy, self.current_quantum), 0.0)
 
 
-IDEAL = SensorNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+IDEAL = SensorNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """Sensors without noise and quantisation."""
 
 

@@ -89,10 +89,20 @@ class Component:
     offers: frozenset[str] = frozenset()
     check: Callable[[Any, Mapping[str, Any]], None] = _zero
     data: Callable[[Any], tuple[tuple[str, str], ...]] = _none
-    rest: Callable[[Mapping[str, float], Any, Any], Mapping[str, float]] = field(default=lambda states, p, e: {})
+    rest: Callable[[Mapping[str, Expression], Any, Any], Mapping[str, Expression]] = field(
+        default=lambda states, p, e: {}
+    )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return component, (type(self), self.name)
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A straight part between two pins (x, y) [m] in the column frame: origin in the boom joint, x outward, y up."""
+
+    start: tuple[Expression, Expression]
+    end: tuple[Expression, Expression]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -101,10 +111,12 @@ class Linkage(Component):
 
     Attributes:
         piston_position: s_p [m] at q_2 [rad] with the numbers p; it must grow with q_2.
+        bars: what a drawing shows of it at q_2 [rad] with the numbers p, the cylinder first.
     """
 
     slot, key, default = "linkage", ("kinematics", "type"), "four_bar"
     piston_position: Callable[[Expression, Any], Expression]
+    bars: Callable[[Expression, Any], tuple[Bar, ...]] = _none
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

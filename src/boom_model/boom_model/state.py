@@ -30,6 +30,11 @@ class State:
     corrected: bool = False
     like: str = ""
 
+    @property
+    def is_spool(self) -> bool:
+        """Whether it is the main valve's spool, or another one with its limits."""
+        return "spool_position" in (self.name, self.like)
+
 
 ELAPSED_TIME = State("elapsed_time", "t", "s", 10.0)
 """Time since the start of the run: there only where an effect needs it."""

@@ -6,6 +6,7 @@ from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
+from boom_model import joint_motion
 from boom_model.components import cylinder, equation_of_motion, oil, payload
 from boom_model.errors import MachineError
 from boom_model.slots import (
@@ -42,6 +43,7 @@ class Structure:
     Attributes:
         driven: keys of ``DRIVING`` whose measurement is an input, in place of the constant.
         steps: of the load, each by ``time`` or by ``stroke``.
+        moving_joints: whether the motion of the other joints is an input (``joint_motion``), too.
     """
 
     linkage: Linkage
@@ -55,11 +57,12 @@ class Structure:
     hose_burst_valve: HoseBurstValve
     driven: tuple[str, ...] = ()
     steps: tuple[payload.By, ...] = ()
+    moving_joints: bool = False
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs u: the currents i_+, i_- [A], then the pressures [Pa] that drive the model."""
-        return CURRENTS + self.driven
+        """Names of the inputs u: the currents i_+, i_- [A], the pressures [Pa] that drive the model, the joints' motion."""
+        return CURRENTS + self.driven + (joint_motion.INPUTS if self.moving_joints else ())
 
     def driven_by(self, measured: Container[str]) -> Structure:
         """The same, driven by those of ``DRIVING`` that are measured."""

@@ -29,7 +29,7 @@ LOAD_TOLERANCE, LOAD_SHARE = 20.0, 0.05
 """kg, and share of the configured load: the larger one counts (machine notes)."""
 
 # Geometry, units and exponents: not what wears, and an error of theirs would show as another parameter's.
-_CERTAIN = (
+CERTAIN = (
     "kinematics.",
     "constants.",
     "cylinder.l_",
@@ -91,7 +91,7 @@ class WatchModel:
 
     def __init__(self, machine: Machine, pose: Pose) -> None:
         given = {name: dict(values) for name, values in machine.effects.items()}
-        self.plant = Plant(machine.with_effects({**_switched_on(machine), **given}), pose)
+        self.plant = Plant(machine.with_effects({**switched_on(machine), **given}), pose)
         compile_abreast(self.plant)  # now, not when the first alarm is to be named
         index = {name: i for i, name in enumerate(self.plant.parameter_names)}
         columns: list[Array] = []
@@ -100,7 +100,7 @@ class WatchModel:
             columns.append(self._column(index, changes))
             names.append(name)
         self.tolerated = tuple(names)
-        self.suspects = tuple(_suspects(machine, index))
+        self.suspects = tuple(suspects(machine, index))
         columns += [self._column(index, {f"effects.{s.effect}.{s.parameter}": s.scale}) for s in self.suspects]
         self._state, self._currents = np.zeros(len(self.plant.state_names)), np.zeros(2)
         self._evaluate, self._point = self._compiled(np.array(columns).T)
@@ -117,7 +117,7 @@ class WatchModel:
         """(name, change of each component for one tolerance)."""
         result = []
         for key, parameter in machine.parameters.items():
-            if key.startswith(_CERTAIN):
+            if key.startswith(CERTAIN):
                 continue
             precharge = key.startswith("accumulators.p_g0") and not parameter.confidence
             share = PRECHARGE_TOLERANCE if precharge else parameter.tolerance
@@ -166,7 +166,8 @@ class WatchModel:
         return self._point
 
 
-def _switched_on(machine: Machine) -> dict[str, dict[str, float]]:
+def switched_on(machine: Machine) -> dict[str, dict[str, float]]:
+    """The effects that are watched, at almost nothing: effect -> its parameters."""
     return {
         effect.id: {
             row.name: row.neutral + _FIRST_ONLY * (row.high - row.low)
@@ -179,7 +180,7 @@ def _switched_on(machine: Machine) -> dict[str, dict[str, float]]:
     }
 
 
-def _suspects(machine: Machine, index: Mapping[str, int]) -> list[Suspect]:
+def suspects(machine: Machine, index: Mapping[str, int]) -> list[Suspect]:
     """The leading parameters of each effect that is not in the machine file."""
     result = []
     for effect in EFFECTS.values():

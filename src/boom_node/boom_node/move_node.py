@@ -15,14 +15,13 @@ from typing import Any
 
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from boom_interfaces.action import TrackTrajectory
 from boom_interfaces.msg import ControllerState
-from boom_node import qos
+from boom_node import motion_action, qos
 from boom_node.stamps import seconds_to_ns, set_ns
 
 PATIENCE_S = 10.0
 JOINT = "inner_boom_joint"
-TOPIC, ACTION = "/boom/joint_trajectory", "/boom_controller/track_trajectory"
+TOPIC, ACTION = "/boom/joint_trajectory", f"/boom_controller/{motion_action.NAME}"
 
 
 class NotMovedError(RuntimeError):
@@ -77,12 +76,12 @@ def by_action(node: Any, wanted: JointTrajectory, patience: float) -> None:
     """Send it as a goal and wait for its result. Raises NotMovedError."""
     from rclpy.action import ActionClient
 
-    client = ActionClient(node, TrackTrajectory, ACTION)
+    client = ActionClient(node, motion_action.MotionAction, ACTION)
     nobody = (
         f"no server of {ACTION}: is the controller running, and does it receive all sensors? Try ./boom sim --control"
     )
     until(node, client.server_is_ready, PATIENCE_S, nobody)
-    sent = client.send_goal_async(TrackTrajectory.Goal(trajectory=wanted))
+    sent = client.send_goal_async(motion_action.MotionAction.Goal(trajectory=wanted))
     until(node, sent.done, PATIENCE_S, "the controller does not answer")
     answer = sent.result().get_result_async()
     until(node, answer.done, patience, "the motion does not finish")

@@ -24,15 +24,20 @@ SENSOR_DATA = _profile(5, reliable=False)
 COMMAND = _profile(1, reliable=True, deadline_s=COMMAND_DEADLINE_S)
 LATEST = _profile(1, reliable=True)  # the newest counts, none may be lost silently
 EVENTS = _profile(10, reliable=True)  # on demand or on change
+JOINT_STATES = _profile(10, reliable=True)  # serves best-effort readers, too
 LATCHED = _profile(1, reliable=True, latched=True)  # late joiners get the last one
 EVERY_SAMPLE = _profile(1000, reliable=True)
 """Sensor topics in lockstep: no sample may be lost, however slow a recorder is; subscribers with sensor data QoS still match."""
 EVERY_SENSOR_SAMPLE = _profile(1000, reliable=False)
 """For subscribers to both kinds of sensor topics that must not miss samples while they are busy."""
+FRAMES = _profile(100, reliable=True)  # /tf as tf2 publishes it
 CLOCK = _profile(10, reliable=True)  # to publish with: it serves subscribers of either kind, and lockstep loses no tick
 
 BY_TOPIC: dict[str, QoSProfile] = {
     **dict.fromkeys(MEASURED_TOPICS, SENSOR_DATA),
+    "/joint_states": JOINT_STATES,
+    "/tf": FRAMES,
+    "/tf_static": LATCHED,
     "/boom/controller_state": SENSOR_DATA,
     "/boom/current_command": COMMAND,
     "/boom/machine_configuration": LATCHED,
@@ -44,3 +49,9 @@ BY_TOPIC: dict[str, QoSProfile] = {
     "/diagnostics": EVENTS,
     "/clock": CLOCK,
 }
+"""As publishers offer it."""
+
+
+def requested(topic: str) -> QoSProfile:
+    """The QoS to subscribe with: sensors as best effort, because other publishers of theirs offer no more."""
+    return SENSOR_DATA if topic in MEASURED_TOPICS else BY_TOPIC[topic]

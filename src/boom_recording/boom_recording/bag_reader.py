@@ -1,5 +1,6 @@
 """Collects the messages of a bag: topics of interest, decoded by the layout that their bytes have."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_input.channels import ESSENTIAL, of_topic
+from boom_input.channels import ESSENTIAL, JOINT_NAMES, of_topic
 from boom_input.shown import quoted
 from boom_recording import cdr_layout, definitions
 from boom_recording.channels import MACHINE_CONFIGURATION, OSCILLOSCOPE, TYPES
@@ -38,8 +39,9 @@ class _Column:
 class BagReader:
     """Collects the topics of interest over the files of one bag."""
 
-    def __init__(self, joint: str) -> None:
+    def __init__(self, joint: str, joints: Mapping[str, str] = JOINT_NAMES) -> None:
         self.joint = joint
+        self.joints = {"": joint, **joints}
         self.columns: dict[str, _Column] = {}
         self.types: dict[str, str] = {}
         self.notes: list[str] = []
@@ -270,7 +272,9 @@ class BagReader:
                     raise cdr_layout.LayoutError(
                         f"joint '{self.joint}' is not among {among}: give its name with --joint"
                     )
-                path = f"{path}[{names.index(self.joint)}]"
+                if self.joints[channel.joint] not in names:
+                    continue  # another joint that nobody measures
+                path = f"{path}[{names.index(self.joints[channel.joint])}]"
             if path not in layout.numbers and topic.type.endswith("/JointState") and channel.name not in ESSENTIAL:
                 continue  # a joint without gyro
             if path not in layout.numbers:

@@ -11,6 +11,7 @@ CURRENT_COMMAND = "/boom/current_command"
 REFERENCE = "/boom/reference"
 REFERENCE_STATE = "/boom/reference_state"
 OSCILLOSCOPE = "/boom/pilot_valve/oscilloscope"
+ROBOT_DESCRIPTION = "/robot_description"
 
 TYPES = {
     JOINT_STATES: "sensor_msgs/msg/JointState",
@@ -26,5 +27,8 @@ TYPES = {
     MACHINE_CONFIGURATION: "boom_interfaces/msg/MachineConfiguration",
 }
 """Topic -> type of its messages; a channel is read and written only where its topic has one."""
+
+OTHER_TYPES = {OSCILLOSCOPE: "boom_interfaces/msg/OscilloscopeTrace", ROBOT_DESCRIPTION: "std_msgs/msg/String"}
+"""The same for topics that carry no signal."""
 
 FaultKind = Literal["gap", "loss", "stale", "stuck", "clock_jump", "out_of_range", "nan"]

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_input.channels import MEASURED_TOPICS, PREDICTED
+from boom_input.channels import BY_NAME, MEASURED_TOPICS, PREDICTED
 from boom_recording.defects import SECOND, THRESHOLDS, StampedEvent, Thresholds, TopicSamples
 from boom_recording.recording import Floats
 
@@ -24,6 +24,9 @@ def check_stuck(topics: dict[str, TopicSamples], limits: Thresholds = THRESHOLDS
     witness = _Motion(topics, limits)
     # The rate first: it tells of the angle, and when the IMU hangs both repeat.
     names = [name for samples in topics.values() if samples.topic in MEASURED_TOPICS for name in samples.values]
+    names = [
+        name for name in names if not BY_NAME[name].joint
+    ]  # another joint may stay where it is, and nothing speaks against it
     for name in sorted(names, key=lambda name: name != "rate"):
         samples = next(s for s in topics.values() if name in s.values)
         found[samples.topic] += _stuck(samples, name, witness, limits)

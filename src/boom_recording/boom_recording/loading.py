@@ -1,11 +1,11 @@
 """Loads a bag: files -> messages -> named signals with units, masked where they are wrong, with a list of what is."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 
-from boom_input.channels import CHANNELS, ESSENTIAL_TOPICS, MEASURED_TOPICS, PREDICTED, SENSOR_TOPICS
+from boom_input.channels import CHANNELS, ESSENTIAL_TOPICS, JOINT_NAMES, MEASURED_TOPICS, PREDICTED, SENSOR_TOPICS
 from boom_input.shown import quoted
 from boom_recording import bag_folder, defects, defects_stamps, defects_stuck
 from boom_recording.bag_reader import BagReader
@@ -22,13 +22,14 @@ _UNRELATED_NS = 3600 * 10**9
 
 def load(
     path: str | Path, *, require: Iterable[str] = REQUIRED, joint: str = DEFAULT_JOINT, check: bool = True,
-    given: GivenConfiguration | None = None,
+    given: GivenConfiguration | None = None, joints: Mapping[str, str] = JOINT_NAMES,
 ) -> Recording:  # fmt: skip
     """Load the bag at `path`: a rosbag2 directory or a bare .mcap file.
 
     require   topics that must be there; the rest is optional. Default: angle, currents and configuration; of a sensor that
               was not recorded there is a signal without valid samples then, and a note
     joint     name of the boom's joint in /joint_states
+    joints    names there of the other joints, by the keys of `boom_input.channels.JOINT_NAMES`
     given     pose and load that replace the recorded ones; a bag without a configuration then needs none
     check     False: values and stamps are taken as they are (only the order of stamps is held)
 
@@ -39,15 +40,16 @@ def load(
     path = Path(path)
     bag = bag_folder.find(path)
     try:
-        return _load(path, bag, tuple(require), joint, check, given or GivenConfiguration())
+        reader = BagReader(joint, {**JOINT_NAMES, **joints})
+        return _load(path, bag, tuple(require), reader, check, given or GivenConfiguration())
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
 
 
 def _load(
-    path: Path, bag: bag_folder.BagFiles, require: tuple[str, ...], joint: str, check: bool, given: GivenConfiguration
-) -> Recording:
-    reader = BagReader(joint)
+    path: Path, bag: bag_folder.BagFiles, require: tuple[str, ...], reader: BagReader, check: bool,
+    given: GivenConfiguration,
+) -> Recording:  # fmt: skip
     damages: list[Damage] = []
     for file in bag.files:
         try:

@@ -67,7 +67,7 @@ def measurements(recording: Recording) -> dict[str, ChannelMeasurement]:
     for sensor in SENSORS:
         signal = recording.signals.get(sensor.name)
         if signal is not None or sensor in PREDICTED:
-            result[sensor.name] = _measured(sensor.name, signal)
+            result[sensor.name] = _nothing(sensor.name) if signal is None else channel_measurement(signal)
     angle, rate = recording.signals.get("angle"), recording.signals.get("rate")
     if angle is not None and rate is not None and _is_derivative(angle, rate):
         own = result["rate"]
@@ -77,14 +77,19 @@ def measurements(recording: Recording) -> dict[str, ChannelMeasurement]:
     return result
 
 
-def _measured(name: str, signal: Signal | None) -> ChannelMeasurement:
-    if signal is None or not signal.valid.any():
-        return ChannelMeasurement(name, 0, float("nan"), float("nan"), 0.0, 1.0)
+def _nothing(name: str) -> ChannelMeasurement:
+    return ChannelMeasurement(name, 0, float("nan"), float("nan"), 0.0, 1.0)
+
+
+def channel_measurement(signal: Signal) -> ChannelMeasurement:
+    """What one signal can tell by itself."""
+    if not signal.valid.any():
+        return _nothing(signal.name)
     values, time = signal.values[signal.valid], signal.time[signal.valid]
     period = float(np.median(np.diff(time))) if len(time) > 1 else float("nan")
     quantum, repeats = _quantum(values), _repeats(values)
     fresh = values[np.concatenate(([True], np.diff(values) != 0))] if repeats > 1.0 else values
-    return ChannelMeasurement(name, len(values), period, _noise(fresh, quantum), quantum, repeats)
+    return ChannelMeasurement(signal.name, len(values), period, _noise(fresh, quantum), quantum, repeats)
 
 
 def _quantum(values: Floats) -> float:

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from boom_input.channels import MEASURED_TOPICS
 from boom_input.shown import quoted
 from boom_recording.bag_writer import OfferedQos
-from boom_recording.channels import CURRENT_COMMAND, MACHINE_CONFIGURATION, OSCILLOSCOPE, TYPES
+from boom_recording.channels import CURRENT_COMMAND, MACHINE_CONFIGURATION, OTHER_TYPES, ROBOT_DESCRIPTION, TYPES
 
-DEFAULT_TOPICS = (*MEASURED_TOPICS, MACHINE_CONFIGURATION, CURRENT_COMMAND)
+DEFAULT_TOPICS = (*MEASURED_TOPICS, MACHINE_CONFIGURATION, ROBOT_DESCRIPTION, CURRENT_COMMAND)
 QUEUE_DEPTH = 1000  # samples; a second of 1 kHz while the disk is busy
 FLUSH_PERIOD_S = 0.4  # a killed recorder loses what came since
 SETTLE_S = 0.2  # the two ends of a connection learn of each other one after the other
 EVERYTHING = "*"
-KNOWN_TYPES = TYPES | {OSCILLOSCOPE: "boom_interfaces/msg/OscilloscopeTrace"}
+KNOWN_TYPES = TYPES | OTHER_TYPES
 _TYPE = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
 _HOUSEKEEPING = ("/rosout", "/parameter_events")
 

@@ -149,6 +149,28 @@ class Recording:
         return Table(time, {name: _nearest(signal, time, period) for name, signal in self.signals.items()})
 
 
+def part(recording: Recording, start: float, end: float) -> Recording:
+    """The stretch from `start` up to `end` [s] of a recording, as a recording of its own; its time zero is `start`."""
+    moved = round(start * 1e9)
+    signals = {}
+    for name, signal in recording.signals.items():
+        inside = (signal.time >= start) & (signal.time < end)
+        stamps = signal.stamps_ns[inside]
+        time = (stamps - recording.start_ns - moved) / 1e9
+        signals[name] = replace(
+            signal, stamps_ns=stamps, time=time, values=signal.values[inside], valid=signal.valid[inside]
+        )
+    events = [
+        replace(event, start_s=max(0.0, event.start_s - start), end_s=min(end, event.end_s) - start)
+        for event in recording.events
+        if event.start_s < end and event.end_s >= start
+    ]
+    return replace(
+        recording, start_ns=recording.start_ns + moved, duration=min(end, recording.duration) - start, signals=signals,
+        events=events,
+    )  # fmt: skip
+
+
 def _nearest(signal: Signal, time: Floats, period: float) -> Floats:
     result = np.full(len(time), np.nan)
     own, values = signal.time[signal.valid], signal.values[signal.valid]

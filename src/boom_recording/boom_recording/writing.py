@@ -7,16 +7,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_input.channels import BY_NAME, of_topic
+from boom_input.channels import BY_NAME, JOINT_NAMES, Channel, of_topic
 from boom_recording import cdr_layout, definitions
 from boom_recording.bag_writer import CHUNK_BYTES, LATCHED_QOS, SENSOR_QOS, BagWriter, OfferedQos
-from boom_recording.channels import CURRENT_COMMAND, DEFAULT_JOINT, MACHINE_CONFIGURATION, REFERENCE, TYPES
+from boom_recording.channels import (
+    CURRENT_COMMAND,
+    DEFAULT_JOINT,
+    JOINT_STATES,
+    MACHINE_CONFIGURATION,
+    OTHER_TYPES,
+    REFERENCE,
+    ROBOT_DESCRIPTION,
+    TYPES,
+)
 from boom_recording.errors import RecordingError
 from boom_recording.recording import Configuration, Floats, Recording, Signal
 
 START_NS = 1_790_000_000 * 10**9  # time zero of a bag that no clock was running for
 
 _QOS = {
+    JOINT_STATES: OfferedQos(reliable=True, depth=10),
+    MACHINE_CONFIGURATION: LATCHED_QOS,
+    ROBOT_DESCRIPTION: LATCHED_QOS,
     CURRENT_COMMAND: OfferedQos(reliable=True, depth=1, deadline_ns=50_000_000),
     REFERENCE: OfferedQos(reliable=True, depth=1),
 }
@@ -73,12 +85,14 @@ def write(
     *,
     joint: str = DEFAULT_JOINT,
     pressure_variance: float = 0.0,
+    robot_description: str = "",
     chunk_bytes: int = CHUNK_BYTES,
 ) -> None:
     """Write all samples of `recording`, masked ones too, as a new bag at `path` (a folder that does not exist yet).
 
     joint               name of the boom's joint
     pressure_variance   [Pa^2] for the pressure messages, 0 = unknown
+    robot_description   URDF text of the machine, stored once; empty: none
 
     Raises RecordingError if the folder exists, the disk is full, or signals of one topic have different stamps.
     """
@@ -89,6 +103,9 @@ def write(
             number = _declare(bag, MACHINE_CONFIGURATION)
             data = _configuration(recording.stored_configuration, recording.start_ns)
             bag.write(number, data, recording.start_ns, recording.start_ns)
+        if robot_description:
+            number = _declare(bag, ROBOT_DESCRIPTION)
+            bag.write(number, _text(robot_description), recording.start_ns, recording.start_ns)
         numbers = [_declare(bag, topic) for topic in topics]
         if not topics:
             return
@@ -105,9 +122,9 @@ def write(
 
 
 def _declare(bag: BagWriter, topic: str) -> int:
-    text, type_hash = definitions.definition(TYPES[topic])
-    qos = LATCHED_QOS if topic == MACHINE_CONFIGURATION else _QOS.get(topic, SENSOR_QOS)
-    return bag.add_topic(topic, TYPES[topic], text, type_hash, qos)
+    kind = TYPES.get(topic) or OTHER_TYPES[topic]
+    text, type_hash = definitions.definition(kind)
+    return bag.add_topic(topic, kind, text, type_hash, _QOS.get(topic, SENSOR_QOS))
 
 
 def _encode(
@@ -122,7 +139,10 @@ def _encode(
         )
     if len(stamps) and (stamps.min() < 0 or stamps.max() >= 2**31 * 10**9):
         raise RecordingError(f"stamps of {topic} lie outside what a ROS stamp can hold")
-    template = _template(topic, joint, {channel.field for channel in of_topic(topic) if channel.name in own})
+    names = {"": joint, **JOINT_NAMES}
+    told = [channel for channel in of_topic(topic) if channel.name in own]
+    order = list(dict.fromkeys([names[""], *(names[channel.joint] for channel in told)]))
+    template = _template(topic, order, told)
     layout = cdr_layout.locate(template, TYPES[topic], definitions.typestore().fielddefs)
     rows = np.tile(layout.template, (len(stamps), 1))
     layout.store(rows, "header.stamp.sec", stamps // 10**9)
@@ -130,7 +150,9 @@ def _encode(
     if TYPES[topic].endswith("/FluidPressure"):
         layout.store(rows, "variance", np.full(len(stamps), variance))
     for channel in of_topic(topic):
-        path = channel.field if channel.field in layout.numbers else f"{channel.field}[0]"
+        path = channel.field
+        if path not in layout.numbers:
+            path = f"{path}[{order.index(names[channel.joint])}]" if names[channel.joint] in order else ""
         if channel.name in own:
             layout.store(rows, path, own[channel.name].values + channel.wire_offset)
         elif path in layout.numbers:
@@ -138,15 +160,16 @@ def _encode(
     return stamps, rows
 
 
-def _template(topic: str, joint: str, fields: set[str]) -> bytes:
-    """A message of the topic with zeros, and with an element in those of a joint's lists that are ``fields``."""
+def _template(topic: str, joints: list[str], told: list[Channel]) -> bytes:
+    """A message of the topic with zeros, and with an element for each joint in those lists of a joint's that are ``told``."""
+    fields = {channel.field for channel in told}
     name = TYPES[topic]
     definitions.ensure(name)
     store = definitions.typestore()
     values: dict[str, Any] = {"header": _header(0)}
     if name.endswith("/JointState"):
-        values |= {"name": [joint]} | {
-            part: np.zeros(int(part in fields)) for part in ("position", "velocity", "effort")
+        values |= {"name": joints} | {
+            part: np.zeros(len(joints) * (part in fields)) for part in ("position", "velocity", "effort")
         }
     else:
         values |= {field: 0.0 for field, _ in store.fielddefs[name][1] if field != "header"}
@@ -157,6 +180,12 @@ def _header(nanoseconds: int) -> Any:
     types = definitions.typestore().types
     stamp = types["builtin_interfaces/msg/Time"](sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
     return types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+
+
+def _text(text: str) -> bytes:
+    name = OTHER_TYPES[ROBOT_DESCRIPTION]
+    store = definitions.typestore()
+    return bytes(store.serialize_cdr(store.types[name](data=text), name))
 
 
 def _configuration(configuration: Configuration, start_ns: int) -> bytes:

@@ -9,13 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_input.channels import Sensor
-from boom_report.panels import QUIET, Json, Panels, line
+from boom_report.palette import MEASURED, QUIET, VEIL
+from boom_report.panels import Json, Panels, line
 
 Array = NDArray[np.float64]
 
-MEASURED = "#a3a9b3"
-NOISE, NOISE_EDGE = "rgba(46,133,64,0.16)", "rgba(46,133,64,0.55)"
-EVENT, EVENT_EDGE = "rgba(214,69,65,0.13)", "rgba(190,40,40,0.55)"
 SHAPES = 150  # more shaded stretches than that make a page slow and say nothing more
 OUTER_GAP = 46
 _HEIGHT, _INNER_GAP = 150, 12
@@ -62,7 +60,7 @@ def compared(
     upper, lower = panels.suffix(sensor.name), panels.add(rest(sensor), height, _INNER_GAP)
     panels.write(
         rest(sensor), f"model − measured [{sensor.error.name}]", x=0, xanchor="left", yanchor="top", xshift=4, yshift=-1,
-        font={"size": 10, "color": QUIET}, bgcolor="rgba(255,255,255,0.8)",
+        font={"size": 10, "color": QUIET}, bgcolor=VEIL,
     )  # fmt: skip
     traces = [line(time, c.values * sensor.shown.scale, upper, c.name, c.colour, c.width) | c.above for c in curves]
     scale = sensor.error.scale

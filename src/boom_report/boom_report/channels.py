@@ -57,3 +57,10 @@ def limits_text(limits: Metrics) -> str:
         f"Limits, up to which noise explains an error: {', '.join(parts)} (rate and pressures: {NOISE_FACTOR:g} times "
         "the sensors' noise; angle: what the noise of the measured currents adds up to)."
     )
+
+
+def probability(value: float) -> str:
+    """A probability with two digits that never reads as certainty."""
+    if value > 0.995:
+        return "> 0.99"
+    return "< 0.01" if 0 < value < 0.005 else f"{value:.2f}"

@@ -11,7 +11,13 @@ from rich.text import Text
 
 from boom_checks.check import RecordingCheck
 from boom_checks.doubts import FirstLook
+from boom_recording.recording import Recording
 from boom_report.templates import render
+
+
+def damage_lines(recording: Recording) -> list[str]:
+    """One line for each part of its files that could not be read."""
+    return [f"damaged file: {warning}" for warning in recording.warnings]
 
 
 def check_lines(checks: Sequence[RecordingCheck]) -> list[str]:

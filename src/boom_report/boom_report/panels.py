@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_report.decimation import decimate
+from boom_report.palette import AXIS, FONT, GRID, PAPER, PLOT
 
 Array = NDArray[np.float64]
 Json = dict[str, Any]
 
-TEXT, QUIET, RED = "#1f2933", "#5b6570", "#b3261e"
 _TOP, _BOTTOM = 92, 44
 
 
@@ -51,9 +51,9 @@ class Panels:
         result: Json = {
             "height": self.height + _TOP + _BOTTOM,
             "margin": {"l": 52, "r": 12, "t": _TOP, "b": _BOTTOM},
-            "paper_bgcolor": "#ffffff",
-            "plot_bgcolor": "#fbfcfd",
-            "font": {"family": "system-ui, 'Segoe UI', Roboto, Arial, sans-serif", "size": 12, "color": TEXT},
+            "paper_bgcolor": PAPER,
+            "plot_bgcolor": PLOT,
+            "font": dict(FONT),
             "hovermode": "x",
             "legend": {
                 "orientation": "h",
@@ -72,12 +72,12 @@ class Panels:
             n = "" if index == 0 else str(index + 1)
             last = index == len(self.spans) - 1
             result[f"yaxis{n}"] = {
-                "domain": [1 - bottom / self.height, 1 - top / self.height], "anchor": f"x{n}", "gridcolor": "#e4e8ec",
-                "zerolinecolor": "#c9d0d6", "linecolor": "#c9d0d6", "showline": True, "automargin": False, "nticks": 5,
+                "domain": [1 - bottom / self.height, 1 - top / self.height], "anchor": f"x{n}", "gridcolor": GRID,
+                "zerolinecolor": AXIS, "linecolor": AXIS, "showline": True, "automargin": False, "nticks": 5,
                 **axis,
             }  # fmt: skip
             result[f"xaxis{n}"] = {
-                "anchor": f"y{n}", "domain": [0, 1], "gridcolor": "#e4e8ec", "zeroline": False, "linecolor": "#c9d0d6",
+                "anchor": f"y{n}", "domain": [0, 1], "gridcolor": GRID, "zeroline": False, "linecolor": AXIS,
                 "showline": True, "showticklabels": last, "range": [0, max(duration, 1e-3)], "nticks": 12,
             }  # fmt: skip
             if index:

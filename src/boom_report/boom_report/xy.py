@@ -7,27 +7,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_report.panels import QUIET, TEXT, packed
+from boom_report.palette import AXIS, FONT, GRID, INK, PAPER, PLOT, QUIET, VEIL
+from boom_report.panels import packed
 
 Array = NDArray[np.float64]
 Json = dict[str, Any]
 
+_ROW = 32  # px
 MOST_POINTS = 4000
 """A cloud; more of them are drawn over each other."""
-_GRID, _AXIS = "#e4e8ec", "#c9d0d6"
 
 
 def xy(traces: list[Json], x_title: str, y_title: str, *, height: int = 400, **layout: Any) -> Json:
     """A chart as plotly.js takes it; titles with units, ``layout`` goes over the usual one."""
-    axis = {"gridcolor": _GRID, "zerolinecolor": _AXIS, "linecolor": _AXIS, "showline": True, "automargin": True}
+    axis = {"gridcolor": GRID, "zerolinecolor": AXIS, "linecolor": AXIS, "showline": True, "automargin": True}
     return {
         "data": traces,
         "layout": {
             "height": height,
             "margin": {"l": 60, "r": 12, "t": 56, "b": 48},
-            "paper_bgcolor": "#ffffff",
-            "plot_bgcolor": "#fbfcfd",
-            "font": {"family": "system-ui, 'Segoe UI', Roboto, Arial, sans-serif", "size": 12, "color": TEXT},
+            "paper_bgcolor": PAPER,
+            "plot_bgcolor": PLOT,
+            "font": dict(FONT),
             "hovermode": "closest",
             "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1.02, "yanchor": "bottom"},
             "annotations": [],
@@ -37,6 +38,21 @@ def xy(traces: list[Json], x_title: str, y_title: str, *, height: int = 400, **l
         }
         | layout,
     }
+
+
+def rows_of(traces: list[Json], names: list[str], x_title: str) -> Json:
+    """A chart with a row for each name, written above what is drawn at its number, and a dotted line at 1."""
+    figure = xy(traces, x_title, "", height=_ROW * len(names) + 84)
+    layout = figure["layout"]
+    layout["margin"] = {"l": 12, "r": 12, "t": 20, "b": 48}
+    layout["yaxis"] |= {"tickvals": [], "showgrid": False, "zeroline": False, "range": [len(names) - 0.4, -0.8]}
+    dotted = {"color": INK, "width": 1.2, "dash": "dot"}
+    layout["shapes"] = [{"type": "line", "x0": 1, "x1": 1, "yref": "paper", "y0": 0, "y1": 1, "line": dotted}]
+    font = {"size": 11, "color": INK}
+    layout["annotations"] = [
+        note(name, x=0.0, y=k - 0.3, yref="y", yanchor="bottom", font=font) for k, name in enumerate(names)
+    ]
+    return figure
 
 
 def cloud(x: Array, y: Array, name: str, colour: str, size: float = 4.0) -> Json:
@@ -70,5 +86,5 @@ def zone(low: float, high: float, fill: str) -> Json:
 def note(text: str, **where: Any) -> Json:
     """Small text in the chart, by default in its upper left corner."""
     return {"text": text, "xref": "paper", "yref": "paper", "x": 0.01, "y": 0.99, "xanchor": "left", "yanchor": "top",
-            "showarrow": False, "font": {"size": 11, "color": QUIET}, "bgcolor": "rgba(255,255,255,0.8)",
+            "showarrow": False, "font": {"size": 11, "color": QUIET}, "bgcolor": VEIL,
             **where}  # fmt: skip

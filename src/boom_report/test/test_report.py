@@ -6,6 +6,7 @@ import io
 import json
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,10 +14,11 @@ from diagnosis_samples import constant, simulated, tz17, validated
 
 from boom_identification.validation import Validation, validate
 from boom_recording.recording import Configuration, Event
-from boom_report import events
+from boom_report import events, palette, terms
 from boom_report.channels import number
 from boom_report.console import WIDTH, console_for
 from boom_report.decimation import decimate
+from boom_report.packing import inflated
 from boom_report.page import page as whole_page
 from boom_report.validation.figure import figure
 from boom_report.validation.reference import beside
@@ -30,7 +32,7 @@ class Page(HTMLParser):
 
     def __init__(self, html: str) -> None:
         super().__init__()
-        self.text, self.addresses, self.charts, self.ids, self.rows = [], [], [], [], []
+        self.text, self.addresses, self.charts, self.libraries, self.ids, self.rows = [], [], [], [], [], []
         self._inside, self._cell = "", False
         self.feed(html)
 
@@ -40,6 +42,7 @@ class Page(HTMLParser):
         self.ids += [values["id"]] if "id" in values else []
         if tag in ("script", "style"):
             self._inside = values.get("type") or tag
+            self._library = values.get("class") == "library"
         if tag == "tr":
             self.rows.append([])
         if tag in ("td", "th") and self.rows:
@@ -51,8 +54,9 @@ class Page(HTMLParser):
         self._cell = self._cell and tag not in ("td", "th")
 
     def handle_data(self, data):
-        if self._inside == "application/json":
-            self.charts.append(json.loads(data))
+        if self._inside == "text/plain":
+            text = inflated(data)
+            (self.libraries if self._library else self.charts).append(text if self._library else json.loads(text))
         elif not self._inside:
             self.text.append(data)
             if self._cell:
@@ -87,13 +91,14 @@ def test_the_report_loads_nothing_from_anywhere(tmp_path):
     assert "default-src 'none'" in html
     style = re.search(r"<style>(.*?)</style>", html, re.S)[1]
     assert "url(" not in style and "@import" not in style
-    assert html.count("plotly.js v") == 1
+    assert "Permission is hereby granted" in html
+    assert [library.count("plotly.js (cartesian - minified) v") for library in page.libraries] == [1]
 
 
 def test_the_charts_cannot_be_sent_to_the_charting_librarys_server(tmp_path):
-    html, _ = page_of(tmp_path, validated("healthy/folded_fast"))
+    html, page = page_of(tmp_path, validated("healthy/folded_fast"))
     assert "showSendToCloud: false" in html
-    assert "cloud.plotly.com" not in html and "chart-studio" not in html
+    assert "cloud.plotly.com" not in page.libraries[0] and "chart-studio" not in page.libraries[0]
 
 
 def test_the_report_holds_tables_command_checksums_and_provenance(tmp_path):
@@ -113,8 +118,9 @@ def test_the_report_holds_tables_command_checksums_and_provenance(tmp_path):
 
 def test_every_recording_has_a_chart_of_four_channels_with_residuals_and_currents(tmp_path):
     _, page = page_of(tmp_path, validated("healthy/folded_fast"), validated("damaged/gap_in_motion"))
-    assert len(page.charts) == 2
-    for chart in page.charts:
+    picture, *charts = page.charts
+    assert len(picture["data"][0]["y"]) == 8 and len(charts) == 2
+    for chart in charts:
         axes = {trace["yaxis"] for trace in chart["data"] if "yaxis" in trace}
         assert len(axes) == 9
         linked = [key for key in chart["layout"] if key.startswith("xaxis") and key != "xaxis"]
@@ -125,7 +131,7 @@ def test_every_recording_has_a_chart_of_four_channels_with_residuals_and_current
 
 def test_gaps_are_shaded_in_the_chart_and_listed_in_the_table(tmp_path):
     _, page = page_of(tmp_path, validated("damaged/gap_in_motion"))
-    shaded = [s for s in page.charts[0]["layout"]["shapes"] if "domain" not in s["xref"]]
+    shaded = [s for s in page.charts[1]["layout"]["shapes"] if "domain" not in s["xref"]]
     assert len(shaded) == 9
     assert all(s["x0"] == pytest.approx(24.19, abs=0.01) and s["x1"] == pytest.approx(25.40, abs=0.01) for s in shaded)
     listed = [row for row in page.rows if row[0] in ("gap", "loss")]
@@ -184,7 +190,7 @@ def test_warnings_of_a_damaged_file_and_notes_are_shown(tmp_path):
     bag = validated("healthy/folded_fast")
     recording = dataclasses.replace(bag.recording, warnings=["cut at 31.2 s"])
     _, page = page_of(tmp_path, dataclasses.replace(bag, recording=recording), notes=("recorded elsewhere",))
-    assert "Damaged file: cut at 31.2 s" in page.text
+    assert "damaged file: cut at 31.2 s" in page.text
     assert "recorded elsewhere" in page.text
 
 
@@ -300,3 +306,19 @@ def test_too_short_or_standing_recordings_are_not_said_to_agree(duration, curren
     bag = validate(simulated(duration, currents), tz17())
     assert said in verdict(bag).short
     assert bag.document()["agrees"] is False
+
+
+def test_a_colour_stands_for_one_thing_and_has_its_counterpart_on_a_dark_screen():
+    assert len(palette.DARK) == palette.style().count("--") / 2
+    literal = re.compile(r"['\" ]#[0-9a-fA-F]{6}\b|rgba\(")
+    folders = (Path(__file__).parents[2] / name / name for name in ("boom_report", "boom_trials"))
+    sources = [path for folder in folders for path in folder.rglob("*") if path.suffix in (".py", ".html", ".css")]
+    kept = {path.name for path in sources if path.parent.name != "vendor" and literal.search(path.read_text())}
+    assert kept == {"palette.py", "view.css", "dark.css"}  # the moving crane has colours of its own, for light and dark
+
+
+def test_every_word_that_a_report_explains_has_a_sentence():
+    page = terms.section("free run", "NRMSE")
+    assert page.count("<dt>") == 2
+    with pytest.raises(KeyError):
+        terms.section("a word of no report")

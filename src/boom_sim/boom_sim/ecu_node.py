@@ -16,7 +16,7 @@ from boom_can_bridge.codec import CanConfigurationError, Codec
 from boom_interfaces.msg import GroundTruth
 from boom_interfaces.srv import SetPayload
 from boom_model.errors import ModelError
-from boom_node import parameters, qos, shell
+from boom_node import face, parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
 from boom_node.node import Node
@@ -24,7 +24,6 @@ from boom_node.parameters import ParameterSpec
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from boom_sim import ecu_faults, messages, settings
@@ -33,7 +32,7 @@ from boom_sim.ecu_loop import EcuLoop
 from boom_sim.simulated_crane import PERIOD
 
 _LOOK_PERIOD = 0.05
-_NOT_ON_A_BUS = ("joint_name", "fixed_joints", "shared_topics")
+_NOT_ON_A_BUS = ("shared_topics", *(spec.name for spec in face.PARAMETERS))
 
 PARAMETERS = (
     *(spec for spec in settings.PARAMETERS if spec.name not in _NOT_ON_A_BUS),
@@ -61,7 +60,6 @@ class EcuNode(Node):
             )
         try:
             self._crane = settings.make_crane(values)
-            description = settings.robot_description(values.robot_description)
             codec = Codec.load(values.dbc, values.mapping or None)
             self._ecu = Ecu(self._crane, codec, lockstep=values.mode == "lockstep")
         except (ModelError, CanConfigurationError) as error:
@@ -77,9 +75,6 @@ class EcuNode(Node):
         self._state: object = None
         # The executor knows no guard conditions, and the ECU's thread has no time for ROS.
         self.create_timer(_LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        if description:
-            self._urdf = self.create_publisher(String, "/robot_description", qos.BY_TOPIC["/robot_description"])
-            self._urdf.publish(String(data=description))
         if values.ground_truth:
             self._truth = self.create_publisher(GroundTruth, "/boom/ground_truth", qos.SENSOR_DATA)
             self.create_timer(PERIOD, self._publish_truth, clock=Clock(clock_type=ClockType.STEADY_TIME))

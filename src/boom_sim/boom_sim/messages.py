@@ -8,6 +8,7 @@ from std_msgs.msg import Header
 
 from boom_input.channels import AMBIENT_PRESSURE_PA
 from boom_interfaces.msg import GroundTruth, MachineConfiguration, SolenoidCurrents
+from boom_node.joint_set import JointSet
 from boom_node.stamps import set_ns
 from boom_sim.simulated_crane import CraneSample
 
@@ -17,13 +18,13 @@ def header(nanoseconds: int, frame: str = "") -> Header:
     return Header(stamp=set_ns(Time(), nanoseconds), frame_id=frame)
 
 
-def joint_state(sample: CraneSample, joint: str, fixed: dict[str, float], stamp_ns: int) -> JointState:
-    """The boom's joint as the IMU shows it [rad, rad/s], and the locked joints at their known positions."""
+def joint_state(sample: CraneSample, joints: JointSet, stamp_ns: int) -> JointState:
+    """The boom's joint as the IMU shows it [rad, rad/s], and all others at the values that follow."""
     return JointState(
         header=header(stamp_ns),
-        name=[joint, *fixed],
-        position=[sample.angle, *fixed.values()],
-        velocity=[sample.rate, *(0.0 for _ in fixed)],
+        name=joints.names,
+        position=joints.positions(sample.angle),
+        velocity=joints.velocities(sample.angle, sample.rate),
     )
 
 

@@ -7,16 +7,22 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_model import joint_motion
 from boom_model.equations import Kind
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine
-from boom_model.plant import Plant
+from boom_model.plant import FINE, Plant
 from boom_model.sensors import OUTPUTS, SensorNoise
 from boom_recording import writing
+from boom_recording.joint_motion import JointMotion
 from boom_recording.recording import Configuration, Recording
 from boom_sim.simulated_crane import PERIOD, CraneStart, EndedEarlyError
+from boom_sim.work_cycle import measured as measured_joints
 
 Array = NDArray[np.float64]
+
+JOINT_STEP = 0.002
+"""s. Far finer than the recording, so that it does not share the error of the model that holds the joints for a period."""
 
 
 def simulate(
@@ -31,6 +37,8 @@ def simulate(
     kind: Kind = "full",
     duration: float | None = None,
     name: str = "simulated",
+    tolerance: float = FINE,
+    motion: JointMotion | None = None,
 ) -> Recording:
     """Run a model on held currents and measure at 100 Hz.
 
@@ -45,28 +53,35 @@ def simulate(
         kind: ``full`` or ``reduced``.
         duration: [s]; default: up to one period after the last current.
         name: of the recording.
+        tolerance: relative, of the integration.
+        motion: of the other joints; without, they are locked as configured.
 
     Raises:
-        MachineError: an impossible pose or load.
+        MachineError: an impossible pose or load, or joints that move without bodies in the file.
         SimulationError: a state left its range; the message names it and the time. An EndedEarlyError if part of the run exists.
     """
     load = 0.0 if math.isnan(configuration.load_mass) else configuration.load_mass
     pose = machine.pose(configuration.outer_boom_angle, configuration.telescope_length, load)
-    plant = Plant(machine.carrying(name), pose, kind)
+    carrying = machine.carrying(name)
+    plant = Plant(carrying if motion is None else carrying.with_moving_joints(), pose, kind)
     end = float(time[-1]) + PERIOD if duration is None else duration
     grid: Array = np.arange(math.floor(end / PERIOD + 1e-9) + 1, dtype=np.float64) * PERIOD
-    initial = start.state(plant)
+    held, inputs = _inputs(machine, configuration, time, currents, motion, end)
+    initial = start.state(plant, inputs[0])
     try:
-        outputs, ended = plant.run(time, currents, grid, initial, start=0.0, tolerance=1e-6).outputs, None
+        outputs, ended = plant.run(held, inputs, grid, initial, start=0.0, tolerance=tolerance).outputs, None
     except SimulationError as error:
-        outputs, ended = plant.integrate(time, currents, grid, initial, 0.0, tolerance=1e-6)[1], error
+        outputs, ended = plant.integrate(held, inputs, grid, initial, 0.0, tolerance=tolerance)[1], error
         reached = int(np.argmin(np.append(np.isfinite(outputs).all(axis=1), False)))
         if reached < 2:
             raise
         grid, outputs = grid[:reached], outputs[:reached]
     rng = np.random.default_rng(seed)
     measured = noise.outputs(outputs, rng)
-    result = writing.from_columns(name, grid, {o: measured[:, i] for i, o in enumerate(OUTPUTS)}, configuration)
+    shown_outputs = {o: measured[:, i] for i, o in enumerate(OUTPUTS)}
+    if motion is not None:
+        shown_outputs |= measured_joints(motion, grid, noise, rng)
+    result = writing.from_columns(name, grid, shown_outputs, configuration)
     shown_time = _current_times(time, grid)
     acting = currents[np.maximum(np.searchsorted(time, shown_time + 1e-9, side="right") - 1, 0)]
     shown = noise.currents(acting, rng)
@@ -75,6 +90,20 @@ def simulate(
     if ended is not None:
         raise EndedEarlyError(ended, result)
     return result
+
+
+def _inputs(
+    machine: Machine, configuration: Configuration, time: Array, currents: Array, motion: JointMotion | None, end: float
+) -> tuple[Array, Array]:
+    """From when each input acts, and the inputs of the plant; joints that move are held for ``JOINT_STEP``, as in its middle."""
+    if motion is None:
+        return time, currents
+    held = np.unique(np.concatenate((time, np.arange(0.0, end, JOINT_STEP))))
+    ends = np.append(held[1:], held[-1])
+    pose = configuration.outer_boom_angle, configuration.telescope_length
+    moved = joint_motion.inputs(machine.document, pose, *motion.at(0.5 * (held + ends)))
+    acting = np.maximum(np.searchsorted(time, held + 1e-9, side="right") - 1, 0)
+    return held, np.column_stack((currents[acting], moved))
 
 
 def _current_times(time: Array, grid: Array) -> Array:

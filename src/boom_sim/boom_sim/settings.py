@@ -6,13 +6,14 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
-from boom_input.files import InputError, read_text
+from boom_input.files import InputError
 from boom_input.shown import quoted
 from boom_input.yaml_text import parse_yaml
 from boom_model.errors import ModelError
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.sensors import IDEAL
+from boom_node import face
 from boom_node.parameters import ParameterSpec
 from boom_node.publishers import PARAMETER as SHARED_TOPICS
 from boom_sim.simulated_crane import CraneStart, SimulatedCrane
@@ -38,12 +39,7 @@ PARAMETERS = (
     ParameterSpec("seed", 0, "seed of the sensor noise", minimum=0, maximum=2**31 - 1, read_only=True),
     ParameterSpec("sensors", "thesis", "noise and quantisation of ch. 6.4, or none", choices=("thesis", "ideal"), read_only=True),
     SHARED_TOPICS,
-    ParameterSpec("joint_name", "inner_boom_joint", "name of the boom's joint in /joint_states", read_only=True),
-    ParameterSpec(
-        "fixed_joints", ["outer_boom_joint", "telescope_joint"],
-        "names under which q3 and q4 are published too; empty: they are not", read_only=True,
-    ),
-    ParameterSpec("robot_description", "", "URDF text, or the path of a .urdf file; empty: none is published", read_only=True),
+    *face.PARAMETERS,
     ParameterSpec("ground_truth", False, "publish the true states on /boom/ground_truth", read_only=True),
 )  # fmt: skip
 
@@ -92,20 +88,6 @@ def with_effects(machine: Machine, text: str) -> Machine:
             f"effects: {quoted(repr(text))} is not of the form {{effect: {{parameter: number}}}}"
         )
     return machine.with_effects({**machine.effects, **given})
-
-
-def robot_description(text: str) -> str:
-    """The URDF text; a path ending in .urdf is read.
-
-    Raises:
-        SimulationSettingError: the file cannot be read.
-    """
-    if not text.strip().endswith(".urdf"):
-        return text
-    try:
-        return read_text(text.strip())
-    except InputError as error:
-        raise SimulationSettingError(f"robot_description: {error}") from None
 
 
 def _given(value: float) -> float:

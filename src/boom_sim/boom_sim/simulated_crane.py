@@ -54,12 +54,12 @@ class CraneStart:
     hose_pressure: float = math.nan
     rod_pressure: float = math.nan
 
-    def state(self, plant: Plant) -> Array:
-        """The state (NX,) of ``plant`` at this rest."""
+    def state(self, plant: Plant, inputs: Array | None = None) -> Array:
+        """The state (NX,) of ``plant`` at this rest, where the inputs (NU,) tell that the other joints stand elsewhere."""
         rod = self.rod_pressure if math.isfinite(self.rod_pressure) else 1.0e6
         if math.isfinite(self.hose_pressure):
-            return plant.rest_state(self.angle, self.hose_pressure, rod)
-        return plant.equilibrium(self.angle, rod)
+            return plant.rest_state(self.angle, self.hose_pressure, rod, inputs=inputs)
+        return plant.equilibrium(self.angle, rod, inputs)
 
 
 class CraneSample(NamedTuple):

@@ -20,6 +20,7 @@ from boom_model.errors import ModelError, SimulationError
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
+from boom_node.face import Face
 from boom_node.node import Node
 from boom_node.publishers import COMMANDS, SolePublishers
 from boom_node.realtime import Garbage, use_priority
@@ -28,7 +29,6 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from boom_sim import messages, settings
@@ -45,7 +45,6 @@ class SimulationNode(Node):
         self._values = parameters.declare(self, settings.NODE_PARAMETERS)
         try:
             self._crane = settings.make_crane(self._values)
-            description = settings.robot_description(self._values.robot_description)
         except ModelError as error:
             raise StartError(str(error)) from error
         self._lockstep = self._values.mode == "lockstep"
@@ -54,8 +53,8 @@ class SimulationNode(Node):
         self._refused = ""
         self._watch = WatchedCommand()
         self._sole = SolePublishers(self, (*COMMANDS, *MEASURED_TOPICS), self._values.shared_topics)
-        known = (self._crane.pose.outer_boom_angle, self._crane.pose.telescope_length)
-        self._fixed = {name: float(value) for name, value in zip(self._values.fixed_joints, known, strict=False)}
+        pose = self._crane.pose
+        self._face = Face(self, self._values, (pose.outer_boom_angle, pose.telescope_length))
         self._variance = (
             self._crane.machine.sensor_noise().pressure_sigma ** 2 if self._values.sensors == "thesis" else 0.0
         )
@@ -72,7 +71,7 @@ class SimulationNode(Node):
         configuration = self.create_publisher(
             MachineConfiguration, "/boom/machine_configuration", qos.BY_TOPIC["/boom/machine_configuration"]
         )
-        self._latched = [configuration]
+        self._latched = configuration
         self.create_subscription(
             SolenoidCurrents, "/boom/current_command", self._on_command, qos.BY_TOPIC["/boom/current_command"]
         )
@@ -85,7 +84,6 @@ class SimulationNode(Node):
             self.create_timer(LOOK_EVERY_S, self._look_for_listeners, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._origin_ns = 0 if self._lockstep else self.get_clock().now().nanoseconds
         self._pacer = SimulationPacer(PERIOD)
-        pose = self._crane.pose
         note = f"simulated, seed {self._values.seed}"
         if self._crane.machine.effects:
             note += ", effects: " + ", ".join(sorted(self._crane.machine.effects))
@@ -94,10 +92,6 @@ class SimulationNode(Node):
                 self._crane.machine.name, pose.outer_boom_angle, pose.telescope_length, pose.load, note, self._origin_ns
             )
         )
-        if description:
-            urdf = self.create_publisher(String, "/robot_description", qos.BY_TOPIC["/robot_description"])
-            urdf.publish(String(data=description))
-            self._latched.append(urdf)
         if not self._lockstep:
             self._garbage = Garbage()
             self._garbage.hold()
@@ -202,7 +196,7 @@ class SimulationNode(Node):
         stamp = self._origin_ns + seconds_to_ns(sample.time)
         if sample.current_time == sample.current_time:
             self._currents.publish(messages.currents(sample, self._origin_ns + seconds_to_ns(sample.current_time)))
-        self._joints.publish(messages.joint_state(sample, self._values.joint_name, self._fixed, stamp))
+        self._joints.publish(messages.joint_state(sample, self._face.joints, stamp))
         for sensor, publisher in self._pressures:
             publisher.publish(messages.pressure(getattr(sample, sensor.name), sensor.frame, self._variance, stamp))
         if self._truth is not None:

@@ -38,11 +38,6 @@ def test_a_setting_that_cannot_be_used_is_one_plain_line(changed: dict[str, obje
     assert "\n" not in str(caught.value)
 
 
-def test_a_robot_description_that_is_missing_is_named() -> None:
-    with pytest.raises(settings.SimulationSettingError, match=r"nowhere.urdf: cannot be read"):
-        settings.robot_description("nowhere.urdf")
-
-
 def test_effects_are_added_to_those_of_the_machine_file() -> None:
     machine = settings.make_crane(values(effects="{piston_leakage: {c: 1.0e-12}}")).machine
     again = settings.with_effects(machine, "{entrained_air: {a: 0.01}}")

@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_controller.references.governor import Governor, sampled
 from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_controller.types import Controller, ControlOutput, Measurement, Reference
 from boom_input.channels import CURRENTS
@@ -53,6 +54,7 @@ class LoopRun:
     Attributes:
         samples: what the sensors showed at the beginning of each period, and after the last one that came to its end.
         outputs: of the control law, one a period, the last one included.
+        references: that were followed, one a period: where the boom cannot follow, the given ones at a slower pace.
         failed: a state left its range in the last period; None if none did.
         stopped: (time [s], reason) where the control law asked to stop, with which the run ended.
         astray: beginning of the period [s] after which the crane was too far from its reference; None if it never was.
@@ -60,6 +62,7 @@ class LoopRun:
 
     samples: list[CraneSample]
     outputs: list[ControlOutput] = field(default_factory=list)
+    references: list[Reference] = field(default_factory=list)
     failed: SimulationError | None = None
     stopped: tuple[float, str] | None = None
     astray: float | None = None
@@ -75,8 +78,9 @@ def run(
     heed: bool = False,
     astray: Callable[[float], bool] | None = None,
     told: Callable[[float], None] | None = None,
+    governor: Governor | None = None,
 ) -> LoopRun:
-    """Runs the loop along the references, one each period.
+    """Runs the loop along the references, one each period, for as many periods.
 
     Args:
         controller: reset here, from what the sensors show at the beginning; its sample time is the crane's.
@@ -87,6 +91,7 @@ def run(
         heed: the run ends where the control law asks to stop, as the supervision would.
         astray: whether the crane is too far from a wanted angle [rad] after a period, with which the run ends.
         told: called with the simulated time [s] once a second.
+        governor: slows the references along themselves where the boom cannot follow, as the controller's node does.
     """
     periods = int(dead_time / crane.period + 1e-9)
     rest = dead_time - periods * crane.period
@@ -98,9 +103,15 @@ def run(
     every = round(1.0 / crane.period)
     measurement = Measurement._make((*sample[:_MEASURED], age))
     controller.reset(measurement)
-    for k, reference in enumerate(references):
+    if governor:
+        governor.start(sampled(references, crane.period), -crane.period)
+    for k, planned in enumerate(references):
+        reference = governor.advance(crane.period) if governor else planned
         output = step(reference, measurement)
+        if governor:
+            governor.allow(output)
         outputs.append(output)
+        result.references.append(reference)
         if heed and output.reason:
             result.stopped = (sample.time, output.reason)
             return result
@@ -136,6 +147,7 @@ def follow(
     told: Callable[[float], None] | None = None,
     dead_time: float = 0.0,
     age: float = 0.0,
+    governor: Governor | None = None,
 ) -> Recording:
     """Let a crane at rest follow reference angles.
 
@@ -149,6 +161,7 @@ def follow(
         told: as in :func:`run`.
         dead_time: as in :func:`run`.
         age: as in :func:`run`.
+        governor: as in :func:`run`.
 
     Returns:
         A recording with all signals of the machine, the commands, the wanted and the smooth reference.
@@ -159,18 +172,16 @@ def follow(
     angles = wanted.tolist()
     generator.reset(angles[0])
     references = [generator.step(angle) for angle in angles]
-    done = run(controller, crane, references, dead_time=dead_time, age=age, told=told)
+    done = run(controller, crane, references, dead_time=dead_time, age=age, told=told, governor=governor)
     if done.failed is not None and len(done.samples) < 3:
         raise done.failed
-    recording = _recording(name, done, angles, references, configuration)
+    recording = _recording(name, done, angles, configuration)
     if done.failed is not None:
         raise EndedEarlyError(done.failed, recording)
     return recording
 
 
-def _recording(
-    name: str, done: LoopRun, angles: list[float], references: list[Reference], configuration: Configuration
-) -> Recording:
+def _recording(name: str, done: LoopRun, angles: list[float], configuration: Configuration) -> Recording:
     """Every period that came to its end; measured currents are those at its end."""
     begins, ends = done.samples[:-1], done.samples[1:]
     n = len(ends)
@@ -179,7 +190,7 @@ def _recording(
     commands = {
         f"{side}_current_command": [getattr(o, side) for o in done.outputs[:n]] for side in ("retract", "extend")
     }
-    smooth = {f"smooth_reference_{key}": [getattr(r, key) for r in references[:n]] for key in Reference._fields}
+    smooth = {f"smooth_reference_{key}": [getattr(r, key) for r in done.references[:n]] for key in Reference._fields}
     columns = shown | currents | commands | {"reference_angle": angles[:n]} | smooth
     time: Array = np.arange(n, dtype=np.float64) * PERIOD
     return writing.from_columns(name, time, {key: np.array(v) for key, v in columns.items()}, configuration)

@@ -102,7 +102,7 @@ def spear(distance: float, m: Quantities) -> float:
 @compiled
 def simulate(
     m: Quantities, angles: Array, strokes: Array, levers: Array, currents: Array,
-    load_course: Array, warmth: Array, supply: Array, stuck: Array, start: Array, steps: int,
+    load_course: Array, warmth: Array, supply: Array, stuck: Array, start: Array, steps: int, body: Array,
 ) -> Any:  # fmt: skip
     """One run.
 
@@ -110,6 +110,7 @@ def simulate(
     currents (n, 2): i_+ (lower), i_- (lift) [A] in each millisecond. load_course, warmth, supply, stuck (n,): share of the
     extra load that is attached, factor of the friction, factor of the supply flow, 1 while the spool sticks.
     start: q_2 [rad], p_a, p_b [Pa]. steps: in a millisecond.
+    body (n, len(moving_body.COLUMNS)): where the other joints move, in each millisecond; (0, ...): they are locked.
 
     Returns (n, len(NAMES)): after each millisecond. NaN from where a pressure left -1 bar .. 1000 bar or the angle its table.
     """
@@ -146,12 +147,22 @@ def simulate(
     swings, bends = m.pendulum_mass > 0.0, m.bend_share > 0.0
     omega_b = 2.0 * pi * m.bend_frequency
     omega_r = 2.0 * pi * m.rock_frequency
+    moves = body.shape[0] > 0
+    inertia, moment_x, moment_y, tip_x, tip_y = m.inertia, m.moment_x, m.moment_y, m.tip_x, m.tip_y
     if rocking:  # the base stands where gravity has put it
         rock = -m.rock_compliance * m.gravity * (m.moment_x + m.load * m.tip_x)
     for i in range(n):
         i_p, i_m = currents[i, 0], currents[i, 1]
         mass = m.load + m.extra_load * load_course[i]
-        total = m.inertia + mass * (m.tip_x**2 + m.tip_y**2) + m.load_gyration * load_course[i]
+        if moves:  # Newton's law for the particles of the bodies, about the boom joint: ``moving_body``
+            moment_x, moment_y, tip_x, tip_y = body[i, 1], body[i, 2], body[i, 3], body[i, 4]
+            inertia = body[i, 0]
+            pushed = body[i, 5] + mass * (tip_x * body[i, 10] - tip_y * body[i, 9])
+            carried = 2.0 * (body[i, 6] + mass * (tip_x * body[i, 7] + tip_y * body[i, 8]))
+            whirl, shaft = body[i, 11] ** 2, body[i, 12]
+            square_re = body[i, 13] + mass * (tip_x * tip_x - tip_y * tip_y)
+            square_im = body[i, 14] + mass * 2.0 * tip_x * tip_y
+        total = inertia + mass * (tip_x**2 + tip_y**2) + m.load_gyration * load_course[i]
         held = stuck[i] > 0.5
         for _ in range(steps):
             # ---- pilot stage: exact for a held current, faster or slower where it rises, then a coil with remanence
@@ -321,8 +332,12 @@ def simulate(
             drive_torque = lever * (p_a * m.area_a - p_b * m.area_b) - rub_torque * warmth[i]
             up = q + rock
             c, d = cos(up), sin(up)
-            x_tip, y_tip = m.tip_x * c - m.tip_y * d, m.tip_x * d + m.tip_y * c
-            torque = drive_torque - m.gravity * (m.moment_x * c - m.moment_y * d + mass * x_tip)
+            x_tip, y_tip = tip_x * c - tip_y * d, tip_x * d + tip_y * c
+            torque = drive_torque - m.gravity * (moment_x * c - moment_y * d + mass * x_tip)
+            if moves:
+                height = moment_x * d + moment_y * c + mass * y_tip
+                twice = square_re * 2.0 * c * d + square_im * (c * c - d * d)
+                torque -= pushed + carried * w + whirl * (shaft * height + 0.5 * twice)
             if q < m.rest_angle:
                 torque += max(0.0, m.rest_stiffness * (m.rest_angle - q) - 0.02 * m.rest_stiffness * w)
             effective = total

@@ -156,7 +156,7 @@ def quantities(machine: MachineFile, pose: Posture) -> Quantities:
     valve, spool, line = "hose_burst_valve", "main_valve_spool", "accumulators"
     return Quantities(
         gravity=f("constants.g"), inertia=inertia * scale_d, moment_x=moment[0] * scale_s, moment_y=moment[1] * scale_s,
-        tip_x=tip[0], tip_y=tip[1], load=pose.load,
+        tip_x=tip[0], tip_y=tip[1], load=pose.load, inertia_scale=scale_d, moment_scale=scale_s,
         density=f("fluid.rho"), bulk=f("fluid.beta"), discharge=f("fluid.C_d"), tank=f("fluid.p_t"),
         area_a=f("cylinder.A_a"), area_b=f("cylinder.A_b"), stroke=f("cylinder.l_p"), dead_a=f("cylinder.V_0a"),
         dead_b=f("cylinder.V_0b"), hose=f("cylinder.V_h"),
@@ -222,19 +222,26 @@ def _pin_to_pin(machine: MachineFile, angles: Array) -> Array:
 def locked_body(pose: Posture) -> tuple[float, tuple[float, float], tuple[float, float]]:
     """D_0 [kg m^2], (S_x, S_y) [kg m] and the tip [m] in the boom's frame, without load: the table of the machine notes."""
     turn = complex(math.cos(pose.outer_boom_angle), math.sin(pose.outer_boom_angle))
+    bodies, tip = placed_bodies(turn, pose.telescope_length)
+    inertia = sum(mass * abs(at) ** 2 + own for mass, at, own, _ in bodies)
+    moment = sum((mass * at for mass, at, _, _ in bodies), 0j)
+    return inertia, (moment.real, moment.imag), (tip.real, tip.imag)
 
-    def arm(x: float, z: float) -> complex:
-        return 3.49288 + turn * complex(-0.3925 + x, -z)
 
-    q4 = pose.telescope_length
+def placed_bodies(turn: Any, q4: Any) -> tuple[tuple[tuple[float, Any, float, Any], ...], Any]:
+    """Mass [kg], centre [m], own inertia [kg m^2] and long axis of each body, and the tip; complex numbers in the boom's frame.
+
+    turn: exp(i q_3); q4 [m]; numbers, or both over time.
+    """
+
+    def arm(x: float, z: Any) -> Any:
+        return 3.49288 + turn * (-0.3925 + x - 1j * z)
+
     tip = arm(0.0, 3.157 + q4)
     foot, eye = complex(1.81268, -0.0485), arm(0.274489, 0.468)
-    along = (eye - foot) / abs(eye - foot)
-    bodies = (
-        (407.665, complex(1.61004, 0.039036), 482.518), (275.94, arm(0.3015, 1.263), 236.05),
-        (128.16, arm(0.2947, 1.4913 + q4 / 2), 128.38), (95.827, arm(0.251, 1.587 + q4), 88.42),
-        (47.1186, foot + 0.4944 * along, 7.46), (70.814, eye - 0.547 * along, 9.88), (345.749, tip, 0.0),
-    )  # fmt: skip
-    inertia = sum(mass * abs(at) ** 2 + own for mass, at, own in bodies)
-    moment = sum((mass * at for mass, at, _ in bodies), 0j)
-    return inertia, (moment.real, moment.imag), (tip.real, tip.imag)
+    along, out = (eye - foot) / abs(eye - foot), -1j * turn
+    return (
+        (407.665, complex(1.61004, 0.039036), 482.518, 1.0), (275.94, arm(0.3015, 1.263), 236.05, out),
+        (128.16, arm(0.2947, 1.4913 + q4 / 2), 128.38, out), (95.827, arm(0.251, 1.587 + q4), 88.42, out),
+        (47.1186, foot + 0.4944 * along, 7.46, along), (70.814, eye - 0.547 * along, 9.88, along), (345.749, tip, 0.0, out),
+    ), tip  # fmt: skip

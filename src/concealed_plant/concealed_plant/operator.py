@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from concealed_plant.kernel import opening, pilot
 from concealed_plant.machine import BoomLinkage
-from concealed_plant.plant import InitialValues, per_millisecond, run
+from concealed_plant.plant import Courses, InitialValues, per_millisecond, run
 from concealed_plant.quantities import Quantities
 
 Array = NDArray[np.float64]
@@ -38,10 +38,13 @@ class Operator:
         m: the machine as the operator knows it.
         linkage: of that machine.
         rng: the only source of randomness.
+        courses: how the other joints move meanwhile.
     """
 
-    def __init__(self, m: Quantities, linkage: BoomLinkage, rng: np.random.Generator) -> None:
-        self._m, self._linkage, self._rng = m, linkage, rng
+    def __init__(
+        self, m: Quantities, linkage: BoomLinkage, rng: np.random.Generator, courses: Courses | None = None
+    ) -> None:
+        self._m, self._linkage, self._rng, self._courses = m, linkage, rng, courses or Courses()
         self._expected = [self._expectation(lifting) for lifting in (False, True)]
 
     def drive(self, duration: float, start: float, manner: str = "") -> tuple[Array, Array]:
@@ -63,7 +66,8 @@ class Operator:
             kind = manner if manner not in ("", "ends") else str(self._rng.choice(_MIX))
             shape = self._shape(kind)[: end - at]
             if (at - looked) * PERIOD_S > _LOOK:
-                seen = run(self._m, self._linkage, InitialValues(start), per_millisecond(currents[:at]), steps=_BY_EYE)
+                given = per_millisecond(currents[:at])
+                seen = run(self._m, self._linkage, InitialValues(start), given, self._courses, steps=_BY_EYE)
                 angle, looked = float(seen["angle"][-1]), at
                 lifting = angle < low + 0.05 or (lifting and angle < high - 0.05)
             room = (high - angle) if lifting else (angle - low)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from concealed_plant.kernel import MILLISECOND, NAMES, STEPS, simulate
 from concealed_plant.machine import BoomLinkage
+from concealed_plant.moving_body import COLUMNS, JointCourses, columns
 from concealed_plant.quantities import Quantities
 
 Array = NDArray[np.float64]
@@ -31,6 +32,7 @@ class Courses:
     warmth: Array | None = None
     supply: Array | None = None
     stuck: Array | None = None
+    joints: JointCourses | None = None
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,12 @@ def run(
     loads = course(courses.load, 1.0)
     cell = int(np.searchsorted(linkage.angles, start.angle))
     mass = m.load + m.extra_load * loads[0] + m.pendulum_mass
-    x, y = m.moment_x + mass * m.tip_x, m.moment_y + mass * m.tip_y
+    body = np.empty((0, len(COLUMNS)))
+    moment_x, moment_y, tip_x, tip_y = m.moment_x, m.moment_y, m.tip_x, m.tip_y
+    if courses.joints is not None:
+        body = _moving(m, courses.joints, n)
+        moment_x, moment_y, tip_x, tip_y = (float(body[0, COLUMNS.index(k)]) for k in COLUMNS[1:5])
+    x, y = moment_x + mass * tip_x, moment_y + mass * tip_y
     torque = m.gravity * (x * np.cos(start.angle) - y * np.sin(start.angle))
     head = (torque / linkage.levers[cell] + start.rod_pressure * m.area_b) / m.area_a
     rod = start.rod_pressure
@@ -99,9 +106,21 @@ def run(
         head, rod = 1.0e5, (1.0e5 * m.area_a - torque / linkage.levers[cell]) / m.area_b
     values = simulate(
         m, linkage.angles, linkage.strokes, linkage.levers, held, loads, course(courses.warmth, 1.0),
-        course(courses.supply, 1.0), course(courses.stuck, 0.0), np.array([start.angle, head, rod]), steps,
+        course(courses.supply, 1.0), course(courses.stuck, 0.0), np.array([start.angle, head, rod]), steps, body,
     )  # fmt: skip
     if not np.isfinite(values[-1]).all():
         at = float(np.argmax(~np.isfinite(values[:, 0]))) * MILLISECOND - SETTLING * MILLISECOND
         raise RunError(f"the crane left its range at {at:.2f} s")
     return Run(values[SETTLING:])
+
+
+def _moving(m: Quantities, joints: JointCourses, n: int) -> Array:
+    """The bodies' particles over the milliseconds, those of settling included.
+
+    Raises:
+        RunError: an effect whose parts hang on a tip or base that does not move in its equations.
+    """
+    if m.pendulum_mass > 0.0 or m.rock_compliance > 0.0:
+        raise RunError("a load that swings, or a base that rocks, goes with locked joints only")
+    table = columns(joints, m.moment_scale, m.inertia_scale)
+    return np.ascontiguousarray(np.vstack((np.repeat(table[:1], SETTLING, axis=0), table[:n])))

@@ -77,6 +77,9 @@ class Quantities(NamedTuple):
     curve_1: float
     curve_0: float
 
+    # ------------------------------------------------------------------ bodies, for joints that move
+    inertia_scale: float = 1.0
+    moment_scale: float = 1.0
     # ------------------------------------------------------------------ load, structure
     load_gyration: float = 0.0  # kg m^2, own inertia of a stiffly held extra load
     extra_load: float = 0.0  # kg, times the course of the load over time

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_input.channels import BY_NAME, SENSOR_TOPICS, of_topic
+from boom_input.channels import BY_NAME, REQUIRED, SENSOR_TOPICS
 from boom_recording.recording import Configuration, Recording, Signal
 from boom_recording.writing import START_NS
 from concealed_plant.hidden import Sensing
@@ -27,7 +27,7 @@ CURRENT_SIGMA, CURRENT_QUANTUM = 0.8e-3, 1.0e-3
 PERIOD = 10  # ms
 SEEN = ("angle", "rate", "hose_pressure", "rod_pressure")
 """What this plant shows; of its own, like all its physics."""
-_TOPICS = tuple(tuple(channel.name for channel in of_topic(topic)) for topic in SENSOR_TOPICS)
+_TOPICS = tuple(tuple(c.name for c in REQUIRED if c.topic == topic) for topic in SENSOR_TOPICS)
 
 
 @dataclass(frozen=True)

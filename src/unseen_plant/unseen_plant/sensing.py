@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from boom_input.channels import BY_NAME, SENSOR_TOPICS, of_topic
+from boom_input.channels import BY_NAME, REQUIRED, SENSOR_TOPICS
 from boom_recording.recording import Configuration, Recording, Signal
 from boom_recording.writing import START_NS
 from unseen_plant.layout import STEP
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 SEEN = ("angle", "rate", "hose_pressure", "rod_pressure")
 CURRENTS = ("retract_current", "extend_current")
-_TOPICS = tuple(tuple(channel.name for channel in of_topic(topic)) for topic in SENSOR_TOPICS)
+_TOPICS = tuple(tuple(c.name for c in REQUIRED if c.topic == topic) for topic in SENSOR_TOPICS)
 
 
 @dataclass(frozen=True)

@@ -69,6 +69,7 @@ def simulate_reference(
     from rich.progress import BarColumn, Progress, TextColumn
 
     from boom_controller.controller import Settings, make_controller
+    from boom_controller.references.governor import Governor
     from boom_controller.references.trajectory_generator import TrajectoryGenerator
     from boom_report.console import console_for
     from boom_sim.simulated_crane import PERIOD, CraneStart, SimulatedCrane
@@ -87,10 +88,17 @@ def simulate_reference(
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.0f} of {task.total:.0f} s"))
     with Progress(*columns, console=console_for(sys.stderr), transient=True) as progress:
         task = progress.add_task(f"{law.mode} follows {recording.name}", total=len(angles) * PERIOD)
-        return follow(
-            crane, controller, generator, angles, configuration, name=name,
+        governor = Governor(PERIOD)
+        result = follow(
+            crane, controller, generator, angles, configuration, name=name, governor=governor,
             told=lambda now: progress.update(task, completed=now),
         )  # fmt: skip
+    if governor.slowed_once:
+        print(
+            f"valve and pump cannot follow the path: it was slowed, at most to {governor.least:.0%} of its speed, "
+            f"and {governor.time:.1f} of {len(angles) * PERIOD:.1f} s of it were followed"
+        )
+    return result
 
 
 def tracking_line(result: Recording, machine: Machine) -> str:

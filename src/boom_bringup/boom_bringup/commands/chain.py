@@ -16,10 +16,9 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
-import shlex
 from typing import TYPE_CHECKING
 
+from boom_bringup import arguments
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import checked, default_report, write, write_json
 from boom_bringup.replica import machine_of
@@ -38,38 +37,35 @@ HELP = "drive one link after the other with what was measured and show which one
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("bags", nargs="+", metavar="BAG", help="recording: a rosbag2 folder or a .mcap file")
+    arguments.add_recordings(parser)
     known = parser.add_mutually_exclusive_group()
-    known.add_argument(
-        "--machine",
-        metavar="FILE",
-        help="machine file, or the name of a shipped one (default: the machine that the recording names)",
-    )
+    arguments.add_machine(known)
     known.add_argument(
         "--areas", nargs=2, type=_area, metavar=("A_A", "A_B"),
         help="areas of the piston [m^2], head and rod side: examines the hydraulics at the cylinder alone",
     )  # fmt: skip
-    parser.add_argument("--joint", metavar="NAME", help="joint to read from /joint_states (default: inner_boom_joint)")
-    parser.add_argument("--json", metavar="F", help="write the numbers as a JSON document to F")
-    report = parser.add_mutually_exclusive_group()
-    report.add_argument("--report", metavar="F.html", help="path of the report (default: output/chain-BAG.html)")
-    report.add_argument("--no-report", action="store_true", help="write no report")
+    arguments.add_configuration(parser)
+    arguments.add_other_joints(parser)
+    arguments.add_documents(parser, "chain")
 
 
 def run(args: argparse.Namespace) -> int:
     """Examine the chain; returns 0, a broken link is a result."""
+    posed = arguments.option_words(args, "q3", "q4", "load")
+    if args.areas and posed:
+        raise UsageError(f"{posed[0]}: with --areas there is no boom whose pose or load counts: leave it out")
     json_path = checked(args.json, "--json")
     report = None if args.no_report else checked(args.report, "--report") or default_report("chain", args.bags)
 
-    from boom_recording.channels import DEFAULT_JOINT, JOINT_STATES, MACHINE_CONFIGURATION, SOLENOID_CURRENTS
-    from boom_recording.loading import load
+    from boom_bringup.given import load_given
+    from boom_recording.channels import JOINT_STATES
 
-    required = (JOINT_STATES,) if args.areas else (JOINT_STATES, SOLENOID_CURRENTS, MACHINE_CONFIGURATION)
+    required = (JOINT_STATES,) if args.areas else None
     with progress(2 * len(args.bags)) as step:
         recordings = {}
         for bag in args.bags:
             step(f"reading {bag}", 1)
-            recordings[bag] = load(bag, require=required, joint=args.joint or DEFAULT_JOINT)
+            recordings[bag] = load_given(bag, args, required)
 
         from boom_checks.chain import study
 
@@ -90,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     if report:
         from boom_report.chain.report import write_chain_report
 
-        command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "chain", *_words(args)])
+        command = arguments.command_line("chain", *_words(args))
         write(report, lambda: write_chain_report(found, report, command=command, machine_source=source))
         console.print(f"report: {report}", markup=False, soft_wrap=True)
     return 0
@@ -139,8 +135,9 @@ def _area(text: str) -> float:
 
 def _words(args: argparse.Namespace) -> list[str]:
     """The command line, rebuilt from the parsed arguments."""
-    words = list(args.bags)
-    for option in ("machine", "joint", "json", "report"):
-        if getattr(args, option):
-            words += [f"--{option}", getattr(args, option)]
+    words = [
+        *args.bags,
+        *arguments.option_words(args, "machine", "json", "report"),
+        *arguments.configuration_words(args),
+    ]
     return words + (["--areas", *(f"{area:g}" for area in args.areas)] if args.areas else [])

@@ -63,6 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", metavar="F", help="also write the numbers to this file")
     arguments.add_configuration(parser)
+    arguments.add_other_joints(parser)
 
 
 def run(args: argparse.Namespace) -> int:

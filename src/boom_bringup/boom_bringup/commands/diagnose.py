@@ -15,8 +15,6 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import os
-import shlex
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -39,21 +37,23 @@ _STEPS = 100
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("bags", nargs="+", metavar="BAG", help="recording: a rosbag2 folder or a .mcap file")
+    arguments.add_recordings(parser)
     parser.add_argument(
         "--hold-out", nargs="+", default=[], metavar="BAG", help="recordings for the proof; nothing is fitted to them"
     )
-    parser.add_argument(
-        "--machine",
-        metavar="FILE",
-        help="machine file, or the name of a shipped one (default: the machine that the recording names)",
-    )
+    arguments.add_machine(parser)
     arguments.add_configuration(parser)
+    arguments.add_other_joints(parser)
     parser.add_argument(
         "--output", metavar="DIR", default="output/diagnosis", help="folder for the results (default: output/diagnosis)"
     )
     parser.add_argument("--json", metavar="F", help="also write diagnosis.json to F")
     parser.add_argument("--seed", type=int, default=0, help="seed of the simulated healthy recordings (default: 0)")
+    parser.add_argument(
+        "--engine", choices=("rounds", "likelihood"), default="rounds",
+        help="how hypotheses are weighed: effect after effect (rounds, the default), or all by one likelihood (docs/likelihood.md)",
+    )  # fmt: skip
+    parser.add_argument("--explain", action="store_true", help="list every hypothesis that was weighed")
     parser.add_argument("--no-report", action="store_true", help="write no report.html")
 
 
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
-    command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "diagnose", *_words(args)])
+    command = arguments.command_line("diagnose", *_words(args))
 
     keep_memory()
 
@@ -103,14 +103,14 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
         try:
             result = diagnose(
                 recordings, machine, held_out=held_out, seed=args.seed, progress=show, version=__version__,
-                inputs_sha256=sums, command=command,
+                inputs_sha256=sums, command=command, engine=args.engine,
             )  # fmt: skip
         except MachineError as error:
             raise UsageError(f"the configuration of a recording does not fit machine {machine.name}: {error}") from None
 
     from boom_diagnosis.found_machine import write_machine
     from boom_report.console import console_for
-    from boom_report.diagnosis.terminal import print_diagnosis
+    from boom_report.diagnosis.terminal import print_diagnosis, print_hypotheses
 
     document = json_text(result.document.document())
     for path in [folder / "diagnosis.json", *([json_path] if json_path else [])]:
@@ -121,10 +121,12 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
     if not args.no_report:
         from boom_report.diagnosis.report import write_diagnosis_report
 
-        write(report, lambda: write_diagnosis_report(result, report))
+        write(report, lambda: write_diagnosis_report(result, report, everything))
     proposed = _next_experiment(result, recordings[0], folder / "next_experiment")
     console = console_for()
     print_diagnosis(result, console)
+    if args.explain:
+        print_hypotheses(result, console)
     named = ["diagnosis.json", "machine.yaml", *([] if args.no_report else ["report.html"]), *proposed]
     console.print(f"written to {folder}: {', '.join(named)}", markup=False, soft_wrap=True)
     return 0
@@ -170,8 +172,6 @@ def _words(args: argparse.Namespace) -> list[str]:
     words = list(args.bags)
     if args.hold_out:
         words += ["--hold-out", *args.hold_out]
-    for option in ("machine", "output", "json"):
-        if getattr(args, option):
-            words += [f"--{option}", getattr(args, option)]
-    words += arguments.configuration_words(args)
+    words += arguments.option_words(args, "machine", "output", "json") + arguments.configuration_words(args)
+    words += [] if args.engine == "rounds" else ["--engine", args.engine]
     return words + (["--seed", str(args.seed)] if args.seed else [])

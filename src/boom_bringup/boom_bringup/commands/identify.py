@@ -15,8 +15,6 @@ states the source of each number; every command accepts it as --machine. The rep
 from __future__ import annotations
 
 import argparse
-import os
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -48,11 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="initial machine file, or a shipped name (default: the recordings', else tz17)",
     )
     arguments.add_configuration(parser)
+    arguments.add_other_joints(parser)
     parser.add_argument("--output", metavar="machine.yaml", help="write a machine file with the identified numbers")
-    parser.add_argument("--json", metavar="F", help="write the numbers as a JSON document to F")
-    report = parser.add_mutually_exclusive_group()
-    report.add_argument("--report", metavar="F.html", help="path of the report (default: output/identify-BAG.html)")
-    report.add_argument("--no-report", action="store_true", help="write no report")
+    arguments.add_documents(parser, "identify")
     parser.add_argument(
         "--hose-burst-valve-curve", metavar="CSV",
         help="points of the curve in the data sheet, header pressure_drop_bar,flow_lpm; negative: out of the cylinder",
@@ -84,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     if output is not None and output.suffix not in (".yaml", ".yml"):
         raise UsageError(f"--output {output}: a machine file ends in .yaml")
     json_path = checked(args.json, "--json")
-    command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "identify", *_words(args)])
+    command = arguments.command_line("identify", *_words(args))
 
     from boom_bringup.given import load_given
     from boom_identification.identify import identify, read_inputs
@@ -184,12 +180,8 @@ def _show_held_out(result: Identification, console: Console) -> None:
 
 def _words(args: argparse.Namespace) -> list[str]:
     """The command line, rebuilt from the parsed arguments."""
-    words = list(args.bags)
-    for option in ("machine", "output", "json", "report", "hose_burst_valve_curve", "smoothing", "parameters"):
-        value = getattr(args, option)
-        if value is not None:
-            words += [f"--{option.replace('_', '-')}", str(value)]
-    words += arguments.configuration_words(args)
+    names = ("machine", "output", "json", "report", "hose-burst-valve-curve", "smoothing", "parameters")
+    words = [*args.bags, *arguments.option_words(args, *names), *arguments.configuration_words(args)]
     return words + (["--stationary-only"] if args.stationary_only else [])
 
 

@@ -6,7 +6,7 @@ ends with exit status 2 and names the file to edit.
 
   ./boom import test3.csv --q3 0.28 --q4 2.2 --load 0 --output output/test3
   ./boom import test3.csv --mapping output/import-test3.csv.yaml --output output/test3
-  ./boom validate output/test3
+  ./boom validate output/test3 --machine my_crane.yaml
 
 Angle and rate become positive while the boom is lifted, pressures absolute [Pa] on the wire, currents [A].
 """
@@ -22,12 +22,13 @@ from typing import TYPE_CHECKING
 
 from boom_bringup import arguments
 from boom_bringup.cli import UsageError
-from boom_bringup.outputs import checked, default_report, new_bag, write, write_text
+from boom_bringup.outputs import checked, default_report, new_bag, write, write_recording, write_text
 
 if TYPE_CHECKING:
     from boom_import.assembly import Proposal
     from boom_import.source import Source
     from boom_import.timing import TimeChoice
+    from boom_recording.recording import Recording
 
 HELP = "turn CSV, MAT, MF4, .db3, ROS 1 and other foreign recordings into a bag"
 
@@ -55,7 +56,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     report = parser.add_mutually_exclusive_group()
     report.add_argument("--report", metavar="F.html", help="path of the page (default: output/import-FILE.html)")
     report.add_argument("--no-report", action="store_true", help="write no page")
-    parser.add_argument("--machine", metavar="NAME", help="machine file of the recorded machine (default: tz17)")
+    parser.add_argument(
+        "--machine", metavar="FILE",
+        help="machine file of the recorded machine, or its name (default: what the recording says, else not known)",
+    )  # fmt: skip
     arguments.add_configuration(parser)
 
 
@@ -109,12 +113,21 @@ def _read(files: list[str], choice: TimeChoice) -> Source:
 
 def _configure(proposal: Proposal, args: argparse.Namespace) -> None:
     mapping = proposal.mapping
-    mapping.machine = args.machine or mapping.machine
+    mapping.machine = _name_of(args.machine) or mapping.machine
     mapping.joint = args.joint or mapping.joint
     for name in ("q3", "q4", "load"):
         value = getattr(args, name)
         if value is not None:
             setattr(mapping, name, value)
+
+
+def _name_of(machine: str | None) -> str:
+    """The name by which the bag calls its machine: what a machine file says, else the word itself."""
+    if not machine or not Path(machine).is_file():
+        return machine or ""
+    from boom_model.machine_file import load_machine
+
+    return load_machine(machine).name
 
 
 def _show(source: Source, proposal: Proposal) -> None:
@@ -186,13 +199,12 @@ def _write_mapping(proposal: Proposal, path: Path, args: argparse.Namespace) -> 
 
 def _convert(args: argparse.Namespace, source: Source, proposal: Proposal) -> int:
     from boom_import.conversion import convert
-    from boom_recording import writing
     from boom_report.console import console_for
 
     output = Path(args.output)
     with new_bag(output) as made:
         recording = convert(output.name, source, proposal.mapping)
-        writing.write(made, recording)
+        write_recording(made, recording)
     console = console_for()
     missing = [signal for signal, entry in proposal.mapping.signals.items() if entry == "none"]
     for note in recording.notes:
@@ -203,10 +215,22 @@ def _convert(args: argparse.Namespace, source: Source, proposal: Proposal) -> in
             soft_wrap=True,
         )
     console.print(f"{recording.duration:.1f} s imported; the bag is {output}", soft_wrap=True)
-    pose = "" if recording.stored_configuration is not None else " --q3 RAD --q4 M --load KG --machine FILE"
-    if pose:
-        console.print(
-            "note: pose and load are not known: every command that needs them takes them as options", soft_wrap=True
-        )
-    console.print(f"compare it with the model: ./boom validate {shlex.quote(str(output))}{pose}", soft_wrap=True)
+    for line in _next(args.machine, recording, output):
+        console.print(line, soft_wrap=True)
     return 0
+
+
+def _next(machine: str | None, recording: Recording, output: Path) -> list[str]:
+    """What the bag does not say, and the command to type next, with the options that it then needs."""
+    from boom_model.machine_file import shipped_machines
+
+    known = recording.stored_configuration
+    lines, words = [], ["./boom", "validate", shlex.quote(str(output))]
+    if known is None:
+        lines.append("note: pose and load are not known: every command that needs them takes them as options")
+        words.append("--q3 RAD --q4 M --load KG")
+    if known is None or not known.machine:
+        lines.append("note: the machine is not named: every command that runs a model takes its file as an option")
+    if known is None or known.machine not in shipped_machines():
+        words.append(f"--machine {shlex.quote(machine) if machine and Path(machine).is_file() else 'FILE'}")
+    return [*lines, f"compare it with the model: {' '.join(words)}"]

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from boom_bringup import arguments
-from boom_bringup.outputs import new_bag
+from boom_bringup.outputs import new_bag, write_recording
 
 if TYPE_CHECKING:
     from boom_recording.can_import import Imported
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from boom_can_bridge.codec import Codec
-    from boom_recording import can_import, can_log, writing
+    from boom_recording import can_import, can_log
     from boom_recording.recording import Configuration
     from boom_report.console import console_for
 
@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
             output.name, frames, codec, configuration, lambda part: bar.update(decoding, completed=part)
         )
         bar.add_task("writing the bag", total=None)
-        writing.write(made, imported.recording)
+        write_recording(made, imported.recording)
     _show(imported, len(frames.ids), time.perf_counter() - begin, output)
     return 0
 

@@ -94,9 +94,9 @@ def run(args: argparse.Namespace) -> int:
     json_path, page_path = checked(args.json, "--json"), checked(args.document, "--document")
     machine = _machine_file(args.machine)
 
+    from boom_fleet.engine import workers
     from boom_report.console import console_for
     from boom_trials.blind import scoring, tables
-    from boom_trials.blind.engine import workers
     from boom_trials.blind.page import page
     from boom_trials.blind.report import report
     from boom_trials.blind.trial import Trial, default_folder, stored

@@ -14,13 +14,12 @@ noisy sampled sensors of ch. 6.4; the load is attached from the first instant, a
 from __future__ import annotations
 
 import argparse
-import os
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from boom_bringup import arguments
 from boom_bringup.cli import UsageError
-from boom_bringup.outputs import checked, write, write_json
+from boom_bringup.outputs import checked, default_report, write, write_json
 from boom_bringup.showing import progress
 from boom_controller import laws
 
@@ -93,7 +92,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run everything requested; returns 0."""
     json_path = checked(args.json, "--json")
-    report = None if args.no_report else checked(args.report, "--report") or _default_report()
+    report = None if args.no_report else checked(args.report, "--report") or default_report("robustness")
     modes = list(dict.fromkeys(args.modes))
 
     from boom_report.console import console_for
@@ -146,7 +145,7 @@ def run(args: argparse.Namespace) -> int:
     if report:
         from boom_trials.robustness.report import write_report
 
-        command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "robustness", *_words(args)])
+        command = arguments.command_line("robustness", *_words(args))
         write(report, lambda: write_report(report, numbers, results, command=command, limited=args.supply == "limited"))
         console.print(f"report: {report}", markup=False, soft_wrap=True)
     return 0
@@ -156,19 +155,6 @@ def _job(args: argparse.Namespace, mode: str, bag: str, case: PlantCase, seed: i
     from boom_trials.robustness.study import StudyRun
 
     return StudyRun(mode, bag, case, seed, args.bags, args.machine, limited=args.supply == "limited", keep=keep)
-
-
-def _default_report() -> Path:
-    folder = Path("output")
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise UsageError(
-            f"cannot create the folder output here ({error.strerror}): give --report FILE or --no-report"
-        ) from None
-    path = checked(str(folder / "robustness.html"), "report")
-    assert path is not None
-    return path
 
 
 def _count(text: str) -> int:

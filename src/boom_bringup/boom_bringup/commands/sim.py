@@ -2,11 +2,12 @@
 
 The crane publishes the topics of the machine in real time and follows /boom/current_command; without commands the valve is closed.
 With --control the controller runs too and follows /boom/joint_trajectory, /boom/reference and the action
-/boom_controller/track_trajectory. Ctrl-C ends all processes. To move the boom without a controller, type in a second terminal:
-./boom replay bags/healthy/extended
+/boom_controller/follow_joint_trajectory. With --can the crane is behind an ECU on a CAN bus, and the bridge publishes. Ctrl-C ends
+all processes. To move the boom without a controller, type in a second terminal: ./boom replay bags/healthy/extended
 
   ./boom sim
   ./boom sim --control
+  ./boom sim --control --can
   ./boom sim --load 300 --telescope-length 2.8 --effect hose_burst_valve_lag.tau=0.09
 """
 
@@ -14,13 +15,20 @@ from __future__ import annotations
 
 import argparse
 import os
+from typing import TYPE_CHECKING, Any
 
 from boom_bringup import arguments, environment
+from boom_bringup.cli import UsageError
 from boom_bringup.commands.simulate import parse_effects
 from boom_bringup.node_command import node_command
 from boom_controller import laws
 
+if TYPE_CHECKING:
+    from boom_bringup.supervisor import Program
+    from boom_model.machine import Machine
+
 _PRIORITY = 10
+_CRANE = "boom_sim.simulation_node"
 
 HELP = "start the simulated crane as ROS 2 processes"
 
@@ -47,6 +55,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--lockstep", action="store_true", help="publish /clock: one period per command, as fast as commands come"
     )
     parser.add_argument(
+        "--can",
+        action="store_true",
+        help="crane behind an ECU on a CAN bus inside this computer, and the bridge before it",
+    )
+    parser.add_argument(
         "--control", nargs="?", const=laws.DEFAULT, choices=tuple(laws.described()), metavar="LAW",
         help=f"run the controller, too: control law {', '.join(laws.described())} (default: {laws.DEFAULT}). "
         "It knows what the machine file holds; --effect is of the crane alone",
@@ -65,6 +78,8 @@ def run(args: argparse.Namespace) -> int:
     from boom_description.shipped import robot_description
     from boom_model.machine_file import load_machine
 
+    if args.can and args.lockstep:
+        raise UsageError("--can runs in real time: leave --lockstep out")
     machine = load_machine(args.machine)
     urdf = robot_description(machine.name)
     effects = parse_effects(args.effect)
@@ -84,9 +99,9 @@ def run(args: argparse.Namespace) -> int:
         "controller_follows": bool(args.control),
         "realtime_priority": priority,
     }
-    programs = [Program("crane", node_command("boom_sim.simulation_node", crane))]
+    programs = _over_can(crane, machine) if args.can else [Program("crane", node_command(_CRANE, crane))]
     if urdf:
-        programs.append(Program("tip_pose", node_command("boom_description.tip_pose_node", {})))
+        programs.append(Program("tip_pose", node_command("boom_description.tip_pose_node", {"publish_tf": True})))
     else:
         print(f"note: no URDF for machine {machine.name}: neither /robot_description nor the tip pose is published")
     if args.control:
@@ -101,6 +116,22 @@ def run(args: argparse.Namespace) -> int:
     if outcome.interrupted is not None:
         return 0  # Ctrl-C is how it is meant to end
     return max((status for status in outcome.statuses.values() if status > 0), default=1)
+
+
+def _over_can(crane: dict[str, Any], machine: Machine) -> list[Program]:
+    """Bus, ECU with the crane, bridge, and who lets it move; parameters as the simulation on topics has them."""
+    from boom_bringup import replica
+    from boom_bringup.demo_processes import bus_command, free_bus
+    from boom_bringup.supervisor import Program
+
+    bus = free_bus()
+    of_bridge = replica.bridge_parameters(crane, machine, lockstep=False)
+    return [
+        Program("bus", bus_command(bus)),
+        Program("bridge", node_command("boom_can_bridge.bridge_node", {**of_bridge, **bus})),
+        Program("ecu", node_command("boom_sim.ecu_node", {**replica.ecu_parameters(crane), **bus})),
+        Program("enable", node_command("boom_can_bridge.enable_node", {}), may_end=True),
+    ]
 
 
 def _allowed_priority(lockstep: bool) -> int:

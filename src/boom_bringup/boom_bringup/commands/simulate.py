@@ -5,6 +5,7 @@ time_s,retract_a,extend_a (separated by commas, semicolons or tabs), for which p
 
   ./boom simulate bags/healthy/extended --output output/extended
   ./boom simulate bags/healthy/extended --output output/leak --effect piston_leakage.c=1e-12
+  ./boom simulate bags/healthy/extended --output output/work --work-cycle      (the other joints move, too)
   ./boom simulate steps.csv --angle 0.4 --load 300 --output output/steps
   ./boom simulate bags/healthy/extended --reference --mode thesis --output output/followed
   ./boom simulate --campaign pilot --output output/pilot      (ch. 4.1: eleven oscilloscope bags in that folder)
@@ -27,7 +28,7 @@ from typing import TYPE_CHECKING
 
 from boom_bringup import arguments
 from boom_bringup.given import load_given
-from boom_bringup.outputs import held, new_bag
+from boom_bringup.outputs import held, new_bag, write_recording
 from boom_controller import laws
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from boom_model.machine import Machine
+    from boom_recording.joint_motion import JointMotion
     from boom_recording.recording import Configuration, Recording
     from boom_sim.simulated_crane import CraneStart, EndedEarlyError
 
@@ -74,7 +76,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--mode", choices=tuple(laws.described()), default=laws.DEFAULT,
         help=f"control law of --reference (default: {laws.DEFAULT})",
     )  # fmt: skip
-    parser.add_argument("--seed", type=arguments.seed, default=0, help="seed of the sensor noise (default: 0)")
+    parser.add_argument(
+        "--tolerance", type=arguments.tolerance, default=1e-9, metavar="T",
+        help="relative tolerance of the integration with given currents (default: 1e-9, as in an FMU)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--work-cycle", nargs="?", const="outer_boom,telescope,slewing", metavar="JOINTS",
+        help="a drawn work cycle moves these of outer_boom,telescope,slewing (default: all three); joints that move in "
+        "INPUT, a bag, move as they did there without this option",
+    )  # fmt: skip
+    parser.add_argument(
+        "--seed", type=arguments.seed, default=0, help="seed of the sensor noise and of the work cycle (default: 0)"
+    )
     parser.add_argument(
         "--sensors", choices=("thesis", "ideal"), default="thesis", help="noise of ch. 6.4 or none (default: thesis)"
     )
@@ -98,6 +111,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--joint", metavar="NAME", help="name of the boom's joint in /joint_states (default: inner_boom_joint)"
     )
+    arguments.add_other_joints(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -112,7 +126,6 @@ def run(args: argparse.Namespace) -> int:
     given = _given(args, Path(args.input))
     machine = given.machine.with_effects({**given.machine.effects, **parse_effects(args.effect)})
 
-    from boom_recording import writing
     from boom_sim.simulated_crane import EndedEarlyError
 
     ended = None
@@ -123,7 +136,7 @@ def run(args: argparse.Namespace) -> int:
         except EndedEarlyError as error:
             result, ended = error.recording, error
         spent = time.perf_counter() - begin
-        writing.write(made, result)
+        write_recording(made, result)
     _show(result, machine, spent, output)
     if args.reference:
         from boom_bringup.commands._simulate_reference import tracking_line
@@ -169,6 +182,10 @@ def _from_reference(args: argparse.Namespace, source: Path) -> _Given:
     from boom_bringup.commands._simulate_reference import load_reference
     from boom_sim.simulated_crane import CraneStart
 
+    if args.work_cycle is not None:
+        raise SimulateError(
+            "--work-cycle goes with given currents: leave out --reference, in which the joints are locked"
+        )
     if source.suffix == ".csv" or args.model != "full":
         raise SimulateError("--reference needs a bag and runs the full model: leave out --model, or give a bag")
     recording = load_reference(source, args)
@@ -215,10 +232,32 @@ def _simulated(args: argparse.Namespace, given: _Given, machine: Machine, name: 
             seed=args.seed, duration=args.duration, name=name,
         )  # fmt: skip
     assert given.stamps is not None and given.currents is not None
+    motion = _motion(args, given, machine, configuration)
     return simulate(
         machine, configuration, given.start, given.stamps, given.currents,
-        noise=noise, seed=args.seed, kind=args.model, duration=args.duration, name=name,
+        noise=noise, seed=args.seed, kind=args.model, duration=args.duration, name=name, motion=motion,
+        tolerance=args.tolerance,
     )  # fmt: skip
+
+
+def _motion(
+    args: argparse.Namespace, given: _Given, machine: Machine, configuration: Configuration
+) -> JointMotion | None:
+    """How the other joints move: as drawn, or as in the recording; None where they are locked."""
+    if args.work_cycle is None:
+        from boom_recording.joint_motion import joint_motion
+
+        return None if given.recording is None else joint_motion(given.recording)
+    from boom_input.channels import JOINT_NAMES
+    from boom_sim.work_cycle import work_cycle
+
+    joints = tuple(args.work_cycle.split(","))
+    for name in joints:
+        if name not in JOINT_NAMES:
+            raise SimulateError(f"--work-cycle {args.work_cycle}: {name!r} is none of {', '.join(JOINT_NAMES)}")
+    assert given.stamps is not None
+    duration = args.duration or float(given.stamps[-1]) + 1.0
+    return work_cycle(machine.document["rigid_body"], configuration, duration, args.seed, joints)
 
 
 def _ended(error: EndedEarlyError, output: Path) -> str:
@@ -240,7 +279,6 @@ def _campaign(args: argparse.Namespace, output: Path) -> int:
     machine = machine.with_effects({**machine.effects, **parse_effects(args.effect)})
     if output.exists():
         raise SimulateError(f"{output} exists already: give another --output, nothing is overwritten")
-    from boom_recording import writing
     from boom_sim.simulated_crane import EndedEarlyError
 
     count = 0
@@ -253,7 +291,7 @@ def _campaign(args: argparse.Namespace, output: Path) -> int:
                     write(made)
         except EndedEarlyError as error:
             with new_bag(output / error.recording.name) as made:
-                writing.write(made, error.recording)
+                write_recording(made, error.recording)
             raise SimulateError(
                 f"{_ended(error, output / error.recording.name)}, {count} whole bags beside it"
             ) from None
@@ -278,12 +316,11 @@ def _runs(args: argparse.Namespace, machine: Machine) -> Iterator[tuple[str, Cal
             yield trace.name, partial(write_trace, trace=trace)
         return
     from boom_model.sensors import IDEAL
-    from boom_recording import writing
 
     duration = args.duration or campaigns.CYLINDER_DURATION
     noise = IDEAL if ideal else machine.sensor_noise()
     for recording in campaigns.cylinder_campaign(machine, seed=args.seed, duration=duration, noise=noise):
-        yield recording.name, partial(writing.write, recording=recording)
+        yield recording.name, partial(write_recording, recording=recording)
 
 
 def _from_bag(path: Path, args: argparse.Namespace) -> tuple[Recording, Array, Array]:

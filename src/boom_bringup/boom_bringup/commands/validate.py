@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
-import shlex
 from typing import TYPE_CHECKING
 
 from boom_bringup import arguments
@@ -27,22 +25,16 @@ HELP = "run the model on recorded currents and compare it with the measurement"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("bags", nargs="+", metavar="BAG", help="recording: a rosbag2 folder or a .mcap file")
-    parser.add_argument(
-        "--machine",
-        metavar="FILE",
-        help="machine file, or the name of a shipped one (default: the machine that the recording names)",
-    )
+    arguments.add_recordings(parser)
+    arguments.add_machine(parser)
     arguments.add_configuration(parser)
+    arguments.add_other_joints(parser)
     parser.add_argument(
         "--simulated",
         metavar="BAG",
         help="take the full model's prediction from this bag of a simulation instead of running the model (for one BAG)",
     )
-    parser.add_argument("--json", metavar="F", help="write the numbers as a JSON document to F")
-    report = parser.add_mutually_exclusive_group()
-    report.add_argument("--report", metavar="F.html", help="path of the report (default: output/validate-BAG.html)")
-    report.add_argument("--no-report", action="store_true", help="write no report")
+    arguments.add_documents(parser, "validate")
     parser.add_argument(
         "--strict", action="store_true", help="exit with status 1 if a recording differs by more than noise"
     )
@@ -95,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
     if report:
         from boom_report.validation.report import write_report
 
-        command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "validate", *_words(args)])
+        command = arguments.command_line("validate", *_words(args))
         write(
             report,
             lambda: write_report(
@@ -117,9 +109,14 @@ def run(args: argparse.Namespace) -> int:
 
 def _notes(recordings: list[Recording], machine: str) -> list[str]:
     """Assumptions behind the numbers that were not requested: another machine than the recorded one, an unknown load."""
+    from boom_recording.joint_motion import moving_joints
+
     notes = []
     for recording in recordings:
         c = recording.configuration
+        moving = moving_joints(recording)
+        if moving:
+            notes.append(f"{recording.name}: other joints move and drive the model: {moving}")
         if c.machine not in ("", machine):
             notes.append(f"{recording.name} was recorded on machine '{c.machine}', the model is that of '{machine}'")
         if math.isnan(c.load_mass):
@@ -129,8 +126,5 @@ def _notes(recordings: list[Recording], machine: str) -> list[str]:
 
 def _words(args: argparse.Namespace) -> list[str]:
     """The command line, rebuilt from the parsed arguments."""
-    words = list(args.bags)
-    for option in ("machine", "simulated", "json", "report"):
-        if getattr(args, option):
-            words += [f"--{option}", getattr(args, option)]
-    return words + arguments.configuration_words(args) + (["--strict"] if args.strict else [])
+    options = arguments.option_words(args, "machine", "simulated", "json", "report")
+    return [*args.bags, *options, *arguments.configuration_words(args), *(["--strict"] if args.strict else [])]

@@ -54,7 +54,7 @@ def start_processes(context):
             # No ROS node: launch would give it arguments that it does not know.
             ExecuteProcess(cmd=demo_processes.bus_command(bus), output="screen"),
             node("boom_can_bridge", "bridge", "boom_can_bridge", replica.bridge_parameters(simulation, machine) | bus),
-            node("boom_sim", "ecu", "boom_ecu", simulation | bus),
+            node("boom_sim", "ecu", "boom_ecu", replica.ecu_parameters(simulation) | bus),
             node("boom_can_bridge", "enable", "boom_enable", {}),
         ]
         given = demo_processes.CAN_REPLAY

@@ -53,6 +53,10 @@ class StaticPilot:
         root = h1 * h1 - 4.0 * h0 * (h2 - pressure / BAR)
         return ca.fmax(0.0, (ca.sqrt(ca.fmax(root, 0.0)) - h1) / (2.0 * h0))
 
+    def pressure(self, current: Expression) -> Expression:
+        """h: the stationary pilot pressure [Pa] of a current [A]."""
+        return pilot_valve.static_pressure(current, self._h)
+
     def split(self, difference: Expression, neutral: Expression) -> tuple[Expression, Expression]:
         """(p_+, p_-) [Pa] for the wanted difference p_+ - p_- [Pa] and the pressure of both in the middle [Pa]."""
         size = ca.fabs(difference)

@@ -48,7 +48,10 @@ def gains(stiffness: Expression, mass: Expression, dead_time: Expression, safe: 
     ratio = (frequency / natural) ** 2
     velocity = ratio * (1.0 + 2.0 * zeta * a / frequency) - 1.0
     velocity = ca.if_else(safe, 0.0, velocity)
-    return FeedbackGains(a * ca.if_else(safe, 1.0, ratio), velocity, damping / stiffness, natural)
+    factor = ca.if_else(safe, 1.0, s.feedback_gain)
+    return FeedbackGains(
+        factor * a * ca.if_else(safe, 1.0, ratio), factor * velocity, factor * damping / stiffness, natural
+    )
 
 
 def predicted_force(

@@ -79,6 +79,10 @@ class ValveFollower:
         )
         return ValveState(position, moving, target, self._play.after(x.play, position), retract, extend), plus, minus
 
+    def reach(self, current: Expression) -> Expression:
+        """How far a current [A] for long deflects the spool [m]."""
+        return self._pilot.pressure(current) / self._pilot.stiffness
+
     def edges(self, x: ValveState) -> Expression:
         """Where the metering edges stand [m]: s_s but for play."""
         return self._play.edges(x.play, x.position)

@@ -21,20 +21,23 @@ import casadi as ca
 
 from boom_controller.blocks.control_model import ControlModel, OperatingPoint
 from boom_controller.blocks.dead_time import Held, Motion, Past, predicted
+from boom_controller.blocks.direct_follower import follower_of
 from boom_controller.blocks.flat import FlatLaw
 from boom_controller.blocks.hysteresis import Play
-from boom_controller.blocks.pilot_stage import StaticPilot, require_pilot_stage
 from boom_controller.blocks.state_feedback import gains, predicted_force
-from boom_controller.blocks.valve_follower import ValveFollower, ValveState
+from boom_controller.blocks.valve_follower import ValveState
 from boom_controller.blocks.valve_map import ValveMap
 from boom_controller.errors import ControlError
 from boom_controller.observers import oscillation_watch
+from boom_controller.observers.dead_time_observer import DeadTimeState, observe_dead_time
 from boom_controller.observers.flow_observer import ChamberState, MissedState, observe_chamber, observe_missed_flow
 from boom_controller.observers.friction_observer import FrictionState, observe_friction
 from boom_controller.observers.load_observer import LoadObserver, LoadState
 from boom_controller.observers.mode_observer import Modes
 from boom_controller.observers.oscillation_watch import OscillationState, watch_oscillation
+from boom_controller.observers.reach import ReachState, watch_reach
 from boom_controller.observers.rest import RestState, watch_rest
+from boom_controller.observers.spool_observer import SpoolState, observe_spool
 from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
 from boom_controller.settings import LawSettings, tunable
 from boom_controller.types import GO, Controller, ControlOutput, Measurement, Reference
@@ -47,6 +50,7 @@ LAWS = {
 }
 CAVITATION = 3.0e5
 """Pa. Below this the rod side may draw oil through its anti-cavitation valve and gives no information on its compliance."""
+LOAD = ControlOutput._fields.index("estimated_load")
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,7 @@ class ImprovedSettings(LawSettings):
 
     rest_response: float = tunable(0.05, "s", 0.005, 1.0, "time constant of the spool inside the dead zone, improved")
     feedback_pole: float = tunable(-5.0, "1/s", -15.0, -0.5, "real pole of the position feedback, improved")
+    feedback_gain: float = tunable(1.0, "-", 0.1, 5.0, "factor of all feedback gains, improved")
     feedback_damping: float = tunable(0.7, "-", 0.1, 1.5, "damping wanted of the boom on its oil spring, improved")
     largest_damping: float = tunable(30.0, "1/s", 1.0, 60.0, "limit of the force feedback K k_d, improved")
     slowest_frequency: float = tunable(
@@ -119,6 +124,9 @@ class ImprovedState(NamedTuple):
     swings: OscillationState = OscillationState()
     rest: RestState = RestState()
     friction: FrictionState = FrictionState()
+    reach: ReachState = ReachState()
+    delay: DeadTimeState = DeadTimeState()
+    spool: SpoolState = SpoolState()
 
 
 class Improved:
@@ -127,16 +135,15 @@ class Improved:
     mode = "improved"
 
     def __init__(self, machine: Machine, pose: Pose, settings: ImprovedSettings) -> None:
-        require_pilot_stage(machine, self.mode)
         self._model = ControlModel(machine, pose)
         p, e = self._model.p, self._model.e
         self._area_a, self._area_b = float(p.cylinder.A_a), float(p.cylinder.A_b)
         self._stroke = float(p.main_valve_spool.s_max)
         self._map = ValveMap(machine.structure, p, e)
-        dead_zone = max(self._map.dead_extend, self._map.dead_retract)
+        dead_zone = self._dead_zone = max(self._map.dead_extend, self._map.dead_retract)
         neutral = float(e.through("metering_position", machine.structure.metering.neutral(p), p=p))
         play = Play(machine.effects, self._stroke, neutral)
-        self._valve = ValveFollower(p, e, StaticPilot(p, e), dead_zone, settings.sample_time, play)
+        self._valve = follower_of(machine, self.mode, p, e, dead_zone, settings.sample_time, play)
         self._settings = settings
         self._load = LoadObserver(Modes(machine, pose, p))
         self._start = ImprovedState(
@@ -156,6 +163,7 @@ class Improved:
                 head=ChamberState(pressure=hose),
                 rod=ChamberState(pressure=rod),
                 missed=MissedState(force=float(cylinder.force(hose, rod, self._model.p))),
+                delay=DeadTimeState(force=float(cylinder.force(hose, rod, self._model.p))),
                 stall=StallState(force=hose * self._area_a),
             )
         )
@@ -165,7 +173,7 @@ class Improved:
         """One sample time."""
         *quantities, is_stalled, is_calmed, is_unsettled = self._law.step(reference, measurement)
         if not self._stop[0] and (is_stalled or is_unsettled):
-            stalls = reason(quantities[-1], measurement.hose_pressure), "load_not_held"
+            stalls = reason(quantities[LOAD], measurement.hose_pressure), "load_not_held"
             self._stop = stalls if is_stalled else (oscillation_watch.REASON, "oscillation")
         return ControlOutput.of(quantities, self._stop, oscillation_watch.NOTE if is_calmed else "")
 
@@ -184,7 +192,8 @@ class Improved:
         """The law as expressions: states one sample time later; ``ControlOutput`` up to the load, and whether the supply stalls."""
         now, m, held = x.held.with_next(r, self._model.sample(m), self._model.pressure_delay, s.sample_time)
         m = self._load.seen(x.load, m)
-        late = m.age + s.command_delay + self._model.command_delay  # until the command acts
+        told = s.command_delay + self._model.command_delay
+        late = m.age + told + x.delay.delay  # until the command acts
         dead = late + self._model.pressure_delay  # since the sample
         q = self._model.expressions(
             OperatingPoint(m.angle, m.rate, m.hose_pressure, m.rod_pressure, *now, x.load.load, x.friction.factor)
@@ -194,18 +203,23 @@ class Improved:
         rub = observe_friction(x.friction, q, load.load, s.sample_time)
         velocity = q.jacobian * m.rate
         flows = self._map.flows(m.hose_pressure, m.rod_pressure, q.rod_passage)
-        head_flow, rod_flow, _ = flows.at(x.past.position(dead, s.sample_time))
+        position = x.past.position(dead, s.sample_time)
+        head_flow, rod_flow, _ = flows.at(position)
+        supplied = head_flow / self._area_a, rod_flow / self._area_b
         head_flow, rod_flow = head_flow - q.leakage, rod_flow + q.leakage
+        full = m.rod_pressure > CAVITATION
         head = observe_chamber(x.head, m.hose_pressure, q.stiffness_line * (head_flow - self._area_a * velocity), s)
         rod = observe_chamber(
             x.rod, m.rod_pressure, q.stiffness_rod * (rod_flow + self._area_b * velocity), s,
-            trusted=m.rod_pressure > CAVITATION,
+            trusted=full,
         )  # fmt: skip
         a = self._area_a * q.stiffness_line / head.ratio
         b = self._area_b * q.stiffness_rod / rod.ratio
         stiffness = a * self._area_a + b * self._area_b
         modelled = (a * head_flow - b * rod_flow) / stiffness
         missed = observe_missed_flow(x.missed, velocity, modelled, q.force, stiffness, safe, s)
+        travel = observe_spool(x.spool, position, modelled, missed.speed, self._dead_zone, full, s)
+        delay = observe_dead_time(x.delay, velocity, modelled, q.force, stiffness, -told, full, s)
         stall = watch_supply(
             x.stall, velocity, head_flow / self._area_a, m.hose_pressure * self._area_a, a * self._area_a, s
         )
@@ -250,14 +264,19 @@ class Improved:
             sigma / stiffness + starting,
             s.dead_zone_speed,
         )
-        spool = ca.if_else(rest.resting, 0.0, spool)
+        spool = ca.if_else(rest.resting, 0.0, spool * travel.of(spool))
         valve, plus, minus = self._valve.step(x.valve, spool, lambda position: flows.at(position)[2], s)
         edges = self._valve.edges(valve)
+        edges = edges / travel.of(edges)
         head_flow, rod_flow, _ = flows.at(edges)
+        widest = ca.fmin(s.largest_spool_position * self._stroke, self._valve.reach(s.largest_current))
+        reach, lift, lower = watch_reach(
+            x.reach, velocity, supplied, (flows.at(-widest)[0] / self._area_a, flows.at(widest)[1] / self._area_b), s
+        )
         past = x.past.with_next(edges, (a * head_flow - b * rod_flow) / stiffness - leaking)
-        return ImprovedState(valve, load, head, rod, missed, stall, past, held, swings, rest, rub), [
+        return ImprovedState(valve, load, head, rod, missed, stall, past, held, swings, rest, rub, reach, delay, travel), [
             valve.retract.current, valve.extend.current, now.angle - m.angle,
             q.reference_position - q.position, q.feedforward_force - q.force,
             q.feedforward_force, 0.0, q.feedforward_force, q.force, spool, plus, minus, load.load,
-            stalled(stall, s), swings.calmed > 0, swings.unsettled,
+            lift / q.jacobian, lower / q.jacobian, stalled(stall, s), swings.calmed > 0, swings.unsettled,
         ]  # fmt: skip

@@ -253,8 +253,7 @@ class ControlLoop:
         bounds = Bounds(*self._angles, limits.largest_rate, limits.start_tolerance)
         trajectory, from_now = request.planned(angle, sensor.stamp, max(sensor.stamp, self._time), bounds)
         self._goals.end(Code.INVALID_GOAL, "replaced by a new trajectory")
-        if state is MotionState.IDLE:
-            self._begin()
+        self._begin()
         self.references.start(trajectory, from_now)
         self.supervision.track()
         self._note = ""
@@ -322,6 +321,7 @@ class ControlLoop:
             self.references.change(self.law.settings.generator_pole)
         reference = self.references.advance(self._time, now - measurement.age)
         output = self.law.step(reference, measurement)
+        self.references.governor.allow(output)
         finding = watch.motion(measurement, reference, output, now)
         if finding is None:
             seen = self.sensors.measured_currents(now, self.supervision.settings.sensor_timeout)
@@ -386,15 +386,15 @@ class ControlLoop:
                 return "warning", missing
             if self._refused_stream and now - self._last_reference > 1.0:
                 self._refused_stream = self._note = ""
-        note = self._note or (self.law.note if self.supervision.closed_loop else "")
+        note = self._note or (self.supervision.closed_loop and (self.law.note or self.references.slowed))
         return ("warning", note) if note else ("ok", "")
 
     def pop_endings(self) -> list[tuple[int, Ending]]:
         """Trajectories that ended since the last call, by their number; called by ``cycle``."""
         return self._goals.pop_endings()
 
-    def goal_progress(self, number: int) -> tuple[float, float, float] | None:
-        """Progress of the running trajectory of that number: wanted and measured angle [rad], time since its start [s]."""
-        if not self._goals.runs(number):
-            return None
-        return self.references.present.angle, self.sensors.joint.values[0], self.references.elapsed
+    def goal_progress(self, number: int) -> tuple[float, float, float, float] | None:
+        """Of the running trajectory of that number: wanted and measured angle [rad], time since its start [s], pace [-]."""
+        r = self.references
+        progress = r.present.angle, self.sensors.joint.values[0], r.elapsed, r.governor.share
+        return progress if self._goals.runs(number) else None

@@ -34,16 +34,22 @@ class LawInUse:
         self.controller: Controller | None = None
         self.note = ""
         self._laws: dict[str, Controller] = {}
+        self._refused: dict[str, str] = {}
         self._gradual: GradualSettings | None = None
 
     def configure(self, machine: Machine, pose: Pose) -> None:
-        """Set the machine and its pose.
+        """Set the machine and its pose. A law that the machine has no use for is left out, unless it is the active one.
 
         Raises:
-            ControlError, ModelError: a law cannot be created for it; the old ones stay.
+            ControlError, ModelError: the active law cannot be created for it; the old ones stay.
         """
-        wanted_first = sorted(MODES, key=lambda mode: mode != self.mode)
-        self._laws = {mode: make_controller(mode, machine, pose, self.settings) for mode in wanted_first}
+        laws, refused = {self.mode: make_controller(self.mode, machine, pose, self.settings)}, {}
+        for mode in MODES:
+            try:
+                laws[mode] = laws.get(mode) or make_controller(mode, machine, pose, self.settings)
+            except ControlError as error:
+                refused[mode] = str(error)
+        self._laws, self._refused = laws, refused
         self.controller = self._laws[self.mode]
         self.configuration = (machine, pose)
 
@@ -75,8 +81,10 @@ class LawInUse:
         """Change the law. ``present``: sensor values from which it takes over within ``seconds`` [s]; None: at once.
 
         Raises:
-            ControlError: no such mode.
+            ControlError: no such mode, or none for this machine.
         """
+        if mode in self._refused:
+            raise ControlError(self._refused[mode])
         if mode not in MODES:
             raise ControlError(f"mode {mode}: there is {', '.join(MODES)}")
         if mode == self.mode:

@@ -1,4 +1,4 @@
-"""The action TrackTrajectory: goals, feedback and a result with the reason. The result also answers a refused goal.
+"""The action for planned motions: goals, feedback and a result with the reason. The result also answers a refused goal.
 
 A rejected goal in rclpy carries no reason; so every goal is accepted, and one that cannot be tracked is aborted at once with code
 and sentence.
@@ -11,10 +11,10 @@ from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
+from boom_controller.node.goal_formats import GoalFormat, Progress
 from boom_controller.references.joint_trajectory import Code, TrajectoryError
 from boom_controller.supervision.tracking_goal import Ending
-from boom_interfaces.action import TrackTrajectory
-from boom_node.stamps import seconds_to_ns, set_ns
+from boom_node.motion_action import NAME
 
 
 class _Server(ActionServer):
@@ -26,6 +26,7 @@ class _Server(ActionServer):
     """
 
     begin: Callable[[Any], None]
+    format: GoalFormat
 
     def notify_execute(self, goal_handle: Any, _execute_callback: Any) -> None:
         """Note an accepted goal."""
@@ -41,9 +42,7 @@ class _Server(ActionServer):
                 goal_handle.succeed()
             else:
                 goal_handle.abort()
-            return TrackTrajectory.Result(
-                error_code=int(ending.code), error_string=ending.text, max_error=float(ending.largest_error)
-            )
+            return self.format.result(ending)
 
         super().notify_execute(goal_handle, result)
 
@@ -53,12 +52,16 @@ class TrajectoryAction:
 
     Args:
         node: the node.
+        goals: format of goals, feedback and results.
+        joint: name of the boom's joint.
         start: starts a goal and returns its number; raises TrajectoryError.
         cancel: ends the trajectory of a number; False if it does not run.
     """
 
-    def __init__(self, node: Any, start: Callable[[Any], int], cancel: Callable[[int], bool]) -> None:
-        self._node, self._start, self._cancel = node, start, cancel
+    def __init__(
+        self, node: Any, goals: GoalFormat, joint: str, start: Callable[[Any], int], cancel: Callable[[int], bool]
+    ) -> None:
+        self._node, self._format, self._joint, self._start, self._cancel = node, goals, joint, start, cancel
         self._running: dict[int, Any] = {}
         self._server: _Server | None = None
 
@@ -71,14 +74,14 @@ class TrajectoryAction:
         """Create the server."""
         self._server = _Server(
             self._node,
-            TrackTrajectory,
-            "~/track_trajectory",
+            self._format.kind,
+            f"~/{NAME}",
             execute_callback=self._begin,
             goal_callback=lambda _: GoalResponse.ACCEPT,
             cancel_callback=self._on_cancel,
             result_timeout=60,
         )
-        self._server.begin = self._begin
+        self._server.begin, self._server.format = self._begin, self._format
 
     @property
     def running(self) -> list[int]:
@@ -93,16 +96,11 @@ class TrajectoryAction:
         self._server.end(handle, ending)
         return True
 
-    def feed_back(self, number: int, stamp_ns: int, progress: tuple[float, float, float]) -> None:
-        """Wanted and measured angle [rad] and time since the start [s] of a trajectory."""
+    def feed_back(self, number: int, stamp_ns: int, progress: Progress) -> None:
+        """Tell the client how far a trajectory has come."""
         handle = self._running.get(number)
-        if handle is None:
-            return
-        wanted, actual, elapsed = progress
-        message = TrackTrajectory.Feedback(desired_angle=wanted, actual_angle=actual, error_angle=wanted - actual)
-        set_ns(message.header.stamp, stamp_ns)
-        set_ns(message.time_from_start, seconds_to_ns(max(elapsed, 0.0)))
-        handle.publish_feedback(message)
+        if handle is not None:
+            handle.publish_feedback(self._format.feedback(self._joint, stamp_ns, progress))
 
     def _begin(self, handle: Any) -> None:
         assert self._server is not None  # who calls

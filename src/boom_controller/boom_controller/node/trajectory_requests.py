@@ -9,7 +9,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from boom_controller.loop.control_loop import ControlLoop
 from boom_controller.loop.cycle import Cycle
-from boom_controller.node import messages
+from boom_controller.node import goal_formats, messages
 from boom_controller.node.node_parameters import supervision_of
 from boom_controller.node.sample_times import SampleTimes
 from boom_controller.node.trajectory_action import TrajectoryAction
@@ -35,7 +35,8 @@ class TrajectoryRequests:
         self, node: Any, values: Mapping[str, Any], times: SampleTimes, active_loop: Callable[[], ControlLoop | None]
     ) -> None:
         self._node, self._values, self._times, self._active_loop = node, values, times, active_loop
-        self._action = TrajectoryAction(node, self._start_goal, self._cancel)
+        self._format = goal_formats.installed()
+        self._action = TrajectoryAction(node, self._format, values["joint_name"], self._start_goal, self._cancel)
         self._feedback_at = 0
 
     def answer(self, cycle: Cycle, loop: ControlLoop, stamp_ns: int) -> None:
@@ -88,9 +89,7 @@ class TrajectoryRequests:
         return loop.start(points, self._times.now(), begin=begin, tolerances=tolerances)
 
     def _start_goal(self, request: Any) -> int:
-        tolerances = Tolerances.asked(
-            request.path_tolerance, request.goal_tolerance, request.goal_time_tolerance, supervision_of(self._values)
-        )
+        tolerances = self._format.tolerances(request, self._values["joint_name"], supervision_of(self._values))
         return self._start(request.trajectory, tolerances)
 
     def _cancel(self, number: int) -> bool:

@@ -28,7 +28,7 @@ _REST_RATE = 1e-3
 
 
 class Code(IntEnum):
-    """Error codes of boom_interfaces/TrackTrajectory."""
+    """Error codes of control_msgs/FollowJointTrajectory, and of boom_interfaces/TrackTrajectory."""
 
     SUCCESSFUL = 0
     INVALID_GOAL = -1

@@ -5,6 +5,8 @@ changes, the difference between the old and the new one (angle, rate, accelerati
 that angle, rate and acceleration are continuous. It comes to rest by a bounded ramp, see
 :func:`boom_controller.references.polynomial.to_rest`.
 
+What the boom cannot follow is slowed: a trajectory along itself (``governor``), a stream by limiting its rate.
+
 In real time stream and cycles have separate clocks: between two cycles there may be none or two wanted angles, which would double
 or skip a step. So the wanted angle is interpolated at one and a half sample times before the sensors' sample, between the two that
 came around that time.
@@ -16,6 +18,7 @@ import math
 from collections import deque
 from typing import Literal
 
+from boom_controller.references.governor import MARGIN, Governor
 from boom_controller.references.joint_trajectory import JointTrajectory
 from boom_controller.references.polynomial import Polynomial, quintic, to_rest
 from boom_controller.references.trajectory_generator import TrajectoryGenerator
@@ -25,6 +28,8 @@ Kind = Literal["rest", "stream", "trajectory"]
 _SHORTEST_RAMP = 0.2
 _MOST_STEPS = 10
 _REMEMBERED = 4
+_BEHIND_STREAM = 0.01
+"""rad. Less is left behind by every stream."""
 _BEHIND = 1.5  # sample times: the newest wanted angle is up to one old, and comes early or late
 
 
@@ -41,12 +46,14 @@ class References:
     Attributes:
         present: the reference now.
         kind: its source.
+        governor: knows what the boom can follow.
     """
 
     def __init__(
         self, generator: TrajectoryGenerator, sample_time: float, deceleration: float, fastest: float, blend: float
     ) -> None:
         self._generator = generator
+        self.governor = Governor(sample_time)
         self._sample_time = sample_time
         self.deceleration, self.fastest, self.blend = deceleration, fastest, blend
         self.reset(0.0, 0.0)
@@ -61,6 +68,7 @@ class References:
         self._fading: Polynomial | None = None
         self._faded_from = now
         self._trajectory: JointTrajectory | None = None
+        self.governor.reset()
         self._wanted = angle
         self._heard: deque[tuple[float, float]] = deque(maxlen=_REMEMBERED)
         self._limited = angle
@@ -103,13 +111,14 @@ class References:
         self._trajectory = trajectory
         self.kind = "trajectory"
         self._begin = begin
+        self.governor.start(trajectory.at, self._now - begin)
         angle = trajectory.at(self._now - begin)
         self._fade(self._generator.reset(angle.angle) if trajectory.smoothed else angle)
 
     @property
     def elapsed(self) -> float:
-        """Time since the start of the trajectory [s]; negative before it."""
-        return self._now - self._begin
+        """Time of the trajectory since its start [s], which passes slowly where it is slowed; negative before it."""
+        return self.governor.time
 
     def advance(self, now: float, sampled: float = math.inf) -> Reference:
         """The reference at the time `now` [s]; ``sampled``: when the sensors' sample was taken, by the clock of :meth:`stream`."""
@@ -120,14 +129,14 @@ class References:
             source = reached if passed < self._length else Reference(reached.angle)
         elif self.kind == "stream":
             source = self._stepped(
-                self._wanted_at(sampled - _BEHIND * self._sample_time), self._now - before, self.fastest
+                self._wanted_at(sampled - _BEHIND * self._sample_time), self._now - before, limited=True
             )
         else:
             assert self._trajectory is not None  # set together with the kind
-            source = self._trajectory.at(self.elapsed)
+            source = self.governor.advance(self._now - before)
             if self._trajectory.smoothed:
                 self._limited = source.angle
-                source = self._stepped(source.angle, self._now - before, None)
+                source = self._stepped(source.angle, self._now - before, limited=False)
         self.present = self._faded(source)
         return self.present
 
@@ -145,17 +154,29 @@ class References:
             later = came, wanted
         return self._wanted if later is None else later[1]
 
-    def _stepped(self, wanted: float, passed: float, fastest: float | None) -> Reference:
+    def _stepped(self, wanted: float, passed: float, *, limited: bool) -> Reference:
         # one step a sample time, also where cycles were missed
         late = passed > 1.5 * self._sample_time
+        g = self.governor
+        up, down = (min(self.fastest, MARGIN * limit) * self._sample_time for limit in (g.up, g.down))
         for _ in range(min(round(passed / self._sample_time), _MOST_STEPS) if late else 1):
-            if fastest is None:
-                self._limited = wanted
+            if limited:
+                self._limited += min(max(wanted - self._limited, -down), up)
             else:
-                most = fastest * self._sample_time
-                self._limited += min(max(wanted - self._limited, -most), most)
+                self._limited = wanted
             result = self._generator.step(self._limited)
         return result
+
+    @property
+    def slowed(self) -> str:
+        """A sentence for the operator where the boom cannot follow what it was given; empty where it can."""
+        g = self.governor
+        if self.kind == "trajectory" and g.slowed:
+            return f"the path is slowed to {min(g.share, g.coming):.0%} of its speed: the boom cannot move faster ({g.limits})"
+        behind = abs(self._wanted - self._limited)
+        if self.kind == "stream" and behind > _BEHIND_STREAM and min(g.up, g.down) < self.fastest:
+            return f"the reference is {behind:.2f} rad ahead: the boom cannot move faster ({g.limits})"
+        return ""
 
     def _fade(self, new: Reference) -> None:
         old = self.present

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from boom_import import units
 from boom_import.source import Column, Floats, Stamps, column, unique
+from boom_input.channels import CHANNELS
 from boom_recording import cdr_layout
+from boom_recording.channels import DEFAULT_JOINT, TYPES
 from boom_recording.mcap_records import Batch, Topic
 
 TypesOf = Callable[[Topic], cdr_layout.FieldTypes]
@@ -42,6 +44,11 @@ _UNITS = {
     ("sensor_msgs/msg/Temperature", "temperature"): "degC",
 }
 """(type, part of the path) -> unit that the message's definition prescribes (REP 103)."""
+_CONTRACT = {
+    (c.topic, f"{c.field}[{DEFAULT_JOINT}]" if TYPES.get(c.topic) == "sensor_msgs/msg/JointState" else c.field): c.name
+    for c in CHANNELS
+}
+"""(topic, label) -> signal of the recordings that every command takes."""
 
 
 @dataclass
@@ -147,6 +154,7 @@ class MessageColumns:
             made = column(
                 unique(f"{topic}:{label}", taken), f"{topic} {label}", by_type or _stated(topic, label),
                 np.concatenate(series.stamps), np.concatenate(series.values), by_type=bool(by_type), joint=joint,
+                signal=_CONTRACT.get((topic, label), ""),
             )  # fmt: skip
             result += [made] if made else []
         return result

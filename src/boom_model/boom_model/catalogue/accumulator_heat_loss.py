@@ -27,7 +27,7 @@ def _adiabat(precharge: Expression, own: Any, at: Any) -> Expression:
     return precharge * ca.exp(entropy)
 
 
-def _at_rest(states: Mapping[str, float], p: Any, e: Any) -> dict[str, float]:
+def _at_rest(states: Mapping[str, Expression], p: Any, e: Any) -> dict[str, Expression]:
     """The gas has rested on the nominal adiabat."""
     exponent = (p.accumulators.kappa - 1) / p.accumulators.kappa
     return {

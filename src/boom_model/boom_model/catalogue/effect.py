@@ -142,7 +142,7 @@ class Effect:
     terms: Mapping[str, Term] = field(default_factory=dict)
     place: int = LAST
     states: tuple[State, ...] = ()
-    at_rest: Callable[[Mapping[str, float], Any, Any], dict[str, float]] | None = None
+    at_rest: Callable[[Mapping[str, Expression], Any, Any], dict[str, Expression]] | None = None
     check: Callable[[Mapping[str, float], Any], None] | None = None
     holds: bool = False
     needs: str = ""

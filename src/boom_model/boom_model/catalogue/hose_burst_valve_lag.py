@@ -24,8 +24,8 @@ def _conductance(stationary: Expression, own: Any, _at: Any) -> Expression:
     return g
 
 
-def _at_rest(_states: Mapping[str, float], p: Any, e: Any) -> dict[str, float]:
-    return {"hose_burst_valve_conductance": float(hose_burst_valve.limited_conductance(0.0, p, e))}
+def _at_rest(_states: Mapping[str, Expression], p: Any, e: Any) -> dict[str, Expression]:
+    return {"hose_burst_valve_conductance": hose_burst_valve.limited_conductance(0.0, p, e)}
 
 
 EFFECT = Effect(

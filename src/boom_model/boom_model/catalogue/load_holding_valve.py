@@ -26,7 +26,7 @@ def _flow(_: Expression, own: Any, at: Any) -> Expression:
     return valve.flow(at.hose, at.head, pilot, own)
 
 
-def _at_rest(states: Mapping[str, float], _p: Any, e: Any) -> dict[str, float]:
+def _at_rest(states: Mapping[str, Expression], _p: Any, e: Any) -> dict[str, Expression]:
     return {"holding_valve_pilot": valve.rest(states, e.numbers("load_holding_valve"))}
 
 

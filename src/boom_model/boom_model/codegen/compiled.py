@@ -15,11 +15,11 @@ from pathlib import Path
 
 from boom_input.cache import cache_folder, is_whole, keep
 from boom_input.files import InputError
-from boom_model.codegen.source import generate
+from boom_model.codegen.source import Further, generate
 from boom_model.equations import Equations
 from boom_model.errors import BuildError
 
-_FLAGS = ("-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-shared", "-fPIC", "-std=c11")
+FLAGS = ("-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-shared", "-fPIC", "-std=c11")
 _WIDE = {"avx2": "-mavx2", "fma": "-mfma", "bmi2": "-mbmi2"}
 """Processor flags -> compiler flags; together they make a run a third faster. They are part of the cache key, so that a cache
 folder shared by several computers has one library for each kind."""
@@ -40,9 +40,9 @@ def _flags() -> tuple[str, ...]:
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").splitlines()
     except OSError:
-        return _FLAGS
+        return FLAGS
     able = next((set(line.split()) for line in lines if line.startswith("flags")), set())
-    return (*_FLAGS, *_WIDE.values()) if set(_WIDE) <= able else _FLAGS
+    return (*FLAGS, *_WIDE.values()) if set(_WIDE) <= able else FLAGS
 
 
 @lru_cache(maxsize=256)
@@ -58,7 +58,7 @@ def load_c(source: str) -> ctypes.CDLL:
         folder = cache_folder()
         library = folder / f"model-{key}.so"
         if not is_whole(library):
-            keep(library, _compiled(source, compiler, flags))
+            keep(library, compiled(source, flags))
     except InputError as error:
         raise BuildError(str(error)) from None
     except OSError as error:
@@ -72,7 +72,13 @@ def load_c(source: str) -> ctypes.CDLL:
         ) from error
 
 
-def _compiled(source: str, compiler: str, flags: Sequence[str]) -> bytes:
+def compiled(source: str, flags: Sequence[str] = FLAGS) -> bytes:
+    """The shared library of C source; by default for any processor of this kind, not just this one.
+
+    Raises:
+        BuildError: no compiler, or it refused the source.
+    """
+    compiler = _compiler()
     with tempfile.TemporaryDirectory(prefix="boom-") as scratch:
         text, built = Path(scratch) / "model.c", Path(scratch) / "model.so"
         text.write_text(source)
@@ -83,9 +89,9 @@ def _compiled(source: str, compiler: str, flags: Sequence[str]) -> bytes:
         return built.read_bytes()
 
 
-def model_source(equations: Equations, lanes: int = 1) -> str:
-    """C of a model's functions, for one parameter vector or ``lanes`` of them at once."""
-    return f"#define LANES {lanes}\n" + _text("lanes.c") + generate(equations)
+def model_source(equations: Equations, lanes: int = 1, further: tuple[Further, ...] = ()) -> str:
+    """C of a model's functions and ``further`` ones, for one parameter vector or ``lanes`` of them at once."""
+    return f"#define LANES {lanes}\n" + c_text("lanes.c") + generate(equations, further)
 
 
 def build(equations: Equations, lanes: int = 1) -> ctypes.CDLL:
@@ -96,8 +102,9 @@ def build(equations: Equations, lanes: int = 1) -> ctypes.CDLL:
     Raises:
         BuildError: no compiler, or the cache folder is not writable.
     """
-    return load_c(model_source(equations, lanes) + _text("integrator.c") + _text("observer.c"))
+    return load_c(model_source(equations, lanes) + c_text("integrator.c") + c_text("runs.c") + c_text("observer.c"))
 
 
-def _text(name: str) -> str:
+def c_text(name: str) -> str:
+    """A C file of this package."""
     return files("boom_model.codegen").joinpath(name).read_text()

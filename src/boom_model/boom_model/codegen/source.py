@@ -9,6 +9,7 @@ minimum-degree order (the shift makes them safe for small h; a step with a bad p
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -34,8 +35,14 @@ _UNARY = {
     ca.OP_ACOS: "boom_acos({0})", ca.OP_ATAN: "boom_atan({0})", ca.OP_ASSIGN: "{0}",
 }  # fmt: skip
 
-Instruction = tuple[str, str, bool]
-"""C variable, C expression, whether it depends on the parameters alone."""
+
+@dataclass(frozen=True, eq=False)
+class Further:
+    """A further function of a model: C ``model_NAME(argument, u, c, value)`` of ``value`` (argument, u, p), both symbolic."""
+
+    name: str
+    argument: Any
+    value: Any
 
 
 class _Emitter:
@@ -138,8 +145,11 @@ def _solution(order: list[int], slot: dict[tuple[int, int], int]) -> str:
 
 
 @lru_cache(maxsize=16)
-def generate(m: Equations) -> str:
-    """C of model_prepare, model_f, model_fj, model_y, model_factor and model_solve, to stand between lanes.c and integrator.c."""
+def generate(m: Equations, further: tuple[Further, ...] = ()) -> str:
+    """C of model_prepare, model_f, model_fj, model_y, model_factor, model_solve and ``further`` functions.
+
+    To stand between lanes.c and integrator.c.
+    """
     emitter = _Emitter()
     n = len(m.states)
     jacobian = ca.jacobian(m.derivative, m.x)
@@ -149,6 +159,7 @@ def generate(m: Equations) -> str:
     nonzeros = ca.vertcat(*[jacobian[i, j] for i, j in zip(*entries, strict=True)])
     fj = emitter.function("fj", arguments, [m.derivative, nonzeros], ["f", "nz"])
     y = emitter.function("y", arguments, [m.outputs], ["y"])
+    others = [emitter.function(o.name, (o.argument, m.u, m.p), [ca.densify(o.value)], ["value"]) for o in further]
     pattern = np.zeros((n, n), dtype=bool)
     pattern[entries[0], entries[1]] = True
     factor, solve, slots = _elimination(pattern)
@@ -163,6 +174,10 @@ def generate(m: Equations) -> str:
         needed = "\n".join(line for line in used.splitlines() if line.split()[2] in names)
         return needed + "\n" + text
 
+    added = "".join(
+        f"static void model_{o.name}(const real *x, const real *u, const real *c, real *value) {{\n{body(text)}\n}}\n"
+        for o, text in zip(further, others, strict=True)
+    )
     return f"""
 #define NX {n}
 #define NU {m.u.numel()}
@@ -190,7 +205,7 @@ static void model_factor(const real *J, double shift, real *W) {{
 static void model_solve(const real *W, real *b) {{
 {solve}
 }}
-"""
+{added}"""
 
 
 def _tokens(text: str) -> list[str]:

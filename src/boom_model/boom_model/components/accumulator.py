@@ -109,9 +109,11 @@ def _flow(w: Wiring, hose_pressure: Expression) -> Expression:
     return total
 
 
-def _rest(states: Mapping[str, float], p: Any, e: Any) -> dict[str, float]:
+def _rest(states: Mapping[str, Expression], p: Any, e: Any) -> dict[str, Expression]:
     pressure = states["hose_pressure"]
-    return {f"accumulator_pressure_{i}": max(pressure, precharge) for i, (precharge, _) in enumerate(cells(p, e), 1)}
+    return {
+        f"accumulator_pressure_{i}": ca.fmax(pressure, precharge) for i, (precharge, _) in enumerate(cells(p, e), 1)
+    }
 
 
 def _data(p: Any) -> tuple[tuple[str, str], ...]:

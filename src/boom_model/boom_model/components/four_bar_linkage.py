@@ -18,7 +18,7 @@ from typing import Any
 import casadi as ca
 
 from boom_model.regularisation import Expression
-from boom_model.slots import Linkage, register
+from boom_model.slots import Bar, Linkage, register
 from boom_model.specification import Specification
 
 SPECIFICATIONS = (
@@ -36,18 +36,35 @@ SPECIFICATIONS = (
 def piston_position(angle: Expression, p: Any) -> Expression:
     """s_p(q_2) [m] for the boom angle q_2 [rad]; ``p`` holds the parameters ``kinematics`` and ``cylinder``."""
     k = p.kinematics
+    joint = _rod_joint(_attachment(angle, k), k)
+    c_x, c_y = joint[0] - k.foot[0], joint[1] - k.foot[1]
+    return ca.sqrt(c_x * c_x + c_y * c_y) - p.cylinder.l_min
+
+
+def bars(angle: Expression, p: Any) -> tuple[Bar, ...]:
+    """Cylinder, long and short bar at the boom angle q_2 [rad]."""
+    k = p.kinematics
+    attachment = _attachment(angle, k)
+    joint = _rod_joint(attachment, k)
+    return Bar((k.foot[0], k.foot[1]), joint), Bar((k.pivot[0], k.pivot[1]), joint), Bar(attachment, joint)
+
+
+def _attachment(angle: Expression, k: Any) -> tuple[Expression, Expression]:
+    """A (x, y) [m]."""
     cos, sin = ca.cos(angle), ca.sin(angle)
-    d_x = cos * k.att[0] - sin * k.att[1] - k.pivot[0]
-    d_y = sin * k.att[0] + cos * k.att[1] - k.pivot[1]
+    return cos * k.att[0] - sin * k.att[1], sin * k.att[0] + cos * k.att[1]
+
+
+def _rod_joint(attachment: tuple[Expression, Expression], k: Any) -> tuple[Expression, Expression]:
+    """C (x, y) [m]."""
+    d_x, d_y = attachment[0] - k.pivot[0], attachment[1] - k.pivot[1]
     d_2 = d_x * d_x + d_y * d_y
     along = (k.L1**2 - k.L2**2 + d_2) / (2 * d_2)
     across = -ca.sqrt(((k.L1 + k.L2) ** 2 - d_2) * (d_2 - (k.L1 - k.L2) ** 2)) / (2 * d_2)
-    c_x = k.pivot[0] + along * d_x - across * d_y - k.foot[0]
-    c_y = k.pivot[1] + along * d_y + across * d_x - k.foot[1]
-    return ca.sqrt(c_x * c_x + c_y * c_y) - p.cylinder.l_min
+    return k.pivot[0] + along * d_x - across * d_y, k.pivot[1] + along * d_y + across * d_x
 
 
 register(Linkage(
     name="four_bar", meaning="cylinder that acts through a four-bar linkage", term="s_p = |C(q_2) - foot| - l_min",
-    equation="3.13a", specifications=SPECIFICATIONS, piston_position=piston_position,
+    equation="3.13a", specifications=SPECIFICATIONS, piston_position=piston_position, bars=bars,
 ))  # fmt: skip

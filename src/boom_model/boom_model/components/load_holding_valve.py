@@ -76,9 +76,9 @@ def pressure_drop(flow: Expression, p: Any, _e: Any) -> Expression:
     return ca.if_else(flow > 0, v.p_check * ca.tanh(flow * v.r_check / WIDTH) + v.r_check * flow, 0.0)
 
 
-def rest(states: Mapping[str, float], v: Any) -> float:
+def rest(states: Mapping[str, Expression], v: Any) -> Expression:
     """z [Pa] of a valve that has rested, in the middle of its play."""
-    return float(excess(states["head_pressure"], states["rod_pressure"], v))
+    return excess(states["head_pressure"], states["rod_pressure"], v)
 
 
 def _data(p: Any) -> tuple[tuple[str, str], ...]:

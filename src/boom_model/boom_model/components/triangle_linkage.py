@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 
 from boom_model.regularisation import Expression
-from boom_model.slots import Linkage, register
+from boom_model.slots import Bar, Linkage, register
 from boom_model.specification import Specification
 
 SPECIFICATIONS = (
@@ -30,8 +30,15 @@ def piston_position(angle: Expression, p: Any) -> Expression:
     return ca.sqrt(k.a**2 + k.b**2 - 2 * k.a * k.b * ca.cos(angle + k.phi0)) - p.cylinder.l_min
 
 
+def bars(angle: Expression, p: Any) -> tuple[Bar, ...]:
+    """The cylinder at q_2 [rad]. Only the angle between a and b is known: b is drawn along the boom."""
+    k = p.kinematics
+    foot, pin = (k.a * ca.cos(k.phi0), -k.a * ca.sin(k.phi0)), (k.b * ca.cos(angle), k.b * ca.sin(angle))
+    return (Bar(foot, pin),)
+
+
 register(Linkage(
     name="triangle", meaning="cylinder pinned directly to column and boom",
     term="s_p = sqrt(a^2 + b^2 - 2 a b cos(q_2 + phi_0)) - l_min", equation="3.13a", specifications=SPECIFICATIONS,
-    piston_position=piston_position,
+    piston_position=piston_position, bars=bars,
 ))  # fmt: skip

@@ -6,15 +6,14 @@ import numpy as np
 
 from boom_checks.chain import ChainLink, ChainStudy, RecordingChain
 from boom_checks.cylinder_valve import FOLLOWS, ValveLaw
-from boom_report.channel_panels import EVENT, EVENT_EDGE, MEASURED, OUTER_GAP, title
-from boom_report.panels import QUIET, RED, Json, Panels, legend_area, legend_line, line, shaded
-from boom_report.validation.figure import FULL
+from boom_report.channel_panels import OUTER_GAP, title
+from boom_report.palette import EVENT, EVENT_EDGE, EXTEND, MEASURED, MODEL, OTHER, QUIET, RED, RETRACT
+from boom_report.panels import Json, Panels, legend_area, legend_line, line, shaded
 from boom_report.xy import cloud, curve, xy
 
 SHOWN = {"rad/s": ("mrad/s", 1e3), "Pa": ("bar", 1e-5), "m^3/s": ("l/min", 6e4)}
 """Unit of a link -> unit for people, factor."""
 _HEIGHT = 170
-_LIFTING, _LOWERING = "#0b8a74", "#7a3e9d"
 _PRESSURES = (("hose", "hose pressure p_h"), ("head", "cylinder pressure p_a"), ("rod", "rod pressure p_b"))
 
 
@@ -31,8 +30,8 @@ def links_figure(chain: RecordingChain) -> Json:
             link.name, said, x=1, xanchor="right", yanchor="bottom", yshift=3, font={"size": 11, "color": colour}
         )
         traces.append(line(link.time, scale * link.measured, n, "measured", MEASURED, 2.6))
-        traces.append(line(link.time, scale * link.model, n, "from the other measurements", FULL, 1.2))
-    traces += [legend_line("measured", MEASURED), legend_line("from the other measurements", FULL)]
+        traces.append(line(link.time, scale * link.model, n, "from the other measurements", MODEL, 1.2))
+    traces += [legend_line("measured", MEASURED), legend_line("from the other measurements", MODEL)]
     shapes: list[Json] = []
     stretches = [
         pair for check in chain.checks for pair in check.intervals_s if pair[1] - pair[0] < 0.9 * chain.time[-1]
@@ -53,7 +52,7 @@ def valve_figures(study: ChainStudy) -> list[Json]:
         flow = np.concatenate([6e4 * part.flow for part in data])
         up, down = flow > 1.0, flow < -1.0
         traces = [
-            cloud(pressure[up], flow[up], "lifting", _LIFTING), cloud(pressure[down], flow[down], "lowering", _LOWERING),
+            cloud(pressure[up], flow[up], "lifting", EXTEND), cloud(pressure[down], flow[down], "lowering", RETRACT),
             cloud(pressure[~up & ~down], flow[~up & ~down], "at rest", MEASURED, 3.0),
         ]  # fmt: skip
         figures.append(xy(traces, f"{label} [bar]", "flow into the head side [l/min]", height=300))
@@ -70,9 +69,9 @@ def flow_figure(chain: RecordingChain, laws: tuple[ValveLaw, ...]) -> Json:
     static = next((law for law in laws if not law.opened_by), None)
     traces = [curve(time, 6e4 * seen.flow, "measured: area times piston speed", MEASURED, width=2.6)]
     if static:
-        traces.append(curve(time, 6e4 * static.flow(seen), "a static curve q(dp)", "#d9720a", width=1.2))
+        traces.append(curve(time, 6e4 * static.flow(seen), "a static curve q(dp)", OTHER, width=1.2))
     if opened:
-        traces.append(curve(time, 6e4 * opened.flow(seen), opened.words, FULL, width=1.2))
+        traces.append(curve(time, 6e4 * opened.flow(seen), opened.words, MODEL, width=1.2))
     return xy(traces, "time since the start of the recording [s]", "flow into the head side [l/min]", height=340)
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from boom_checks.chain import ChainStudy
 from boom_input.whole import write_whole
-from boom_report import __version__, inputs
+from boom_report import __version__, inputs, terms
 from boom_report.chain.figures import flow_figure, link_row, links_figure, valve_figures
 from boom_report.chain.terminal import HEADS
-from boom_report.doubts import check_lines
+from boom_report.doubts import check_lines, damage_lines
 from boom_report.page import chart, page
 from boom_report.templates import render
 
@@ -20,6 +20,7 @@ METHOD = (
     "main valve, to compare with the flow that motion and pressures ask for. The tolerance is what the sensors' noise and the "
     "tolerances of the machine file leave. The flow at the cylinder is area times piston speed."
 )
+_WORDS = ("NRMSE", "tolerance", "90 % interval", "hose pressure, rod pressure", "extend, retract")
 
 
 def write_chain_report(
@@ -45,11 +46,13 @@ def write_chain_report(
         heads=HEADS,
         link_row=link_row,
         check_lines=check_lines,
+        damage_lines=damage_lines,
         links_figure=links_figure,
         valve_figures=valve_figures,
         flow_figure=flow_figure,
         chart=chart,
         method=METHOD,
+        words=terms.section(*_WORDS, *(("law",) if study.laws else ())),
         files=inputs.files_table(rows),
     )
     write_whole(path, page(heading, body))

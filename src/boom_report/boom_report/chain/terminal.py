@@ -9,7 +9,7 @@ from rich.text import Text
 
 from boom_checks.chain import ChainStudy, RecordingChain
 from boom_report.chain.figures import link_row
-from boom_report.doubts import check_lines
+from boom_report.doubts import check_lines, damage_lines
 
 HEADS = ("link", "rms error (90 %)", "NRMSE", "noise and tolerances", "ratio")
 
@@ -25,7 +25,7 @@ def print_chain(study: ChainStudy, console: Console) -> None:
 
 def _print(chain: RecordingChain, console: Console) -> None:
     console.print(Text.assemble((chain.recording.name, "bold"), ": ", chain.sentence), soft_wrap=True)
-    for line in check_lines(chain.checks):
+    for line in (*damage_lines(chain.recording), *check_lines(chain.checks)):
         console.print(Text(f"  {line}", "yellow"), soft_wrap=True)
     if chain.links:
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")

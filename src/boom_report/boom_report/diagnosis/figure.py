@@ -8,16 +8,27 @@ from boom_diagnosis.document import BagResult, ChannelFit
 from boom_input.channels import PREDICTED, SENSORS, Sensor
 from boom_report import channel_panels as common
 from boom_report.channel_panels import Curve, compared, measured, rest
+from boom_report.palette import (
+    BETWEEN,
+    EVENT,
+    EVENT_EDGE,
+    HELD_OUT,
+    HELD_OUT_EDGE,
+    MEASURED,
+    MODEL,
+    NOISE,
+    NOISE_EDGE,
+    OTHER,
+    WINDOW,
+    WINDOW_EDGE,
+)
 from boom_report.panels import Json, Panels, band, legend_area, legend_line, shaded
 
-BEFORE, PARAMETERS, AFTER = "#d9720a", "#8a63b8", "#1257a6"
 STAGES = (
-    ("nominal", "model before", BEFORE),
-    ("parameters_only", "parameters only", PARAMETERS),
-    ("explained", "model after", AFTER),
+    ("nominal", "model before", OTHER),
+    ("parameters_only", "parameters only", BETWEEN),
+    ("explained", "model after", MODEL),
 )
-_WINDOW, _WINDOW_EDGE = "rgba(240,173,32,0.20)", "rgba(190,130,10,0.45)"
-_HELD_OUT, _HELD_OUT_EDGE = "rgba(18,87,166,0.06)", "rgba(18,87,166,0.35)"
 _BAND = 2.0  # standard deviations of sensor noise that the band is wide
 _REST_HEIGHT = 96
 
@@ -68,19 +79,19 @@ def _said(channel: ChannelFit, sensor: Sensor) -> str:
 
 
 def _legend(bag: BagResult) -> list[Json]:
-    entries = [legend_line("measured", common.MEASURED)]
+    entries = [legend_line("measured", MEASURED)]
     present = bag.channels[PREDICTED[0].name].stages
     for stage, name, colour in STAGES:
         if stage in present:
             entry = legend_line(name, colour) | _hidden(stage)
             entries.append(entry | {"name": f"{name} (click)"} if stage == "parameters_only" else entry)
-    entries.append(legend_area(f"noise, ±{_BAND:g} sigma", common.NOISE, common.NOISE_EDGE))
+    entries.append(legend_area(f"noise, ±{_BAND:g} sigma", NOISE, NOISE_EDGE))
     if bag.windows:
-        entries.append(legend_area("mismatch", _WINDOW, _WINDOW_EDGE))
+        entries.append(legend_area("mismatch", WINDOW, WINDOW_EDGE))
     if bag.held_out_from is not None:
-        entries.append(legend_area("held out", _HELD_OUT, _HELD_OUT_EDGE))
+        entries.append(legend_area("held out", HELD_OUT, HELD_OUT_EDGE))
     if any(event.kind != "loss" for event in bag.events):
-        entries.append(legend_area("gap or fault", common.EVENT, common.EVENT_EDGE))
+        entries.append(legend_area("gap or fault", EVENT, EVENT_EDGE))
     return entries
 
 
@@ -88,15 +99,13 @@ def _shapes(bag: BagResult, panels: Panels) -> list[Json]:
     shapes: list[Json] = []
     for sensor in PREDICTED:
         upper, lower = panels.suffix(sensor.name), panels.suffix(rest(sensor))
-        shapes.append(
-            band(lower, _BAND * bag.channels[sensor.name].noise * sensor.error.scale, common.NOISE, common.NOISE_EDGE)
-        )
+        shapes.append(band(lower, _BAND * bag.channels[sensor.name].noise * sensor.error.scale, NOISE, NOISE_EDGE))
         for n in (upper, lower):
             if bag.held_out_from is not None:
-                shapes.append(shaded(n, bag.held_out_from, bag.duration, _HELD_OUT, _HELD_OUT_EDGE))
-            shapes += [shaded(n, a, b, _WINDOW, _WINDOW_EDGE) for a, b in bag.windows[: common.SHAPES // 8]]
+                shapes.append(shaded(n, bag.held_out_from, bag.duration, HELD_OUT, HELD_OUT_EDGE))
+            shapes += [shaded(n, a, b, WINDOW, WINDOW_EDGE) for a, b in bag.windows[: common.SHAPES // 8]]
     topics = [event for event in bag.events if event.kind != "loss"][: common.SHAPES // 8]
     for event in topics:
         for n in (panels.suffix(name) for name in panels.names):
-            shapes.append(shaded(n, event.start_s, event.end_s, common.EVENT, common.EVENT_EDGE))
+            shapes.append(shaded(n, event.start_s, event.end_s, EVENT, EVENT_EDGE))
     return shapes

@@ -7,12 +7,11 @@ from markupsafe import Markup
 from boom_diagnosis.document import DiagnosisResult, Experiment, LearnedCurve
 from boom_model.catalogue import effect_name
 from boom_report.page import chart
+from boom_report.palette import AXIS, EXTEND, FONT, GRID, MODEL, MODEL_BAND, PAPER, PLOT, RETRACT
 from boom_report.panels import Json, packed
 from boom_report.templates import render
 
-_LINE, _FILL, _RETRACT, _EXTEND = "#1257a6", "rgba(18,87,166,0.16)", "#7a3e9d", "#0b8a74"
 _PEOPLE = {"Pa": (1e-5, "bar"), "m^3/s": (6e4, "l/min")}
-_FONT = {"family": "system-ui, 'Segoe UI', Roboto, Arial, sans-serif", "size": 12, "color": "#1f2933"}
 
 
 def learned(result: DiagnosisResult) -> Markup:
@@ -30,8 +29,8 @@ def learned_chart(curve: LearnedCurve) -> Json:
     x = packed(curve.x * sx)
     low = {"type": "scatter", "mode": "lines", "x": x, "y": packed(curve.low * sy), "line": {"width": 0}, "hoverinfo": "skip",
            "showlegend": False}  # fmt: skip
-    high = low | {"y": packed(curve.high * sy), "fill": "tonexty", "fillcolor": _FILL}
-    middle = low | {"y": packed(curve.y * sy), "line": {"width": 2.4, "color": _LINE}, "hoverinfo": "all"}
+    high = low | {"y": packed(curve.high * sy), "fill": "tonexty", "fillcolor": MODEL_BAND}
+    middle = low | {"y": packed(curve.y * sy), "line": {"width": 2.4, "color": MODEL}, "hoverinfo": "all"}
     return {"data": [low, high, middle], "layout": _layout(300, f"{curve.variable} [{ux}]", f"term [{uy}]")}
 
 
@@ -52,7 +51,7 @@ def experiment_chart(proposed: Experiment) -> Json:
     traces = [
         {"type": "scatter", "mode": "lines", "name": name, "x": time, "y": packed(proposed.currents[:, k]),
          "line": {"width": 1.6, "color": colour, "shape": "hv"}}
-        for k, (name, colour) in enumerate((("retract (lower)", _RETRACT), ("extend (lift)", _EXTEND)))
+        for k, (name, colour) in enumerate((("retract (lower)", RETRACT), ("extend (lift)", EXTEND)))
     ]  # fmt: skip
     layout = _layout(260, "time [s]", "current [A]")
     layout["showlegend"] = True
@@ -60,10 +59,10 @@ def experiment_chart(proposed: Experiment) -> Json:
 
 
 def _layout(height: int, x: str, y: str) -> Json:
-    axis = {"gridcolor": "#e4e8ec", "zerolinecolor": "#c9d0d6", "linecolor": "#c9d0d6", "showline": True}
+    axis = {"gridcolor": GRID, "zerolinecolor": AXIS, "linecolor": AXIS, "showline": True}
     return {
-        "height": height, "margin": {"l": 58, "r": 12, "t": 26, "b": 46}, "paper_bgcolor": "#ffffff", "plot_bgcolor": "#fbfcfd",
-        "font": dict(_FONT), "annotations": [], "showlegend": False,
+        "height": height, "margin": {"l": 58, "r": 12, "t": 26, "b": 46}, "paper_bgcolor": PAPER, "plot_bgcolor": PLOT,
+        "font": dict(FONT), "annotations": [], "showlegend": False,
         "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
         "xaxis": {**axis, "title": {"text": x, "standoff": 6}}, "yaxis": {**axis, "title": {"text": y, "standoff": 6}},
     }  # fmt: skip

@@ -10,12 +10,12 @@ from rich.text import Text
 from boom_diagnosis.document import DiagnosisResult
 from boom_input.channels import PREDICTED
 from boom_model.catalogue import SUBSYSTEM_NAMES, effect_name
+from boom_report.channels import probability
 from boom_report.diagnosis.words import (
     VERDICTS,
     headline,
     intervals_text,
     percent,
-    probability,
     ranking_title,
     shown,
 )
@@ -94,16 +94,34 @@ def proof_table(result: DiagnosisResult) -> Table:
 
 def ranking_table(result: DiagnosisResult) -> Table:
     """The most probable hypotheses."""
-    table = _table(ranking_title(result))
+    document, table = result.document, _table(ranking_title(result))
     table.add_column("hypothesis", overflow="fold")
     table.add_column("kind", no_wrap=True)
     table.add_column("probability", justify="right", no_wrap=True)
-    table.add_column("gain held out\n[nats]", justify="right")
-    for row in result.document.ranking[:_MOST]:
+    table.add_column(
+        "log-odds against\nparameters [nats]" if document.hypotheses else "gain held out\n[nats]", justify="right"
+    )
+    for row in document.ranking[:_MOST]:
         table.add_row(
             Text(row.label), Text(row.kind), Text(probability(row.probability)), Text(f"{row.held_out_gain:.1f}")
         )
     return table
+
+
+def print_hypotheses(result: DiagnosisResult, console: Console) -> None:
+    """Every hypothesis that was weighed, with what speaks for it [nats]."""
+    table = _table("Hypotheses weighed [nats]")
+    table.add_column("hypothesis", overflow="fold")
+    for title in ("log-likelihood", "cost of its numbers", "prior", "probability"):
+        table.add_column(title, justify="right")
+    best = max((row.log_likelihood for row in result.document.hypotheses), default=0.0)
+    for row in result.document.hypotheses:
+        parts = [*map(effect_name, row.effects), *(f"unknown physics at {p.replace('_', ' ')}" for p in row.unknown)]
+        table.add_row(
+            Text(" + ".join(parts) or "parameters only"), f"{row.log_likelihood - best:.1f}", f"{row.cost:.1f}",
+            f"{row.log_prior:.1f}", f"{row.posterior:.4f}",
+        )  # fmt: skip
+    console.print(table)
 
 
 def _table(title: str) -> Table:

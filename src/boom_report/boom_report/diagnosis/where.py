@@ -12,15 +12,15 @@ from boom_diagnosis.document import BagResult, DiagnosisResult
 from boom_input.channels import PREDICTED
 from boom_model.catalogue import SUBSYSTEM_NAMES
 from boom_report.diagnosis import words
-from boom_report.diagnosis.scheme import colours
 from boom_report.page import chart
-from boom_report.panels import QUIET, Json, packed
+from boom_report.palette import DIVERGING, FONT, PAPER, QUIET
+from boom_report.panels import Json, packed
+from boom_report.scheme import heat
 from boom_report.templates import render
 
 Array = NDArray[np.float64]
 
 _FULL = 6.0  # standard deviations at which the colour is full
-_COLOURS = [[0, "#2c5f9e"], [0.25, "#a9c6e3"], [0.42, "#eef1f3"], [0.58, "#eef1f3"], [0.75, "#f5b48a"], [1, "#b3261e"]]
 _STRIP = 46  # px per equation in the strip over time
 _COLUMNS = 600  # of the strip over time: finer is not seen
 
@@ -37,7 +37,7 @@ def section(result: DiagnosisResult) -> Markup:
         equations=sorted(result.equations, key=lambda e: -(e.statistical + e.chain)),
         bags=bags,
         strip=lambda bag: chart(strip(bag, titles)),
-        fill=_fill,
+        heat=_heat,
         channels=PREDICTED,
         words=words,
         subsystem_names=SUBSYSTEM_NAMES,
@@ -45,9 +45,9 @@ def section(result: DiagnosisResult) -> Markup:
     )
 
 
-def _fill(mismatch: float) -> str:
-    """The colours of the scheme: noise is white, ten times noise is red."""
-    return colours(min(max(math.log10(max(mismatch, 1e-9)) - 0.1, 0.0), 1.0))[0]
+def _heat(mismatch: float) -> int:
+    """The steps of the scheme: noise is the least, ten times noise the largest."""
+    return heat(min(max(math.log10(max(mismatch, 1e-9)) - 0.1, 0.0), 1.0))
 
 
 def strip(bag: BagResult, titles: dict[str, str]) -> Json:
@@ -66,7 +66,7 @@ def strip(bag: BagResult, titles: dict[str, str]) -> Json:
     names = [titles.get(key, key) for key in keys]
     trace = {
         "type": "heatmap", "z": {"dtype": "f4", "shape": f"{len(keys)},{_COLUMNS}", **_bytes(z)},
-        "x": packed((edges[:-1] + edges[1:]) / 2), "y": names, "zmin": -_FULL, "zmax": _FULL, "colorscale": _COLOURS,
+        "x": packed((edges[:-1] + edges[1:]) / 2), "y": names, "zmin": -_FULL, "zmax": _FULL, "colorscale": DIVERGING,
         "hovertemplate": "%{y}<br>%{x:.1f} s: %{z:.1f} sigma<extra></extra>", "ygap": 16, "showscale": False,
     }  # fmt: skip
     # Names above their rows: beside them they would take half of a phone's width.
@@ -76,9 +76,9 @@ def strip(bag: BagResult, titles: dict[str, str]) -> Json:
         for row, name in enumerate(names)
     ]  # fmt: skip
     layout = {
-        "height": 66 + _STRIP * len(keys), "margin": {"l": 8, "r": 8, "t": 12, "b": 44}, "paper_bgcolor": "#ffffff",
-        "plot_bgcolor": "#ffffff", "annotations": written,
-        "font": {"family": "system-ui, 'Segoe UI', Roboto, Arial, sans-serif", "size": 12, "color": "#1f2933"},
+        "height": 66 + _STRIP * len(keys), "margin": {"l": 8, "r": 8, "t": 12, "b": 44}, "paper_bgcolor": PAPER,
+        "plot_bgcolor": PAPER, "annotations": written,
+        "font": dict(FONT),
         "xaxis": {"title": {"text": "time since the start of the recording [s]", "standoff": 6}, "nticks": 12,
                   "range": [0, bag.duration], "showgrid": False},
         "yaxis": {"showticklabels": False, "fixedrange": True, "showgrid": False, "zeroline": False},

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from boom_diagnosis.document import DiagnosisResult, Estimate, Finding, Fit
 from boom_input.channels import PREDICTED
 from boom_model.catalogue import EFFECTS, SUBSYSTEM_NAMES, effect_name
-from boom_report.channels import number
+from boom_report.channels import number, probability
 
 VERDICTS = {
     "identified": "identified",
@@ -94,13 +94,6 @@ def percent(value: float) -> str:
     return "\N{EN DASH}" if not math.isfinite(value) else f"{number(value * 100, 2)} %"
 
 
-def probability(value: float) -> str:
-    """A probability with two digits that never reads as certainty."""
-    if value > 0.995:
-        return "> 0.99"
-    return "< 0.01" if 0 < value < 0.005 else f"{value:.2f}"
-
-
 def others_text(finding: Finding) -> list[str]:
     """What the finding could be instead, each with its probability; not what the recordings disproved."""
     return [f"{effect_name(a.effect)} {probability(a.confidence)}" for a in finding.alternatives if a.confidence > 0]
@@ -120,11 +113,11 @@ def intervals_text(intervals: tuple[tuple[float, float], ...], most: int = 4) ->
 
 
 def best_channel(fit: Fit) -> tuple[str, float, float] | None:
-    """(channel, nominal, explained) held-out error of the channel that the explanation helped most; None without one."""
-    nominal, explained = fit.held_out.get("nominal"), fit.held_out.get("explained")
-    if nominal is None or explained is None:
+    """(channel, parameters only, explained) held-out error of the channel that the explanation helped most; None without one."""
+    before, explained = fit.held_out.get("parameters_only"), fit.held_out.get("explained")
+    if before is None or explained is None:
         return None
-    known = [(n, e, c) for c, n, e in zip(PREDICTED, nominal, explained, strict=True) if e > 0 and math.isfinite(n + e)]
+    known = [(n, e, c) for c, n, e in zip(PREDICTED, before, explained, strict=True) if e > 0 and math.isfinite(n + e)]
     if not known:
         return None
     n, e, sensor = max(known, key=lambda row: row[0] / row[1])
@@ -142,13 +135,17 @@ def headline(result: DiagnosisResult) -> str:
         return f"The model of {result.machine.name} explains {_these(result)}: what differs is within sensor noise."
     if kind == "not_enough_excitation":
         return f"No diagnosis: {_these(result)} do not move the boom enough to separate the causes."
+    unproved = next((note for note in result.notes if note.startswith("unproved")), "")
+    if not document.findings and unproved:
+        return f"{unproved[0].upper()}{unproved[1:]}."
     if not document.findings:
         moved = ", ".join(list(result.tolerances_used)[:3])
         return f"Parameters within their tolerance explain the difference{f' ({moved})' if moved else ''}: the physics is right."
     first = document.findings[0]
     more = len(document.findings) - 1
     also = f" {_count(more)} further {'finding' if more == 1 else 'findings'} below." if more else ""
-    return f"{statement(first, kind)}{_proof(document.fit)}{also}"
+    said = statement(first, "identified" if unproved else kind)
+    return f"{said}{f' {unproved[0].upper()}{unproved[1:]}.' if unproved else _proof(document.fit)}{also}"
 
 
 def statement(finding: Finding, kind: str = "identified") -> str:
@@ -177,8 +174,11 @@ def _proof(fit: Fit) -> str:
     best = best_channel(fit)
     if best is None or best[1] <= best[2]:
         return ""
-    name, nominal, explained = best
-    return f" With it the {name}'s held-out error falls from {percent(nominal)} to {percent(explained)} of the signal."
+    name, before, explained = best
+    return (
+        f" With it the {name}'s held-out error falls from {percent(before)} with parameters only to {percent(explained)} of "
+        "the signal."
+    )
 
 
 def _these(result: DiagnosisResult) -> str:

@@ -15,13 +15,12 @@ from boom_identification.main_valve import EDGES, MainValveResult, PortAreas
 from boom_identification.spool import SpoolNumbers
 from boom_report.channels import number
 from boom_report.page import chart
+from boom_report.palette import ERROR, EVENT, EXTEND, MEASURED, MODEL, OTHER, RETRACT
 from boom_report.panels import Json
 from boom_report.templates import render
 from boom_report.xy import cloud, curve, note, xy, zone
 
-_MEASURED, _FIT, _LAW, _BEFORE = "#8d96a1", "#1257a6", "#d9720a", "#9a9fa6"
-_DEAD = "rgba(214,69,65,0.10)"
-_COLOURS = {"A_sa": "#0b8a74", "A_tb": "#1257a6", "A_ta": "#7a3e9d", "A_sb": "#d9720a"}
+_COLOURS = {"A_sa": EXTEND, "A_tb": ERROR, "A_ta": RETRACT, "A_sb": OTHER}
 _SPOOL = "spool position s<sub>s</sub> / s<sub>s,max</sub> (negative: extend, lift)"
 
 
@@ -47,24 +46,24 @@ def sections(result: Identification) -> Markup:
 
 
 def _spool_friction(spool: SpoolNumbers) -> Json:
-    return xy([curve(spool.speed, spool.friction, "f_f", _FIT)], "spool speed [m/s]", "friction force [N]", height=280)
+    return xy([curve(spool.speed, spool.friction, "f_f", MODEL)], "spool speed [m/s]", "friction force [N]", height=280)
 
 
 def _spool_step(spool: SpoolNumbers) -> Json:
-    return xy([curve(spool.time, spool.position * 1e3, "s_s", _FIT)], "time [s]", "spool position [mm]", height=280)
+    return xy([curve(spool.time, spool.position * 1e3, "s_s", MODEL)], "time [s]", "spool position [mm]", height=280)
 
 
 def _areas(port: PortAreas, result: MainValveResult) -> Json:
-    traces = [cloud(port.spool, port.area / result.A_0, "measured (5.17)", _MEASURED)]
+    traces = [cloud(port.spool, port.area / result.A_0, "measured (5.17)", MEASURED)]
     if port.spline is not None:
         x = np.linspace(port.spline.nodes[0], port.spline.nodes[-1], 401)
-        traces.append(curve(x, port.spline(x), "P-spline (5.26)", _FIT))
+        traces.append(curve(x, port.spline(x), "P-spline (5.26)", MODEL))
     drawn = [result.law[edge] for edge, (own, _) in EDGES.items() if own == port.port and edge in result.law]
     for k, (x, area) in enumerate(drawn):
-        traces.append(curve(x, area / result.A_0, "law of the machine file", _LAW, dash="dash", showlegend=k == 0))
+        traces.append(curve(x, area / result.A_0, "law of the machine file", OTHER, dash="dash", showlegend=k == 0))
     return xy(
         traces, _SPOOL, f"area A<sub>{port.port}</sub> / A<sub>0</sub>",
-        shapes=[zone(-result.dead_zone, result.dead_zone, _DEAD)],
+        shapes=[zone(-result.dead_zone, result.dead_zone, EVENT)],
         annotations=[note("dead zone", x=0, xref="x", xanchor="center")],
     )  # fmt: skip
 
@@ -75,14 +74,14 @@ def _polygons(result: MainValveResult) -> Json:
         sign = -1.0 if EDGES[edge][1] == "extend" else 1.0
         label = f"A<sub>{edge[2:]}</sub>"
         traces.append(curve(sign * nodes, areas * 1e6, label, _COLOURS[edge], mode="lines+markers"))
-    return xy(traces, _SPOOL, "area [mm²]", shapes=[zone(-result.dead_zone, result.dead_zone, _DEAD)])
+    return xy(traces, _SPOOL, "area [mm²]", shapes=[zone(-result.dead_zone, result.dead_zone, EVENT)])
 
 
 def _flow(result: HoseBurstValveResult) -> Json:
-    traces = [cloud(result.drop_bar, result.flow_lpm, result.source, _MEASURED)]
+    traces = [cloud(result.drop_bar, result.flow_lpm, result.source, MEASURED)]
     if len(result.drop_bar) and result.coefficients is not None:
         x = np.linspace(float(result.drop_bar.min()), float(result.drop_bar.max()), 401)
-        traces.append(curve(x, result.flow(x), "constrained least squares", _FIT))
+        traces.append(curve(x, result.flow(x), "constrained least squares", MODEL))
     return xy(traces, "pressure drop p<sub>h</sub> − p<sub>a</sub> [bar]", "flow into the cylinder [l/min]")
 
 
@@ -100,8 +99,8 @@ def _friction(friction: FrictionResult) -> Json:
     rate, fitted = friction.rate[order], friction.fitted[order]
     gap = int(np.searchsorted(rate, 0.0))
     traces = [
-        cloud(friction.rate, friction.torque / 1e3, "measured (5.38)", _MEASURED),
-        curve(np.insert(rate, gap, 0.0), np.insert(fitted, gap, np.nan) / 1e3, "(3.7)", _FIT),
+        cloud(friction.rate, friction.torque / 1e3, "measured (5.38)", MEASURED),
+        curve(np.insert(rate, gap, 0.0), np.insert(fitted, gap, np.nan) / 1e3, "(3.7)", MODEL),
     ]
     return xy(traces, "angular velocity [rad/s]", "friction torque [kN m]")
 

@@ -10,12 +10,12 @@ from boom_identification.pilot_static import AveragedTrace, StaticCurve
 from boom_identification.pilot_valve import Check, PilotValves, ValveResult
 from boom_model.components.pilot_valve import BAR
 from boom_report.page import chart
+from boom_report.palette import EXTEND, INK, MEASURED, MODEL, MODEL_BAND, OTHER, RETRACT
 from boom_report.panels import Json, Panels, legend_line, line
 from boom_report.templates import render
 from boom_report.xy import band_around, cloud, curve, note, xy
 
-_RAW, _MEAN, _POINTS, _MODEL = "#b9c0c8", "#1257a6", "#c2410c", "#d9720a"
-_VALVES = {"retract": "#7a3e9d", "extend": "#0b8a74"}
+_VALVES = {"retract": RETRACT, "extend": EXTEND}
 _EXCERPT = 0.12
 """s of Fig. 5.1."""
 
@@ -50,8 +50,8 @@ def _average(trace: AveragedTrace) -> Json:
     part = slice(middle, middle + round(_EXCERPT / s.period))
     return xy(
         [
-            curve(s.time[part], s.raw_current[part], "measured", _RAW, width=1.4),
-            curve(s.time[part], s.current[part], "average over the PWM period", _MEAN),
+            curve(s.time[part], s.raw_current[part], "measured", MEASURED, width=1.4),
+            curve(s.time[part], s.current[part], "average over the PWM period", INK),
         ],
         "time since the start of the trace [s]", "solenoid current [A]", height=300,
         annotations=[note(f"PWM period {trace.window:.2f} samples = {trace.window * s.period * 1e3:.3f} ms")],
@@ -70,11 +70,11 @@ def _stationary(trace: AveragedTrace) -> Json:
         )
         for s in trace.stretches:
             values = getattr(s, name)
-            traces.append(line(s.time, getattr(s, f"raw_{name}") * scale, n, "measured", _RAW, 0.8))
-            traces.append(line(s.time, values * scale, n, "average", _MEAN, 1.4))
+            traces.append(line(s.time, getattr(s, f"raw_{name}") * scale, n, "measured", MEASURED, 0.8))
+            traces.append(line(s.time, values * scale, n, "average", INK, 1.4))
             points = np.where(s.stationary, values, np.nan)
-            traces.append(line(s.time, points * scale, n, "stationary", _POINTS, 3.5))
-    traces += [legend_line(*entry) for entry in (("measured", _RAW), ("average", _MEAN), ("stationary", _POINTS))]
+            traces.append(line(s.time, points * scale, n, "stationary", OTHER, 3.5))
+    traces += [legend_line(*entry) for entry in (("measured", MEASURED), ("average", INK), ("stationary", OTHER))]
     return {"data": traces, "layout": panels.layout([], duration)}
 
 
@@ -89,8 +89,8 @@ def _static(pilot: PilotValves) -> Json:
             traces.append(cloud(i, p / BAR, f"stationary points, {valve}", colour))
     x = np.linspace(*shown.current_range, 200)
     y = shown.pressure(x) / BAR
-    traces.append(band_around(x, y, shown.half_width(x) / BAR, "90 % of h", "rgba(18,87,166,0.25)"))
-    traces.append(curve(x, y, "h", _MEAN))
+    traces.append(band_around(x, y, shown.half_width(x) / BAR, "90 % of h", MODEL_BAND))
+    traces.append(curve(x, y, "h", MODEL))
     return xy(traces, "stationary current [A]", "pilot control pressure [bar]", height=440)
 
 
@@ -121,9 +121,9 @@ def _bias(valve: ValveResult) -> Json:
     error = np.array([p.output_error_pole for p in valve.bias])
     return xy(
         [
-            curve(x, arx, "ARX", _POINTS, mode="lines+markers"),
-            curve(x, error, "output error", _MEAN, mode="lines+markers"),
-            curve(x[[0, -1]], np.full(2, true), "simulated pole", _RAW, dash="dash"),
+            curve(x, arx, "ARX", OTHER, mode="lines+markers"),
+            curve(x, error, "output error", MODEL, mode="lines+markers"),
+            curve(x[[0, -1]], np.full(2, true), "simulated pole", MEASURED, dash="dash"),
         ],
         "output noise [times the measured]", "pole [1/s]", height=300,
     )  # fmt: skip
@@ -145,11 +145,11 @@ def _check(check: Check) -> Json:
         "residual", "model − measured [bar]", x=0, xanchor="left", yanchor="top", xshift=4, yshift=-1, font={"size": 10}
     )
     traces = [
-        line(check.time, check.measured / BAR, upper, "measured (average)", _RAW, 2.6),
-        line(check.time, check.predicted / BAR, upper, "model", _MODEL, 1.3),
-        line(check.time, (check.predicted - check.measured) / BAR, lower, "model", _MODEL, 0.9),
-        legend_line("measured (average)", _RAW),
-        legend_line("model", _MODEL),
+        line(check.time, check.measured / BAR, upper, "measured (average)", MEASURED, 2.6),
+        line(check.time, check.predicted / BAR, upper, "model", MODEL, 1.3),
+        line(check.time, (check.predicted - check.measured) / BAR, lower, "model", MODEL, 0.9),
+        legend_line("measured (average)", MEASURED),
+        legend_line("model", MODEL),
     ]
     layout = panels.layout([], float(np.nanmax(check.time)))
     layout["xaxis"]["range"] = [float(np.nanmin(check.time)), float(np.nanmax(check.time))]

@@ -12,9 +12,10 @@ from boom_identification.validation import Validation
 from boom_input.channels import PREDICTED
 from boom_input.whole import write_whole
 from boom_model.machine import Machine
-from boom_report import __version__, inputs
+from boom_report import __version__, inputs, terms
 from boom_report.channels import short
 from boom_report.identification import cylinder, pilot
+from boom_report.identification.change import change
 from boom_report.page import chart, page
 from boom_report.templates import render
 from boom_report.validation import figure, tables
@@ -26,6 +27,7 @@ _METHOD = (
     "of a data sheet value. Numbers that the recordings do not determine keep their value in the machine file and are listed "
     "with the reason."
 )
+_WORDS = ("90 % interval", "excitation", "held out", "free run", "full model, reduced model", "MAE, rms, RMSE, MAXE")
 
 
 def write_identification_report(
@@ -53,6 +55,10 @@ def write_identification_report(
         command=command,
         result=result,
         before=_values(result.machine),
+        picture=change(result, _values(result.machine)),
+        words=terms.section(
+            "90 % interval", "excitation", "held out", "free run", "full model, reduced model", "MAE, rms, RMSE, MAXE"
+        ),
         pilot=pilot.section,
         cylinder=cylinder.sections,
         refined=refined,

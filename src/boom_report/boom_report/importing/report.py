@@ -13,12 +13,12 @@ from boom_import.source import Column, Source
 from boom_input.channels import BY_NAME, Unit
 from boom_input.shown import quoted
 from boom_input.whole import write_whole
-from boom_report import __version__
-from boom_report.channel_panels import MEASURED, title
+from boom_report import __version__, terms
+from boom_report.channel_panels import title
 from boom_report.page import chart, page
-from boom_report.panels import RED, Json, Panels, line
+from boom_report.palette import INK, MEASURED, RED
+from boom_report.panels import Json, Panels, line
 from boom_report.templates import render
-from boom_report.validation.figure import FULL
 
 _UNITS = {"Pa": Unit("bar", 1e-5), "A": Unit("mA", 1e3)}
 _HEIGHT, _GAP = 90, 34
@@ -44,6 +44,7 @@ def write_import_page(path: Path, source: Source, proposal: Proposal, command: s
     body = render(
         "boom_report/importing/report.html",
         heading=heading, source=source, proposal=proposal, rows=rows(source, proposal), command=command, version=__version__,
+        words=terms.section("signal, column", "gauge, absolute", "extend, retract", "hose pressure, rod pressure"),
         chart=chart(figure(source, proposal)), unused=[c.key for c in unused],
         rest=chart(_rest(source, unused[:_MOST_UNUSED])) if unused else "", shown=min(len(unused), _MOST_UNUSED),
     )  # fmt: skip
@@ -93,13 +94,11 @@ def figure(source: Source, proposal: Proposal) -> Json:
         column = columns[best.column]
         unit = _UNITS.get(BY_NAME[signal].unit, Unit(BY_NAME[signal].unit, 1.0))
         n = panels.add(signal, _HEIGHT, _GAP)
-        said = f"<b>{signal.replace('_', ' ').capitalize()}</b> [{unit.name}] from {_html(best.column, 20)}"
+        said = f"<b>{signal.replace('_', ' ').capitalize()}</b> [{unit.name}] from {_html(best.column, 14)}"
         title(panels, signal, said + (" ?" if given == ASK else ""))
         time = (column.stamps_ns - zero) / 1e9
         longest = max(longest, float(time[-1]))
-        traces.append(
-            line(time, to_si(best, column.values) * unit.scale, n, signal, RED if given == ASK else FULL, 1.2)
-        )
+        traces.append(line(time, to_si(best, column.values) * unit.scale, n, signal, RED if given == ASK else INK, 1.2))
     if not panels.names:
         panels.add("none", _HEIGHT, _GAP)
     return {"data": traces, "layout": panels.layout([], longest)}

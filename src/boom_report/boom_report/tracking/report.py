@@ -8,14 +8,12 @@ import numpy as np
 from markupsafe import Markup
 
 from boom_recording.recording import Recording
-from boom_report.channel_panels import MEASURED
 from boom_report.page import chart
+from boom_report.palette import ERROR, EXTEND, INK, MEASURED, RETRACT
 from boom_report.panels import Json, Panels, line
 from boom_report.templates import render
 from boom_report.tracking.position_error import THESIS, Errors, Tracking
-from boom_report.validation.figure import FULL
 
-_RETRACT, _EXTEND = "#7a3e9d", "#0b8a74"
 _HEADS = ("mean |e| (MAE)", "largest |e| (MAXE)", "rms e (RMSE)")
 _METHOD = (
     "e is the reference's piston position minus that of the measured angle of the same moment, from the first motion on (6.29). "
@@ -60,12 +58,12 @@ def figure(tracking: Tracking, recording: Recording) -> Json:
     traces: list[Json] = []
     angle = _panel(panels, "angle", "<b>Angle</b> q<sub>2</sub> [rad]", 190)
     traces.append(line(tracking.time, tracking.angle, angle, "measured", MEASURED, 2.6))
-    traces.append(line(tracking.time, tracking.reference, angle, "reference", FULL, 1.3))
+    traces.append(line(tracking.time, tracking.reference, angle, "reference", INK, 1.3))
     error = _panel(panels, "error", "<b>Piston position error</b> e [mm]", 150)
-    traces.append(line(tracking.time, 1e3 * tracking.error, error, "error", FULL, 1.1))
+    traces.append(line(tracking.time, 1e3 * tracking.error, error, "error", ERROR, 1.1))
     currents = _panel(panels, "currents", "<b>Commanded currents</b> [A]", 130, rangemode="tozero")
     for name, label, colour in (
-        ("retract_current_command", "retract (lower)", _RETRACT), ("extend_current_command", "extend (lift)", _EXTEND)
+        ("retract_current_command", "retract (lower)", RETRACT), ("extend_current_command", "extend (lift)", EXTEND)
     ):  # fmt: skip
         signal = recording.signals.get(name)
         if signal is not None:

@@ -1,6 +1,6 @@
 """The chart of one recording: each channel measured and predicted, its residual below, the currents, events shaded.
 
-A channel that the model does not predict is drawn as it was measured, where the recording has it.
+A channel that the model does not predict is drawn as it was measured, where the recording has it; so are other joints that move.
 """
 
 from __future__ import annotations
@@ -8,15 +8,28 @@ from __future__ import annotations
 import numpy as np
 
 from boom_identification.validation import BagValidation
-from boom_input.channels import CURRENTS, PREDICTED, SENSORS, Sensor
+from boom_input.channels import CURRENTS, JOINTS, PREDICTED, SENSORS, Sensor
+from boom_recording.joint_motion import moving_joints
 from boom_recording.recording import Event
 from boom_report import channel_panels as common
 from boom_report.channel_panels import Curve, compared, measured, rest, title
 from boom_report.channels import error_text, ratio, statistic
-from boom_report.panels import QUIET, RED, Json, Panels, band, legend_area, legend_line, line, shaded
+from boom_report.palette import (
+    EVENT,
+    EVENT_EDGE,
+    EXTEND,
+    JOINT_COLOURS,
+    MEASURED,
+    MODEL,
+    NOISE,
+    NOISE_EDGE,
+    OTHER,
+    QUIET,
+    RED,
+    RETRACT,
+)
+from boom_report.panels import Json, Panels, band, legend_area, legend_line, line, shaded
 
-FULL, REDUCED = "#1257a6", "#d9720a"
-_RETRACT, _EXTEND = "#7a3e9d", "#0b8a74"
 _RESIDUAL_HEIGHT, _CURRENT_HEIGHT = 92, 120
 # Ten times as large as the full model's, it would flatten that one: drawn when its entry in the legend is clicked.
 _HIDDEN: Json = {"legendgroup": "reduced − measured (click)", "visible": "legendonly"}
@@ -30,6 +43,7 @@ def figure(bag: BagValidation) -> Json:
         if sensor.name in bag.recording.signals:
             traces += _channel(bag, sensor, panels)
     traces += _currents(bag, panels)
+    traces += _joints(bag, panels)
     traces += _legend()
     return {"data": traces, "layout": panels.layout(_shapes(bag, panels), bag.recording.duration)}
 
@@ -46,8 +60,8 @@ def _channel(bag: BagValidation, sensor: Sensor, panels: Panels) -> list[Json]:
         said += f" (limit {error_text(sensor, limit).removesuffix(' ' + statistic(sensor))})"
     colour = RED if times is None or times > 1 else QUIET
     curves = [
-        Curve("reduced model", REDUCED, 1.2, bag.reduced.values[sensor.name], below=_HIDDEN),
-        Curve("full model", FULL, 1.3, bag.full.values[sensor.name]),
+        Curve("reduced model", OTHER, 1.2, bag.reduced.values[sensor.name], below=_HIDDEN),
+        Curve("full model", MODEL, 1.3, bag.full.values[sensor.name]),
     ]
     return traces + compared(panels, sensor, signal.time, values, curves, said, _RESIDUAL_HEIGHT, colour)
 
@@ -57,8 +71,8 @@ def _currents(bag: BagValidation, panels: Panels) -> list[Json]:
     title(panels, "currents", "<b>Solenoid currents</b> measured [A]")
     traces = []
     for name, label, colour in (
-        ("retract_current", "retract (lower)", _RETRACT),
-        ("extend_current", "extend (lift)", _EXTEND),
+        ("retract_current", "retract (lower)", RETRACT),
+        ("extend_current", "extend (lift)", EXTEND),
     ):
         signal = bag.recording.signals[name]
         trace = line(signal.time, np.where(signal.valid, signal.values, np.nan), n, label, colour, 1.2)
@@ -66,14 +80,32 @@ def _currents(bag: BagValidation, panels: Panels) -> list[Json]:
     return traces
 
 
+def _joints(bag: BagValidation, panels: Panels) -> list[Json]:
+    """Where the other joints are; nothing where they stand still. The heading is the legend: three lines are enough for it."""
+    if not moving_joints(bag.recording):
+        return []
+    shown = [joint for joint in JOINTS if joint.field == "position" and joint.name in bag.recording.signals]
+    words = (
+        f'<span style="color:{JOINT_COLOURS[joint.joint]}">{joint.joint.replace("_", " ")} [{joint.unit}]</span>'
+        for joint in shown
+    )
+    n = panels.add("joints", _CURRENT_HEIGHT, common.OUTER_GAP)
+    title(panels, "joints", f"<b>Other joints</b><br>{', '.join(words)}")
+    signals = [bag.recording.signals[joint.name] for joint in shown]
+    return [
+        line(s.time, np.where(s.valid, s.values, np.nan), n, joint.joint, JOINT_COLOURS[joint.joint], 1.4)
+        for joint, s in zip(shown, signals, strict=True)
+    ]
+
+
 def _legend() -> list[Json]:
     """Entries of their own: the lines of the chart are too thin to tell colours, and each stands for several traces."""
-    lines = (("measured", common.MEASURED), ("full model", FULL), ("reduced model", REDUCED),
-             ("retract (lower)", _RETRACT), ("extend (lift)", _EXTEND))  # fmt: skip
+    lines = (("measured", MEASURED), ("full model", MODEL), ("reduced model", OTHER),
+             ("retract (lower)", RETRACT), ("extend (lift)", EXTEND))  # fmt: skip
     entries = [legend_line(name, colour) for name, colour in lines]
     entries.insert(3, entries[2] | {"name": _HIDDEN["legendgroup"]} | _HIDDEN)
-    entries.append(legend_area("noise limit", common.NOISE, common.NOISE_EDGE))
-    entries.append(legend_area("gap or fault", common.EVENT, common.EVENT_EDGE))
+    entries.append(legend_area("noise limit", NOISE, NOISE_EDGE))
+    entries.append(legend_area("gap or fault", EVENT, EVENT_EDGE))
     return entries
 
 
@@ -84,10 +116,10 @@ def _shapes(bag: BagValidation, panels: Panels) -> list[Json]:
         if limit is None:
             continue
         n, height = panels.suffix(rest(sensor)), limit * sensor.error.scale
-        shapes.append(band(n, height, common.NOISE, common.NOISE_EDGE))
+        shapes.append(band(n, height, NOISE, NOISE_EDGE))
     for event in [e for e in bag.recording.events if e.kind != "loss"][: common.SHAPES]:
         suffixes = [panels.suffix(name) for name in _panels_of(panels, event)]
-        shapes += [shaded(n, event.start_s, event.end_s, common.EVENT, common.EVENT_EDGE) for n in suffixes]
+        shapes += [shaded(n, event.start_s, event.end_s, EVENT, EVENT_EDGE) for n in suffixes]
     return shapes
 
 

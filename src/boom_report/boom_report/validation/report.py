@@ -12,10 +12,12 @@ from boom_identification.validation import Validation
 from boom_input.whole import write_whole
 from boom_model.machine import Machine
 from boom_recording.recording import Recording
-from boom_report import __version__, events, inputs
+from boom_report import __version__, events, inputs, terms
+from boom_report.doubts import damage_lines
 from boom_report.page import chart, page
 from boom_report.templates import render
 from boom_report.validation import figure, tables
+from boom_report.validation.overview import overview
 from boom_report.validation.verdict import verdict
 
 _METHOD = (
@@ -23,6 +25,11 @@ _METHOD = (
     "corrected by the measurement. The current measured at its stamp acts until the next one. Predictions are taken "
     "at the stamps of the samples. The boom turns up for positive angles, 0 rad is horizontal; pressures are gauge."
 )
+
+WORDS = (
+    "free run", "full model, reduced model", "noise limit", "hose pressure, rod pressure", "q2, q3, q4", "extend, retract",
+    "MAE, rms, RMSE, MAXE", "gap or fault", "tolerance",
+)  # fmt: skip
 
 
 def write_report(
@@ -64,8 +71,11 @@ def write_report(
         notes=notes,
         verdict=verdict,
         samples=_samples,
+        damage_lines=damage_lines,
         chart=chart,
         figure=figure.figure,
+        picture=overview(validation),
+        words=terms.section(*WORDS),
         not_run=_not_run,
         events=events.section,
         sections=[Markup(section) for section in sections],

@@ -11,6 +11,7 @@ from boom_identification.validation import BagValidation, Validation
 from boom_input.channels import PREDICTED
 from boom_report import events
 from boom_report.channels import limits_text, number, ratio, statistic
+from boom_report.doubts import damage_lines
 from boom_report.validation.reference import REMARK, beside_short
 from boom_report.validation.tables import load_text
 from boom_report.validation.verdict import verdict
@@ -101,8 +102,8 @@ def _print_bag(bag: BagValidation, console: Console) -> None:
     console.print(Text.assemble((bag.recording.name, "bold"), ": ", (said.short, _STYLES[said.kind])))
     if bag.reduced.stopped:
         console.print(Text(f"  the reduced model stopped: {bag.reduced.stopped}", "red"))
-    for warning in bag.recording.warnings:
-        console.print(Text(f"  damaged file: {warning}", "yellow"))
+    for line in damage_lines(bag.recording):
+        console.print(Text(f"  {line}", "yellow"))
     for line in events.summary(bag.recording.events):
         console.print(Text(f"  {line}"))
 

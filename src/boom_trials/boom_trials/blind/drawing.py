@@ -8,7 +8,8 @@ from math import isfinite
 
 from markupsafe import Markup
 
-COLOURS = {"measured": "#8a8f98", "nominal": "#d9730d", "explained": "#1f6feb"}
+KINDS = ("measured", "nominal", "explained")
+"""Of lines; also the classes that give them their colours."""
 _WIDTH, _HEIGHT, _LEFT, _BOTTOM = 440, 130, 52, 18
 
 
@@ -29,9 +30,7 @@ def lines(title: str, unit: str, factor: float, time: Sequence[float], series: M
     parts = [_frame(f"{title} [{unit}]", low, high, f"{begin:.0f}", f"{end:.0f} s")]
     for name, values in scaled.items():
         points = " ".join(point(t, v) for t, v in zip(time, values, strict=True) if isfinite(v))
-        parts.append(
-            f"<polyline points='{points}' fill='none' stroke='{COLOURS.get(name, '#000')}' stroke-width='1.1'/>"
-        )
+        parts.append(f"<polyline points='{points}' class='line {escape(name)}'/>")
     return _svg(_WIDTH, _HEIGHT, "".join(parts), f"{title} over time")
 
 
@@ -62,7 +61,6 @@ def calibration(bins: Sequence[tuple[float, float, int]]) -> Markup:
 
 def bars(groups: Sequence[tuple[str, Sequence[tuple[str, float]]]]) -> Markup:
     """Grouped bars of shares (0..1): (group, ((label, share), ...))."""
-    colours = ("#1f6feb", "#7fb0f5", "#c9ced6")
     width, height, base = 90 + 130 * len(groups), 220, 180
     parts = [f"<line x1='40' y1='{base}' x2='{width - 10}' y2='{base}' class='axis'/>"]
     for share in (0.25, 0.5, 0.75, 1.0):
@@ -76,12 +74,12 @@ def bars(groups: Sequence[tuple[str, Sequence[tuple[str, float]]]]) -> Markup:
             x = 60 + 130 * k + 32 * j
             tall = share * 150
             parts.append(
-                f"<rect x='{x}' y='{base - tall:.1f}' width='28' height='{tall:.1f}' fill='{colours[j % 3]}'>"
+                f"<rect x='{x}' y='{base - tall:.1f}' width='28' height='{tall:.1f}' class='share-{j % 3}'>"
                 f"<title>{escape(label)}: {share:.0%}</title></rect>"
             )
         parts.append(f"<text x='{60 + 130 * k + 46}' y='{base + 16}' text-anchor='middle'>{escape(group)}</text>")
     for j, (label, _) in enumerate(groups[0][1] if groups else ()):
-        parts.append(f"<rect x='{44 + 110 * j}' y='{base + 26}' width='10' height='10' fill='{colours[j % 3]}'/>")
+        parts.append(f"<rect x='{44 + 110 * j}' y='{base + 26}' width='10' height='10' class='share-{j % 3}'/>")
         parts.append(f"<text x='{58 + 110 * j}' y='{base + 35}'>{escape(label)}</text>")
     return _svg(max(width, 380), height, "".join(parts), "shares by detectability")
 

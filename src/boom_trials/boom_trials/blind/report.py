@@ -9,6 +9,8 @@ import numpy as np
 from markupsafe import Markup
 
 from boom_input.channels import PREDICTED
+from boom_report import terms
+from boom_report.page import style
 from boom_report.templates import render
 from boom_trials.blind import drawing, judging, scoring, tables
 from boom_trials.blind.outcomes import Row
@@ -41,7 +43,9 @@ def report(trial: Trial, rows: Sequence[Row], seconds: float) -> str:
         worst=[(what, row) for _, what, row in scoring.worst(rows)],
         concealed=_concealed,
         pictures=partial(_pictures, trial),
-        colours=drawing.COLOURS,
+        kinds=drawing.KINDS,
+        style=style(),
+        words=terms.section("detectability", "confidence", "oracle", "tolerance", "held out", "effect"),
     )
 
 

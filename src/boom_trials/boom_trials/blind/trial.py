@@ -26,11 +26,11 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from boom_fleet.engine import Engine
 from boom_input.whole import write_whole
 from boom_node.children import die_with_parent
 from boom_trials import __version__
 from boom_trials.blind import judging
-from boom_trials.blind.engine import Engine
 from boom_trials.blind.outcomes import Row
 from boom_trials.blind.plants import MACHINE, PLANTS, CaseOfTrial
 from concealed_plant.generator import ANSWER, RECORDING

@@ -10,6 +10,7 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_controller.references.governor import Governor
 from boom_controller.types import Controller, Reference
 from boom_input.channels import PREDICTED
 from boom_model.machine import Machine, Pose
@@ -46,6 +47,7 @@ class History:
         diverged: why the run ended early; empty if it did not.
         stopped: (time [s], reason) when the controller asked to stop, with which the run ends; None if it did not.
         noted: time [s] from which the controller had a note for the operator; None if it never had.
+        references: that were followed, one a period.
     """
 
     time: Array
@@ -54,6 +56,7 @@ class History:
     diverged: str = ""
     stopped: tuple[float, str] | None = None
     noted: float | None = None
+    references: Sequence[Reference] = ()
 
 
 class TrialCrane:
@@ -151,7 +154,12 @@ class TrialCrane:
 
 
 def carried_out(
-    controller: Controller, crane: TrialCrane, references: Sequence[Reference], *, delay: int = 0
+    controller: Controller,
+    crane: TrialCrane,
+    references: Sequence[Reference],
+    *,
+    delay: int = 0,
+    governor: Governor | None = None,
 ) -> History:
     """Runs the loop until its end, until the controller asks to stop, or until the piston is ``DIVERGED`` from its reference.
 
@@ -160,10 +168,11 @@ def carried_out(
         crane: at time zero.
         references: one a period.
         delay: dead time of the valve chain, in periods.
+        governor: as in :func:`boom_trials.closed_loop.run`.
     """
     length, true = _position_scale(crane.machine), crane.true
     done = closed_loop.run(
-        controller, crane, references, dead_time=delay * crane.period + crane.command_delay, heed=True,
+        controller, crane, references, dead_time=delay * crane.period + crane.command_delay, heed=True, governor=governor,
         astray=lambda wanted: abs(crane.inside[-1][0] - wanted) * length > DIVERGED,
     )  # fmt: skip
     n = len(done.outputs)
@@ -173,9 +182,11 @@ def carried_out(
     diverged = str(done.failed or "")
     if done.astray is not None:
         diverged = f"at {done.astray:.2f} s the piston was {DIVERGED * 1e3:.0f} mm from its reference"
-    wanted = np.array([reference.angle for reference in references[:n]])
+    wanted = np.array([reference.angle for reference in done.references])
     noted = next((k * crane.period for k, output in enumerate(done.outputs) if output.note), None)
-    return History(np.arange(n, dtype=np.float64) * crane.period, wanted, values, diverged, done.stopped, noted)
+    return History(
+        np.arange(n, dtype=np.float64) * crane.period, wanted, values, diverged, done.stopped, noted, done.references
+    )
 
 
 def start_state(plant: Plant, machine: Machine, pose: Pose, angle: float) -> Array:

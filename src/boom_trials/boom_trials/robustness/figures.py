@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from boom_controller.controller import MODES
 from boom_model.machine_file import load_machine
+from boom_report.palette import FONT, GRID, INK, LAWS, PAPER, PLOT, STABILITY
 from boom_report.panels import packed
 from boom_report.tracking.position_error import piston_positions
 from boom_trials.robustness.study import Result, force
 
 Json = dict[str, Any]
 
-COLOURS = dict(zip(MODES, cycle(("#d9720a", "#7a3e9d", "#1257a6", "#2a7f3f", "#b3273b", "#5f5f5f")), strict=False))
+COLOURS = dict(zip(MODES, cycle(LAWS), strict=False))
 _EVERY = 2  # samples: half of them are finer than a pixel
 _ROWS = (
     ("piston position s_p [m]", 190), ("error s_p - s_p* [mm]", 150), ("piston force f_p [kN]", 190), ("p_h [bar]", 130),
@@ -38,7 +39,7 @@ def figure(results: Sequence[Result]) -> Json:
         reference, position = piston_positions(machine, h.reference), piston_positions(machine, h.values["true_angle"])
         colour, mode = COLOURS[result.job.mode], result.job.mode
         if index == 0:
-            traces.append(_line(h.time, reference, 1, "reference", "#000000", 1.0))
+            traces.append(_line(h.time, reference, 1, "reference", INK, 1.0))
         traces.append(_line(h.time, position, 1, mode, colour, 1.3))
         traces.append(_line(h.time, 1e3 * (position - reference), 2, mode, colour, 1.1))
         traces.append(_line(h.time, h.values["force_set_point"] / 1e3, 3, f"{mode} set point", colour, 0.8, "dot"))
@@ -58,7 +59,7 @@ def stability_figure(stability: Mapping[str, Any]) -> Json:
     total = (_MAP + _MAP_GAP) * len(modes) - _MAP_GAP
     layout: Json = {
         "height": total + 100, "margin": {"l": 90, "r": 10, "t": 50, "b": 50}, "annotations": [], "showlegend": False,
-        "paper_bgcolor": "#ffffff", "plot_bgcolor": "#fbfcfd", "font": {"family": "system-ui, Arial, sans-serif", "size": 11},
+        "paper_bgcolor": PAPER, "plot_bgcolor": PLOT, "font": FONT | {"size": 11},
     }  # fmt: skip
     for i, mode in enumerate(modes):
         for j, pose in enumerate(poses):
@@ -68,7 +69,7 @@ def stability_figure(stability: Mapping[str, Any]) -> Json:
             z = [[int(v) for v in maps[mode][pose][case]] for case in cases]
             traces.append({
                 "type": "heatmap", "x": delays, "y": cases, "z": z, "zmin": 0, "zmax": 1, "showscale": False,
-                "xgap": 2, "ygap": 2, "colorscale": [[0, "#e6b0ac"], [1, "#9ccca6"]], "xaxis": f"x{suffix}", "yaxis": f"y{suffix}",
+                "xgap": 2, "ygap": 2, "colorscale": STABILITY, "xaxis": f"x{suffix}", "yaxis": f"y{suffix}",
                 "hovertemplate": "%{y}, %{x} ms: %{z}<extra></extra>",
             })  # fmt: skip
             left, width = j / len(poses), 1 / len(poses) - 0.03
@@ -110,7 +111,7 @@ def _stacked(rows: Sequence[tuple[str, int]], time_label: str) -> Json:
     total = sum(height for _, height in rows) + _GAP * (len(rows) - 1)
     layout: Json = {
         "height": total + 80, "margin": {"l": 56, "r": 10, "t": 30, "b": 44}, "annotations": [], "hovermode": "x",
-        "paper_bgcolor": "#ffffff", "plot_bgcolor": "#fbfcfd", "font": {"family": "system-ui, Arial, sans-serif", "size": 12},
+        "paper_bgcolor": PAPER, "plot_bgcolor": PLOT, "font": dict(FONT),
     }  # fmt: skip
     top = 0
     for k, (label, height) in enumerate(rows):
@@ -119,10 +120,10 @@ def _stacked(rows: Sequence[tuple[str, int]], time_label: str) -> Json:
         layout[f"yaxis{n}"] = {
             "domain": [max(0.0, upper - height / total), upper],
             "anchor": f"x{n}",
-            "gridcolor": "#e4e8ec",
+            "gridcolor": GRID,
             "nticks": 5,
         }
-        layout[f"xaxis{n}"] = {"anchor": f"y{n}", "gridcolor": "#e4e8ec", "showticklabels": k == len(rows) - 1}
+        layout[f"xaxis{n}"] = {"anchor": f"y{n}", "gridcolor": GRID, "showticklabels": k == len(rows) - 1}
         if k:
             layout[f"xaxis{n}"]["matches"] = "x"
         layout["annotations"].append({

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from boom_input.whole import write_whole
+from boom_report import palette, terms
 from boom_report.page import chart, page
 from boom_report.templates import render
 from boom_report.tracking.position_error import THESIS
@@ -54,7 +55,9 @@ def write_report(
         pictures={name: [r for r in kept if r.job.case.name == name] for name in cases},
         figures=_FIGURE,
         colours=COLOURS,
+        variable=palette.variable,
         chart=chart,
+        words=terms.section("C0 to C4", "control law", "MAE, rms, RMSE, MAXE", "90 % interval"),
         figure=figure,
     )
     write_whole(path, page("Robustness of the closed loop", body))

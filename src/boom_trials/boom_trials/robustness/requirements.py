@@ -7,12 +7,13 @@ has a bound; a run that diverged or was stopped leaves its row not met.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from math import isfinite, nan
+from dataclasses import dataclass, field, replace
+from math import isfinite, isinf, isnan, nan
 from typing import Any
 
 import numpy as np
 
+from boom_controller.controller import Settings
 from boom_model.catalogue import (
     CATALOGUE,
     boom_flexibility,
@@ -23,6 +24,7 @@ from boom_model.catalogue import (
     valve_hysteresis,
 )
 from boom_model.catalogue.effect import Effect
+from boom_trials.robustness.oscillation import AT_ONCE
 from boom_trials.robustness.plants import CONFIGURATIONS, TRAJECTORIES, PlantCase, monte_carlo
 from boom_trials.robustness.study import Result, StudyRun
 
@@ -42,6 +44,10 @@ COMBINED = {
     entrained_air.EFFECT.id: {"a": 0.02}, valve_hysteresis.EFFECT.id: {"h": 0.02},
 }  # fmt: skip
 PUMP = {pump_flow_limit.EFFECT.id: {"inverse_q_max": 60_000 / 50}}
+RESTING = 6.0
+"""s after the trajectory, for what is asked at rest."""
+TOO_HIGH, LATE = 3.0, 0.04
+"""Factor of all gains; dead time [s] that is not told, without which three times the gains do not oscillate."""
 ONSET = 5.0
 """s. When an effect sets in that does on the way."""
 Measure = Callable[[Sequence[Result]], dict[str, float]]
@@ -64,11 +70,25 @@ class Requirement:
     bags: Sequence[str] = ONE_EACH
     duration: float = SHORT
     may_stop: bool = False
+    governed: bool = False
+    rest: float = 0.0
+    settings: Settings = field(default_factory=Settings)
 
     def jobs(self, mode: str, folder: str, machine: str, seed: int) -> list[StudyRun]:
         """The runs of a mode."""
         return [
-            StudyRun(mode, bag, case, seed, folder, machine, duration=self.duration)
+            StudyRun(
+                mode,
+                bag,
+                case,
+                seed,
+                folder,
+                machine,
+                duration=self.duration,
+                governed=self.governed,
+                rest=self.rest,
+                settings=self.settings,
+            )
             for case in self.cases
             for bag in self.bags
         ]
@@ -77,6 +97,7 @@ class Requirement:
 def rows(scattered: int, seed: int) -> list[Requirement]:
     """All requirements; ``scattered``: so many plants with all their numbers within tolerance."""
     mean = {"mean": (0.0, "mm")}
+    still = {"at rest": (0.2, "mm"), "force at rest": (2.0, "kN")}
     delays = [_case(f"{1e3 * t:.0f} ms", {command_delay.EFFECT.id: {"T": t}} if t else {}) for t in DEAD_TIMES]
     bends = [_case(f"{n['f']:g} Hz, {n['gain']:g}", {boom_flexibility.EFFECT.id: n}) for n in FLEXIBLE]
     nominal = PlantCase("nominal")
@@ -87,18 +108,24 @@ def rows(scattered: int, seed: int) -> list[Requirement]:
         Requirement("C1 to C4", {"MAE": (0.4, "mm"), "after 3 s": (0.3, "mm"), "MAXE": (16.5, "mm")}, loaded, _whole, EVERY, 0.0),
         Requirement("dead time 0 to 60 ms, told", {**_up_to(mean, 0.3), "worst pose": (0.5, "mm")}, _told(delays), _worst_case),
         Requirement("dead time 0 to 60 ms, not told", {"worst pose": (0.5, "mm")}, delays, _worst_case),
-        Requirement("flexibility 1.5 to 5 Hz, told", {"worst pose": (0.5, "mm"), "force in the end": (2.0, "kN")}, _told(bends),
-            _worst_case),
+        Requirement("flexibility 1.5 to 5 Hz, told", {"worst pose": (0.5, "mm"), **still},
+            _told(bends), _worst_case, rest=RESTING),
         Requirement("flexibility 1.5 to 5 Hz, not told", {"out of control": (0.0, "runs")}, bends, _out_of_control, may_stop=True),
         Requirement("lag x 1.7, 40 ms, air, hysteresis, told", _up_to(mean, 0.4), _told([_case("combined", COMBINED)]),
             _worst_case),
         *(
-            Requirement(f"{effect.id}, told", {"over nominal": (1.5, "")}, [nominal, *_told([_of(effect)])], _ratio)
+            Requirement(f"{effect.id}, told", {"over nominal": (1.5, "")}, [nominal, *_told([_of(effect)])], _ratio,
+                governed=effect is pump_flow_limit.EFFECT)
             for effect in CATALOGUE
         ),
-        Requirement("pump limit of 50 l/min, told", {"worst pose": (3.0, "mm")}, _told([_case("pump", PUMP)]), _worst_case),
+        Requirement("pump limit of 50 l/min, told", {"worst pose": (3.0, "mm"), "MAXE": (3.0, "mm")},
+            _told([_case("pump", PUMP)]), _worst_case, governed=True),
     ]  # fmt: skip
     if scattered:
+        high = [_case(f"run {k}", {command_delay.EFFECT.id: {"T": LATE}}) for k in range(scattered)]
+        found.append(Requirement(f"gains {TOO_HIGH:g} times too high, {1e3 * LATE:.0f} ms not told, {scattered} runs",
+            {"recognised late": (0.0, "runs"), "not calmed": (0.0, "runs")}, high, _oscillating, ("",), may_stop=True,
+            settings=Settings(feedback_gain=TOO_HIGH)))  # fmt: skip
         plants = monte_carlo(scattered, seed, loaded=False)
         asked = {"mean": (0.15, "mm"), "worst": (0.3, "mm"), "out of control": (0.0, "runs")}
         found.append(Requirement(f"{scattered} scattered plants", asked, plants, _scattered, ("",)))
@@ -193,7 +220,9 @@ def _worst_case(results: Sequence[Result]) -> dict[str, float]:
     return {
         "mean": max((1e3 * _mean([r.mae for r in group if r.finished]) for group in _by_case(results)), default=nan),
         "worst pose": max((1e3 * r.mae for r in good), default=nan),
-        "force in the end": max((1e-3 * r.final_oscillation for r in good), default=nan),
+        "MAXE": max((1e3 * r.maxe for r in good), default=nan),
+        "at rest": max((1e3 * r.rest_swing for r in good), default=nan),
+        "force at rest": max((1e-3 * r.final_oscillation for r in good), default=nan),
     }
 
 
@@ -210,6 +239,18 @@ def _ratio(results: Sequence[Result]) -> dict[str, float]:
     """Mean error with the effect over that without, pose by pose."""
     half = len(results) // 2
     return {"over nominal": _mean([r.mae for r in results[half:]]) / _mean([r.mae for r in results[:half]])}
+
+
+def _oscillating(results: Sequence[Result]) -> dict[str, float]:
+    """Of the runs that oscillate: how many were recognised late or never, and did not become smaller."""
+    found = [r.oscillated for r in results if not isnan(r.oscillated.recognised)]
+    return {
+        "oscillating": float(len(found)),
+        "recognised late": float(sum(o.recognised > AT_ONCE for o in found)),
+        "never": float(sum(isinf(o.recognised) for o in found)),
+        "not calmed": float(sum(not o.calmed for o in found)),
+        "out of control": float(sum(bool(r.diverged) for r in results)),
+    }
 
 
 def _scattered(results: Sequence[Result]) -> dict[str, float]:

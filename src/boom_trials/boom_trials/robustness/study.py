@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 from boom_controller.blocks.control_model import ControlModel, OperatingPoint
 from boom_controller.controller import Settings, make_controller
+from boom_controller.references.governor import Governor
+from boom_controller.references.polynomial import to_rest
 from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_controller.types import Controller, Reference
 from boom_model.catalogue import EFFECTS, EffectParameter
@@ -31,6 +33,7 @@ from boom_model.plant import Plant
 from boom_recording.loading import load
 from boom_report.tracking.position_error import errors, piston_positions
 from boom_trials.robustness.crane import Grasp, History, TrialCrane, carried_out, start_state
+from boom_trials.robustness.oscillation import Oscillation, oscillation_of
 from boom_trials.robustness.plants import POSE_OF, SUPPLY_PRESSURE, PlantCase
 
 Array = NDArray[np.float64]
@@ -39,6 +42,8 @@ OSCILLATION_FROM = 0.8
 """Hz."""
 LATE = 3.0
 """s. By then a load that was attached at the first instant is carried."""
+BRAKING, LAST = 0.5, 3.0
+"""s in which a trajectory comes to rest; s at the end of a run that are looked at by themselves."""
 STILL, SETTLING = 5.0e-6, 1.0
 """m/s below which the reference rests; s after which the boom does, too."""
 SLOWEST = 1.0e-3
@@ -56,6 +61,8 @@ class StudyRun:
         keep: also return the history (for pictures).
         duration: [s] of the trajectory to run; 0: all.
         settings: of the controller.
+        governed: the path is slowed where the boom cannot follow; Table 6.3 has no such thing.
+        rest: [s] at rest after the trajectory; not part of the errors.
     """
 
     mode: str
@@ -70,6 +77,8 @@ class StudyRun:
     duration: float = 0.0
     settings: Settings = field(default_factory=Settings)
     grasp: Grasp | None = None
+    governed: bool = False
+    rest: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -79,7 +88,8 @@ class Result:
     Attributes:
         late_mae: mean error after the first ``LATE`` seconds. rho: largest error over largest wanted speed [s].
         rest_travel: travel of the spool over full stroke while the reference rests [1/s]; NaN if it never does.
-        noted: see :class:`boom_trials.robustness.crane.History`.
+        noted: see :class:`boom_trials.robustness.crane.History`. rest_swing: peak to peak of the last 3 s [m].
+        oscillated: see :mod:`boom_trials.robustness.oscillation`.
     """
 
     job: StudyRun
@@ -95,6 +105,8 @@ class Result:
     rest_travel: float = math.nan
     noted: float | None = None
     history: History | None = None
+    rest_swing: float = math.nan
+    oscillated: Oscillation = field(default_factory=Oscillation)
 
     @property
     def finished(self) -> bool:
@@ -138,6 +150,8 @@ def carry_out_one(job: StudyRun) -> Result:
     references, pose_key = references_of(job.folder, job.bag, job.settings.sample_time, job.settings.generator_pole)
     if job.duration:
         references = references[: round(job.duration / job.settings.sample_time)]
+    moving = len(references)
+    references = [*references, *_to_rest(references[-1], job.rest, job.settings.sample_time)]
     base = nominal.pose(*pose_key)
     machine = job.case.machine(nominal, job.limited)
     plant = _plant(job.machine, frozenset(machine.effects), pose_key).with_numbers(
@@ -155,22 +169,33 @@ def carry_out_one(job: StudyRun) -> Result:
     )
     known = machine if job.case.told else nominal
     controller = _controller(job.mode, _Known(job.machine, known), pose_key, job.settings)
-    history = carried_out(controller, crane, references, delay=job.delay)
+    governor = Governor(job.settings.sample_time) if job.governed else None
+    history = carried_out(controller, crane, references, delay=job.delay, governor=governor)
     wished = piston_positions(nominal, history.reference)
     error = wished - piston_positions(nominal, history.values["true_angle"])
-    measured = errors(error)
+    measured = errors(error[:moving])
     speed = np.abs(np.gradient(wished, job.settings.sample_time)) if len(wished) > 1 else np.zeros(1)
-    late = error[round(LATE / job.settings.sample_time) :]
+    late = error[:moving][round(LATE / job.settings.sample_time) :]
     wanted = _feedforward(job.machine, pose_key, job.case.load, job.folder, job.bag, job.settings)
+    if job.governed or job.rest:
+        wanted = _force_along(history.references, job.machine, pose_key, job.case.load)
     oscillation, final = _oscillation(
         force(nominal, history) - wanted[: len(history.time)], history, job.settings.sample_time
     )
+    period = job.settings.sample_time
     return Result(
         job, measured.mae, measured.maxe, measured.rmse, oscillation, final, history.diverged, history.stopped,
         late_mae=float(np.mean(np.abs(late))) if len(late) else math.nan,
         rho=measured.maxe / max(float(speed.max()), SLOWEST), rest_travel=_rest_travel(nominal, history, speed),
-        noted=history.noted, history=history if job.keep else None,
+        noted=history.noted, history=history if job.keep else None, rest_swing=float(np.ptp(error[-round(LAST / period) :])),
+        oscillated=oscillation_of(error, period, history.noted, history.stopped is not None),
     )  # fmt: skip
+
+
+def _to_rest(end: Reference, seconds: float, period: float) -> list[Reference]:
+    piece = to_rest(end, BRAKING)
+    times = (period * (k + 1) for k in range(round(seconds / period)))
+    return [piece.at(t) if t < BRAKING else Reference(piece.at(BRAKING).angle) for t in times]
 
 
 def _rest_travel(machine: Machine, history: History, speed: Array) -> float:
@@ -227,7 +252,7 @@ def _oscillation(error: Array, history: History, period: float) -> tuple[float, 
     spectrum = np.fft.rfft(np.concatenate((error, error[::-1])))  # mirrored: no step where the end meets the beginning
     spectrum[np.fft.rfftfreq(2 * len(error), period) < OSCILLATION_FROM] = 0.0
     filtered = np.fft.irfft(spectrum, 2 * len(error))[: len(error)]
-    last = filtered[-round(3.0 / period) :]
+    last = filtered[-round(LAST / period) :]
     return float(np.sqrt(np.mean(filtered**2))), float(np.sqrt(np.mean(last**2)))
 
 
@@ -236,8 +261,12 @@ def _feedforward(
     machine: str, pose: tuple[float, float, float], load: float, folder: str, bag: str, settings: Settings
 ) -> Array:
     """f_p^f (n,) [N] of (6.2) along the reference, with the true load [kg]."""
-    model = ControlModel(_machine(machine), _machine(machine).pose(*pose))
     references, _ = references_of(folder, bag, settings.sample_time, settings.generator_pole)
+    return _force_along(references, machine, pose, load)
+
+
+def _force_along(references: Sequence[Reference], machine: str, pose: tuple[float, float, float], load: float) -> Array:
+    model = ControlModel(_machine(machine), _machine(machine).pose(*pose))
     points = (OperatingPoint(r.angle, 0.0, 0.0, 0.0, *r, load) for r in references)
     return np.array([model.at(point).feedforward_force for point in points])
 

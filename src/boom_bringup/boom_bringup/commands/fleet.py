@@ -1,0 +1,121 @@
+"""Screen and diagnose many recordings of many machines, and compare each machine with its own past: what changed, and since when.
+
+Below FOLDER each machine has a folder with its bags; its name is that of the folder. The machine file is that of --machines (a CSV
+table with the columns machine,file), else machine.yaml in the machine's folder, else --machine, else the shipped machine that a
+recording names. FOLDER and --output may be URLs that fsspec knows, such as s3://bucket/fleet.
+
+Every recording is checked and screened once. One whose machine has changed is diagnosed like by `boom diagnose`. Written to DIR:
+recordings/ (Parquet, one row a recording), report.html, work/ (what a run that is started again need not do again).
+A recording that cannot be read is told, and the rest goes on. A change is a result, not an error: the exit status is 0; it is 1
+where no recording could be screened.
+
+  ./boom fleet recordings/2025 --output output/fleet
+  ./boom fleet s3://cranes/2025 --output s3://cranes/results --scheduler tcp://127.0.0.1:8786
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from boom_bringup.arguments import positive
+from boom_bringup.cli import UsageError
+from boom_bringup.outputs import held
+from boom_bringup.showing import progress
+
+if TYPE_CHECKING:
+    from boom_fleet.run import FleetRun
+    from boom_fleet.store import Store
+
+HELP = "screen and diagnose the recordings of many machines, and tell what changed in which, since when"
+
+_FALSE_ALARMS = 0.05
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "folders", nargs="+", metavar="FOLDER", help="folder or URL; below it each machine has a folder of bags"
+    )
+    parser.add_argument(
+        "--output", required=True, metavar="DIR", help="folder or URL for the results; give it again to resume"
+    )
+    parser.add_argument("--machines", metavar="TABLE", help="CSV table with the columns machine,file")
+    parser.add_argument(
+        "--machine", default="", metavar="FILE", help="machine file, or a shipped name, of all other machines"
+    )
+    parser.add_argument(
+        "--scheduler",
+        metavar="URL",
+        help="dask scheduler that is running, e.g. tcp://127.0.0.1:8786 (default: own processes)",
+    )
+    parser.add_argument(
+        "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="own processes (default: one a core)"
+    )
+    parser.add_argument(
+        "--false-alarms",
+        type=positive,
+        default=_FALSE_ALARMS,
+        metavar="N",
+        help=f"machines raised for nothing that are expected in one run (default: {_FALSE_ALARMS})",
+    )
+    parser.add_argument("--no-diagnosis", action="store_true", help="screen and compare only")
+    parser.add_argument(
+        "--publish", metavar="BAG", help="also write the results as /diagnostics messages into a new bag"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Screen, compare, diagnose; returns 0 whatever is found, 1 where nothing could be screened."""
+    if args.workers < 1:
+        raise UsageError(f"--workers {args.workers}: give 1 or more")
+    if args.publish and os.path.lexists(args.publish):
+        raise UsageError(f"{args.publish} exists already: give another --publish, nothing is overwritten")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the workers
+
+    from boom_fleet import table
+    from boom_fleet.engine import workers
+    from boom_fleet.run import Night, tasks_of
+    from boom_fleet.store import Store, find_bags, machine_table, read_file
+
+    bags = list({bag.key: bag for folder in args.folders for bag in find_bags(folder)}.values())
+    files = machine_table(args.machines) if args.machines else {}
+    unused = sorted(set(files) - {bag.machine for bag in bags})
+    if unused:
+        print(f"boom: {args.machines} names machines without a recording: {', '.join(unused)}", file=sys.stderr)
+    tasks = tasks_of(bags, files, args.machine, read_file)
+    with ExitStack() as stack:
+        store = Store(args.output)
+        if store.local is not None:
+            stack.enter_context(held(store.local))
+        engine = stack.enter_context(workers(args.scheduler, args.workers))
+        step = stack.enter_context(progress(len(tasks)))
+        result = Night(tasks, store, engine, step, args.false_alarms, not args.no_diagnosis).run()
+        table.write(store, table.rows(result))
+    return _tell(args, store, result)
+
+
+def _tell(args: argparse.Namespace, store: Store, result: FleetRun) -> int:
+    from boom_fleet import table
+    from boom_report.console import console_for
+    from boom_report.fleet.report import page_of
+    from boom_report.fleet.terminal import print_fleet
+
+    rows = table.rows(result)
+    command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "fleet", *sys.argv[2:]])
+    store.write("report.html", page_of(rows, command).encode())
+    if args.publish:
+        from boom_fleet.publishing import publish
+
+        publish(Path(args.publish), rows)
+    console = console_for()
+    print_fleet(rows, console)
+    console.print(
+        f"written to {store.url}: {table.FOLDER}/, report.html" + (f"; {args.publish}" if args.publish else "")
+    )
+    return 0 if any(row.get("screened_s") for row in rows) else 1

@@ -1,0 +1,201 @@
+"""Write a machine file for a new crane, and say what recordings can tell about it before anything is fitted.
+
+Asks what a data sheet, a URDF and a tape measure can answer, in their units, and proposes a value where most cranes have one. Every
+answer may also be an option or stand in a file of answers (--answers, YAML: key: answer). Without a terminal nothing is asked:
+what has a proposal gets it, and what lacks one is listed. The file has a tolerance with every number; check it, edit it.
+
+With recordings it is said, before anything is fitted: whether they are sound, which numbers they tell and which not, and which
+manoeuvre to record next.
+
+  ./boom new-machine --output my_crane.yaml
+  ./boom new-machine --answers answers.yaml --output my_crane.yaml my_recording
+  ./boom new-machine --answers answers.yaml --urdf crane.urdf --position outer_joint=0.3 --output my_crane.yaml my_recording
+
+The crane: a cylinder pinned to column and boom, an electrically commanded valve with four edges, with or without a load-holding
+valve at the cylinder. For other cranes edit a shipped file (docs/machine_file.md).
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from boom_bringup import arguments
+from boom_bringup.cli import UsageError
+from boom_bringup.outputs import checked, write_json, write_text
+from boom_model.owner.questions import BY_KEY, QUESTIONS, Answer, checked_answers, open_questions
+
+if TYPE_CHECKING:
+    from boom_model.rigid_body import LockedBody
+
+HELP = "write a machine file for a new crane and say what recordings can tell about it"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "bags", nargs="*", metavar="BAG", help="recordings of the crane; their q3, q4 and name are taken"
+    )
+    parser.add_argument("--output", metavar="FILE", required=True, help="the machine file; must not exist")
+    parser.add_argument("--answers", metavar="FILE", help="YAML with answers, key: answer; options have precedence")
+    parser.add_argument("--yes", action="store_true", help="ask nothing: take the proposals")
+    parser.add_argument(
+        "--manoeuvre", metavar="F.csv", help="write the currents of the manoeuvre to record next to F.csv"
+    )
+    parser.add_argument("--no-manoeuvre", action="store_true", help="do not look for the manoeuvre to record next")
+    parser.add_argument("--json", metavar="F", help="write answers, doubts and what the recordings tell to F")
+    urdf = parser.add_argument_group("moments from a URDF")
+    urdf.add_argument("--urdf", metavar="FILE", help="robot description of the crane")
+    urdf.add_argument(
+        "--urdf-joint", metavar="NAME", default="inner_boom_joint", help="the boom's joint (default: inner_boom_joint)"
+    )
+    urdf.add_argument(
+        "--urdf-tip", metavar="NAME", default="boom_tip", help="the link where a load hangs (default: boom_tip)"
+    )
+    urdf.add_argument(
+        "--position", metavar="JOINT=VALUE", action="append", default=[],
+        help="position of another joint [rad, m] (default: 0); of the boom's joint: where the boom is level; repeatable",
+    )  # fmt: skip
+    urdf.add_argument(
+        "--downwards", action="store_true", help="the value of the boom's joint grows when the boom is lowered"
+    )
+    group = parser.add_argument_group("answers")
+    for question in QUESTIONS:
+        kind = "|".join(question.words) or question.unit.upper() or ("NUMBER" if question.is_number else "TEXT")
+        proposed = "" if question.proposal is None else f" (proposed: {question.shown})"
+        text = (question.text + proposed).replace("%", "%%")
+        group.add_argument(question.option, dest=question.key, metavar=kind, help=text)
+    known = parser.add_argument_group("where a recording does not say it")
+    known.add_argument("--load", type=arguments.load_mass, metavar="KG", help="load at the tip [kg], nan = not known")
+    known.add_argument(
+        "--joint", metavar="NAME", help="name of the boom's joint in /joint_states (default: inner_boom_joint)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the file, and tell what recordings tell; returns 0."""
+    output, manoeuvre = checked(args.output, "--output"), checked(args.manoeuvre, "--manoeuvre")
+    json_path = checked(args.json, "--json")
+    assert output is not None
+    if output.exists():
+        raise UsageError(f"--output {output}: exists already, nothing is overwritten: give another name, or edit it")
+    if manoeuvre and args.no_manoeuvre:
+        raise UsageError("--manoeuvre and --no-manoeuvre contradict each other: leave one out")
+    answers = _given(args)
+    from boom_bringup.commands import _new_machine
+
+    recordings = _new_machine.read(args, answers)
+    _answer(answers, ask=not args.yes and _at_terminal())
+    from boom_model.owner import draft
+
+    text = draft.text(answers, _body(args, answers), _new_machine.sensors(recordings.values()))
+    machine = _new_machine.checked_machine(text, output)
+    write_text(output, text)
+    _new_machine.show_machine(output, machine)
+    told = _new_machine.tell(machine, recordings, manoeuvre, search=not args.no_manoeuvre)
+    if json_path:
+        write_json(json_path, {"machine": str(output), "answers": answers, **told})
+    _new_machine.show_next(output, args.bags)
+    return 0
+
+
+def _given(args: argparse.Namespace) -> dict[str, Answer]:
+    """Answers of file and options."""
+    answers: dict[str, Answer] = {}
+    if args.answers:
+        from boom_input.yaml_text import read_yaml
+
+        listed = read_yaml(Path(args.answers))
+        if not isinstance(listed, dict):
+            raise UsageError(f"--answers {args.answers}: expected lines such as piston_diameter: 140")
+        answers = checked_answers(listed, f"--answers {args.answers}")
+    options = {q.key: getattr(args, q.key) for q in QUESTIONS if getattr(args, q.key) is not None}
+    answers |= checked_answers(options, "options")
+    if args.urdf:
+        answers["moments"] = "urdf"
+    if answers.get("moments") == "urdf" and not args.urdf:
+        raise UsageError("moments: urdf needs the robot description: give --urdf FILE")
+    return answers
+
+
+def _at_terminal() -> bool:
+    import sys
+
+    return sys.stdin.isatty() and sys.stdout.isatty()
+
+
+def _answer(answers: dict[str, Answer], *, ask: bool) -> None:
+    """Complete the answers, by asking or with the proposals.
+
+    Raises:
+        UsageError: questions without an answer and without a proposal.
+    """
+    if not ask:
+        missing = [q for q in open_questions(answers) if q.proposal is None]
+        if missing:
+            listed = "; ".join(f"{q.option} [{q.unit}]" for q in missing)
+            raise UsageError(f"no answer to {listed}: give them as options, in --answers FILE, or answer on a terminal")
+    while left := open_questions(answers):
+        question = left[0]
+        answers[question.key] = _asked(question.key) if ask else question.checked(question.proposal)
+
+
+def _asked(key: str) -> Answer:
+    """The answer typed on the terminal; an empty line takes the proposal."""
+    from boom_model.errors import MachineError
+
+    question = BY_KEY[key]
+    hints = [
+        " / ".join(question.words),
+        question.unit,
+        f"Enter: {question.shown}" if question.proposal is not None else "",
+    ]
+    hint = ", ".join(text for text in hints if text)
+    for _ in range(5):
+        try:
+            typed = input(f"{question.text} [{hint}]: ").strip()
+        except EOFError:
+            break
+        if not typed and question.proposal is not None:
+            return question.checked(question.proposal)
+        try:
+            return question.checked(typed)
+        except MachineError as error:
+            print(error)
+    raise UsageError(f"{key}: no answer; give {question.option}")
+
+
+def _body(args: argparse.Namespace, answers: dict[str, Answer]) -> LockedBody:
+    from boom_model.owner.moments import of_masses
+    from boom_model.rigid_body import LockedBody
+
+    if answers["moments"] == "numbers":
+        x, y = float(answers["tip_x"]), float(answers["tip_y"])
+        inertia, along, across = (float(answers[key]) for key in ("inertia", "moment_x", "moment_y"))
+        return LockedBody(inertia, along, across, (x, y))
+    if answers["moments"] == "masses":
+        return of_masses(answers)
+    from boom_description.tip_pose import TipKinematics
+    from boom_input.files import read_text
+
+    kinematics = TipKinematics(read_text(Path(args.urdf)), args.urdf_tip)
+    positions = dict.fromkeys(kinematics.joint_names, 0.0) | dict(_position(text) for text in args.position)
+    unknown = [name for name in (*positions, args.urdf_joint) if name not in kinematics.joint_names]
+    if unknown:
+        there = ", ".join(kinematics.joint_names)
+        raise UsageError(f"--urdf {args.urdf}: no joint {unknown[0]} on the way to {args.urdf_tip}; there are {there}")
+    found = kinematics.carried(args.urdf_joint, positions, -1.0 if args.downwards else 1.0)
+    return LockedBody(found.D0, found.Sx, found.Sy, found.tip)
+
+
+def _position(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not name or not math.isfinite(number):
+        raise UsageError(f"--position {text}: expected JOINT=NUMBER, e.g. outer_boom_joint=0.28")
+    return name, number

@@ -1,0 +1,100 @@
+"""What the improved law learns of the valve: dead time, travel of the spool, what the supply gives; a spool without pilot stage."""
+
+from __future__ import annotations
+
+from math import sin
+
+import pytest
+
+from boom_controller.blocks.direct_follower import DirectFollower
+from boom_controller.blocks.hysteresis import Play
+from boom_controller.blocks.valve_follower import ValveState
+from boom_controller.controller import Settings
+from boom_controller.loop.law_in_use import LawInUse
+from boom_controller.observers.dead_time_observer import DeadTimeState, observe_dead_time
+from boom_controller.observers.reach import ReachState, watch_reach
+from boom_controller.observers.spool_observer import SpoolState, observe_spool
+from boom_model.component_numbers import component_parameters
+from boom_model.machine_file import load_machine
+
+S = Settings()
+T = S.sample_time
+
+
+def speed(time: float) -> float:
+    """A piston speed that comes and goes [m/s]."""
+    return 0.08 * sin(1.3 * time) * (1.0 + 0.4 * sin(4.1 * time))
+
+
+def delay_found(delay: float, gain: float = 1.0, seconds: float = 9.0) -> float:
+    """theta^ [s] where the piston moves by ``gain`` times what was given ``delay`` [s] before."""
+    x = DeadTimeState()
+    for k in range(round(seconds / T)):
+        given = speed(k * T - float(x.delay))
+        x = observe_dead_time(x, gain * speed(k * T - delay), given, 0.0, 1e7, 0.0, 1.0, S)
+    return float(x.delay)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.02, 0.06])
+def test_a_dead_time_that_nobody_told_is_found(delay: float) -> None:
+    assert delay_found(delay) == pytest.approx(delay, abs=3e-3)
+
+
+def test_a_valve_that_gives_too_much_does_not_pass_for_dead_time() -> None:
+    assert delay_found(0.04, gain=1.15) == pytest.approx(0.04, abs=8e-3)
+
+
+def test_a_dead_time_is_not_learnt_where_the_flow_is_not_known() -> None:
+    x = DeadTimeState()
+    for k in range(500):
+        x = observe_dead_time(x, speed(k * T - 0.06), speed(k * T), 0.0, 1e7, 0.0, 0.0, S)
+    assert float(x.delay) == 0.0
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_spool_that_has_to_go_further_is_learnt_on_its_side_alone(side: float) -> None:
+    true, edge, per_travel = 1.05, 2e-3, 40.0  # 1/s: speed per travel beyond the dead zone
+    x = SpoolState()
+    for k in range(900):
+        travel = edge + 1e-3 * (1.2 + sin(0.02 * k))
+        found = float(x.of(side))
+        modelled = per_travel * (travel / found - edge)
+        missed = -side * (per_travel * (travel / true - edge) - modelled)
+        x = observe_spool(x, side * travel / found, -side * modelled, missed, edge, 1.0, S)
+    assert float(x.of(side)) == pytest.approx(true, abs=5e-3)
+    assert float(x.of(-side)) == 1.0
+
+
+def test_a_supply_that_gives_half_is_known_once_the_valve_was_wide_open_and_not_before() -> None:
+    x, widest = ReachState(), (0.2, 0.15)
+    for _ in range(200):
+        x, lift, lower = watch_reach(x, 0.05, (0.1, 0.0), widest, S)
+    assert (float(lift), float(lower)) == pytest.approx(widest)
+    for _ in range(200):
+        x, lift, lower = watch_reach(x, 0.1, (0.2, 0.0), widest, S)
+    assert (float(lift), float(lower)) == pytest.approx((0.1, 0.15), rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["triangle_direct", "loader_crane"])
+def test_a_spool_without_pilot_stage_goes_where_it_is_wanted_with_one_solenoid(name: str) -> None:
+    machine = load_machine(name)
+    p, e = component_parameters(machine, machine.pose(0.3, 2.0))
+    follower = DirectFollower(machine, p, e, 0.0, T, Play({}, p.main_valve_spool.s_max))
+    x, wanted = ValveState(), -0.4 * p.main_valve_spool.s_max
+    for _ in range(60):
+        x, *_ = follower.step(x, wanted, lambda _: 0.0, S)
+    assert float(x.position) == pytest.approx(wanted, rel=1e-3)
+    assert float(x.retract.current) == 0.0
+    held = machine.structure.spool.current(-wanted, p, machine.structure.pilot_valves)
+    assert float(x.extend.current) == pytest.approx(held, rel=1e-3)
+
+
+def test_a_machine_without_pilot_stage_has_the_laws_that_can_drive_it_and_refuses_the_others_in_words() -> None:
+    from boom_controller.errors import ControlError
+
+    machine = load_machine("triangle_direct")
+    law = LawInUse("improved", S)
+    law.configure(machine, machine.pose(0.3, 2.0))
+    with pytest.raises(ControlError, match="mode baseline commands pilot valves"):
+        law.change_mode("baseline", None, 0.0)
+    assert law.mode == "improved"

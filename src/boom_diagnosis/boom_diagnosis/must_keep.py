@@ -1,0 +1,78 @@
+"""What every answer must keep, by whichever way it was found: it does not contradict its own numbers and free runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.assumptions import FAR_FROM_FLOOR, NEAR_FLOOR, SURE, WORSE
+from boom_diagnosis.document import Estimate, Finding, Fit, Verdict
+from boom_model.catalogue import EFFECTS
+from boom_model.sensors import OUTPUTS
+
+Array = NDArray[np.float64]
+
+
+def told(effect: str, numbers: Mapping[str, Estimate]) -> bool:
+    """Whether one of an effect's ``numbers`` (its own names) differs from doing nothing by more than its 90 % interval."""
+    for row in EFFECTS[effect].leading:
+        estimate = numbers.get(row.name)
+        if estimate is not None and not estimate.interval_90[0] <= row.neutral <= estimate.interval_90[1]:
+            return True
+    return False
+
+
+def worse_channels(fit: Fit) -> list[str]:
+    """Channels whose free runs over data not used are worse than with parameters only, in words."""
+    explained, before = (np.array(fit.held_out[k], dtype=float) for k in ("explained", "parameters_only"))
+    ended = np.isfinite(before) & ~np.isfinite(explained)
+    return _said(np.where(ended, np.inf, explained / np.maximum(before, 1e-12)), WORSE)
+
+
+def far_channels(fit: Fit, factor: float) -> list[str]:
+    """Channels whose free runs over data not used err more than ``factor`` times what noise alone leaves, in words."""
+    explained, floor = np.array(fit.held_out["explained"], dtype=float), np.array(fit.noise_floor, dtype=float)
+    return _said(explained / np.maximum(floor, 1e-12), factor)
+
+
+def _said(ratio: Array, least: float) -> list[str]:
+    return [
+        f"{name.replace('_', ' ')} {'without end' if np.isinf(r) else f'{r:.3g} times as much'}"
+        for name, r in zip(OUTPUTS, ratio, strict=True) if r > least
+    ]  # fmt: skip
+
+
+def kept(
+    verdict: Verdict, findings: Sequence[Finding], fit: Fit, floor_known: bool
+) -> tuple[Verdict, list[Finding], list[str]]:
+    """Verdict, findings and notes that the free runs over data not used allow.
+
+    floor_known: whether a healthy machine ran with the same currents, so that errors can be compared with those of noise.
+    """
+    notes = list[str]()
+    if not fit.held_out:
+        return verdict, list(findings), notes
+    worse = worse_channels(fit) if findings else []
+    if worse and verdict in ("identified", "sensor_or_clock"):
+        verdict = "ambiguous"
+        notes.append(f"unproved: free runs over data not used err more than with parameters only: {', '.join(worse)}")
+    if not floor_known:
+        notes.append(
+            "no healthy machine runs these currents to the end: errors are not compared with those that noise leaves"
+        )
+        return verdict, list(findings), notes
+    far = far_channels(fit, FAR_FROM_FLOOR)
+    if far and verdict in ("no_mismatch", "parameters_only"):
+        verdict = "ambiguous"
+        notes.append(
+            "unproved: the one-step errors name nothing, but free runs over data not used err more than noise alone would: "
+            + ", ".join(far)
+        )
+    left = far_channels(fit, NEAR_FLOOR)
+    if left:
+        said = f"; free runs over data not used still err more than noise alone would: {', '.join(left)}."
+        findings = [replace(f, evidence=f.evidence.rstrip(".") + said) if f.confidence >= SURE else f for f in findings]
+    return verdict, list(findings), notes

@@ -1,0 +1,56 @@
+"""An answer does not contradict its own numbers and free runs, whichever way it was found."""
+
+from __future__ import annotations
+
+import pytest
+
+from boom_diagnosis.document import Estimate, Finding, Fit
+from boom_diagnosis.must_keep import kept, told
+
+FLOOR = (0.01, 0.02, 0.02, 0.03)
+
+
+def finding(confidence: float) -> Finding:
+    return Finding("rate_scale", "sensors", "", confidence, {}, "", (), (), "The gyro is off.")
+
+
+def fit(explained: tuple[float, ...], before: tuple[float, ...] = (0.5, 0.5, 0.5, 0.5)) -> Fit:
+    return Fit({}, {"nominal": before, "parameters_only": before, "explained": explained}, FLOOR, ("b",))
+
+
+@pytest.mark.parametrize(("interval", "expected"), [((0.001, 0.02), True), ((-0.001, 0.02), False)])
+def test_an_effect_is_told_where_an_interval_leaves_out_that_it_does_nothing(
+    interval: tuple[float, float], expected: bool
+) -> None:
+    assert told("valve_hysteresis", {"h": Estimate(0.01, "-", interval)}) is expected
+
+
+def test_an_explanation_that_makes_held_out_runs_worse_is_said_to_be_unproved() -> None:
+    verdict, findings, notes = kept("identified", [finding(0.98)], fit((0.01, 0.02, 0.02, 0.6)), True)
+    assert verdict == "ambiguous"
+    assert "rod pressure 1.2 times" in notes[0]
+    assert findings[0].confidence == 0.98  # one probability everywhere
+
+
+def test_a_run_that_ends_early_is_worse_than_any_error() -> None:
+    assert kept("identified", [finding(0.9)], fit((0.01, 0.02, 0.02, float("nan"))), True)[0] == "ambiguous"
+
+
+@pytest.mark.parametrize("verdict", ["no_mismatch", "parameters_only"])
+def test_nothing_is_not_the_answer_where_free_runs_stay_at_nine_times_the_floor(verdict: str) -> None:
+    explained = (0.01, 0.19, 0.02, 0.03)
+    assert kept(verdict, [], fit(explained), True)[0] == "ambiguous"  # type: ignore[arg-type]
+    assert kept(verdict, [], fit((0.01, 0.1, 0.02, 0.03)), True)[0] == verdict  # type: ignore[arg-type]
+
+
+def test_what_remains_is_said_in_the_sentence_of_a_sure_finding() -> None:
+    explained = (0.01, 0.02, 0.08, 0.03)
+    _, (sure, unsure), _ = kept("identified", [finding(0.95), finding(0.6)], fit(explained), True)
+    assert "hose pressure 4 times" in sure.evidence
+    assert "times" not in unsure.evidence
+
+
+def test_without_a_healthy_twin_errors_are_not_compared_with_noise() -> None:
+    verdict, _, notes = kept("no_mismatch", [], fit((0.4, 0.4, 0.4, 0.4)), False)
+    assert verdict == "no_mismatch"
+    assert "not compared" in notes[0]

@@ -1,0 +1,205 @@
+"""Runs one function over many cases: in local worker processes, or on an existing dask cluster.
+
+A call that raises is repeated (``RETRIES``); if a worker dies, another one repeats its case. Results are passed on as they arrive.
+Local workers receive their work through inherited pipes: no port is opened, and they end with the process that started them,
+however that ends.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from typing import Any, Protocol
+from uuid import uuid4
+
+from boom_node.children import die_with_parent
+
+RETRIES = 2
+
+
+class EngineError(RuntimeError):
+    """There are no workers, or a case failed repeatedly."""
+
+    exit_status = 2
+
+
+class Engine(Protocol):
+    """Workers. Use through :func:`workers`."""
+
+    def each(
+        self, function: Callable[..., Any], cases: Sequence[str], arguments: Callable[[str], tuple[Any, ...]],
+        done: Callable[[str, Any], None], failed: Callable[[str, str], None] | None = None,
+    ) -> None:  # fmt: skip
+        """Calls function(*arguments(case)) for every case; done(case, result) in this process, in the order in which they finish.
+
+        A case that failed in every attempt is passed to failed(case, reason), and the rest goes on.
+
+        Raises:
+            EngineError: a case failed in every attempt and there is no ``failed``; other running cases are abandoned.
+        """
+
+
+@contextmanager
+def workers(scheduler: str | None, count: int, patience: float = 10.0) -> Iterator[Engine]:
+    """``count`` local worker processes, or those of the scheduler at tcp://HOST:PORT, waiting for it for ``patience`` [s].
+
+    Raises:
+        EngineError: no scheduler answers at that address.
+    """
+    if scheduler is not None:
+        with _cluster(scheduler, patience) as engine:
+            yield engine
+        return
+    local = _LocalWorkers(count)
+    try:
+        yield local
+    finally:
+        local.close()
+
+
+class _Worker:
+    """A process that executes one call at a time."""
+
+    def __init__(self, number: int) -> None:
+        context = get_context("spawn")
+        self.number = number
+        self.pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs, os.getpid(), number))
+        self._process.start()
+        theirs.close()
+
+    def end(self) -> None:
+        """End the process, whatever it is doing."""
+        self._process.kill()
+        self._process.join()
+        self.pipe.close()
+
+
+class _LocalWorkers:
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._idle: list[_Worker] = []
+        self._numbers = list(range(count))
+
+    def each(
+        self, function: Callable[..., Any], cases: Sequence[str], arguments: Callable[[str], tuple[Any, ...]],
+        done: Callable[[str, Any], None], failed: Callable[[str, str], None] | None = None,
+    ) -> None:  # fmt: skip
+        waiting, attempts = deque(cases), Counter[str]()
+        busy: dict[Connection, tuple[_Worker, str]] = {}
+        try:
+            while waiting or busy:
+                while waiting and len(busy) < self._count:
+                    worker = self._idle.pop() if self._idle else self._another()
+                    busy[worker.pipe] = worker, waiting[0]
+                    with suppress(OSError):  # it has died: its pipe says so below
+                        worker.pipe.send((function, arguments(waiting[0])))
+                    waiting.popleft()
+                ready = wait(list(busy))
+                for pipe in [p for p in busy if p in ready]:
+                    worker, case = busy.pop(pipe)
+                    try:
+                        good, result = worker.pipe.recv()
+                        self._idle.append(worker)
+                    except (EOFError, OSError):
+                        worker.end()
+                        self._numbers.append(worker.number)
+                        good, result = False, "its worker process ended"
+                    if good:
+                        done(case, result)
+                        continue
+                    attempts[case] += 1
+                    if attempts[case] > RETRIES:
+                        _give_up(failed, case, result)
+                    else:
+                        waiting.append(case)
+        finally:
+            for worker, _ in busy.values():
+                worker.end()
+                self._numbers.append(worker.number)
+
+    def _another(self) -> _Worker:
+        return _Worker(self._numbers.pop(0))
+
+    def close(self) -> None:
+        """End all workers."""
+        for worker in self._idle:
+            worker.end()
+
+
+def _serve(pipe: Connection, parent: int, number: int) -> None:
+    """Main loop of a local worker: executes calls until the pipe is closed, on a core of its own."""
+    cores = sorted(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, {cores[number % len(cores)]})  # its threads do not take time from the other workers
+    die_with_parent(parent)()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the trial, which ends its workers
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    with suppress(EOFError, BrokenPipeError):
+        while True:
+            function, arguments = pipe.recv()
+            try:
+                answer = True, function(*arguments)
+            except Exception as error:
+                answer = False, f"{type(error).__name__}: {error}"
+            pipe.send(answer)
+
+
+class _Dask:
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def each(
+        self, function: Callable[..., Any], cases: Sequence[str], arguments: Callable[[str], tuple[Any, ...]],
+        done: Callable[[str, Any], None], failed: Callable[[str, str], None] | None = None,
+    ) -> None:  # fmt: skip
+        from distributed import as_completed
+
+        futures = {
+            self._client.submit(
+                function, *arguments(case), pure=False, retries=RETRIES, key=f"{function.__name__}-{case}-{uuid4().hex}"
+            ): case
+            for case in cases
+        }
+        try:
+            for future in as_completed(futures):
+                case = futures[future]
+                try:
+                    result = future.result()
+                except Exception as error:
+                    _give_up(failed, case, f"{type(error).__name__}: {error}")
+                    continue
+                done(case, result)
+        finally:
+            self._client.cancel(list(futures))
+
+
+def _give_up(failed: Callable[[str, str], None] | None, case: str, reason: str) -> None:
+    if failed is None:
+        raise EngineError(f"case {case} failed {RETRIES + 1} times: {reason}")
+    failed(case, reason)
+
+
+@contextmanager
+def _cluster(scheduler: str, patience: float) -> Iterator[Engine]:
+    import dask
+    from distributed import Client
+
+    settings = {
+        "distributed.comm.timeouts.connect": f"{patience}s",
+        "distributed.admin.low-level-log-length": 0,
+        "logging.distributed": "error",
+    }
+    with dask.config.set(settings):
+        try:
+            client = Client(scheduler, timeout=f"{patience}s")
+        except (OSError, ValueError) as error:
+            raise EngineError(
+                f"--scheduler {scheduler}: no answer ({error}): start `dask scheduler` there, or leave the option out"
+            ) from None
+        with client:
+            yield _Dask(client)

@@ -1,0 +1,329 @@
+"""Whether a machine has changed: one posterior for the screen's decision and for the comparison of a machine with its past.
+
+Recording r of a machine has the numbers z_r = theta + eta_r + sum_c delta_c g_c(t_r) d_c, with
+
+    theta ~ N(0, s^2)                 the machine's own numbers: s = 1 where they have a tolerance, ``form`` for an effect:
+                                      a healthy machine may seem to have one: its form is not the model's
+    eta_r ~ N(0, (wander s)^2)        what differs from day to day: temperature, work
+    delta_c ~ N(0, 1), in its range   a change of the quantity d_c: a step (g = 0, then 1) or a ramp (g grows by 1 in a year)
+
+and log L_r(z_r) from the screen (``boom_fleet.screen``). All of it is linear and Gaussian, so the odds of "nothing changed" against
+"quantity c, this way, since then" are exact. A step at the first recording says that the machine was outside its file's
+tolerance from the beginning. ``form`` and ``wander`` are one pair for the whole fleet, those under which its machines are likeliest
+if nothing had changed, the median over the machines (:func:`habits`).
+
+Decision: a machine is raised where P(nothing further changed) < ``false_alarms`` / number of machines, so that in one night no more
+than ``false_alarms`` machines are expected to be raised for nothing. That and the priors below are all that is assumed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import erf, log, sqrt
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit, logsumexp, softmax
+
+Array = NDArray[np.float64]
+
+FALSE_ALARMS = 0.05
+"""Machines raised for nothing that are accepted, per night of the fleet."""
+OUTSIDE = 0.05
+"""Probability that a machine is outside its file's tolerance when it is first seen."""
+RATE = 1.0
+"""Changes of a machine per year; half of them steps, half ramps."""
+MOST_CHANGES = 4
+YEAR = 365.25 * 86400.0
+FORMS = (0.003, 0.006, 0.012, 0.025, 0.05, 0.1, 0.2)
+WANDERS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
+"""Values of ``form`` and ``wander`` that are compared."""
+_QUANTILE = 1.6448536269514722
+Shape = Literal["step", "ramp"]
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A quantity: its id, its direction (k,) in z, and the range of its size in z."""
+
+    id: str
+    along: Array
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """One recording's log-likelihood b'z - z'Az/2, and when it was made [s]."""
+
+    time: float
+    matrix: Array
+    vector: Array
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of a machine.
+
+    Attributes:
+        quantity: id. shape, begin: how, and index of the first recording that shows it (step) or of the last before it (ramp).
+        since: earliest and latest time [s] of the change, 90 %.
+        size: at the last recording, and 90 % interval, in z.
+        probability: of this quantity, beside the changes before it. alternatives: other quantities and their probabilities.
+    """
+
+    quantity: str
+    shape: Shape
+    begin: int
+    since: tuple[float, float]
+    size: float
+    interval: tuple[float, float]
+    probability: float
+    alternatives: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True)
+class ChangeHistory:
+    """What a machine's recordings up to one of them say.
+
+    Attributes:
+        changes: in the order in which they explain most.
+        unchanged: probability that nothing beyond them has changed.
+        odds: logarithm of the odds for the first change against none.
+    """
+
+    changes: tuple[Change, ...]
+    unchanged: float
+    odds: float
+
+
+class MachinePast:
+    """All recordings of one machine, in the order of their times.
+
+    Args:
+        evidence: of the recordings. spread: (k,) s of the numbers. wander: (k,) what they differ by from day to day.
+        directions: of the quantities.
+    """
+
+    def __init__(
+        self, evidence: Sequence[Evidence], spread: Array, wander: Array, directions: Sequence[Direction]
+    ) -> None:
+        self.times = np.array([e.time for e in evidence])
+        self.precision, self.directions = 1.0 / spread**2, tuple(directions)
+        self._matrix, self._vector = [], []
+        self._constant = 0.0
+        for e in evidence:
+            factor = np.linalg.inv(np.eye(len(spread)) + wander[:, None] * e.matrix * wander)
+            inner = wander[:, None] * factor * wander
+            self._matrix.append(e.matrix - e.matrix @ inner @ e.matrix)
+            self._vector.append(e.vector - e.matrix @ (inner @ e.vector))
+            self._constant += 0.5 * float(e.vector @ inner @ e.vector) + 0.5 * float(np.linalg.slogdet(factor)[1])
+
+    def log_likelihood(self) -> float:
+        """Of an unchanged machine, up to what depends on no hypothesis."""
+        return self._constant + _Design(self, len(self.times), ()).log_evidence
+
+    def history(self, count: int, threshold: float) -> ChangeHistory:
+        """What the first ``count`` recordings say; changes are added as long as P(nothing further) < ``threshold``."""
+        accepted: list[_Candidate] = []
+        found: list[Change] = []
+        first = 0.0
+        while True:
+            design = _Design(self, count, tuple(accepted))
+            weighed = design.weigh(self._candidates(count))
+            odds = float(logsumexp([w.log_odds for w in weighed])) if weighed else -np.inf
+            unchanged = float(expit(-odds))
+            if not accepted:
+                first = odds
+            if unchanged >= threshold or len(found) == MOST_CHANGES or not weighed:
+                return ChangeHistory(tuple(found), unchanged, first)
+            found.append(self._told(weighed, count))
+            accepted.append(max(weighed, key=lambda w: w.log_odds).candidate)
+
+    def levels(self, direction: Direction) -> tuple[Array, Array]:
+        """Size (n,) of a quantity in each recording beyond the first, and its standard deviations, in z."""
+        n, t, along = len(self.times), len(self.precision), direction.along
+        size = t + n - 1
+        a, b = np.zeros((size, size)), np.zeros(size)
+        a[:t, :t] = np.diag(self.precision)
+        a[t:, t:] = np.eye(n - 1) * 1e-6
+        for r, (matrix, vector) in enumerate(zip(self._matrix, self._vector, strict=True)):
+            a[:t, :t] += matrix
+            b[:t] += vector
+            if r:
+                k, column = t + r - 1, matrix @ along
+                a[:t, k] = a[k, :t] = column
+                a[k, k] += along @ column
+                b[k] = along @ vector
+        covariance = np.linalg.inv(a)
+        mean = covariance @ b
+        return np.append(0.0, mean[t:]), np.append(0.0, np.sqrt(np.diag(covariance)[t:]))
+
+    def _candidates(self, count: int) -> list[_Candidate]:
+        result = []
+        each = 1.0 / len(self.directions)
+        for direction in self.directions:
+            result.append(_Candidate(direction, "step", 0, OUTSIDE * each))
+            for k in range(1, count):
+                passed = RATE * (self.times[k] - self.times[k - 1]) / YEAR
+                if passed <= 0.0:  # two recordings of the same time: nothing can have changed between them
+                    continue
+                result.append(_Candidate(direction, "step", k, 0.5 * passed * each))
+                result.append(_Candidate(direction, "ramp", k - 1, 0.5 * passed * each))
+        return result
+
+    def _told(self, weighed: Sequence[_Weighed], count: int) -> Change:
+        best = max(weighed, key=lambda w: w.log_odds)
+        probability = softmax([w.log_odds for w in weighed])
+        shares: dict[str, float] = {}
+        for w, p in zip(weighed, probability, strict=True):
+            shares[w.candidate.direction.id] = shares.get(w.candidate.direction.id, 0.0) + float(p)
+        own = best.candidate.direction.id
+        others = tuple(
+            sorted(((k, s) for k, s in shares.items() if k != own and s > 0.01), key=lambda row: -row[1])[:4]
+        )
+        same = [w for w in weighed if w.candidate.direction.id == own]
+        size, deviation = self._size(same, count)
+        return Change(
+            own, best.candidate.shape, best.candidate.begin, self._since(same), size,
+            (size - _QUANTILE * deviation, size + _QUANTILE * deviation), shares[own], others,
+        )  # fmt: skip
+
+    def _size(self, weighed: Sequence[_Weighed], count: int) -> tuple[float, float]:
+        """Mean and standard deviation of the size at the last recording, over all beginnings and both shapes."""
+        share = softmax([w.log_odds for w in weighed])
+        last = np.array([w.candidate.course(self.times[:count])[-1] for w in weighed])
+        means, deviations = (last * np.array([getattr(w, n) for w in weighed]) for n in ("mean", "deviation"))
+        mean = float(share @ means)
+        return mean, sqrt(float(share @ (deviations**2 + (means - mean) ** 2)))
+
+    def _since(self, weighed: Sequence[_Weighed]) -> tuple[float, float]:
+        """Earliest and latest beginning: the shortest set of them that holds 90 %."""
+        ordered = sorted(weighed, key=lambda w: -w.log_odds)
+        held = np.cumsum(softmax([w.log_odds for w in ordered]))
+        kept = [w.candidate for w in ordered[: int(np.searchsorted(held, 0.9)) + 1]]
+        early = [self.times[max(0, c.begin - 1)] if c.shape == "step" else self.times[c.begin] for c in kept]
+        late = [self.times[c.begin] if c.shape == "step" else self.times[c.begin + 1] for c in kept]
+        return float(min(early)), float(max(late))
+
+    def sums(self, course: Array, direction: Direction, count: int) -> tuple[Array, float]:
+        """(k,) sum of g A d, and sum of g d'b, over the first ``count`` recordings."""
+        column = sum(g * (m @ direction.along) for g, m in zip(course, self._matrix[:count], strict=True))
+        return np.asarray(column), float(
+            sum(g * (direction.along @ v) for g, v in zip(course, self._vector[:count], strict=True))
+        )
+
+    def matrices(self, count: int) -> tuple[list[Array], list[Array]]:
+        """A and b of the first recordings, what differs from day to day taken into account."""
+        return self._matrix[:count], self._vector[:count]
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    direction: Direction
+    shape: Shape
+    begin: int
+    prior: float
+
+    def course(self, times: Array) -> Array:
+        """G at the times [s]."""
+        if self.shape == "step":
+            return np.asarray(np.arange(len(times)) >= self.begin, dtype=float)
+        return np.asarray(np.maximum(0.0, times - times[self.begin]) / YEAR)
+
+
+@dataclass(frozen=True)
+class _Weighed:
+    """A candidate, its log odds against nothing further, prior included; the change's mean and standard deviation."""
+
+    candidate: _Candidate
+    log_odds: float
+    mean: float
+    deviation: float
+
+
+class _Design:
+    """The posterior of theta and of the accepted changes."""
+
+    def __init__(self, past: MachinePast, count: int, accepted: tuple[_Candidate, ...]) -> None:
+        self._past, self._count, self._accepted = past, count, accepted
+        t = len(past.precision)
+        matrices, vectors = past.matrices(count)
+        self._courses = [c.course(past.times[:count]) for c in accepted]
+        size = t + len(accepted)
+        a, b = np.diag(np.append(past.precision, np.ones(len(accepted)))), np.zeros(size)
+        a[:t, :t] += sum(matrices)
+        b[:t] = sum(vectors)
+        for k, (c, g) in enumerate(zip(accepted, self._courses, strict=True), t):
+            column, b[k] = past.sums(g, c.direction, count)
+            a[:t, k] = a[k, :t] = column
+            for j, (other, h) in enumerate(zip(accepted, self._courses, strict=True), t):
+                a[k, j] += past.sums(g * h, c.direction, count)[0] @ other.direction.along
+        self._inverse = np.linalg.inv(a)
+        self._mean = self._inverse @ b
+        self.log_evidence = 0.5 * float(
+            b @ self._mean - np.linalg.slogdet(a)[1] + np.sum(np.log(past.precision))
+        )  # fmt: skip
+
+    def weigh(self, candidates: Sequence[_Candidate]) -> list[_Weighed]:
+        """The odds of each candidate beside what is accepted."""
+        return [self._weighed(c) for c in candidates]
+
+    def _weighed(self, c: _Candidate) -> _Weighed:
+        past, along = self._past, c.direction.along
+        course = c.course(past.times[: self._count])
+        column, score = past.sums(course, c.direction, self._count)
+        square = float(past.sums(course**2, c.direction, self._count)[0] @ along)
+        cross = [past.sums(course * h, c.direction, self._count)[0] @ a.direction.along
+                 for a, h in zip(self._accepted, self._courses, strict=True)]  # fmt: skip
+        shared = np.concatenate([column, cross])
+        information = max(0.0, square - float(shared @ self._inverse @ shared))
+        score -= float(shared @ self._mean)
+        variance = 1.0 / (information + 1.0)
+        mean = score * variance
+        odds = 0.5 * score * mean + 0.5 * log(variance)
+        odds += log(
+            max(1e-300, _mass(c.direction, course[-1], mean, sqrt(variance)) / _mass(c.direction, course[-1], 0.0, 1.0))
+        )
+        return _Weighed(c, log(c.prior) + odds, mean, sqrt(variance))
+
+
+def habits(
+    machines: Sequence[Sequence[Evidence]], effects: NDArray[np.bool_], own: NDArray[np.bool_]
+) -> tuple[float, float]:
+    """``form`` and ``wander`` of a fleet.
+
+    Args:
+        machines: recordings of each.
+        effects: (k,) which numbers are an effect's.
+        own: (k,) which are drawn anew for every recording.
+    """
+    best = []
+    for evidence in machines:
+        table = {
+            (form, wander): MachinePast(evidence, *spreads(effects, own, form, wander), ()).log_likelihood()
+            for form in FORMS for wander in WANDERS
+        }  # fmt: skip
+        best.append(max(table, key=lambda pair: table[pair]))
+    form, wander = np.median(np.log(np.array(best)), axis=0)
+    return float(np.exp(form)), float(np.exp(wander))
+
+
+def spreads(effects: NDArray[np.bool_], own: NDArray[np.bool_], form: float, wander: float) -> tuple[Array, Array]:
+    """``spread`` and ``wander`` (k,) of :class:`MachinePast`."""
+    spread = np.where(effects, form, np.where(own, 1e-3, 1.0))
+    return spread, np.where(own, 1.0, wander * spread)
+
+
+def _mass(direction: Direction, course: float, mean: float, deviation: float) -> float:
+    """Probability that the change at the last recording is in the quantity's range."""
+    if course <= 0.0:
+        return 1.0
+    low, high = (x / course for x in (direction.low, direction.high))
+    return _normal((high - mean) / deviation) - _normal((low - mean) / deviation)
+
+
+def _normal(x: float) -> float:
+    return 0.5 * (1.0 + erf(x / sqrt(2.0)))

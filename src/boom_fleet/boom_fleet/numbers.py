@@ -1,0 +1,147 @@
+"""The numbers in which a machine can differ from its file, in units of their priors: what the screen takes derivatives of.
+
+Numbers with a tolerance come first: z is standard normal (``boom_model.prior``). Then the leading number of each effect of the
+catalogue that the watch knows too, in units of half of its plausible range, zero where the effect is absent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_estimation.unknown import Unknown
+from boom_model.catalogue import EFFECTS, SUBSYSTEM_NAMES, effect_name
+from boom_model.machine import Machine, Pose
+from boom_model.plant import Plant
+from boom_model.prior import LINKAGE, prior_of
+from boom_monitor.model import CERTAIN, suspects, switched_on
+
+Array = NDArray[np.float64]
+
+FRICTION = "friction"
+_FOLLOWS = ("pilot_valves.b0_s", "main_valve_spool.A_s", "main_valve_spool.s_max", "main_valve_orifices.A_ta_law.c1")
+"""Numbers that only repeat what others say: gain of the pilot stage, units of the spool, second coefficient of an area."""
+_WORK = "load"
+"""Subsystem that belongs to the work and not to the machine."""
+_OWN = "pose.load"
+
+
+@dataclass(frozen=True)
+class TrackedQuantity:
+    """What may change in a machine: a direction in the space of its numbers.
+
+    Attributes:
+        name: of the effect, or of a group of numbers of the file.
+        part: which of several numbers of the effect, else empty.
+        subsystem: id.
+        unit: of its size. scale: size of one unit of z [unit]. neutral: value of the size at z = 0.
+        direction: (name, share) of the numbers that it moves.
+        low, high: plausible range of z.
+    """
+
+    name: str
+    part: str
+    subsystem: str
+    unit: str
+    scale: float
+    neutral: float
+    direction: tuple[tuple[str, float], ...]
+    low: float
+    high: float
+
+    @property
+    def id(self) -> str:
+        """In the table."""
+        return f"{self.name}.{self.part}" if self.part else self.name
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        where = SUBSYSTEM_NAMES.get(self.subsystem, self.subsystem)
+        said = effect_name(self.name) + (f" ({self.part.replace('_', ' ')})" if self.part else "")
+        return f"{said}, {where}" if where not in said else said
+
+    def size(self, z: float) -> float:
+        """The size [unit] at z."""
+        return self.neutral + self.scale * z
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """All numbers of a machine in a pose.
+
+    Attributes:
+        machine: with the effects of the catalogue as good as absent, as the screen runs it.
+        unknowns: tolerated ones first.
+        tolerated: how many of them have a tolerance.
+        own: (k,) whether a number belongs to a recording (pose, load) and not to the machine.
+        quantities: what a finding is called by.
+    """
+
+    machine: Machine
+    unknowns: tuple[Unknown, ...]
+    tolerated: int
+    own: NDArray[np.bool_]
+    quantities: tuple[TrackedQuantity, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the unknowns."""
+        return tuple(u.name for u in self.unknowns)
+
+
+def numbers_of(machine: Machine, pose: Pose, plant: Plant) -> Numbers:
+    """The numbers of a machine; ``plant``: of the machine with :func:`present`."""
+    unknowns = [*_tolerated(machine, pose, plant.parameter_names)]
+    tolerated = len(unknowns)
+    quantities = [_friction(unknowns)] if "friction.tau_C_pos" in (u.name for u in unknowns) else []
+    index = {name: k for k, name in enumerate(plant.parameter_names)}
+    possible = [s for s in suspects(machine, index) if s.subsystem != _WORK]
+    parts = [s.effect for s in possible]
+    for s in possible:
+        name = f"effects.{s.effect}.{s.parameter}"
+        at = float(plant.p[index[name]])
+        row = next(row for row in EFFECTS[s.effect].parameters if row.name == s.parameter)
+        unknowns.append(Unknown(name, s.unit, at, s.scale, row.minimum, row.maximum))
+        part = s.parameter if parts.count(s.effect) > 1 else ""
+        quantities.append(
+            TrackedQuantity(s.effect, part, s.subsystem, s.unit, s.scale, row.neutral, ((name, 1.0),), s.low, s.high)
+        )
+    own = np.array([u.name == _OWN for u in unknowns])
+    return Numbers(present(machine), tuple(unknowns), tolerated, own, tuple(quantities))
+
+
+def present(machine: Machine) -> Machine:
+    """The machine with the watched effects of the catalogue as good as absent, beside its own."""
+    own = {name: dict(values) for name, values in machine.effects.items()}
+    watched = {name: values for name, values in switched_on(machine).items() if EFFECTS[name].subsystem != _WORK}
+    return replace(machine, effects={**watched, **own})
+
+
+def _tolerated(machine: Machine, pose: Pose, known: Sequence[str]) -> list[Unknown]:
+    rows = []
+    for key, parameter in machine.parameters.items():
+        if not key.startswith(CERTAIN) or key.startswith(LINKAGE):  # of another crane of the same make, they are others
+            rows += list(zip(parameter.specification.components, parameter.value, strict=True))
+    rows += [
+        (name, value) for name, value in pose.values().items() if name in ("pose.D0", "pose.Sx", "pose.Sy", "pose.load")
+    ]
+    result = []
+    for name, value in rows:
+        prior = prior_of(machine, name, pose)
+        if name in known and name not in _FOLLOWS and prior.sigma > 0.0:
+            positive = prior.kind == "log_normal" or (prior.low >= 0.0 and value > 0.0)
+            sigma = prior.sigma if prior.kind == "log_normal" or not positive else prior.sigma / abs(value)
+            result.append(Unknown(name, "", value, sigma, prior.low, prior.high, positive and value > 0.0))
+    return result
+
+
+def _friction(unknowns: Sequence[Unknown]) -> TrackedQuantity:
+    """Coulomb friction in both directions: a factor."""
+    both = [u for u in unknowns if u.name in ("friction.tau_C_pos", "friction.tau_C_neg")]
+    return TrackedQuantity(
+        FRICTION, "", "friction", "-", 0.5, 1.0, tuple((u.name, 0.5 / u.sigma) for u in both), -1.5, 6.0
+    )  # fmt: skip

@@ -1,0 +1,260 @@
+"""A whole night: find the bags, screen each once, judge the machines, diagnose what is raised, write the table. Resumable anywhere.
+
+Everything that cost time is a file below ``work/`` of the output, named by what it came from (bag, machine file, version of the
+screen), so that a run that is started again does only what is missing, and comes to the same table.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from boom_fleet.engine import Engine
+from boom_fleet.judging import Judgement, Kept, judge
+from boom_fleet.numbers import TrackedQuantity, numbers_of, present
+from boom_fleet.store import FoundBag, Store
+from boom_fleet.tasks import (
+    MachineReference,
+    Screened,
+    Task,
+    diagnose_one,
+    machine_of,
+    packed,
+    screen_one,
+    take_reference,
+)
+from boom_model.plant import Plant
+
+VERSION = "1"
+"""Of the screen: what an older one kept is not compared with what this one keeps."""
+Told = Callable[[str, int], None]
+"""Called with what is being done and how many steps are done."""
+
+
+@dataclass(frozen=True)
+class FleetRun:
+    """What a run found.
+
+    Attributes:
+        tasks: key -> recording, in the order of machine and time. columns: key -> columns of the table, of recording, screen and
+            verdict. judgements: of each machine. quantities: machine -> what may change in it.
+    """
+
+    tasks: Mapping[str, Task]
+    columns: Mapping[str, dict[str, Any]]
+    judgements: Mapping[str, Judgement]
+    quantities: Mapping[str, Mapping[str, TrackedQuantity]]
+
+
+class Night:
+    """One run over a fleet.
+
+    Args:
+        tasks: the recordings with their machine files. store: of the results. engine: workers. told: progress.
+        false_alarms: machines raised for nothing that are expected in a night of the fleet.
+        diagnoses: whether raised recordings are diagnosed.
+    """
+
+    def __init__(
+        self,
+        tasks: Sequence[Task],
+        store: Store,
+        engine: Engine,
+        told: Told,
+        false_alarms: float,
+        diagnoses: bool = True,
+    ) -> None:
+        self._tasks = {_key(task): task for task in tasks}
+        self._store, self._engine, self._told = store, engine, told
+        self._false_alarms, self._diagnoses = false_alarms, diagnoses
+        self._there = store.names("work")
+
+    @property
+    def steps(self) -> int:
+        """How many recordings there are."""
+        return len(self._tasks)
+
+    def run(self) -> FleetRun:
+        """Do what is missing."""
+        references = self._references()
+        screened = self._screened(references)
+        machines: dict[str, list[Kept]] = {}
+        columns: dict[str, dict[str, Any]] = {}
+        for key, task in self._tasks.items():
+            found = screened[key]
+            columns[key] = dict(found.columns)
+            kept = machines.setdefault(task.bag.machine, [])
+            if found.matrix is not None and found.vector is not None:
+                kept.append(Kept(key, found.columns["time_ns"] / 1e9, found.names, found.matrix, found.vector))
+        self._told("comparing each machine with its own past", 0)
+        quantities = {m: self._quantities(m, columns) for m, kept in machines.items() if kept}
+        judgements = judge(
+            {m: kept for m, kept in machines.items() if kept}, {m: tuple(q.values()) for m, q in quantities.items()},
+            self._false_alarms,
+        )  # fmt: skip
+        raised = [key for j in judgements.values() for key in j.raised]
+        if self._diagnoses:
+            for key, row in self._verdicts(raised).items():
+                columns[key] |= row
+        order = sorted(self._tasks, key=lambda k: (self._tasks[k].bag.machine, columns[k].get("time_ns") or 0, k))
+        return FleetRun({k: self._tasks[k] for k in order}, columns, judgements, quantities)
+
+    def _references(self) -> dict[str, MachineReference | None]:
+        """Of every machine with one machine file: its first sound recording by name."""
+        groups: dict[str, list[str]] = {}
+        for key, task in sorted(self._tasks.items(), key=lambda row: row[1].bag.recording):
+            groups.setdefault(_group(task), []).append(key)
+        found: dict[str, MachineReference | None] = {}
+        for group in groups:
+            data = self._store.read(f"work/reference-{group}.npz") if f"reference-{group}.npz" in self._there else None
+            if data is not None:
+                with np.load(io.BytesIO(data)) as file:
+                    found[group] = MachineReference(
+                        tuple(file["names"].tolist()), file["point"], str(file["recording"])
+                    )
+        left = {group: list(keys) for group, keys in groups.items()}
+        while missing := {group: keys.pop(0) for group, keys in left.items() if group not in found and keys}:
+            self._take(missing, found)
+        return {group: found.get(group) for group in groups}
+
+    def _take(self, wanted: Mapping[str, str], found: dict[str, MachineReference | None]) -> None:
+        """References from these recordings (group -> key), as far as they give one."""
+
+        def done(group: str, result: tuple[MachineReference | None, str]) -> None:
+            reference, _ = result
+            if reference is not None:
+                arrays = {
+                    "names": np.array(reference.names), "point": reference.point, "recording": reference.recording
+                }  # fmt: skip
+                self._store.write(f"work/reference-{group}.npz", packed(arrays))
+                found[group] = reference
+            self._told("finding where each machine begins", 0)
+
+        self._engine.each(
+            take_reference, list(wanted), lambda group: (self._tasks[wanted[group]],), done,
+            lambda group, why: done(group, (None, why)),
+        )  # fmt: skip
+
+    def _screened(self, references: Mapping[str, MachineReference | None]) -> dict[str, Screened]:
+        found: dict[str, Screened] = {}
+        missing = []
+        for key in self._tasks:
+            data = self._store.read(f"work/screen-{key}.npz") if f"screen-{key}.npz" in self._there else None
+            if data is None:
+                missing.append(key)
+            else:
+                found[key] = _unpacked(data)
+        self._told(f"{len(found)} recordings were screened before" if found else "", len(found))
+
+        def done(key: str, result: Screened) -> None:
+            arrays: dict[str, Any] = {"columns": json.dumps(result.columns)}
+            if result.matrix is not None:
+                arrays |= {"names": np.array(result.names), "matrix": result.matrix, "vector": result.vector}
+            self._store.write(f"work/screen-{key}.npz", packed(arrays))
+            found[key] = result
+            bag = self._tasks[key].bag
+            self._told(f"screened {bag.machine}/{bag.recording}", 1)
+
+        def failed(key: str, why: str) -> None:
+            done(key, Screened({"failure": why, "screen_processor_s": 0.0}))
+
+        def arguments(key: str) -> tuple[Any, ...]:
+            return self._tasks[key], references[_group(self._tasks[key])]
+
+        self._engine.each(screen_one, missing, arguments, done, failed)
+        return found
+
+    def _verdicts(self, raised: Sequence[str]) -> dict[str, dict[str, Any]]:
+        found: dict[str, dict[str, Any]] = {}
+        for key in raised:
+            data = self._store.read(f"work/verdict-{key}.json") if f"verdict-{key}.json" in self._there else None
+            if data is not None:
+                found[key] = verdict_columns(*json.loads(data))
+
+        def done(key: str, result: tuple[dict[str, Any], str, float]) -> None:
+            self._store.write(f"work/verdict-{key}.json", json.dumps(result).encode())
+            found[key] = verdict_columns(*result)
+            bag = self._tasks[key].bag
+            self._told(f"diagnosed {bag.machine}/{bag.recording}", 0)
+
+        missing = [key for key in raised if key not in found]
+        self._engine.each(
+            diagnose_one, missing, lambda key: (self._tasks[key],), done, lambda key, why: done(key, ({}, why, 0.0))
+        )
+        return found
+
+    def _quantities(self, machine: str, columns: Mapping[str, Mapping[str, Any]]) -> dict[str, TrackedQuantity]:
+        """What may change in a machine; the same in every pose."""
+        key = next(k for k, t in self._tasks.items() if t.bag.machine == machine and columns[k].get("pose"))
+        model = machine_of(self._tasks[key], columns[key]["model"])
+        pose = model.pose(*columns[key]["pose"])
+        numbers = numbers_of(model, pose, Plant(present(model), pose, "full"))
+        return {q.id: q for q in numbers.quantities}
+
+
+def verdict_columns(document: Mapping[str, Any], failure: str, seconds: float) -> dict[str, Any]:
+    """A verdict document (diagnosis.json) as columns of the table."""
+    result: dict[str, Any] = {"diagnosis_processor_s": seconds, "diagnosis_failure": failure}
+    if not document:
+        return result
+    result["verdict"] = document["verdict"]
+    result["next_experiment"] = document.get("next_experiment") or ""
+    findings = document.get("findings") or []
+    if findings:
+        first = findings[0]
+        result |= {"effect": first.get("effect") or "unknown_physics", "subsystem": first.get("subsystem") or "",
+                   "confidence": first.get("confidence"), "evidence": first.get("evidence") or ""}  # fmt: skip
+        result["alternatives"] = [
+            {"effect": a.get("effect") or "unknown_physics", "confidence": a.get("confidence")}
+            for a in first.get("alternatives") or []
+        ]
+        for name, number in (first.get("parameters") or {}).items():
+            low, high = number.get("interval_90") or (None, None)
+            result |= {"parameter": name, "size": number.get("value"), "unit": number.get("unit") or "", "size_low": low,
+                       "size_high": high}  # fmt: skip
+            break
+    return result
+
+
+def _key(task: Task) -> str:
+    """Of a recording compared with a machine file by a version of the screen."""
+    return hashlib.sha256(f"{VERSION}|{task.bag.key}|{_group(task)}".encode()).hexdigest()[:16]
+
+
+def _group(task: Task) -> str:
+    words = f"{VERSION}|{task.bag.machine}|{task.shipped}|".encode() + task.text
+    return hashlib.sha256(words).hexdigest()[:16]
+
+
+def _unpacked(data: bytes) -> Screened:
+    with np.load(io.BytesIO(data)) as file:
+        columns = json.loads(str(file["columns"]))
+        if "matrix" not in file:
+            return Screened(columns)
+        return Screened(columns, tuple(file["names"].tolist()), file["matrix"], file["vector"])
+
+
+def tasks_of(
+    bags: Sequence[FoundBag], files: Mapping[str, str], default: str, text: Callable[[str], bytes]
+) -> list[Task]:
+    """Recordings with their machine files: by the table, the folder's own, the one for all, else the shipped one that it names.
+
+    files: machine -> file or shipped name. default: file or shipped name for all others, may be empty. text: content of a file.
+    """
+    known: dict[str, bytes] = {}
+    result = []
+    for bag in bags:
+        chosen = files.get(bag.machine) or bag.machine_file or default
+        if chosen.endswith((".yaml", ".yml")):
+            if chosen not in known:
+                known[chosen] = text(chosen)
+            result.append(Task(bag, text=known[chosen]))
+        else:
+            result.append(Task(bag, shipped=chosen))
+    return result

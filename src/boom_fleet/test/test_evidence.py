@@ -1,0 +1,92 @@
+"""The posterior that a machine has changed, on machines of two numbers and an effect, whose truth is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from boom_fleet.evidence import YEAR, Direction, Evidence, MachinePast, habits, spreads
+
+EFFECTS = np.array([False, False, True])
+OWN = np.zeros(3, dtype=bool)
+LEAK = Direction("leak", np.array([0.0, 0.0, 1.0]), 0.0, 2.0)
+WEAR = Direction("wear", np.array([1.0, 0.0, 0.0]), -2.0, 2.0)
+FORM, WANDER = 0.03, 0.1
+MACHINES = 20
+THRESHOLD = 0.05 / MACHINES
+
+
+def recordings(rng, leak, count=12):
+    """A machine at its own place in the tolerance; ``leak``: size in each recording."""
+    spread, wander = spreads(EFFECTS, OWN, FORM, WANDER)
+    own = spread * rng.standard_normal(3)
+    result = []
+    for k in range(count):
+        rows = rng.standard_normal((200, 3)) * np.array([8.0, 3.0, 20.0])
+        z = own + wander * rng.standard_normal(3) + np.array([0.0, 0.0, leak(k / count)])
+        seen = rows @ z + rng.standard_normal(200)
+        result.append(Evidence(k / count * YEAR, rows.T @ rows, rows.T @ seen))
+    return result
+
+
+def past(evidence):
+    return MachinePast(evidence, *spreads(EFFECTS, OWN, FORM, WANDER), (LEAK, WEAR))
+
+
+def first_raised(evidence):
+    machine = past(evidence)
+    counts = [len(machine.history(k + 1, THRESHOLD).changes) for k in range(len(evidence))]
+    return next((k for k, count in enumerate(counts) if count), None)
+
+
+def test_of_many_healthy_machines_none_is_raised():
+    rng = np.random.default_rng(1)
+
+    assert [first_raised(recordings(rng, lambda share: 0.0)) for _ in range(MACHINES)] == [None] * MACHINES
+
+
+def test_a_step_is_raised_at_once_and_dated_to_the_interval_in_which_it_came():
+    evidence = recordings(np.random.default_rng(2), lambda share: 0.5 if share >= 0.5 else 0.0)
+
+    assert first_raised(evidence) == 6
+    (change,) = past(evidence).history(12, THRESHOLD).changes
+    assert (change.quantity, change.shape) == ("leak", "step")
+    assert change.since == pytest.approx((5 / 12 * YEAR, 6 / 12 * YEAR))
+    assert change.interval[0] < 0.5 < change.interval[1]
+
+
+def test_recordings_of_the_same_time_are_of_the_same_machine():
+    twins = recordings(np.random.default_rng(4), lambda share: 0.0, 4)
+    twins[2] = replace(twins[2], time=twins[1].time)
+    assert past(twins).history(4, 1e-3).changes == ()
+
+
+def test_a_drift_is_told_as_a_drift_with_its_size_at_the_end():
+    evidence = recordings(np.random.default_rng(3), lambda share: max(0.0, share - 0.25))
+
+    (change,) = past(evidence).history(12, THRESHOLD).changes
+    assert (change.quantity, change.shape) == ("leak", "ramp")
+    assert change.size == pytest.approx(11 / 12 - 0.25, abs=0.02)
+    assert change.since[0] <= 0.25 * YEAR <= change.since[1]
+
+
+def test_what_is_repaired_is_a_second_change():
+    evidence = recordings(np.random.default_rng(4), lambda share: 0.6 if 0.3 < share < 0.7 else 0.0)
+
+    changes = past(evidence).history(12, THRESHOLD).changes
+    assert [c.quantity for c in changes] == ["leak", "leak"]
+
+
+def test_a_level_is_counted_from_the_first_recording_and_has_an_interval():
+    mean, deviation = past(recordings(np.random.default_rng(5), lambda share: 0.4 if share > 0.5 else 0.0)).levels(LEAK)
+
+    assert mean[0] == deviation[0] == 0.0
+    assert np.all(np.abs(mean[1:7]) < 4 * deviation[1:7])
+    assert np.all(np.abs(mean[7:] - 0.4) < 4 * deviation[7:])
+
+
+def test_the_habits_of_a_fleet_are_found_from_its_machines():
+    rng = np.random.default_rng(6)
+    form, wander = habits([recordings(rng, lambda share: 0.0) for _ in range(12)], EFFECTS, OWN)
+
+    assert FORM / 3 < form < 3 * FORM and WANDER / 2 < wander < 2 * WANDER

@@ -1,0 +1,45 @@
+"""What a worker does with a recording: the verdict of the diagnosis becomes columns, a fault becomes a line."""
+
+from pathlib import Path
+
+from boom_fleet.run import verdict_columns
+from boom_fleet.store import find_bags
+from boom_fleet.tasks import Task, diagnose_one, screen_one
+from boom_recording import writing
+from boom_recording.loading import load
+from boom_recording.recording import part
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def task(folder, **machine):
+    place = folder / "crane" / "short"
+    place.parent.mkdir(parents=True)
+    writing.write(place, part(load(ROOT / "bags/healthy/extended"), 0.0, 5.5))
+    (bag,) = find_bags(str(folder))
+    return Task(bag, **machine)
+
+
+def test_the_verdict_of_a_recording_becomes_columns_of_the_table(tmp_path):
+    columns = verdict_columns(*diagnose_one(task(tmp_path)))
+
+    assert columns["verdict"] == "not_enough_excitation"
+    assert columns["next_experiment"] and columns["diagnosis_failure"] == "" and columns["diagnosis_processor_s"] > 0
+
+
+def test_a_finding_becomes_effect_size_interval_and_alternatives():
+    size = {"value": 0.09, "unit": "s", "interval_90": [0.08, 0.1]}
+    finding = {"effect": "hose_burst_valve_lag", "subsystem": "hose_burst_valve", "confidence": 0.97, "parameters": {"tau": size},
+               "alternatives": [{"effect": "pilot_lag", "confidence": 0.02}], "evidence": "it lags"}  # fmt: skip
+    columns = verdict_columns({"verdict": "identified", "findings": [finding]}, "", 20.0)
+
+    assert (columns["effect"], columns["parameter"], columns["size"]) == ("hose_burst_valve_lag", "tau", 0.09)
+    assert (columns["size_low"], columns["size_high"], columns["unit"]) == (0.08, 0.1, "s")
+    assert columns["alternatives"] == [{"effect": "pilot_lag", "confidence": 0.02}]
+
+
+def test_a_machine_file_that_does_not_fit_is_a_line_and_no_end_of_the_night(tmp_path):
+    screened = screen_one(task(tmp_path, text=b"meta: {name: none}\n"), None)
+
+    assert screened.matrix is None
+    assert screened.columns["failure"] and "\n" not in screened.columns["failure"]

@@ -1,0 +1,69 @@
+"""The state of a boom that has rested: p_a = p_h, p_o,i = max(p_h, p_g0,i), spool and pilot states zero (machine notes).
+
+Behind a valve that holds the load p_a is what carries the boom, at least p_h. Once for numbers (``plant``) and once for C code.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from boom_model.catalogue import EFFECTS
+from boom_model.catalogue.terms import Terms
+from boom_model.component_numbers import components_of
+from boom_model.equations import Equations
+from boom_model.regularisation import Expression
+
+START = ("angle", "hose_pressure", "rod_pressure", "balanced")
+"""s of :func:`start_state`: q_2 [rad], p_h and p_b [Pa gauge], and 1 where p_h is to be what carries the boom, else 0."""
+
+
+def holds(m: Equations) -> bool:
+    """Whether a valve shuts the head side, whose pressure then carries the boom whatever the hose's is."""
+    return m.structure.hose_burst_valve.holds or any(EFFECTS[name].holds for name in m.effects)
+
+
+def settled(m: Equations, values: dict[str, Expression], p: Any, e: Terms) -> list[Expression]:
+    """x (NX,) at rest, in the order of the states.
+
+    Args:
+        m: the model.
+        values: q_2 [rad] as ``angle``; p_h, p_a, p_b [Pa gauge] as ``hose_pressure``, ``head_pressure``, ``rod_pressure``.
+        p: the machine's numbers (``component_numbers``).
+        e: the terms of its active effects.
+    """
+    values = dict(values)
+    for component in m.structure:
+        values |= component.rest(values, p, e)
+    for effect in (EFFECTS[name] for name in m.effects):
+        if effect.at_rest:
+            values |= effect.at_rest(values, p, e)
+    return [values.get(name, 0.0) for name in m.state_names]
+
+
+def carrying(m: Equations, angle: Expression, rod_pressure: Expression, inputs: Expression | None = None) -> Expression:
+    """p_a [Pa] that carries the boom without friction, p_a A_a = g / J + p_b A_b; negative for a boom that hangs.
+
+    inputs: (NU,) that act, by default none; they tell where the other joints stand.
+    """
+    at = ca.vertcat(*(angle if name == "angle" else 0.0 for name in m.state_names))
+    torque, jacobian = (m.auxiliary[name][1] for name in ("gravity_torque", "jacobian"))
+    force = ca.substitute(
+        torque / jacobian, ca.vertcat(m.x, m.u), ca.vertcat(at, ca.SX.zeros(m.u.numel()) if inputs is None else inputs)
+    )
+    area_a, area_b = (m.p[m.parameters.index(f"cylinder.{name}")] for name in ("A_a", "A_b"))
+    return (force + rod_pressure * area_b) / area_a
+
+
+def start_state(m: Equations) -> tuple[Any, Any]:
+    """(s, x(s, p)): the start as ``START`` has it, and the state at rest there, both symbolic."""
+    s = ca.SX.sym("s", len(START))
+    angle, hose, rod, balanced = (s[k] for k in range(len(START)))
+    p, e = components_of({name: m.p[k] for k, name in enumerate(m.parameters)})
+    free = carrying(m, angle, rod)  # below zero the boom hangs, and the rod side carries it
+    rod = rod + balanced * ca.fmax(-free, 0.0) * p.cylinder.A_a / p.cylinder.A_b
+    hose = ca.if_else(balanced, ca.fmax(free, 0.0), hose)
+    head = ca.fmax(carrying(m, angle, rod), hose) if holds(m) else hose
+    values = {"angle": angle, "hose_pressure": hose, "head_pressure": head, "rod_pressure": rod}
+    return s, ca.vertcat(*settled(m, values, p, e))

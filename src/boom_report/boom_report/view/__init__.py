@@ -1,0 +1,1 @@
+"""The moving crane: scene, series and scripts that the live page, the page of a recording and the reports share."""

@@ -1,0 +1,246 @@
+"""./boom new-machine: from answers to a file that the other commands take, and what recordings can tell before a fit."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import subprocess
+import sys
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from boom_bringup import cli
+from boom_model.machine_file import check_machine, load_machine
+from boom_model.owner.moments import of_masses
+from boom_recording import writing
+from boom_recording.recording import Configuration, Recording
+from boom_sim.offline import simulate
+from boom_sim.simulated_crane import CraneStart
+
+ANSWERS: dict[str, Any] = {
+    "name": "loader", "foot_distance": 1.32, "eye_distance": 0.61, "closed_length": 0.905, "stroke": 0.62, "lowest_angle": -21.57,
+    "piston_diameter": 80, "rod_diameter": 45, "inner_mass": 300, "inner_length": 2.2, "outer_mass": 120, "outer_length": 1.5,
+    "outer_angle": -20, "tool_mass": 30, "pump_pressure": 165, "opening_current": 0.09, "full_current": 1.0, "lift_flow": 26,
+    "lower_flow": 22, "q3": 0.3, "q4": 0.0,
+}  # fmt: skip
+
+
+@pytest.fixture
+def answers(tmp_path: Path) -> Path:
+    path = tmp_path / "answers.yaml"
+    path.write_text(yaml.safe_dump(ANSWERS), encoding="utf-8")
+    return path
+
+
+def recorded(machine: str, directory: Path, *pulses: tuple[float, float, float]) -> Recording:
+    """20 s of a crane as in a file but for its friction, driven by pulses (from, to, current; < 0 lowers)."""
+    crane = load_machine(machine).with_values({"friction.F_C_pos": 800.0, "friction.F_C_neg": 350.0})
+    time = np.arange(0.0, 20.0, 0.01)
+    currents = np.zeros((len(time), 2))
+    for begin, end, size in pulses:
+        currents[(time >= begin) & (time < end), int(size > 0)] = abs(size)
+    made = simulate(
+        crane,
+        Configuration("loader", 0.3, 0.0, 0.0),
+        CraneStart(-0.2),
+        time,
+        currents,
+        noise=crane.sensor_noise(),
+        name=directory.name,
+    )
+    writing.write(directory, made)
+    return made
+
+
+def test_a_lift_tells_the_lifting_edge_and_the_manoeuvre_that_is_proposed_tells_the_lowering_one(
+    answers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, file, found = tmp_path / "first.yaml", tmp_path / "crane.yaml", tmp_path / "told.json"
+    assert cli.main(["new-machine", "--answers", str(answers), "--output", str(first), "--no-manoeuvre"]) == 0
+    recorded(str(first), tmp_path / "lift", (2.0, 4.0, 0.3), (6.0, 7.5, 0.35))
+    words = [
+        "--answers",
+        str(answers),
+        "--output",
+        str(file),
+        "--json",
+        str(found),
+        "--manoeuvre",
+        str(tmp_path / "next.csv"),
+    ]
+    assert cli.main(["new-machine", *words, str(tmp_path / "lift")]) == 0
+    assert "record next: 40 s of" in capsys.readouterr().out
+    document = json.loads(found.read_text())
+    now, then = ({row["parameter"]: row for row in rows} for rows in (document["told"], document["manoeuvre"]["told"]))
+    edge = "main_valve_orifices.A_{}_max"
+    assert now[edge.format("sa")]["told"] == "told"
+    assert now[edge.format("sb")]["told"] == "not"
+    assert then[edge.format("sb")]["told"] == "told"
+    assert (
+        "45 %" in document["recordings"][0]["coverage"][0]
+        or "% of the range" in document["recordings"][0]["coverage"][0]
+    )
+    machine, faults = check_machine(file)
+    assert machine is not None, faults
+    assert machine.sensors["p_quant"] == pytest.approx(1e4)
+    for command in (
+        ("check-machine", str(file)),
+        ("validate", str(tmp_path / "lift"), "--machine", str(file), "--no-report"),
+    ):
+        assert cli.main(list(command)) == 0
+    steps = (
+        "simulate",
+        str(tmp_path / "next.csv"),
+        "--machine",
+        str(file),
+        "--q3",
+        "0.3",
+        "--q4",
+        "0",
+        "--angle",
+        "0.05",
+    )
+    assert cli.main([*steps, "--output", str(tmp_path / "next")]) == 0
+
+
+def test_a_recording_with_its_command_the_wrong_way_round_is_doubted_and_tells_nothing(
+    answers: Path, tmp_path: Path
+) -> None:
+    file, found = tmp_path / "crane.yaml", tmp_path / "told.json"
+    assert cli.main(["new-machine", "--answers", str(answers), "--output", str(file), "--no-manoeuvre"]) == 0
+    good = recorded(
+        str(file), tmp_path / "good", (2.0, 4.0, 0.3), (6.0, 7.5, -0.25), (10.0, 12.0, 0.3), (14.0, 15.5, -0.25)
+    )
+    signals = dict(good.signals)
+    signals["retract_current"], signals["extend_current"] = (
+        type(signals["retract_current"])(**{**vars(signals[name]), "name": other})
+        for name, other in (("extend_current", "retract_current"), ("retract_current", "extend_current"))
+    )
+    good.signals.update(signals)
+    writing.write(tmp_path / "turned", good)
+    words = [
+        "--answers",
+        str(answers),
+        "--output",
+        str(tmp_path / "other.yaml"),
+        "--json",
+        str(found),
+        "--no-manoeuvre",
+    ]
+    assert cli.main(["new-machine", *words, str(tmp_path / "turned")]) == 0
+    document = json.loads(found.read_text())
+    assert "sign" in [check["kind"] for check in document["recordings"][0]["checks"]]
+    assert document["told"] == []
+
+
+def test_options_have_precedence_and_a_urdf_gives_the_moments_of_the_pose(answers: Path, tmp_path: Path) -> None:
+    urdf, file = files("boom_description") / "urdf" / "epsilon_tz17.urdf", tmp_path / "crane.yaml"
+    positions = ["--position", "outer_boom_joint=0.28", "--position", "telescope_joint=2.8"]
+    words = [
+        "--answers",
+        str(answers),
+        "--urdf",
+        str(urdf),
+        *positions,
+        "--piston-diameter",
+        "140",
+        "--q3",
+        "0.28",
+        "--q4",
+        "2.8",
+    ]
+    assert (
+        cli.main(["new-machine", *words, "--cylinder-valve", "load_holding", "--no-manoeuvre", "--output", str(file)])
+        == 0
+    )
+    machine, known = load_machine(file), load_machine("tz17").pose(0.28, 2.8)
+    pose = machine.pose(0.28, 2.8)
+    for name in ("D0", "Sx", "Sy"):
+        assert getattr(pose, name) == pytest.approx(getattr(known, name), rel=0.01)
+    assert pose.tip == pytest.approx(known.tip, abs=1e-3)
+    assert machine.parameters["cylinder.A_a"].value[0] == pytest.approx(np.pi / 4 * 0.14**2, rel=1e-5)
+    assert machine.structure.hose_burst_valve.holds
+    assert str(machine.parameters["fluid.beta"].tol) == "factor 2"
+
+
+def test_masses_and_lengths_give_the_moments_of_rods() -> None:
+    rods = {
+        "inner_mass": 100.0,
+        "inner_length": 2.0,
+        "outer_mass": 50.0,
+        "outer_length": 1.0,
+        "outer_angle": -90.0,
+        "tool_mass": 10.0,
+    }
+    body = of_masses(rods)
+    assert pytest.approx(100 * 4 / 3 + 50 * (4 + 0.25 + 1 / 12) + 10 * 5) == body.D0
+    assert (body.Sx, body.Sy) == pytest.approx((100 + 100 + 20, -25 - 10))
+    assert body.tip == pytest.approx((2.0, -1.0))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--piston-diameter", "abc"), "piston_diameter: abc is no number of 20 .. 500 mm"),
+        (("--rod-diameter", "90"), "rod_diameter: 90 mm is not below piston_diameter"),
+        (("--closed-length", "3"), "measure the three lengths again"),
+        (("--moments", "urdf"), "give --urdf FILE"),
+        (("--moments", "numbers"), "no answer to --inertia [kg m^2]; --moment-x [kg m]; --tip-x [m]"),
+        (("--urdf", "missing.urdf"), "missing.urdf"),
+        (("--manoeuvre", "next.csv", "--no-manoeuvre"), "contradict each other"),
+        (("nowhere",), "nowhere"),
+    ],
+)
+def test_an_answer_that_cannot_be_is_said_in_one_line_and_nothing_is_written(
+    words: tuple[str, ...],
+    said: str,
+    answers: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["new-machine", "--answers", str(answers), "--output", "crane.yaml", *words]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["answers.yaml"]
+
+
+def test_on_a_terminal_it_asks_what_is_open_and_again_where_the_answer_cannot_be(answers: Path, tmp_path: Path) -> None:
+    own, theirs = pty.openpty()
+    left = {key: value for key, value in ANSWERS.items() if key != "pump_pressure"}
+    answers.write_text(yaml.safe_dump(left), encoding="utf-8")
+    command = [
+        sys.executable,
+        "-m",
+        "boom_bringup.cli",
+        "new-machine",
+        "--answers",
+        str(answers),
+        "--output",
+        "crane.yaml",
+    ]
+    with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, cwd=tmp_path, close_fds=True) as process:
+        os.close(theirs)
+        # hose_length, hose_bore, moments; pump_pressure first wrong; the proposals for the others
+        os.write(own, b"3.5\n\n\nmuch\n180\n" + 10 * b"\n")
+        shown = b""
+        try:
+            while chunk := os.read(own, 65536):
+                shown += chunk
+        except OSError:  # the other end is closed
+            pass
+    os.close(own)
+    assert process.returncode == 0, shown.decode()
+    assert b"pump_pressure: much is no number of 20 .. 500 bar" in shown
+    machine = load_machine(tmp_path / "crane.yaml")
+    assert machine.parameters["fluid.p_s"].value[0] == pytest.approx(180e5)
+    hose = np.pi / 4 * 0.019**2 * 3.5
+    assert machine.parameters["cylinder.V_h"].value[0] == pytest.approx(hose, rel=1e-5)
