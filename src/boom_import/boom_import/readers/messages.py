@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from boom_import import units
 from boom_import.source import Column, Floats, Stamps, column, unique
-from boom_input.channels import CHANNELS
+from boom_input.channels import CHANNELS, JOINT_NAMES
 from boom_recording import cdr_layout
 from boom_recording.channels import DEFAULT_JOINT, TYPES
 from boom_recording.mcap_records import Batch, Topic
@@ -44,8 +44,12 @@ _UNITS = {
     ("sensor_msgs/msg/Temperature", "temperature"): "degC",
 }
 """(type, part of the path) -> unit that the message's definition prescribes (REP 103)."""
+_JOINTS = {"": DEFAULT_JOINT, **JOINT_NAMES}
 _CONTRACT = {
-    (c.topic, f"{c.field}[{DEFAULT_JOINT}]" if TYPES.get(c.topic) == "sensor_msgs/msg/JointState" else c.field): c.name
+    (
+        c.topic,
+        f"{c.field}[{_JOINTS[c.joint]}]" if TYPES.get(c.topic) == "sensor_msgs/msg/JointState" else c.field,
+    ): c.name
     for c in CHANNELS
 }
 """(topic, label) -> signal of the recordings that every command takes."""
