@@ -58,6 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--cases", type=int, metavar="K", default=300, help="number of cases (default: 300)")
     parser.add_argument(
+        "--engine", choices=("rounds", "likelihood"), default="rounds", help="as of ./boom diagnose (default: rounds)"
+    )
+    parser.add_argument(
         "--output",
         metavar="DIR",
         help="folder of the trial; resumes a trial that was stopped (default: output/prove-N-K)",
@@ -106,9 +109,11 @@ def run(args: argparse.Namespace) -> int:
     if seed is None:
         known = stored(Path(args.output)) if args.output else None
         seed = known.seed if known else secrets.randbelow(_LARGEST_SEED)
-    folder = Path(args.cases_only or args.output or default_folder(args.plant, args.structures, seed, args.cases))
+    folder = Path(
+        args.cases_only or args.output or default_folder(args.plant, args.structures, seed, args.cases, args.engine)
+    )
     with held(folder):
-        trial = Trial(folder, seed, args.cases, machine, args.plant, args.structures)
+        trial = Trial(folder, seed, args.cases, machine, args.plant, args.structures, args.engine)
         begin, drawn_anew = time.monotonic(), trial.finished
         again = f"prove {trial.state.options} --output {folder}"
         console.print(f"seed {seed}: repeat or resume with ./boom {again}", soft_wrap=True)

@@ -37,6 +37,8 @@ from concealed_plant.generator import ANSWER, RECORDING
 
 DIAGNOSIS = "boom_bringup.cli"
 """The program on trial, the same that ./boom starts, in a separate process."""
+ROUNDS = "rounds"
+"""The default of ``./boom diagnose --engine``."""
 PATIENCE = 600.0
 """s. A diagnosis that takes longer counts as failed."""
 _STOPPED = (-signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM)
@@ -64,17 +66,19 @@ class TrialState:
     seconds: float = 0.0
     plant: str = "p"
     structures: str = "tz17"
+    decides: str = ROUNDS
 
     @property
     def options(self) -> str:
         """What repeats the trial on the command line."""
         plant = "" if self.plant == "p" else f"--plant {self.plant} --structures {self.structures} "
+        plant += "" if self.decides == ROUNDS else f"--engine {self.decides} "
         return f"{plant}--seed {self.seed} --cases {self.count}"
 
     @property
     def folder(self) -> str:
         """Where the command puts the trial by default."""
-        return default_folder(self.plant, self.structures, self.seed, self.count)
+        return default_folder(self.plant, self.structures, self.seed, self.count, self.decides)
 
 
 class Trial:
@@ -85,15 +89,17 @@ class Trial:
     """
 
     def __init__(
-        self, folder: Path, seed: int, count: int, machine: Path, plant: str = "p", structures: str = "tz17"
-    ) -> None:
+        self, folder: Path, seed: int, count: int, machine: Path, plant: str = "p", structures: str = "tz17",
+        decides: str = ROUNDS,
+    ) -> None:  # fmt: skip
         self.folder = folder.resolve()
         self.blind, self.sealed = self.folder / "blind", self.folder / "sealed"
         self.machine = machine.resolve()
         self.plant = PLANTS[plant]
         self.specs: dict[str, CaseOfTrial] = {spec.name: spec for spec in self.plant.cases(seed, count, structures)}
         begun = time.strftime("%Y-%m-%d %H:%M")
-        self.state = TrialState(seed, count, self.machine.name, __version__, begun, plant=plant, structures=structures)
+        self.state = TrialState(seed, count, self.machine.name, __version__, begun, plant=plant, structures=structures,
+                                decides=decides)  # fmt: skip
         known = stored(self.folder)
         if known is not None:
             if known.options != self.state.options:
@@ -123,7 +129,8 @@ class Trial:
     def diagnose(self, engine: Engine, progress: Progress) -> None:
         """Run the diagnosis on every recording without an answer."""
         missing = [name for name in self.specs if not (self.blind / name / judging.OUTCOME).exists()]
-        self._each(engine, diagnose, missing, lambda name: (self.blind / name,), "diagnosing", progress)
+        self._each(engine, diagnose, missing, lambda name: (self.blind / name, self.state.decides), "diagnosing",
+                   progress)  # fmt: skip
 
     def score(self, engine: Engine, progress: Progress) -> list[Row]:
         """Open the answers; returns one row per case, in the order of the trial.
@@ -180,9 +187,10 @@ class Trial:
         write_whole(self.folder / STATE, json.dumps(asdict(state), indent=1) + "\n")
 
 
-def default_folder(plant: str, structures: str, seed: int, count: int) -> str:
+def default_folder(plant: str, structures: str, seed: int, count: int, decides: str) -> str:
     """Where a trial lies unless another folder is given."""
     lot = "" if plant == "p" else f"{plant}-{structures}-"
+    lot += "" if decides == ROUNDS else f"{decides}-"
     return f"output/prove-{lot}{seed}-{count}"
 
 
@@ -203,7 +211,7 @@ def stored(folder: Path) -> TrialState | None:
         ) from None
 
 
-def diagnose(case: Path) -> float:
+def diagnose(case: Path, decides: str = ROUNDS) -> float:
     """Run the diagnosis on case/recording under the audit hook, in that folder; write case/outcome.json; return its duration [s].
 
     A failure of the diagnosis is an outcome, not an error: it counts as a wrong answer.
@@ -224,6 +232,8 @@ def diagnose(case: Path) -> float:
         "--output",
         judging.DIAGNOSIS,
         "--no-report",
+        "--engine",
+        decides,
         *own,
     ]
     begin, failure = time.monotonic(), ""
