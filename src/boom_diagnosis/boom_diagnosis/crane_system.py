@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import exp, inf, log
-from os import cpu_count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +19,7 @@ from boom_diagnosis.prediction import CURRENT_NOISE, NUDGED_TOLERANCE, TIMING_NO
 from boom_estimation.currents import with_joints
 from boom_estimation.free_run import plant_for
 from boom_estimation.numbers import Number
+from boom_estimation.recursion import threads
 from boom_estimation.score_test import SearchedEffect
 from boom_estimation.system import Pass, Tangent, Values
 from boom_input.channels import PREDICTED
@@ -262,7 +261,7 @@ class CraneModel:
             for lane, j in enumerate(own, 1):
                 result[:, :, j] = (end[:, :, lane] - end[:, :, 0]) / nudge[j]
 
-        list(_threads().map(part, range(0, nx, LANES - 1)))
+        list(threads().map(part, range(0, nx, LANES - 1)))
         return result
 
     @cached_property
@@ -272,11 +271,6 @@ class CraneModel:
     def _rates(self, states: Array, held: Array, p: Array) -> Array:
         """x' (n, NX) along states (n, NX)."""
         return linearise(self.plant, states, held, p)[0]
-
-
-@lru_cache(maxsize=1)
-def _threads() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(cpu_count() or 1)
 
 
 class CraneSystem:

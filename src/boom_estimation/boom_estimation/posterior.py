@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from boom_estimation.linearising import HypothesisProblem, Known, linearise
 from boom_estimation.numbers import Priors, SizePriors
-from boom_estimation.recursion import Filtered, LinearisedPass, huber_weights
+from boom_estimation.recursion import Filtered, LinearisedPass, huber_weights, threads
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -29,9 +29,11 @@ TURNS, CLIMBS = 12, 6
 """At most: passes of a fit, steps on one linearisation."""
 LEVEL_TURNS = 2
 """Passes at each size at which the numbers are fitted first."""
+WAKENINGS = 2
+"""Times that sizes which did not matter where a fit began are looked at again."""
 V_STEP = 1e-3
 """Of v, for differences."""
-DULL = 0.05
+DULL = 0.2
 """Nats by which a size must matter to the likelihood in a step of one for its derivatives to be taken again."""
 FIRST_RADIUS, LEAST_RADIUS = 1.0, 0.02
 """How far numbers may move in a turn: standard deviations of the prior, or quarters of the range where it is flat."""
@@ -112,16 +114,6 @@ class HypothesisFit:
 
 
 @dataclass(frozen=True)
-class _Local:
-    """Objective on a linearisation, with derivatives where they were asked for."""
-
-    value: float
-    log_likelihood: float
-    gradient: Array
-    curvature: Array
-
-
-@dataclass(frozen=True)
 class _Around:
     """A problem linearised about c."""
 
@@ -131,97 +123,112 @@ class _Around:
     c: Array
 
 
-def _local(around: _Around, c: Array, v: Array, derivatives: bool, active: Flags | None = None) -> _Local:
-    """The objective at (c, v) on a linearisation; ``active``: the sizes that matter to it, all by default."""
-    priors, sizes, origin = around.priors, around.sizes, around.c
-    m, q = len(c), len(v)
-    total = 0.0
-    gradient, curvature = np.zeros(m + q), np.zeros((m + q, m + q))
-    for lin in around.linearised:
-        here = lin.run(np.exp(v), c - origin, by=derivatives)
-        total += lin.log_likelihood(here)
-        if derivatives:
-            g, h = _derivatives(lin, here, c - origin, v, np.ones(q, dtype=bool) if active is None else active)
-            gradient += g
-            curvature += h
-    value = total + priors.density(c) + sizes.density(v)
-    if derivatives:
-        gradient += np.concatenate([priors.slope(c), sizes.slope(v)])
-        curvature += np.diag(np.concatenate([priors.precision, sizes.curvature(v)]))
-    return _Local(value, total, gradient, curvature)
+@dataclass(frozen=True)
+class _Local:
+    """Objective on a linearisation at (c, v), and what the filter gave with its derivatives by the numbers."""
+
+    c: Array
+    v: Array
+    value: float
+    log_likelihood: float
+    filtered: tuple[Filtered, ...]
+
+
+@dataclass(frozen=True)
+class _Slopes:
+    """Gradient (m + q,) of the objective and its expected curvature (m + q, m + q), negated."""
+
+    gradient: Array
+    curvature: Array
+
+
+def _local(around: _Around, c: Array, v: Array) -> _Local:
+    seen = tuple(lin.run(np.exp(v), c - around.c, by=True) for lin in around.linearised)
+    total = sum(lin.log_likelihood(here) for lin, here in zip(around.linearised, seen, strict=True))
+    return _Local(c, v, total + around.priors.density(c) + around.sizes.density(v), total, seen)
+
+
+def _slopes(around: _Around, at: _Local, active: Flags) -> _Slopes:
+    """At a point with derivatives by the numbers; ``active``: (q,) the sizes by which it is differentiated, too."""
+    m, q = len(at.c), len(at.v)
+    gradient = np.concatenate([around.priors.slope(at.c), around.sizes.slope(at.v)])
+    curvature = np.diag(np.concatenate([around.priors.precision, around.sizes.curvature(at.v)]))
+    for lin, here in zip(around.linearised, at.filtered, strict=True):
+        g, h = _derivatives(lin, here, at.c - around.c, at.v, active)
+        gradient[: m + q] += g
+        curvature += h
+    return _Slopes(gradient, curvature)
 
 
 def _derivatives(lin: LinearisedPass, here: Filtered, moved: Array, v: Array, active: Flags) -> tuple[Array, Array]:
     """Gradient (m + q,) of the log-likelihood by numbers and log sizes, and its expected curvature (Fisher scoring)."""
     counted = lin.model.counted
     assert here.by is not None
-    w = here.white[counted]
+    by, w = here.by[counted], here.white[counted]
     omega = huber_weights(w)
     inverse = np.linalg.inv(here.factor[counted])
-    base = lin.log_likelihood(here)
-    empty = np.zeros_like(here.factor[counted])
-    columns, growth, slopes = [], [], []
-    for k in range(len(v)):
-        if not active[k]:
-            slopes.append(0.0)
-            growth.append(empty)
-            columns.append(empty[:, :, 0])
-            continue
+    base, s0 = lin.log_likelihood(here), here.factor[counted]
+    s0 = s0 @ s0.transpose(0, 2, 1)
+
+    def by_size(k: int) -> tuple[float, Array, Array]:
+        """Slope, whitened change of the covariance and of the innovations by one size."""
         other = v.copy()
         other[k] += V_STEP
         there = lin.run(np.exp(other), moved)
-        slopes.append((lin.log_likelihood(there) - base) / V_STEP)
-        s0, s1 = here.factor[counted], there.factor[counted]
-        change = (s1 @ s1.transpose(0, 2, 1) - s0 @ s0.transpose(0, 2, 1)) / V_STEP
-        growth.append(inverse @ change @ inverse.transpose(0, 2, 1))
+        s1 = there.factor[counted]
+        change = (s1 @ s1.transpose(0, 2, 1) - s0) / V_STEP
         e = (there.innovations[counted] - here.innovations[counted]) / V_STEP
-        columns.append((inverse @ e[:, :, None])[:, :, 0])
-    by = here.by[counted]
-    gradient = np.concatenate([-np.einsum("ni,nij->j", omega * w, by), slopes])
-    whole = np.concatenate([by, np.stack(columns, axis=-1)], axis=2).reshape(-1, by.shape[2] + len(v))
-    root = np.sqrt(omega).reshape(-1, 1)
-    curvature = (whole * root).T @ (whole * root)
-    m = by.shape[2]
-    for a in range(len(v)):
-        for b in range(len(v)):
-            curvature[m + a, m + b] += 0.5 * float(np.sum(growth[a] * growth[b]))
+        grown = inverse @ change @ inverse.transpose(0, 2, 1)
+        return (lin.log_likelihood(there) - base) / V_STEP, grown, (inverse @ e[:, :, None])[:, :, 0]
+
+    m, which = by.shape[2], np.flatnonzero(active)
+    found = list(threads().map(by_size, which))
+    gradient = np.concatenate([-np.einsum("ni,nij->j", omega * w, by), np.zeros(len(v))])
+    gradient[m + which] = [slope for slope, _, _ in found]
+    whole = np.zeros((*by.shape[:2], m + len(v)))
+    whole[:, :, :m] = by
+    for k, (_, _, e) in zip(which, found, strict=True):
+        whole[:, :, m + k] = e
+    flat = (whole * np.sqrt(omega)[:, :, None]).reshape(-1, m + len(v))
+    curvature = flat.T @ flat
+    grown = np.array([g.ravel() for _, g, _ in found]).reshape(len(which), s0.size)
+    curvature[np.ix_(m + which, m + which)] += 0.5 * grown @ grown.T
     return gradient, curvature
 
 
-def _climb(
-    around: _Around, v: Array, climbs: int = CLIMBS, radius: float = np.inf, *, sized: bool = True
-) -> tuple[Array, Array, float]:
-    """The maximum of the objective on a linearisation: c, v, objective."""
-    priors, c = around.priors, around.c
+def _climb(around: _Around, at: _Local, radius: float, active: Flags) -> _Local:
+    """The maximum of the objective on a linearisation, from where it was made; ``active``: (q,) the sizes that are moved."""
+    priors, c, v = around.priors, around.c, at.v
     m = len(c)
     reach = radius * priors.width
-    least, most = around.sizes.limits
+    least, most = (np.where(active, end, v) for end in around.sizes.limits)
     low = np.concatenate([np.maximum(priors.low, c - reach), least])
     high = np.concatenate([np.minimum(priors.high, c + reach), most])
-    at = _local(around, c, v, True, None if sized else np.zeros(len(v), dtype=bool))
-    if not sized:
-        low[m:] = high[m:] = v
-    active = (
-        np.abs(at.gradient[m:] - around.sizes.slope(v)) + np.diag(at.curvature)[m:] - around.sizes.curvature(v) > DULL
-    )
-    here = np.concatenate([c, v])
     damping = 1e-6
-    for _ in range(climbs):
-        gained = 0.0
+    for _ in range(CLIMBS):
+        gained, slopes = 0.0, _slopes(around, at, active)
+        here = np.concatenate([at.c, at.v])
         for _ in range(8):
-            step = _step(here, at.gradient, at.curvature, low, high, damping)
+            step = _step(here, slopes.gradient, slopes.curvature, low, high, damping)
             step[m:] = np.clip(step[m:], -LARGEST_MOVE, LARGEST_MOVE)
             there = np.clip(here + step, low, high)
-            trial = _local(around, there[:m], there[m:], False)
+            trial = _local(around, there[:m], there[m:])
             if trial.value > at.value:
                 gained = trial.value - at.value
-                here, damping = there, damping * 0.2
+                at, damping = trial, damping * 0.2
                 break
             damping = max(damping, 1e-4) * 8.0
         if gained < 0.2 * SETTLED:
             break
-        at = _local(around, here[:m], here[m:], True, active)
-    return here[:m], here[m:], at.value
+    return at
+
+
+def _matter(around: _Around, slopes: _Slopes, v: Array) -> Flags:
+    """(q,) the sizes that matter to the likelihood at a point with all derivatives."""
+    m = len(around.c)
+    by_data = np.abs(slopes.gradient[m:] - around.sizes.slope(v))
+    by_data += np.diag(slopes.curvature)[m:] - around.sizes.curvature(v)
+    return np.asarray(by_data > DULL)
 
 
 def _step(here: Array, gradient: Array, curvature: Array, low: Array, high: Array, damping: float) -> Array:
@@ -258,70 +265,83 @@ def fit(
     Raises:
         FloatingPointError: the model cannot be run at the start.
     """
+    none, every = np.zeros(len(v), dtype=bool), np.ones(len(v), dtype=bool)
     for level in levels:
-        c = _turns(problem, c, np.maximum(v, log(level)), LEVEL_TURNS, hopeless, known, sized=False)[0].c
-    around, v, at = _turns(
-        problem, c, np.maximum(v, log(levels[-1])) if levels else v, turns, hopeless, known, sized=True
-    )
-    at = _local(around, around.c, v, True)
+        around = _around(problem, c, np.maximum(v, log(level)), None, known)
+        at = _local(around, c, np.maximum(v, log(level)))
+        c = _turns(problem, around, at, LEVEL_TURNS, hopeless, none)[1].c
+    v = np.maximum(v, log(levels[-1])) if levels else v
+    around = _around(problem, c, v, None, known)
+    at = _local(around, c, v)
+    slopes = _slopes(around, at, every)
+    active = _matter(around, slopes, v)
+    for _ in range(WAKENINGS):
+        around, at = _turns(problem, around, at, turns, hopeless, active)
+        slopes = _slopes(around, at, every)
+        woken = _matter(around, slopes, at.v) & ~active
+        if not woken.any():
+            break
+        active = active | woken
     return HypothesisFit(
-        problem, around.c, v, at.log_likelihood, at.value - at.log_likelihood, at.curvature, tuple(around.linearised)
+        problem, at.c, at.v, at.log_likelihood, at.value - at.log_likelihood, slopes.curvature, tuple(around.linearised)
     )
 
 
 def nearby(problem: HypothesisProblem, fitted: HypothesisFit, v: Array) -> HypothesisFit:
     """A problem with the numbers of a fitted one and other priors of sizes, from log sizes v, on the linearisations of that fit."""
     around = _Around(Priors.of(problem.numbers), problem.sizes, fitted.linearised, fitted.c)
-    c, v, _ = _climb(around, v, radius=FIRST_RADIUS)
-    at = _local(around, c, v, True)
-    return HypothesisFit(problem, c, v, at.log_likelihood, at.value - at.log_likelihood, at.curvature, ())
+    every = np.ones(len(v), dtype=bool)
+    at = _local(around, fitted.c, v)
+    at = _climb(around, at, FIRST_RADIUS, _matter(around, _slopes(around, at, every), v))
+    slopes = _slopes(around, at, every)
+    return HypothesisFit(problem, at.c, at.v, at.log_likelihood, at.value - at.log_likelihood, slopes.curvature, ())
 
 
 def _turns(
     problem: HypothesisProblem,
-    c: Array,
-    v: Array,
+    around: _Around,
+    at: _Local,
     turns: int,
     hopeless: Callable[[float], bool],
-    known: Known,
-    *,
-    sized: bool,
-) -> tuple[_Around, Array, _Local]:
+    active: Flags,
+) -> tuple[_Around, _Local]:
     """Turns of passing, linearising and climbing, within a radius that follows how well the last turn kept its promise."""
-    around = _around(problem, c, v, None, known)
-    at = _local(around, c, v, False)
     radius = FIRST_RADIUS
     for _ in range(turns):
-        nc, nv, promised = _climb(around, v, radius=radius, sized=sized)
-        if promised - at.value < SETTLED:
+        there = _climb(around, at, radius, active)
+        if there.value - at.value < SETTLED:
             break
-        if hopeless(promised) and np.all(np.abs(nc - around.c) < 0.9 * radius * around.priors.width):
+        if hopeless(there.value) and np.all(np.abs(there.c - around.c) < 0.9 * radius * around.priors.width):
             break
-        other, there = _at(problem, around, nc, nv)
-        ratio = -np.inf if there is None else (there.value - at.value) / (promised - at.value)
-        radius = radius * (2.0 if ratio > 0.7 else 1.0 if ratio > 0.3 else 0.3)
-        if ratio <= 0.0 or other is None or there is None:
+        moved = _at(problem, around, there)
+        ratio = -np.inf if moved is None else (moved[1].value - at.value) / (there.value - at.value)
+        if ratio > 0.3:
+            radius *= 2.0 if ratio > 0.7 else 1.0
+        else:
+            radius = 0.3 * min(radius, float(np.max(np.abs(there.c - at.c) / around.priors.width)))
+        if ratio <= 0.0 or moved is None:
             if radius < LEAST_RADIUS:
                 break
             continue
-        gain = there.value - at.value
-        around, v, at = other, nv, there
+        gain = moved[1].value - at.value
+        around, at = moved
         if gain < SETTLED:
             break
-    return around, v, at
+    return around, at
 
 
-def _at(problem: HypothesisProblem, around: _Around, c: Array, v: Array) -> tuple[_Around | None, _Local | None]:
-    """The problem at another point, with the gains that suit it; None where the model cannot be run."""
-    gains = [
-        np.ascontiguousarray(lin.run(np.exp(v), c - around.c, gain=True).gain[:, : lin.along.states.shape[1]])  # type: ignore[index]
-        for lin in around.linearised
-    ]
+def _at(problem: HypothesisProblem, around: _Around, there: _Local) -> tuple[_Around, _Local] | None:
+    """The problem linearised at another point, with the gains that suit it; None where the model cannot be run."""
+    gains = []
+    for lin in around.linearised:
+        found = lin.run(np.exp(there.v), there.c - around.c, gain=True).gain
+        assert found is not None
+        gains.append(np.ascontiguousarray(found[:, : lin.along.states.shape[1]]))
     try:
-        other = _around(problem, c, v, gains, around.linearised)
-        return other, _local(other, c, v, False)
+        other = _around(problem, there.c, there.v, gains, around.linearised)
+        return other, _local(other, there.c, there.v)
     except FloatingPointError:
-        return None, None
+        return None
 
 
 def _around(problem: HypothesisProblem, c: Array, v: Array, gains: Sequence[Array] | None, known: Known) -> _Around:

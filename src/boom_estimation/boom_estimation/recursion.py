@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
+from os import cpu_count
 from typing import Any
 
 import numpy as np
@@ -27,6 +29,12 @@ HUBER = 4.0
 """Standard deviations."""
 MOST_HELD = 8
 """As in recursion.c."""
+
+
+@lru_cache(maxsize=1)
+def threads() -> ThreadPoolExecutor:
+    """For what runs beside each other in C."""
+    return ThreadPoolExecutor(cpu_count() or 1)
 
 
 def rho(w: Array) -> float:
