@@ -482,17 +482,15 @@ def _moved(case: Case, point: Point) -> dict[str, Estimate]:
 
 def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array) -> dict[str, Estimate]:
     """Tolerances that the recordings moved; deviations: of z."""
-    numbers = case.values(point.z, {})
+    numbers, nominal = case.values(point.z, {}), case.machine.values(case.pose)
+    units = {c: p.specification.unit for p in case.machine.parameters.values() for c in p.specification.components}
     result = {}
     for i, nuisance in enumerate(case.nuisances):
         if abs(point.z[i]) < MOVED or nuisance.name not in numbers or nuisance.name.startswith("pose."):
             continue
         value = numbers[nuisance.name]
-        spread = Z90 * float(deviations[i]) * nuisance.sigma * abs(value)
-        components = {c: p for p in case.machine.parameters.values() for c in p.specification.components}
-        result[nuisance.name] = Estimate(
-            value, components[nuisance.name].specification.unit, (value - spread, value + spread)
-        )
+        spread = Z90 * float(deviations[i]) * nuisance.deviation(nominal.get(nuisance.name, 0.0), float(point.z[i]))
+        result[nuisance.name] = Estimate(value, units.get(nuisance.name, "-"), (value - spread, value + spread))
     return result
 
 

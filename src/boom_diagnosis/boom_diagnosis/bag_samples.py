@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.recent import Recent
-from boom_estimation.currents import GAP, HeldCurrents, held_currents, held_inputs, with_joints
+from boom_estimation.currents import GAP, HeldCurrents, driven, held_currents, held_inputs
 from boom_estimation.initial_state import resting_start, stationary_guess
 from boom_model.machine import Machine
 from boom_model.observer import KalmanGains, Linearised, Samples
@@ -156,7 +156,7 @@ def prepare(recording: Recording, machine: Machine | None = None, *, aligned: bo
     Raises:
         MachineError: other joints move, and the machine file does not tell the bodies.
     """
-    currents = held_currents(recording) if machine is None else held_inputs(recording, with_joints(machine, recording))
+    currents = held_currents(recording) if machine is None else held_inputs(recording, driven(machine, recording))
     signals = [recording.signals[name] for name in OUTPUTS]
     if len(currents.time) == 0 or any(not s.valid.any() for s in signals):
         return None

@@ -16,7 +16,7 @@ from boom_diagnosis.bag_samples import PERIOD, Bag
 from boom_diagnosis.coordinates import Coordinate, coordinates, starts
 from boom_diagnosis.nuisances import GEOMETRY, Nuisance, closed, tolerances
 from boom_diagnosis.prediction import CURRENT_NOISE, NUDGED_TOLERANCE, TIMING_NOISE, TOLERANCE, noise_model
-from boom_estimation.currents import with_joints
+from boom_estimation.currents import driven
 from boom_estimation.free_run import plant_for
 from boom_estimation.numbers import Number
 from boom_estimation.recursion import threads
@@ -94,7 +94,7 @@ class CraneModel:
         self.name = bag.name
         self.interval = PERIOD
         pose = plant_for(bag.recording, machine, "full").pose
-        self.plant = Plant(_carrying(with_joints(machine, bag.recording), stateful), pose, "full", discrepancies=True)
+        self.plant = Plant(_carrying(driven(machine, bag.recording), stateful), pose, "full", discrepancies=True)
         names = self.state_names = self.plant.state_names
         self.counted = np.asarray(bag.counted.all(axis=1))
         self.places = tuple(sorted(n.removeprefix(DISCREPANCY) for n in names if n.startswith(DISCREPANCY)))
@@ -131,7 +131,7 @@ class CraneModel:
 
     @cached_property
     def _nuisances(self) -> dict[str, Nuisance]:
-        return {n.name: n for n in tolerances(self.machine, self.plant.pose)}
+        return {n.name: n for n in tolerances(self.machine, self.plant.pose) if not n.difference}
 
     @cached_property
     def _index(self) -> dict[str, int]:
@@ -302,7 +302,7 @@ class CraneSystem:
     @cached_property
     def nuisances(self) -> tuple[Nuisance, ...]:
         """Numbers of the machine that have a tolerance."""
-        return tolerances(self.machine, self.models(())[0].plant.pose)
+        return tuple(n for n in tolerances(self.machine, self.models(())[0].plant.pose) if not n.difference)
 
 
 def catalogue_effects(machine: Machine, duration: float, log_odds: float) -> tuple[SearchedEffect, ...]:

@@ -100,7 +100,7 @@ def _share_of_clear_rest(case: Case, best: Weighed) -> float:
 
 def _needed(case: Case, best: Weighed) -> float:
     """Nats that an effect must gain; of one that explains most of a clear rest the effects before ask nothing."""
-    return chance(case) if _share_of_clear_rest(case, best) > MOST_OF_REST else least(case)
+    return chance(case) if _share_of_clear_rest(case, best) > MOST_OF_REST else least(case, case.rounds[-1].problem)
 
 
 def _bearable(case: Case, best: Weighed) -> float:
@@ -241,9 +241,19 @@ def _own_onset(problem: Problem, point: Point) -> dict[str, float]:
     return effects
 
 
-def least(case: Case) -> float:
+def least(case: Case, problem: Problem) -> float:
     """Nats that an effect must gain, net: more than what the form of the effects before leaves of them, too."""
-    return chance(case) + OTHER_FORM * sum(w.net for w in case.taken)
+    return chance(case) + OTHER_FORM * _gained_before(case, problem)
+
+
+def _gained_before(case: Case, problem: Problem) -> float:
+    """Nats, net, of the effects that were taken, as the observer of ``problem`` counts: a loose one sees less of everything."""
+    gained = sum(w.net for w in case.taken)
+    if not case.taken or problem.predictor.looseness == case.rounds[len(case.taken) - 1].problem.predictor.looseness:
+        return gained
+    without, beside = problem.points([(at.z, at.effects) for at in (case.kept(0), case.last)])
+    share = (without.loss - beside.loss) / max(sum(w.gain for w in case.taken), 1e-9)
+    return gained * min(max(share, 0.0), 1.0)
 
 
 def chance(case: Case) -> float:

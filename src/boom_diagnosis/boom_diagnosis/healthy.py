@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import Bag, prepare
-from boom_diagnosis.prediction import CURRENT_NOISE, Values
+from boom_diagnosis.prediction import CURRENT_NOISE, Values, carrying
 from boom_estimation.free_run import plant_for
 from boom_input.channels import BY_NAME
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
-from boom_model.structure import CURRENTS
+from boom_model.structure import CURRENTS, DRIVING
 from boom_recording.recording import Recording
 from boom_recording.writing import from_columns
 
@@ -28,7 +28,7 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     The measured currents stand for the true ones; what the copy shows of them has their noise once more.
     """
     recording, currents = bag.recording, bag.currents
-    plant = plant_for(recording, machine, "full")
+    plant = plant_for(recording, carrying(machine), "full")
     p = plant.p.copy()
     for name, value in values.items():
         if name in plant.parameter_names:
@@ -50,7 +50,7 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     shown = np.maximum(true + CURRENT_NOISE * rng.standard_normal(true.shape), 0.0)
     driven = {"retract_current": shown[:, 0], "extend_current": shown[:, 1]}
     copy.signals |= from_columns(recording.name, time, driven, recording.configuration).signals
-    copy.signals |= {name: signal for name, signal in recording.signals.items() if BY_NAME[name].joint}
+    copy.signals |= {name: signal for name, signal in recording.signals.items() if BY_NAME[name].joint or name in DRIVING}
     result = prepare(copy, machine)
     if result is None:
         return None

@@ -131,13 +131,14 @@ def run_round(
     progress: Progress,
     nominal: Nominal | None = None,
     tight: bool = False,
-    least: float = 0.0,
+    least: Callable[[Problem], float] = lambda _: 0.0,
     refined: int = REFINED,
 ) -> Round:
     """Fits the tolerances (with the effects in ``values``), looks at all others, fits the best, weighs them.
 
     nominal: what is seen from the nominal machine, where the search is to begin there and not at ``z`` and ``values``.
-    tight: with the observer that is right for a healthy machine, whichever is likeliest. least: nats that an effect must gain.
+    tight: with the observer that is right for a healthy machine, whichever is likeliest. least: nats that an effect must gain
+    in the eyes of a problem's observer.
     refined: effects that are fitted at most.
     """
     accepted = tuple(effects_of(values))
@@ -192,7 +193,8 @@ def run_round(
         grouped.setdefault(candidate.effect, []).append(candidate)
     progress("fitting effects", 0.5)
     most = min(refined, LOOSELY) if searching.predictor.looseness == LOOSENESS[-1] else refined
-    promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING * least][:most]
+    needed = least(searching)
+    promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING * needed][:most]
     twins = [EFFECTS[effect].lasting for effect in promising]  # they may be one and the same
     promising = list(dict.fromkeys([*promising, *(twin for twin in twins if twin in grouped)]))
 

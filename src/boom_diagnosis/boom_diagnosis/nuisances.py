@@ -1,32 +1,31 @@
-"""The machine's own numbers with their tolerance: what may be off without being another machine.
+"""The machine's own numbers with their priors (``boom_model.prior``): what may be off without being another machine.
 
-z is counted in standard deviations: value = nominal exp(sigma z). A tolerance is a bound, not a deviation; a value spread
-evenly between -T and +T has the standard deviation T / sqrt(3).
+z is counted in standard deviations: value = nominal exp(sigma z). How far a guess (``conf: low``) may be off is a guess itself:
+value = nominal exp(sigma sinh(k z) / k), whose tails are about those of Student's t with five degrees of freedom.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import exp, isfinite, log, sqrt
+from math import asinh, cosh, exp, inf, isfinite, log, sinh, sqrt
 
 from boom_model.catalogue import CATALOGUE
-from boom_model.machine import Machine, Pose
-from boom_model.tolerance import TOLERANCES
+from boom_model.machine import Machine, Parameter, Pose
+from boom_model.prior import prior_of
 
 LARGEST_Z = 4.0
-"""Standard deviations a number may move: 2.3 times its tolerance."""
+"""Standard deviations a number may move: twice its tolerance."""
 LEAST_SHARE = 0.05
 """Of its nominal value is left of a number at least."""
-SPREAD = 1.0 / sqrt(3.0)
+TAIL = 0.7
+"""k of a guess: four standard deviations are a factor of six, as far as owners of real cranes were off."""
 TWINS = frozenset(name for effect in CATALOGUE for name in effect.changes)
 """Numbers that an effect of the catalogue multiplies, shifts or adds to."""
-TWIN_Z = 1.0 / SPREAD
+TWIN_Z = 2.0
 """Standard deviations that such a number may move: its tolerance."""
 PRECHARGE = 0.05
-"""Machine notes."""
-LOAD, LOAD_KG = 0.05, 20.0
-"""Machine notes: share of the configuration's load, or kg."""
+"""Relative tolerance of a pre-charge pressure that has no ``tol`` (machine notes)."""
 GEOMETRY, SEEN = "kinematics.", 5e-3
 """m. A length of the linkage whose tolerance is less than this moves nothing that the sensors see."""
 STROKE_ZERO = "cylinder.l_min"
@@ -35,6 +34,7 @@ ONE_FACTOR = (("main_valve_orifices.A_ta_law.c0", "main_valve_orifices.A_ta_law.
 """Numbers that move together: an area as a whole."""
 PILOT_POLE, PILOT_GAIN, PILOT_FEEDTHROUGH = "pilot_valves.a1_s", "pilot_valves.b0_s", "pilot_valves.b1_s"
 """The gain follows the two others: at rest nu is the current (5.2), and how much pressure a current gives is h alone."""
+_EFFECTS = "effects."
 _NOT_PHYSICS = ("constants.", "hose_burst_valve.unit", "hose_burst_valve.dp_lin", "cylinder.l_")
 _UNITS_OF_THE_SPOOL = ("main_valve_spool.A_s", "main_valve_spool.s_max")
 """Assumed, and everything else of the valve is known relative to them: the spring by (5.10), k = p_max A_s / s_max, the friction as
@@ -45,13 +45,16 @@ a pilot pressure, the areas over s / s_max. Were they off, those would be with t
 class Nuisance:
     """One number: component of the parameter vector, standard deviation (relative, or absolute where ``shift``).
 
-    together: components that have the same factor.
+    together: components that have the same factor. tail: k of a guess, 0 for a normal prior. ends: of its value over the nominal
+    one, or less it where ``shift``.
     """
 
     name: str
     sigma: float
     shift: bool = False
     together: tuple[str, ...] = ()
+    tail: float = 0.0
+    ends: tuple[float, float] = (-inf, inf)
 
     @property
     def components(self) -> tuple[str, ...]:
@@ -59,19 +62,39 @@ class Nuisance:
         return (self.name, *self.together)
 
     @property
+    def difference(self) -> bool:
+        """Whether it is one between two numbers for which the machine has one: a number of an effect, see :func:`_differences`."""
+        return self.name.startswith(_EFFECTS)
+
+    @property
     def limits(self) -> tuple[float, float]:
-        """Least and largest z: as far as ``LARGEST_Z`` standard deviations go, counted straight.
+        """Least and largest z: as far as ``LARGEST_Z`` standard deviations go, counted straight, and as the prior ends.
 
         Where an effect of the catalogue is the number's being further off than its tolerance: as far as that.
         """
-        most = TWIN_Z if self.name in TWINS else LARGEST_Z
+        most = TWIN_Z if self.name in TWINS or self.difference else LARGEST_Z
+        low, high = (-most, most)
         if self.shift:
-            return -most, most
-        return log(max(LEAST_SHARE, 1.0 - most * self.sigma)) / self.sigma, log(1.0 + most * self.sigma) / self.sigma
+            return max(low, self.ends[0] / self.sigma), min(high, self.ends[1] / self.sigma)
+        if not self.tail:
+            low, high = log(max(LEAST_SHARE, 1.0 - most * self.sigma)) / self.sigma, log(1.0 + most * self.sigma) / self.sigma
+        least, largest = max(self.ends[0], LEAST_SHARE), self.ends[1]
+        return max(low, self._at(least)), min(high, self._at(largest) if largest < inf else high)
+
+    def _at(self, ratio: float) -> float:
+        """z of a value over the nominal one."""
+        away = log(ratio) / self.sigma
+        return asinh(self.tail * away) / self.tail if self.tail else away
 
     def value(self, nominal: float, z: float) -> float:
         """Its value ``z`` standard deviations from the nominal one."""
-        return nominal + self.sigma * z if self.shift else nominal * exp(self.sigma * z)
+        if self.shift:
+            return nominal + self.sigma * z
+        return nominal * exp(self.sigma * (sinh(self.tail * z) / self.tail if self.tail else z))
+
+    def deviation(self, nominal: float, z: float) -> float:
+        """By how much its value changes with a standard deviation, at z: |d value / dz|."""
+        return self.sigma if self.shift else abs(self.value(nominal, z)) * self.sigma * cosh(self.tail * z)
 
 
 def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
@@ -81,17 +104,45 @@ def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
         follows = key == PILOT_GAIN or any(key in row[1:] for row in ONE_FACTOR)
         if follows or key.startswith(_NOT_PHYSICS) or key in _UNITS_OF_THE_SPOOL:
             continue
-        tolerance = PRECHARGE if key.startswith("accumulators.p_g0") else parameter.tolerance
         for name, value in zip(parameter.specification.components, parameter.value, strict=True):
-            if value != 0.0 and not (key.startswith(GEOMETRY) and tolerance * abs(value) < SEEN):
-                together = next((row[1:] for row in ONE_FACTOR if key == row[0]), ())
-                result.append(Nuisance(name, tolerance * SPREAD, together=together))
-    entry = machine.document["rigid_body"]["configs"].get(pose.tabulated, {})
-    body = TOLERANCES.get(entry.get("conf", "medium"), 0.15)
-    result += [Nuisance(f"pose.{name}", body * SPREAD) for name in ("D0", "Sx", "Sy")]
-    if pose.load > 0.0:
-        result.append(Nuisance("pose.load", max(LOAD * pose.load, LOAD_KG) * SPREAD, shift=True))
-    return tuple(result)
+            if value != 0.0:
+                own = _own(machine, parameter, name, value)
+                if not (key.startswith(GEOMETRY) and 2.0 * own.sigma * abs(value) < SEEN):
+                    result.append(own)
+    for name, value in pose.values().items():
+        prior = prior_of(machine, name, pose)
+        if prior.sigma > 0.0 and value != 0.0:
+            shift = name == "pose.load"
+            result.append(Nuisance(name, prior.sigma if shift else prior.sigma / abs(value), shift=shift))
+    return (*result, *_differences(machine))
+
+
+def _own(machine: Machine, parameter: Parameter, name: str, value: float) -> Nuisance:
+    """A number by its prior; counted relative to its value."""
+    key, prior = parameter.specification.key, prior_of(machine, name)
+    sigma = prior.sigma if prior.kind == "log_normal" else prior.sigma / abs(value)
+    if key.startswith("accumulators.p_g0") and parameter.tol is None:
+        sigma = PRECHARGE / 2.0
+    ends = sorted((prior.low / value, prior.high / value))
+    together = next((row[1:] for row in ONE_FACTOR if key == row[0]), ())
+    guess = _guessed(parameter) and not {name, *together} & TWINS
+    return Nuisance(name, sigma, together=together, tail=TAIL if guess else 0.0, ends=(ends[0], ends[1]))
+
+
+def _differences(machine: Machine) -> list[Nuisance]:
+    """Between two numbers for which the machine has one guess: as far off as the tolerance of each allows."""
+    guesses = {p.specification.key: p for p in machine.parameters.values() if _guessed(p)}
+    result = []
+    for effect in (e for e in CATALOGUE if machine.structure.has(e.needs) and e.id not in machine.effects):
+        for row in (row for row in effect.parameters if row.within in guesses):
+            sigma = sqrt(2.0) * prior_of(machine, row.within).sigma
+            result.append(Nuisance(f"{_EFFECTS}{effect.id}.{row.name}", sigma, shift=True, ends=(row.minimum, row.maximum)))
+    return result
+
+
+def _guessed(parameter: Parameter) -> bool:
+    """Whether a number, and how far it may be off, is a guess."""
+    return parameter.tol is None and parameter.confidence == "low"
 
 
 def closed(machine: Machine, values: Mapping[str, float]) -> dict[str, float]:

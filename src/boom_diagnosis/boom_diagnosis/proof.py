@@ -86,9 +86,10 @@ def machines_of(case: Proved, verdict: Verdict, learned: Learned | None) -> dict
 def final_machine(case: Proved, point: Point, deviations: Array, terms: tuple[LearnedTerm, ...]) -> Machine:
     """The machine with everything that was found, fitted to all of the recordings; deviations: (count,) of the tolerances' z."""
     numbers = case.values(point.z, point.effects)
+    nominal = case.machine.values(case.pose)
     spreads = {
-        n.name: Z90 * float(d) * n.sigma * abs(numbers.get(n.name, 0.0))
-        for n, d in zip(case.nuisances, deviations, strict=True)
+        n.name: Z90 * float(d) * n.deviation(nominal.get(n.name, 0.0), float(z))
+        for n, d, z in zip(case.nuisances, deviations, point.z, strict=True)
     }
     return found_machine(case.machine, case.pose, numbers, spreads, terms)
 

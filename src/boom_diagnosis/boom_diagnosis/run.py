@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.document import DiagnosisResult
 from boom_diagnosis.earning import chance, clear, least, settle, take, weigh
 from boom_diagnosis.fitting import WHITE, Point, Problem
+from boom_diagnosis.free_fit import fit_to_free_runs
 from boom_diagnosis.healthy import simulated
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, problem_at, rebased, run_round
 from boom_diagnosis.learning import learn_plainly
@@ -110,6 +112,8 @@ def _searched(
         return weighed_answer.assemble(weighed, about, weak)
     case = _case(machine, bags, proving, about.seed)
     search(case, progress)
+    progress("free runs", 0.78)
+    fit_to_free_runs(case)
     progress("locating", 0.8)
     return answer.assemble(case, about, weak)
 
@@ -202,7 +206,8 @@ def _look(case: Case, progress: Progress, tight: bool) -> bool:
     z, values = (case.last.z, case.last.effects) if case.taken else (np.zeros(len(case.nuisances)), {})
     found = run_round(
         case.machine, case.bags, case.select, case.nuisances, z, values, progress,
-        nominal=None if case.taken else case.nominal, tight=tight, least=least(case),
+        nominal=None if case.taken else case.nominal, tight=tight,
+        least=partial(least, case),
     )  # fmt: skip
     if case.taken and _dissatisfied(case, found):
         found = _beside_nominal(case, found)
@@ -278,7 +283,7 @@ def _look_again(case: Case, progress: Progress) -> bool:
     if found.problem.predictor.looseness > LOOSENESS[0]:
         found = run_round(
             case.machine, case.bags, case.select, case.nuisances, found.base.z, {}, progress, tight=True,
-            least=least(case), refined=1,
+            least=partial(least, case), refined=1,
         )  # fmt: skip
     found = afresh(found, case.nominal, [*wanted, *(f.effect for f in found.fitted[:1])], case.floor)
     taken = _judge(case, found)
@@ -359,7 +364,8 @@ def _plain(case: Case) -> bool:
 
 def _weighed_case(machine: Machine, bags: list[Bag], proving: list[Bag], seed: int) -> WeighedCase:
     c = _case(machine, bags, proving, seed)
-    return WeighedCase(machine, c.pose, bags, proving, c.select, c.training, c.judged, c.nuisances, seed)
+    own = tuple(n for n in c.nuisances if not n.difference)  # has the name of an effect's number, which it weighs
+    return WeighedCase(machine, c.pose, bags, proving, c.select, c.training, c.judged, own, seed)
 
 
 def _case(machine: Machine, bags: list[Bag], proving: list[Bag], seed: int) -> Case:

@@ -65,17 +65,13 @@ class HeldCurrents:
 
 
 def driven(machine: Machine, recording: Recording) -> Machine:
-    """The machine, driven by those of its pressures that the recording holds nearly throughout."""
-    signals = recording.signals
-    return machine.driven_by([name for name in DRIVING if name in signals and signals[name].valid.mean() > MEASURED])
-
-
-def with_joints(machine: Machine, recording: Recording) -> Machine:
-    """The machine, driven by the motion of its other joints where they move in the recording.
+    """The machine, driven by what a recording holds of its inputs: pressures nearly throughout, other joints where they move.
 
     Raises:
-        MachineError: they move, and the file does not tell the bodies.
+        MachineError: joints move, and the file does not tell the bodies.
     """
+    signals = recording.signals
+    machine = machine.driven_by([name for name in DRIVING if name in signals and signals[name].valid.mean() > MEASURED])
     if joint_motion(recording) is None:
         return machine
     if not other_joints.known(machine.document):

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_estimation.currents import HeldCurrents, driven, held_inputs
+from boom_estimation.currents import HeldCurrents, held_inputs
 from boom_estimation.free_run import plant_for
 from boom_estimation.initial_state import UNCERTAINTY, initial_state, means_at_rest, rest_end
 from boom_model.batch import Job
@@ -169,7 +169,7 @@ def prepare(
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
-    plant = plant_for(recording, driven(machine, recording), "full")
+    plant = plant_for(recording, machine, "full")
     currents = held_inputs(recording, plant.machine)
     period = float(np.median(np.diff(currents.time))) if len(currents.time) > 1 else 0.01
     segments = []

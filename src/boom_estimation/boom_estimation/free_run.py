@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_estimation.currents import HeldCurrents, driven, held_inputs, with_joints
+from boom_estimation.currents import HeldCurrents, driven, held_inputs
 from boom_estimation.initial_state import InitialState, initial_state
 from boom_input.channels import PREDICTED
 from boom_model.equations import Kind
@@ -76,7 +76,7 @@ def predict(recording: Recording, machine: Machine, kind: Kind, *, through_evapo
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
-    plant = plant_for(recording, driven(machine, recording), kind)
+    plant = plant_for(recording, machine, kind)
     if through_evaporation:
         plant = plant.through_evaporation()
     currents = held_inputs(recording, plant.machine)
@@ -138,12 +138,12 @@ def metrics(recording: Recording, values: Mapping[str, Array]) -> Metrics:
 def plant_for(recording: Recording, machine: Machine, kind: Kind) -> Plant:
     """The model in the configured pose and with the load of a recording: the configured one (unknown: none), and its steps.
 
-    Other joints that move in the recording are among its inputs.
+    What was measured of its inputs drives it: other joints that move, supply and tank pressure.
 
     Raises:
         MachineError: a pose or load that the machine cannot have, or joints that move and bodies that the file does not tell.
     """
     c = recording.configuration
-    machine = with_joints(machine.carrying(recording.name), recording)
+    machine = driven(machine.carrying(recording.name), recording)
     load = 0.0 if math.isnan(c.load_mass) else c.load_mass
     return Plant(machine, machine.pose(c.outer_boom_angle, c.telescope_length, load), kind)

@@ -12,6 +12,8 @@ from boom_model.catalogue.effect import Effect, parameter
 from boom_model.catalogue.valve_dead_zone import check_overlaps
 from boom_model.regularisation import Expression
 
+OVERLAP = "main_valve_orifices.x0"
+
 
 def _overlap(overlap: Expression, own: Any, at: Any) -> Expression:
     return overlap + ca.if_else(at.position < 0, own.d_extend, own.d_retract) if at.edge == "tank" else overlap
@@ -26,8 +28,10 @@ EFFECT = Effect(
     ("one edge of the main valve", "opens earlier or later than its partner"),
     "pressure level while creeping; intensification where meter-out opens late",
     (
-        parameter("d_extend", "-", 0.0, (-0.05, 0.05), (-0.25, 0.5), "added overlap of b to tank over full stroke, lifting"),
-        parameter("d_retract", "-", 0.0, (-0.05, 0.05), (-0.25, 0.5), "added overlap of a to tank over full stroke, lowering"),
+        parameter("d_extend", "-", 0.0, (-0.05, 0.05), (-0.25, 0.5), "added overlap of b to tank over full stroke, lifting",
+                  within=OVERLAP),
+        parameter("d_retract", "-", 0.0, (-0.05, 0.05), (-0.25, 0.5), "added overlap of a to tank over full stroke, lowering",
+                  within=OVERLAP),
     ),
     {"overlap": _overlap},
     place=6, independent=True, check=_check,

@@ -71,6 +71,8 @@ class EffectParameter:
         almost_nothing: value at which the watch switches the effect on, where a millionth of the range is too stiff or has no
             derivative.
         gains: value at which the gains of an observer are computed where nothing is known of it yet.
+        within: key of the machine file that stands for two numbers whose difference this is: where it is a guess, each has its
+            tolerance, and a difference that they allow is no physics.
     """
 
     name: str
@@ -88,6 +90,7 @@ class EffectParameter:
     form: float = 0.0
     almost_nothing: float | None = None
     gains: float | None = None
+    within: str = ""
 
 
 def parameter(

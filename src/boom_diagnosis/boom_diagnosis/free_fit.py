@@ -1,0 +1,104 @@
+"""Numbers fitted to what a user looks at: free runs, from where the fit to one-step errors ended.
+
+    minimised: sum over channels c of (m_c / 2) log(mean e_c^2) + |z|^2 / 2
+
+e_c: error of the free run, m_c: seconds that are fitted, because what is wrong lasts about as long as a motion
+(``DISCREPANCY_TIME``). Gauss and Newton, each channel weighted by its error where the step begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.assumptions import NEAR_FLOOR
+from boom_diagnosis.bag_samples import PERIOD, Bag
+from boom_diagnosis.case import Case
+from boom_diagnosis.coordinates import all_coordinates
+from boom_diagnosis.fitting import Point, Problem
+from boom_diagnosis.found_machine import found_machine
+from boom_diagnosis.freerun import errors, free_run, noise_floor
+from boom_diagnosis.hypotheses import effects_of
+from boom_diagnosis.prediction import Predictor, Values
+from boom_diagnosis.proof import placed, spans_of, worsening
+from boom_model.learned import DISCREPANCY_TIME
+from boom_model.machine import Machine
+from boom_model.observer import KalmanGains
+from boom_model.plant import Plant
+from boom_model.sensors import OUTPUTS
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+TURNS, SETTLED = 20, 0.1
+"""Steps at most, and nats that the last one gains."""
+
+
+class FreeRunPredictor(Predictor):
+    """Predicts without correcting; ``weights``: (NY,) per recording, of the errors."""
+
+    def __init__(self, machine: Machine, bags: Sequence[Bag], weights: Sequence[Array]) -> None:
+        super().__init__(machine, bags)
+        self.weights = tuple(weights)
+
+    def _gains(self, i: int, plant: Plant, values: Values) -> KalmanGains:
+        n, ny = len(self.bags[i].grid) - 1, len(OUTPUTS)
+        whitening = np.broadcast_to(np.diag(self.weights[i]), (n, ny, ny))
+        return KalmanGains(np.zeros((n, len(plant.state_names), ny)), whitening)
+
+
+def fit_to_free_runs(case: Case) -> None:
+    """The machines that are handed out and compared, fitted to free runs where these stay far from what noise leaves.
+
+    A fit counts where it improves free runs over data not used.
+    """
+    for k in dict.fromkeys((0, len(case.trained) - 1)):
+        before = case.trained[k]
+        if not _far(case, before):
+            continue
+        after = _fitted(case, before, case.training)
+        if worsening(case, before, after) >= 1.0:
+            continue
+        case.trained[k] = after
+        if case.final and k == len(case.taken):
+            whole = _fitted(case, replace(case.final.point, z=after.z, effects=after.effects), case.select)
+            case.final = replace(case.final, point=whole)
+
+
+def _far(case: Case, at: Point) -> bool:
+    """Whether free runs over what is fitted err far more than noise would."""
+    machine = found_machine(case.machine, case.pose, case.values(at.z, at.effects), {}, ())
+    for i, span in enumerate(spans_of(case).training):
+        own = placed(machine, case, span)
+        floor = np.array(noise_floor(span, own, case.seed + i))
+        if not np.all(np.array(errors(span, free_run(span.recording, own))) <= NEAR_FLOOR * floor):
+            return True
+    return False
+
+
+def _fitted(case: Case, at: Point, select: Sequence[Flags]) -> Point:
+    """The best point that the steps reach, as the observer of a healthy machine sees it."""
+    z, effects = at.z, dict(at.effects)
+    names = all_coordinates(effects_of(effects))
+    for _ in range(TURNS):
+        problem = _problem(case, z, effects, select)
+        begin = problem.points([(z, effects)])[0]
+        end, _ = problem.fit(begin, problem.nuisance_jacobian(begin), names, iterations=1)
+        if begin.loss - end.loss < SETTLED:
+            break
+        z, effects = end.z, end.effects
+    return case.problem(z, effects, 1.0).points([(z, effects)])[0]
+
+
+def _problem(case: Case, z: Array, effects: Mapping[str, float], select: Sequence[Flags]) -> Problem:
+    """Free runs with the weights of their errors at a point."""
+    spreads = [np.nanstd(bag.samples().measured, axis=0) for bag in case.bags]
+    plain = Problem(FreeRunPredictor(case.machine, case.bags, [1.0 / s for s in spreads]), case.nuisances, select)
+    weights = []
+    for part, spread, chosen in zip(plain.points([(z, effects)])[0].parts, spreads, select, strict=True):
+        square = np.array([np.mean(e[s] ** 2) if s.any() else np.inf for e, s in zip(part.T, chosen.T, strict=True)])
+        weights.append(np.sqrt(PERIOD / DISCREPANCY_TIME / square) / spread)
+    return Problem(FreeRunPredictor(case.machine, case.bags, weights), case.nuisances, select)
