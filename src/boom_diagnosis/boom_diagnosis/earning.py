@@ -242,8 +242,17 @@ def _own_onset(problem: Problem, point: Point) -> dict[str, float]:
 
 
 def least(case: Case, problem: Problem) -> float:
-    """Nats that an effect must gain, net: more than what the form of the effects before leaves of them, too."""
-    return chance(case) + OTHER_FORM * _gained_before(case, problem)
+    """Nats that an effect must gain, net: more than what the forms of all that moved before leave of it, too."""
+    return chance(case) + OTHER_FORM * (_gained_before(case, problem) + gained_by_guesses(case))
+
+
+def gained_by_guesses(case: Case) -> float:
+    """Nats that the numbers gained over the file's, where one is further off than its tolerance: such a file guessed forms, too."""
+    if not case.rounds or np.all(np.abs(case.rounds[0].base.z) <= TWIN_Z + 1e-6):
+        return 0.0
+    first = case.rounds[0]
+    nominal = first.problem.points([(np.zeros_like(first.base.z), {})])[0]
+    return max(nominal.loss - first.base.loss, 0.0)
 
 
 def _gained_before(case: Case, problem: Problem) -> float:

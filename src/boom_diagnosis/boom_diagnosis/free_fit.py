@@ -82,7 +82,7 @@ def _far(case: Case, at: Point) -> bool:
 def _fitted(case: Case, at: Point, select: Sequence[Flags]) -> Point:
     """The best point that the steps reach, as the observer of a healthy machine sees it."""
     z, effects = at.z, dict(at.effects)
-    names = all_coordinates(effects_of(effects))
+    names = tuple(c for c in all_coordinates(effects_of(effects)) if not c.onset)  # one-step errors tell it sharply
     for _ in range(TURNS):
         problem = _problem(case, z, effects, select)
         begin = problem.points([(z, effects)])[0]

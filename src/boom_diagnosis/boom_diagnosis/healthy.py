@@ -50,7 +50,9 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     shown = np.maximum(true + CURRENT_NOISE * rng.standard_normal(true.shape), 0.0)
     driven = {"retract_current": shown[:, 0], "extend_current": shown[:, 1]}
     copy.signals |= from_columns(recording.name, time, driven, recording.configuration).signals
-    copy.signals |= {name: signal for name, signal in recording.signals.items() if BY_NAME[name].joint or name in DRIVING}
+    copy.signals |= {
+        name: signal for name, signal in recording.signals.items() if BY_NAME[name].joint or name in DRIVING
+    }
     result = prepare(copy, machine)
     if result is None:
         return None

@@ -77,7 +77,10 @@ class Nuisance:
         if self.shift:
             return max(low, self.ends[0] / self.sigma), min(high, self.ends[1] / self.sigma)
         if not self.tail:
-            low, high = log(max(LEAST_SHARE, 1.0 - most * self.sigma)) / self.sigma, log(1.0 + most * self.sigma) / self.sigma
+            low, high = (
+                log(max(LEAST_SHARE, 1.0 - most * self.sigma)) / self.sigma,
+                log(1.0 + most * self.sigma) / self.sigma,
+            )
         least, largest = max(self.ends[0], LEAST_SHARE), self.ends[1]
         return max(low, self._at(least)), min(high, self._at(largest) if largest < inf else high)
 
@@ -136,7 +139,9 @@ def _differences(machine: Machine) -> list[Nuisance]:
     for effect in (e for e in CATALOGUE if machine.structure.has(e.needs) and e.id not in machine.effects):
         for row in (row for row in effect.parameters if row.within in guesses):
             sigma = sqrt(2.0) * prior_of(machine, row.within).sigma
-            result.append(Nuisance(f"{_EFFECTS}{effect.id}.{row.name}", sigma, shift=True, ends=(row.minimum, row.maximum)))
+            result.append(
+                Nuisance(f"{_EFFECTS}{effect.id}.{row.name}", sigma, shift=True, ends=(row.minimum, row.maximum))
+            )
     return result
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import hypot
 from threading import RLock
 
 import numpy as np
@@ -247,7 +248,7 @@ def noise_model(
         "angle": 1e-3, "rate": 1e-2, "head_pressure": 5e5, "rod_pressure": 1e5, "hose_pressure": 1e5,
         "accumulator_pressure_1": 5e5, "accumulator_pressure_2": 5e5,
     }  # fmt: skip
-    angle = max(0.5 * sensors.angle_quantum, 1e-5)
+    angle = max(hypot(sensors.angle_sigma, 0.5 * sensors.angle_quantum), 1e-5)
     outputs = tuple(angle if sensor.name == "angle" else sensors.deviation(sensor) for sensor in PREDICTED)
     return NoiseModel(
         outputs, CURRENT_NOISE, TIMING_NOISE, disturbance, initial,

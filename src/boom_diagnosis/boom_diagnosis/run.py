@@ -27,6 +27,7 @@ from boom_diagnosis.search import Fitted
 from boom_diagnosis.weighed_case import WeighedCase, searched
 from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT
 from boom_estimation.free_run import plant_for
+from boom_estimation.sensor_noise import with_measured_noise
 from boom_model.catalogue import EFFECTS
 from boom_model.learned import PLACES
 from boom_model.machine import Machine
@@ -79,6 +80,7 @@ def diagnose(
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
+    machine = with_measured_noise(machine, recordings)
     about = answer.About(seed, version, dict(inputs_sha256 or {}), command)
     progress("doubting the recordings", 0.0)
     looks = tuple(first_look(recording, machine) for recording in (*recordings, *held_out))

@@ -134,7 +134,7 @@ def sensor_variance(noise: SensorNoise, rate: Array, period: float) -> Array:
     for i, sensor in enumerate(PREDICTED):
         result[:, i] = noise.variance(sensor) + (1.0 if sensor.is_pressure else 1e-12)
     angle = OUTPUTS.index("angle")
-    result[:, angle] = quantum**2 / 12 * np.maximum(1.0, still) + 1e-12
+    result[:, angle] = noise.angle_sigma**2 + quantum**2 / 12 * np.maximum(1.0, still) + 1e-12
     return result
 
 

@@ -116,7 +116,7 @@ def _pressure(name: str, symbol: str, *, predicted: bool = True, required: bool 
 SENSORS: tuple[Sensor, ...] = (
     Sensor(
         "angle", "rad", "/joint_states", "position", -3.2, 3.2, "q_2", Unit("rad", 1.0), Unit("mrad", 1e3),
-        quantum="angle_quantum", statistics=("mae", "rmse"),
+        sigma="angle_sigma", quantum="angle_quantum", statistics=("mae", "rmse"),
     ),
     Sensor(
         "rate", "rad/s", "/joint_states", "velocity", -2.0, 2.0, "dq_2/dt", Unit("rad/s", 1.0), Unit("mrad/s", 1e3),

@@ -15,7 +15,7 @@ from boom_model.equations import namespace
 from boom_model.errors import MachineError, nearest
 from boom_model.learned import LearnedTerm
 from boom_model.rigid_body import locked_inertia
-from boom_model.sensors import SensorNoise
+from boom_model.sensors import SPECIFICATIONS, SensorNoise
 from boom_model.specification import Specification
 from boom_model.structure import Structure
 from boom_model.tolerance import TOLERANCES, Tolerance
@@ -151,6 +151,15 @@ class Machine:
         """The machine whose model is driven by those pressures of ``structure.DRIVING`` that are measured, not by its constants."""
         return replace(self, structure=self.structure.driven_by(measured))
 
+    def with_sensors(self, numbers: Mapping[str, float]) -> Machine:
+        """The machine with other numbers of its sensors, by key of section ``control`` [SI]."""
+        units = {s.key.split(".")[1]: s.unit for s in SPECIFICATIONS}
+        said = {
+            k: {"value": float(v), "unit": units[k], "prov": "measured", "conf": "high"} for k, v in numbers.items()
+        }
+        document = {**self.document, "control": {**self.document.get("control", {}), **said}}
+        return replace(self, sensors={**self.sensors, **numbers}, document=document)
+
     def with_moving_joints(self) -> Machine:
         """The machine whose model is driven by the motion of the other joints, too (``joint_motion``)."""
         return replace(self, structure=replace(self.structure, moving_joints=True))
@@ -200,6 +209,7 @@ class Machine:
             sigma = (said["p_noise_psd"] / said.get("Ts", 0.01)) ** 0.5
         return replace(
             noise,
+            angle_sigma=said.get("q2_noise", noise.angle_sigma),
             angle_quantum=said.get("q2_quant", noise.angle_quantum),
             pressure_quantum=said.get("p_quant", noise.pressure_quantum),
             pressure_sigma=sigma,

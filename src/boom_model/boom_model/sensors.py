@@ -21,6 +21,7 @@ from boom_model.specification import Specification
 SPECIFICATIONS = (
     Specification("control.Ts", "T_s", "s", "sample time", 1e-4, 1.0, "ch. 6.4"),
     Specification("control.q2_quant", "", "rad", "resolution of the angle", 0.0, 0.1, "ch. 6.4"),
+    Specification("control.q2_noise", "", "rad", "noise of the angle, standard deviation", 0.0, 0.1, "ch. 6.4"),
     Specification("control.p_quant", "", "Pa", "resolution of the pressures", 0.0, 1e6, "ch. 6.4"),
     Specification("control.p_noise_psd", "PSD_p", "Pa^2/Hz", "noise of the pressures", 0.0, 1e12, "ch. 6.4"),
 )
@@ -43,7 +44,7 @@ class SensorNoise:
     """Noise and quantisation; a zero switches a term off.
 
     Attributes:
-        angle_quantum: [rad]. rate_sigma: [rad/s]. pressure_sigma, pressure_quantum: [Pa].
+        angle_sigma, angle_quantum: [rad]. rate_sigma: [rad/s]. pressure_sigma, pressure_quantum: [Pa].
         current_sigma, current_quantum: [A]. length_quantum: of the telescope's length [m] (assumed: a draw wire).
     """
 
@@ -54,6 +55,7 @@ class SensorNoise:
     current_sigma: float = 0.8e-3
     current_quantum: float = 1.0e-3
     length_quantum: float = 1.0e-3
+    angle_sigma: float = 0.0
 
     def sigma(self, sensor: Sensor) -> float:
         """Standard deviation of a sensor's white noise [its unit]."""
