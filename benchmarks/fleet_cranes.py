@@ -151,13 +151,22 @@ def _at_work(
 ) -> DetectionSetting:
     m, table = quantities(specimen, pose), linkage(specimen)
     operator, angle, pieces, starts = Operator(m, table, rng), start.angle, [], []
-    for k in range(max(1, round(seconds / PIECE))):
-        currents, begins = operator.drive(PIECE, angle)
+    count = max(1, round(seconds / PIECE))
+    for _ in range(count + ATTEMPTS):
+        try:
+            currents, begins = operator.drive(PIECE, angle)
+            end = run(m, table, InitialValues(angle, start.rod_pressure), per_millisecond(currents), steps=2)["angle"][
+                -1
+            ]
+        except RunError:  # he would have hit a stop: he drives another way
+            continue
+        starts.append(begins + len(pieces) * PIECE)
         pieces.append(currents)
-        starts.append(begins + k * PIECE)
-        angle = float(
-            run(m, table, InitialValues(angle, start.rod_pressure), per_millisecond(currents), steps=2)["angle"][-1]
-        )
+        angle = float(end)
+        if len(pieces) == count:
+            break
+    else:
+        raise RunError(f"no {seconds:g} s of work within {count + ATTEMPTS} attempts")
     return DetectionSetting(specimen, pose, start, np.concatenate(pieces), np.concatenate(starts))
 
 

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from boom_checks.check import RecordingCheck
 from boom_checks.doubts import FirstLook
+from boom_diagnosis.freerun import WholeProof
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
-from boom_recording.recording import Event
+from boom_recording.recording import Event, Recording
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -103,13 +104,15 @@ class Finding:
 class Fit:
     """Normalised rms errors of free runs, one per channel (rms error / standard deviation of the measured channel).
 
-    Median over the bags. ``training`` and ``held_out``: stage -> one number per channel; NaN where a run ended early.
+    Median over the bags. ``training`` and ``held_out``: stage -> one number per channel; NaN where a run ended early; ``whole``:
+    of long recordings, of which stretches were searched.
     """
 
     training: Mapping[str, tuple[float, ...]]
     held_out: Mapping[str, tuple[float, ...]]
     noise_floor: tuple[float, ...]
     held_out_bags: tuple[str, ...]
+    whole: WholeProof | None = None
 
     def document(self) -> dict[str, Any]:
         """As in ``diagnosis.json``."""
@@ -121,6 +124,7 @@ class Fit:
                 **{stage: list(self.held_out[stage]) for stage in STAGES if stage in self.held_out},
                 "noise_floor": list(self.noise_floor),
             },
+            **({"whole": self.whole.document()} if self.whole else {}),
         }
 
 
@@ -375,7 +379,7 @@ class DiagnosisResult:
         tolerances_used: machine-file key -> estimate, of parameters that moved within their tolerance.
         notes: what the reader must know (masked samples, an unknown load, ...).
         command: the command line.
-        looks: what each recording says before any model.
+        looks: what each recording says before any model. searched: recordings of ``bags`` if they are stretches of long ones.
     """
 
     document: Document
@@ -393,3 +397,4 @@ class DiagnosisResult:
     notes: tuple[str, ...] = ()
     command: str = ""
     looks: tuple[FirstLook, ...] = ()
+    searched: tuple[Recording, ...] = ()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,29 @@ class Span:
     recording: Recording
     start: float
     end: float
+
+
+@dataclass(frozen=True)
+class WholeProof:
+    """Free runs through the blocks of long recordings that nothing was fitted to.
+
+    Attributes:
+        blocks: how many. nominal, explained, noise_floor: medians over them, normalised rms errors by channel.
+        far: names of those in which the explained machine errs far more than noise does.
+    """
+
+    blocks: int
+    nominal: tuple[float, ...]
+    explained: tuple[float, ...]
+    noise_floor: tuple[float, ...]
+    far: tuple[str, ...]
+
+    def document(self) -> dict[str, Any]:
+        """As in ``diagnosis.json``."""
+        return {
+            "blocks": self.blocks, "nominal": list(self.nominal), "explained": list(self.explained),
+            "noise_floor": list(self.noise_floor), "far": list(self.far),
+        }  # fmt: skip
 
 
 def free_run(recording: Recording, machine: Machine) -> FreeRun:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from boom_checks.doubts import first_look
 from boom_diagnosis import answer, weighed_answer
-from boom_diagnosis.bag_samples import PERIOD, Bag, prepare
+from boom_diagnosis.bag_samples import Bag, prepare
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.document import DiagnosisResult
@@ -24,6 +24,7 @@ from boom_diagnosis.learning import learn_plainly
 from boom_diagnosis.nuisances import tolerances
 from boom_diagnosis.onset import near_onset, time_in
 from boom_diagnosis.search import Fitted
+from boom_diagnosis.stretches import excited, stretches
 from boom_diagnosis.weighed_case import WeighedCase, searched
 from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT
 from boom_estimation.free_run import plant_for
@@ -55,8 +56,6 @@ FAR = 1.0
 that is right for a healthy machine sees what is left best."""
 RAN = 0.95
 """Share of a recording from which on a healthy copy counts as whole."""
-LEAST_MOVING, LEAST_TRAVEL = 4.0, 0.1
-"""s, rad: a recording that moves less says nothing about most of the machine."""
 
 
 def diagnose(
@@ -88,7 +87,9 @@ def diagnose(
     if any(check.spoils for _, check in checks):
         result = answer.spoilt(machine, about)
     else:
-        result = _searched(recordings, machine, held_out, progress, about, engine)
+        parts = stretches(recordings, held_out, machine, progress)
+        result = _searched(parts.recordings, machine, parts.held_out, progress, about, engine)
+        result = parts.proved(result, progress)
     return replace(result, looks=looks, document=replace(result.document, checks=checks))
 
 
@@ -118,14 +119,6 @@ def _searched(
     fit_to_free_runs(case)
     progress("locating", 0.8)
     return answer.assemble(case, about, weak)
-
-
-def excited(bag: Bag) -> bool:
-    """Whether the boom moved long and far enough to tell anything."""
-    angle = bag.samples().measured[:, 0]
-    moving = float(bag.moving().sum()) * PERIOD
-    known = angle[np.isfinite(angle)]
-    return moving >= LEAST_MOVING and len(known) > 0 and float(np.ptp(known)) >= LEAST_TRAVEL
 
 
 def search(case: Case, progress: Progress) -> None:

@@ -9,8 +9,9 @@ Recording r of a machine has the numbers z_r = theta + eta_r + sum_c delta_c g_c
 
 and log L_r(z_r) from the screen (``boom_fleet.screen``). All of it is linear and Gaussian, so the odds of "nothing changed" against
 "quantity c, this way, since then" are exact. A step at the first recording says that the machine was outside its file's
-tolerance from the beginning. ``form`` and ``wander`` are one pair for the whole fleet, those under which its machines are likeliest
-if nothing had changed, the median over the machines (:func:`habits`).
+tolerance from the beginning. ``form`` and ``wander`` of the fleet are those under which its machines are likeliest if nothing had
+changed, the median over the machines (:func:`habits`). ``wander`` is the same for all; how little the model's form fits is each
+machine's own, so every probability is integrated over ``form``, log-normal about the fleet's (``FORM_SPREAD``).
 
 Decision: a machine is raised where P(nothing further changed) < ``false_alarms`` / number of machines, so that in one night no more
 than ``false_alarms`` machines are expected to be raised for nothing. That and the priors below are all that is assumed.
@@ -40,6 +41,8 @@ YEAR = 365.25 * 86400.0
 FORMS = (0.003, 0.006, 0.012, 0.025, 0.05, 0.1, 0.2)
 WANDERS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 """Values of ``form`` and ``wander`` that are compared."""
+FORM_SPREAD = 1.0
+"""Standard deviation of ln(form) over the machines of a fleet."""
 _QUANTILE = 1.6448536269514722
 Shape = Literal["step", "ramp"]
 
@@ -100,47 +103,33 @@ class ChangeHistory:
 
 
 class MachinePast:
-    """All recordings of one machine, in the order of their times.
+    """All recordings of one machine, in the order of their times, with ``form`` as if it were known.
 
     Args:
         evidence: of the recordings. spread: (k,) s of the numbers. wander: (k,) what they differ by from day to day.
-        directions: of the quantities.
     """
 
-    def __init__(
-        self, evidence: Sequence[Evidence], spread: Array, wander: Array, directions: Sequence[Direction]
-    ) -> None:
+    def __init__(self, evidence: Sequence[Evidence], spread: Array, wander: Array) -> None:
         self.times = np.array([e.time for e in evidence])
-        self.precision, self.directions = 1.0 / spread**2, tuple(directions)
+        self.precision = 1.0 / spread**2
         self._matrix, self._vector = [], []
-        self._constant = 0.0
+        self._constants: list[float] = []
+        self._along: dict[str, tuple[Array, Array]] = {}
         for e in evidence:
             factor = np.linalg.inv(np.eye(len(spread)) + wander[:, None] * e.matrix * wander)
             inner = wander[:, None] * factor * wander
             self._matrix.append(e.matrix - e.matrix @ inner @ e.matrix)
             self._vector.append(e.vector - e.matrix @ (inner @ e.vector))
-            self._constant += 0.5 * float(e.vector @ inner @ e.vector) + 0.5 * float(np.linalg.slogdet(factor)[1])
+            square = float(e.vector @ inner @ e.vector)
+            self._constants.append(0.5 * (square + float(np.linalg.slogdet(factor)[1])))
 
     def log_likelihood(self) -> float:
         """Of an unchanged machine, up to what depends on no hypothesis."""
-        return self._constant + _Design(self, len(self.times), ()).log_evidence
+        return self.constant(len(self.times)) + _Design(self, len(self.times), ()).log_evidence
 
-    def history(self, count: int, threshold: float) -> ChangeHistory:
-        """What the first ``count`` recordings say; changes are added as long as P(nothing further) < ``threshold``."""
-        accepted: list[_Candidate] = []
-        found: list[Change] = []
-        first = 0.0
-        while True:
-            design = _Design(self, count, tuple(accepted))
-            weighed = design.weigh(self._candidates(count))
-            odds = float(logsumexp([w.log_odds for w in weighed])) if weighed else -np.inf
-            unchanged = float(expit(-odds))
-            if not accepted:
-                first = odds
-            if unchanged >= threshold or len(found) == MOST_CHANGES or not weighed:
-                return ChangeHistory(tuple(found), unchanged, first)
-            found.append(self._told(weighed, count))
-            accepted.append(max(weighed, key=lambda w: w.log_odds).candidate)
+    def constant(self, count: int) -> float:
+        """What the first recordings say of how much the machine differs from day to day."""
+        return sum(self._constants[:count])
 
     def levels(self, direction: Direction) -> tuple[Array, Array]:
         """Size (n,) of a quantity in each recording beyond the first, and its standard deviations, in z."""
@@ -160,6 +149,62 @@ class MachinePast:
         covariance = np.linalg.inv(a)
         mean = covariance @ b
         return np.append(0.0, mean[t:]), np.append(0.0, np.sqrt(np.diag(covariance)[t:]))
+
+    def sums(self, course: Array, direction: Direction, count: int) -> tuple[Array, float]:
+        """(k,) sum of g A d, and sum of g d'b, over the first ``count`` recordings."""
+        if direction.id not in self._along:
+            rows = np.array([m @ direction.along for m in self._matrix])
+            self._along[direction.id] = rows, np.array([direction.along @ v for v in self._vector])
+        columns, scores = self._along[direction.id]
+        return np.asarray(course @ columns[:count]), float(course @ scores[:count])
+
+    def matrices(self, count: int) -> tuple[list[Array], list[Array]]:
+        """A and b of the first recordings, what differs from day to day taken into account."""
+        return self._matrix[:count], self._vector[:count]
+
+
+class MachinePosterior:
+    """What a machine's recordings say of its changes, integrated over how little the model's form fits it.
+
+    Args:
+        pasts: ln of the prior of each ``form``, and the recordings as it has them. directions: of the quantities.
+    """
+
+    def __init__(self, pasts: Sequence[tuple[float, MachinePast]], directions: Sequence[Direction]) -> None:
+        self._priors, self._pasts = zip(*pasts, strict=True)
+        self.times, self.directions = self._pasts[0].times, tuple(directions)
+
+    def history(self, count: int, threshold: float) -> ChangeHistory:
+        """What the first ``count`` recordings say; changes are added as long as P(nothing further) < ``threshold``."""
+        accepted: list[_Candidate] = []
+        found: list[Change] = []
+        first = 0.0
+        while True:
+            weighed = self._weigh(count, tuple(accepted))
+            odds = float(logsumexp([w.log_odds for w in weighed])) if weighed else -np.inf
+            unchanged = float(expit(-odds))
+            if not accepted:
+                first = odds
+            if unchanged >= threshold or len(found) == MOST_CHANGES or not weighed:
+                return ChangeHistory(tuple(found), unchanged, first)
+            found.append(self._told(weighed, count))
+            accepted.append(max(weighed, key=lambda w: w.log_odds).candidate)
+
+    def levels(self, direction: Direction) -> tuple[Array, Array]:
+        """Size (n,) of a quantity in each recording beyond the first, and its standard deviations, in z."""
+        known = [prior + past.log_likelihood() for prior, past in zip(self._priors, self._pasts, strict=True)]
+        likeliest: MachinePast = self._pasts[int(np.argmax(known))]
+        return likeliest.levels(direction)
+
+    def _weigh(self, count: int, accepted: tuple[_Candidate, ...]) -> list[_Weighed]:
+        """The odds of each candidate beside what is accepted."""
+        candidates = self._candidates(count)
+        designs = [_Design(past, count, accepted) for past in self._pasts]
+        known = np.array([
+            prior + past.constant(count) + design.log_evidence
+            for prior, past, design in zip(self._priors, self._pasts, designs, strict=True)
+        ])  # fmt: skip
+        return [_integrated(rows, known) for rows in zip(*(d.weigh(candidates) for d in designs), strict=True)]
 
     def _candidates(self, count: int) -> list[_Candidate]:
         result = []
@@ -208,17 +253,6 @@ class MachinePast:
         late = [self.times[c.begin] if c.shape == "step" else self.times[c.begin + 1] for c in kept]
         return float(min(early)), float(max(late))
 
-    def sums(self, course: Array, direction: Direction, count: int) -> tuple[Array, float]:
-        """(k,) sum of g A d, and sum of g d'b, over the first ``count`` recordings."""
-        column = sum(g * (m @ direction.along) for g, m in zip(course, self._matrix[:count], strict=True))
-        return np.asarray(column), float(
-            sum(g * (direction.along @ v) for g, v in zip(course, self._vector[:count], strict=True))
-        )
-
-    def matrices(self, count: int) -> tuple[list[Array], list[Array]]:
-        """A and b of the first recordings, what differs from day to day taken into account."""
-        return self._matrix[:count], self._vector[:count]
-
 
 @dataclass(frozen=True)
 class _Candidate:
@@ -242,6 +276,16 @@ class _Weighed:
     log_odds: float
     mean: float
     deviation: float
+
+
+def _integrated(rows: Sequence[_Weighed], known: Array) -> _Weighed:
+    """One candidate under every ``form``; ``known``: log evidence of each if nothing further had changed."""
+    both = known + np.array([row.log_odds for row in rows])
+    share = softmax(both)
+    means, deviations = (np.array([getattr(row, name) for row in rows]) for name in ("mean", "deviation"))
+    mean = float(share @ means)
+    deviation = sqrt(float(share @ (deviations**2 + (means - mean) ** 2)))
+    return _Weighed(rows[0].candidate, float(logsumexp(both) - logsumexp(known)), mean, deviation)
 
 
 class _Design:
@@ -303,12 +347,26 @@ def habits(
     best = []
     for evidence in machines:
         table = {
-            (form, wander): MachinePast(evidence, *spreads(effects, own, form, wander), ()).log_likelihood()
+            (form, wander): MachinePast(evidence, *spreads(effects, own, form, wander)).log_likelihood()
             for form in FORMS for wander in WANDERS
         }  # fmt: skip
         best.append(max(table, key=lambda pair: table[pair]))
     form, wander = np.median(np.log(np.array(best)), axis=0)
     return float(np.exp(form)), float(np.exp(wander))
+
+
+def posterior(
+    evidence: Sequence[Evidence], effects: NDArray[np.bool_], own: NDArray[np.bool_], form: float, wander: float,
+    directions: Sequence[Direction],
+) -> MachinePosterior:  # fmt: skip
+    """Of a machine of a fleet with this ``form`` and ``wander``."""
+    return MachinePosterior(
+        [
+            (-0.5 * (log(own_form / form) / FORM_SPREAD) ** 2, MachinePast(evidence, *spreads(effects, own, own_form, wander)))
+            for own_form in FORMS
+        ],
+        directions,
+    )  # fmt: skip
 
 
 def spreads(effects: NDArray[np.bool_], own: NDArray[np.bool_], form: float, wander: float) -> tuple[Array, Array]:

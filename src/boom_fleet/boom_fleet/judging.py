@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_fleet.evidence import Change, ChangeHistory, Direction, Evidence, MachinePast, habits, spreads
+from boom_fleet.evidence import Change, ChangeHistory, Direction, Evidence, MachinePosterior, habits, posterior
 from boom_fleet.numbers import TrackedQuantity
 
 Array = NDArray[np.float64]
@@ -113,9 +113,7 @@ class _Frame:
 
     def judged(self, machine: str, form: float, wander: float, threshold: float) -> Judgement:
         directions = {q.id: self._direction(q) for q in self.quantities.values()}
-        past = MachinePast(
-            self.evidence, *spreads(self.effects, self.own, form, wander), tuple(directions.values())
-        )  # fmt: skip
+        past = posterior(self.evidence, self.effects, self.own, form, wander, tuple(directions.values()))
         histories = tuple(past.history(k + 1, threshold) for k in range(len(self.kept)))
         known = [0, *(len(h.changes) for h in histories)]
         raised = tuple(k.key for k, was, now in zip(self.kept, known[:-1], known[1:], strict=True) if now > was)
@@ -126,7 +124,7 @@ class _Frame:
         )  # fmt: skip
 
     @staticmethod
-    def _levels(past: MachinePast, direction: Direction, quantity: TrackedQuantity) -> tuple[TrendLevel, ...]:
+    def _levels(past: MachinePosterior, direction: Direction, quantity: TrackedQuantity) -> tuple[TrendLevel, ...]:
         mean, deviation = past.levels(direction)
         scale = quantity.scale
         return tuple(

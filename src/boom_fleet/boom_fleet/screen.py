@@ -12,26 +12,25 @@ Recordings are worked off in blocks, so that memory does not grow with their len
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_diagnosis.stretches import SHORTEST, blocks
 from boom_estimation.experiment import PreparedRecording, prepare
 from boom_estimation.problem import EstimationProblem
 from boom_fleet.numbers import Numbers, numbers_of, present
 from boom_model.catalogue import EFFECTS
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
-from boom_recording.recording import Recording, part
+from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-BLOCK = 60.0
-"""s."""
 TOLERANCE = 1e-5
 """Of the integrator; side by side, so that differences are good derivatives."""
 LARGEST = 4.0
@@ -48,8 +47,6 @@ FITTED, MOST_STEPS, ENOUGH, LEAST_DAMPING = 1, 9, 20.0, 0.1
 LEVEL = 2.0
 """Noise of currents and model, in units of what ``boom_estimation.whitening`` assumes. With it the innovations of a crane that is
 another than the model, though healthy, are white (measured: their correlation from sample to sample falls from 0.36 to 0.11)."""
-SHORTEST = 5.0
-"""s of a last block that is worth screening."""
 
 
 class ScreenError(ValueError):
@@ -142,25 +139,6 @@ def _nothing(recording: Recording) -> ScreenError:
     return ScreenError(
         f"{recording.name}: no stretch of {SHORTEST:g} s with all sensors and both currents: nothing to screen"
     )
-
-
-def blocks(recording: Recording) -> Iterator[Recording]:
-    """The recording in parts of ``BLOCK``."""
-    count = max(1, round(recording.duration / BLOCK))
-    size = recording.duration / count
-    if recording.duration < SHORTEST:
-        return
-    for k in range(count):
-        yield part(recording, k * size, (k + 1) * size)
-
-
-def liveliest(recording: Recording, count: int) -> list[Recording]:
-    """The blocks in which the boom travels furthest, with names of their own; a short recording itself."""
-    found = list(blocks(recording))
-    if len(found) < 2:
-        return [recording]
-    order = sorted(found, key=lambda block: -_travel(block))[:count]
-    return [replace(b, name=f"{b.name} from {(b.start_ns - recording.start_ns) / 1e9:.0f} s") for b in order]
 
 
 def _travel(recording: Recording) -> float:

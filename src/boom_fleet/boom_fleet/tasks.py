@@ -102,14 +102,12 @@ def screen_one(task: Task, reference: MachineReference | None) -> Screened:
 def diagnose_one(task: Task, seed: int = 0) -> tuple[dict[str, Any], str, float]:
     """The verdict document of a recording (diagnosis.json), why there is none, and the processor time [s].
 
-    Of a long recording the stretches that move most are diagnosed: one to find, one to prove.
+    A long one is searched where it tells most (``boom_diagnosis.stretches``).
     """
     from boom_diagnosis.run import diagnose
-    from boom_fleet.screen import liveliest
 
     def work(recording: Recording, machine: Machine) -> dict[str, Any]:
-        first, *second = liveliest(recording, 2)
-        return diagnose([first], machine, held_out=second, seed=seed).document.document()
+        return diagnose([recording], machine, seed=seed).document.document()
 
     done = _attempt(task, work)
     return done.result or {}, done.failure, done.seconds

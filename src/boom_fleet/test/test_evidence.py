@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from boom_fleet.evidence import YEAR, Direction, Evidence, MachinePast, habits, spreads
+from boom_fleet.evidence import YEAR, Direction, Evidence, habits, posterior, spreads
 
 EFFECTS = np.array([False, False, True])
 OWN = np.zeros(3, dtype=bool)
@@ -16,9 +16,9 @@ MACHINES = 20
 THRESHOLD = 0.05 / MACHINES
 
 
-def recordings(rng, leak, count=12):
+def recordings(rng, leak, count=12, form=FORM):
     """A machine at its own place in the tolerance; ``leak``: size in each recording."""
-    spread, wander = spreads(EFFECTS, OWN, FORM, WANDER)
+    spread, wander = spreads(EFFECTS, OWN, form, WANDER)
     own = spread * rng.standard_normal(3)
     result = []
     for k in range(count):
@@ -30,7 +30,7 @@ def recordings(rng, leak, count=12):
 
 
 def past(evidence):
-    return MachinePast(evidence, *spreads(EFFECTS, OWN, FORM, WANDER), (LEAK, WEAR))
+    return posterior(evidence, EFFECTS, OWN, FORM, WANDER, (LEAK, WEAR))
 
 
 def first_raised(evidence):
@@ -43,6 +43,12 @@ def test_of_many_healthy_machines_none_is_raised():
     rng = np.random.default_rng(1)
 
     assert [first_raised(recordings(rng, lambda share: 0.0)) for _ in range(MACHINES)] == [None] * MACHINES
+
+
+def test_healthy_machines_that_the_form_of_the_model_fits_worse_than_the_rest_are_not_raised():
+    rng = np.random.default_rng(7)
+
+    assert [first_raised(recordings(rng, lambda share: 0.0, 4, 4.0 * FORM)) for _ in range(8)] == [None] * 8
 
 
 def test_a_step_is_raised_at_once_and_dated_to_the_interval_in_which_it_came():

@@ -121,7 +121,7 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
     if not args.no_report:
         from boom_report.diagnosis.report import write_diagnosis_report
 
-        write(report, lambda: write_diagnosis_report(result, report, everything))
+        write(report, lambda: write_diagnosis_report(result, report, result.searched or everything))
     proposed = _next_experiment(result, recordings[0], folder / "next_experiment")
     console = console_for()
     print_diagnosis(result, console)

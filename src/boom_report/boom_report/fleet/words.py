@@ -11,7 +11,7 @@ from typing import Any
 from boom_model.catalogue import EFFECTS, SUBSYSTEM_NAMES, effect_name
 
 Row = Mapping[str, Any]
-_UNITS = {"Pa": ("bar", 1e-5), "m^3/s/Pa": ("l/min per bar", 6e9), "s": ("ms", 1e3)}
+_UNITS = {"-": ("%", 1e2), "Pa": ("bar", 1e-5), "m^3/s/Pa": ("l/min per bar", 6e9), "s": ("ms", 1e3)}
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def quantity_words(quantity: str) -> str:
 def shown(value: float, unit: str) -> str:
     """A number with the unit in which people think of it."""
     name, scale = _UNITS.get(unit, (unit, 1.0))
-    return f"{scale * value:+.3g}{'' if name == '-' else ' ' + name}"
+    return f"{scale * value:+.3g} {name}".rstrip()
 
 
 def _sure(probability: float) -> str:

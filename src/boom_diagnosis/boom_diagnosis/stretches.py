@@ -1,0 +1,200 @@
+"""Long recordings: screened whole by one-step predictions, searched in the stretches that tell most, proved on all the others.
+
+A search costs time and memory with every sample that it looks at. A long recording is therefore cut into blocks of about a minute.
+The given machine predicts each from sample to sample; where its innovations lose most against white noise the recording says most
+about what the machine lacks, and there it is searched. What was found then runs freely through every block that nothing was fitted
+to, from that block's own initial state: the proof is that of the whole recording, the memory that of a block.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from boom_diagnosis.assumptions import FAR_FROM_FLOOR
+from boom_diagnosis.bag_samples import PERIOD, Bag, prepare
+from boom_diagnosis.document import DiagnosisResult, Document, Fit
+from boom_diagnosis.freerun import Errors, Span, WholeProof, errors, free_run, median, noise_floor
+from boom_diagnosis.must_keep import kept
+from boom_diagnosis.parallel import in_parallel
+from boom_diagnosis.prediction import Predictor
+from boom_model.catalogue import EFFECTS, beginning
+from boom_model.errors import SimulationError
+from boom_model.machine import Machine
+from boom_model.sensors import OUTPUTS
+from boom_recording.recording import Recording, part
+
+BLOCK = 60.0
+"""s. Searches are proved with recordings of a minute (``docs/proof.md``)."""
+SHORTEST = 5.0
+"""s. A recording that is shorter has no block."""
+FIND, PROVE = 2, 1
+"""Stretches of the only long recording that are searched, and that nothing is fitted to. One with no more blocks is short."""
+LARGEST = 8.0
+"""Standard deviations. An innovation that is larger says no more: it is an outlier, or the run has failed."""
+LEAST_MOVING, LEAST_TRAVEL = 4.0, 0.1
+"""s, rad: a recording that moves less says nothing about most of the machine."""
+Told = Callable[[str, float], None]
+
+
+def blocks(recording: Recording) -> Iterator[Recording]:
+    """A recording in parts of about ``BLOCK``; none of a very short one."""
+    if recording.duration < SHORTEST:
+        return
+    count = max(1, round(recording.duration / BLOCK))
+    size = recording.duration / count
+    for k in range(count):
+        yield part(recording, k * size, (k + 1) * size)
+
+
+def is_long(recording: Recording, machine: Machine) -> bool:
+    """Whether a recording has more blocks than a search looks at, and none needs what came before it: no steps of the load."""
+    steps = machine.payloads.get(recording.name, machine.payloads.get("", ()))
+    return round(recording.duration / BLOCK) > FIND + PROVE and not steps
+
+
+def excited(bag: Bag) -> bool:
+    """Whether the boom moved long and far enough to tell anything."""
+    angle = bag.samples().measured[:, 0]
+    moving = float(bag.moving().sum()) * PERIOD
+    known = angle[np.isfinite(angle)]
+    return moving >= LEAST_MOVING and len(known) > 0 and float(np.ptp(known)) >= LEAST_TRAVEL
+
+
+def lost(bag: Bag, machine: Machine) -> float:
+    """What the machine's one-step predictions lose against white noise [nats]."""
+    ((prediction,),) = Predictor(machine, [bag]).predict([{}])
+    squares = np.minimum(np.abs(prediction.whitened), LARGEST) ** 2
+    return float(0.5 * np.sum((squares - 1.0)[bag.counted]))
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """What is searched in the place of recordings, some of which may be long.
+
+    Attributes:
+        recordings, held_out: for the search; a short recording is itself.
+        others: blocks of the long recordings that nothing is fitted to, in the order of time.
+        begins: name of a block -> its recording's name, and where in it the block begins [s].
+    """
+
+    recordings: tuple[Recording, ...]
+    held_out: tuple[Recording, ...]
+    others: tuple[Recording, ...] = ()
+    begins: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+
+    def proved(self, result: DiagnosisResult, told: Told) -> DiagnosisResult:
+        """The answer with the proof over the whole of the long recordings; what that contradicts is not said."""
+        if not self.others:
+            return result
+        told("proving on the whole recording", 0.9)
+        result = replace(result, searched=(*self.recordings, *self.held_out), document=self._placed(result.document))
+        if not result.document.fit.held_out:  # nothing was searched
+            return result
+        rows = in_parallel(lambda block: self._row(block, result), self.others)
+        before, after, floor = (median([row[k] for row in rows]) for k in range(3))
+        far = [b for b, row in zip(self.others, rows, strict=True) if _far(row[1], row[2])]
+        whole = WholeProof(len(rows), before, after, floor, tuple(b.name for b in far))
+        document = result.document
+        judged = {"nominal": before, "parameters_only": before, "explained": after}
+        verdict, findings, unproved = kept(
+            document.verdict, document.findings, Fit({}, judged, floor, ()), bool(np.isfinite(floor).all())
+        )
+        document = replace(document, verdict=verdict, findings=tuple(findings), fit=replace(document.fit, whole=whole))
+        return replace(result, document=document, notes=(*result.notes, _said(whole), *unproved))
+
+    def _row(self, block: Recording, result: DiagnosisResult) -> tuple[Errors, Errors, Errors]:
+        """Errors of the free runs over a block before and after, and those that noise leaves."""
+        span, after = Span(block, 0.0, block.duration), self._beginning(block, result)
+        floor = noise_floor(span, after, result.document.seed)
+        return errors(span, free_run(block, result.machine)), errors(span, free_run(block, after)), floor
+
+    def _beginning(self, block: Recording, result: DiagnosisResult) -> Machine:
+        """The explained machine in a block: what begins at a time of the first stretch begins at the same moment."""
+        machine = result.explained
+        time = next((v[EFFECTS[e].onset] for e, v in machine.effects.items() if EFFECTS[e].onset), None)
+        if time is None or not result.bags:
+            return machine
+        (first, found), (own, begin) = self.begins.get(result.bags[0].name, ("", 0.0)), self.begins[block.name]
+        if first != own:
+            return machine
+        return machine.with_effects(beginning(machine.effects, max(0.0, found + time - begin)))
+
+    def _placed(self, document: Document) -> Document:
+        """Times of the findings in the recording, not in its stretch."""
+        _, begin = self.begins.get(self.recordings[0].name, ("", 0.0))
+        return replace(document, findings=tuple(
+            replace(f, intervals_s=tuple((a + begin, b + begin) for a, b in f.intervals_s)) for f in document.findings
+        ))  # fmt: skip
+
+
+def stretches(
+    recordings: Sequence[Recording],
+    held_out: Sequence[Recording],
+    machine: Machine,
+    told: Told = lambda text, share: None,
+) -> Stretches:
+    """Long recordings by their stretches that tell most; without held-out recordings one of them is held out.
+
+    told: called with what is being done and the share of all work that is done.
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    everything = (*recordings, *held_out)
+    if not any(is_long(r, machine) for r in everything):
+        return Stretches(tuple(recordings), tuple(held_out))
+    each = max(1, FIND // max(1, sum(is_long(r, machine) for r in recordings)))
+    chosen: dict[bool, list[Recording]] = {True: [], False: []}
+    others: list[Recording] = []
+    begins: dict[str, tuple[str, float]] = {}
+    for k, recording in enumerate(everything):
+        fitted = k < len(recordings)
+        if not is_long(recording, machine):
+            chosen[fitted].append(recording)
+            continue
+        told(f"screening {recording.name}", 0.0)
+        at = {f"{recording.name} from {(b.start_ns - recording.start_ns) / 1e9:.0f} s": b for b in blocks(recording)}
+        begins |= {name: (recording.name, (b.start_ns - recording.start_ns) / 1e9) for name, b in at.items()}
+        found = [replace(b, name=name) for name, b in at.items()]
+        ranked = sorted(found, key=_ranks(found, machine), reverse=True)
+        count = each if fitted else PROVE
+        chosen[fitted] += ranked[:count]
+        if fitted and not held_out:
+            chosen[False] += ranked[count : count + PROVE]
+        used = {b.name for b in ranked[:count]} if fitted else set()
+        others += [b for b in found if b.name not in used]
+    return Stretches(tuple(chosen[True]), tuple(chosen[False]), tuple(others), begins)
+
+
+def _ranks(found: Sequence[Recording], machine: Machine) -> Callable[[Recording], tuple[bool, float]]:
+    """Of each block whether it tells anything, and how much."""
+
+    def rank(block: Recording) -> tuple[bool, float]:
+        bag = prepare(block, machine)
+        if bag is None or not excited(bag):
+            return False, 0.0
+        try:
+            return True, lost(bag, machine)
+        except SimulationError:
+            return False, 0.0
+
+    by_name = dict(zip((b.name for b in found), in_parallel(rank, found), strict=True))
+    return lambda block: by_name[block.name]
+
+
+def _far(after: Errors, floor: Errors) -> bool:
+    """Whether a free run errs far more than noise does."""
+    ratios = np.array(after) / np.maximum(np.array(floor), 1e-12)
+    return bool((~(ratios <= FAR_FROM_FLOOR)).any())
+
+
+def _said(whole: WholeProof) -> str:
+    each = ", ".join(
+        f"{name.replace('_', ' ')} {100 * b:.2g} % -> {100 * a:.2g} % (noise {100 * f:.2g} %)"
+        for name, b, a, f in zip(OUTPUTS, whole.nominal, whole.explained, whole.noise_floor, strict=True)
+    )
+    left = f"; far from noise in {len(whole.far)} of them, first: {whole.far[0]}" if whole.far else ""
+    return f"free runs through {whole.blocks} blocks of a minute that nothing was fitted to, median: {each}{left}"
