@@ -144,9 +144,8 @@ def _signal(signal: str, given: Any) -> SignalMap | str:
     if not isinstance(column, (str, int, float)) or isinstance(column, bool):
         raise _EntryError(f"{where}: column is missing: give its name, or write '{signal}: none'")
     dimension = DIMENSION[signal]
-    known = [
-        measure.name for kind in (dimension, _OF_PISTON.get(dimension)) for measure in units.OF_DIMENSION.get(kind, ())
-    ]
+    possible = units.OF_DIMENSION[dimension] + units.OF_DIMENSION.get(_OF_PISTON.get(dimension, ""), ())
+    known = [measure.name for measure in possible]
     if unit not in known:
         raise _EntryError(f"{where}: unit {quoted(unit, 40) or '(none)'}: the {dimension} is in {', '.join(known)}")
     reference = str(entry.get("reference", ""))

@@ -122,12 +122,13 @@ def test_a_noisy_sensor_that_repeats_is_stuck_also_at_rest(tmp_path: Path, name:
 def test_a_pressure_that_is_coarser_than_its_noise_may_rest_and_creep(tmp_path: Path) -> None:
     time, signals = columns(12.0)
     rng = np.random.default_rng(1)
+    signals["angle"][:] = signals["angle"][0]
+    signals["rate"] = 1.5e-3 * rng.standard_normal(len(time))
     for name, level in (("hose_pressure", 1.011e7), ("rod_pressure", 4.0e6)):
         drift = np.where(time < 6.0, 9.0e4 * np.sin(0.4 * time), 0.0)  # now between two steps, now at the edge of one
         signals[name] = np.round((level + drift + 1.7e4 * rng.standard_normal(len(time))) / 2.0e5) * 2.0e5
     found = after(tmp_path, time, signals)
-    assert [event for event in found.events if event.kind == "stuck" and event.start_s < 4.0] == []
-    assert found.signals["hose_pressure"].valid[:400].all()
+    assert found.events == [] and found.signals["hose_pressure"].valid.all()
 
 
 def test_a_coarse_pressure_that_repeats_while_the_boom_goes_far_is_stuck(tmp_path: Path) -> None:
