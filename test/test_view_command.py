@@ -7,16 +7,20 @@ import signal
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from headless_browser import _LOOK, Browser
 
 from boom_bringup import cli
 from boom_bringup.node_command import node_command
+from boom_model.machine_file import load_machine
 from boom_recording.loading import load
 from boom_recording.writing import write
+from boom_view.recorded import series
 
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 90
@@ -52,6 +56,22 @@ def test_a_recording_moves_in_one_file_beside_the_model_and_fits_a_phone(tmp_pat
         browser.value("view.player.seek(document.querySelector('[data-view=time]').max / 2)")
         until(browser, "document.querySelector('[data-value=hose]').textContent.endsWith(' bar')")
         assert browser.value(_LOOK)["out"] == [] and browser.complaints() == []
+
+
+def test_a_recording_at_20_hz_without_gyro_and_rod_pressure_is_shown(tmp_path: Path) -> None:
+    recording = load(LAG)
+    parts = ("stamps_ns", "time", "values", "valid")
+    recording.signals = {
+        name: replace(signal, **{part: getattr(signal, part)[::5] for part in parts})
+        for name, signal in recording.signals.items()
+        if name not in ("rate", "rod_pressure")
+    }
+    write(tmp_path / "slow", recording)
+    page = tmp_path / "crane.html"
+    assert cli.main(["view", str(tmp_path / "slow"), "--to", "10", "--output", str(page)]) == 0
+    shown = series(load(tmp_path / "slow"), load_machine("tz17"), 0.0, 10.0)
+    assert shown.period == 0.05
+    assert np.isfinite(shown.measured["angle"]).mean() > 0.95 and not np.isfinite(shown.measured["rod_pressure"]).any()
 
 
 def test_a_hostile_name_of_a_recording_is_shown_as_text(tmp_path: Path, browser: Browser) -> None:

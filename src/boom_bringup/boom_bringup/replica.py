@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from boom_input.shown import quoted
@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from boom_recording.recording import Recording
 
 
+COARSER = 1.5
+"""Times the file's resolution: what a recording shows of its own is told this well."""
 _NOT_OF_AN_ECU = ("robot_description", "publish_description", "controller_follows", "realtime_priority")
 _TOLD = ("outer_boom_angle", "telescope_length", "load_mass", "robot_description")
 
@@ -25,6 +27,8 @@ class ReplicaError(ValueError):
 
 def machine_of(recordings: Mapping[str, Recording], wanted: str | None = None) -> tuple[Machine, str]:
     """The machine to run and its name or path: the requested one, or the one that all recordings name.
+
+    Its sensors are as coarse as in the recordings.
 
     Args:
         recordings: by the name under which the user knows them.
@@ -39,7 +43,7 @@ def machine_of(recordings: Mapping[str, Recording], wanted: str | None = None) -
     if wanted is not None:
         if not wanted:
             raise ReplicaError("--machine is empty: give a machine file or the name of a shipped one")
-        return load_machine(wanted), wanted
+        return _as_recorded(load_machine(wanted), recordings.values()), wanted
     named = {recording.configuration.machine: bag for bag, recording in recordings.items()}
     if len(named) > 1:
         each = ", ".join(f"{bag} ({quoted(name, 60) or 'no name'})" for name, bag in named.items())
@@ -57,7 +61,21 @@ def machine_of(recordings: Mapping[str, Recording], wanted: str | None = None) -
             f"{bag}: recorded on machine '{quoted(name, 60)}', for which no file is shipped (there is {', '.join(shipped)}): "
             "give its file with --machine FILE"
         )
-    return shipped_machine(name), name
+    return _as_recorded(shipped_machine(name), recordings.values()), name
+
+
+def _as_recorded(machine: Machine, recordings: Iterable[Recording]) -> Machine:
+    """The machine with sensors whose resolution is that of the recordings where it is coarser than the file's."""
+    from boom_input.channels import PREDICTED
+    from boom_recording.measurement import measurements
+
+    noise, seen = machine.sensor_noise(), [measurements(recording) for recording in recordings]
+    steps: dict[str, float] = {}
+    for sensor in PREDICTED:
+        step = max((found[sensor.name].quantum for found in seen), default=0.0)
+        if sensor.quantum and step > COARSER * noise.quantum(sensor):
+            steps[sensor.quantum] = max(step, steps.get(sensor.quantum, 0.0))
+    return machine.with_resolution(steps.get("angle_quantum", 0.0), steps.get("pressure_quantum", 0.0))
 
 
 def rest_of(recording: Recording, bag: str, advice: str = "give another recording") -> dict[str, float]:

@@ -7,6 +7,10 @@ neither happens, the valve did not get it. The answer to be expected is the reco
 
 v' the speed that the same command brings elsewhere in the recording, dc an uncertain dead zone; Cauchy's law, because speeds
 depend on loads as well.
+
+Frozen: a log that repeats a command to the last bit while the boom comes to rest and then moves as that command does not move it.
+The same law with v - v' in the place of v', and the rule of succession: if the operator's command stood still in k seconds of n,
+one more is to be expected with (k + 1) / (n + 2).
 """
 
 from __future__ import annotations
@@ -71,6 +75,49 @@ def latched_checks(series: EvenSeries, boom: Mechanics, supply: float) -> list[R
         f"({measure.text}); the valve was shut, as after a soft stop"
     )
     return [RecordingCheck("latched_command", _TOPIC, tuple(intervals), sentence, measure, total + PRIOR)]
+
+
+def frozen_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
+    """Stretches in which the log of the command stood still and the valve got another one."""
+    command, still = series.command, np.abs(series.smooth("rate")) < STILL
+    expected, spread = _expected(series, boom)
+    speed = boom.lever(series.smooth("angle")) * series.smooth("rate")
+    active = np.abs(command) > NOISE
+    least = round(2.0 * SHORTEST / PERIOD)
+    repeats = np.append(np.diff(command) == 0.0, False) & active
+    frozen = [run for run in stretches(repeats) if run[1] - run[0] >= least]
+    seconds = (np.count_nonzero(active) - sum(end - first for first, end in frozen)) * PERIOD
+    alone = math.log((seconds + 2.0) / (len(frozen) + 1.0))
+    intervals, total, against = [], 0.0, np.zeros(len(series.time), bool)
+    for first, end in frozen:
+        rests = [
+            run
+            for run in stretches(_within(still, first + least // 2, end))
+            if run[1] - run[0] >= FASTEST_HAND / PERIOD
+        ]
+        again = _within(~still, rests[0][1] if rests else end, end)
+        gain = PERIOD * float(np.nansum(np.log1p(((speed - expected) / spread)[again] ** 2)))
+        if gain + alone + PRIOR > 0.0:
+            intervals.append((float(series.time[first]), float(series.time[end - 1])))
+            total += gain
+            against |= again
+    if not intervals:
+        return []
+    measure = mean_measure(
+        "speed of the piston beside what this command brings elsewhere", "m/s", (speed - expected)[against]
+    )
+    sentence = (
+        f"the log of the command stands still for {sum(end - start for start, end in intervals):.1f} s, and the boom does not: it "
+        f"stops and moves again ({measure.text}); what the valve got was not logged"
+    )
+    return [RecordingCheck("latched_command", _TOPIC, tuple(intervals), sentence, measure, total + alone + PRIOR)]
+
+
+def _within(flags: Flags, first: int, end: int) -> Flags:
+    """The flags (n,) from ``first`` to ``end``, and none outside."""
+    result = np.zeros(len(flags), bool)
+    result[first:end] = flags[first:end]
+    return result
 
 
 def _expected(series: EvenSeries, boom: Mechanics) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from boom_checks.check import RecordingCheck
 from boom_checks.clocks import clock_checks
-from boom_checks.commands import chatter_checks, latched_checks
+from boom_checks.commands import chatter_checks, frozen_checks, latched_checks
 from boom_checks.even_series import EvenSeries, even_series
 from boom_checks.mechanics import Mechanics, mechanics
 from boom_checks.readings import reading_checks
@@ -68,7 +68,7 @@ def checks_of(
     if not series.known(*ALL):
         return sampling_checks(recording), series
     found, repaired = reading_checks(series, boom)
-    found += latched_checks(repaired, boom, supply_pressure(machine))
+    found += latched_checks(repaired, boom, supply_pressure(machine)) or frozen_checks(repaired, boom)
     found += clock_checks(repaired, boom)
     found += chatter_checks(series)
     found += sampling_checks(recording)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.recent import Recent
-from boom_estimation.currents import GAP, HeldCurrents, driven, held_currents, held_inputs
+from boom_estimation.currents import HeldCurrents, driven, held_currents, held_inputs
 from boom_estimation.initial_state import resting_start, stationary_guess
 from boom_model.machine import Machine
 from boom_model.observer import KalmanGains, Linearised, Samples
@@ -165,10 +165,10 @@ def prepare(recording: Recording, machine: Machine | None = None, *, aligned: bo
     time = grid[:-1]
     counted = np.ones((count, len(OUTPUTS)), dtype=bool)
     counted[time < BEGINNING] = False
-    gaps = np.flatnonzero(np.diff(currents.time) > GAP)
+    gaps = np.flatnonzero(np.diff(currents.time) > currents.gap)
     for begin, end in zip(currents.time[gaps], currents.time[gaps + 1], strict=True):
         counted[(time >= begin) & (time < end + SETTLING)] = False
-    counted[(time < currents.time[0]) | (time > currents.time[-1] + GAP)] = False
+    counted[(time < currents.time[0]) | (time > currents.time[-1] + currents.gap)] = False
     rest = resting_start(recording, currents)
     start = rest or {name: float(np.mean(s.values[s.valid][:3])) for name, s in zip(OUTPUTS, signals, strict=True)}
     if rest is None:

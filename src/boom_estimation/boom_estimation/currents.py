@@ -20,7 +20,7 @@ from boom_recording.recording import Recording
 Array = NDArray[np.float64]
 
 GAP = 0.05
-"""s. Between currents further apart than this they are unknown (contract)."""
+"""s. Between currents further apart than this they are unknown (contract), at 20 Hz and less than one and a half periods."""
 MEASURED = 0.9
 """Share of valid samples from which a pressure drives the model."""
 
@@ -35,6 +35,11 @@ class HeldCurrents:
     time: Array
     values: Array
     still: NDArray[np.bool_] | None = None
+
+    @property
+    def gap(self) -> float:
+        """From how far apart [s] nothing is known between two samples."""
+        return gap_of(self.time)
 
     def at(self, time: float) -> tuple[float, ...]:
         """The inputs that act at a time [s]; before the first sample the first."""
@@ -58,10 +63,15 @@ class HeldCurrents:
         """(start, end) [s] of the stretches without a gap, none without samples; the last ends at ``end`` at the latest."""
         if len(self.time) == 0:
             return []
-        cuts = np.flatnonzero(np.diff(self.time) > GAP)
+        cuts = np.flatnonzero(np.diff(self.time) > self.gap)
         starts = np.concatenate(([0], cuts + 1))
-        ends = np.concatenate((self.time[cuts], [min(end, self.time[-1] + GAP)]))
+        ends = np.concatenate((self.time[cuts], [min(end, self.time[-1] + self.gap)]))
         return [(float(self.time[k]), float(e)) for k, e in zip(starts, ends, strict=True) if e > self.time[k]]
+
+
+def gap_of(time: Array) -> float:
+    """The time [s] from which two samples of a topic, measured at ``time`` (n,) [s], are a gap apart."""
+    return max(GAP, 1.5 * float(np.median(np.diff(time)))) if len(time) > 1 else GAP
 
 
 def driven(machine: Machine, recording: Recording) -> Machine:

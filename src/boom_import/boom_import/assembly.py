@@ -21,7 +21,7 @@ from boom_import.candidates import (
     name_evidence,
     ratio_columns,
 )
-from boom_import.mapping import ASK, DERIVATIVE, NONE, OPTIONAL, Mapping, SignalMap
+from boom_import.mapping import ASK, DERIVATIVE, NONE, Mapping, SignalMap
 from boom_import.proposal import SURE, Found, find
 from boom_import.source import Column, Source
 from boom_import.timing import TimeChoice
@@ -197,7 +197,7 @@ def _ask_for_reference(proposal: Proposal, found: Found) -> None:
 def _add_optional(proposal: Proposal, found: Found, columns: list[Column]) -> None:
     used = {e.column for e in proposal.mapping.signals.values() if isinstance(e, SignalMap)}
     free = [c for c in columns if c.key not in used and float(np.ptp(c.values)) > 0.0]
-    for signal in OPTIONAL:
+    for signal in _PARTNER:
         partner = found.choices[_PARTNER[signal]].best
         named = [
             c

@@ -22,6 +22,7 @@ SIGNALS = (ANGLE, RATE, HOSE, ROD, EXTEND, RETRACT)
 DIMENSION = {
     ANGLE: units.ANGLE, RATE: units.RATE, HOSE: units.PRESSURE, ROD: units.PRESSURE, EXTEND: units.CURRENT, RETRACT: units.CURRENT,
     "extend_current_command": units.CURRENT, "retract_current_command": units.CURRENT, "reference_angle": units.ANGLE,
+    "head_pressure": units.PRESSURE, "supply_pressure": units.PRESSURE, "tank_pressure": units.PRESSURE,
 }  # fmt: skip
 
 _OTHERS = {"angle", "rate", "pressure", "current"}

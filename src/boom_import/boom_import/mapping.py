@@ -20,7 +20,7 @@ from boom_input.shown import quoted
 from boom_input.yaml_text import read_yaml
 
 ASK, NONE, DERIVATIVE = "ask", "none", "derivative of angle"
-OPTIONAL = tuple(signal for signal in DIMENSION if signal not in SIGNALS)
+_OF_PISTON = {units.ANGLE: units.LENGTH, units.RATE: units.SPEED}
 _KEYS = {"column", "unit", "sign", "scale", "offset", "reference", "part"}
 _CONFIGURATION = {"machine", "q3", "q4", "load"}
 
@@ -144,9 +144,10 @@ def _signal(signal: str, given: Any) -> SignalMap | str:
     if not isinstance(column, (str, int, float)) or isinstance(column, bool):
         raise _EntryError(f"{where}: column is missing: give its name, or write '{signal}: none'")
     dimension = DIMENSION[signal]
-    known = [measure.name for measure in units.OF_DIMENSION[dimension]]
+    possible = units.OF_DIMENSION[dimension] + units.OF_DIMENSION.get(_OF_PISTON.get(dimension, ""), ())
+    known = [measure.name for measure in possible]
     if unit not in known:
-        raise _EntryError(f"{where}: unit {quoted(unit, 40) or '(none)'}: a {dimension} is in {', '.join(known)}")
+        raise _EntryError(f"{where}: unit {quoted(unit, 40) or '(none)'}: the {dimension} is in {', '.join(known)}")
     reference = str(entry.get("reference", ""))
     if dimension == units.PRESSURE and reference not in ("gauge", "absolute", ASK):
         raise _EntryError(f"{where}: reference: give gauge (0 in air) or absolute (about 1 bar in air)")

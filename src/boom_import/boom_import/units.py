@@ -7,6 +7,8 @@ import re
 from typing import NamedTuple
 
 PRESSURE, ANGLE, RATE, CURRENT, TIME, RATIO = "pressure", "angle", "rate", "current", "time", "ratio"
+LENGTH, SPEED = "length", "speed"
+"""Of a cylinder whose piston is recorded in the place of the boom's joint: never proposed, only given."""
 
 
 class UnitOfMeasure(NamedTuple):
@@ -48,7 +50,11 @@ _TABLE: tuple[tuple[str, str, float, str], ...] = (
     ("h", TIME, 3600.0, "h hr hours stunden"),
     ("d", TIME, 86400.0, "d day days tage"),
     ("%", RATIO, 0.01, "% percent prozent pct"),
-    ("", "other", 1.0, "m mm cm km m/s mm/s km/h m/s2 m/s^2 g kg t n kn nm n*m knm v mv volt"),
+    ("m", LENGTH, 1.0, "m"),
+    ("mm", LENGTH, 1e-3, "mm"),
+    ("m/s", SPEED, 1.0, "m/s"),
+    ("mm/s", SPEED, 1e-3, "mm/s"),
+    ("", "other", 1.0, "cm km km/h m/s2 m/s^2 g kg t n kn nm n*m knm v mv volt"),
     ("", "other", 1.0, "kw w hz l/min lpm l cm3 °c degc c k f °f counts"),
 )  # fmt: skip
 _BY_TEXT = {
@@ -60,7 +66,7 @@ BY_NAME = {name: _BY_TEXT[texts.split()[0]] for name, _, _, texts in _TABLE if n
 """The units that a mapping file may name."""
 OF_DIMENSION = {
     dimension: tuple(m for m in BY_NAME.values() if m.dimension == dimension)
-    for dimension in (PRESSURE, ANGLE, RATE, CURRENT, TIME)
+    for dimension in (PRESSURE, ANGLE, RATE, CURRENT, TIME, LENGTH, SPEED)
 }
 
 _ABSOLUTE = re.compile(r"^(bar|psi|mpa|kpa|pa)[ _]?(a|\(a\)|abs\.?|absolut[e]?|\(abs\))$")

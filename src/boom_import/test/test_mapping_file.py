@@ -28,6 +28,20 @@ WHOLE = Mapping(
 )  # fmt: skip
 
 
+HYDRAULICS = Mapping(
+    {
+        "angle": SignalMap("x", "mm"),
+        "rate": "derivative of angle",
+        **dict.fromkeys(("rod_pressure", "extend_current", "retract_current"), "none"),
+        **{
+            name: SignalMap("p_A", "bar", reference="gauge")
+            for name in ("hose_pressure", "head_pressure", "supply_pressure")
+        },
+    }
+)
+"""Of a cylinder alone: the piston in the place of the boom, and pressures that a machine's bus need not have."""
+
+
 def source() -> Source:
     stamps = np.arange(100, dtype=np.int64) * 10_000_000
     angle = 90.0 - 30.0 * np.sin(0.01 * np.arange(100))
@@ -73,10 +87,19 @@ def test_a_mapping_is_applied() -> None:
     assert made.configuration.telescope_length == 2.2 and np.isnan(made.configuration.load_mass)
 
 
+def test_a_piston_and_the_pressures_beside_it_are_imported(tmp_path: Path) -> None:
+    path, own = tmp_path / "m.yaml", source()
+    path.write_text(mapping.text(HYDRAULICS, {}, []))
+    own.columns.append(Column("x", "x", "", own.columns[0].stamps_ns, np.linspace(300.0, 350.0, 100)))
+    made = conversion.convert("made", own, mapping.read(path))
+    np.testing.assert_allclose(made.signals["angle"].values, np.linspace(0.3, 0.35, 100))
+    assert {"head_pressure", "supply_pressure"} < set(made.signals)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ('unit: "deg"', 'unit: "bar"', "signals: angle: unit bar: a angle is in rad"),
+        ('unit: "deg"', 'unit: "bar"', "signals: angle: unit bar: the angle is in rad, mrad, deg, gon, m, mm"),
         ("sign: -1", "sign: 2", "signals: angle: sign: give 1 or -1"),
         ("  rod_pressure: none\n", "", "rod_pressure is missing"),
         ("  rod_pressure: none\n", "  rod_presure: none\n", "unknown entry rod_presure"),

@@ -201,6 +201,12 @@ class Machine:
         values = (zip(p.specification.components, p.value, strict=True) for p in self.parameters.values())
         return namespace(dict(pair for pairs in values for pair in pairs))
 
+    def with_resolution(self, angle: float, pressure: float) -> Machine:
+        """A machine whose sensors have steps of at least ``angle`` [rad] and ``pressure`` [Pa]; its document stays."""
+        noise = self.sensor_noise()
+        steps = {"q2_quant": max(angle, noise.angle_quantum), "p_quant": max(pressure, noise.pressure_quantum)}
+        return replace(self, sensors={**self.sensors, **steps})
+
     def sensor_noise(self) -> SensorNoise:
         """Noise and quantisation of the machine's sensors; ch. 6.4 unless section ``control`` states them."""
         said, noise = self.sensors, SensorNoise()

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_estimation.currents import GAP
+from boom_estimation.currents import GAP, gap_of
 from boom_estimation.initial_state import RESTING_RATE, stationary_guess
 from boom_input import channels
 from boom_model.errors import SimulationError
@@ -122,6 +122,7 @@ class Watch:
         }
         self._filter: WatchFilter | None = None
         self._from = -math.inf
+        self._gap = GAP
         self._judged = -math.inf
         self._heard = 0.0
         self._score = math.nan
@@ -188,6 +189,7 @@ class Watch:
         state = np.clip(state, plant.minimum, plant.maximum)
         self._filter = WatchFilter(self._model, self._noise, state, end, moving=moving, memory=self.settings.memory)
         self._from = end + _SETTLING
+        self._gap = gap_of(np.array([time for time, _ in self._samples[CURRENTS[0]]]))
         self._heard = end
         for name in OUTPUTS:
             self._drop(name, end)
@@ -195,7 +197,7 @@ class Watch:
     def _step(self, filter_: WatchFilter) -> None:
         begin, end = filter_.time, filter_.time + PERIOD
         currents = self._acting(begin, end)
-        if begin - currents[0][0] > GAP:
+        if begin - currents[0][0] > self._gap:
             self._lose(end)
             return
         measured, share = np.full(len(OUTPUTS), np.nan), np.ones(len(OUTPUTS))

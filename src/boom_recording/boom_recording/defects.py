@@ -20,7 +20,7 @@ SECOND = 1e9
 class Thresholds:
     """When something counts as a fault. Times in seconds.
 
-    gap                 the contract's definition of a gap
+    gap                 the contract's definition of a gap; of a logger of 20 Hz and less, one and a half periods
     clock_jump          a stamp may be off against the log time by what a busy network delays (some 10 ms), not by more
     late                a message that arrives this much later than its neighbours: its stamp cannot be trusted, a bus
                         queue was stuck
@@ -33,8 +33,11 @@ class Thresholds:
                         (white noise 2/3, smooth motion 0)
     moving_rate         [rad/s] boom surely moves: above any gyro's bias (5 mrad/s), 26 steps of the angle sensor in
                         half a second
-    moving_angle        [rad] change of angle with which a pressure must change by several of its steps (about 0.5 bar
-                        per 10 mrad)
+    further             share of reversals over more than one step of a sensor below which its noise is smaller than the step
+                        (0.3 steps of noise: 1 %)
+    moving_angle        [rad] change of angle with which a pressure must change
+    moving_steps        by this many of its steps, where they are coarse
+    pressure_slope      [Pa/rad] how much it changes: about 0.5 bar per 10 mrad
     longest             no recording is longer than a week
     merge               two things that begin and end within this of each other happen together
     """
@@ -47,7 +50,10 @@ class Thresholds:
     stuck_factor: float = 5.0
     noisy: float = 0.25
     moving_rate: float = 0.02
+    further: float = 0.01
     moving_angle: float = 0.05
+    moving_steps: float = 5.0
+    pressure_slope: float = 5.0e6
     longest: float = 7 * 86_400.0
     merge: float = 0.1
 
@@ -82,13 +88,13 @@ class StampedEvent:
 def check_missing(
     samples: TopicSamples, start_ns: float, end_ns: float, jumps: list[StampedEvent], limits: Thresholds = THRESHOLDS
 ) -> list[StampedEvent]:
-    """Gaps (longer than `limits.gap` without a sample, also at the ends) and lost samples in between."""
+    """Gaps (no sample for `limits.gap`, or one and a half periods, also at the ends) and lost samples in between."""
     stamps = samples.stamps_ns[samples.timed].astype(np.int64)
     if len(stamps) < 2:
         return [StampedEvent("gap", start_ns, end_ns, 0, "hardly any sample")] if end_ns > start_ns else []
     steps = np.diff(stamps).astype(float)
     period = float(np.median(steps))
-    limit = limits.gap * SECOND
+    limit = max(limits.gap * SECOND, 1.5 * period)
     edges = np.concatenate([[start_ns], stamps.astype(float), [end_ns]])
     open_steps = np.diff(edges)
     events: list[StampedEvent] = []

@@ -39,7 +39,7 @@ def _stuck(samples: TopicSamples, name: str, witness: "_Motion", limits: Thresho
         return []
     values, times = samples.values[name][index], samples.stamps_ns[index].astype(float)
     clipped = name.endswith("current")
-    longest = _believable(values, clipped, limits)
+    longest, step = _believable(values, clipped, limits), _step(values)
     unit = next(channel.unit for channel in samples.channels if channel.name == name)
     events = []
     for a, b in _runs_of_equal(values):
@@ -51,7 +51,7 @@ def _stuck(samples: TopicSamples, name: str, witness: "_Motion", limits: Thresho
             continue
         start = times[a]
         if longest is None or b - a + 1 <= longest:
-            since = witness.stuck_since(name, float(values[a]), times[a], times[b])
+            since = witness.stuck_since(name, float(values[a]), times[a], times[b], step)
             if since is None:
                 continue
             start = since
@@ -64,8 +64,17 @@ def _stuck(samples: TopicSamples, name: str, witness: "_Motion", limits: Thresho
     return events
 
 
+def _step(values: Floats) -> float:
+    """The smallest change of a signal: its resolution, where it is coarse."""
+    changes = np.abs(np.diff(values))
+    return float(changes[changes > 0].min(initial=np.inf))
+
+
 def _believable(values: Floats, clipped: bool, limits: Thresholds) -> float | None:
-    """Longest run of equal values that this signal's noise may make, times the factor; None without noise."""
+    """Longest run of equal values that this signal's noise may make, times the factor; None without noise.
+
+    Noise that never goes further than one step and back is smaller than the step: between two steps it does not show.
+    """
     if clipped:
         values = values[values > 0]
     steps = np.diff(values)
@@ -77,8 +86,9 @@ def _believable(values: Floats, clipped: bool, limits: Thresholds) -> float | No
     changes = steps[(steps != 0)]
     if len(changes) < 20 or not ordinary.any():
         return None
-    reversals = float(np.mean(np.sign(changes[1:]) != np.sign(changes[:-1])))
-    if reversals < limits.noisy:
+    turns = np.sign(changes[1:]) != np.sign(changes[:-1])
+    further = np.abs(changes[1:][turns]) > 1.5 * _step(values)
+    if np.mean(turns) < limits.noisy or np.mean(further) < limits.further:
         return None
     repeats = min(max(float(np.mean(steps[ordinary] == 0)), 1e-3), 0.99)
     return max(limits.stuck_factor * float(np.log(max(len(values), 2)) / -np.log(repeats)), 20.0)
@@ -106,15 +116,18 @@ class _Motion:
         a, b = np.searchsorted(times, [start, end])
         return times[a:b], values[a:b]
 
-    def stuck_since(self, name: str, value: float, start: float, end: float) -> float | None:
-        """From when on [ns] signal `name`, which repeats `value` between two times, is stuck; None where it need not be."""
-        moved = self._contradicts(name, value, start, end)
+    def stuck_since(self, name: str, value: float, start: float, end: float, step: float) -> float | None:
+        """From when on [ns] signal `name`, which repeats `value` between two times, is stuck; None where it need not be.
+
+        step: its resolution.
+        """
+        moved = self._contradicts(name, value, start, end, step)
         if moved is not None:
             return max(start, moved)
         hangs = name == "angle" and any(_same_span(other, (start, end), self._limits) for other in self.stuck_rates)
         return start if hangs else None
 
-    def _contradicts(self, name: str, value: float, start: float, end: float) -> float | None:
+    def _contradicts(self, name: str, value: float, start: float, end: float, step: float) -> float | None:
         """From when on [ns] the boom's motion says that signal `name` left `value`; None where it may have stayed."""
         limits = self._limits
         if name == "angle":
@@ -126,7 +139,8 @@ class _Motion:
             drift = angles - angles[0] - value * (times - times[0]) / SECOND
             return start if float(np.abs(drift).max()) > limits.moving_rate else None
         if name in _FOLLOW:
-            return start if float(np.ptp(angles)) > limits.moving_angle else None
+            several = limits.moving_steps * step / limits.pressure_slope if np.isfinite(step) else 0.0
+            return start if float(np.ptp(angles)) > max(limits.moving_angle, several) else None
         return None
 
 

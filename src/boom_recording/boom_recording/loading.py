@@ -26,8 +26,8 @@ def load(
 ) -> Recording:  # fmt: skip
     """Load the bag at `path`: a rosbag2 directory or a bare .mcap file.
 
-    require   topics that must be there; the rest is optional. Default: angle, currents and configuration; of a sensor that
-              was not recorded there is a signal without valid samples then, and a note
+    require   topics that must be there; the rest is optional. Default: angle, currents and configuration. Where the configuration
+              is asked for, a sensor that was not recorded is a signal without valid samples, and a note
     joint     name of the boom's joint in /joint_states
     joints    names there of the other joints, by the keys of `boom_input.channels.JOINT_NAMES`
     given     pose and load that replace the recorded ones; a bag without a configuration then needs none
@@ -56,6 +56,7 @@ def _load(
             damages += reader.read(file)
         except RecordingError as error:
             raise RecordingError(f"{file.name}: {error}" if len(bag.files) > 1 else str(error)) from None
+    whole = MACHINE_CONFIGURATION in require
     if given.complete():
         require = tuple(topic for topic in require if topic != MACHINE_CONFIGURATION)
     reader.demand(require, damages, bag_folder.import_line(path))
@@ -72,7 +73,7 @@ def _load(
         _check_values(topics, raw, start_ns, end_ns)
     events = [event for topic, found in raw.items() for event in defects.in_seconds(topic, found, start_ns)]
     signals = _signals(topics, start_ns)
-    absent = _absent(signals) if set(require) >= set(ESSENTIAL_TOPICS) else {}
+    absent = _absent(signals) if whole else {}
     signals |= absent
     recording = Recording(
         name=bag.name,

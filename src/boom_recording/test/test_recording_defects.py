@@ -56,6 +56,17 @@ def test_a_gap_is_more_than_50_ms_and_single_samples_are_one_loss_with_a_count(t
     assert (gap.start_s, gap.end_s, gap.count) == (pytest.approx(3.99), pytest.approx(4.05), 5)
 
 
+def test_a_logger_of_20_hz_whose_stamps_jitter_has_gaps_only_where_samples_are_missing(tmp_path: Path) -> None:
+    time, signals = columns(12.0)
+    time = time + 0.005 * np.random.default_rng(2).uniform(size=len(time))
+    keep = np.arange(0, len(time), 5)
+    keep = keep[(keep < 600) | (keep > 640)]
+    found = after(tmp_path, time[keep], {name: values[keep] for name, values in signals.items()})
+    gaps = [event for event in found.events if event.kind == "gap"]
+    assert {event.topic for event in gaps} == {signal.topic for signal in found.signals.values()}
+    assert all(event.start_s == pytest.approx(5.95, abs=0.02) for event in gaps)
+
+
 def test_a_topic_that_starts_late_or_ends_early_has_a_gap_there(tmp_path: Path) -> None:
     time, signals = columns()
     signals["rod_pressure"][:100] = np.nan
@@ -106,6 +117,27 @@ def test_a_noisy_sensor_that_repeats_is_stuck_also_at_rest(tmp_path: Path, name:
     )
     assert not found.signals[name].valid[at].any()
     assert found.signals[name].valid[: at.start - 5].all() and found.signals[name].valid[at.stop + 5 :].all()
+
+
+def test_a_pressure_that_is_coarser_than_its_noise_may_rest_and_creep(tmp_path: Path) -> None:
+    time, signals = columns(12.0)
+    rng = np.random.default_rng(1)
+    signals["angle"][:] = signals["angle"][0]
+    signals["rate"] = 1.5e-3 * rng.standard_normal(len(time))
+    for name, level in (("hose_pressure", 1.011e7), ("rod_pressure", 4.0e6)):
+        drift = np.where(time < 6.0, 9.0e4 * np.sin(0.4 * time), 0.0)  # now between two steps, now at the edge of one
+        signals[name] = np.round((level + drift + 1.7e4 * rng.standard_normal(len(time))) / 2.0e5) * 2.0e5
+    found = after(tmp_path, time, signals)
+    assert found.events == [] and found.signals["hose_pressure"].valid.all()
+
+
+def test_a_coarse_pressure_that_repeats_while_the_boom_goes_far_is_stuck(tmp_path: Path) -> None:
+    time, signals = columns(12.0)  # lifts by 0.8 rad
+    for name in ("hose_pressure", "rod_pressure"):
+        signals[name] = np.round((signals[name] + 3.0e5 * signals["angle"] / 0.1) / 2.0e5) * 2.0e5
+    signals["rod_pressure"][420:780] = signals["rod_pressure"][420]
+    event = only(after(tmp_path, time, signals), "stuck")
+    assert event.topic == "/boom/rod_pressure"
 
 
 def test_an_angle_that_repeats_at_rest_is_believed_and_while_the_rate_moves_it_is_stuck(tmp_path: Path) -> None:

@@ -39,8 +39,9 @@ def simulate(
     name: str = "simulated",
     tolerance: float = FINE,
     motion: JointMotion | None = None,
+    period: float = PERIOD,
 ) -> Recording:
-    """Run a model on held currents and measure at 100 Hz.
+    """Run a model on held currents and measure periodically.
 
     Args:
         machine: the machine with its effects.
@@ -55,6 +56,7 @@ def simulate(
         name: of the recording.
         tolerance: relative, of the integration.
         motion: of the other joints; without, they are locked as configured.
+        period: of the sensors [s].
 
     Raises:
         MachineError: an impossible pose or load, or joints that move without bodies in the file.
@@ -64,8 +66,8 @@ def simulate(
     pose = machine.pose(configuration.outer_boom_angle, configuration.telescope_length, load)
     carrying = machine.carrying(name)
     plant = Plant(carrying if motion is None else carrying.with_moving_joints(), pose, kind)
-    end = float(time[-1]) + PERIOD if duration is None else duration
-    grid: Array = np.arange(math.floor(end / PERIOD + 1e-9) + 1, dtype=np.float64) * PERIOD
+    end = float(time[-1]) + period if duration is None else duration
+    grid: Array = np.arange(math.floor(end / period + 1e-9) + 1, dtype=np.float64) * period
     held, inputs = _inputs(machine, configuration, time, currents, motion, end)
     initial = start.state(plant, inputs[0])
     try:
@@ -82,7 +84,7 @@ def simulate(
     if motion is not None:
         shown_outputs |= measured_joints(motion, grid, noise, rng)
     result = writing.from_columns(name, grid, shown_outputs, configuration)
-    shown_time = _current_times(time, grid)
+    shown_time = _current_times(time, grid, period)
     acting = currents[np.maximum(np.searchsorted(time, shown_time + 1e-9, side="right") - 1, 0)]
     shown = noise.currents(acting, rng)
     columns = {"retract_current": shown[:, 0], "extend_current": shown[:, 1]}
@@ -106,11 +108,11 @@ def _inputs(
     return held, np.column_stack((currents[acting], moved))
 
 
-def _current_times(time: Array, grid: Array) -> Array:
-    """Times at which the currents are measured: as given, and at 100 Hz where none is given within half a period."""
+def _current_times(time: Array, grid: Array, period: float) -> Array:
+    """Times at which the currents are measured: as given, and on the grid where none is given within half a period [s]."""
     inside = time[(time >= 0.0) & (time <= grid[-1])]
     if len(inside) == 0:
         return grid
     after = np.minimum(np.searchsorted(inside, grid), len(inside) - 1)
     distance = np.minimum(np.abs(inside[after] - grid), np.abs(inside[np.maximum(after - 1, 0)] - grid))
-    return np.unique(np.concatenate((inside, grid[distance > 0.5 * PERIOD])))
+    return np.unique(np.concatenate((inside, grid[distance > 0.5 * period])))

@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from boom_identification.estimate import Identified
 from boom_identification.machine_output import document_with
 from boom_input.channels import PREDICTED
+from boom_model.catalogue import EFFECTS
 from boom_model.component_numbers import component_parameters
 from boom_model.components import payload
+from boom_model.learned import PLACES, VARIABLES, LearnedTerm
 from boom_model.machine import Machine, Pose
 from boom_model.machine_file import load_machine, machine_from
 from boom_model.prior import prior_of
@@ -27,14 +29,19 @@ from boom_recording.recording import Configuration, Recording
 from boom_recording.writing import from_columns
 from boom_sim.offline import simulate
 from boom_sim.simulated_crane import CraneStart, EndedEarlyError
+from boom_trials import loggers
 
 Array = NDArray[np.float64]
 Document = dict[str, Any]
 
-PERIOD = 0.01
-"""s."""
+RATES = (20.0, 50.0, 100.0, 100.0, 200.0, 1000.0)
+"""Hz: of sensors and commands; most loggers have 100."""
 FULLY_OPEN = 1.0e7
 """Pa: drop over the supply edge for which the areas of a valve without compensator are made."""
+SHARE = 0.25
+"""Of the cranes with an effect, and of those with a learned term."""
+LEARNED = 0.02
+"""Size of a learned term, in units of its place: far below what moves the boom."""
 SPREAD = 0.5
 """Of a standard deviation of the prior: how far numbers are drawn from the file's."""
 GEOMETRY = ("kinematics.", "cylinder.l", "hose_burst_valve.unit", "constants.", "pilot_valves.")
@@ -71,7 +78,8 @@ def draw(rng: np.random.Generator, seconds: float = 20.0, name: str = "drawn") -
     )
     low, high = machine.angle_limits
     start = CraneStart(angle=low + (high - low) * float(rng.uniform(0.3, 0.6)))
-    time, currents = _operator(machine, pose, rng, seconds)
+    period = 1.0 / float(rng.choice(RATES))
+    time, currents = _operator(machine, pose, rng, seconds, period)
     try:
         recording = simulate(
             machine,
@@ -82,6 +90,7 @@ def draw(rng: np.random.Generator, seconds: float = 20.0, name: str = "drawn") -
             noise=machine.sensor_noise(),
             seed=int(rng.integers(2**31)),
             name=name,
+            period=period,
         )
     except EndedEarlyError as ended:
         recording = ended.recording
@@ -90,8 +99,11 @@ def draw(rng: np.random.Generator, seconds: float = 20.0, name: str = "drawn") -
         del recording.signals[channel]
     if rng.uniform() < 0.5:
         _with_supply(recording, machine, configuration, rng)
+    logger = _logged(recording, rng)
     choices |= {
         "missing": ", ".join(missing) or "none",
+        "rate": f"{1.0 / period:g} Hz",
+        "logger": logger,
         "supply": "measured" if "supply_pressure" in recording.signals else "constant",
     }
     return DrawnCrane(_written(document, machine), choices, missing, recording)
@@ -133,7 +145,10 @@ def _document(rng: np.random.Generator) -> tuple[Document, dict[str, str]]:
         document[payload.NAME] = {"tol": 0.1, "steps": [{"mass": 60.0, "stroke": 0.4}, {"mass": -30.0, "time": 8.0}]}
     machine = machine_from(document)
     names = {c.slot: str(c.name) for c in machine.structure}
-    return document, names | {"body": body, "steps": "yes" if steps else "none"}
+    terms = _terms(machine, rng)
+    names["effect"] = ", ".join(terms.get("effects", ["none"]))
+    names["learned"] = ", ".join(term["equation"] for term in terms.get("learned", [])) or "none"
+    return document | terms, names | {"body": body, "steps": "yes" if steps else "none"}
 
 
 def _numbers(machine: Machine, rng: np.random.Generator) -> Machine:
@@ -162,11 +177,44 @@ def _written(document: Document, machine: Machine) -> Document:
     return dict(document_with(machine_from(document), estimates))
 
 
-def _operator(machine: Machine, pose: Pose, rng: np.random.Generator, seconds: float) -> tuple[Array, Array]:
+def _terms(machine: Machine, rng: np.random.Generator) -> Document:
+    """Sections of the file for an effect of the catalogue, a learned term, both or neither."""
+    sections: Document = {}
+    if rng.uniform() < SHARE:
+        effect = EFFECTS[str(rng.choice([name for name, e in EFFECTS.items() if machine.structure.has(e.needs)]))]
+        rows = effect.parameters
+        sections["effects"] = {
+            effect.id: {row.name: row.starts[0] if row.starts else 0.5 * (row.neutral + row.high) for row in rows}
+        }
+    if rng.uniform() < SHARE:
+        place = str(rng.choice([name for name in PLACES if name != "spool" or machine.structure.spool.piloted]))
+        variable, size = str(rng.choice(list(VARIABLES))), LEARNED * float(rng.standard_normal())
+        reach = 3.0 * VARIABLES[variable].scale
+        sections["learned"] = [LearnedTerm(place, (variable,), (size,), {variable: (-reach, reach)}).document()]
+    return sections
+
+
+def _logged(recording: Recording, rng: np.random.Generator) -> str:
+    """Changes the recording to how another logger has it; in words."""
+    kind = str(rng.choice(["as measured", "coarse", "repeated", "jitter", "without gyro"]))
+    if kind == "coarse":
+        loggers.coarse(recording)
+    if kind == "repeated":
+        loggers.repeated(recording, int(rng.integers(2, 6)))
+    if kind == "jitter":
+        loggers.jittered(recording, rng)
+    if kind == "without gyro" and "rate" in recording.signals:
+        loggers.without_gyro(recording)
+    return kind
+
+
+def _operator(
+    machine: Machine, pose: Pose, rng: np.random.Generator, seconds: float, period: float
+) -> tuple[Array, Array]:
     """Currents (n, 2) [A] of an operator who lifts and lowers, within what the valve of this machine understands."""
     p, e = component_parameters(machine, pose)
     s, stroke = machine.structure, p.main_valve_spool.s_max
-    time: Array = np.arange(round(seconds / PERIOD), dtype=np.float64) * PERIOD
+    time: Array = np.arange(round(seconds / period), dtype=np.float64) * period
     currents = np.zeros((len(time), 2))
     begin, lift = 1.2, True
     while begin < seconds - 2.0:

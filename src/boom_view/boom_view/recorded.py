@@ -16,8 +16,8 @@ from boom_report.view.series import Series, limits, on_grid
 
 Array = NDArray[np.float64]
 
-PERIOD = 0.01
-"""s. The machine's sensors and the page's grid."""
+FINEST = 0.001
+"""s. The page's grid is a whole number of these."""
 MOST = 60_000
 """Samples a channel: ten minutes as they are, longer recordings thinned out."""
 
@@ -37,10 +37,17 @@ def series(recording: Recording, machine: Machine, start: float = 0.0, end: floa
     there = {c.name: recording.signals[c.name] for c in channels if c.name in recording.signals}
     times = {name: signal.time - start for name, signal in there.items()}
     values = {name: np.where(signal.valid, signal.values, np.nan) for name, signal in there.items()}
-    count = max(2, int((end - start) / PERIOD) + 1)
-    measured = on_grid(times, values, PERIOD, count)
-    models = {} if run is None else {"model": on_grid(times, run.values, PERIOD, count)}
-    return Series(recording.name, PERIOD, measured, models, limits(machine)).thinned(MOST)
+    period = _period(recording)
+    count = max(2, int((end - start) / period) + 1)
+    measured = on_grid(times, values, period, count)
+    models = {} if run is None else {"model": on_grid(times, run.values, period, count)}
+    return Series(recording.name, period, measured, models, limits(machine)).thinned(MOST)
+
+
+def _period(recording: Recording) -> float:
+    """The page's grid [s]: the period of the angle."""
+    apart = np.diff(recording.signals["angle"].time)
+    return max(FINEST, round(float(np.median(apart)) / FINEST) * FINEST) if len(apart) else 0.01
 
 
 def scene_of(recording: Recording, machine: Machine) -> dict[str, object]:

@@ -137,7 +137,8 @@ def run(args: argparse.Namespace) -> int:
             result, ended = error.recording, error
         spent = time.perf_counter() - begin
         write_recording(made, result)
-    _show(result, machine, spent, output)
+    following = arguments.command_line("validate", str(output), *arguments.option_words(args, "machine"))
+    _show(result, machine, spent, output, following)
     if args.reference:
         from boom_bringup.commands._simulate_reference import tracking_line
 
@@ -355,7 +356,7 @@ def parse_effects(texts: list[str]) -> dict[str, dict[str, float]]:
     return result
 
 
-def _show(result: Recording, machine: Machine, spent: float, output: Path) -> None:
+def _show(result: Recording, machine: Machine, spent: float, output: Path, next_line: str) -> None:
     from rich.table import Table
 
     from boom_report.console import console_for
@@ -384,4 +385,4 @@ def _show(result: Recording, machine: Machine, spent: float, output: Path) -> No
         text = "; ".join(f"{k} " + ", ".join(f"{n} = {v:g}" for n, v in p.items()) for k, p in machine.effects.items())
         console.print(f"with {text}")
     console.print(f"{result.duration:.1f} s simulated in {spent * 1e3:.0f} ms; the bag is {output}", soft_wrap=True)
-    console.print(f"compare it with the model: ./boom validate {output}", soft_wrap=True)
+    console.print(f"compare it with the model: {next_line}", soft_wrap=True)
