@@ -42,6 +42,7 @@ from boom_controller.node.lockstep import TickGate
 from boom_controller.node.outputs import Log, Outputs
 from boom_controller.node.sample_times import SampleTimes
 from boom_controller.node.node_parameters import PARAMETERS, settings_of, supervision_of
+from boom_controller.loop.other_joints import OtherJoints
 from boom_controller.loop.rehearsal import Rehearsal
 from boom_controller.node.trajectory_requests import TrajectoryRequests
 
@@ -60,13 +61,12 @@ class ControllerNode(LifecycleNode):
             if self._values["time"] == "lockstep"
             else None
         )
+        self._others = OtherJoints(self.get_logger().warning)
         self._loop: ControlLoop | None = None
         self._rehearsal: Rehearsal | None = None
-        self._active = self._realtime = False
+        self._active = self._realtime = self._pending = self._emergency = False
         self._configuration: MachineConfiguration | None = None
         self._told: tuple[str, float, float, float] | None = None
-        self._pending = False
-        self._emergency = False
         clock = self.get_clock()
         self._times = SampleTimes(self._lockstep, self._values, lambda: clock.now().nanoseconds, self.guard.refuse)
         self._last: Cycle | None = None
@@ -215,6 +215,7 @@ class ControllerNode(LifecycleNode):
     def _on_joint(self, message: JointState) -> None:
         if self._loop is None:
             return
+        self._others.take(message.name, message.position)
         try:
             k = list(message.name).index(self._values["joint_name"])
             angle, rate = message.position[k], message.velocity[k]
@@ -314,8 +315,8 @@ class ControllerNode(LifecycleNode):
 
     def _on_configuration(self, message: MachineConfiguration) -> None:
         said = (message.machine, message.outer_boom_angle, message.telescope_length, message.load_mass)
-        if self._told == said:
-            return  # a publisher that joined anew says it again
+        if self._told == said:  # a publisher that joined anew says it again
+            return
         self._told, self._configuration = said, message
         if self._loop is not None:
             self._loop.configuration_changes(self._times.now())
@@ -372,23 +373,22 @@ class ControllerNode(LifecycleNode):
         self.get_logger().info(response.message)
         return response
 
-    # ---------------------------------------------------------------------------------------------------------- health
-
     def _health(self) -> Health:
         if self._loop is None or not self._active:
             return Health(Level.ERROR if self._failure else Level.OK, self._failure or "not active", {})
         values = {"control law": self._loop.law.mode, "cycles": self._cycles, "cycles without all samples": self._late}
-        if self._last is None:
+        last = self._last
+        if last is None:
             return Health(Level.WARN, "no cycle yet", values)
         if self._sole.conflict:
             return Health(Level.ERROR, f"two_publishers: {self._sole.conflict}", values)
-        last = self._last
         values |= {
             "state": last.state.value,
             "computation of the last cycle [us]": f"{1e6 * last.duration:.0f}",
             "estimated load [kg]": f"{last.load:.0f}",
         }
-        return Health(_LEVEL[last.status], last.reason or last.state.value, values)
+        moved = self._others.moved(self._loop.configuration)
+        return Health(max(_LEVEL[last.status], Level(bool(moved))), last.reason or moved or last.state.value, values)
 
 
 def main() -> int:

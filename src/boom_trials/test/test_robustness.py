@@ -31,10 +31,12 @@ from boom_trials.robustness.plants import (
     lag_factors,
     monte_carlo,
     off_nominal,
+    within_tolerance,
 )
 from boom_trials.robustness.requirements import requirement_document, requirement_jobs, rows
 from boom_trials.robustness.stability import is_stable, stability_document
 from boom_trials.robustness.study import Result, StudyRun, carry_out, carry_out_one, summary, with_poses
+from boom_trials.robustness.trajectories import fresh, pose_of, references_of
 
 FOLDER = str(Path(__file__).parents[3] / "bags")
 MACHINE = load_machine("tz17")
@@ -92,13 +94,13 @@ def test_the_spool_is_still_while_the_reference_rests_and_simple_is_the_yardstic
 
 
 def test_the_requirements_are_judged_row_by_row() -> None:
-    asked = [row for row in rows(2, 0) if row.name in ("boom_flexibility, told", "2 scattered plants")]
+    asked = [row for row in rows(2, 0) if row.name in ("boom_flexibility, told", "2 plants, valve within 5 %")]
     jobs = requirement_jobs(asked, ["improved"], FOLDER, "tz17", 0)
-    assert [job.case.told for job in jobs] == [False] * 3 + [True] * 3 + [False] * 2
-    assert all(job.bag in POSE_OF for job in jobs)
+    assert [job.case.told for job in jobs] == [False] * 6 + [True] * 6 + [False] * 2
+    assert all(job.bag in POSE_OF or job.bag.startswith("fresh/") for job in jobs)
     good = [replace(result(1e-4 if job.case.told else 2e-4, bag=job.bag), job=job) for job in jobs]
     first, second = requirement_document(asked, ["improved"], good)["requirements"]
-    assert first["reached"]["improved"]["numbers"] == {"over nominal": pytest.approx(0.5)}
+    assert first["reached"]["improved"]["numbers"]["over nominal"] == pytest.approx(0.5)
     assert first["reached"]["improved"]["met"]
     assert second["reached"]["improved"]["numbers"]["worst"] == pytest.approx(0.2)
     lost = [replace(good[0], diverged="far away"), *good[1:]]
@@ -240,6 +242,41 @@ def test_workers_give_the_results_in_the_order_of_the_jobs() -> None:
 def test_a_sample_begins_with_the_outputs_of_the_model_and_these_with_what_the_law_sees() -> None:
     assert CraneSample._fields[: len(OUTPUTS) + 1] == ("time", *OUTPUTS)
     assert Measurement._fields[:-1] == CraneSample._fields[: len(Measurement._fields) - 1]
+
+
+def test_fresh_trajectories_differ_from_one_another_and_stay_where_the_recorded_ones_of_their_pose_are() -> None:
+    assert len({*fresh(0), *fresh(1)}) == 18
+    recorded = [np.array(references_of(FOLDER, bag, 0.01, -10.0)[0]) for bag in TRAJECTORIES["folded"]]
+    drawn, again = (np.array(references_of(FOLDER, f"fresh/folded/{k}", 0.01, -10.0)[0]) for k in (0, 1))
+    assert pose_of("fresh/folded/0") == "folded"
+    assert len(drawn) == 6001
+    assert not np.array_equal(drawn, again)
+    assert (
+        min(r[:, 0].min() for r in recorded)
+        <= drawn[:, 0].min()
+        < drawn[:, 0].max()
+        <= max(r[:, 0].max() for r in recorded)
+    )
+    assert np.abs(drawn[:, 1]).max() < 1.1 * max(np.abs(r[:, 1]).max() for r in recorded)
+
+
+def test_a_grasped_load_is_judged_under_the_supervision_as_shipped() -> None:
+    light, heavy = (
+        short("improved", "hold/log/0.3", PlantCase("grasped"), 0.0, supervised=True, grasp=Grasp(1.0, load))
+        for load in (700.0, 2000.0)
+    )
+    assert light.finished
+    assert light.back <= 0.7
+    assert heavy.stopped is not None
+    assert heavy.stopped[1].startswith("pressure_limit: ")
+
+
+def test_plants_within_tolerance_differ_in_every_number_but_constants() -> None:
+    (case,) = within_tolerance(1, 0, MACHINE)
+    assert len(case.factors) > 30
+    assert "constants.g" not in case.factors
+    assert all(abs(factor - 1.0) <= MACHINE.parameters[key].tolerance for key, factor in case.factors.items())
+    case.machine(MACHINE, limited=False)
 
 
 def test_every_trajectory_is_there_three_in_each_pose() -> None:

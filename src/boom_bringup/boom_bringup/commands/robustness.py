@@ -72,10 +72,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--requirements",
         action="store_true",
         help="also run improved and simple on plants with dead time, bending and each effect of the catalogue, told to the law "
-        "or not, and print what is asked and what is reached (two minutes)",
+        "or not, with loads under the default supervision, on recorded and fresh trajectories, and print what is asked and what "
+        "is reached (some minutes)",
     )
     parser.add_argument(
-        "--scattered", type=_count, default=20, metavar="N", help="plants of its last row (default: 20)"
+        "--scattered", type=_count, default=20, metavar="N", help="plants of its last rows (default: 20)"
     )
     parser.add_argument(
         "--stability-map",
@@ -128,7 +129,7 @@ def run(args: argparse.Namespace) -> int:
             ]  # fmt: skip
     if args.stability_map:
         parts["stability_map"] = stability_jobs(modes, args.bags, args.machine)
-    asked = rows(args.scattered, args.seed) if args.requirements else []
+    asked = rows(args.scattered, args.seed, args.machine) if args.requirements else []
     judged = [mode for mode in MODES if mode in modes]
     parts["requirements"] = requirement_jobs(asked, judged, args.bags, args.machine, args.seed)
     results: dict[str, list[Result]] = {}

@@ -5,7 +5,8 @@ Nothing of the valve is measured. Pilot stage (5.7c) exactly; spool (3.21) witho
     A_s (p_+ - p_-) = k s_s + d_v s_s' + f_c tanh(s_s' / sigma_s)
 
 Inverse: the set point goes through a first-order filter of time constant ``spool_response``, which gives a position and a velocity
-and so a pressure; the current brings nu nearer to what that pressure needs by the share 1 - exp(-T_s / pilot_response). Inside
+and so a pressure; the current brings nu nearer to what that pressure needs by the share 1 - exp(-T_s / pilot_response). Where the
+current reached its limit, the filter goes on from the simulated position. Inside
 the dead zone, where nothing flows and noise would only make the solenoids hum, the slower ``rest_response`` applies.
 """
 
@@ -64,8 +65,11 @@ class ValveFollower:
         edges = self.edges(x)
         resting = ca.logic_and(ca.fabs(wanted) <= self._dead_zone, ca.fabs(edges) <= self._dead_zone)
         response = ca.if_else(resting, s.rest_response, s.spool_response)
-        velocity = (self._play.spool(x.play, wanted) - x.target) * ((1.0 - ca.exp(-t / response)) / t)
-        target = x.target + velocity * t
+        # a solenoid at its limit: the set point goes on from where the spool is, not from where it should have been
+        limited = ca.fmax(x.retract.current, x.extend.current) >= s.largest_current
+        before = ca.if_else(limited, x.position, x.target)
+        velocity = (self._play.spool(x.play, wanted) - before) * ((1.0 - ca.exp(-t / response)) / t)
+        target = before + velocity * t
         needed = self._spring * target + main_valve_spool.friction(velocity, self._p) + closing(wanted)
         plus, minus = self._pilot.split(needed / self._area, s.neutral_pressure)
         retract = self._valve.drive(x.retract, self._pilot.current(plus), s)

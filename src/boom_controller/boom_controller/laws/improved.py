@@ -58,12 +58,12 @@ class ImprovedSettings(LawSettings):
     """Feedback, valve and observers."""
 
     rest_response: float = tunable(0.05, "s", 0.005, 1.0, "time constant of the spool inside the dead zone, improved")
-    feedback_pole: float = tunable(-5.0, "1/s", -15.0, -0.5, "real pole of the position feedback, improved")
+    feedback_pole: float = tunable(-6.5, "1/s", -15.0, -0.5, "real pole of the position feedback, improved")
     feedback_gain: float = tunable(1.0, "-", 0.1, 5.0, "factor of all feedback gains, improved")
     feedback_damping: float = tunable(0.7, "-", 0.1, 1.5, "damping wanted of the boom on its oil spring, improved")
     largest_damping: float = tunable(30.0, "1/s", 1.0, 60.0, "limit of the force feedback K k_d, improved")
     slowest_frequency: float = tunable(
-        3.0, "rad/s", 0.5, 20.0, "frequency to which a softer oil spring is stiffened, improved"
+        6.0, "rad/s", 0.5, 20.0, "frequency to which a softer oil spring is stiffened, improved"
     )
     predicted_phase: float = tunable(
         1.3, "rad", 0.1, 100.0, "turn of the oil spring within the dead time at which the damping is halved, improved"

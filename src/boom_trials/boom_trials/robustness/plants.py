@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from boom_model.catalogue.pump_flow_limit import EFFECT
+from boom_model.errors import MachineError
 from boom_model.machine import Machine
 from boom_model.variation import BULK_MODULUS, FRICTION, LOAD, PRECHARGE
 
@@ -124,3 +125,28 @@ def monte_carlo(count: int, seed: int, *, loaded: bool = True) -> list[PlantCase
         base = _case("", beta, load, precharge, friction) if loaded else PlantCase("")
         cases.append(base.off(off, f"plant {k}"))
     return cases
+
+
+def within_tolerance(count: int, seed: int, nominal: Machine) -> list[PlantCase]:
+    """Plants whose every single number is drawn within its tolerance of the machine file, uniformly.
+
+    A number whose draw leaves its range is a constant of nature or a unit, and keeps its value.
+    """
+    rng = np.random.default_rng(seed)
+    cases = []
+    for k in range(count):
+        factors = {}
+        for key, entry in nominal.parameters.items():
+            factor = 1.0 + entry.tolerance * float(rng.uniform(-1.0, 1.0))
+            if len(entry.value) == 1 and _allowed(nominal, key, factor * entry.value[0]):
+                factors[key] = factor
+        cases.append(PlantCase(f"plant {k}, all numbers", factors=factors))
+    return cases
+
+
+def _allowed(nominal: Machine, key: str, value: float) -> bool:
+    try:
+        nominal.with_values({key: value})
+    except MachineError:
+        return False
+    return True

@@ -1,7 +1,8 @@
 """What a control law must show, row by row: what is asked, and what each law reaches on the same plants.
 
 A plant here has an effect of the catalogue, which the law is told by the machine file or not. A row gives numbers, of which each
-has a bound; a run that diverged or was stopped leaves its row not met.
+has a bound; a run that diverged or was stopped leaves its row not met. Rows with few plants run along all nine recorded
+trajectories, and again along nine that are drawn afresh from the seed; the others along one of either kind in each pose.
 """
 
 from __future__ import annotations
@@ -24,9 +25,13 @@ from boom_model.catalogue import (
     valve_hysteresis,
 )
 from boom_model.catalogue.effect import Effect
+from boom_model.machine import Machine
+from boom_model.machine_file import load_machine
+from boom_trials.robustness.crane import Grasp
 from boom_trials.robustness.oscillation import AT_ONCE
-from boom_trials.robustness.plants import CONFIGURATIONS, TRAJECTORIES, PlantCase, monte_carlo
+from boom_trials.robustness.plants import CONFIGURATIONS, TRAJECTORIES, PlantCase, monte_carlo, within_tolerance
 from boom_trials.robustness.study import Result, StudyRun
+from boom_trials.robustness.trajectories import HOLD, fresh
 
 MODES = ("improved", "simple")
 """The law in use and the yardstick."""
@@ -35,7 +40,7 @@ SHORT = 20.0
 ONE_EACH = tuple(
     bags[-1] if pose == "log" else bags[1] if pose == "folded" else bags[0] for pose, bags in TRAJECTORIES.items()
 )
-"""One trajectory in each pose."""
+"""One recorded trajectory in each pose."""
 EVERY = tuple(bag for bags in TRAJECTORIES.values() for bag in bags)
 DEAD_TIMES = (0.0, 0.04, 0.06)
 FLEXIBLE = tuple({"gain": gain, "f": f} for f in (1.5, 2.5, 5.0) for gain in (0.25, 0.5))
@@ -48,6 +53,12 @@ RESTING = 6.0
 """s after the trajectory, for what is asked at rest."""
 TOO_HIGH, LATE = 3.0, 0.04
 """Factor of all gains; dead time [s] that is not told, without which three times the gains do not oscillate."""
+HELD_AT = {"extended": (0.0, 0.15, 0.3), "log": (0.0, 0.15, 0.3), "folded": (0.3,)}
+"""Pose -> angles [rad] at which a load is grasped while the boom holds."""
+GRASPED_AT = 1.0
+"""s."""
+LIFTABLE, TOO_HEAVY = (300.0, 700.0), 2000.0
+"""kg that the crane lifts with its supply; kg that it does not."""
 ONSET = 5.0
 """s. When an effect sets in that does on the way."""
 Measure = Callable[[Sequence[Result]], dict[str, float]]
@@ -61,6 +72,7 @@ class Requirement:
         name: what the plant is. asked: name of a number -> (bound, unit), unit included in the print.
         cases: plants, in the order in which ``measure`` gets their results.
         measure: the numbers, in the units of ``asked``, of all results.
+        others: what the runs are beside that (fields of :class:`StudyRun`).
     """
 
     name: str
@@ -70,66 +82,101 @@ class Requirement:
     bags: Sequence[str] = ONE_EACH
     duration: float = SHORT
     may_stop: bool = False
-    governed: bool = False
-    rest: float = 0.0
-    settings: Settings = field(default_factory=Settings)
+    others: Mapping[str, Any] = field(default_factory=dict)
 
     def jobs(self, mode: str, folder: str, machine: str, seed: int) -> list[StudyRun]:
         """The runs of a mode."""
         return [
-            StudyRun(
-                mode,
-                bag,
-                case,
-                seed,
-                folder,
-                machine,
-                duration=self.duration,
-                governed=self.governed,
-                rest=self.rest,
-                settings=self.settings,
-            )
+            StudyRun(mode, bag, case, seed, folder, machine, duration=self.duration, **self.others)
             for case in self.cases
             for bag in self.bags
         ]
 
 
-def rows(scattered: int, seed: int) -> list[Requirement]:
-    """All requirements; ``scattered``: so many plants with all their numbers within tolerance."""
+def rows(scattered: int, seed: int, machine: str = "tz17") -> list[Requirement]:
+    """All requirements; ``scattered``: so many plants with all their numbers within tolerance of the ``machine`` file."""
+    both = (*ONE_EACH, *fresh(seed, 1))
+    found = [*_whole_rows(seed), *_plant_rows(both), *_load_rows()]
+    return [*found, *_scattered_rows(scattered, seed, load_machine(machine))] if scattered else found
+
+
+def _whole_rows(seed: int) -> list[Requirement]:
+    """C0 to C4 on whole trajectories, without and with the reference governor; the time that a cycle takes."""
+    nominal, loaded = [PlantCase("nominal")], [CONFIGURATIONS[name] for name in ("C1", "C2", "C3", "C4")]
+    at_c0 = {"MAE": (0.08, "mm"), "MAXE": (1.4, "mm"), "rho": (12.0, "ms"), "spool at rest": (0.1, "strokes/s")}
+    at_load = {"MAE": (0.4, "mm"), "after 3 s": (0.3, "mm"), "MAXE": (16.5, "mm")}
+    found = []
+    for word, bags in (("", EVERY), (", fresh trajectories", fresh(seed))):
+        found += [
+            Requirement(f"C0{word}", at_c0, nominal, _whole, bags, 0.0),
+            Requirement(f"C1 to C4{word}", at_load, loaded, _whole, bags, 0.0),
+            Requirement(
+                f"C1 to C4, off the slowed path{word}", at_load, loaded, _whole, bags, 0.0, others={"governed": True}
+            ),
+        ]
+    return [*found, Requirement("a cycle's computation, in this process", {"p99": (100.0, "us")}, nominal, _cycle)]
+
+
+def _plant_rows(bags: Sequence[str]) -> list[Requirement]:
+    """Dead time, bending, the combined case, each effect, a small pump."""
     mean = {"mean": (0.0, "mm")}
     still = {"at rest": (0.2, "mm"), "force at rest": (2.0, "kN")}
     delays = [_case(f"{1e3 * t:.0f} ms", {command_delay.EFFECT.id: {"T": t}} if t else {}) for t in DEAD_TIMES]
     bends = [_case(f"{n['f']:g} Hz, {n['gain']:g}", {boom_flexibility.EFFECT.id: n}) for n in FLEXIBLE]
     nominal = PlantCase("nominal")
-    loaded = [CONFIGURATIONS[name] for name in ("C1", "C2", "C3", "C4")]
-    found = [
-        Requirement("C0", {"MAE": (0.08, "mm"), "MAXE": (1.4, "mm"), "rho": (12.0, "ms"), "spool at rest": (0.1, "strokes/s")},
-            [nominal], _whole, EVERY, 0.0),
-        Requirement("C1 to C4", {"MAE": (0.4, "mm"), "after 3 s": (0.3, "mm"), "MAXE": (16.5, "mm")}, loaded, _whole, EVERY, 0.0),
-        Requirement("dead time 0 to 60 ms, told", {**_up_to(mean, 0.3), "worst pose": (0.5, "mm")}, _told(delays), _worst_case),
-        Requirement("dead time 0 to 60 ms, not told", {"worst pose": (0.5, "mm")}, delays, _worst_case),
+    return [
+        Requirement("dead time 0 to 60 ms, told", {**_up_to(mean, 0.3), "worst pose": (0.5, "mm")}, _told(delays), _worst_case,
+            bags),
+        Requirement("dead time 0 to 60 ms, not told", {"worst pose": (0.5, "mm")}, delays, _worst_case, bags),
         Requirement("flexibility 1.5 to 5 Hz, told", {"worst pose": (0.5, "mm"), **still},
-            _told(bends), _worst_case, rest=RESTING),
-        Requirement("flexibility 1.5 to 5 Hz, not told", {"out of control": (0.0, "runs")}, bends, _out_of_control, may_stop=True),
+            _told(bends), _worst_case, bags, others={"rest": RESTING}),
+        Requirement("flexibility 1.5 to 5 Hz, not told", {"out of control": (0.0, "runs")}, bends, _out_of_control, bags,
+            may_stop=True),
         Requirement("lag x 1.7, 40 ms, air, hysteresis, told", _up_to(mean, 0.4), _told([_case("combined", COMBINED)]),
-            _worst_case),
+            _worst_case, bags),
         *(
-            Requirement(f"{effect.id}, told", {"over nominal": (1.5, "")}, [nominal, *_told([_of(effect)])], _ratio,
-                governed=effect is pump_flow_limit.EFFECT)
+            Requirement(f"{effect.id}, told", {"over nominal": (1.5, "")}, [nominal, *_told([_of(effect)])], _ratio, bags,
+                others={"governed": effect is pump_flow_limit.EFFECT})
             for effect in CATALOGUE
         ),
-        Requirement("pump limit of 50 l/min, told", {"worst pose": (3.0, "mm"), "MAXE": (3.0, "mm")},
-            _told([_case("pump", PUMP)]), _worst_case, governed=True),
+        Requirement("pump limit of 50 l/min, told, off the slowed path", {"worst pose": (3.0, "mm"), "MAXE": (3.0, "mm")},
+            _told([_case("pump", PUMP)]), _worst_case, bags, others={"governed": True}),
     ]  # fmt: skip
-    if scattered:
-        high = [_case(f"run {k}", {command_delay.EFFECT.id: {"T": LATE}}) for k in range(scattered)]
-        found.append(Requirement(f"gains {TOO_HIGH:g} times too high, {1e3 * LATE:.0f} ms not told, {scattered} runs",
-            {"recognised late": (0.0, "runs"), "not calmed": (0.0, "runs")}, high, _oscillating, ("",), may_stop=True,
-            settings=Settings(feedback_gain=TOO_HIGH)))  # fmt: skip
-        plants = monte_carlo(scattered, seed, loaded=False)
-        asked = {"mean": (0.15, "mm"), "worst": (0.3, "mm"), "out of control": (0.0, "runs")}
-        found.append(Requirement(f"{scattered} scattered plants", asked, plants, _scattered, ("",)))
+
+
+def _load_rows() -> list[Requirement]:
+    """Loads under the supervision as shipped: attached at the first instant, and grasped while the boom holds."""
+    real = {"supervised": True, "limited": True, "governed": True}
+    held = [f"{HOLD}/{pose}/{angle:g}" for pose, angles in HELD_AT.items() for angle in angles]
+    found = [
+        Requirement(f"{load:g} kg, 250 bar and 84 l/min, default supervision", {"MAE": (1.5, "mm")},
+            [PlantCase(f"{load:g} kg", load)], _whole, EVERY, 0.0, others=real)
+        for load in LIFTABLE
+    ]  # fmt: skip
+    for load, asked in (
+        (LIFTABLE[-1], {"back after": (0.7, "s"), "stopped": (0.0, "runs")}),
+        (TOO_HEAVY, {"neither stopped nor held": (0.0, "runs")}),
+    ):
+        case, grasp = PlantCase(f"{load:g} kg grasped"), Grasp(GRASPED_AT, load)
+        found.append(
+            Requirement(f"{load:g} kg grasped, default supervision", asked, [case], _grasped, held, 0.0, may_stop=True,
+                others={"supervised": True, "grasp": grasp})
+        )  # fmt: skip
     return found
+
+
+def _scattered_rows(count: int, seed: int, nominal: Machine) -> list[Requirement]:
+    """Oscillations put in, plants 5 % off, plants with every number within its tolerance."""
+    high = [_case(f"run {k}", {command_delay.EFFECT.id: {"T": LATE}}) for k in range(count)]
+    asked = {"mean": (0.15, "mm"), "worst": (0.3, "mm"), "out of control": (0.0, "runs"), "oscillating": (0.0, "runs")}
+    return [
+        Requirement(f"gains {TOO_HIGH:g} times too high, {1e3 * LATE:.0f} ms not told, {count} runs",
+            {"recognised late": (0.0, "runs"), "not calmed": (0.0, "runs")}, high, _oscillating, ("",), may_stop=True,
+            others={"settings": Settings(feedback_gain=TOO_HIGH)}),
+        Requirement(f"{count} plants, valve within 5 %", asked, monte_carlo(count, seed, loaded=False), _scattered, ("",)),
+        Requirement(f"{count} plants, every number within its tolerance", asked, within_tolerance(count, seed, nominal),
+            _scattered, ("",)),
+    ]  # fmt: skip
 
 
 def requirement_jobs(
@@ -137,7 +184,7 @@ def requirement_jobs(
 ) -> list[StudyRun]:
     """All runs, row by row and mode by mode; scattered plants take the trajectories in turn."""
     jobs = [job for row in asked for mode in modes for job in row.jobs(mode, folder, machine, seed)]
-    turn = {"": 0}
+    turn = [0]
     return [job if job.bag else _in_turn(job, turn) for job in jobs]
 
 
@@ -161,7 +208,10 @@ def requirement_document(
 
 
 def _reached(row: Requirement, results: Sequence[Result]) -> dict[str, Any]:
-    numbers = row.measure(results)
+    numbers = {
+        "rho": max((1e3 * r.rho for r in results if r.finished and isfinite(r.rho)), default=nan),
+        **row.measure(results),
+    }
     lost = sum(not r.finished for r in results)
     met = (row.may_stop or not lost) and all(
         isfinite(numbers[name]) and round(numbers[name], 2) <= bound for name, (bound, _) in row.asked.items()
@@ -189,9 +239,10 @@ def _up_to(asked: Mapping[str, tuple[float, str]], bound: float) -> dict[str, tu
     return {name: (bound, unit) for name, (_, unit) in asked.items()}
 
 
-def _in_turn(job: StudyRun, turn: dict[str, int]) -> StudyRun:
-    turn[""] += 1
-    return replace(job, bag=EVERY[turn[""] % len(EVERY)], seed=job.seed + turn[""])
+def _in_turn(job: StudyRun, turn: list[int]) -> StudyRun:
+    turn[0] += 1
+    every = (*EVERY, *fresh(job.seed))
+    return replace(job, bag=every[turn[0] % len(every)], seed=job.seed + turn[0])
 
 
 def _mean(values: Sequence[float]) -> float:
@@ -259,4 +310,19 @@ def _scattered(results: Sequence[Result]) -> dict[str, float]:
         "mean": _mean(good),
         "worst": max(good, default=nan),
         "out of control": float(sum(not r.finished for r in results)),
+        "oscillating": float(sum(r.noted is not None for r in results)),
     }
+
+
+def _grasped(results: Sequence[Result]) -> dict[str, float]:
+    """Of the runs that were not stopped: the longest time until the boom is back."""
+    held = [r.back for r in results if r.finished]
+    return {
+        "back after": max(held, default=nan),
+        "stopped": float(sum(r.stopped is not None for r in results)),
+        "neither stopped nor held": float(sum(r.stopped is None and not isfinite(r.back) for r in results)),
+    }
+
+
+def _cycle(results: Sequence[Result]) -> dict[str, float]:
+    return {"p99": min(1e6 * r.cycle for r in results)}

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,17 +23,17 @@ from boom_controller.blocks.control_model import ControlModel, OperatingPoint
 from boom_controller.controller import Settings, make_controller
 from boom_controller.references.governor import Governor
 from boom_controller.references.polynomial import to_rest
-from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_controller.types import Controller, Reference
 from boom_model.catalogue import EFFECTS, EffectParameter
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
-from boom_recording.loading import load
 from boom_report.tracking.position_error import errors, piston_positions
 from boom_trials.robustness.crane import Grasp, History, TrialCrane, carried_out, start_state
 from boom_trials.robustness.oscillation import Oscillation, oscillation_of
-from boom_trials.robustness.plants import POSE_OF, SUPPLY_PRESSURE, PlantCase
+from boom_trials.robustness.plants import SUPPLY_PRESSURE, PlantCase
+from boom_trials.robustness.trajectories import pose_of, references_of
+from boom_trials.robustness.watched import Watched
 
 Array = NDArray[np.float64]
 
@@ -46,6 +45,8 @@ BRAKING, LAST = 0.5, 3.0
 """s in which a trajectory comes to rest; s at the end of a run that are looked at by themselves."""
 STILL, SETTLING = 5.0e-6, 1.0
 """m/s below which the reference rests; s after which the boom does, too."""
+NEAR = 5.0e-3
+"""m from its reference, within which a boom that grasped a load is back."""
 SLOWEST = 1.0e-3
 """m/s. Largest speed that a motion has at least."""
 
@@ -63,6 +64,7 @@ class StudyRun:
         settings: of the controller.
         governed: the path is slowed where the boom cannot follow; Table 6.3 has no such thing.
         rest: [s] at rest after the trajectory; not part of the errors.
+        supervised: the default supervision ends the run where it would stop the boom.
     """
 
     mode: str
@@ -79,6 +81,7 @@ class StudyRun:
     grasp: Grasp | None = None
     governed: bool = False
     rest: float = 0.0
+    supervised: bool = False
 
 
 @dataclass(frozen=True)
@@ -86,10 +89,12 @@ class Result:
     """Result of a run: errors of the piston [m], force oscillation [N] (NaN if it diverged), why it diverged or stopped.
 
     Attributes:
-        late_mae: mean error after the first ``LATE`` seconds. rho: largest error over largest wanted speed [s].
+        late_mae: mean error after the first ``LATE`` seconds. rho: largest error over largest wanted speed [s], NaN without motion.
         rest_travel: travel of the spool over full stroke while the reference rests [1/s]; NaN if it never does.
         noted: see :class:`boom_trials.robustness.crane.History`. rest_swing: peak to peak of the last 3 s [m].
         oscillated: see :mod:`boom_trials.robustness.oscillation`.
+        back: [s] after a grasp from which on the piston stays within ``NEAR``; infinite if it does not, NaN without a grasp.
+        cycle: [s] of the law's computation, 99 of 100 take less.
     """
 
     job: StudyRun
@@ -107,6 +112,8 @@ class Result:
     history: History | None = None
     rest_swing: float = math.nan
     oscillated: Oscillation = field(default_factory=Oscillation)
+    back: float = math.nan
+    cycle: float = math.nan
 
     @property
     def finished(self) -> bool:
@@ -168,7 +175,8 @@ def carry_out_one(job: StudyRun) -> Result:
         grasp=job.grasp,
     )
     known = machine if job.case.told else nominal
-    controller = _controller(job.mode, _Known(job.machine, known), pose_key, job.settings)
+    law = _controller(job.mode, _Known(job.machine, known), pose_key, job.settings)
+    controller = Watched(law, nominal, supervised=job.supervised)
     governor = Governor(job.settings.sample_time) if job.governed else None
     history = carried_out(controller, crane, references, delay=job.delay, governor=governor)
     wished = piston_positions(nominal, history.reference)
@@ -186,9 +194,11 @@ def carry_out_one(job: StudyRun) -> Result:
     return Result(
         job, measured.mae, measured.maxe, measured.rmse, oscillation, final, history.diverged, history.stopped,
         late_mae=float(np.mean(np.abs(late))) if len(late) else math.nan,
-        rho=measured.maxe / max(float(speed.max()), SLOWEST), rest_travel=_rest_travel(nominal, history, speed),
+        rho=measured.maxe / float(speed.max()) if speed.max() > SLOWEST else math.nan,
+        rest_travel=_rest_travel(nominal, history, speed),
         noted=history.noted, history=history if job.keep else None, rest_swing=float(np.ptp(error[-round(LAST / period) :])),
         oscillated=oscillation_of(error, period, history.noted, history.stopped is not None),
+        back=_back(error, period, job.grasp), cycle=float(np.quantile(controller.seconds, 0.99)),
     )  # fmt: skip
 
 
@@ -196,6 +206,15 @@ def _to_rest(end: Reference, seconds: float, period: float) -> list[Reference]:
     piece = to_rest(end, BRAKING)
     times = (period * (k + 1) for k in range(round(seconds / period)))
     return [piece.at(t) if t < BRAKING else Reference(piece.at(BRAKING).angle) for t in times]
+
+
+def _back(error: Array, period: float, grasp: Grasp | None) -> float:
+    if grasp is None:
+        return math.nan
+    far = np.flatnonzero(np.abs(error) > NEAR)
+    if len(far) and far[-1] == len(error) - 1:
+        return math.inf
+    return float((far[-1] + 1) * period - grasp.time) if len(far) else 0.0
 
 
 def _rest_travel(machine: Machine, history: History, speed: Array) -> float:
@@ -231,6 +250,7 @@ def summary(results: Iterable[Result]) -> dict[str, Any]:
         "rmse_mm": mean([1e3 * r.rmse for r in good]),
         "diverged": sum(bool(r.diverged) for r in every),
         "stopped": sum(r.stopped is not None for r in every),
+        "rho_ms": mean([1e3 * r.rho for r in good if math.isfinite(r.rho)]),
         "force_oscillation_n": mean([r.oscillation for r in good]),
     }
 
@@ -238,10 +258,10 @@ def summary(results: Iterable[Result]) -> dict[str, Any]:
 def with_poses(results: Iterable[Result]) -> dict[str, Any]:
     """:func:`summary` over all and under ``poses`` over each pose."""
     every = list(results)
-    poses = list(dict.fromkeys(POSE_OF[r.job.bag] for r in every))
+    poses = list(dict.fromkeys(pose_of(r.job.bag) for r in every))
     return {
         **summary(every),
-        "poses": {pose: summary([r for r in every if POSE_OF[r.job.bag] == pose]) for pose in poses},
+        "poses": {pose: summary([r for r in every if pose_of(r.job.bag) == pose]) for pose in poses},
     }
 
 
@@ -308,18 +328,3 @@ class _Known:
 @lru_cache(maxsize=32)
 def _controller(mode: str, known: _Known, pose: tuple[float, float, float], settings: Settings) -> Controller:
     return make_controller(mode, known.machine, known.machine.pose(*pose), settings)
-
-
-@lru_cache(maxsize=32)
-def references_of(
-    folder: str, bag: str, period: float, pole: float
-) -> tuple[list[Reference], tuple[float, float, float]]:
-    """Smooth references of a recorded angle, one a period, and (q_3, q_4, load) of its configuration."""
-    recording = load(Path(folder) / bag)
-    angle = recording.signals["angle"]
-    grid = np.arange(int(recording.duration / period) + 1) * period
-    wanted = np.interp(grid, angle.time[angle.valid], angle.values[angle.valid]).tolist()
-    generator = TrajectoryGenerator(pole, period)
-    references = [generator.reset(wanted[0]), *(generator.step(value) for value in wanted[:-1])]
-    c = recording.configuration
-    return references, (c.outer_boom_angle, c.telescope_length, c.load_mass)

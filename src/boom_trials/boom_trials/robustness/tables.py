@@ -18,7 +18,8 @@ def print_document(numbers: Mapping[str, Any], console: Console, *, limited: boo
     """Prints the document of ``boom_trials.robustness.document``; ``limited``: the supply was."""
     with console.capture() as printed:
         console.print(
-            f"Piston position, mean over nine trajectories: MAE / MAXE / RMSE [mm], supply {'limited' if limited else 'unlimited'}",
+            "Piston position, mean over nine trajectories: MAE / MAXE / RMSE [mm] / rho [ms], supply "
+            + ("limited" if limited else "unlimited"),
             markup=False,
         )
         console.print(_configurations(numbers))
@@ -26,7 +27,7 @@ def print_document(numbers: Mapping[str, Any], console: Console, *, limited: boo
         console.print(_poses(numbers))
         _stopped(numbers, console)
         if "off_nominal" in numbers:
-            console.print("C0 on plants 5 % off nominal, MAE / MAXE / RMSE [mm]", markup=False)
+            console.print("C0 on plants 5 % off nominal, MAE / MAXE / RMSE [mm] / rho [ms]", markup=False)
             console.print(_off_nominal(numbers["off_nominal"]))
         for part, title in (
             ("monte_carlo", "Monte Carlo over Table 6.1 and +-5 % on dead zone, spring, areas, pilot lag"),
@@ -36,7 +37,10 @@ def print_document(numbers: Mapping[str, Any], console: Console, *, limited: boo
                 console.print(title, markup=False)
                 console.print(_monte_carlo(numbers[part]))
         if "requirements" in numbers:
-            console.print("what is asked and what is reached (*: not met), trajectories in all poses", markup=False)
+            console.print(
+                "what is asked and what is reached (*: not met; rho: largest of largest error over largest speed, ms)",
+                markup=False,
+            )
             console.print(_requirements(numbers["requirements"]))
         if "stability_map" in numbers:
             console.print("largest dead time [ms] up to which the loop is stable (-: never stable)", markup=False)
@@ -45,11 +49,12 @@ def print_document(numbers: Mapping[str, Any], console: Console, *, limited: boo
 
 
 def three(numbers: Mapping[str, Any]) -> str:
-    """``MAE / MAXE / RMSE`` [mm], with the number of diverged runs where there are any."""
+    """``MAE / MAXE / RMSE`` [mm] ``/ rho`` [ms], with the number of diverged runs where there are any."""
     ended = [f"{numbers[word]} {word}" for word in ("diverged", "stopped") if numbers[word]]
     if numbers["mae_mm"] is None:
         return ", ".join(ended)
-    return ", ".join([f"{numbers['mae_mm']:.2f} / {numbers['maxe_mm']:.1f} / {numbers['rmse_mm']:.2f}", *ended])
+    rho = "" if numbers.get("rho_ms") is None else f" / {numbers['rho_ms']:.0f}"
+    return ", ".join([f"{numbers['mae_mm']:.2f} / {numbers['maxe_mm']:.1f} / {numbers['rmse_mm']:.2f}{rho}", *ended])
 
 
 def largest_dead_times(stability: Mapping[str, Any], mode: str, pose: str) -> dict[str, str]:
@@ -111,7 +116,7 @@ def _off_nominal(numbers: Mapping[str, Any]) -> Table:
 
 
 def _monte_carlo(numbers: Mapping[str, Any]) -> Table:
-    table = _table("", "plants", "diverged", "MAE / MAXE / RMSE, mean", "MAE 5 / 50 / 95 / 100 %, mm")
+    table = _table("", "plants", "diverged", "MAE / MAXE / RMSE / rho, mean", "MAE 5 / 50 / 95 / 100 %, mm")
     for mode, each in numbers.items():
         quantiles = each.get("mae_mm_quantiles", {})
         means = three({**each, "diverged": 0, "stopped": 0}) if quantiles else "-"
@@ -134,7 +139,9 @@ def _one_reached(reached: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
     values = [reached["numbers"][name] for name in asked]
     text = ", ".join("-" if value is None else f"{value:.3g}" for value in values)
     lost = f", {reached['lost']} lost" if reached["lost"] else ""
-    return f"{text}{lost}{'' if reached['met'] else ' *'}"
+    largest = reached["numbers"].get("rho")
+    rho = "" if largest is None or "rho" in asked else f" (rho {largest:.0f})"
+    return f"{text}{lost}{rho}{'' if reached['met'] else ' *'}"
 
 
 def _stability(stability: Mapping[str, Any]) -> Table:
