@@ -163,6 +163,8 @@ def test_the_bag_carries_the_name_of_its_machine_file(
     assert load(tmp_path / "named").configuration.machine == "stranger"
     assert boom(*words, "--output", "bare") == 0
     assert "./boom validate bare --q3 RAD --q4 M --load KG --machine FILE\n" in capsys.readouterr().out
+    assert boom(*words, "--machine", "tz17", "--output", "no_pose") == 0  # a bag names no machine without a pose
+    assert "./boom validate no_pose --q3 RAD --q4 M --load KG --machine tz17\n" in capsys.readouterr().out
 
 
 def test_a_given_load_replaces_the_recorded_one() -> None:

@@ -108,11 +108,11 @@ def test_pip_install_at_the_top_makes_boom_of_all_packages(tmp_path):
         else:
             shutil.copy(source, target)
     subprocess.run([sys.executable, "-c", code, str(tmp_path)], cwd=tmp_path / "tree", capture_output=True, check=True)
-    with zipfile.ZipFile(tmp_path / "boom-0.1.0-py3-none-any.whl") as wheel:
+    with zipfile.ZipFile(tmp_path / "boom-0.2.0-py3-none-any.whl") as wheel:
         inside = set(wheel.namelist())
-        metadata = wheel.read("boom-0.1.0.dist-info/METADATA").decode()
-        scripts = wheel.read("boom-0.1.0.dist-info/entry_points.txt").decode()
-    assert "Name: boom\nVersion: 0.1.0" in metadata and "Requires-Dist: casadi==" in metadata
+        metadata = wheel.read("boom-0.2.0.dist-info/METADATA").decode()
+        scripts = wheel.read("boom-0.2.0.dist-info/entry_points.txt").decode()
+    assert "Name: boom\nVersion: 0.2.0" in metadata and "Requires-Dist: casadi==" in metadata
     assert "boom = boom_bringup.cli:main" in scripts
     folders = [tmp_path / "tree" / "src" / name for name in PYTHON_PACKAGES]
     modules = {path.relative_to(folder) for folder in folders for path in folder.glob("[bc]*/**/*") if path.is_file()}

@@ -1,3 +1,3 @@
 """Commands, launch files and parameter files of the boom."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -1,3 +1,3 @@
 """Validation of the model against recordings, and the reports."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

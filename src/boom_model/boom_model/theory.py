@@ -30,8 +30,6 @@ _STATE_EQUATIONS = {
     "hose_pressure": "5.39i", "accumulator_pressure_1": "5.39g", "accumulator_pressure_2": "5.39h",
     "spool_position": "5.39n", "spool_velocity": "5.39n,o", "pilot_retract": "5.39p", "pilot_extend": "5.39s",
 }  # fmt: skip
-IN_A_CELL = 3
-"""Numbers of an effect; more go on in the next row."""
 _INPUT_SYMBOLS = ("i_+", "i_-")
 _AUXILIARY = {
     "head_flow": ("q_a", "5.39f"), "hose_flow": ("q_h", "5.39l"), "rod_flow": ("q_b", "5.39m"),
@@ -120,7 +118,7 @@ def effects_table() -> str:
             f"`{row.name}` [{row.unit}] {row.meaning}: neutral {row.neutral:g}, range {row.low:.3g} .. {row.high:.3g}"
             for row in effect.parameters
         ]
-        first, *more = ("<br>".join(numbers[k : k + IN_A_CELL]) for k in range(0, len(numbers), IN_A_CELL))
+        first, *more = numbers
         rows.append(
             (f"`{effect.id}`", f"`{effect.subsystem}`", effect.equation, f"`{effect.term}`", first, effect.regime)
         )

@@ -1,3 +1,3 @@
 """HTML reports and tables on a terminal."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

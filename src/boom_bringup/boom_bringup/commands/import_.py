@@ -143,10 +143,11 @@ def _show(source: Source, proposal: Proposal) -> None:
         soft_wrap=True,
     )
     table = Table()
-    for heading in ("signal", "column", "unit", "sign", "reference", "range", "sure"):
-        table.add_column(heading, justify="right" if heading == "sure" else "left", overflow="fold")
-    for row in rows(source, proposal):
-        table.add_row(*row[:7])
+    for heading in ("signal", "column", "unit", "sign", "range", "sure"):
+        whole = heading in ("range", "sure")
+        table.add_column(heading, justify="right" if heading == "sure" else "left", overflow="fold", no_wrap=whole)
+    for signal, column, unit, sign, reference, reach, sure, _ in rows(source, proposal):
+        table.add_row(signal, column, f"{unit} {reference}".strip(), sign, reach, sure)
     console.print(table)
     for note in (*proposal.notes, *source.notes):
         console.print(f"note: {note}", soft_wrap=True)
@@ -226,11 +227,17 @@ def _next(machine: str | None, recording: Recording, output: Path) -> list[str]:
 
     known = recording.stored_configuration
     lines, words = [], ["./boom", "validate", shlex.quote(str(output))]
+    named = known.machine if known else ""
     if known is None:
         lines.append("note: pose and load are not known: every command that needs them takes them as options")
         words.append("--q3 RAD --q4 M --load KG")
-    if known is None or not known.machine:
+    if known is None and machine:
+        lines.append(
+            "note: without a pose the bag cannot name its machine either: repeat --machine, or import with --q3 and --q4"
+        )
+    elif not named:
         lines.append("note: the machine is not named: every command that runs a model takes its file as an option")
-    if known is None or known.machine not in shipped_machines():
-        words.append(f"--machine {shlex.quote(machine) if machine and Path(machine).is_file() else 'FILE'}")
+    if named not in shipped_machines():
+        usable = machine and (Path(machine).is_file() or machine in shipped_machines())
+        words.append(f"--machine {shlex.quote(machine) if machine and usable else 'FILE'}")
     return [*lines, f"compare it with the model: {' '.join(words)}"]

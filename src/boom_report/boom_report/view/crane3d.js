@@ -3,8 +3,9 @@
 (function () {
   const DEPTH = 0.26;
 
+  const bar = (length, height, depth, material) => new THREE.Mesh(new THREE.BoxGeometry(length, height, depth), material);
   function box(length, height, depth, material) {
-    const mesh = new THREE.Mesh(new THREE.BoxGeometry(length, height, depth), material);
+    const mesh = bar(length, height, depth, material);
     const edges = new THREE.LineSegments(new THREE.EdgesGeometry(mesh.geometry), material.userData.edge);
     mesh.add(edges);
     return mesh;
@@ -47,8 +48,32 @@
     return Array.isArray(a) ? a.map((v, i) => v + f * (b[i] - v)) : a + f * (b - a);
   }
 
+  // What does not move within itself as one mesh with one set of edges: a frame costs by the number of draws.
+  function fused(parts, ghost) {
+    const look = new THREE.MeshLambertMaterial({ vertexColors: true, transparent: ghost, opacity: ghost ? 0.3 : 1, depthWrite: !ghost });
+    const attribute = (list) => {
+      const all = new Float32Array(list.reduce((n, a) => n + a.length, 0));
+      list.reduce((n, a) => { all.set(a, n); return n + a.length; }, 0);
+      return new THREE.BufferAttribute(all, 3);
+    };
+    const of = (geometries, name) => attribute(geometries.map((g) => g.attributes[name].array));
+    const placed = (geometry, part) => { part.updateMatrix(); return geometry.applyMatrix4(part.matrix); };
+    const solids = parts.map((part) => placed(part.geometry.toNonIndexed(), part)), solid = new THREE.BufferGeometry();
+    solid.setAttribute("position", of(solids, "position"));
+    solid.setAttribute("normal", of(solids, "normal"));
+    const tint = (part, k) => { const c = part.material.color; return solids[k].attributes.position.array.map((_, i) => [c.r, c.g, c.b][i % 3]); };
+    solid.setAttribute("color", attribute(parts.map(tint)));
+    const mesh = new THREE.Mesh(solid, look), edged = parts.filter((part) => part.children.length);
+    if (edged.length) {
+      const lines = new THREE.BufferGeometry();
+      lines.setAttribute("position", of(edged.map((part) => placed(part.children[0].geometry, part)), "position"));
+      mesh.add(new THREE.LineSegments(lines, edged[0].children[0].material));
+    }
+    return mesh;
+  }
+
   function crane(scene, ghost, colours) {
-    const all = new THREE.Group(), boom = new THREE.Group(), look = materials(ghost, colours), height = scene.joint[1];
+    const all = new THREE.Group(), look = materials(ghost, colours), height = scene.joint[1];
     const column = box(0.42, height, 0.4, look.frame);
     column.position.y = -height / 2;
     const base = box(2.4, 0.14, 1.7, look.frame);
@@ -57,11 +82,11 @@
     const inner = box(1, 0.3, DEPTH, look.boom), outer = box(1, 0.24, DEPTH * 0.8, look.steel);
     lay(inner, [0, 0], elbow);
     lay(outer, elbow, tip);
-    boom.add(inner, outer);
-    [[0, 0], elbow, tip].forEach((p) => { const m = pin(look.frame, 0.09); m.position.set(p[0], p[1], 0); boom.add(m); });
-    all.add(column, base, boom);
+    const pins = [[0, 0], elbow, tip].map((p) => { const m = pin(look.frame, 0.09); m.position.set(p[0], p[1], 0); return m; });
+    const boom = fused([inner, outer, ...pins], ghost);
+    all.add(fused([column, base], ghost), boom);
     const links = scene.bars.map((_, k) => {
-      const part = k ? box(1, 0.1, 0.08, look.steel) : rod(0.075, look.steel);
+      const part = k ? bar(1, 0.1, 0.08, look.steel) : rod(0.075, look.steel);
       part.position.z = k ? (k % 2 ? 0.2 : -0.2) : 0;
       all.add(part);
       return part;
@@ -69,9 +94,12 @@
     const barrel = rod(0.11, look.cylinder);
     if (links.length) all.add(barrel);
     const hook = rod(0.025, look.frame), load = rod(scene.load > 0 ? Math.min(0.6, 0.12 + 0.02 * Math.cbrt(scene.load)) : 0.06, look.load);
+    lay(hook, [0, 0], [0, -0.9]);
     load.rotation.set(0, Math.PI / 2, 0);
     load.scale.x = scene.load > 0 ? 3 : 0.4;
-    all.add(hook, load);
+    load.position.y = -0.95;
+    const hanging = fused([hook, load], ghost);
+    all.add(hanging);
     function pose(angle) {
       boom.rotation.z = angle;
       links.forEach((part, k) => {
@@ -84,8 +112,7 @@
         }
       });
       const c = Math.cos(angle), s = Math.sin(angle), x = tip[0] * c - tip[1] * s, y = tip[0] * s + tip[1] * c;
-      lay(hook, [x, y], [x, y - 0.9]);
-      load.position.set(x, y - 0.95, 0);
+      hanging.position.set(x, y, 0);
       return [x, y];
     }
     return { all, pose, size, materials: Object.values(look) };
@@ -114,7 +141,7 @@
     const sun = new THREE.DirectionalLight("#ffffff", 2.6);
     sun.position.set(3, 8, 9);
     world.add(new THREE.HemisphereLight("#ffffff", "#b9bec4", 2.2), sun);
-    let machine, ghost, marker, ground, dirty = true, scene = null, apart = 0;
+    let machine, ghost, marker, ground, dirty = true, scene = null, seen = null;
     controls.addEventListener("change", () => { dirty = true; });
 
     function dispose(group) {
@@ -124,6 +151,7 @@
     }
     function set(given) {
       scene = given;
+      seen = null;
       [machine && machine.all, ghost && ghost.all, marker, ground].forEach(dispose);
       const colours = style();
       machine = crane(scene, false, colours);
@@ -139,20 +167,28 @@
     function home() {
       if (!scene) return;
       const reach = Math.max(4, machine.size), narrow = camera.aspect < 1.2 ? 1.2 / camera.aspect : 1;
-      controls.target.set(reach * 0.36, -reach * 0.16, -0.5);
-      camera.position.set(reach * 0.9, reach * 0.35, reach * 2.75 * narrow);
+      controls.target.set(reach * 0.42, -reach * 0.16, -0.8);
+      camera.position.set(reach * 1.7, reach * 0.5, reach * 2.3 * narrow);
       controls.update();
       dirty = true;
     }
+    // Whether the picture changes: a tip that moves by less than a quarter of a pixel is where it was.
+    function moved(next) {
+      const metre = canvas.clientHeight / (2 * Math.tan((camera.fov * Math.PI) / 360) * camera.position.distanceTo(controls.target));
+      const far = (a, b) => (a === null || b === null ? a !== b : Math.abs(a - b) * machine.size * metre > 0.25);
+      return !seen || next.mode !== seen.mode || next.parted !== seen.parted || far(next.angle, seen.angle) || far(next.ghost, seen.ghost);
+    }
     function show(angle, ghostAngle, mode, parted) {
       if (!scene || angle === null) return;
+      const next = { angle, ghost: ghostAngle, mode, parted: !!parted };
+      if (!moved(next)) return;
+      seen = next;
       const tip = machine.pose(angle), known = ghostAngle !== null && mode !== "off";
       ghost.all.visible = known;
       if (known) ghost.pose(ghostAngle);
-      apart = parted ? 1 : 0;
-      marker.visible = !!apart;
+      marker.visible = next.parted;
       marker.position.set(tip[0], tip[1], 0.2);
-      ghost.all.position.z = mode === "beside" ? -2.2 : 0;
+      ghost.all.position.z = mode === "beside" ? -3 : 0;
       dirty = true;
     }
     function paint() {

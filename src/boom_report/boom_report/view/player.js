@@ -2,6 +2,7 @@
 // One player for a recording, a report and the running machine: time, crane, scheme, plots, marks.
 (function () {
   const SMOOTH = 0.08;  // s that a live picture lags: samples arrive in batches
+  const READABLE = 100;  // ms between two texts
   const channelsOf = (scene) => scene.channels;
 
   window.makePlayer = function (root, scene, data) {
@@ -12,7 +13,7 @@
     one("scheme").innerHTML = scene.scheme;  // drawn and escaped by boom_report.scheme
     const colour = makeScheme(one("scheme"));
     const plots = makePlots(one("plots"), channelsOf(scene), (t) => { seek(t); });
-    const state = { t: data.live ? null : 0, playing: !root.closest(".moving.card"), follow: data.live, model: data.models[0] || null, drawn: null, shown: 0, frames: 0, since: performance.now() };
+    const state = { t: data.live ? null : 0, playing: !root.closest(".moving.card"), follow: data.live, model: data.models[0] || null, drawn: null, read: 0, frames: 0, since: performance.now() };
     const first = () => (data.time.length ? data.time[0] : 0), last = () => (data.time.length ? data.time[data.time.length - 1] : 0);
 
     data.models.forEach((m, i) => which.add(new Option(m.label, i)));
@@ -82,6 +83,8 @@
       colour({ hose: value(m, "hose_pressure"), rod: value(m, "rod_pressure"), head, supply: value(m, "supply_pressure") ?? scene.supply, tank: value(m, "tank_pressure") ?? scene.tank },
         flows(k), [value(m, "retract_current"), value(m, "extend_current")], elapsed);
       plots.show(t, first(), last());
+      if (state.playing && performance.now() - state.read < READABLE) return;  // numbers that change faster cannot be read
+      state.read = performance.now();
       slider.value = t;
       say(t, angle, ghost, parted);
     }

@@ -92,7 +92,8 @@
         plots.forEach(({ plot }) => plot.setScale("x", { min: shown[0], max: shown[1] }));
         dirty = false;
       }
-      plots.forEach(({ line }) => { line.style.left = `${((100 * (t - shown[0])) / (shown[1] - shown[0])).toFixed(2)}%`; });
+      const share = (t - shown[0]) / (shown[1] - shown[0]);
+      plots.forEach(({ plot, line }) => { line.style.transform = `translateX(${((share * plot.bbox.width) / devicePixelRatio).toFixed(1)}px)`; });
     }
     let width = 0;
     new ResizeObserver(() => {
