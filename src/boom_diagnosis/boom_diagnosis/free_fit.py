@@ -45,6 +45,7 @@ class FreeRunPredictor(Predictor):
         self.weights = tuple(weights)
 
     def _gains(self, i: int, plant: Plant, values: Values) -> KalmanGains:
+        del values  # nothing is corrected, whatever they are
         n, ny = len(self.bags[i].grid) - 1, len(OUTPUTS)
         whitening = np.broadcast_to(np.diag(self.weights[i]), (n, ny, ny))
         return KalmanGains(np.zeros((n, len(plant.state_names), ny)), whitening)

@@ -201,8 +201,7 @@ def _look(case: Case, progress: Progress, tight: bool) -> bool:
     z, values = (case.last.z, case.last.effects) if case.taken else (np.zeros(len(case.nuisances)), {})
     found = run_round(
         case.machine, case.bags, case.select, case.nuisances, z, values, progress,
-        nominal=None if case.taken else case.nominal, tight=tight,
-        least=partial(least, case),
+        nominal=None if case.taken else case.nominal, tight=tight, least=partial(least, case),
     )  # fmt: skip
     if case.taken and _dissatisfied(case, found):
         found = _beside_nominal(case, found)
