@@ -258,7 +258,8 @@ def gained_by_guesses(case: Case) -> float:
 def _gained_before(case: Case, problem: Problem) -> float:
     """Nats, net, of the effects that were taken, as the observer of ``problem`` counts: a loose one sees less of everything."""
     gained = sum(w.net for w in case.taken)
-    if not case.taken or problem.predictor.looseness == case.rounds[len(case.taken) - 1].problem.predictor.looseness:
+    before = case.rounds[len(case.taken) - 1].problem if case.taken else problem
+    if problem is before or problem.predictor.looseness == before.predictor.looseness:
         return gained
     without, beside = problem.points([(at.z, at.effects) for at in (case.kept(0), case.last)])
     share = (without.loss - beside.loss) / max(sum(w.gain for w in case.taken), 1e-9)

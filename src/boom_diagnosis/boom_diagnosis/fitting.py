@@ -107,6 +107,8 @@ class Problem:
     """Tolerances and recordings; hypotheses are fitted in it.
 
     select: for each recording (n, NY) flags of the samples that are fitted; judged: of those that are only predicted.
+    shapes: numbers whose prior is normal about the middle of their plausible range, which is four standard deviations wide; a row
+    each behind the innovations.
     """
 
     def __init__(
@@ -115,12 +117,14 @@ class Problem:
         nuisances: Sequence[Nuisance],
         select: Sequence[NDArray[np.bool_]],
         judged: Sequence[NDArray[np.bool_]] | None = None,
+        shapes: Sequence[Coordinate] = (),
     ) -> None:
-        self.predictor = predictor
+        self.predictor, self.shapes = predictor, tuple(shapes)
         self.nuisances = tuple(nuisances)
         self.select = [np.asarray(s) for s in select]
         self.rows = self.select if judged is None else [s | j for s, j in zip(self.select, judged, strict=True)]
-        self.used = np.concatenate([s[rows] for s, rows in zip(self.select, self.rows, strict=True)])
+        used = [s[rows] for s, rows in zip(self.select, self.rows, strict=True)]
+        self.used = np.concatenate([*used, np.ones(len(self.shapes), dtype=bool)])
         nominal = dict(zip(predictor.base[0].parameter_names, predictor.base[0].p, strict=True))
         poses = [dict(zip(p.parameter_names, p.p, strict=True)) for p in predictor.base]
         self._nominal = {
@@ -148,7 +152,7 @@ class Problem:
         predicted = self.predictor.predict([self.values(z, e) for z, e in wanted])
         result = []
         for (z, e), rows in zip(wanted, predicted, strict=True):
-            w = self._row([r.whitened for r in rows])
+            w = np.concatenate([self._row([r.whitened for r in rows]), self._unlikely(e)])
             loss = rho(w[self.used]) + 0.5 * float(z @ z)
             result.append(
                 Point(z.copy(), dict(e), w, self.used, loss, [r.whitened for r in rows], [r.states for r in rows])
@@ -158,7 +162,14 @@ class Problem:
     def _changes(self, at: Point, moved: Sequence[tuple[Array, Mapping[str, float]]]) -> list[Array]:
         """(rows,) what each move changes in the innovations."""
         base, others = self.values(at.z, at.effects), [self.values(z, e) for z, e in moved]
-        return [self._row(changes) for changes in self.predictor.changes(base, others)]
+        unlikely = [self._unlikely(e) - self._unlikely(at.effects) for _, e in moved]
+        changed = self.predictor.changes(base, others)
+        return [np.concatenate([self._row(c), u]) for c, u in zip(changed, unlikely, strict=True)]
+
+    def _unlikely(self, effects: Mapping[str, float]) -> Array:
+        """(number of shapes,) standard deviations of each from the middle of its plausible range."""
+        ends = [(c.inner(c.plausible[0]), c.inner(c.plausible[1]), c.inner(effects[c.name])) for c in self.shapes]
+        return np.array([4.0 * (value - 0.5 * (low + high)) / (high - low) for low, high, value in ends])
 
     def _row(self, parts: Sequence[Array]) -> Array:
         return np.concatenate([part[s] for part, s in zip(parts, self.rows, strict=True)])

@@ -1,6 +1,9 @@
 """Numbers fitted to what a user looks at: free runs, from where the fit to one-step errors ended.
 
-    minimised: sum over channels c of (m_c / 2) log(mean e_c^2) + |z|^2 / 2
+    minimised: sum over channels c of (m_c / 2) log(mean e_c^2) + |z|^2 / 2 + |s|^2 / 2
+
+s: numbers that give an effect its shape, in standard deviations from the middle of their plausible range: free runs of a recording
+often tell them only together with others.
 
 e_c: error of the free run, m_c: seconds that are fitted, because what is wrong lasts about as long as a motion
 (``DISCREPANCY_TIME``). Gauss and Newton, each channel weighted by its error where the step begins.
@@ -17,13 +20,14 @@ from numpy.typing import NDArray
 from boom_diagnosis.assumptions import NEAR_FLOOR
 from boom_diagnosis.bag_samples import PERIOD, Bag
 from boom_diagnosis.case import Case
-from boom_diagnosis.coordinates import all_coordinates
+from boom_diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.found_machine import found_machine
 from boom_diagnosis.freerun import errors, free_run, noise_floor
 from boom_diagnosis.hypotheses import effects_of
 from boom_diagnosis.prediction import Predictor, Values
 from boom_diagnosis.proof import placed, spans_of, worsening
+from boom_model.catalogue import EFFECTS
 from boom_model.learned import DISCREPANCY_TIME
 from boom_model.machine import Machine
 from boom_model.observer import KalmanGains
@@ -84,8 +88,10 @@ def _fitted(case: Case, at: Point, select: Sequence[Flags]) -> Point:
     """The best point that the steps reach, as the observer of a healthy machine sees it."""
     z, effects = at.z, dict(at.effects)
     names = tuple(c for c in all_coordinates(effects_of(effects)) if not c.onset)  # one-step errors tell it sharply
+    leading = {f"effects.{e}.{row.name}" for e in effects_of(effects) for row in EFFECTS[e].leading}
+    shapes = tuple(c for c in names if c.positive and c.name not in leading and c.plausible[0] < c.plausible[1])
     for _ in range(TURNS):
-        problem = _problem(case, z, effects, select)
+        problem = _problem(case, z, effects, select, shapes)
         begin = problem.points([(z, effects)])[0]
         end, _ = problem.fit(begin, problem.nuisance_jacobian(begin), names, iterations=1)
         if begin.loss - end.loss < SETTLED:
@@ -94,7 +100,9 @@ def _fitted(case: Case, at: Point, select: Sequence[Flags]) -> Point:
     return case.problem(z, effects, 1.0).points([(z, effects)])[0]
 
 
-def _problem(case: Case, z: Array, effects: Mapping[str, float], select: Sequence[Flags]) -> Problem:
+def _problem(
+    case: Case, z: Array, effects: Mapping[str, float], select: Sequence[Flags], shapes: Sequence[Coordinate]
+) -> Problem:
     """Free runs with the weights of their errors at a point."""
     spreads = [np.nanstd(bag.samples().measured, axis=0) for bag in case.bags]
     plain = Problem(FreeRunPredictor(case.machine, case.bags, [1.0 / s for s in spreads]), case.nuisances, select)
@@ -102,4 +110,4 @@ def _problem(case: Case, z: Array, effects: Mapping[str, float], select: Sequenc
     for part, spread, chosen in zip(plain.points([(z, effects)])[0].parts, spreads, select, strict=True):
         square = np.array([np.mean(e[s] ** 2) if s.any() else np.inf for e, s in zip(part.T, chosen.T, strict=True)])
         weights.append(np.sqrt(PERIOD / DISCREPANCY_TIME / square) / spread)
-    return Problem(FreeRunPredictor(case.machine, case.bags, weights), case.nuisances, select)
+    return Problem(FreeRunPredictor(case.machine, case.bags, weights), case.nuisances, select, shapes=shapes)

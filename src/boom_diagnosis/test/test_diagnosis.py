@@ -160,7 +160,7 @@ def test_tolerances_are_relative_and_a_load_has_kilograms() -> None:
     found = {n.name: n for n in tolerances(tz17(), pose)}
     beta = found["fluid.beta"]
     assert beta.value(1e9, 1.0) / 1e9 == pytest.approx(np.exp(beta.sigma))
-    assert found["pose.load"].value(300.0, -1.0) == pytest.approx(300.0 - 20.0 / np.sqrt(3))
+    assert found["pose.load"].value(300.0, -1.0) == pytest.approx(300.0 - 20.0 / 2)
 
 
 def nominal_look(effects: dict[str, dict[str, float]], looseness: float = 1.0) -> tuple[Scanner, np.ndarray]:
@@ -291,7 +291,7 @@ def test_what_tolerances_can_make_up_for_is_no_gain_of_an_effect() -> None:
     found = rebased(Round((), base, jacobian[:, : len(at.z)], (fitted,), {}, problem))
     assert found.base.loss == pytest.approx(at.loss, abs=2.0)
     load = [n.name for n in problem.nuisances].index("pose.load")
-    assert problem.nuisances[load].value(0.0, float(found.base.z[load])) == pytest.approx(60.0, abs=5.0)
+    assert problem.nuisances[load].value(0.0, float(found.base.z[load])) == pytest.approx(60.0, abs=6.0)
 
 
 def test_a_search_goes_on_while_it_gains_much_and_ends_where_it_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -368,11 +368,13 @@ def test_a_number_further_off_than_its_tolerance_is_named_where_an_effect_is_tha
 
 
 def test_a_number_may_fall_as_far_as_it_may_rise_and_where_an_effect_begins_no_further_than_its_tolerance() -> None:
-    """The viscous friction is known to 30 %, the spring to 15 %; the logarithm is searched."""
+    """The viscous friction is a guess, the bulk modulus known to 10 %, the spring to 15 %; the logarithm is searched."""
     found = {n.name: n for n in tolerances(tz17(), tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0))}
-    viscous, spring = found["friction.k_v_pos"], found["main_valve_spool.k"]
-    furthest = 4.0 * 0.3 / np.sqrt(3.0)
-    assert [viscous.value(1.0, z) for z in viscous.limits] == pytest.approx([1.0 - furthest, 1.0 + furthest])
+    viscous, bulk, spring = (found[n] for n in ("friction.k_v_pos", "fluid.beta", "main_valve_spool.k"))
+    low, high = (viscous.value(1.0, z) for z in viscous.limits)
+    assert low * high == pytest.approx(1.0) and 5.0 < high < 6.5
+    furthest = 2.0 * tz17().parameters["fluid.beta"].tolerance
+    assert [bulk.value(1.0, z) for z in bulk.limits] == pytest.approx([1.0 - furthest, 1.0 + furthest])
     assert [spring.value(1.0, z) for z in spring.limits] == pytest.approx([0.85, 1.15])
 
 

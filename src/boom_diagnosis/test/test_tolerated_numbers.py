@@ -1,0 +1,71 @@
+"""How far the numbers of a machine may move in a diagnosis: by their priors, a guess further than what is known."""
+
+from __future__ import annotations
+
+import copy
+from math import inf
+from typing import Any
+
+import pytest
+from diagnosis_samples import BAGS
+from test_must_keep import fit
+
+from boom_diagnosis.must_keep import kept
+from boom_diagnosis.nuisances import Nuisance, tolerances
+from boom_estimation.sensor_noise import with_measured_noise
+from boom_model.machine import Machine
+from boom_model.machine_file import load_machine, machine_from
+from boom_recording.loading import load
+
+
+def changed(section: str, key: str, **entry: Any) -> Machine:
+    document = copy.deepcopy(dict(load_machine("tz17").document))
+    document[section][key] = {**document[section][key], **entry}
+    return machine_from(document)
+
+
+def by_name(machine: Machine) -> dict[str, Nuisance]:
+    return {n.name: n for n in tolerances(machine, machine.pose(0.28, 2.2))}
+
+
+@pytest.mark.parametrize(
+    ("tol", "sigma"),
+    [(0.1, 0.05), ({"abs": 400.0}, 0.05), ({"factor": 3.0}, 0.549), ({"range": [3800.0, 4200.0]}, 0.025)],
+)
+def test_a_tolerance_is_two_standard_deviations_in_whichever_form_it_is_told(tol: Any, sigma: float) -> None:
+    own = by_name(changed("friction", "tau_C_pos", tol=tol))["friction.tau_C_pos"]
+    assert own.sigma == pytest.approx(sigma, abs=1e-3)
+
+
+def test_a_range_ends_where_its_owner_says() -> None:
+    own = by_name(changed("friction", "tau_C_pos", tol={"range": [3800.0, 4200.0]}))["friction.tau_C_pos"]
+    assert [own.value(4000.0, z) for z in own.limits] == pytest.approx([3800.0, 4200.0])
+
+
+def test_a_guess_may_be_off_by_a_factor_of_six_and_what_is_known_by_twice_its_tolerance() -> None:
+    guess = by_name(load_machine("tz17"))["friction.tau_C_pos"]
+    told = by_name(changed("friction", "tau_C_pos", tol=0.3))["friction.tau_C_pos"]
+    assert guess.value(1.0, guess.limits[1]) == pytest.approx(5.9, abs=0.2)
+    assert told.value(1.0, told.limits[1]) == pytest.approx(1.6, abs=0.01)
+    assert guess.value(1.0, 1.0) == pytest.approx(told.value(1.0, 1.0), rel=0.02)  # near the file both are the same
+
+
+def test_a_guess_at_four_edges_lets_each_edge_differ_and_a_known_one_does_not() -> None:
+    known, guessed = by_name(load_machine("tz17")), by_name(changed("main_valve_orifices", "x0", conf="low"))
+    differences = {n for n in guessed if guessed[n].difference}
+    assert len(differences) == 3 and not any(n.difference for n in known.values())
+    assert all(guessed[n].value(0.0, guessed[n].limits[1]) < inf for n in differences)
+
+
+def test_the_noise_that_a_recording_shows_counts_where_the_file_tells_less() -> None:
+    machine, recording = load_machine("tz17"), load(BAGS / "healthy" / "extended")
+    assert with_measured_noise(machine, [recording]) is machine  # told right
+    quieter = machine.with_sensors({"p_noise_psd": 1e4, "p_quant": 100.0})
+    assert with_measured_noise(quieter, [recording]).sensor_noise().pressure_sigma == pytest.approx(1.75e4, rel=0.1)
+
+
+def test_numbers_far_off_may_leave_what_their_wrong_form_leaves_and_it_is_said() -> None:
+    explained = (0.05, 0.02, 0.02, 0.03)
+    verdict, _, notes = kept("parameters_only", [], fit(explained), True, form=0.14)
+    assert verdict == "parameters_only" and "angle 5 times" in notes[0]
+    assert kept("parameters_only", [], fit((0.2, 0.02, 0.02, 0.03)), True, form=0.14)[0] == "ambiguous"
