@@ -60,10 +60,11 @@ def fit_to_free_runs(case: Case) -> None:
 
     A fit counts where it improves free runs over data not used.
     """
-    for k in dict.fromkeys((0, len(case.trained) - 1)):
+    which = dict.fromkeys((0, len(case.trained) - 1))
+    if not any(_far(case, case.trained[k]) for k in which):  # both are fitted or none: they are compared
+        return
+    for k in which:
         before = case.trained[k]
-        if not _far(case, before):
-            continue
         after = _fitted(case, before, case.training)
         if worsening(case, before, after) >= 1.0:
             continue
