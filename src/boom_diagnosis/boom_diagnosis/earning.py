@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import log
+from math import log, sqrt
 
 import numpy as np
 
@@ -247,11 +247,16 @@ def least(case: Case, problem: Problem) -> float:
 
 
 def gained_by_guesses(case: Case) -> float:
-    """Nats that the numbers gained over the file's, where one is further off than its tolerance: such a file guessed forms, too."""
+    """Nats that the numbers gained over the file's, where these were guesses and explain nearly all: their forms were guesses, too.
+
+    One is further off than its tolerance, and free runs over data not used keep no more than ``OTHER_FORM`` of their power.
+    """
     if not case.rounds or np.all(np.abs(case.rounds[0].base.z) <= TWIN_Z + 1e-6):
         return 0.0
     first = case.rounds[0]
     nominal = first.problem.points([(np.zeros_like(first.base.z), {})])[0]
+    if worsening(case, nominal, case.trained[0]) > sqrt(OTHER_FORM):
+        return 0.0
     return max(nominal.loss - first.base.loss, 0.0)
 
 
