@@ -26,7 +26,6 @@ from boom_diagnosis.document import (
     RankingRow,
     Verdict,
 )
-from boom_diagnosis.earning import gained_by_guesses
 from boom_diagnosis.experiment import propose
 from boom_diagnosis.fitting import Point, rho
 from boom_diagnosis.freerun import UNKNOWN, free_run
@@ -44,16 +43,7 @@ from boom_diagnosis.proof import (
     proving_result,
     spans_of,
 )
-from boom_diagnosis.weighing import (
-    NEGLIGIBLE,
-    OTHER_FORM,
-    Z90,
-    Weighed,
-    estimates,
-    posterior,
-    probabilities,
-    unknown_probability,
-)
+from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, posterior, probabilities, unknown_probability
 from boom_model.catalogue import EFFECTS
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine
@@ -179,8 +169,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     runs = {label: [free_run(s.recording, placed(m, case, s)) for s in spans.all] for label, m in machines.items()}
     fit, ladder = fit_and_ladder(case, machines, runs, spans)
     known = any(copy is not bag for copy, bag in zip(case.healthy, case.bags, strict=True))
-    form = sqrt(OTHER_FORM) if gained_by_guesses(case) else 0.0
-    verdict, findings, unproved = kept(verdict, findings, fit, known, form)
+    verdict, findings, unproved = kept(verdict, findings, fit, known)
     experiment = (
         propose(case, _rivals(case, ranked)) if verdict in ("ambiguous", "unknown_physics", "identified") else None
     )
@@ -268,13 +257,8 @@ def _tight(case: Case) -> _Tight:
         problem = case.problem(case.kept(0).z, {}, LOOSENESS[0])
         start = problem.points([(case.kept(0).z, {})])[0]
         before = min(before, problem.fit(start, problem.nuisance_jacobian(start))[0].excess(case.floor))
-    form = OTHER_FORM * gained_by_guesses(case) / int(stages[1].used.sum())
-    before, after = max(before - form, 0.0), max(after - form, 0.0)
-    channels = [
-        (max(b - form, 0.0), max(a - form, 0.0))
-        for b, a in zip(by_channel(case, stages[1]), by_channel(case, stages[2]), strict=True)
-    ]
-    return _Tight(stages[0].parts, stages[2].parts, before, after, channels)
+    channels = zip(by_channel(case, stages[1]), by_channel(case, stages[2]), strict=True)
+    return _Tight(stages[0].parts, stages[2].parts, before, after, list(channels))
 
 
 def by_channel(case: Case | WeighedCase, point: Point) -> list[float]:
@@ -312,9 +296,9 @@ class Odds:
 def odds_of(case: Case, unknown: float) -> Odds:
     """The probabilities of a finished search, as they are stated (four digits); unknown: before it is weighed with the rest."""
     stated = round(min(MOST_CERTAIN, unknown), 4) if case.taken or unknown > 0.5 else 0.0
-    effects, tolerances, form = [], 1.0 - stated, OTHER_FORM * gained_by_guesses(case)
+    effects, tolerances = [], 1.0 - stated
     for k, weighed in enumerate(case.weighed):
-        *shares, none = (round(p * (1.0 - stated), 4) for p in probabilities(weighed, case.temperature, form))
+        *shares, none = (round(p * (1.0 - stated), 4) for p in probabilities(weighed, case.temperature))
         row = {w.fitted.effect: p for w, p in zip(weighed, shares, strict=True)}
         for effect in (e for e in row if not _told(case, e)):  # as likely nothing
             none, row[effect] = none + max(0.0, row[effect] - UNTOLD), min(row[effect], UNTOLD)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import log, sqrt
+from math import log
 
 import numpy as np
 
@@ -242,22 +242,8 @@ def _own_onset(problem: Problem, point: Point) -> dict[str, float]:
 
 
 def least(case: Case, problem: Problem) -> float:
-    """Nats that an effect must gain, net: more than what the forms of all that moved before leave of it, too."""
-    return chance(case) + OTHER_FORM * (_gained_before(case, problem) + gained_by_guesses(case))
-
-
-def gained_by_guesses(case: Case) -> float:
-    """Nats that the numbers gained over the file's, where these were guesses and explain nearly all: their forms were guesses, too.
-
-    One is further off than its tolerance, and free runs over data not used keep no more than ``OTHER_FORM`` of their power.
-    """
-    if not case.rounds or np.all(np.abs(case.rounds[0].base.z) <= TWIN_Z + 1e-6):
-        return 0.0
-    first = case.rounds[0]
-    nominal = first.problem.points([(np.zeros_like(first.base.z), {})])[0]
-    if worsening(case, nominal, case.trained[0]) > sqrt(OTHER_FORM):
-        return 0.0
-    return max(nominal.loss - first.base.loss, 0.0)
+    """Nats that an effect must gain, net: more than what the form of the effects before leaves of them, too."""
+    return chance(case) + OTHER_FORM * _gained_before(case, problem)
 
 
 def _gained_before(case: Case, problem: Problem) -> float:

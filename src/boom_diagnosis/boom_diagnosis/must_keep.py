@@ -32,15 +32,10 @@ def worse_channels(fit: Fit) -> list[str]:
     return _said(np.where(ended, np.inf, explained / np.maximum(before, 1e-12)), WORSE)
 
 
-def far_channels(fit: Fit, factor: float, form: float = 0.0) -> list[str]:
-    """Channels whose free runs over data not used err more than ``factor`` times what noise alone leaves, in words.
-
-    form: share of the error with the file's numbers up to which a channel is not far.
-    """
+def far_channels(fit: Fit, factor: float) -> list[str]:
+    """Channels whose free runs over data not used err more than ``factor`` times what noise alone leaves, in words."""
     explained, floor = np.array(fit.held_out["explained"], dtype=float), np.array(fit.noise_floor, dtype=float)
-    ratio = explained / np.maximum(floor, 1e-12)
-    near = explained <= form * np.nan_to_num(np.array(fit.held_out["nominal"], dtype=float))
-    return _said(np.where(near, 0.0, ratio), factor)
+    return _said(explained / np.maximum(floor, 1e-12), factor)
 
 
 def _said(ratio: Array, least: float) -> list[str]:
@@ -51,12 +46,11 @@ def _said(ratio: Array, least: float) -> list[str]:
 
 
 def kept(
-    verdict: Verdict, findings: Sequence[Finding], fit: Fit, floor_known: bool, form: float = 0.0
+    verdict: Verdict, findings: Sequence[Finding], fit: Fit, floor_known: bool
 ) -> tuple[Verdict, list[Finding], list[str]]:
     """Verdict, findings and notes that the free runs over data not used allow.
 
     floor_known: whether a healthy machine ran with the same currents, so that errors can be compared with those of noise.
-    form: share of the error with the file's numbers that may be the wrong form of numbers which are far off.
     """
     notes = list[str]()
     if not fit.held_out:
@@ -70,7 +64,7 @@ def kept(
             "no healthy machine runs these currents to the end: errors are not compared with those that noise leaves"
         )
         return verdict, list(findings), notes
-    far = far_channels(fit, FAR_FROM_FLOOR, form)
+    far = far_channels(fit, FAR_FROM_FLOOR)
     if far and verdict in ("no_mismatch", "parameters_only"):
         verdict = "ambiguous"
         notes.append(

@@ -199,12 +199,9 @@ def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
     return result
 
 
-def probabilities(weighed: Sequence[Weighed], temperature: float, form: float = 0.0) -> list[float]:
-    """Of each hypothesis, and last that none is needed; all equally likely before.
-
-    form: nats that an effect may gain because numbers which are far off have another form than the file's.
-    """
-    scores = np.array([(w.net - form) / temperature for w in weighed] + [0.0])
+def probabilities(weighed: Sequence[Weighed], temperature: float) -> list[float]:
+    """Of each hypothesis, and last that none is needed; all equally likely before."""
+    scores = np.array([w.net / temperature for w in weighed] + [0.0])
     scores -= scores.max()
     p = np.exp(scores)
     return [float(v) for v in p / p.sum()]

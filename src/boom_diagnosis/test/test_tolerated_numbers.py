@@ -8,9 +8,7 @@ from typing import Any
 
 import pytest
 from diagnosis_samples import BAGS
-from test_must_keep import fit
 
-from boom_diagnosis.must_keep import kept
 from boom_diagnosis.nuisances import Nuisance, tolerances
 from boom_estimation.sensor_noise import with_measured_noise
 from boom_model.machine import Machine
@@ -62,10 +60,3 @@ def test_the_noise_that_a_recording_shows_counts_where_the_file_tells_less() -> 
     assert with_measured_noise(machine, [recording]) is machine  # told right
     quieter = machine.with_sensors({"p_noise_psd": 1e4, "p_quant": 100.0})
     assert with_measured_noise(quieter, [recording]).sensor_noise().pressure_sigma == pytest.approx(1.75e4, rel=0.1)
-
-
-def test_numbers_far_off_may_leave_what_their_wrong_form_leaves_and_it_is_said() -> None:
-    explained = (0.05, 0.02, 0.02, 0.03)
-    verdict, _, notes = kept("parameters_only", [], fit(explained), True, form=0.14)
-    assert verdict == "parameters_only" and "angle 5 times" in notes[0]
-    assert kept("parameters_only", [], fit((0.2, 0.02, 0.02, 0.03)), True, form=0.14)[0] == "ambiguous"
