@@ -38,10 +38,14 @@ def test_a_pump_that_is_smaller_than_the_file_says_is_found_out_while_the_valve_
 
 
 def test_a_dead_time_that_nobody_told_is_found_before_it_does_harm() -> None:
-    late = short(PlantCase("60 ms", effects={"command_delay": {"T": 0.06}}), "healthy/extended", 16.0)
+    late, later = (
+        short(PlantCase("late", effects={"command_delay": {"T": delay}}), "healthy/extended", 16.0)
+        for delay in (0.04, 0.06)
+    )
     assert late.finished
+    assert later.finished
     assert late.noted is None
-    assert late.mae < 0.5e-3
+    assert max(late.mae, later.mae) < 0.5e-3
 
 
 def test_a_spring_and_a_dead_zone_that_are_five_per_cent_off_are_learnt() -> None:

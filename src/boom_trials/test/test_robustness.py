@@ -12,6 +12,7 @@ import pytest
 from boom_controller.controller import make_controller
 from boom_controller.references.trajectory_generator import TrajectoryGenerator
 from boom_controller.types import Measurement, Reference
+from boom_model.catalogue import CATALOGUE
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
 from boom_model.sensors import IDEAL, OUTPUTS
@@ -91,6 +92,18 @@ def test_the_spool_is_still_while_the_reference_rests_and_simple_is_the_yardstic
     assert improved.rest_travel < 0.1
     assert improved.mae < 0.3 * simple.mae
     assert improved.maxe / 0.2 < improved.rho < improved.maxe / 0.02  # over a speed that cranes have
+
+
+def test_every_plant_of_the_requirements_can_be_built() -> None:
+    nominal = load_machine("tz17")
+    found = rows(2, 0)
+    told = {row.name for row in found if row.name.endswith(", told")}
+    assert {f"{e.id}, told" for e in CATALOGUE} - told == {
+        f"{e.id}, told" for e in CATALOGUE if not nominal.structure.has(e.needs)
+    }
+    for row in found:
+        for case in row.cases:
+            case.machine(nominal, row.others.get("limited", False))
 
 
 def test_the_requirements_are_judged_row_by_row() -> None:

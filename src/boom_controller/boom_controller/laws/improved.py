@@ -7,7 +7,9 @@ Every sample time (docs/control.md derives it):
 2. wanted speed of the oil, v = J(q*) q*' ahead by ``preview`` - k_p e - k_v e' - k_d f~ - d^, with gains by pole placement for the
    estimated stiffness and mass and f~ predicted over the valve's remaining lag (``state_feedback``); further ahead by the dead
    time, which is the sample's age and ``command_delay``;
-3. flow map: Sigma = K v + d/dt f_ff, solved for the spool position by (6.23) (``valve_map``);
+3. flow map: Sigma = K v + d/dt f_ff, solved for the spool position by (6.23) (``valve_map``) at pressures that are smoothed over
+   ``inverse_smoothing``: at the measured ones the spool follows each swing of the pressure one valve lag late, which takes from the
+   boom the damping that flow against pressure gives it, and it swings on its oil spring;
 4. dead zone: below ``dead_zone_speed`` the spool moves through it in proportion, ahead of a reference that starts or turns;
 5. currents through the inverse of spool and pilot stage (``valve_follower``).
 """
@@ -58,7 +60,7 @@ class ImprovedSettings(LawSettings):
     """Feedback, valve and observers."""
 
     rest_response: float = tunable(0.05, "s", 0.005, 1.0, "time constant of the spool inside the dead zone, improved")
-    feedback_pole: float = tunable(-6.5, "1/s", -15.0, -0.5, "real pole of the position feedback, improved")
+    feedback_pole: float = tunable(-7.0, "1/s", -15.0, -0.5, "real pole of the position feedback, improved")
     feedback_gain: float = tunable(1.0, "-", 0.1, 5.0, "factor of all feedback gains, improved")
     feedback_damping: float = tunable(0.7, "-", 0.1, 1.5, "damping wanted of the boom on its oil spring, improved")
     largest_damping: float = tunable(30.0, "1/s", 1.0, 60.0, "limit of the force feedback K k_d, improved")
@@ -76,6 +78,9 @@ class ImprovedSettings(LawSettings):
         0.0,
         0.1,
         "dead time from a command to the solenoids beyond the machine file's, compensated like the samples' age, improved",
+    )
+    inverse_smoothing: float = tunable(
+        0.02, "s", 0.0, 0.5, "time constant of the pressures at which the valve is inverted, improved"
     )
     dead_zone_speed: float = tunable(
         1.0e-3, "m/s", 1e-4, 0.02, "piston speed below which the spool stays inside its dead zone, improved"
@@ -110,6 +115,18 @@ def make(_mode: str, machine: Machine, pose: Pose, settings: ImprovedSettings) -
     return Improved(machine, pose, settings)
 
 
+class Pressures(NamedTuple):
+    """p_h, p_b [Pa]."""
+
+    hose: Expression = 0.0
+    rod: Expression = 0.0
+
+    def towards(self, hose: Expression, rod: Expression, time_constant: Expression, t: Expression) -> Pressures:
+        """One sample time t [s] of a first-order lag."""
+        share = t / (time_constant + t)
+        return Pressures(self.hose + share * (hose - self.hose), self.rod + share * (rod - self.rod))
+
+
 class ImprovedState(NamedTuple):
     """States of the law. Initially: valve centred, nominal oil, no load beyond the configured one."""
 
@@ -127,6 +144,7 @@ class ImprovedState(NamedTuple):
     reach: ReachState = ReachState()
     delay: DeadTimeState = DeadTimeState()
     spool: SpoolState = SpoolState()
+    smooth: Pressures = Pressures()
 
 
 class Improved:
@@ -165,6 +183,7 @@ class Improved:
                 missed=MissedState(force=float(cylinder.force(hose, rod, self._model.p))),
                 delay=DeadTimeState(force=float(cylinder.force(hose, rod, self._model.p))),
                 stall=StallState(force=hose * self._area_a),
+                smooth=Pressures(hose, rod),
             )
         )
         self._stop = GO
@@ -203,6 +222,8 @@ class Improved:
         rub = observe_friction(x.friction, q, load.load, s.sample_time)
         velocity = q.jacobian * m.rate
         flows = self._map.flows(m.hose_pressure, m.rod_pressure, q.rod_passage)
+        smooth = x.smooth.towards(m.hose_pressure, m.rod_pressure, s.inverse_smoothing, s.sample_time)
+        inverse = self._map.flows(smooth.hose, smooth.rod, q.rod_passage)
         position = x.past.position(dead, s.sample_time)
         head_flow, rod_flow, _ = flows.at(position)
         supplied = head_flow / self._area_a, rod_flow / self._area_b
@@ -260,7 +281,7 @@ class Improved:
         starting = self._model.coming(soon, load.load).jacobian * soon.rate
         rest = watch_rest(x.rest, sigma / stiffness, starting, s.dead_zone_speed, s.sample_time)
         spool = self._map.through_dead_zone(
-            flows.spool(sigma, a, b, s.largest_spool_position * self._stroke),
+            inverse.spool(sigma, a, b, s.largest_spool_position * self._stroke),
             sigma / stiffness + starting,
             s.dead_zone_speed,
         )
@@ -274,7 +295,7 @@ class Improved:
             x.reach, velocity, supplied, (flows.at(-widest)[0] / self._area_a, flows.at(widest)[1] / self._area_b), s
         )
         past = x.past.with_next(edges, (a * head_flow - b * rod_flow) / stiffness - leaking)
-        return ImprovedState(valve, load, head, rod, missed, stall, past, held, swings, rest, rub, reach, delay, travel), [
+        return ImprovedState(valve, load, head, rod, missed, stall, past, held, swings, rest, rub, reach, delay, travel, smooth), [
             valve.retract.current, valve.extend.current, now.angle - m.angle,
             q.reference_position - q.position, q.feedforward_force - q.force,
             q.feedforward_force, 0.0, q.feedforward_force, q.force, spool, plus, minus, load.load,

@@ -17,6 +17,7 @@ import numpy as np
 from boom_controller.controller import Settings
 from boom_model.catalogue import (
     CATALOGUE,
+    EFFECTS,
     boom_flexibility,
     command_delay,
     entrained_air,
@@ -84,6 +85,11 @@ class Requirement:
     may_stop: bool = False
     others: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def needs(self) -> set[str]:
+        """What a machine must have for the effects of these plants (``Structure.has``)."""
+        return {EFFECTS[effect].needs for case in self.cases for effect in case.effects}
+
     def jobs(self, mode: str, folder: str, machine: str, seed: int) -> list[StudyRun]:
         """The runs of a mode."""
         return [
@@ -94,10 +100,12 @@ class Requirement:
 
 
 def rows(scattered: int, seed: int, machine: str = "tz17") -> list[Requirement]:
-    """All requirements; ``scattered``: so many plants with all their numbers within tolerance of the ``machine`` file."""
-    both = (*ONE_EACH, *fresh(seed, 1))
+    """All requirements whose plants the ``machine`` can be; ``scattered``: so many plants, every number within its tolerance."""
+    both, file = (*ONE_EACH, *fresh(seed, 1)), load_machine(machine)
     found = [*_whole_rows(seed), *_plant_rows(both), *_load_rows()]
-    return [*found, *_scattered_rows(scattered, seed, load_machine(machine))] if scattered else found
+    if scattered:
+        found += _scattered_rows(scattered, seed, file)
+    return [row for row in found if all(file.structure.has(need) for need in row.needs)]
 
 
 def _whole_rows(seed: int) -> list[Requirement]:
