@@ -33,6 +33,7 @@ from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import links, locate
 from boom_diagnosis.must_keep import kept, told
+from boom_diagnosis.prediction import beyond
 from boom_diagnosis.proof import (
     bag_result,
     final_machine,
@@ -186,7 +187,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     left_over = remaining(fit, tight.excess_before, left) if verdict not in ("no_mismatch", "parameters_only") else ""
     return DiagnosisResult(
         document, case.machine, _final_machine(case, verdict, learned), bags,
-        regimes.table(cells, tight.nominal, explained, case.healthy_squares), equations, agreement, ladder,
+        regimes.table(cells, case.select, tight.nominal, explained, case.healthy_squares), equations, agreement, ladder,
         (learned.curve,) if learned else (), left_over, moved, experiment, (*unproved, *notes_of(case.bags, case.proving, weak)),
         command=about.command,
     )  # fmt: skip
@@ -410,7 +411,7 @@ def _unknown_finding(
     rows = {e.key: e.statistical + e.chain for e in equations}
     key = learned.term.equation if learned else max(rows, key=lambda k: rows[k])
     link = next(link for link in links(case.machine) if link.key == key)
-    rest = [0.5 * np.sum(np.minimum(np.abs(w), 8.0) ** 2 - case.healthy_squares, axis=1) for w in tight.explained]
+    rest = [beyond(w, s, case.healthy_squares) for w, s in zip(tight.explained, case.select, strict=True)]
     place = regimes.where(cells, rest)
     near = _near(case)
     nearest = f"; the nearest is {label_of(near[0].fitted.effect)}" if near else " or comes near"

@@ -96,7 +96,7 @@ class CraneModel:
         pose = plant_for(bag.recording, machine, "full").pose
         self.plant = Plant(_carrying(driven(machine, bag.recording), stateful), pose, "full", discrepancies=True)
         names = self.state_names = self.plant.state_names
-        self.counted = np.asarray(bag.counted.all(axis=1))
+        self.counted = np.asarray(bag.counted.any(axis=1))
         self.places = tuple(sorted(n.removeprefix(DISCREPANCY) for n in names if n.startswith(DISCREPANCY)))
         self.discrepancies = np.array([names.index(DISCREPANCY + place) for place in self.places], dtype=np.int64)
         self._noise = noise_model(self.plant, machine, self.plant.p)
@@ -289,7 +289,7 @@ class CraneSystem:
         if stateful not in self._models:
             made = [CraneModel(self.machine, bag, stateful) for bag in self.bags]
             for model, chosen in zip(made, self._chosen, strict=False):
-                model.counted = model.counted & chosen[: len(model.counted)].all(axis=1)
+                model.counted = model.counted & chosen[: len(model.counted)].any(axis=1)
             self._models[stateful] = made
         return self._models[stateful]
 

@@ -38,9 +38,12 @@ from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS, PRESSURES
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 LARGEST = 50.0
 """Standard deviations. A whitened innovation counts as no more; a run that failed counts as that from there on."""
+CLEARLY = 8.0
+"""Standard deviations from which on it does not matter how far an innovation is off, where a mismatch is looked for in time."""
 FLOW_NOISE = 2e-8
 """m^3/s sqrt(s). White disturbance of each flow. With it the innovations of a healthy machine are white (measured)."""
 TORQUE_NOISE = 6.0
@@ -287,6 +290,18 @@ def _filled(states: Array) -> Array:
     filled = states.copy()
     filled[first:] = states[max(first - 1, 0)]
     return np.nan_to_num(filled)
+
+
+def mean_squares(parts: Sequence[Array], counted: Sequence[Flags]) -> Array:
+    """(NY,) of the whitened innovations (n, NY) that count; 1, as of white noise, where none does."""
+    squares = np.sum([np.sum(w**2, axis=0, where=s) for w, s in zip(parts, counted, strict=True)], axis=0)
+    count = np.sum([s.sum(axis=0) for s in counted], axis=0)
+    return np.where(count > 0, squares / np.maximum(count, 1), 1.0)
+
+
+def beyond(parts: Array, counted: Flags, healthy: Array) -> Array:
+    """(n,) loss [nats] of the whitened innovations (n, NY) that count over that of a healthy machine with these mean squares."""
+    return np.asarray(0.5 * np.sum(np.minimum(np.abs(parts), CLEARLY) ** 2 - healthy, axis=1, where=counted))
 
 
 def _for(plant: Plant, base: Plant, gain: Array) -> Array:

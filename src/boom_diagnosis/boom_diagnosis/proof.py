@@ -18,6 +18,7 @@ from boom_diagnosis.found_machine import found_machine
 from boom_diagnosis.freerun import Span, errors, free_run, median, noise_floor
 from boom_diagnosis.learning import Learned
 from boom_diagnosis.parallel import in_parallel
+from boom_diagnosis.prediction import beyond
 from boom_diagnosis.weighing import Z90
 from boom_estimation.free_run import FreeRun
 from boom_input.channels import SENSORS
@@ -202,7 +203,7 @@ def bag_result(
 ) -> BagResult:  # fmt: skip
     """A recording that was fitted. nominal: (n, NY) its whitened innovations under the nominal machine."""
     bag = case.bags[i]
-    rest = 0.5 * np.sum(np.minimum(np.abs(nominal), 8.0) ** 2 - case.healthy_squares, axis=1)
+    rest = beyond(nominal, bag.counted, case.healthy_squares)
     width = 50
     sums = np.convolve(rest, np.ones(width) / width, mode="same")
     windows = regimes.windows(np.where(sums > 1.0, rest, 0.0), share=0.9, longest=12) if (sums > 1.0).any() else ()

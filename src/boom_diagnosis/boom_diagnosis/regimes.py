@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,11 +14,14 @@ from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 STANDSTILL, FAST = 0.01, 0.15
 """rad/s."""
 TRANSIENT = 0.4
 """s. So long behind a start, a stop or a reversal counts as part of it."""
+NEAR = 0.1
+"""s."""
 WINDOW = 0.25
 """s. Resolution of the windows in which a mismatch shows."""
 
@@ -42,7 +46,7 @@ class Where:
 
 
 def classify(bag: Bag) -> Index:
-    """(n,) index into CELLS; -1 where the rate was not measured."""
+    """(n,) index into CELLS; -1 where the rate was not measured within ``NEAR``."""
     rate = bag.samples().measured[:, OUTPUTS.index("rate")]
     known = np.isfinite(rate)
     filled = np.interp(bag.time, bag.time[known], rate[known]) if known.any() else np.zeros(len(rate))
@@ -63,20 +67,28 @@ def classify(bag: Bag) -> Index:
         result[moving & new] = first
         result[moving & ~new & ~fast] = first + 1
         result[moving & ~new & fast] = first + 2
-    result[~known] = -1
+    beside = np.convolve(known, np.ones(2 * round(NEAR / PERIOD) + 1), mode="same") > 0.5
+    result[~beside] = -1
     return result
 
 
-def table(cells: list[Index], nominal: list[Array], explained: list[Array], healthy: Array) -> tuple[Regime, ...]:
-    """The map over regimes. nominal, explained: whitened innovations (n, NY) per recording; healthy: (NY,) mean squares."""
-    index, before, after = np.concatenate(cells), np.concatenate(nominal), np.concatenate(explained)
+def table(
+    cells: list[Index], counted: Sequence[Flags], nominal: list[Array], explained: list[Array], healthy: Array
+) -> tuple[Regime, ...]:
+    """The map over regimes.
+
+    counted: (n, NY) per recording, samples that tell; nominal, explained: whitened innovations; healthy: (NY,) mean squares.
+    """
+    index, tells = np.concatenate(cells), np.concatenate(list(counted))
+    before, after = np.concatenate(nominal), np.concatenate(explained)
     regimes = []
     for k, (label, direction, detail) in enumerate(CELLS):
         inside = index == k
         count = int(inside.sum())
 
-        def mean(w: Array, inside: NDArray[np.bool_] = inside, count: int = count) -> dict[str, float]:
-            squares = np.mean(w[inside] ** 2, axis=0) / healthy if count else np.full(len(OUTPUTS), np.nan)
+        def mean(w: Array, inside: Flags = inside) -> dict[str, float]:
+            many = tells[inside].sum(axis=0)
+            squares = np.sum(w[inside] ** 2, axis=0, where=tells[inside]) / np.where(many > 0, many, np.nan) / healthy
             return {name: float(v) for name, v in zip(OUTPUTS, squares, strict=True)}
 
         regimes.append(Regime(label, direction, detail, count * PERIOD, mean(before), mean(after)))  # type: ignore[arg-type]

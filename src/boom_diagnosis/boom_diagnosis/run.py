@@ -23,6 +23,7 @@ from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, problem
 from boom_diagnosis.learning import learn_plainly
 from boom_diagnosis.nuisances import tolerances
 from boom_diagnosis.onset import near_onset, time_in
+from boom_diagnosis.prediction import mean_squares
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.stretches import excited, stretches
 from boom_diagnosis.weighed_case import WeighedCase, searched
@@ -395,6 +396,5 @@ def _calibrate(case: Case, first: Round) -> None:
     select = [bag.counted for bag in known]
     problem = problem_at(case.machine, known, select, case.nuisances, np.zeros(len(case.nuisances)), {}, 1.0)
     exact = problem.predictor.predict([values])[0]
-    rows = np.concatenate([r.whitened[s.all(axis=1)] for r, s in zip(exact, select, strict=True)])
-    case.healthy_squares = np.mean(rows**2, axis=0)
+    case.healthy_squares = mean_squares([r.whitened for r in exact], select)
     case.floor = float(0.5 * np.mean(case.healthy_squares))

@@ -94,8 +94,8 @@ def regress(
     """
     scale = capacities(number)[state] / PERIOD / PLACES[equation].scale
     variables = [_scaled(f.states, number.get("main_valve_spool.s_max", 1.0)) for f in found]
-    counted = np.concatenate([s.all(axis=1) for s in select])
-    known = counted | np.concatenate([s.all(axis=1) for s in others])
+    counted = np.concatenate([s.any(axis=1) for s in select])  # channels may be sampled in turn
+    known = counted | np.concatenate([s.any(axis=1) for s in others])
 
     def whole(text: str) -> Array:
         return np.concatenate([evaluate(text, v, _lagged) for v in variables])

@@ -29,6 +29,7 @@ from boom_diagnosis.hypotheses import noticed
 from boom_diagnosis.learning import learn
 from boom_diagnosis.locating import links, locate
 from boom_diagnosis.must_keep import kept
+from boom_diagnosis.prediction import beyond
 from boom_diagnosis.proof import (
     bag_result,
     final_machine,
@@ -135,7 +136,7 @@ def assemble(case: WeighedCase, about: About, weak: Sequence[str]) -> DiagnosisR
     explained_machine = case.machine if verdict == "no_mismatch" else final_machine(case, final, deviations, terms)
     return DiagnosisResult(
         document, case.machine, explained_machine, bags,
-        regimes.table(cells, nominal, explained, case.healthy_squares), equations, agreement, ladder,
+        regimes.table(cells, case.select, nominal, explained, case.healthy_squares), equations, agreement, ladder,
         (learned.curve,) if learned else (), remaining(fit, before, after) if wrong else "",
         moved_tolerances(case, case.last, deviations) if verdict != "no_mismatch" else {}, experiment, tuple(notes),
         command=about.command,
@@ -212,7 +213,7 @@ def _unknown_finding(case: WeighedCase, odds: Marginals, cells: list[NDArray[np.
     learned = case.learned
     key = learned.term.equation if learned else max(odds.places, key=lambda k: odds.places[k])
     link = next(link for link in links(case.machine) if link.key == key)
-    rest = [0.5 * np.sum(np.minimum(np.abs(w), 8.0) ** 2 - case.healthy_squares, axis=1) for w in case.last.parts]
+    rest = [beyond(w, s, case.healthy_squares) for w, s in zip(case.last.parts, case.select, strict=True)]
     place = regimes.where(cells, rest)
     near = sorted(((p, e) for e, p in odds.effects.items() if e not in case.named), reverse=True)[:2]
     nearest = f"; the nearest is {label_of(near[0][1])}" if near else ""

@@ -18,6 +18,7 @@ from boom_diagnosis.hypotheses import LOOSENESS, problem_at
 from boom_diagnosis.learning import Learned, Setting
 from boom_diagnosis.nuisances import Nuisance
 from boom_diagnosis.onset import onset, time_in
+from boom_diagnosis.prediction import mean_squares
 from boom_diagnosis.weighed_numbers import distinct
 from boom_estimation.posterior import HypothesisFit, fit
 from boom_estimation.search import Hypothesis, Search, WeighedHypothesis
@@ -218,6 +219,5 @@ def _calibrate(case: WeighedCase) -> None:
     zero = np.zeros(len(case.nuisances))
     problem = problem_at(case.machine, known, select, case.nuisances, zero, {}, LOOSENESS[0])
     exact = problem.predictor.predict([case.values(case.base.z, {})])[0]
-    rows = np.concatenate([r.whitened[s.all(axis=1)] for r, s in zip(exact, select, strict=True)])
-    case.healthy_squares = np.mean(rows**2, axis=0)
+    case.healthy_squares = mean_squares([r.whitened for r in exact], select)
     case.floor = float(0.5 * np.mean(case.healthy_squares))
