@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import hypot, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ MOVING = 0.02
 """rad/s."""
 GAINS, TRAJECTORIES = 16, 3
 """Kept per recording: some 4 and 25 MB each, of a recording of 60 s."""
+TIMING_NOISE = 1e-3
+"""s. When a current changed is not known better than that."""
 JITTER = 0.1
 """Of an interval, by which a stamp may be late."""
 BEGINNING = 0.3
@@ -69,6 +72,12 @@ class Bag:
         """(n,) middle of the intervals [s]."""
         return self.grid[:-1] + 0.5 * PERIOD
 
+    @property
+    def timing(self) -> float:
+        """Standard deviation of when a current changed [s]; a log with samples T > ``PERIOD`` apart shows it T - ``PERIOD`` late."""
+        period = float(np.median(np.diff(self.currents.time))) if len(self.currents.time) > 1 else PERIOD
+        return hypot(TIMING_NOISE, max(0.0, period - PERIOD) / sqrt(12.0))
+
     def samples(self, command_delay: float = 0.0, pressure_delay: float = 0.0) -> Samples:
         """What the observer takes, if commands act and pressures arrive late by so much [s].
 
@@ -95,7 +104,7 @@ class Bag:
     def _mean_currents(self, delay: float) -> Array:
         """(n, NU) mean of the held currents in each interval, if they act ``delay`` [s] late, and of the other inputs as they are.
 
-        When between two samples a current changed is not known (``TIMING_NOISE``); the mean moves it by less than that, and spares
+        When between two samples a current changed is not known (``timing``); the mean moves it by less than that, and spares
         the model a step at every stamp.
         """
         count = len(CURRENTS)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from boom_diagnosis.bag_samples import PERIOD, Bag
 from boom_diagnosis.coordinates import Coordinate, coordinates, starts
 from boom_diagnosis.nuisances import GEOMETRY, Nuisance, closed, tolerances
-from boom_diagnosis.prediction import CURRENT_NOISE, NUDGED_TOLERANCE, TIMING_NOISE, TOLERANCE, noise_model
+from boom_diagnosis.prediction import CURRENT_NOISE, NUDGED_TOLERANCE, TOLERANCE, noise_model
 from boom_estimation.currents import driven
 from boom_estimation.free_run import plant_for
 from boom_estimation.numbers import Number
@@ -221,7 +221,7 @@ class CraneModel:
         for j in range(2):
             shifted = held.copy()
             shifted[:, j] += delta
-            change = np.abs(np.gradient(held[:, j])) * TIMING_NOISE / PERIOD
+            change = np.abs(np.gradient(held[:, j])) * self.bag.timing / PERIOD
             columns.append(
                 (self._rates(along.states, shifted, p) - f0) / delta * np.hypot(CURRENT_NOISE, change)[:, None]
             )

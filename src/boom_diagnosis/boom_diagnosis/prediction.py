@@ -58,8 +58,6 @@ CURRENT_NOISE = 0.85e-3
 """A. Noise and quantisation of the measured currents, which drive the model."""
 SPOOL_NOISE = 2e-4
 """1/s sqrt(s), of the full stroke: white disturbance of the spool where one is allowed."""
-TIMING_NOISE = 1e-3
-"""s. When between two samples a current changed is not known."""
 
 _BUILDING = RLock()
 """Threads that want the same plant get the same one: passes are joined by what it is, not by what it is like."""
@@ -214,7 +212,7 @@ class Predictor:
             samples, nudging = self.samples(i, plant, p), _nudging(plant, len(bag.grid) - 1)
             x0 = bag.initial_state(plant, p)
             states = observe(plant, samples, x0, nudging, parameters=p, tolerance=NUDGED_TOLERANCE).states
-            return linearised(plant, samples, _filled(states), CURRENT_NOISE, TIMING_NOISE, p)
+            return linearised(plant, samples, _filled(states), CURRENT_NOISE, bag.timing, p)
 
         return bag.trajectories.get((plant, p.tobytes()), made)
 
@@ -254,7 +252,7 @@ def noise_model(
     angle = max(hypot(sensors.angle_sigma, 0.5 * sensors.angle_quantum), 1e-5)
     outputs = tuple(angle if sensor.name == "angle" else sensors.deviation(sensor) for sensor in PREDICTED)
     return NoiseModel(
-        outputs, CURRENT_NOISE, TIMING_NOISE, disturbance, initial,
+        outputs, disturbance, initial,
         {state.name: state.standstill_noise for state in plant.equations.states if state.standstill_noise},
     )  # fmt: skip
 

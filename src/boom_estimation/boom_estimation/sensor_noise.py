@@ -10,12 +10,12 @@ from boom_model.machine import Machine
 from boom_recording.measurement import ChannelMeasurement, measurements
 from boom_recording.recording import Recording
 
-KNOWN_TO = 1.1
-"""Factor to which the noise of a channel can be told from a recording."""
+KNOWN_TO = 1.05
+"""Factor to which the noise of a channel can be told from a recording of a minute: three times the scatter of the estimate."""
 
 
 def with_measured_noise(machine: Machine, recordings: Sequence[Recording]) -> Machine:
-    """The machine with the noise of angle and pressures that its recordings show, where that is more than its file tells.
+    """The machine with the noise of the sensors that its recordings show, where that is more than its file tells.
 
     A rate that is the angle's derivative has no noise of its own to be told.
     """
@@ -29,8 +29,9 @@ def with_measured_noise(machine: Machine, recordings: Sequence[Recording]) -> Ma
                 if sensor.is_pressure:
                     power = sigma**2 * machine.sensors.get("Ts", 0.01)
                     numbers["p_noise_psd"] = max(power, numbers.get("p_noise_psd", 0.0))
-                elif name == "angle":
-                    numbers["q2_noise"] = max(sigma, numbers.get("q2_noise", 0.0))
+                else:
+                    key = {"angle": "q2_noise", "rate": "rate_noise"}[name]
+                    numbers[key] = max(sigma, numbers.get(key, 0.0))
     return machine.with_sensors(numbers) if numbers else machine
 
 

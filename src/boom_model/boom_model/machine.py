@@ -217,6 +217,7 @@ class Machine:
             noise,
             angle_sigma=said.get("q2_noise", noise.angle_sigma),
             angle_quantum=said.get("q2_quant", noise.angle_quantum),
+            rate_sigma=said.get("rate_noise", noise.rate_sigma),
             pressure_quantum=said.get("p_quant", noise.pressure_quantum),
             pressure_sigma=sigma,
         )

@@ -81,15 +81,12 @@ class NoiseModel:
 
     Attributes:
         outputs: (NY,) standard deviation of the measured channels [SI].
-        currents: of both currents [A], new with each sample. timing: of the moment at which a current changes [s].
         disturbance: state name -> intensity of white noise on its derivative [unit/s * sqrt(s)].
         resting: the same, added while the boom stands still, when the state of parts without flow is unknown.
         initial: state name -> uncertainty of the initial state.
     """
 
     outputs: tuple[float, ...]
-    currents: float
-    timing: float
     disturbance: dict[str, float]
     initial: dict[str, float]
     resting: dict[str, float] = field(default_factory=dict)
@@ -261,7 +258,7 @@ class Linearised:
 def linearised(
     plant: Plant, samples: Samples, states: Array, currents: float, timing: float, parameters: Array | None = None
 ) -> Linearised:
-    """The plant along ``states`` (n, NX); ``currents`` [A] and ``timing`` [s]: noise, as in :class:`NoiseModel`."""
+    """The plant along ``states`` (n, NX); ``currents`` [A] and ``timing`` [s]: noise of the currents, and of when one changes."""
     held, step = samples.held, np.diff(samples.grid)
     f0, jacobian = linearise(plant, states, held, parameters)
     middle = transitions(jacobian, step / 2)

@@ -22,6 +22,9 @@ SPECIFICATIONS = (
     Specification("control.Ts", "T_s", "s", "sample time", 1e-4, 1.0, "ch. 6.4"),
     Specification("control.q2_quant", "", "rad", "resolution of the angle", 0.0, 0.1, "ch. 6.4"),
     Specification("control.q2_noise", "", "rad", "noise of the angle, standard deviation", 0.0, 0.1, "ch. 6.4"),
+    Specification(
+        "control.rate_noise", "", "rad/s", "noise of the angular velocity, standard deviation", 0.0, 1.0, "ch. 6.4"
+    ),
     Specification("control.p_quant", "", "Pa", "resolution of the pressures", 0.0, 1e6, "ch. 6.4"),
     Specification("control.p_noise_psd", "PSD_p", "Pa^2/Hz", "noise of the pressures", 0.0, 1e12, "ch. 6.4"),
 )

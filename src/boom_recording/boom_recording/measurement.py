@@ -18,7 +18,9 @@ from boom_recording.recording import Floats, Recording, Signal
 FEWEST = 200
 """Samples, from which noise can be told."""
 WINDOW = 50
-"""Samples of a window; the noise is the median over the windows, in few of which the motion adds to third differences."""
+"""Samples of a window. The noise is told by the quieter windows: in others an oscillation may add to third differences."""
+QUIET, OF_QUIET = 0.25, 0.886
+"""The quantile over the windows, and what it is of the standard deviation of white noise (by simulation)."""
 DERIVED = 0.5
 """Coherence of angle and rate in ``BAND`` from which the rate is a derivative: a gyro has 0.02 there, a filtered derivative 0.9."""
 BAND = (0.15, 0.45)
@@ -127,7 +129,7 @@ def _noise(values: Floats, quantum: float) -> float:
     alive = spread[spread > 0.0]  # a value that stays is a coarse or a dead one, and tells no noise
     if len(alive) == 0:
         return 0.0
-    total = float(np.median(alive))
+    total = float(np.quantile(alive, QUIET)) / OF_QUIET
     return sqrt(max(total**2 - quantum**2 / 12, 0.0))
 
 
