@@ -74,7 +74,7 @@ class Bag:
 
     @property
     def timing(self) -> float:
-        """Standard deviation of when a current changed [s]; a log with samples T > ``PERIOD`` apart shows it T - ``PERIOD`` late."""
+        """Standard deviation of when a current changed [s]: samples T > ``PERIOD`` apart show it up to T - ``PERIOD`` late."""
         period = float(np.median(np.diff(self.currents.time))) if len(self.currents.time) > 1 else PERIOD
         return hypot(TIMING_NOISE, max(0.0, period - PERIOD) / sqrt(12.0))
 
