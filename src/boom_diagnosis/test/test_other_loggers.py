@@ -1,0 +1,53 @@
+"""The diagnosis on recordings whose logger or sensors are not those of the machine file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_diagnosis import noisy, tz17
+
+from boom_diagnosis.prediction import beyond, mean_squares
+from boom_diagnosis.run import diagnose
+from boom_estimation.sensor_noise import with_measured_noise
+from boom_recording.recording import Recording, Signal
+
+
+def every_other(signal: Signal, first: int) -> Signal:
+    kept = slice(first, None, 2)
+    return replace(
+        signal,
+        stamps_ns=signal.stamps_ns[kept],
+        time=signal.time[kept],
+        values=signal.values[kept],
+        valid=signal.valid[kept],
+    )
+
+
+def in_turn(recording: Recording) -> Recording:
+    """Angle and rate in one sample, pressures and currents in the next: no interval has them all."""
+    signals = {n: every_other(s, int(n not in ("angle", "rate"))) for n, s in recording.signals.items()}
+    return replace(recording, signals=signals)
+
+
+def test_an_effect_is_found_in_channels_that_are_sampled_in_turn() -> None:
+    found = diagnose([in_turn(noisy(tz17().with_effects({"pilot_lag": {"r": 2.0}}), 24.0, 1))], tz17()).document
+    assert (found.verdict, found.findings[0].effect) == ("identified", "pilot_lag")
+    assert found.findings[0].parameters["r"].value == pytest.approx(2.0, rel=0.1)
+
+
+def test_a_gyro_that_is_noisier_than_the_file_says_is_no_physics() -> None:
+    louder = noisy(tz17().with_sensors({"rate_noise": 2.1e-3}), 24.0, 2)
+    told = with_measured_noise(tz17(), [louder]).sensor_noise()
+    assert told.rate_sigma == pytest.approx(2.1e-3, rel=0.1)
+    assert told.pressure_sigma == pytest.approx(tz17().sensor_noise().pressure_sigma, rel=0.1)
+    assert diagnose([louder], tz17()).document.verdict in ("no_mismatch", "parameters_only")
+
+
+def test_a_channel_that_is_not_measured_in_an_interval_tells_nothing_there() -> None:
+    parts = np.array([[2.0, 0.0], [0.0, 3.0], [0.0, 0.0]])
+    counted = parts != 0.0
+    assert mean_squares([parts], [counted]) == pytest.approx([4.0, 9.0])
+    assert mean_squares([parts], [np.zeros_like(counted)]) == pytest.approx([1.0, 1.0])
+    assert beyond(parts, counted, np.ones(2)) == pytest.approx([1.5, 4.0, 0.0])
