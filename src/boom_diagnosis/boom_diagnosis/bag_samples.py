@@ -123,7 +123,10 @@ class Bag:
     def moving(self) -> Flags:
         """(n,) Whether the boom moves."""
         rate = self.samples().measured[:, OUTPUTS.index("rate")]
-        return np.asarray(np.abs(np.nan_to_num(rate)) > MOVING)
+        known = np.isfinite(rate)
+        if not known.any():
+            return np.zeros(len(rate), dtype=bool)
+        return np.asarray(np.abs(np.interp(self.time, self.time[known], rate[known])) > MOVING)
 
     def pressure_shift(self, delay: float) -> int:
         """By how many intervals the samples of the pressures move if they arrive late by ``delay`` [s]."""
