@@ -132,14 +132,12 @@ def run_round(
     nominal: Nominal | None = None,
     tight: bool = False,
     least: Callable[[Problem], float] = lambda _: 0.0,
-    refined: int = REFINED,
 ) -> Round:
     """Fits the tolerances (with the effects in ``values``), looks at all others, fits the best, weighs them.
 
     nominal: what is seen from the nominal machine, where the search is to begin there and not at ``z`` and ``values``.
     tight: with the observer that is right for a healthy machine, whichever is likeliest. least: nats that an effect must gain
     in the eyes of a problem's observer.
-    refined: effects that are fitted at most.
     """
     accepted = tuple(effects_of(values))
     kept = all_coordinates(accepted)
@@ -192,7 +190,7 @@ def run_round(
         scanned[candidate.effect] = max(scanned.get(candidate.effect, 0.0), candidate.gain)
         grouped.setdefault(candidate.effect, []).append(candidate)
     progress("fitting effects", 0.5)
-    most = min(refined, LOOSELY) if searching.predictor.looseness == LOOSENESS[-1] else refined
+    most = LOOSELY if searching.predictor.looseness == LOOSENESS[-1] else REFINED
     needed = least(searching)
     promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING * needed][:most]
     twins = [EFFECTS[effect].lasting for effect in promising]  # they may be one and the same

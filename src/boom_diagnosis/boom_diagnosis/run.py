@@ -278,7 +278,7 @@ def _look_again(case: Case, progress: Progress) -> bool:
     if found.problem.predictor.looseness > LOOSENESS[0]:
         found = run_round(
             case.machine, case.bags, case.select, case.nuisances, found.base.z, {}, progress, tight=True,
-            least=partial(least, case), refined=1,
+            least=partial(least, case),
         )  # fmt: skip
     found = afresh(found, case.nominal, [*wanted, *(f.effect for f in found.fitted[:1])], case.floor)
     taken = _judge(case, found)
