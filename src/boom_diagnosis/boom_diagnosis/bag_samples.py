@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import hypot, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.recent import Recent
-from boom_estimation.currents import HeldCurrents, driven, held_currents, held_inputs
+from boom_estimation.currents import HeldCurrents, driven, held_currents, held_inputs, lateness
 from boom_estimation.initial_state import resting_start, stationary_guess
 from boom_model.machine import Machine
 from boom_model.observer import KalmanGains, Linearised, Samples
 from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS, PRESSURES
 from boom_model.structure import CURRENTS
-from boom_recording.recording import Recording
+from boom_recording.recording import Recording, Signal
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -35,6 +36,11 @@ TIMING_NOISE = 1e-3
 """s. When a current changed is not known better than that."""
 JITTER = 0.1
 """Of an interval, by which a stamp may be late."""
+SMOOTHED = 5
+KERNEL = np.ones(2 * SMOOTHED + 1) / (2 * SMOOTHED + 1)
+"""Intervals to either side over which the angle is smoothed where there is no gyro."""
+FIRST = 20
+"""Intervals whose mean speed is the one at the start where there is no gyro."""
 BEGINNING = 0.3
 """s. At the beginning, where the boom rests."""
 
@@ -47,6 +53,7 @@ class Bag:
         counted: (n, NY), True where an innovation tells about the machine: measured, not in or just behind a gap, oil all liquid.
         cavitating: (n,), where the oil of the head side evaporates, and until the observer has found the state again.
         start: first valid values of the channels, for the initial state.
+        timing: standard deviation of when a current changed [s].
         plants: of a machine with some effects with states, built so far: building one costs as much as two passes.
         gains, trajectories: of the observers that were asked for last; the same are wanted again and again.
     """
@@ -58,6 +65,7 @@ class Bag:
     cavitating: Flags
     resting: bool
     start: dict[str, float]
+    timing: float = TIMING_NOISE
     plants: list[tuple[Machine, frozenset[str], Plant]] = field(default_factory=list, compare=False, repr=False)
     gains: Recent[KalmanGains] = field(default_factory=lambda: Recent(GAINS), compare=False, repr=False)
     trajectories: Recent[Linearised] = field(default_factory=lambda: Recent(TRAJECTORIES), compare=False, repr=False)
@@ -71,12 +79,6 @@ class Bag:
     def time(self) -> Array:
         """(n,) middle of the intervals [s]."""
         return self.grid[:-1] + 0.5 * PERIOD
-
-    @property
-    def timing(self) -> float:
-        """Standard deviation of when a current changed [s]: samples T > ``PERIOD`` apart show it up to T - ``PERIOD`` late."""
-        period = float(np.median(np.diff(self.currents.time))) if len(self.currents.time) > 1 else PERIOD
-        return hypot(TIMING_NOISE, max(0.0, period - PERIOD) / sqrt(12.0))
 
     def samples(self, command_delay: float = 0.0, pressure_delay: float = 0.0) -> Samples:
         """What the observer takes, if commands act and pressures arrive late by so much [s].
@@ -120,19 +122,37 @@ class Bag:
         at = np.stack([np.interp(self.grid, knots, column) for column in integral.T], axis=-1)
         return np.asarray(np.diff(at, axis=0) / np.diff(self.grid)[:, None])
 
+    @cached_property
+    def lacking(self) -> frozenset[str]:
+        """Channels that were not measured."""
+        return frozenset(name for name in OUTPUTS if not self.recording.signals[name].valid.any())
+
+    def speed(self) -> tuple[Array, Flags]:
+        """(n,) rate [rad/s], between its samples by lines, and where it was measured; by the angle where there is no gyro."""
+        measured = self.samples().measured
+        values = measured[:, OUTPUTS.index("angle" if "rate" in self.lacking else "rate")]
+        known = np.isfinite(values)
+        if not known.any():
+            return np.zeros(len(values)), known
+        along = np.interp(self.time, self.time[known], values[known])
+        if "rate" in self.lacking:
+            along = np.gradient(np.convolve(np.pad(along, SMOOTHED, mode="edge"), KERNEL, mode="valid"), PERIOD)
+        return along, known
+
     def moving(self) -> Flags:
         """(n,) Whether the boom moves."""
-        rate = self.samples().measured[:, OUTPUTS.index("rate")]
-        known = np.isfinite(rate)
-        if not known.any():
-            return np.zeros(len(rate), dtype=bool)
-        return np.asarray(np.abs(np.interp(self.time, self.time[known], rate[known])) > MOVING)
+        return np.asarray(np.abs(self.speed()[0]) > MOVING)
 
     def pressure_shift(self, delay: float) -> int:
         """By how many intervals the samples of the pressures move if they arrive late by ``delay`` [s]."""
-        if delay == 0.0:
+        pressures = [
+            name
+            for name, is_pressure in zip(OUTPUTS, PRESSURES, strict=True)
+            if is_pressure and name not in self.lacking
+        ]
+        if delay == 0.0 or not pressures:
             return 0
-        signal = self.recording.signals["hose_pressure"]
+        signal = self.recording.signals[pressures[0]]
         time = signal.time[signal.valid]
         return int(np.median(_intervals(time) - _intervals(time - delay)))
 
@@ -142,7 +162,8 @@ class Bag:
             s = self.start
             acting = self.currents.at(0.0)
             return plant.rest_state_measured(s["angle"], s["hose_pressure"], s["rod_pressure"], parameters, acting)
-        return stationary_guess(plant, self.start, self.currents.at(0.0))
+        start = self.start | ({"rate": float(np.mean(self.speed()[0][:FIRST]))} if "rate" in self.lacking else {})
+        return stationary_guess(plant, start, self.currents.at(0.0))
 
 
 def _origin(recording: Recording) -> float:
@@ -161,7 +182,7 @@ def _origin(recording: Recording) -> float:
 
 
 def prepare(recording: Recording, machine: Machine | None = None, *, aligned: bool = False) -> Bag | None:
-    """The recording for the observer; None where a channel or the currents have no valid sample.
+    """The recording for the observer; None where the angle or the currents have no valid sample.
 
     machine: whose bodies the other joints move; without it they are locked.
 
@@ -170,7 +191,7 @@ def prepare(recording: Recording, machine: Machine | None = None, *, aligned: bo
     """
     currents = held_currents(recording) if machine is None else held_inputs(recording, driven(machine, recording))
     signals = [recording.signals[name] for name in OUTPUTS]
-    if len(currents.time) == 0 or any(not s.valid.any() for s in signals):
+    if len(currents.time) == 0 or not signals[OUTPUTS.index("angle")].valid.any():
         return None
     count = int(np.floor(recording.duration / PERIOD + 1e-9))
     grid = np.asarray((_origin(recording) if aligned else 0.0) + np.arange(count + 1) * PERIOD, dtype=np.float64)
@@ -182,14 +203,21 @@ def prepare(recording: Recording, machine: Machine | None = None, *, aligned: bo
         counted[(time >= begin) & (time < end + SETTLING)] = False
     counted[(time < currents.time[0]) | (time > currents.time[-1] + currents.gap)] = False
     rest = resting_start(recording, currents)
-    start = rest or {name: float(np.mean(s.values[s.valid][:3])) for name, s in zip(OUTPUTS, signals, strict=True)}
+    start = rest or {n: _first(s) for n, s in zip(OUTPUTS, signals, strict=True)}
     if rest is None:
         counted[time < SETTLING] = False
     cavitating = _cavitating(recording, time)
     counted[cavitating] = False
-    bag = Bag(recording, currents, grid, counted, cavitating, rest is not None, start)
+    late = 0.0 if machine is None else lateness(currents.time, machine)
+    timing = hypot(TIMING_NOISE, late / sqrt(12.0))
+    bag = Bag(recording, currents, grid, counted, cavitating, rest is not None, start, timing)
     counted &= np.isfinite(bag.samples().measured)
     return bag
+
+
+def _first(signal: Signal) -> float:
+    """What a channel shows first; NaN where it was not measured."""
+    return float(np.mean(signal.values[signal.valid][:3])) if signal.valid.any() else float("nan")
 
 
 def _cavitating(recording: Recording, time: Array) -> Flags:

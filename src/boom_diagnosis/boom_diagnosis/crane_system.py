@@ -99,7 +99,7 @@ class CraneModel:
         self.counted = np.asarray(bag.counted.any(axis=1))
         self.places = tuple(sorted(n.removeprefix(DISCREPANCY) for n in names if n.startswith(DISCREPANCY)))
         self.discrepancies = np.array([names.index(DISCREPANCY + place) for place in self.places], dtype=np.int64)
-        self._noise = noise_model(self.plant, machine, self.plant.p)
+        self._noise = noise_model(self.plant, machine, self.plant.p, lacking=bag.lacking)
         self.variance = np.square(np.array(self._noise.outputs))
         self.spread = np.array([self._noise.initial.get(name, 0.0) for name in names])
         self._kept: dict[tuple[float, float], Samples] = {}

@@ -6,7 +6,7 @@ nearly all hypotheses; effects that bring states are added when a hypothesis ask
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import hypot
@@ -58,6 +58,11 @@ CURRENT_NOISE = 0.85e-3
 """A. Noise and quantisation of the measured currents, which drive the model."""
 SPOOL_NOISE = 2e-4
 """1/s sqrt(s), of the full stroke: white disturbance of the spool where one is allowed."""
+
+UNMEASURED, SHOWN_BY = 3e6, {
+    "head_pressure": "hose_pressure", "hose_pressure": "hose_pressure", "rod_pressure": "rod_pressure",
+}  # fmt: skip
+"""Pa. Standard deviation at the start of a pressure that no channel shows. State -> channel that shows it."""
 
 _BUILDING = RLock()
 """Threads that want the same plant get the same one: passes are joined by what it is, not by what it is like."""
@@ -198,7 +203,7 @@ class Predictor:
 
     def _gains(self, i: int, plant: Plant, values: Values) -> KalmanGains:
         p = self.parameters(plant, values)
-        noise = noise_model(plant, self.machine, p, self.looseness, self.boost)
+        noise = noise_model(plant, self.machine, p, self.looseness, self.boost, self.bags[i].lacking)
         key = (plant, p.tobytes(), self.looseness, *sorted(self.boost.items()))
         return self.bags[i].gains.get(
             key, lambda: kalman(plant, self.samples(i, plant, p), self._along(i, plant, p), noise)
@@ -230,9 +235,10 @@ def _at_first(plant: Plant) -> dict[str, float]:
 
 
 def noise_model(
-    plant: Plant, machine: Machine, p: Array, looseness: float = 1.0, boost: Mapping[str, float] | None = None
-) -> NoiseModel:
-    """Sensors' noise, the currents' noise, and small white disturbances of torque and flows."""
+    plant: Plant, machine: Machine, p: Array, looseness: float = 1.0, boost: Mapping[str, float] | None = None,
+    lacking: Container[str] = (),
+) -> NoiseModel:  # fmt: skip
+    """Sensors' noise, and small white disturbances of torque and flows; of ``lacking`` channels little is known at the start."""
     torque, flow = looseness * TORQUE_NOISE, looseness * FLOW_NOISE
     sensors = machine.sensor_noise()
     number = dict(zip(plant.parameter_names, p, strict=True))
@@ -249,6 +255,7 @@ def noise_model(
         "angle": 1e-3, "rate": 1e-2, "head_pressure": 5e5, "rod_pressure": 1e5, "hose_pressure": 1e5,
         "accumulator_pressure_1": 5e5, "accumulator_pressure_2": 5e5,
     }  # fmt: skip
+    initial |= {state: UNMEASURED for state, channel in SHOWN_BY.items() if channel in lacking}
     angle = max(hypot(sensors.angle_sigma, 0.5 * sensors.angle_quantum), 1e-5)
     outputs = tuple(angle if sensor.name == "angle" else sensors.deviation(sensor) for sensor in PREDICTED)
     return NoiseModel(

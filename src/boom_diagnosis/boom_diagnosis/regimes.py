@@ -47,9 +47,7 @@ class Where:
 
 def classify(bag: Bag) -> Index:
     """(n,) index into CELLS; -1 where the rate was not measured within ``NEAR``."""
-    rate = bag.samples().measured[:, OUTPUTS.index("rate")]
-    known = np.isfinite(rate)
-    filled = np.interp(bag.time, bag.time[known], rate[known]) if known.any() else np.zeros(len(rate))
+    filled, known = bag.speed()
     kernel = np.ones(9) / 9
     smooth = np.convolve(filled, kernel, mode="same")
     direction = np.where(smooth > STANDSTILL, 1, np.where(smooth < -STANDSTILL, -1, 0))

@@ -25,6 +25,10 @@ MEASURED = 0.9
 """Share of valid samples from which a pressure drives the model."""
 
 
+EVEN = 0.1
+"""Of the sample time, by which the median between stamps may differ from it."""
+
+
 @dataclass(frozen=True)
 class HeldCurrents:
     """Inputs: time (m,) [s] from which each acts, values (m, NU) as ``Structure.inputs``: retract, extend [A], what else drives.
@@ -92,12 +96,23 @@ def driven(machine: Machine, recording: Recording) -> Machine:
     return machine.with_moving_joints()
 
 
+def lateness(time: Array, machine: Machine) -> float:
+    """How late [s] samples of the currents at ``time`` (n,) [s] show a change at most: where they come less often than commands."""
+    if len(time) < 2:
+        return 0.0
+    late = float(np.median(np.diff(time))) - machine.sample_time
+    return late if late > EVEN * machine.sample_time else 0.0
+
+
 def held_inputs(recording: Recording, machine: Machine) -> HeldCurrents:
     """The inputs (``Structure.inputs``) of a recording where both currents are valid.
 
-    Pressures between their samples by lines; the joints' motion as it is in the middle of the time for which it is held.
+    A current acts from the middle of the time in which it may have changed (:func:`lateness`). Pressures between their samples by
+    lines; the joints' motion as it is in the middle of the time for which it is held.
     """
     held = held_currents(recording)
+    if late := lateness(held.time, machine):
+        held = HeldCurrents(np.maximum(held.time - 0.5 * late, held.time[0]), held.values)
     pressures = [recording.signals[name] for name in machine.structure.driven]
     columns = [np.interp(held.time, s.time[s.valid], s.values[s.valid]) for s in pressures]
     still = None

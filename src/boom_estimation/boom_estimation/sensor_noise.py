@@ -27,7 +27,7 @@ def with_measured_noise(machine: Machine, recordings: Sequence[Recording]) -> Ma
             if sensor in PREDICTED and isinstance(sensor, Sensor) and _noisier(found, told.deviation(sensor)):
                 sigma = sqrt(found.deviation**2 - told.quantum(sensor) ** 2 / 12.0)
                 if sensor.is_pressure:
-                    power = sigma**2 * machine.sensors.get("Ts", 0.01)
+                    power = sigma**2 * machine.sample_time
                     numbers["p_noise_psd"] = max(power, numbers.get("p_noise_psd", 0.0))
                 else:
                     key = {"angle": "q2_noise", "rate": "rate_noise"}[name]

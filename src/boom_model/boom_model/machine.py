@@ -21,6 +21,8 @@ from boom_model.structure import Structure
 from boom_model.tolerance import TOLERANCES, Tolerance
 
 Confidence = Literal["high", "medium", "low", ""]
+SAMPLE_TIME = 0.01
+"""s. T_s of a file that does not state it."""
 
 
 @dataclass(frozen=True)
@@ -207,12 +209,17 @@ class Machine:
         steps = {"q2_quant": max(angle, noise.angle_quantum), "p_quant": max(pressure, noise.pressure_quantum)}
         return replace(self, sensors={**self.sensors, **steps})
 
+    @property
+    def sample_time(self) -> float:
+        """T_s [s], in which its controller commands and its sensors measure."""
+        return self.sensors.get("Ts", SAMPLE_TIME)
+
     def sensor_noise(self) -> SensorNoise:
         """Noise and quantisation of the machine's sensors; ch. 6.4 unless section ``control`` states them."""
         said, noise = self.sensors, SensorNoise()
         sigma = noise.pressure_sigma
         if "p_noise_psd" in said:
-            sigma = (said["p_noise_psd"] / said.get("Ts", 0.01)) ** 0.5
+            sigma = (said["p_noise_psd"] / self.sample_time) ** 0.5
         return replace(
             noise,
             angle_sigma=said.get("q2_noise", noise.angle_sigma),
