@@ -45,7 +45,7 @@ from boom_diagnosis.proof import (
     spans_of,
 )
 from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, posterior, probabilities, unknown_probability
-from boom_model.catalogue import EFFECTS
+from boom_model.catalogue import CATALOGUE, EFFECTS
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
@@ -106,7 +106,7 @@ def not_enough_excitation(recordings: Sequence[Recording], machine: Machine, abo
         about.inputs_sha256,
         about.version,
     )
-    notes = tuple(f"{r.name}: the boom hardly moves, or a channel is missing" for r in recordings)
+    notes = tuple(f"{r.name}: the boom hardly moves, or angle or currents are missing" for r in recordings)
     notes += tuple(f"{r.name}: {said}" for r in recordings for said in r.warnings)
     return DiagnosisResult(
         document, machine, machine, (), (), (), "", (), (), "Nothing can be told from these recordings.",
@@ -211,14 +211,22 @@ def _final_machine(case: Case, verdict: Verdict, learned: Learned | None) -> Mac
 
 def notes_of(bags: Sequence[Bag], proving: Sequence[Bag], weak: Sequence[str]) -> tuple[str, ...]:
     """What was left out and what is damaged."""
-    notes = [f"{name} is left out: the boom hardly moves in it, or a channel is missing" for name in weak]
+    notes = [f"{name} is left out: the boom hardly moves in it, or angle or currents are missing" for name in weak]
     for bag in bags:
+        notes += [f"{bag.name}: {_untold(name)}" for name in OUTPUTS if name in bag.lacking]
         if bag.cavitating.any():
             notes.append(
                 f"{bag.name}: {PERIOD * float(bag.cavitating.sum()):.1f} s are left out: the oil of the head side evaporates "
                 f"(hose pressure below {CAVITATES / 1e5:g} bar), and the model ends there"
             )
     return (*notes, *(f"{bag.name}: {said}" for bag in (*bags, *proving) for said in bag.recording.warnings))
+
+
+def _untold(channel: str) -> str:
+    """What a recording without a channel cannot tell."""
+    only = [label_of(effect.id) for effect in CATALOGUE if set(effect.terms) == {f"measured_{channel}"}]
+    effects = f", {' and '.join(only)} among it" if only else ""
+    return f"the {channel.replace('_', ' ')} was not measured: what only it shows cannot be told{effects}"
 
 
 def remaining(fit: Fit, before: float, after: float) -> str:

@@ -101,11 +101,17 @@ def _fitted(case: Case, at: Point, select: Sequence[Flags]) -> Point:
     return case.problem(z, effects, 1.0).points([(z, effects)])[0]
 
 
+def _spread(measured: Array) -> Array:
+    """(NY,) standard deviations of the channels (n, NY); 1 of one that was not measured, and has no errors."""
+    known = [column[np.isfinite(column)] for column in measured.T]
+    return np.array([np.std(column) if len(column) else 1.0 for column in known])
+
+
 def _problem(
     case: Case, z: Array, effects: Mapping[str, float], select: Sequence[Flags], shapes: Sequence[Coordinate]
 ) -> Problem:
     """Free runs with the weights of their errors at a point."""
-    spreads = [np.nanstd(bag.samples().measured, axis=0) for bag in case.bags]
+    spreads = [_spread(bag.samples().measured) for bag in case.bags]
     plain = Problem(FreeRunPredictor(case.machine, case.bags, [1.0 / s for s in spreads]), case.nuisances, select)
     weights = []
     for part, spread, chosen in zip(plain.points([(z, effects)])[0].parts, spreads, select, strict=True):

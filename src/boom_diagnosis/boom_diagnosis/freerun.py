@@ -83,9 +83,11 @@ def noise_floor(span: Span, machine: Machine, seed: int) -> Errors:
     plant = plant_for(recording, machine, "full").through_evaporation()
     currents = held_inputs(recording, plant.machine)
     rng = np.random.default_rng(seed)
-    first = {n: recording.signals[n].values[recording.signals[n].valid] for n in OUTPUTS}
-    angle, hose, rod = (float(np.mean(first[n][:50])) for n in ("angle", "hose_pressure", "rod_pressure"))
-    x0 = plant.rest_state_measured(angle, hose, rod, inputs=currents.at(0.0))
+    first = {n: recording.signals[n].values[recording.signals[n].valid][:50] for n in OUTPUTS}
+    shown = {n: float(np.mean(values)) if len(values) else float("nan") for n, values in first.items()}
+    x0 = plant.rest_state_measured(
+        shown["angle"], shown["hose_pressure"], shown["rod_pressure"], inputs=currents.at(0.0)
+    )
     grid = np.arange(currents.time[0], min(span.end, currents.time[-1]), 0.01)
     noisy, given = currents.values.copy(), currents.values[:, : len(CURRENTS)]
     noisy[:, : len(CURRENTS)] += CURRENT_NOISE * rng.standard_normal(given.shape) * (given > 0.05)
@@ -98,7 +100,7 @@ def noise_floor(span: Span, machine: Machine, seed: int) -> Errors:
     inside = grid >= span.start
     spread = np.std(measured[inside], axis=0)
     error = np.sqrt(np.mean((measured[inside] - exact[inside]) ** 2, axis=0)) / np.maximum(spread, 1e-12)
-    return tuple(error.tolist())
+    return tuple(np.where([len(first[n]) > 0 for n in OUTPUTS], error, np.nan).tolist())
 
 
 def median(rows: Sequence[Errors]) -> Errors:

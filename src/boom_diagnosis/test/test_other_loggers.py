@@ -10,6 +10,7 @@ from test_diagnosis import noisy, tz17
 
 from boom_diagnosis.prediction import beyond, mean_squares
 from boom_diagnosis.run import diagnose
+from boom_estimation.currents import held_inputs
 from boom_estimation.sensor_noise import with_measured_noise
 from boom_recording.recording import Recording, Signal
 
@@ -35,6 +36,27 @@ def test_an_effect_is_found_in_channels_that_are_sampled_in_turn() -> None:
     found = diagnose([in_turn(noisy(tz17().with_effects({"pilot_lag": {"r": 2.0}}), 24.0, 1))], tz17()).document
     assert (found.verdict, found.findings[0].effect) == ("identified", "pilot_lag")
     assert found.findings[0].parameters["r"].value == pytest.approx(2.0, rel=0.1)
+
+
+def test_an_effect_is_found_without_gyro_and_what_only_that_shows_is_said_to_be_untold() -> None:
+    made = noisy(tz17().with_effects({"pilot_lag": {"r": 2.0}}), 24.0, 1)
+    dead = replace(made.signals["rate"], valid=np.zeros_like(made.signals["rate"].valid))
+    result = diagnose([replace(made, signals={**made.signals, "rate": dead})], tz17())
+    found = result.document
+    assert (found.verdict, found.findings[0].effect) == ("identified", "pilot_lag")
+    assert found.findings[0].parameters["r"].value == pytest.approx(2.0, rel=0.1)
+    assert np.isnan(found.fit.noise_floor[1])
+    assert "the rate was not measured: what only it shows cannot be told, rate scale among it" in " ".join(result.notes)
+
+
+def test_a_current_that_a_sparse_log_shows_late_acts_from_the_middle() -> None:
+    made = noisy(tz17(), 8.0, 3)
+    sparse = replace(made, signals={n: every_other(s, 0) for n, s in made.signals.items()})
+    dense, thin = (held_inputs(r, tz17()) for r in (made, sparse))
+    assert dense.time[:4] == pytest.approx([0.0, 0.01, 0.02, 0.03], abs=1e-9)
+    assert thin.time[:4] == pytest.approx([0.0, 0.015, 0.035, 0.055], abs=1e-9)
+    slower = held_inputs(sparse, tz17().with_sensors({"Ts": 0.02}))
+    assert slower.time[:3] == pytest.approx([0.0, 0.02, 0.04], abs=1e-9)
 
 
 def test_a_gyro_that_is_noisier_than_the_file_says_is_no_physics() -> None:

@@ -67,7 +67,8 @@ def rungs(result: DiagnosisResult) -> Markup:
     """HTML: the bars of the ladder alone."""
     floor = LadderStep("noise floor", (), result.document.fit.noise_floor)
     steps = [*result.ladder, *([floor] if len(floor.held_out) == len(PREDICTED) else [])]
-    channels = [(c.label.capitalize(), _bars(steps, i)) for i, c in enumerate(PREDICTED)]
+    there = [i for i in range(len(PREDICTED)) if any(math.isfinite(step.held_out[i]) for step in steps)]
+    channels = [(PREDICTED[i].label.capitalize(), _bars(steps, i)) for i in there]  # none of what was not measured
     return render("boom_report/diagnosis/rungs.html", channels=channels)
 
 
