@@ -34,7 +34,7 @@ FIND, PROVE = 2, 1
 """Stretches of the only long recording that are searched, and that nothing is fitted to. One with no more blocks is short."""
 LARGEST = 8.0
 """Standard deviations. An innovation that is larger says no more: it is an outlier, or the run has failed."""
-LEAST_MOVING, LEAST_TRAVEL = 4.0, 0.1
+LEAST_MOVING, LEAST_TRAVEL = 4.0, 0.02
 """s, rad: a recording that moves less says nothing about most of the machine."""
 Told = Callable[[str, float], None]
 
