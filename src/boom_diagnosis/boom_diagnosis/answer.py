@@ -28,19 +28,20 @@ from boom_diagnosis.document import (
 )
 from boom_diagnosis.experiment import propose
 from boom_diagnosis.fitting import Point, rho
-from boom_diagnosis.freerun import UNKNOWN, free_run
+from boom_diagnosis.freerun import UNKNOWN
 from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import links, locate
-from boom_diagnosis.must_keep import kept, told
+from boom_diagnosis.must_keep import kept, told, worse_channels
 from boom_diagnosis.prediction import beyond
 from boom_diagnosis.proof import (
     bag_result,
     final_machine,
     fit_and_ladder,
+    free_runs,
+    held_out,
     label_of,
     machines_of,
-    placed,
     proving_result,
     spans_of,
 )
@@ -141,7 +142,12 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     first = case.rounds[0]
     tight = _tight(case)
     unknown = unknown_probability(tight.excess_before, tight.excess_after, tight.channels)
-    odds = odds_of(case, unknown)
+    spans = spans_of(case)
+    taken = machines_of(case, "identified", None) if case.taken else {}
+    done = [free_runs(m, case, spans) for m in taken.values()]
+    odds = odds_of(
+        case, unknown, proved=not case.taken or not worse_channels(held_out(dict(zip(taken, done, strict=True)), spans))
+    )
     cells = [regimes.classify(bag) for bag in case.bags]
     findings = _findings(case, odds, cells)
     ranked = ranking(case, odds, findings)
@@ -166,8 +172,9 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         agreement = "No equation needs an unknown input: what remains is noise."
     moved = _moved(case, case.last) if verdict == "parameters_only" or case.taken else {}
     machines = machines_of(case, verdict, learned)
-    spans = spans_of(case)
-    runs = {label: [free_run(s.recording, placed(m, case, s)) for s in spans.all] for label, m in machines.items()}
+    runs = {
+        label: done[k] if k < len(done) else free_runs(m, case, spans) for k, (label, m) in enumerate(machines.items())
+    }
     fit, ladder = fit_and_ladder(case, machines, runs, spans)
     known = any(copy is not bag for copy, bag in zip(case.healthy, case.bags, strict=True))
     verdict, findings, unproved = kept(verdict, findings, fit, known)
@@ -302,14 +309,18 @@ class Odds:
     tolerances: float
 
 
-def odds_of(case: Case, unknown: float) -> Odds:
-    """The probabilities of a finished search, as they are stated (four digits); unknown: before it is weighed with the rest."""
+def odds_of(case: Case, unknown: float, *, proved: bool = True) -> Odds:
+    """The probabilities of a finished search, as they are stated (four digits).
+
+    unknown: before it is weighed with the rest. proved: by free runs over data not used; what they are worse with is as likely
+    nothing.
+    """
     stated = round(min(MOST_CERTAIN, unknown), 4) if case.taken or unknown > 0.5 else 0.0
     effects, tolerances = [], 1.0 - stated
     for k, weighed in enumerate(case.weighed):
         *shares, none = (round(p * (1.0 - stated), 4) for p in probabilities(weighed, case.temperature))
         row = {w.fitted.effect: p for w, p in zip(weighed, shares, strict=True)}
-        for effect in (e for e in row if not _told(case, e)):  # as likely nothing
+        for effect in (e for e in row if not _told(case, e) or (e in case.named and not proved)):  # as likely nothing
             none, row[effect] = none + max(0.0, row[effect] - UNTOLD), min(row[effect], UNTOLD)
         effects.append(row)
         tolerances = tolerances if k else none

@@ -25,9 +25,9 @@ def told(effect: str, numbers: Mapping[str, Estimate]) -> bool:
     return False
 
 
-def worse_channels(fit: Fit) -> list[str]:
-    """Channels whose free runs over data not used are worse than with parameters only, in words."""
-    explained, before = (np.array(fit.held_out[k], dtype=float) for k in ("explained", "parameters_only"))
+def worse_channels(held_out: Mapping[str, Sequence[float]]) -> list[str]:
+    """Channels whose free runs over data not used (errors by stage) are worse than with parameters only, in words."""
+    explained, before = (np.array(held_out[k], dtype=float) for k in ("explained", "parameters_only"))
     ended = np.isfinite(before) & ~np.isfinite(explained)
     return _said(np.where(ended, np.inf, explained / np.maximum(before, 1e-12)), WORSE)
 
@@ -55,7 +55,7 @@ def kept(
     notes = list[str]()
     if not fit.held_out:
         return verdict, list(findings), notes
-    worse = worse_channels(fit) if findings else []
+    worse = worse_channels(fit.held_out) if findings else []
     if worse and verdict in ("identified", "sensor_or_clock"):
         verdict = "ambiguous"
         notes.append(f"unproved: free runs over data not used err more than with parameters only: {', '.join(worse)}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import log
 from typing import TYPE_CHECKING, Protocol
@@ -153,17 +153,27 @@ def worsening(case: Proved, before: Point, after: Point) -> float:
     return float(np.exp(np.mean(known))) if len(known) else 1.0
 
 
+def free_runs(machine: Machine, case: Proved, spans: Spans) -> list[FreeRun]:
+    """Of a machine through all recordings."""
+    return [free_run(s.recording, placed(machine, case, s)) for s in spans.all]
+
+
+def held_out(runs: Mapping[str, list[FreeRun]], spans: Spans) -> dict[str, tuple[float, ...]]:
+    """Errors of every stage's free runs over data not used, median over the recordings."""
+    return {label: _errors(runs[label], spans.judged, spans) for label in runs}
+
+
+def _errors(runs: Sequence[FreeRun], part: Sequence[Span], spans: Spans) -> tuple[float, ...]:
+    names = [s.recording.name for s in spans.all]
+    return median([errors(s, runs[names.index(s.recording.name)]) for s in part])
+
+
 def fit_and_ladder(
     case: Proved, machines: Mapping[str, Machine], runs: Mapping[str, list[FreeRun]], spans: Spans
 ) -> tuple[Fit, tuple[LadderStep, ...]]:
     """Errors of the free runs of every stage, median over the recordings; the ladder of stages."""
-    names = [s.recording.name for s in spans.all]
-
-    def table(label: str, part: list[Span]) -> tuple[float, ...]:
-        return median([errors(s, runs[label][names.index(s.recording.name)]) for s in part])
-
-    training = {label: table(label, spans.training) for label in machines}
-    held = {label: table(label, spans.judged) for label in machines}
+    training = {label: _errors(runs[label], spans.training, spans) for label in machines}
+    held = held_out(runs, spans)
     floor = median(
         [noise_floor(s, placed(machines["explained"], case, s), case.seed + 11 + i) for i, s in enumerate(spans.judged)]
     )

@@ -24,7 +24,6 @@ from boom_diagnosis.document import (
 )
 from boom_diagnosis.experiment import propose
 from boom_diagnosis.fitting import Point
-from boom_diagnosis.freerun import free_run
 from boom_diagnosis.hypotheses import noticed
 from boom_diagnosis.learning import learn
 from boom_diagnosis.locating import links, locate
@@ -34,9 +33,9 @@ from boom_diagnosis.proof import (
     bag_result,
     final_machine,
     fit_and_ladder,
+    free_runs,
     label_of,
     machines_of,
-    placed,
     proving_result,
     spans_of,
 )
@@ -108,7 +107,7 @@ def assemble(case: WeighedCase, about: About, weak: Sequence[str]) -> DiagnosisR
     learned = case.learned
     machines = machines_of(case, verdict, learned)
     spans = spans_of(case)
-    runs = {label: [free_run(s.recording, placed(m, case, s)) for s in spans.all] for label, m in machines.items()}
+    runs = {label: free_runs(m, case, spans) for label, m in machines.items()}
     fit, ladder = fit_and_ladder(case, machines, runs, spans)
     findings = _findings(case, odds, cells)
     if verdict == "unknown_physics":

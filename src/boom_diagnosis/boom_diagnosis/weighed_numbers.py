@@ -9,7 +9,7 @@ import numpy as np
 from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.document import Estimate
 from boom_diagnosis.must_keep import told
-from boom_diagnosis.weighing import GRASP, Z90
+from boom_diagnosis.weighing import GRASP, Z90, is_none
 from boom_estimation.posterior import HypothesisFit
 
 
@@ -23,7 +23,7 @@ def estimates(at: HypothesisFit) -> dict[str, Estimate]:
     result = {}
     for k, n in enumerate(at.problem.numbers):
         coordinate = coordinates.get(n.name)
-        if coordinate is None:
+        if coordinate is None or is_none(n.name, n.value(float(at.c[k]))):
             continue
         own = deviations[k] if at.free[k] else 1.0 / np.sqrt(max(float(curvature[k]), 1e-12))
         spread = Z90 * float(np.hypot(own, coordinate.form))

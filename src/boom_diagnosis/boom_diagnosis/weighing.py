@@ -47,6 +47,8 @@ FORM = 2.5
 """Factor of intervals that the recordings decide: a machine's effect never has exactly the catalogue's form. From blind trials
 (docs/proof_method.md)."""
 DERIVATIVES = 1e-3
+NONE = 1e-3
+"""Of the plausible range, so close to the number that says that something is not there is that."""
 GRASP = 0.15
 """s. A load is not taken up in an instant: half the least width of the interval of its time."""
 BLOCK = 800
@@ -188,6 +190,8 @@ def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
     result = {}
     for k, c in enumerate(fitted.coordinates, start=count):
         value = fitted.point.effects[c.name]
+        if is_none(c.name, value):
+            continue
         spread = Z90 * sqrt(max(float(covariance[k]), 0.0) + c.form**2)
         if c.onset:
             spread = max(spread, GRASP)
@@ -197,6 +201,14 @@ def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
             low, high = value - spread, value + spread
         result[c.name] = Estimate(value, c.unit, (max(low, min(c.low, value)), min(high, max(c.high, value))))
     return result
+
+
+def is_none(name: str, value: float) -> bool:
+    """Whether a number says that something is not there: neutral, where what is plausible is elsewhere."""
+    effect, parameter = name.split(".")[1:]
+    row = next(row for row in EFFECTS[effect].parameters if row.name == parameter)
+    elsewhere = not row.low <= row.neutral <= row.high
+    return elsewhere and abs(value - row.neutral) < NONE * (row.high - row.low)
 
 
 def probabilities(weighed: Sequence[Weighed], temperature: float) -> list[float]:

@@ -1,5 +1,6 @@
 """What is said of a finished search, on a case whose rounds are given."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -14,22 +15,25 @@ from boom_diagnosis.hypotheses import Round
 
 
 def test_what_is_damaged_or_left_out_of_a_recording_is_said(case: Any) -> None:
-    def bag(name: str, warnings: list[str], cavitating: int) -> Any:
+    def bag(name: str, warnings: list[str], cavitating: int, lacking: Sequence[str] = ()) -> Any:
         lost = np.arange(1000) < cavitating
-        return SimpleNamespace(name=name, cavitating=lost, recording=SimpleNamespace(warnings=warnings))
+        recording = SimpleNamespace(warnings=warnings)
+        return SimpleNamespace(name=name, cavitating=lost, recording=recording, lacking=frozenset(lacking))
 
     case.bags, case.proving = (
-        [bag("a", [], 150), bag("b", ["cut.mcap: the file is cut"], 0)],
+        [bag("a", [], 150), bag("b", ["cut.mcap: the file is cut"], 0, ["rate"])],
         [bag("c", ["no index"], 0)],
     )
-    left_out, evaporating, *damaged = answer.notes_of(case.bags, case.proving, ["still"])
+    left_out, evaporating, untold, *damaged = answer.notes_of(case.bags, case.proving, ["still"])
     assert left_out.startswith("still is left out")
     assert evaporating.startswith("a: 1.5 s are left out") and "evaporates" in evaporating
+    assert untold == "b: the rate was not measured: what only it shows cannot be told, rate scale among it"
     assert damaged == ["b: cut.mcap: the file is cut", "c: no index"]
 
 
 def test_an_effect_that_no_boom_can_have_is_not_weighed_but_said(monkeypatch: pytest.MonkeyPatch, case: Any) -> None:
     case.pose, case.healthy_squares, case.bags = SimpleNamespace(load=0.0), np.ones(4), []
+    case.select = []
     fitted = weighed("payload", 600.0, 300.0, 1000.0).fitted
     fitted = replace(fitted, coordinates=all_coordinates(["payload"]), jacobian=np.ones((SAMPLES, 2)))
     fitted.point.effects["effects.payload.mass"] = -80.0
@@ -64,6 +68,7 @@ def test_what_is_near_unknown_physics_has_the_probability_of_the_ranking(
         for effect, gain in (("presliding_friction", 300.0), ("pilot_lag", 200.0), ("payload", 400.0))
     )
     case.weighed, case.disproved, case.healthy_squares, case.bags = [[near, far]], [disproved], np.ones(4), []
+    case.select = []
     case.impossible, case.temperature, case.learned = [], 150.0, None
     monkeypatch.setattr(answer, "estimates", lambda *given: {})
     monkeypatch.setattr(answer.regimes, "where", lambda *given: SimpleNamespace(text="", intervals=()))
