@@ -173,7 +173,8 @@ def _show_held_out(result: Identification, console: Console) -> None:
         table.add_column(f"{short(sensor)} before", justify="right")
         table.add_column("after", justify="right")
     for row in check:
-        cells = [f"{100 * row[side][sensor.name]:.2f}" for sensor in PREDICTED for side in ("before", "after")]
+        errors = [row[side].get(sensor.name) for sensor in PREDICTED for side in ("before", "after")]
+        cells = ["\N{EN DASH}" if error is None else f"{100 * error:.2f}" for error in errors]
         table.add_row(row["bag"], *cells)
     console.print(table)
 
