@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis import regimes
-from boom_diagnosis.assumptions import MOST_CERTAIN, MOVED, NAMED_FROM
+from boom_diagnosis.assumptions import MOST_CERTAIN, MOVED, NAMED_FROM, UNPROVED
 from boom_diagnosis.bag_samples import CAVITATES, PERIOD, Bag
 from boom_diagnosis.document import (
     SUBSYSTEMS,
@@ -312,16 +312,16 @@ class Odds:
 def odds_of(case: Case, unknown: float, *, proved: bool = True) -> Odds:
     """The probabilities of a finished search, as they are stated (four digits).
 
-    unknown: before it is weighed with the rest. proved: by free runs over data not used; what they are worse with is as likely
-    nothing.
+    unknown: before it is weighed with the rest. proved: by free runs over data not used; what they are worse with is not sure.
     """
     stated = round(min(MOST_CERTAIN, unknown), 4) if case.taken or unknown > 0.5 else 0.0
     effects, tolerances = [], 1.0 - stated
     for k, weighed in enumerate(case.weighed):
         *shares, none = (round(p * (1.0 - stated), 4) for p in probabilities(weighed, case.temperature))
         row = {w.fitted.effect: p for w, p in zip(weighed, shares, strict=True)}
-        for effect in (e for e in row if not _told(case, e) or (e in case.named and not proved)):  # as likely nothing
-            none, row[effect] = none + max(0.0, row[effect] - UNTOLD), min(row[effect], UNTOLD)
+        for effect, stated_of in row.items():
+            most = UNTOLD if not _told(case, effect) else 1.0 if proved or effect not in case.named else UNPROVED
+            none, row[effect] = none + max(0.0, stated_of - most), min(stated_of, most)
         effects.append(row)
         tolerances = tolerances if k else none
     return Odds(stated, tuple(effects), round(tolerances, 4))

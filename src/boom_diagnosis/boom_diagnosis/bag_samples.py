@@ -17,6 +17,7 @@ from boom_model.observer import KalmanGains, Linearised, Samples
 from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS, PRESSURES
 from boom_model.structure import CURRENTS
+from boom_recording.measurement import without_repeats
 from boom_recording.recording import Recording, Signal
 
 Array = NDArray[np.float64]
@@ -182,13 +183,14 @@ def _origin(recording: Recording) -> float:
 
 
 def prepare(recording: Recording, machine: Machine | None = None, *, aligned: bool = False) -> Bag | None:
-    """The recording for the observer; None where the angle or the currents have no valid sample.
+    """The recording for the observer, without repeated samples; None where the angle or the currents have no valid sample.
 
     machine: whose bodies the other joints move; without it they are locked.
 
     Raises:
         MachineError: other joints move, and the machine file does not tell the bodies.
     """
+    recording = without_repeats(recording)
     currents = held_currents(recording) if machine is None else held_inputs(recording, driven(machine, recording))
     signals = [recording.signals[name] for name in OUTPUTS]
     if len(currents.time) == 0 or not signals[OUTPUTS.index("angle")].valid.any():

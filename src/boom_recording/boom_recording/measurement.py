@@ -6,7 +6,7 @@ A rate that a logger computes from the angle has the angle's own noise in it: bo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot, sqrt
 
 import numpy as np
@@ -77,6 +77,17 @@ def measurements(recording: Recording) -> dict[str, ChannelMeasurement]:
             "rate", own.samples, own.period, own.sigma, own.quantum, own.repeats, "angle"
         )
     return result
+
+
+def without_repeats(recording: Recording) -> Recording:
+    """The recording without the samples of sensors that say again what was measured before; the first of each is kept."""
+    fresh = {}
+    for sensor in PREDICTED:
+        signal = recording.signals.get(sensor.name)
+        if signal is not None and channel_measurement(signal).repeats > 1.0:
+            new = np.concatenate(([True], np.diff(signal.values) != 0))
+            fresh[sensor.name] = replace(signal, valid=signal.valid & new)
+    return replace(recording, signals={**recording.signals, **fresh}) if fresh else recording
 
 
 def _nothing(name: str) -> ChannelMeasurement:
