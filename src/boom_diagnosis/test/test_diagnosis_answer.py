@@ -59,6 +59,18 @@ def test_physics_of_no_catalogue_is_the_verdict_where_it_is_likelier_than_what_w
     assert answer._verdict(case, [found], unknown, 0.0, tight) == verdict
 
 
+@pytest.mark.parametrize(("proved", "most"), [(True, 1.0), (False, answer.UNPROVED)])
+def test_what_free_runs_are_worse_with_is_not_sure(
+    monkeypatch: pytest.MonkeyPatch, case: Any, proved: bool, most: float
+) -> None:
+    case.weighed = [[weighed("pilot_lag", 3000.0, 3000.0, 2000.0)]]
+    case.taken, case.temperature = case.weighed[0], 3.0
+    monkeypatch.setattr(answer, "_told", lambda *given: True)
+    odds = answer.odds_of(case, 0.02, proved=proved)
+    assert odds.effects[0]["pilot_lag"] == pytest.approx(min(0.98, most))
+    assert odds.effects[0]["pilot_lag"] + odds.tolerances + odds.unknown == pytest.approx(1.0, abs=2e-4)
+
+
 def test_what_is_near_unknown_physics_has_the_probability_of_the_ranking(
     monkeypatch: pytest.MonkeyPatch, case: Any
 ) -> None:

@@ -12,6 +12,7 @@ from boom_diagnosis.prediction import beyond, mean_squares
 from boom_diagnosis.run import diagnose
 from boom_estimation.currents import held_inputs
 from boom_estimation.sensor_noise import with_measured_noise
+from boom_recording.measurement import without_repeats
 from boom_recording.recording import Recording, Signal
 
 
@@ -57,6 +58,17 @@ def test_a_current_that_a_sparse_log_shows_late_acts_from_the_middle() -> None:
     assert thin.time[:4] == pytest.approx([0.0, 0.015, 0.035, 0.055], abs=1e-9)
     slower = held_inputs(sparse, tz17().with_sensors({"Ts": 0.02}))
     assert slower.time[:3] == pytest.approx([0.0, 0.02, 0.04], abs=1e-9)
+
+
+def test_a_sample_that_a_bus_repeats_counts_once() -> None:
+    made = noisy(tz17(), 8.0, 3)
+    hose = made.signals["hose_pressure"]
+    values = np.repeat(hose.values[::2], 2)[: len(hose.values)]
+    fresh = without_repeats(replace(made, signals={**made.signals, "hose_pressure": replace(hose, values=values)}))
+    assert fresh.signals["hose_pressure"].valid[::2].mean() > 0.9
+    assert not fresh.signals["hose_pressure"].valid[1::2].any()
+    assert fresh.signals["rod_pressure"].valid.all()
+    assert without_repeats(made) is made
 
 
 def test_a_gyro_that_is_noisier_than_the_file_says_is_no_physics() -> None:
