@@ -151,16 +151,22 @@ def test_a_default_subscriber_hears_all_joints_of_the_description_at_100_hz(clie
 
 
 def test_the_frames_are_those_of_the_description_at_the_joints_that_are_told(client: Client) -> None:
-    client.until(lambda: client.urdf and client.moving and client.fixed and client.poses)
-    stamp = client.moving[-1].transforms[0].header.stamp
-    client.until(lambda: any(s.header.stamp == stamp for s in client.states))
-    state = next(s for s in client.states if s.header.stamp == stamp)
+    def both() -> tuple[Any, Any] | None:
+        """Frames and the joints that they are of; the first of either may come before the other one is subscribed to."""
+        states = {(s.header.stamp.sec, s.header.stamp.nanosec): s for s in client.states}
+        stamped = ((frames, frames.transforms[0].header.stamp) for frames in reversed(client.moving))
+        return next(((f, states[t.sec, t.nanosec]) for f, t in stamped if (t.sec, t.nanosec) in states), None)
+
+    client.until(lambda: client.urdf and client.fixed and client.poses and both())
+    found = both()
+    assert found
+    moving, state = found
     model = pinocchio.buildModelFromXML(client.urdf[0].data)
     values = dict(zip(state.name, state.position, strict=True))
     data = model.createData()
     pinocchio.framesForwardKinematics(model, data, np.array([values[name] for name in list(model.names)[1:]]))
     edges = {}
-    for transform in (*client.moving[-1].transforms, *client.fixed[-1].transforms):
+    for transform in (*moving.transforms, *client.fixed[-1].transforms):
         place, turn = transform.transform.translation, transform.transform.rotation
         pose = pinocchio.XYZQUATToSE3(np.array([place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]))
         edges[transform.child_frame_id] = (transform.header.frame_id, pose)
