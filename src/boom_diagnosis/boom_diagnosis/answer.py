@@ -33,7 +33,7 @@ from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import links, locate
 from boom_diagnosis.must_keep import kept, told, worse_channels
-from boom_diagnosis.prediction import beyond
+from boom_diagnosis.prediction import beyond, gained
 from boom_diagnosis.proof import (
     bag_result,
     final_machine,
@@ -400,7 +400,7 @@ def _findings(case: Case, odds: Odds, cells: list[NDArray[np.int64]]) -> list[Fi
         others = sorted(((p, e) for e, p in odds.effects[k].items() if e != effect), reverse=True)
         alternatives = (*(Alternative(e, p) for p, e in others[:3] if p > 0.005), Alternative(None, odds.unknown))
         before = case.rounds[k].base
-        place = regimes.where(cells, _gains(before, w.fitted.point))
+        place = regimes.where(cells, gained(before.parts, w.fitted.point.parts))
         row = EFFECTS[effect]
         numbers = _short(_final_numbers(case), effect)
         result.append(
@@ -410,11 +410,6 @@ def _findings(case: Case, odds: Odds, cells: list[NDArray[np.int64]]) -> list[Fi
             )
         )  # fmt: skip
     return result
-
-
-def _gains(before: Point, after: Point) -> list[Array]:
-    return [0.5 * np.sum(np.minimum(b, 8.0) ** 2 - np.minimum(a, 8.0) ** 2, axis=1)
-            for b, a in zip((np.abs(p) for p in before.parts), (np.abs(p) for p in after.parts), strict=True)]  # fmt: skip
 
 
 def _evidence(w: Weighed, term: str, where: str) -> str:

@@ -19,7 +19,7 @@ from boom_diagnosis.document import DiagnosisResult, Document, Fit
 from boom_diagnosis.freerun import Errors, Span, WholeProof, errors, free_run, median, noise_floor
 from boom_diagnosis.must_keep import kept
 from boom_diagnosis.parallel import in_parallel
-from boom_diagnosis.prediction import Predictor
+from boom_diagnosis.prediction import Predictor, beyond
 from boom_model.catalogue import EFFECTS, beginning
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine
@@ -32,8 +32,6 @@ SHORTEST = 5.0
 """s. A recording that is shorter has no block."""
 FIND, PROVE = 2, 1
 """Stretches of the only long recording that are searched, and that nothing is fitted to. One with no more blocks is short."""
-LARGEST = 8.0
-"""Standard deviations. An innovation that is larger says no more: it is an outlier, or the run has failed."""
 LEAST_MOVING, LEAST_TRAVEL = 4.0, 0.02
 """s, rad: a recording that moves less says nothing about most of the machine."""
 Told = Callable[[str, float], None]
@@ -66,8 +64,7 @@ def excited(bag: Bag) -> bool:
 def lost(bag: Bag, machine: Machine) -> float:
     """What the machine's one-step predictions lose against white noise [nats]."""
     ((prediction,),) = Predictor(machine, [bag]).predict([{}])
-    squares = np.minimum(np.abs(prediction.whitened), LARGEST) ** 2
-    return float(0.5 * np.sum((squares - 1.0)[bag.counted]))
+    return float(np.sum(beyond(prediction.whitened, bag.counted, np.ones(len(OUTPUTS)))))
 
 
 @dataclass(frozen=True)

@@ -23,12 +23,11 @@ from boom_diagnosis.document import (
     Verdict,
 )
 from boom_diagnosis.experiment import propose
-from boom_diagnosis.fitting import Point
 from boom_diagnosis.hypotheses import noticed
 from boom_diagnosis.learning import learn
 from boom_diagnosis.locating import links, locate
 from boom_diagnosis.must_keep import kept
-from boom_diagnosis.prediction import beyond
+from boom_diagnosis.prediction import beyond, gained
 from boom_diagnosis.proof import (
     bag_result,
     final_machine,
@@ -172,7 +171,7 @@ def _findings(case: WeighedCase, odds: Marginals, cells: list[NDArray[np.int64]]
         without = case.found(others, case.best.hypothesis.unknown) or case.found(others) or case.found(())
         assert without is not None
         before = case.point(without.fit) if without.hypothesis.effects else case.base
-        place = regimes.where(cells, gains(before, case.last))
+        place = regimes.where(cells, gained(before.parts, case.last.parts))
         row, p = EFFECTS[effect], odds.effects[effect]
         gain = case.best.fit.log_likelihood - without.fit.log_likelihood
         said = (
@@ -199,12 +198,6 @@ def _findings(case: WeighedCase, odds: Marginals, cells: list[NDArray[np.int64]]
 def _alternatives(case: WeighedCase, odds: Marginals) -> tuple[Alternative, ...]:
     others = sorted(((p, e) for e, p in odds.effects.items() if e not in case.named), reverse=True)[:THIRD]
     return (*(Alternative(e, p) for p, e in others if p > LISTED), Alternative(None, odds.unknown))
-
-
-def gains(before: Point, after: Point) -> list[Array]:
-    """(n,) per recording: by how much the loss of each interval falls [nats]."""
-    return [0.5 * np.sum(np.minimum(np.abs(b), 8.0) ** 2 - np.minimum(np.abs(a), 8.0) ** 2, axis=1)
-            for b, a in zip(before.parts, after.parts, strict=True)]  # fmt: skip
 
 
 def _unknown_finding(case: WeighedCase, odds: Marginals, cells: list[NDArray[np.int64]]) -> Finding:
