@@ -21,6 +21,7 @@ import rclpy
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from mcap.reader import make_reader
 from rclpy.action import ActionClient
@@ -67,6 +68,7 @@ class Client:
         self.fixed: list[TFMessage] = []
         self.poses: list[PoseStamped] = []
         self.urdf: list[String] = []
+        self.told: dict[str, str] = {}
         subscribe = self.node.create_subscription
         subscribe(JointState, "/joint_states", self.states.append, 10)
         subscribe(JointState, "/joint_states", self.late.append, qos_profile_sensor_data)
@@ -74,6 +76,7 @@ class Client:
         subscribe(TFMessage, "/tf_static", self.fixed.append, LATCHED)
         subscribe(PoseStamped, "/boom/tip_pose", self.poses.append, qos_profile_sensor_data)
         subscribe(String, "/robot_description", self.urdf.append, LATCHED)
+        subscribe(DiagnosticArray, "/diagnostics", self.tell, 10)
         self.action = ActionClient(self.node, FollowJointTrajectory, "/boom_controller/follow_joint_trajectory")
         self.environment = dict(os.environ, ROS_DOMAIN_ID=domain)
         self.recorder = self.start("boom_recording.recorder_node", *given(output=str(bag)))
@@ -88,6 +91,13 @@ class Client:
         command = [sys.executable, "-m", module, *words]
         shown = subprocess.PIPE if module.endswith("reach_log_node") else None
         return subprocess.Popen(command, env=self.environment, stdout=shown)
+
+    def tell(self, message: DiagnosticArray) -> None:
+        self.told |= {value.key: value.value for status in message.status for value in status.values}
+
+    def recorded(self, topic: str) -> bool:
+        """What the recorder has of a topic; it may have found it later than this program."""
+        return self.told.get(f"{topic} messages", "0") != "0"
 
     def until(self, done: Callable[[], Any]) -> None:
         end = time.monotonic() + PATIENCE
@@ -216,7 +226,7 @@ def test_a_stack_finds_the_log_lifts_it_and_learns_its_weight(client: Client) ->
 
 
 def test_standard_readers_find_joints_and_description_in_the_bag(client: Client) -> None:
-    client.until(lambda: client.states and client.urdf)
+    client.until(lambda: client.recorded("/joint_states") and client.recorded("/robot_description"))
     assert client.end(client.recorder) == 0
     path = client.bag
     with next(path.glob("*.mcap")).open("rb") as file:
