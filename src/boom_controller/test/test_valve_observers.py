@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import sin
+from math import exp, sin
 
 import pytest
 
@@ -13,7 +13,7 @@ from boom_controller.controller import Settings
 from boom_controller.loop.law_in_use import LawInUse
 from boom_controller.observers.dead_time_observer import DeadTimeState, observe_dead_time
 from boom_controller.observers.reach import ReachState, watch_reach
-from boom_controller.observers.spool_observer import SpoolState, observe_spool
+from boom_controller.observers.spool_observer import Seen, SpoolState, deflection_sigma, observe_spool
 from boom_model.component_numbers import component_parameters
 from boom_model.machine_file import load_machine
 
@@ -51,18 +51,48 @@ def test_a_dead_time_is_not_learnt_where_the_flow_is_not_known() -> None:
     assert float(x.delay) == 0.0
 
 
+EDGE, PER_TRAVEL = 2e-3, 40.0
+"""m; 1/s, speed per travel beyond the dead zone."""
+
+
+def share_found(
+    true: float, side: float, sigma: float, *, compressing: float = 0.0, seconds: float = 9.0
+) -> SpoolState:
+    """What is learnt of a spool that goes 1 / ``true`` times as far as its file says, on one side."""
+    x = SpoolState.uncertain(sigma)
+    for k in range(round(seconds / T)):
+        travel = EDGE + 1e-3 * (1.2 + sin(0.02 * k))
+        here = travel / float(x.of(side))
+        modelled, came = (PER_TRAVEL * max(at - EDGE, 0.0) for at in (here, travel / true))
+        needed = EDGE + came / PER_TRAVEL
+        seen = Seen(side * here, needed, -side * modelled, -side * came, compressing, 1.0)
+        x = observe_spool(x, seen, EDGE, sigma, S)
+    return x
+
+
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_a_spool_that_has_to_go_further_is_learnt_on_its_side_alone(side: float) -> None:
-    true, edge, per_travel = 1.05, 2e-3, 40.0  # 1/s: speed per travel beyond the dead zone
-    x = SpoolState()
-    for k in range(900):
-        travel = edge + 1e-3 * (1.2 + sin(0.02 * k))
-        found = float(x.of(side))
-        modelled = per_travel * (travel / found - edge)
-        missed = -side * (per_travel * (travel / true - edge) - modelled)
-        x = observe_spool(x, side * travel / found, -side * modelled, missed, edge, 1.0, S)
-    assert float(x.of(side)) == pytest.approx(true, abs=5e-3)
+@pytest.mark.parametrize("true", [0.7, 1.05, 1.6])
+def test_a_spool_that_goes_further_or_less_far_is_learnt_on_its_side_alone(true: float, side: float) -> None:
+    x = share_found(true, side, 0.22)
+    assert float(x.of(side)) == pytest.approx(true, rel=5e-3)
     assert float(x.of(-side)) == 1.0
+
+
+def test_a_spool_is_believed_as_far_and_as_soon_as_its_file_is_uncertain() -> None:
+    surely, hardly = (float(share_found(1.3, -1.0, sigma, seconds=0.1).of(-1.0)) for sigma in (0.22, 0.04))
+    assert hardly - 1.0 < 0.5 * (surely - 1.0)
+    assert float(share_found(1.6, -1.0, 0.04).of(-1.0)) == pytest.approx(exp(3 * 0.04), rel=1e-3)
+
+
+def test_a_flow_that_compresses_oil_of_unknown_softness_says_little_of_the_spool() -> None:
+    steady, compressing = (float(share_found(1.3, -1.0, 0.22, compressing=q, seconds=0.1).of(-1.0)) for q in (0.0, 0.1))
+    assert compressing - 1.0 < 0.2 * (steady - 1.0)
+
+
+@pytest.mark.parametrize(("name", "sigma"), [("tz17", 0.226), ("loader_crane", 0.0367)])
+def test_how_uncertain_a_deflection_is_follows_from_the_tolerances_of_the_file(name: str, sigma: float) -> None:
+    machine = load_machine(name)
+    assert deflection_sigma(machine, machine.pose(0.3, 2.0)) == pytest.approx(sigma, rel=0.01)
 
 
 def test_a_supply_that_gives_half_is_known_once_the_valve_was_wide_open_and_not_before() -> None:

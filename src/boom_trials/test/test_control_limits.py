@@ -44,13 +44,22 @@ def test_a_dead_time_that_nobody_told_is_found_before_it_does_harm() -> None:
     )
     assert late.finished
     assert later.finished
-    assert late.noted is None
     assert max(late.mae, later.mae) < 0.5e-3
 
 
 def test_a_spring_and_a_dead_zone_that_are_five_per_cent_off_are_learnt() -> None:
     off = short(PlantCase("off", factors={DEAD_ZONE: 1.05, SPRING: 1.05}), "healthy/extended", 16.0)
     assert off.late_mae < 0.3e-3
+
+
+@pytest.mark.parametrize("gain", [0.7, 1.4])
+def test_a_spool_that_goes_a_third_less_or_further_than_its_file_says_is_learnt_in_the_first_motion(
+    gain: float,
+) -> None:
+    off = short(PlantCase("off", factors={"main_valve_spool.A_s": gain}), "healthy/extended", 16.0, governed=True)
+    assert off.finished
+    assert off.noted is None
+    assert off.mae < 0.3e-3
 
 
 @pytest.mark.parametrize(("noted", "recognised"), [(3.6, 0.6), (None, inf)])

@@ -39,7 +39,7 @@ from boom_controller.observers.mode_observer import Modes
 from boom_controller.observers.oscillation_watch import OscillationState, watch_oscillation
 from boom_controller.observers.reach import ReachState, watch_reach
 from boom_controller.observers.rest import RestState, watch_rest
-from boom_controller.observers.spool_observer import SpoolState, observe_spool
+from boom_controller.observers.spool_observer import Seen, SpoolState, deflection_sigma, observe_spool
 from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
 from boom_controller.settings import LawSettings, tunable
 from boom_controller.types import GO, Controller, ControlOutput, Measurement, Reference
@@ -164,10 +164,12 @@ class Improved:
         self._valve = follower_of(machine, self.mode, p, e, dead_zone, settings.sample_time, play)
         self._settings = settings
         self._load = LoadObserver(Modes(machine, pose, p))
+        self._spread = deflection_sigma(machine, pose)
         self._start = ImprovedState(
             load=self._load.start,
             past=Past.resting(settings.sample_time),
             held=Held.of(self._model.pressure_delay, settings.sample_time),
+            spool=SpoolState.uncertain(self._spread),
         )
         self._law = FlatLaw(self.mode, self._start, self._after, SETTINGS, settings, self._load.gains(settings))
         self._stop = GO
@@ -239,7 +241,12 @@ class Improved:
         stiffness = a * self._area_a + b * self._area_b
         modelled = (a * head_flow - b * rod_flow) / stiffness
         missed = observe_missed_flow(x.missed, velocity, modelled, q.force, stiffness, safe, s)
-        travel = observe_spool(x.spool, position, modelled, missed.speed, self._dead_zone, full, s)
+        compressing = (q.force - x.missed.force) / (stiffness * s.sample_time)
+        leaking = (a + b) * q.leakage / stiffness
+        came = velocity + compressing + leaking
+        needed = ca.fabs(flows.spool(stiffness * came, a, b, self._stroke))
+        seen = Seen(position, needed, modelled + leaking, came, compressing, full)
+        travel = observe_spool(x.spool, seen, self._dead_zone, self._spread, s)
         delay = observe_dead_time(x.delay, velocity, modelled, q.force, stiffness, -told, full, s)
         stall = watch_supply(
             x.stall, velocity, head_flow / self._area_a, m.hose_pressure * self._area_a, a * self._area_a, s
@@ -273,7 +280,6 @@ class Improved:
         future = self._model.coming(coming, load.load, rub.factor)
         driving = x.past.speeds[0] - future.force_rate / stiffness - motion.velocity
         force = predicted_force(motion.force - target.force, driving, stiffness, k.frequency, s.remaining_lag)
-        leaking = (a + b) * q.leakage / stiffness
         wanted = (future.jacobian * coming.rate - k.position * e1 - k.velocity * e2 - k.force * force
                   - missed.speed + leaking)  # fmt: skip
         sigma = stiffness * wanted + future.force_rate
@@ -292,8 +298,9 @@ class Improved:
         head_flow, rod_flow, _ = flows.at(edges)
         widest = ca.fmin(s.largest_spool_position * self._stroke, self._valve.reach(s.largest_current))
         reach, lift, lower = watch_reach(
-            x.reach, velocity, supplied, (flows.at(-widest)[0] / self._area_a, flows.at(widest)[1] / self._area_b), s
-        )
+            x.reach, velocity, supplied,
+            (flows.at(-widest / travel.lift.share)[0] / self._area_a, flows.at(widest / travel.lower.share)[1] / self._area_b), s,
+        )  # fmt: skip
         past = x.past.with_next(edges, (a * head_flow - b * rod_flow) / stiffness - leaking)
         return ImprovedState(valve, load, head, rod, missed, stall, past, held, swings, rest, rub, reach, delay, travel, smooth), [
             valve.retract.current, valve.extend.current, now.angle - m.angle,

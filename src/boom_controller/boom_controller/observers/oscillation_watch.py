@@ -23,7 +23,7 @@ SLOWEST = 3.0
 """1/s, of the high-pass filter."""
 SHORTEST, LONGEST = 0.03, 0.42
 """s, of a half-wave: 1.2 to 16 Hz."""
-LEAST_SHARE = 0.75
+LEAST_SHARE = 0.85
 """Of a half-wave over the one before: what decays faster is damped."""
 HALF_WAVES = 4
 PATIENCE = 4.0

@@ -182,8 +182,11 @@ def _scattered_rows(count: int, seed: int, nominal: Machine) -> list[Requirement
             {"recognised late": (0.0, "runs"), "not calmed": (0.0, "runs")}, high, _oscillating, ("",), may_stop=True,
             others={"settings": Settings(feedback_gain=TOO_HIGH)}),
         Requirement(f"{count} plants, valve within 5 %", asked, monte_carlo(count, seed, loaded=False), _scattered, ("",)),
-        Requirement(f"{count} plants, every number within its tolerance", asked, within_tolerance(count, seed, nominal),
-            _scattered, ("",)),
+        *(
+            Requirement(f"{count} plants, every number within its tolerance{word}", asked, within_tolerance(count, seed, nominal),
+                _scattered, ("",), others={"governed": governed})
+            for word, governed in (("", False), (", off the slowed path", True))
+        ),
     ]  # fmt: skip
 
 
