@@ -117,9 +117,12 @@ def response(current: Array, speed: Array, lags: Sequence[int] = LAGS) -> Respon
 def _one_side(c: Array, v: Array, top: float) -> tuple[float, float, float]:
     """(k, c_0, n) of v = k max(c - c_0, 0)^n, k >= 0."""
     found, most = (0.0, 0.0, 1.0), 0.0
+    on = c > 0.0
+    c, v = c[on], v[on]  # the rest is nothing
     for dead in np.linspace(0.0, 0.6, 13) * top:
-        for power in POWERS:
-            u = np.maximum(c - dead, 0.0) ** power
+        beyond = np.maximum(c - dead, 0.0)
+        twice = beyond * beyond  # products, as a power costs ten times as much
+        for power, u in zip(POWERS, (beyond, beyond * np.sqrt(beyond), twice, twice * beyond), strict=True):
             square, product = float(u @ u), float(u @ v)
             if product > 0.0 and product**2 / square > most:
                 found, most = (product / square, float(dead), power), product**2 / square

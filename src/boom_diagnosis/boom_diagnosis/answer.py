@@ -43,6 +43,7 @@ from boom_diagnosis.proof import (
     label_of,
     machines_of,
     proving_result,
+    said_of_blocks,
     spans_of,
 )
 from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, posterior, probabilities, unknown_probability
@@ -172,10 +173,10 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         agreement = "No equation needs an unknown input: what remains is noise."
     moved = _moved(case, case.last) if verdict == "parameters_only" or case.taken else {}
     machines = machines_of(case, verdict, learned)
-    runs = {
+    driven = {
         label: done[k] if k < len(done) else free_runs(m, case, spans) for k, (label, m) in enumerate(machines.items())
     }
-    fit, ladder = fit_and_ladder(case, machines, runs, spans)
+    fit, ladder = fit_and_ladder(case, machines, driven, spans)
     known = any(copy is not bag for copy, bag in zip(case.healthy, case.bags, strict=True))
     verdict, findings, unproved = kept(verdict, findings, fit, known)
     experiment = (
@@ -186,8 +187,8 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         verdict, tuple(findings), _subsystems(ranked, findings), fit, said, about.seed, about.inputs_sha256, about.version,
         tuple(ranked), hypotheses=_hypotheses(case, odds, max(rest_equations, key=lambda e: e.statistical + e.chain).key),
     )  # fmt: skip
-    bags = tuple(bag_result(case, i, cells, inputs, tight.nominal[i], runs) for i in range(len(case.bags))) + tuple(
-        proving_result(case, i, runs) for i in range(len(case.proving))
+    bags = tuple(bag_result(case, i, cells, inputs, tight.nominal[i], driven) for i in range(len(case.bags))) + tuple(
+        proving_result(case, i, driven) for i in range(len(case.proving))
     )
     explained = case.learned.point.parts if case.learned else tight.explained
     left = case.learned.point.excess(case.floor) if case.learned else tight.excess_after
@@ -195,7 +196,8 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     return DiagnosisResult(
         document, case.machine, _final_machine(case, verdict, learned), bags,
         regimes.table(cells, case.select, tight.nominal, explained, case.healthy_squares), equations, agreement, ladder,
-        (learned.curve,) if learned else (), left_over, moved, experiment, (*unproved, *notes_of(case.bags, case.proving, weak)),
+        (learned.curve,) if learned else (), left_over, moved, experiment,
+        (*unproved, *said_of_blocks(case, fit), *notes_of(case.bags, case.proving, weak)),
         command=about.command,
     )  # fmt: skip
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import Bag
 from boom_diagnosis.fitting import Point, Problem
+from boom_diagnosis.freerun import Elsewhere
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, problem_at
 from boom_diagnosis.learning import Learned, Setting
 from boom_diagnosis.nuisances import Nuisance
@@ -32,6 +33,7 @@ class Case:
         bags: fitted. proving: not fitted at all. select: samples that the search goes by, per bag of ``bags``.
         training, judged: two parts of them; what is proved is fitted to the first and judged on the second. Without recordings
             that are held out the second is the end of each recording, else it is empty.
+        elsewhere: blocks of long recordings that only the proof looks at.
         floor: loss per innovation of a healthy machine with the same currents. healthy: its recordings.
         rounds, weighed: what each round found, and its effects with what speaks for them. taken: those that earned their place.
         disproved: effects of the first round that gained enough, but made free runs over data not used worse, or gained it only on
@@ -53,6 +55,7 @@ class Case:
     judged: list[Flags]
     nuisances: tuple[Nuisance, ...]
     seed: int
+    elsewhere: tuple[Elsewhere, ...] = ()
     floor: float = 0.0
     healthy: list[Bag] = field(default_factory=list)
     healthy_squares: Array = field(default_factory=lambda: np.ones(len(OUTPUTS)))

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from boom_checks.check import RecordingCheck
 from boom_checks.doubts import FirstLook
-from boom_diagnosis.freerun import WholeProof
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Event, Recording
@@ -104,15 +103,15 @@ class Finding:
 class Fit:
     """Normalised rms errors of free runs, one per channel (rms error / standard deviation of the measured channel).
 
-    Median over the bags. ``training`` and ``held_out``: stage -> one number per channel; NaN where a run ended early; ``whole``:
-    of long recordings, of which stretches were searched.
+    Median over the bags. ``training`` and ``held_out``: stage -> one number per channel; NaN where runs end early; ``far``: blocks
+    of long recordings that nothing was fitted to, in which the explained machine errs far more than noise does.
     """
 
     training: Mapping[str, tuple[float, ...]]
     held_out: Mapping[str, tuple[float, ...]]
     noise_floor: tuple[float, ...]
     held_out_bags: tuple[str, ...]
-    whole: WholeProof | None = None
+    far: tuple[str, ...] = ()
 
     def document(self) -> dict[str, Any]:
         """As in ``diagnosis.json``."""
@@ -124,7 +123,6 @@ class Fit:
                 **{stage: list(self.held_out[stage]) for stage in STAGES if stage in self.held_out},
                 "noise_floor": list(self.noise_floor),
             },
-            **({"whole": self.whole.document()} if self.whole else {}),
         }
 
 

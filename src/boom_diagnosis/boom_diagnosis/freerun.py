@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,26 +33,14 @@ class Span:
 
 
 @dataclass(frozen=True)
-class WholeProof:
-    """Free runs through the blocks of long recordings that nothing was fitted to.
+class Elsewhere:
+    """A block of a long recording, that nothing is fitted to.
 
-    Attributes:
-        blocks: how many. nominal, explained, noise_floor: medians over them, normalised rms errors by channel.
-        far: names of those in which the explained machine errs far more than noise does.
+    later: how far behind the beginning of the first stretch that is searched it begins [s]; None in another recording.
     """
 
-    blocks: int
-    nominal: tuple[float, ...]
-    explained: tuple[float, ...]
-    noise_floor: tuple[float, ...]
-    far: tuple[str, ...]
-
-    def document(self) -> dict[str, Any]:
-        """As in ``diagnosis.json``."""
-        return {
-            "blocks": self.blocks, "nominal": list(self.nominal), "explained": list(self.explained),
-            "noise_floor": list(self.noise_floor), "far": list(self.far),
-        }  # fmt: skip
+    recording: Recording
+    later: float | None
 
 
 def free_run(recording: Recording, machine: Machine) -> FreeRun:
@@ -104,9 +91,8 @@ def noise_floor(span: Span, machine: Machine, seed: int) -> Errors:
 
 
 def median(rows: Sequence[Errors]) -> Errors:
-    """Channel by channel, over recordings; NaN where none is known."""
+    """Channel by channel, over recordings; a run that ended early errs without end. NaN where that is the median."""
     if not rows:
         return UNKNOWN
-    table = np.array(rows)
-    known = [column[np.isfinite(column)] for column in table.T]
-    return tuple(float(np.median(k)) if len(k) == len(table) else float("nan") for k in known)
+    middle = np.median(np.nan_to_num(np.array(rows), nan=np.inf), axis=0)
+    return tuple(np.where(np.isfinite(middle), middle, np.nan).tolist())

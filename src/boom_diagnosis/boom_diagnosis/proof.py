@@ -11,18 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis import regimes
+from boom_diagnosis.assumptions import FAR_FROM_FLOOR
 from boom_diagnosis.bag_samples import Bag
 from boom_diagnosis.document import STAGES, BagResult, ChannelFit, Fit, LadderStep, Verdict
 from boom_diagnosis.fitting import Point
 from boom_diagnosis.found_machine import found_machine
-from boom_diagnosis.freerun import Span, errors, free_run, median, noise_floor
+from boom_diagnosis.freerun import Elsewhere, Errors, Span, errors, free_run, median, noise_floor
 from boom_diagnosis.learning import Learned
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.prediction import beyond
 from boom_diagnosis.weighing import Z90
 from boom_estimation.free_run import FreeRun
 from boom_input.channels import SENSORS
-from boom_model.catalogue import beginning
+from boom_model.catalogue import EFFECTS, beginning
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine, Pose
 from boom_recording.recording import Recording
@@ -40,7 +41,8 @@ ENDED = 10.0
 class Proved(Protocol):
     """What was found in recordings, as far as its proof needs to know it; see ``case.Case``.
 
-    named: the effects that were found. trained: points with the first k of them, fitted to the data for training alone.
+    named: the effects that were found. elsewhere: blocks of long recordings that only the proof looks at.
+    trained: points with the first k of them, fitted to the data for training alone.
     """
 
     machine: Machine
@@ -48,6 +50,7 @@ class Proved(Protocol):
     bags: list[Bag]
     proving: list[Bag]
     judged: list[Flags]
+    elsewhere: tuple[Elsewhere, ...]
     nuisances: tuple[Nuisance, ...]
     seed: int
     onset: float | None
@@ -97,19 +100,33 @@ def final_machine(case: Proved, point: Point, deviations: Array, terms: tuple[Le
 
 @dataclass(frozen=True)
 class Spans:
-    """Parts of recordings that were fitted, that are judged, and all recordings in the order of the runs."""
+    """Parts of recordings that were fitted, that are judged, all recordings in the order of the runs, and blocks elsewhere."""
 
     training: list[Span]
     judged: list[Span]
     all: list[Span]
+    elsewhere: list[Span]
+
+
+@dataclass(frozen=True)
+class Driven:
+    """A machine's free runs through all recordings, and the errors of those through blocks elsewhere, which are not kept."""
+
+    runs: list[FreeRun]
+    elsewhere: list[Errors]
 
 
 def placed(machine: Machine, case: Proved, span: Span) -> Machine:
-    """The machine in a recording: a load that changes does so at that recording's own time."""
-    held = any(bag.recording is span.recording for bag in case.proving)
-    if case.onset is None or not held:
+    """The machine in a recording: a load that changes does so at that recording's own time, in a block at the same moment."""
+    onset = case.onset if any(bag.recording is span.recording for bag in case.proving) else None
+    later = next((b.later for b in case.elsewhere if b.recording is span.recording), None)
+    if later is not None:
+        onset = next(
+            (max(0.0, v[EFFECTS[e].onset] - later) for e, v in machine.effects.items() if EFFECTS[e].onset), None
+        )
+    if onset is None:
         return machine
-    effects = beginning(machine.effects, case.onset)
+    effects = beginning(machine.effects, onset)
     return machine if effects == machine.effects else machine.with_effects(effects)
 
 
@@ -130,7 +147,7 @@ def spans_of(case: Proved) -> Spans:
     for bag in case.proving:
         judged.append(Span(bag.recording, 0.0, bag.recording.duration))
         everything.append(judged[-1])
-    return Spans(training, judged, everything)
+    return Spans(training, judged, everything, [Span(b.recording, 0.0, b.recording.duration) for b in case.elsewhere])
 
 
 def worsening(case: Proved, before: Point, after: Point) -> float:
@@ -153,30 +170,36 @@ def worsening(case: Proved, before: Point, after: Point) -> float:
     return float(np.exp(np.mean(known))) if len(known) else 1.0
 
 
-def free_runs(machine: Machine, case: Proved, spans: Spans) -> list[FreeRun]:
-    """Of a machine through all recordings."""
-    return [free_run(s.recording, placed(machine, case, s)) for s in spans.all]
+def free_runs(machine: Machine, case: Proved, spans: Spans) -> Driven:
+    """Of a machine through all recordings and all blocks elsewhere."""
+
+    def run(span: Span) -> FreeRun:
+        return free_run(span.recording, placed(machine, case, span))
+
+    return Driven([run(s) for s in spans.all], in_parallel(lambda s: errors(s, run(s)), spans.elsewhere))
 
 
-def held_out(runs: Mapping[str, list[FreeRun]], spans: Spans) -> dict[str, tuple[float, ...]]:
-    """Errors of every stage's free runs over data not used, median over the recordings."""
-    return {label: _errors(runs[label], spans.judged, spans) for label in runs}
+def held_out(driven: Mapping[str, Driven], spans: Spans) -> dict[str, tuple[float, ...]]:
+    """Errors of every stage's free runs over data not used, median over recordings and blocks elsewhere."""
+    return {label: median([*_errors(d.runs, spans.judged, spans), *d.elsewhere]) for label, d in driven.items()}
 
 
-def _errors(runs: Sequence[FreeRun], part: Sequence[Span], spans: Spans) -> tuple[float, ...]:
+def _errors(runs: Sequence[FreeRun], part: Sequence[Span], spans: Spans) -> list[Errors]:
     names = [s.recording.name for s in spans.all]
-    return median([errors(s, runs[names.index(s.recording.name)]) for s in part])
+    return [errors(s, runs[names.index(s.recording.name)]) for s in part]
 
 
 def fit_and_ladder(
-    case: Proved, machines: Mapping[str, Machine], runs: Mapping[str, list[FreeRun]], spans: Spans
+    case: Proved, machines: Mapping[str, Machine], driven: Mapping[str, Driven], spans: Spans
 ) -> tuple[Fit, tuple[LadderStep, ...]]:
     """Errors of the free runs of every stage, median over the recordings; the ladder of stages."""
-    training = {label: _errors(runs[label], spans.training, spans) for label in machines}
-    held = held_out(runs, spans)
-    floor = median(
-        [noise_floor(s, placed(machines["explained"], case, s), case.seed + 11 + i) for i, s in enumerate(spans.judged)]
+    training = {label: median(_errors(driven[label].runs, spans.training, spans)) for label in machines}
+    held, proving = held_out(driven, spans), [*spans.judged, *spans.elsewhere]
+    floors = in_parallel(
+        lambda k: noise_floor(proving[k], placed(machines["explained"], case, proving[k]), case.seed + 11 + k),
+        range(len(proving)),
     )
+    floor = median(floors)
     labels = {"nominal": "nominal", "parameters_only": "parameters only"}
     learnt = bool(machines["explained"].learned)
     if case.named or learnt:
@@ -186,21 +209,33 @@ def fit_and_ladder(
     ladder = tuple(LadderStep(labels.get(k, k.replace("_", " ")), training[k], held[k]) for k in order)
     fit = Fit(
         {k: training[k] for k in STAGES}, {k: held[k] for k in STAGES}, floor,
-        tuple(dict.fromkeys(s.recording.name for s in spans.judged)),
+        tuple(dict.fromkeys(s.recording.name for s in proving)),
+        tuple(
+            s.recording.name for s, error, least in
+            zip(spans.elsewhere, driven["explained"].elsewhere, floors[len(spans.judged) :], strict=True)
+            if not np.all(np.array(error) <= FAR_FROM_FLOOR * np.array(least))
+        ),
     )  # fmt: skip
     return fit, ladder
 
 
-def _channels(
-    recording: Recording, machine: Machine, i: int, runs: Mapping[str, list[FreeRun]]
-) -> dict[str, ChannelFit]:
+def said_of_blocks(case: Proved, fit: Fit) -> tuple[str, ...]:
+    """How many blocks of long recordings were held out, and which of them stay unexplained, in words."""
+    if not case.elsewhere:
+        return ()
+    left = f"; far from noise in {len(fit.far)} of them, first: {fit.far[0]}" if fit.far else ""
+    count = len(fit.held_out_bags)
+    return (f"held-out errors are medians over {count} blocks of a minute that nothing was fitted to{left}",)
+
+
+def _channels(recording: Recording, machine: Machine, i: int, driven: Mapping[str, Driven]) -> dict[str, ChannelFit]:
     noise = machine.sensor_noise()
     result = {}
     for sensor in SENSORS:
         signal = recording.signals.get(sensor.name)
         if signal is None:
             continue
-        stages = {stage: runs[stage][i].values[sensor.name] for stage in STAGES} if sensor.predicted else {}
+        stages = {stage: driven[stage].runs[i].values[sensor.name] for stage in STAGES} if sensor.predicted else {}
         result[sensor.name] = ChannelFit(
             sensor.name, sensor.unit, signal.time, signal.values, signal.valid, noise.deviation(sensor), stages
         )
@@ -209,7 +244,7 @@ def _channels(
 
 def bag_result(
     case: Proved, i: int, cells: list[NDArray[np.int64]], inputs: list[dict[str, Array]], nominal: Array,
-    runs: Mapping[str, list[FreeRun]],
+    driven: Mapping[str, Driven],
 ) -> BagResult:  # fmt: skip
     """A recording that was fitted. nominal: (n, NY) its whitened innovations under the nominal machine."""
     bag = case.bags[i]
@@ -223,15 +258,15 @@ def bag_result(
         cut = float(held[0]) if len(held) and held[0] > 0.5 * bag.recording.duration else None
     return BagResult(
         bag.name, False, cut, bag.recording.duration, tuple(bag.recording.events),
-        _channels(bag.recording, case.machine, i, runs), windows, bag.time, inputs[i], cells[i],
+        _channels(bag.recording, case.machine, i, driven), windows, bag.time, inputs[i], cells[i],
     )  # fmt: skip
 
 
-def proving_result(case: Proved, i: int, runs: Mapping[str, list[FreeRun]]) -> BagResult:
+def proving_result(case: Proved, i: int, driven: Mapping[str, Driven]) -> BagResult:
     """A recording that nothing was fitted to."""
     bag: Bag = case.proving[i]
     k = len(case.bags) + i
     return BagResult(
         bag.name, True, None, bag.recording.duration, tuple(bag.recording.events),
-        _channels(bag.recording, case.machine, k, runs), (), bag.time, {}, regimes.classify(bag),
+        _channels(bag.recording, case.machine, k, driven), (), bag.time, {}, regimes.classify(bag),
     )  # fmt: skip

@@ -25,7 +25,7 @@ from boom_diagnosis.nuisances import tolerances
 from boom_diagnosis.onset import near_onset, time_in
 from boom_diagnosis.prediction import mean_squares
 from boom_diagnosis.search import Fitted
-from boom_diagnosis.stretches import excited, stretches
+from boom_diagnosis.stretches import Stretches, excited, stretches
 from boom_diagnosis.weighed_case import WeighedCase, searched
 from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT
 from boom_estimation.free_run import plant_for
@@ -89,32 +89,28 @@ def diagnose(
         result = answer.spoilt(machine, about)
     else:
         parts = stretches(recordings, held_out, machine, progress)
-        result = _searched(parts.recordings, machine, parts.held_out, progress, about, engine)
-        result = parts.proved(result, progress)
+        result = parts.placed(_searched(parts, machine, progress, about, engine))
     return replace(result, looks=looks, document=replace(result.document, checks=checks))
 
 
 def _searched(
-    recordings: Sequence[Recording],
-    machine: Machine,
-    held_out: Sequence[Recording],
-    progress: Progress,
-    about: answer.About,
-    engine: str,
+    parts: Stretches, machine: Machine, progress: Progress, about: answer.About, engine: str
 ) -> DiagnosisResult:
     """The answer of recordings that nothing has to be repaired in."""
-    prepared = [prepare(recording, machine) for recording in recordings]
-    weak = [r.name for r, bag in zip(recordings, prepared, strict=True) if bag is None or not excited(bag)]
+    prepared = [prepare(recording, machine) for recording in parts.recordings]
+    weak = [r.name for r, bag in zip(parts.recordings, prepared, strict=True) if bag is None or not excited(bag)]
     bags = [bag for bag in prepared if bag is not None and excited(bag)]
     if not bags:
-        return answer.not_enough_excitation(recordings, machine, about)
-    proven = (prepare(recording, machine) for recording in held_out)
+        return answer.not_enough_excitation(parts.recordings, machine, about)
+    proven = (prepare(recording, machine) for recording in parts.held_out)
     proving = [bag for bag in proven if bag is not None and excited(bag)]
     if engine == "likelihood":
         weighed = _weighed_case(machine, bags, proving, about.seed)
+        weighed.elsewhere = parts.elsewhere
         searched(weighed, progress)
         return weighed_answer.assemble(weighed, about, weak)
     case = _case(machine, bags, proving, about.seed)
+    case.elsewhere = parts.elsewhere
     search(case, progress)
     progress("free runs", 0.78)
     fit_to_free_runs(case)

@@ -3,7 +3,7 @@
 A search costs time and memory with every sample that it looks at. A long recording is therefore cut into blocks of about a minute.
 The given machine predicts each from sample to sample; where its innovations lose most against white noise the recording says most
 about what the machine lacks, and there it is searched. What was found then runs freely through every block that nothing was fitted
-to, from that block's own initial state: the proof is that of the whole recording, the memory that of a block.
+to, from that block's own initial state (``proof``): the proof is that of the whole recording, the memory that of a block.
 """
 
 from __future__ import annotations
@@ -13,14 +13,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from boom_diagnosis.assumptions import FAR_FROM_FLOOR
 from boom_diagnosis.bag_samples import PERIOD, Bag, prepare
-from boom_diagnosis.document import DiagnosisResult, Document, Fit
-from boom_diagnosis.freerun import Errors, Span, WholeProof, errors, free_run, median, noise_floor
-from boom_diagnosis.must_keep import kept
+from boom_diagnosis.document import DiagnosisResult
+from boom_diagnosis.freerun import Elsewhere
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.prediction import Predictor, beyond
-from boom_model.catalogue import EFFECTS, beginning
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
@@ -82,49 +79,24 @@ class Stretches:
     others: tuple[Recording, ...] = ()
     begins: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
-    def proved(self, result: DiagnosisResult, told: Told) -> DiagnosisResult:
-        """The answer with the proof over the whole of the long recordings; what that contradicts is not said."""
+    @property
+    def elsewhere(self) -> tuple[Elsewhere, ...]:
+        """The other blocks, placed in time against the first stretch that is searched."""
+        first, found = self.begins.get(self.recordings[0].name, ("", 0.0))
+        placed = ((b, *self.begins[b.name]) for b in self.others)
+        return tuple(Elsewhere(b, begin - found if own == first else None) for b, own, begin in placed)
+
+    def placed(self, result: DiagnosisResult) -> DiagnosisResult:
+        """The answer with the times of its findings in the recording, not in its stretch."""
         if not self.others:
             return result
-        told("proving on the whole recording", 0.9)
-        result = replace(result, searched=(*self.recordings, *self.held_out), document=self._placed(result.document))
-        if not result.document.fit.held_out:  # nothing was searched
-            return result
-        rows = in_parallel(lambda block: self._row(block, result), self.others)
-        before, after, floor = (median([row[k] for row in rows]) for k in range(3))
-        far = [b for b, row in zip(self.others, rows, strict=True) if _far(row[1], row[2])]
-        whole = WholeProof(len(rows), before, after, floor, tuple(b.name for b in far))
-        document = result.document
-        judged = {"nominal": before, "parameters_only": before, "explained": after}
-        verdict, findings, unproved = kept(
-            document.verdict, document.findings, Fit({}, judged, floor, ()), bool(np.isfinite(floor).all())
-        )
-        document = replace(document, verdict=verdict, findings=tuple(findings), fit=replace(document.fit, whole=whole))
-        return replace(result, document=document, notes=(*result.notes, _said(whole), *unproved))
-
-    def _row(self, block: Recording, result: DiagnosisResult) -> tuple[Errors, Errors, Errors]:
-        """Errors of the free runs over a block before and after, and those that noise leaves."""
-        span, after = Span(block, 0.0, block.duration), self._beginning(block, result)
-        floor = noise_floor(span, after, result.document.seed)
-        return errors(span, free_run(block, result.machine)), errors(span, free_run(block, after)), floor
-
-    def _beginning(self, block: Recording, result: DiagnosisResult) -> Machine:
-        """The explained machine in a block: what begins at a time of the first stretch begins at the same moment."""
-        machine = result.explained
-        time = next((v[EFFECTS[e].onset] for e, v in machine.effects.items() if EFFECTS[e].onset), None)
-        if time is None or not result.bags:
-            return machine
-        (first, found), (own, begin) = self.begins.get(result.bags[0].name, ("", 0.0)), self.begins[block.name]
-        if first != own:
-            return machine
-        return machine.with_effects(beginning(machine.effects, max(0.0, found + time - begin)))
-
-    def _placed(self, document: Document) -> Document:
-        """Times of the findings in the recording, not in its stretch."""
         _, begin = self.begins.get(self.recordings[0].name, ("", 0.0))
-        return replace(document, findings=tuple(
-            replace(f, intervals_s=tuple((a + begin, b + begin) for a, b in f.intervals_s)) for f in document.findings
-        ))  # fmt: skip
+        findings = tuple(
+            replace(f, intervals_s=tuple((a + begin, b + begin) for a, b in f.intervals_s))
+            for f in result.document.findings
+        )
+        document = replace(result.document, findings=findings)
+        return replace(result, searched=(*self.recordings, *self.held_out), document=document)
 
 
 def stretches(
@@ -180,18 +152,3 @@ def _ranks(found: Sequence[Recording], machine: Machine) -> Callable[[Recording]
 
     by_name = dict(zip((b.name for b in found), in_parallel(rank, found), strict=True))
     return lambda block: by_name[block.name]
-
-
-def _far(after: Errors, floor: Errors) -> bool:
-    """Whether a free run errs far more than noise does."""
-    ratios = np.array(after) / np.maximum(np.array(floor), 1e-12)
-    return bool((~(ratios <= FAR_FROM_FLOOR)).any())
-
-
-def _said(whole: WholeProof) -> str:
-    each = ", ".join(
-        f"{name.replace('_', ' ')} {100 * b:.2g} % -> {100 * a:.2g} % (noise {100 * f:.2g} %)"
-        for name, b, a, f in zip(OUTPUTS, whole.nominal, whole.explained, whole.noise_floor, strict=True)
-    )
-    left = f"; far from noise in {len(whole.far)} of them, first: {whole.far[0]}" if whole.far else ""
-    return f"free runs through {whole.blocks} blocks of a minute that nothing was fitted to, median: {each}{left}"

@@ -36,6 +36,7 @@ from boom_diagnosis.proof import (
     label_of,
     machines_of,
     proving_result,
+    said_of_blocks,
     spans_of,
 )
 from boom_diagnosis.weighed_case import WeighedCase
@@ -106,13 +107,18 @@ def assemble(case: WeighedCase, about: About, weak: Sequence[str]) -> DiagnosisR
     learned = case.learned
     machines = machines_of(case, verdict, learned)
     spans = spans_of(case)
-    runs = {label: free_runs(m, case, spans) for label, m in machines.items()}
-    fit, ladder = fit_and_ladder(case, machines, runs, spans)
+    driven = {label: free_runs(m, case, spans) for label, m in machines.items()}
+    fit, ladder = fit_and_ladder(case, machines, driven, spans)
     findings = _findings(case, odds, cells)
     if verdict == "unknown_physics":
         findings.insert(0, _unknown_finding(case, odds, cells))
     verdict, findings, unproved = kept(verdict, findings, fit, case.twin)
-    notes = [*unproved, *notes_of(case.bags, case.proving, weak), *_said_of_limits(case.best.fit)]
+    notes = [
+        *unproved,
+        *said_of_blocks(case, fit),
+        *notes_of(case.bags, case.proving, weak),
+        *_said_of_limits(case.best.fit),
+    ]
     ranked = _ranking(case)
     rivals = [(w.hypothesis, p) for w, p in case.weighed if not w.hypothesis.unknown][:THIRD]
     points = [(_label(h), case.point(found.fit)) for h, _ in rivals if (found := case.found(h.effects)) is not None]
@@ -123,8 +129,8 @@ def assemble(case: WeighedCase, about: About, weak: Sequence[str]) -> DiagnosisR
         hypotheses=_hypotheses(case),
     )  # fmt: skip
     nominal, explained = case.nominal.parts, (learned.point if learned else case.last).parts
-    bags = tuple(bag_result(case, i, cells, inputs, nominal[i], runs) for i in range(len(case.bags))) + tuple(
-        proving_result(case, i, runs) for i in range(len(case.proving))
+    bags = tuple(bag_result(case, i, cells, inputs, nominal[i], driven) for i in range(len(case.bags))) + tuple(
+        proving_result(case, i, driven) for i in range(len(case.proving))
     )
     before = min(case.base.excess(case.floor), case.nominal.excess(case.floor))
     after = learned.point.excess(case.floor) if learned else case.last.excess(case.floor)

@@ -13,6 +13,7 @@ from boom_diagnosis.assumptions import EFFECT_LOG_ODDS, SIZES
 from boom_diagnosis.bag_samples import Bag, prepare
 from boom_diagnosis.crane_system import CraneSystem, catalogue_effects, tolerance_numbers
 from boom_diagnosis.fitting import WHITE, Point, Problem
+from boom_diagnosis.freerun import Elsewhere
 from boom_diagnosis.healthy import simulated
 from boom_diagnosis.hypotheses import LOOSENESS, problem_at
 from boom_diagnosis.learning import Learned, Setting
@@ -42,6 +43,7 @@ class WeighedCase:
         pose: of the first recording. bags: fitted. proving: not fitted at all.
         select: samples that count, per bag; training, judged: two parts of them. Without recordings that are held out the
             second is the end of each recording, else it is empty.
+        elsewhere: blocks of long recordings that only the proof looks at.
         weighed: every hypothesis with its probability, the likeliest first.
         named: effects of the likeliest one, what gains most first.
         base, last: the likeliest machine without effects, and with them. trained: the same, then with the first, the first two
@@ -59,6 +61,7 @@ class WeighedCase:
     judged: list[Flags]
     nuisances: tuple[Nuisance, ...]
     seed: int
+    elsewhere: tuple[Elsewhere, ...] = ()
     weighed: list[tuple[WeighedHypothesis, float]] = field(default_factory=list)
     named: tuple[str, ...] = ()
     trained: list[Point] = field(default_factory=list)

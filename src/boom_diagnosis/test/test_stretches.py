@@ -1,13 +1,16 @@
 """Long recordings: which stretches are searched, and the proof over all the others."""
 
 from dataclasses import replace
+from math import nan
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from boom_diagnosis.answer import About, not_enough_excitation
-from boom_diagnosis.document import Fit
+from boom_diagnosis.bag_samples import prepare
+from boom_diagnosis.freerun import Elsewhere, Span, errors, median
+from boom_diagnosis.proof import fit_and_ladder, free_runs, placed, said_of_blocks, spans_of
+from boom_diagnosis.run import _case as case_of
 from boom_diagnosis.stretches import BLOCK, blocks, stretches
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
@@ -73,17 +76,56 @@ def test_short_recordings_are_searched_as_they_are(shift, machine):
     assert (same.recordings, same.held_out, same.others) == ((short,), (short,), ())
 
 
-def test_what_was_found_is_proved_on_every_block_and_those_that_contradict_it_are_named(chosen, machine):
-    lags = next(r for r in chosen.recordings if r.name == "shift from 120 s")
-    empty = not_enough_excitation([lags], machine, About(0, "", {}, ""))
-    ones = (1.0,) * 4
-    held = dict.fromkeys(("nominal", "parameters_only", "explained"), ones)
-    document = replace(empty.document, fit=Fit(held, held, ones, ("shift from 0 s",)))
-    found = replace(empty, document=document, explained=machine.with_effects(LAG))
-    result = replace(chosen, others=(*chosen.others, lags)).proved(found, lambda text, share: None)
+def test_the_other_blocks_are_placed_in_time_against_the_first_that_is_searched(chosen):
+    begins = {int(b.recording.name.split()[2]): b.later for b in chosen.elsewhere}
+    assert begins == pytest.approx({at: at - 120.0 for at in begins})
+    assert len(begins) == len(chosen.others) > 0
 
-    whole = result.document.document()["fit"]["whole"]
-    assert whole["blocks"] == 3
-    assert set(whole["far"]) == {b.name for b in chosen.others}, "healthy minutes, through which it does not lag"
-    assert any("free runs through 3 blocks" in note for note in result.notes)
-    assert [r.name for r in result.searched] == [r.name for r in (*chosen.recordings, *chosen.held_out)]
+
+@pytest.fixture(scope="module")
+def answered(shift, machine):
+    """The shift, whose third minute alone was explained."""
+    parts = stretches([shift], [], machine)
+    lags = next(r for r in parts.recordings if r.name == "shift from 120 s")
+    well = tuple(replace(b, name=f"minute {k}") for k, b in enumerate(blocks(shift)) if b.start_ns != lags.start_ns)
+    case = case_of(machine, [prepare(lags, machine)], [prepare(well[0], machine)], 0)
+    case.elsewhere = tuple(Elsewhere(b, None) for b in (*well[1:], replace(lags, name="once more")))
+    spans = spans_of(case)
+    machines = {"nominal": machine, "parameters_only": machine, "explained": machine.with_effects(LAG)}
+    driven = {label: free_runs(m, case, spans) for label, m in machines.items()}
+    fit, _ = fit_and_ladder(case, machines, driven, spans)
+    return case, fit, driven
+
+
+def test_held_out_errors_are_those_of_every_block_that_nothing_was_fitted_to(answered):
+    case, fit, driven = answered
+    assert len(fit.held_out_bags) == 4
+    rows = [
+        *driven["explained"].elsewhere,
+        errors(Span(case.proving[0].recording, 0.0, BLOCK), driven["explained"].runs[1]),
+    ]
+    assert fit.held_out["explained"] == pytest.approx(np.median(rows, axis=0))
+    assert "medians over 4 blocks of a minute" in said_of_blocks(case, fit)[0]
+
+
+def test_blocks_that_contradict_what_was_found_are_named(answered):
+    _, fit, _ = answered
+    assert len(fit.far) == 2
+    assert "once more" not in fit.far, "the minute through which it lags"
+
+
+def test_an_effect_that_sets_in_does_so_at_the_same_moment_in_every_block_of_its_recording(chosen, machine):
+    case = case_of(machine, [prepare(r, machine) for r in chosen.recordings], [], 0)
+    case.elsewhere = (Elsewhere(chosen.others[0], 30.0),)
+    grasped = machine.with_effects({"payload_change": {"mass": 200.0, "t_g": 45.0}})
+    block = Span(chosen.others[0], 0.0, BLOCK)
+    assert placed(grasped, case, block).effects["payload_change"]["t_g"] == 15.0
+    case.elsewhere = (Elsewhere(chosen.others[0], None),)
+    assert placed(grasped, case, block) is grasped, "of another recording nothing is known"
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"), [([0.1, 0.3, nan], 0.3), ([0.1, nan, nan], nan), ([0.2, nan], nan), ([], nan)]
+)
+def test_a_run_that_ended_early_errs_without_end_in_the_median(rows, expected):
+    assert median([(row,) * 4 for row in rows])[0] == pytest.approx(expected, nan_ok=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from markupsafe import Markup
 
@@ -19,6 +20,7 @@ _KINDS = {
     "effect": "effect",
     "unknown": "unknown",
 }
+_LISTED = 4  # names of recordings that are listed
 _MOST = 14  # rows of the ranking that are shown at once; the rest is folded
 
 
@@ -57,10 +59,16 @@ def ladder(result: DiagnosisResult) -> Markup:
         "boom_report/diagnosis/ladder.html",
         steps=result.ladder,
         rungs=rungs(result),
-        bags=", ".join(result.document.fit.held_out_bags) or "none",
+        bags=_listed(result.document.fit.held_out_bags),
         channels=[c.label for c in PREDICTED],
         words=words,
     )
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names, but not dozens of them."""
+    few = names if len(names) <= _LISTED else names[: _LISTED - 1]
+    return ", ".join((*few, *([f"{len(names) - len(few)} more"] if len(few) < len(names) else []))) or "none"
 
 
 def rungs(result: DiagnosisResult) -> Markup:
