@@ -300,10 +300,9 @@ def side_by_side(tried: Sequence[tuple[str, dict[str, float]]]) -> list[tuple[st
 def _as_it_is(effect: Effect) -> bool:
     """Whether its probes are taken once only.
 
-    A load's time is searched for apart, what sets in at some size does nothing in proportion, and a delay moves samples between
-    intervals.
+    What sets in at some size does nothing in proportion, and a delay moves samples between intervals.
     """
-    return bool(effect.onset or effect.delays or len(effect.sets_in) > 1)
+    return bool(effect.delays or len(effect.sets_in) > 1)
 
 
 def _leading(effect: str, start: Mapping[str, float]) -> Coordinate:
