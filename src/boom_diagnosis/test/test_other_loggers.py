@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from test_diagnosis import noisy, tz17
 
+from boom_diagnosis.bag_samples import prepare
+from boom_diagnosis.hypotheses import problem_at
+from boom_diagnosis.nuisances import tolerances
 from boom_diagnosis.prediction import beyond, mean_squares
 from boom_diagnosis.run import diagnose
+from boom_diagnosis.search import Scanner
 from boom_estimation.currents import held_inputs
 from boom_estimation.sensor_noise import with_measured_noise
+from boom_recording.loading import load
 from boom_recording.measurement import without_repeats
 from boom_recording.recording import Recording, Signal
+
+BAGS = Path(__file__).resolve().parents[3] / "bags"
+POSE = (0.28, 2.2)
 
 
 def every_other(signal: Signal, first: int) -> Signal:
@@ -33,6 +42,11 @@ def in_turn(recording: Recording) -> Recording:
     return replace(recording, signals=signals)
 
 
+def without(recording: Recording, channel: str) -> Recording:
+    dead = replace(recording.signals[channel], valid=np.zeros_like(recording.signals[channel].valid))
+    return replace(recording, signals={**recording.signals, channel: dead})
+
+
 def test_an_effect_is_found_in_channels_that_are_sampled_in_turn() -> None:
     found = diagnose([in_turn(noisy(tz17().with_effects({"pilot_lag": {"r": 2.0}}), 24.0, 1))], tz17()).document
     assert (found.verdict, found.findings[0].effect) == ("identified", "pilot_lag")
@@ -41,13 +55,26 @@ def test_an_effect_is_found_in_channels_that_are_sampled_in_turn() -> None:
 
 def test_an_effect_is_found_without_gyro_and_what_only_that_shows_is_said_to_be_untold() -> None:
     made = noisy(tz17().with_effects({"pilot_lag": {"r": 2.0}}), 24.0, 1)
-    dead = replace(made.signals["rate"], valid=np.zeros_like(made.signals["rate"].valid))
-    result = diagnose([replace(made, signals={**made.signals, "rate": dead})], tz17())
+    result = diagnose([without(made, "rate")], tz17())
     found = result.document
     assert (found.verdict, found.findings[0].effect) == ("identified", "pilot_lag")
     assert found.findings[0].parameters["r"].value == pytest.approx(2.0, rel=0.1)
     assert np.isnan(found.fit.noise_floor[1])
     assert "the rate was not measured: what only it shows cannot be told, rate scale among it" in " ".join(result.notes)
+
+
+def test_a_load_that_comes_is_seen_first_without_a_rod_pressure() -> None:
+    made = load(BAGS / "explained" / "payload_change_a")
+    bag = prepare(without(made, "rod_pressure"), tz17())
+    assert bag is not None
+    nuisances = tolerances(tz17(), tz17().pose(*POSE, 0.0))
+    problem = problem_at(tz17(), [bag], [bag.counted], nuisances, np.zeros(len(nuisances)), {}, 4.0)
+    (nominal,) = problem.points([(np.zeros(len(nuisances)), {})])
+    first = Scanner(problem, nominal, problem.nuisance_jacobian(nominal)).scan(
+        ["payload_change", "presliding_friction", "spring_rate"]
+    )[0]
+    assert first.effect == "payload_change"
+    assert first.values["effects.payload_change.t_g"] == pytest.approx(27.4, abs=0.1)
 
 
 def test_a_current_that_a_sparse_log_shows_late_acts_from_the_middle() -> None:
