@@ -76,5 +76,7 @@ def kept(
         notes.append(f"free runs over data not used still err more than noise alone would: {', '.join(left)}")
     if left:
         said = f"; free runs over data not used still err more than noise alone would: {', '.join(left)}."
-        findings = [replace(f, evidence=f.evidence.rstrip(".") + said) if f.confidence >= SURE else f for f in findings]
+        findings = [
+            replace(f, evidence=f.evidence.rstrip(".") + said) if f.confidence >= SURE or far else f for f in findings
+        ]
     return verdict, list(findings), notes

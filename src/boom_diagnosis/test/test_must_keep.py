@@ -50,6 +50,11 @@ def test_what_remains_is_said_in_the_sentence_of_a_sure_finding() -> None:
     assert "times" not in unsure.evidence
 
 
+def test_what_stays_far_from_noise_is_said_of_unsure_findings_too() -> None:
+    _, (unsure,), _ = kept("identified", [finding(0.6)], fit((0.01, 0.02, 0.4, 0.03)), True)
+    assert "hose pressure 20 times" in unsure.evidence
+
+
 def test_without_a_healthy_twin_errors_are_not_compared_with_noise() -> None:
     verdict, _, notes = kept("no_mismatch", [], fit((0.4, 0.4, 0.4, 0.4)), False)
     assert verdict == "no_mismatch"

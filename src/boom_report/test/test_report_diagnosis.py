@@ -4,6 +4,7 @@ import dataclasses
 import io
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -83,6 +84,16 @@ def test_the_headline_states_number_interval_confidence_and_the_gain():
         float(v) for v in re.search(r"falls from ([\d.]+) % with parameters only to ([\d.]+) %", said).groups()
     )
     assert before > 3 * after
+
+
+def test_the_headline_says_in_the_same_sentence_what_an_explanation_leaves():
+    made = cases.identified()
+    fit = made.document.fit
+    errors = (10 * fit.noise_floor[0], *fit.held_out["explained"][1:])
+    far = replace(fit, held_out={**fit.held_out, "explained": errors})
+    said = headline(replace(made, document=replace(made.document, fit=far)))
+    assert said.endswith("but free runs still err more than noise alone would: angle 10 times as much.")
+    assert "still err" not in headline(made)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from boom_diagnosis.assumptions import NEAR_FLOOR
 from boom_diagnosis.document import DiagnosisResult, Estimate, Finding, Fit
+from boom_diagnosis.must_keep import far_channels
 from boom_input.channels import PREDICTED
 from boom_model.catalogue import EFFECTS, SUBSYSTEM_NAMES, effect_name
 from boom_report.channels import number, probability
@@ -171,14 +173,19 @@ def statement(finding: Finding, kind: str = "identified") -> str:
 
 
 def _proof(fit: Fit) -> str:
-    best = best_channel(fit)
-    if best is None or best[1] <= best[2]:
-        return ""
-    name, before, explained = best
-    return (
-        f" With it the {name}'s held-out error falls from {percent(before)} with parameters only to {percent(explained)} of "
-        "the signal."
-    )
+    """What the explanation improves in free runs over data not used, and what it leaves, in one sentence."""
+    best, said = best_channel(fit), ""
+    if best is not None and best[1] > best[2]:
+        name, before, explained = best
+        said = (
+            f" With it the {name}'s held-out error falls from {percent(before)} with parameters only to {percent(explained)} of "
+            "the signal"
+        )
+    left = far_channels(fit, NEAR_FLOOR) if "explained" in fit.held_out else []
+    if left:
+        word = ", but free runs" if said else " Free runs over data not used"
+        said += f"{word} still err more than noise alone would: {', '.join(left)}"
+    return said and f"{said}."
 
 
 def _these(result: DiagnosisResult) -> str:
