@@ -23,6 +23,7 @@ from boom_report.page import page as whole_page
 from boom_report.validation.figure import figure
 from boom_report.validation.reference import beside
 from boom_report.validation.report import write_report
+from boom_report.validation.tables import summary
 from boom_report.validation.terminal import print_validation
 from boom_report.validation.verdict import verdict
 
@@ -260,6 +261,15 @@ def test_thesis_values_stand_beside_recordings_of_the_same_pose_and_load():
     assert beside(Configuration("tz17", 4.59, 0.0, 0.0), "5.2") == "0.009 (1), 0.018 (2)"
     assert beside(Configuration("tz17", 0.28, 2.2, 100.0), "5.1") == ""
     assert beside(Configuration("tz17", 1.0, 1.0, float("nan")), "5.1") == ""
+
+
+def test_a_crane_in_poses_that_the_thesis_did_not_have_is_not_told_of_it(capsys):
+    known = validated("healthy/extended")
+    posed = dataclasses.replace(known.recording, configuration=Configuration("mine", 0.0, 0.0, 0.0))
+    for bag, told in ((known, True), (dataclasses.replace(known, recording=posed), False)):
+        print_validation(Validation("mine", [bag]), console_for())
+        assert ("thesis" in capsys.readouterr().out) is told
+        assert ("thesis MAE" in summary(Validation("mine", [bag]))) is told
 
 
 def test_events_at_the_same_time_are_one_line_and_losses_another():

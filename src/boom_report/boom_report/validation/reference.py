@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from boom_recording.recording import Configuration
@@ -41,6 +42,11 @@ def alike(configuration: Configuration) -> list[ThesisTrajectory]:
         and abs(t.telescope_length - configuration.telescope_length) < 0.05
         and t.log == (configuration.load_mass > 0)
     ]
+
+
+def any_alike(configurations: Iterable[Configuration]) -> bool:
+    """Whether the thesis has a value beside one of these: not of another crane, in poses of its own."""
+    return any(alike(c) for c in configurations)
 
 
 def beside(configuration: Configuration, table: str) -> str:

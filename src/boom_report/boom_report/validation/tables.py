@@ -9,7 +9,7 @@ from boom_identification.validation import BagValidation, Validation
 from boom_input.channels import PREDICTED, Sensor
 from boom_report.channels import STATISTICS, limits_text, number, ratio, statistic
 from boom_report.templates import render
-from boom_report.validation.reference import REMARK, beside
+from boom_report.validation.reference import REMARK, any_alike, beside
 from boom_report.validation.verdict import verdict
 
 
@@ -27,6 +27,7 @@ def summary(validation: Validation) -> Markup:
         rad=_rad,
         beside=_beside,
         limits=limits_text(validation.bags[0].limits) if validation.bags else "",
+        told=any_alike(bag.recording.configuration for bag in validation.bags),
         remark=REMARK,
     )
 

@@ -12,7 +12,7 @@ from boom_input.channels import PREDICTED
 from boom_report import events
 from boom_report.channels import limits_text, number, ratio, statistic
 from boom_report.doubts import damage_lines
-from boom_report.validation.reference import REMARK, beside_short
+from boom_report.validation.reference import REMARK, any_alike, beside_short
 from boom_report.validation.tables import load_text
 from boom_report.validation.verdict import verdict
 
@@ -35,25 +35,28 @@ def print_validation(validation: Validation, console: Console) -> None:
 
 def _print(validation: Validation, console: Console) -> None:
     narrow = console.width < NARROW
+    told = any_alike(bag.recording.configuration for bag in validation.bags)
     console.print(full_table(validation, narrow=narrow))
     if validation.bags:
         console.print(limits_text(validation.bags[0].limits), style="dim")
     console.print()
     console.print(reduced_table(validation, narrow=narrow))
-    console.print(REMARK, style="dim")
-    console.print()
+    if told:
+        console.print(REMARK, style="dim")
+        console.print()
     for bag in validation.bags:
         _print_bag(bag, console)
 
 
 def full_table(validation: Validation, *, narrow: bool = False) -> Table:
     """Table 5.1: the full model against the measurement; ``narrow`` without pose and thesis."""
+    thesis = _thesis(validation, narrow)
     table = _table("Table 5.1: full model against the measurement", narrow)
     table.add_column("angle MAE\n[rad]", justify="right", no_wrap=True)
     for sensor in _BESIDE_THE_ANGLE:
         head = f"{sensor.label.split()[0]} {statistic(sensor)}\n[{sensor.error.name}]"
         table.add_column(head, justify="right", no_wrap=True)
-    if not narrow:
+    if thesis:
         table.add_column("thesis MAE\n[rad]", no_wrap=True)
     for bag in validation.bags:
         cells = [_rad(bag.full.metrics["angle_mae_rad"])]
@@ -62,21 +65,22 @@ def full_table(validation: Validation, *, narrow: bool = False) -> Table:
             cells.append("-" if value is None else number(value * sensor.error.scale))
         styles = ["red" if (r := ratio(s, bag)) is None or r > 1 else "" for s in (_ANGLE, *_BESIDE_THE_ANGLE)]
         texts = [Text(cell, style) for cell, style in zip(cells, styles, strict=True)]
-        table.add_row(*_row(bag, texts, "5.1", narrow))
+        table.add_row(*_row(bag, texts, "5.1" if thesis else "", narrow))
     return table
 
 
 def reduced_table(validation: Validation, *, narrow: bool = False) -> Table:
     """Table 5.2: the reduced model against the full model; ``narrow`` without pose and thesis."""
+    thesis = _thesis(validation, narrow)
     table = _table("Table 5.2: reduced model against the full model", narrow)
     table.add_column("angle MAE\n[rad]", justify="right", no_wrap=True)
     table.add_column("\n[mrad]", justify="right", no_wrap=True)
-    if not narrow:
+    if thesis:
         table.add_column("thesis MAE\n[rad]", no_wrap=True)
     for bag in validation.bags:
         value = bag.reduced_vs_full_angle_mae_rad
         shown = "-" if value is None else number(value * 1e3)
-        table.add_row(*_row(bag, [Text(_rad(value)), Text(shown)], "5.2", narrow))
+        table.add_row(*_row(bag, [Text(_rad(value)), Text(shown)], "5.2" if thesis else "", narrow))
     return table
 
 
@@ -113,7 +117,17 @@ def _row(bag: BagValidation, numbers: list[Text], thesis_table: str, narrow: boo
     if narrow:
         return [Text(bag.recording.name), *numbers]
     pose = [Text(f"{c.outer_boom_angle:g}"), Text(f"{c.telescope_length:g}"), Text(load_text(c.load_mass))]
-    return [Text(bag.recording.name), *pose, *numbers, Text(beside_short(c, thesis_table) or "-")]
+    return [
+        Text(bag.recording.name),
+        *pose,
+        *numbers,
+        *([Text(beside_short(c, thesis_table) or "-")] if thesis_table else []),
+    ]
+
+
+def _thesis(validation: Validation, narrow: bool) -> bool:
+    """Whether the table has a column for the thesis' values."""
+    return not narrow and any_alike(bag.recording.configuration for bag in validation.bags)
 
 
 def _rad(value: float | None) -> str:
