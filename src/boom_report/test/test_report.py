@@ -265,7 +265,7 @@ def test_thesis_values_stand_beside_recordings_of_the_same_pose_and_load():
 
 def test_a_crane_in_poses_that_the_thesis_did_not_have_is_not_told_of_it(capsys):
     known = validated("healthy/extended")
-    posed = dataclasses.replace(known.recording, configuration=Configuration("mine", 0.0, 0.0, 0.0))
+    posed = dataclasses.replace(known.recording, stored_configuration=Configuration("mine", 0.0, 0.0, 0.0))
     for bag, told in ((known, True), (dataclasses.replace(known, recording=posed), False)):
         print_validation(Validation("mine", [bag]), console_for())
         assert ("thesis" in capsys.readouterr().out) is told
