@@ -37,13 +37,12 @@ from boom_diagnosis.prediction import beyond, gained
 from boom_diagnosis.proof import (
     bag_result,
     final_machine,
-    fit_and_ladder,
     free_runs,
     held_out,
     label_of,
     machines_of,
+    proof_of,
     proving_result,
-    said_of_blocks,
     spans_of,
 )
 from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, posterior, probabilities, unknown_probability
@@ -167,16 +166,14 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
             )
         order = sorted(rest_equations, key=lambda e: -e.statistical)
         learned = learn(case.setting, case.trained[-1], [e.key for e in order[:LEARNT_IN]])
+    proof = proof_of(case, verdict, learned, spans, done)
+    learned, driven, fit = proof.learned, proof.driven, proof.fit
+    plain = case.learned if learned else None
     if verdict == "unknown_physics":
-        findings = [_unknown_finding(case, odds, cells, tight, rest_equations, case.learned), *findings]
+        findings = [_unknown_finding(case, odds, cells, tight, rest_equations, plain), *findings]
     if verdict == "no_mismatch":
         agreement = "No equation needs an unknown input: what remains is noise."
     moved = _moved(case, case.last) if verdict == "parameters_only" or case.taken else {}
-    machines = machines_of(case, verdict, learned)
-    driven = {
-        label: done[k] if k < len(done) else free_runs(m, case, spans) for k, (label, m) in enumerate(machines.items())
-    }
-    fit, ladder = fit_and_ladder(case, machines, driven, spans)
     known = any(copy is not bag for copy, bag in zip(case.healthy, case.bags, strict=True))
     verdict, findings, unproved = kept(verdict, findings, fit, known)
     experiment = (
@@ -190,14 +187,14 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     bags = tuple(bag_result(case, i, cells, inputs, tight.nominal[i], driven) for i in range(len(case.bags))) + tuple(
         proving_result(case, i, driven) for i in range(len(case.proving))
     )
-    explained = case.learned.point.parts if case.learned else tight.explained
-    left = case.learned.point.excess(case.floor) if case.learned else tight.excess_after
+    explained = plain.point.parts if plain else tight.explained
+    left = plain.point.excess(case.floor) if plain else tight.excess_after
     left_over = remaining(fit, tight.excess_before, left) if verdict not in ("no_mismatch", "parameters_only") else ""
     return DiagnosisResult(
         document, case.machine, _final_machine(case, verdict, learned), bags,
-        regimes.table(cells, case.select, tight.nominal, explained, case.healthy_squares), equations, agreement, ladder,
+        regimes.table(cells, case.select, tight.nominal, explained, case.healthy_squares), equations, agreement, proof.ladder,
         (learned.curve,) if learned else (), left_over, moved, experiment,
-        (*unproved, *said_of_blocks(case, fit), *notes_of(case.bags, case.proving, weak)),
+        (*unproved, *proof.notes, *notes_of(case.bags, case.proving, weak)),
         command=about.command,
     )  # fmt: skip
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 from typing import TYPE_CHECKING, Protocol
 
@@ -18,6 +18,7 @@ from boom_diagnosis.fitting import Point
 from boom_diagnosis.found_machine import found_machine
 from boom_diagnosis.freerun import Elsewhere, Errors, Span, errors, free_run, median, noise_floor
 from boom_diagnosis.learning import Learned
+from boom_diagnosis.must_keep import worse_channels
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.prediction import beyond
 from boom_diagnosis.weighing import Z90
@@ -217,6 +218,42 @@ def fit_and_ladder(
         ),
     )  # fmt: skip
     return fit, ladder
+
+
+@dataclass(frozen=True)
+class Proof:
+    """Free runs of the machines of each stage over all data.
+
+    Attributes:
+        learned: the term that is kept; one that makes free runs over data not used worse is not, and ``notes`` say so.
+        driven: stage -> its free runs. ladder: held-out errors stage by stage.
+    """
+
+    learned: Learned | None
+    driven: Mapping[str, Driven]
+    fit: Fit
+    ladder: tuple[LadderStep, ...]
+    notes: tuple[str, ...]
+
+
+def proof_of(
+    case: Proved, verdict: Verdict, learned: Learned | None, spans: Spans, done: Sequence[Driven] = ()
+) -> Proof:
+    """Free runs of every stage; ``done``: those of the first ones, as far as they were made before."""
+    machines = machines_of(case, verdict, learned)
+    driven = {
+        label: done[k] if k < len(done) else free_runs(m, case, spans) for k, (label, m) in enumerate(machines.items())
+    }
+    fit, ladder = fit_and_ladder(case, machines, driven, spans)
+    if learned:
+        worse = worse_channels(fit.held_out)
+        before, after = (np.array(fit.held_out[k]) for k in ("parameters_only", "explained"))
+        if worse or not np.nansum(np.log(after / before)) < 0.0:
+            told = f": {', '.join(worse)}" if worse else ""
+            note = f"a term learnt for {learned.term.equation} is not kept: free runs over data not used are no better{told}"
+            proof = proof_of(case, verdict, None, spans, done)
+            return replace(proof, notes=(note, *proof.notes))
+    return Proof(learned, driven, fit, ladder, said_of_blocks(case, fit))
 
 
 def said_of_blocks(case: Proved, fit: Fit) -> tuple[str, ...]:

@@ -31,12 +31,9 @@ from boom_diagnosis.prediction import beyond, gained
 from boom_diagnosis.proof import (
     bag_result,
     final_machine,
-    fit_and_ladder,
-    free_runs,
     label_of,
-    machines_of,
+    proof_of,
     proving_result,
-    said_of_blocks,
     spans_of,
 )
 from boom_diagnosis.weighed_case import WeighedCase
@@ -104,18 +101,15 @@ def assemble(case: WeighedCase, about: About, weak: Sequence[str]) -> DiagnosisR
         case.learned = learn(case.setting, case.trained[-1], sorted(odds.places, key=lambda k: -odds.places[k])[:2])
     if verdict == "no_mismatch":
         agreement = "No equation needs an unknown input: what remains is noise."
-    learned = case.learned
-    machines = machines_of(case, verdict, learned)
-    spans = spans_of(case)
-    driven = {label: free_runs(m, case, spans) for label, m in machines.items()}
-    fit, ladder = fit_and_ladder(case, machines, driven, spans)
+    proof = proof_of(case, verdict, case.learned, spans_of(case))
+    learned, driven, fit = proof.learned, proof.driven, proof.fit
     findings = _findings(case, odds, cells)
     if verdict == "unknown_physics":
         findings.insert(0, _unknown_finding(case, odds, cells))
     verdict, findings, unproved = kept(verdict, findings, fit, case.twin)
     notes = [
         *unproved,
-        *said_of_blocks(case, fit),
+        *proof.notes,
         *notes_of(case.bags, case.proving, weak),
         *_said_of_limits(case.best.fit),
     ]
@@ -140,7 +134,7 @@ def assemble(case: WeighedCase, about: About, weak: Sequence[str]) -> DiagnosisR
     explained_machine = case.machine if verdict == "no_mismatch" else final_machine(case, final, deviations, terms)
     return DiagnosisResult(
         document, case.machine, explained_machine, bags,
-        regimes.table(cells, case.select, nominal, explained, case.healthy_squares), equations, agreement, ladder,
+        regimes.table(cells, case.select, nominal, explained, case.healthy_squares), equations, agreement, proof.ladder,
         (learned.curve,) if learned else (), remaining(fit, before, after) if wrong else "",
         moved_tolerances(case, case.last, deviations) if verdict != "no_mismatch" else {}, experiment, tuple(notes),
         command=about.command,
