@@ -21,7 +21,7 @@ import importlib
 import keyword
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from types import ModuleType
@@ -127,7 +127,36 @@ def _run(arguments: Sequence[str], program: str) -> int:
         hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
         raise UsageError(f"unknown command {name}: {hint}")
     module = importlib.import_module(f"boom_bringup.commands.{module_name(name)}")
-    return int(module.run(parse(module, f"{program} {name}", words[1:])))
+    args = parse(module, f"{program} {name}", words[1:])
+    _keep_inputs(vars(args))
+    return int(module.run(args))
+
+
+_WRITTEN = ("output", "json", "report", "write_mapping", "document")
+"""Options that name what a command writes."""
+
+
+def _keep_inputs(given: Mapping[str, Any]) -> None:
+    """Raises UsageError: what would be written is an input, lies in a bag that is one, or is written twice."""
+    written = [(f"--{n.replace('_', '-')}", Path(given[n]).resolve()) for n in _WRITTEN if _names_a_path(given.get(n))]
+    for k, (option, path) in enumerate(written):
+        twice = next((other for other, same in written[:k] if same == path), "")
+        if twice:
+            raise UsageError(f"{twice} and {option} are the same file, {path.name}: give each a path of its own")
+    words = (w for n, v in given.items() if n not in _WRITTEN for w in (v if isinstance(v, list) else [v]))
+    for source in (Path(word).resolve() for word in words if _names_a_path(word)):
+        if not (source.is_file() or (source.is_dir() and any(source.glob("metadata.yaml")))):
+            continue
+        for option, path in written:
+            if path == source or source in path.parents:
+                where = "is" if path == source else "lies in"
+                raise UsageError(
+                    f"{option} {path.name} {where} the input {source.name}, which would be lost: give another path"
+                )
+
+
+def _names_a_path(word: object) -> bool:
+    return isinstance(word, str) and bool(word) and "://" not in word and "\0" not in word and len(word) < 4096
 
 
 def parse(module: ModuleType, prog: str, words: list[str]) -> argparse.Namespace:
@@ -176,8 +205,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit status. An exception that carries an `exit_status` becomes one line on stderr and that status.
     """
-    with redirect_stdout(cast(TextIO, _Shown(sys.stdout))), redirect_stderr(cast(TextIO, _Shown(sys.stderr))):
-        return _guarded(arguments)
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:  # a stream that the caller has closed (`>&-`)
+        shown = (cast(TextIO, _Shown(stream or nowhere)) for stream in (sys.stdout, sys.stderr))
+        with redirect_stdout(next(shown)), redirect_stderr(next(shown)):
+            return _guarded(arguments)
 
 
 def _guarded(arguments: Sequence[str] | None) -> int:

@@ -1,4 +1,5 @@
 import importlib.util
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -7,7 +8,8 @@ import pytest
 
 from boom_bringup import __version__, cli
 
-BAG = Path(__file__).parents[3] / "bags" / "healthy" / "extended"
+ROOT = Path(__file__).resolve().parents[3]
+BAG = ROOT / "bags" / "healthy" / "extended"
 
 
 def test_help_lists_every_command_with_its_line(capsys):
@@ -125,3 +127,41 @@ def test_missing_messages_are_one_line_that_says_how_to_have_them(words, capsys,
     error = capsys.readouterr().err
     assert error.startswith("boom: the messages boom_interfaces are not installed") and error.count("\n") == 1
     assert "pip install ./src/boom_interfaces" in error
+
+
+@pytest.fixture
+def things(tmp_path):
+    """A bag and a machine file of somebody, and the folder that they are in."""
+    shutil.copytree(ROOT / "bags" / "healthy" / "folded_fast", tmp_path / "mine")
+    shutil.copy(ROOT / "src/boom_model/boom_model/machines/tz17.yaml", tmp_path / "crane.yaml")
+    (tmp_path / "own").mkdir()
+    shutil.copy(tmp_path / "crane.yaml", tmp_path / "own" / "machine.yaml")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("validate mine --no-report --json mine/folded_fast.mcap", "--json folded_fast.mcap lies in the input mine"),
+        ("validate mine --report mine/metadata.yaml", "--report metadata.yaml lies in the input mine"),
+        ("check-machine crane.yaml --json crane.yaml", "--json crane.yaml is the input crane.yaml"),
+        ("identify mine --machine crane.yaml --output ./crane.yaml", "--output crane.yaml is the input crane.yaml"),
+        ("validate mine --json both --report ./both", "--json and --report are the same file"),
+        ("diagnose mine --output mine", "--output mine is the input mine"),
+        ("diagnose mine --output own", "machine.yaml was not written by a diagnosis"),
+    ],
+)
+def test_what_a_command_writes_never_replaces_what_it_reads_or_what_somebody_wrote(
+    words, said, things, monkeypatch, capsys
+):
+    monkeypatch.chdir(things)
+    before = {path: path.read_bytes() for path in things.rglob("*") if path.is_file()}
+    assert cli.main(words.split()) == 2
+    assert said in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in things.rglob("*") if path.is_file()} == before
+
+
+def test_a_closed_standard_output_is_no_fault_of_ours():
+    command = f"{sys.executable} -m boom_bringup.cli check-machine tz17 >&-"
+    done = subprocess.run(["/bin/sh", "-c", command], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, "")

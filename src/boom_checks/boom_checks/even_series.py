@@ -70,6 +70,10 @@ class EvenSeries:
         return EvenSeries(self.time, {**self.columns, **changed}, kept)
 
 
+UNITS = 1e6
+"""Largest ratio of two units that are taken for one another."""
+
+
 def even_series(recording: Recording) -> EvenSeries:
     """The signals of a recording on a grid of ``PERIOD``.
 
@@ -103,4 +107,5 @@ def _implausible(signal: Signal) -> NDArray[np.bool_]:
     channel = BY_NAME[signal.name]
     finite = np.where(np.isfinite(signal.values), signal.values, 0.0)
     middle = median_filter(finite, 5, mode="nearest")
-    return ~signal.valid & ((middle < channel.low) | (middle > channel.high))
+    far = UNITS * max(-channel.low, channel.high)  # no unit makes more of it: it is no measurement
+    return ~signal.valid & (np.abs(middle) < far) & ((middle < channel.low) | (middle > channel.high))

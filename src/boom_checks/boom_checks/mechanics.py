@@ -40,6 +40,7 @@ class Mechanics:
         tolerance: relative, of the masses, as the file rates them.
         rate, friction: (m,) [rad/s], torque of the file's friction [N m], effects of the file included.
         joints: torque that the motion of the other joints asks for; None: nothing is known of it.
+        holds: a valve at the cylinder holds the load, by the file: the hose pressure carries the boom while it lifts only.
         flow, drop: (m,) [m^3/s] into the cylinder, p_h - p_a [Pa] of the file's valve at the cylinder; zero without one.
     """
 
@@ -57,6 +58,7 @@ class Mechanics:
     flow: Array
     drop: Array
     joints: JointTorque | None = None
+    holds: bool = False
 
     def known_losses(self, angle: Array, rate: Array) -> Array:
         """Friction and valve at the cylinder as the file knows them (n,) [Pa on the head side]."""
@@ -125,6 +127,7 @@ def mechanics(machine: Machine, recording: Recording) -> Mechanics:
         angle, inner["piston_position"], inner["jacobian"], inner["gravity_torque"], inertia, p.cylinder.A_a, p.cylinder.A_b, arm,
         _tolerance(machine, pose.tabulated), rate, plant.auxiliary(states, np.zeros((_POINTS, 2)))["friction_torque"],
         flow, np.asarray(drop(flow[None, :]), float).ravel(), joint_torque(recording, machine, pose),
+        machine.structure.hose_burst_valve.holds,
     )  # fmt: skip
 
 

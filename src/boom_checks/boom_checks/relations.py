@@ -133,7 +133,8 @@ def force(series: EvenSeries, boom: Mechanics) -> float:
     """Head side minus rod side carry gravity and inertia.
 
     p_h - p_b A_b / A_a = b + exp(m) (g + exp(d) D q_2'') / (J A_a) + f sign(q_2'), b, m, d, f normal about 0 (``FORCE_PRIOR``).
-    The error counts relative to how much the pressures vary: in a smaller unit they vary less and are not carried better.
+    The error counts relative to how much the pressures vary: in a smaller unit they vary less and are not carried better. Behind a
+    valve that holds the load the hose pressure is the cylinder's while the boom lifts, and counts then.
     """
     angle, rate = series.smooth("angle"), series.smooth("rate")
     measured = (series.smooth("hose_pressure") - series.smooth("rod_pressure") * boom.A_b / boom.A_a)[::_EVERY]
@@ -142,6 +143,8 @@ def force(series: EvenSeries, boom: Mechanics) -> float:
     loads = np.column_stack((carried, boom.dynamic_need(angle, acceleration)))[::_EVERY]
     plain = np.column_stack((np.ones(len(angle)), np.tanh(rate / TURNING)))[::_EVERY]
     known = np.isfinite(measured) & np.isfinite(loads).all(axis=1) & np.isfinite(plain).all(axis=1)
+    if boom.holds:
+        known &= rate[::_EVERY] > TURNING
     if not known.any():
         return 0.0
     extent = PRESSURE_FLOOR**2 + sum(

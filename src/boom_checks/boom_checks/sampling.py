@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +17,25 @@ Array = NDArray[np.float64]
 
 LEAST = 500
 """Samples without which nothing is said."""
-TAPS = 25
+TAPS = 41
 """Length of the filter that may make a rate of the angle."""
 BAND = 0.6
 """Of the Nyquist frequency: above, a boom does not move, and what a rate shows is its own noise."""
+
+
+WHOLLY = 0.9
+"""Share of a rate's noise that the angle explains from which on it is no measurement of its own, but a smoothed derivative."""
+
+
+def independent(recording: Recording) -> Recording:
+    """The recording without a rate that was computed from its angle: it tells nothing more, and errs by what it smooths."""
+    if not {"angle", "rate"} <= set(recording.signals):
+        return recording
+    rate = recording.signals["rate"]
+    found = _derived(recording.signals["angle"], rate)
+    if found is None or found.measure.interval_90[0] < WHOLLY:
+        return recording
+    return replace(recording, signals={**recording.signals, "rate": replace(rate, valid=np.zeros_like(rate.valid))})
 
 
 def sampling_checks(recording: Recording) -> list[RecordingCheck]:
@@ -73,7 +89,7 @@ def _derived(angle: Signal, rate: Signal) -> RecordingCheck | None:
         return None
     position, noise = np.diff(angle.values[both]), _fast(rate.values[both])[1:]
     window = np.lib.stride_tricks.sliding_window_view(_fast(position), TAPS)
-    target = noise[TAPS - 1 :]
+    target = noise[TAPS // 2 : len(noise) - TAPS // 2]  # a derivative may be smoothed with what comes later, too
     half = len(target) // 2
     taps = np.linalg.lstsq(window[:half], target[:half], rcond=None)[0]
     left, own = float(np.var(target[half:] - window[half:] @ taps)), float(np.var(target[half:]))

@@ -1,5 +1,6 @@
 """A recording is doubted before any physics: faults of recordings are told as what they are, physics is not told as a fault."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from boom_checks.doubts import checks
 from boom_checks.even_series import even_series
 from boom_checks.mechanics import mechanics
 from boom_checks.readings import reading_checks
-from boom_checks.relations import response
+from boom_checks.relations import force, response
 from boom_checks.sampling import sampling_checks
 from boom_model.machine_file import load_machine
 from boom_recording import writing
@@ -56,6 +57,19 @@ def test_two_faults_are_found_one_behind_the_other() -> None:
     both = FAULTS["swapped pressures"][2](FAULTS["command's sign"][2](fast()))
     found, _ = reading_checks(even_series(both), mechanics(TZ17, both))
     assert {check.kind for check in found} == {"sign", "swapped_channels"}
+
+
+def test_behind_a_valve_that_holds_the_load_the_hose_carries_the_boom_while_it_lifts_and_counts_then_alone() -> None:
+    made = fast()
+    series, boom = even_series(made), mechanics(TZ17, made)
+    lifting = series.smooth("rate") > 0.01
+    vented = series.with_columns({"hose_pressure": np.where(lifting, series.columns["hose_pressure"], 2e5)})
+    swapped = {"hose_pressure": vented.columns["rod_pressure"], "rod_pressure": vented.columns["hose_pressure"]}
+    holding = replace(boom, holds=True)
+    assert force(vented, holding) > force(vented.with_columns(swapped), holding) + 3.0
+    lost = force(series, boom) - force(vented, boom)
+    assert force(series, holding) - force(vented, holding) < 0.2 * lost
+    assert reading_checks(vented, holding)[0] == []
 
 
 def test_the_series_comes_back_with_the_fault_put_right() -> None:
@@ -179,3 +193,12 @@ def test_what_is_wrong_with_the_strangers_recordings_is_told_in_both(half: str) 
         found = [check for check in checks(load(SHARED / f"stranger_{number}_{half}"), machine) if check.spoils]
         told[number] = [check.kind for check in found]
     assert told == {2: [], 4: ["sign"], 6: ["latched_command"]}
+
+
+@pytest.mark.parametrize("factor", [1e60, 1e300])
+@pytest.mark.parametrize("signal", ["extend_current", "hose_pressure", "angle"])
+def test_numbers_that_no_unit_makes_are_no_measurement_and_end_in_no_error(signal: str, factor: float) -> None:
+    made = fast()
+    absurd = replace(made.signals[signal], values=factor * (1.0 + made.signals[signal].values),
+                     valid=np.zeros_like(made.signals[signal].valid))  # fmt: skip
+    assert checks(replace(made, signals={**made.signals, signal: absurd}), TZ17) is not None

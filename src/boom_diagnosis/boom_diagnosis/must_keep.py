@@ -56,8 +56,8 @@ def kept(
     if not fit.held_out:
         return verdict, list(findings), notes
     worse = worse_channels(fit.held_out) if findings else []
-    if worse and verdict in ("identified", "sensor_or_clock"):
-        verdict = "ambiguous"
+    if worse:
+        verdict = "ambiguous" if verdict in ("identified", "sensor_or_clock") else verdict
         notes.append(f"unproved: free runs over data not used err more than with parameters only: {', '.join(worse)}")
     if not floor_known:
         notes.append(

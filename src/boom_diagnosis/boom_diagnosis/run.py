@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_checks.doubts import first_look
+from boom_checks.sampling import independent
 from boom_diagnosis import answer, weighed_answer
 from boom_diagnosis.bag_samples import Bag, prepare
 from boom_diagnosis.case import Case
@@ -88,7 +89,8 @@ def diagnose(
     if any(check.spoils for _, check in checks):
         result = answer.spoilt(machine, about)
     else:
-        parts = stretches(recordings, held_out, machine, progress)
+        own, proving = ([independent(recording) for recording in given] for given in (recordings, held_out))
+        parts = stretches(own, proving, machine, progress)
         result = parts.placed(_searched(parts, machine, progress, about, engine))
     return replace(result, looks=looks, document=replace(result.document, checks=checks))
 

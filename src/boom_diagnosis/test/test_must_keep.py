@@ -32,6 +32,13 @@ def test_an_explanation_that_makes_held_out_runs_worse_is_said_to_be_unproved() 
     assert findings[0].confidence == 0.98  # one probability everywhere
 
 
+@pytest.mark.parametrize("verdict", ["ambiguous", "unknown_physics"])
+def test_an_unsure_answer_that_makes_held_out_runs_worse_says_so_too(verdict: str) -> None:
+    kind, _, notes = kept(verdict, [finding(0.49)], fit((0.01, 0.02, 0.02, 0.6)), True)  # type: ignore[arg-type]
+    assert kind == verdict
+    assert "unproved" in notes[0]
+
+
 def test_a_run_that_ends_early_is_worse_than_any_error() -> None:
     assert kept("identified", [finding(0.9)], fit((0.01, 0.02, 0.02, float("nan"))), True)[0] == "ambiguous"
 

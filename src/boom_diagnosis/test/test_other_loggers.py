@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from test_diagnosis import noisy, tz17
 
+from boom_checks.sampling import independent
 from boom_diagnosis.bag_samples import prepare
 from boom_diagnosis.hypotheses import problem_at
 from boom_diagnosis.nuisances import tolerances
@@ -61,6 +62,17 @@ def test_an_effect_is_found_without_gyro_and_what_only_that_shows_is_said_to_be_
     assert found.findings[0].parameters["r"].value == pytest.approx(2.0, rel=0.1)
     assert np.isnan(found.fit.noise_floor[1])
     assert "the rate was not measured: what only it shows cannot be told, rate scale among it" in " ".join(result.notes)
+
+
+def test_a_rate_that_was_computed_from_the_angle_is_no_measurement_of_its_own() -> None:
+    made = noisy(tz17(), 24.0, 3)
+    angle, rate = made.signals["angle"].values, made.signals["rate"]
+    assert independent(made) is made, "a gyro"
+    window = np.ones(11) / 11
+    smooth = np.convolve(np.gradient(angle, 0.01), window, mode="same")
+    derived = replace(made, signals={**made.signals, "rate": replace(rate, values=smooth)})
+    assert not independent(derived).signals["rate"].valid.any()
+    assert independent(derived).signals["angle"] is derived.signals["angle"]
 
 
 def test_a_load_that_comes_is_seen_first_without_a_rod_pressure() -> None:

@@ -18,6 +18,7 @@ from typing import Any
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.validate_topic_name import validate_topic_name
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from std_msgs.msg import Bool
 
@@ -72,10 +73,8 @@ class RecorderNode(Node):
             raise StartError("boom_recorder needs the parameter 'output', e.g. -p output:=my_recording")
         if not values.topics:
             raise StartError("boom_recorder has nothing to record: list at least one topic in the parameter 'topics'")
-        required = tuple(self.resolve_topic_name(topic) for topic in values.required_topics)
-        self._asked = [
-            topic if topic == recorder.EVERYTHING else self.resolve_topic_name(topic) for topic in values.topics
-        ]
+        required = tuple(self._resolved(topic) for topic in values.required_topics)
+        self._asked = [topic if topic == recorder.EVERYTHING else self._resolved(topic) for topic in values.topics]
         unasked = [topic for topic in required if topic not in self._asked]
         if unasked and recorder.EVERYTHING not in self._asked:
             raise StartError(
@@ -107,6 +106,14 @@ class RecorderNode(Node):
         self.create_timer(_RECHECK_PERIOD_S, self._publisher_counts.clear, clock=steady)
         self.create_timer(_SILENCE_PERIOD_S, self._watch_required, clock=steady)
         self._scan()
+
+    def _resolved(self, topic: str) -> str:
+        """The full name of a topic. Raises StartError: no topic can have this name."""
+        try:
+            validate_topic_name(topic)
+            return str(self.resolve_topic_name(topic))
+        except Exception:  # rclpy has an error class for each kind of wrong name, and RCLError for the rest
+            raise StartError(f"{quoted(topic)} is no name of a topic: give one as in 'ros2 topic list'") from None
 
     def _watch_required(self) -> None:
         """Warn about a required topic that has fallen silent."""

@@ -96,6 +96,13 @@ def test_the_headline_says_in_the_same_sentence_what_an_explanation_leaves():
     assert "still err" not in headline(made)
 
 
+def test_the_headline_names_the_rivals_by_their_probability_parameters_only_among_them():
+    finding = replace(cases.lag_finding(0.49), alternatives=(Alternative("pilot_lag", 0.1), Alternative(None, 0.02)))
+    said = statement(finding, "ambiguous", 0.39)
+    assert "hose burst valve lag or parameters within tolerance only or pilot lag, seen" in said
+    assert "unmodelled" not in said
+
+
 @pytest.mark.parametrize(
     ("confidence", "word"),
     [(0.97, "almost certainly"), (0.9, "very probably"), (0.7, "probably"), (0.5, "possibly"), (0.2, "perhaps")],

@@ -152,6 +152,8 @@ def _coverage(recording: Recording, machine: Machine) -> list[str]:
     low, high = (limit / _DEGREE for limit in machine.angle_limits)
     signal = recording.signals["angle"]
     seen = signal.values[signal.valid] / _DEGREE
+    if not len(seen):
+        return ["no sample of the angle is plausible: it is in degrees where rad are due, or was not measured"]
     begin, end = float(seen.min()), float(seen.max())
     share = 100 * (end - begin) / (high - low)
     said = [f"angle {begin:.1f} .. {end:.1f} deg of {low:.1f} .. {high:.1f} deg, {share:.0f} % of the range"]

@@ -66,7 +66,14 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"{min(twice)}: given both to diagnose and to hold out: remove one of the two")
     json_path = checked(args.json, "--json")
     with held(args.output) as folder:
+        _keep_own_machine(folder / "machine.yaml")
         return _run(args, folder, json_path)
+
+
+def _keep_own_machine(path: Path) -> None:
+    """Raises UsageError: a machine file that no diagnosis wrote lies where one will be written."""
+    if path.is_file() and not path.read_text(encoding="utf-8", errors="replace").startswith("# Diagnosed on "):
+        raise UsageError(f"{path} was not written by a diagnosis and would be replaced: give another --output")
 
 
 def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:

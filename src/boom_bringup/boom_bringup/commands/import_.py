@@ -200,6 +200,7 @@ def _write_mapping(proposal: Proposal, path: Path, args: argparse.Namespace) -> 
 
 def _convert(args: argparse.Namespace, source: Source, proposal: Proposal) -> int:
     from boom_import.conversion import convert
+    from boom_input.channels import ESSENTIAL
     from boom_report.console import console_for
 
     output = Path(args.output)
@@ -210,11 +211,12 @@ def _convert(args: argparse.Namespace, source: Source, proposal: Proposal) -> in
     missing = [signal for signal, entry in proposal.mapping.signals.items() if entry == "none"]
     for note in recording.notes:
         console.print(f"note: {note}", soft_wrap=True)
-    if missing:
-        console.print(
-            f"note: without {', '.join(missing)}: commands that compare it with the model will refuse the bag",
-            soft_wrap=True,
-        )
+    for missed, said in (
+        ([name for name in missing if name in ESSENTIAL], "the commands will refuse the bag"),
+        ([name for name in missing if name not in ESSENTIAL], "what only that shows cannot be told"),
+    ):
+        if missed:
+            console.print(f"note: without {', '.join(missed)}: {said}", soft_wrap=True)
     console.print(f"{recording.duration:.1f} s imported; the bag is {output}", soft_wrap=True)
     for line in _next(args.machine, recording, output):
         console.print(line, soft_wrap=True)

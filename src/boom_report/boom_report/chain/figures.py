@@ -75,11 +75,16 @@ def flow_figure(chain: RecordingChain, laws: tuple[ValveLaw, ...]) -> Json:
     return xy(traces, "time since the start of the recording [s]", "flow into the head side [l/min]", height=340)
 
 
+LARGEST = 1e3
+"""An NRMSE of which more is that of a signal that stands still."""
+
+
 def link_row(link: ChainLink) -> tuple[str, str, str, str, str]:
     """Name, error with unit, NRMSE, tolerance, ratio of a link as text."""
     unit, scale = SHOWN[link.unit]
     low, high = (scale * v for v in link.error.interval_90)
+    share = f"{link.nrmse:.2f}" if link.nrmse < LARGEST else "-"
     return (
-        link.name, f"{scale * link.error.value:.3g} {unit} ({low:.3g} to {high:.3g})", f"{link.nrmse:.2f}",
+        link.name, f"{scale * link.error.value:.3g} {unit} ({low:.3g} to {high:.3g})", share,
         f"{scale * link.tolerance:.3g} {unit}", f"{link.ratio:.1f}",
     )  # fmt: skip

@@ -146,12 +146,19 @@ def headline(result: DiagnosisResult) -> str:
     first = document.findings[0]
     more = len(document.findings) - 1
     also = f" {_count(more)} further {'finding' if more == 1 else 'findings'} below." if more else ""
-    said = statement(first, "identified" if unproved else kind)
+    rival = max((row.probability for row in document.ranking if row.kind == "parameters"), default=0.0)
+    said = statement(first, "identified" if unproved and first.confidence >= HALF else kind, rival)
     return f"{said}{f' {unproved[0].upper()}{unproved[1:]}.' if unproved else _proof(document.fit)}{also}"
 
 
-def statement(finding: Finding, kind: str = "identified") -> str:
-    """What was found, as a sentence with number, interval, regime and confidence."""
+HALF = 0.5
+"""Probability from which on a finding is stated by itself, unproved or not."""
+RIVAL = 0.05
+"""Probability from which on the headline names what else it could be."""
+
+
+def statement(finding: Finding, kind: str = "identified", parameters_only: float = 0.0) -> str:
+    """What was found, as a sentence with number, interval, regime and confidence; ``parameters_only``: that rival's probability."""
     sure, p = is_sure(finding.confidence), probability(finding.confidence)
     subsystem = SUBSYSTEM_NAMES[finding.subsystem]
     where = f", seen: {finding.regime}" if finding.regime else ""
@@ -163,9 +170,12 @@ def statement(finding: Finding, kind: str = "identified") -> str:
         )
     numbers = ", ".join(f"{name} = {shown(e).text}" for name, e in finding.parameters.items())
     if kind == "ambiguous":
-        others = [effect_name(a.effect) for a in finding.alternatives]
+        rivals = [(a.confidence, effect_name(a.effect)) for a in finding.alternatives]
+        rivals += [(parameters_only, "parameters within tolerance only")]
+        ranked = sorted(rivals, key=lambda rival: -rival[0])
+        others = [name for p, name in ranked if p >= RIVAL] or [name for _, name in ranked[:1]]
         either = f"{effect_name(finding.effect)} or {' or '.join(others)}" if others else effect_name(finding.effect)
-        return f"It cannot be told apart from these recordings: {either}{where}. The first fits best (confidence {p})."
+        return f"It cannot be told apart from these recordings: {either}{where}. The first has a confidence of {p}."
     if finding.effect not in EFFECTS:
         return f"{sure.capitalize()} the {subsystem}: {finding.effect}{f', {numbers}' if numbers else ''} (confidence {p})."
     subject, does = what_it_is(finding.effect)
