@@ -59,7 +59,7 @@ writing.write(folder / "both", both)
 loaded = loading.load(folder / "both")
 brake = loaded.signals["brake_pressure"]
 seen = validate(loaded, machine)
-channels = proof._channels(loaded, machine, 0, {stage: [seen.full] for stage in STAGES})
+channels = proof._channels(loaded, machine, 0, {stage: proof.Driven([seen.full], []) for stage in STAGES})
 diagnosed = BagResult("both", False, None, loaded.duration, (), channels, (), np.zeros(0), {}, np.zeros(0, np.int64))
 
 def lines(chart):

@@ -13,7 +13,7 @@ from boom_controller.controller import Settings
 from boom_controller.loop.law_in_use import LawInUse
 from boom_controller.observers.dead_time_observer import DeadTimeState, observe_dead_time
 from boom_controller.observers.reach import ReachState, watch_reach
-from boom_controller.observers.spool_observer import Seen, SpoolState, deflection_sigma, observe_spool
+from boom_controller.observers.spool_observer import SpoolSeen, SpoolState, deflection_sigma, observe_spool
 from boom_model.component_numbers import component_parameters
 from boom_model.machine_file import load_machine
 
@@ -65,7 +65,7 @@ def share_found(
         here = travel / float(x.of(side))
         modelled, came = (PER_TRAVEL * max(at - EDGE, 0.0) for at in (here, travel / true))
         needed = EDGE + came / PER_TRAVEL
-        seen = Seen(side * here, needed, -side * modelled, -side * came, compressing, 1.0)
+        seen = SpoolSeen(side * here, needed, -side * modelled, -side * came, compressing, 1.0)
         x = observe_spool(x, seen, EDGE, sigma, S)
     return x
 

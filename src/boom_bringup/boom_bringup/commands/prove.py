@@ -24,7 +24,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import checked, held, json_text, write_text
@@ -208,12 +208,22 @@ def _show_cases(console: Console, trial: Trial) -> None:
 
 @contextmanager
 def _stopped_by_term() -> Iterator[None]:
-    """SIGTERM acts like Ctrl-C: it also stops the workers."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    """SIGTERM acts like Ctrl-C: it also stops the workers. One that a library has caught while it was loaded counts in the end."""
+    asked = False
+
+    def stop(*_: object) -> NoReturn:
+        nonlocal asked
+        asked = True
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if asked:
+        raise KeyboardInterrupt
 
 
 @contextmanager

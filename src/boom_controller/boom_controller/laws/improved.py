@@ -39,7 +39,7 @@ from boom_controller.observers.mode_observer import Modes
 from boom_controller.observers.oscillation_watch import OscillationState, watch_oscillation
 from boom_controller.observers.reach import ReachState, watch_reach
 from boom_controller.observers.rest import RestState, watch_rest
-from boom_controller.observers.spool_observer import Seen, SpoolState, deflection_sigma, observe_spool
+from boom_controller.observers.spool_observer import SpoolSeen, SpoolState, deflection_sigma, observe_spool
 from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
 from boom_controller.settings import LawSettings, tunable
 from boom_controller.types import GO, Controller, ControlOutput, Measurement, Reference
@@ -245,7 +245,7 @@ class Improved:
         leaking = (a + b) * q.leakage / stiffness
         came = velocity + compressing + leaking
         needed = ca.fabs(flows.spool(stiffness * came, a, b, self._stroke))
-        seen = Seen(position, needed, modelled + leaking, came, compressing, full)
+        seen = SpoolSeen(position, needed, modelled + leaking, came, compressing, full)
         travel = observe_spool(x.spool, seen, self._dead_zone, self._spread, s)
         delay = observe_dead_time(x.delay, velocity, modelled, q.force, stiffness, -told, full, s)
         stall = watch_supply(

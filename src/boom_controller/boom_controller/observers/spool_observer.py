@@ -65,7 +65,7 @@ class SpoolState(NamedTuple):
         return ca.if_else(position < 0, self.lift.share, self.lower.share)
 
 
-class Seen(NamedTuple):
+class SpoolSeen(NamedTuple):
     """What the running system shows of the spool, at one time.
 
     s_s^ [m], |s_s(Q+)| [m]; Q, Q+ through the valve, f_p' / K [m/s], positive lifts; whether the flow is known (``trusted``).
@@ -79,7 +79,7 @@ class Seen(NamedTuple):
     trusted: Expression
 
 
-def observe_spool(x: SpoolState, seen: Seen, edge: Expression, sigma: float, s: Any) -> SpoolState:
+def observe_spool(x: SpoolState, seen: SpoolSeen, edge: Expression, sigma: float, s: Any) -> SpoolState:
     """One sample time: s_0 [m], standard deviation of ln rho, settings ``s``."""
     t, size = s.sample_time, ca.fabs(seen.position)
     trust = seen.trusted / (1.0 + (seen.compressing / COMPRESSED) ** 2)
