@@ -251,7 +251,7 @@ def proof_of(
         if worse or not np.nansum(np.log(after / before)) < 0.0:
             told = f": {', '.join(worse)}" if worse else ""
             note = f"a term learnt for {learned.term.equation} is not kept: free runs over data not used are no better{told}"
-            proof = proof_of(case, verdict, None, spans, done)
+            proof = proof_of(case, verdict, None, spans, list(driven.values())[:-1])
             return replace(proof, notes=(note, *proof.notes))
     return Proof(learned, driven, fit, ladder, said_of_blocks(case, fit))
 
