@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.recent import Recent
-from boom_estimation.currents import HeldCurrents, driven, held_currents, held_inputs, lateness
+from boom_estimation.currents import HeldCurrents, driven, held_currents, held_inputs
 from boom_estimation.initial_state import resting_start, stationary_guess
 from boom_model.machine import Machine
 from boom_model.observer import KalmanGains, Linearised, Samples
@@ -210,8 +210,7 @@ def prepare(recording: Recording, machine: Machine | None = None, *, aligned: bo
         counted[time < SETTLING] = False
     cavitating = _cavitating(recording, time)
     counted[cavitating] = False
-    late = 0.0 if machine is None else lateness(currents.time, machine)
-    timing = hypot(TIMING_NOISE, late / sqrt(12.0))
+    timing = hypot(TIMING_NOISE, currents.late * sqrt((currents.late / PERIOD + 1.0) / 12.0))
     bag = Bag(recording, currents, grid, counted, cavitating, rest is not None, start, timing)
     counted &= np.isfinite(bag.samples().measured)
     return bag

@@ -76,7 +76,7 @@ def noise_floor(span: Span, machine: Machine, seed: int) -> Errors:
         shown["angle"], shown["hose_pressure"], shown["rod_pressure"], inputs=currents.at(0.0)
     )
     grid = np.arange(currents.time[0], min(span.end, currents.time[-1]), 0.01)
-    noisy, given = currents.values.copy(), currents.values[:, : len(CURRENTS)]
+    noisy, given = currents.drawn(rng), currents.values[:, : len(CURRENTS)]
     noisy[:, : len(CURRENTS)] += CURRENT_NOISE * rng.standard_normal(given.shape) * (given > 0.05)
     try:
         exact = plant.run(currents.time, currents.values, grid, x0).outputs

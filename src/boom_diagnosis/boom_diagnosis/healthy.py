@@ -25,7 +25,8 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     """The recording as a machine with these numbers (and no effects) would have given it, as far as it runs.
 
     None where that is less than ``LEAST``: without what holds it, a boom may run into its stops.
-    The measured currents stand for the true ones; what the copy shows of them has their noise once more.
+    The measured currents stand for the true ones, in between one course of many; what the copy shows of them has their noise
+    once more.
     """
     recording, currents = bag.recording, bag.currents
     plant = plant_for(recording, carrying(machine), "full")
@@ -35,8 +36,9 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
             p[plant.parameter_names.index(name)] = value
     rng = np.random.default_rng(seed)
     grid = bag.grid[bag.grid <= currents.time[-1]]
+    inputs = currents.drawn(rng)
     _, outputs, _, _ = plant.integrate(
-        currents.time, currents.values, grid, bag.initial_state(plant, p), float(grid[0]), parameters=p
+        currents.time, inputs, grid, bag.initial_state(plant, p), float(grid[0]), parameters=p
     )
     reached = int(np.isfinite(outputs).all(axis=1).sum())  # behind a failure all are NaN
     grid, outputs = grid[:reached], outputs[:reached]
@@ -45,8 +47,8 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     measured = machine.sensor_noise().outputs(outputs, rng)
     columns = {name: measured[:, i] for i, name in enumerate(OUTPUTS)}
     copy: Recording = from_columns(recording.name, grid, columns, recording.configuration)
-    known = currents.time <= grid[-1]
-    time, true = currents.time[known], currents.values[known, : len(CURRENTS)]
+    known = (currents.time <= grid[-1]) & (True if currents.sampled is None else currents.sampled)
+    time, true = currents.time[known], inputs[known, : len(CURRENTS)]
     shown = np.maximum(true + CURRENT_NOISE * rng.standard_normal(true.shape), 0.0)
     driven = {"retract_current": shown[:, 0], "extend_current": shown[:, 1]}
     copy.signals |= from_columns(recording.name, time, driven, recording.configuration).signals

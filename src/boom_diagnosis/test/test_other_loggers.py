@@ -89,14 +89,35 @@ def test_a_load_that_comes_is_seen_first_without_a_rod_pressure() -> None:
     assert first.values["effects.payload_change.t_g"] == pytest.approx(27.4, abs=0.1)
 
 
-def test_a_current_that_a_sparse_log_shows_late_acts_from_the_middle() -> None:
+def test_between_samples_of_a_sparse_log_currents_lie_on_lines_and_may_have_changed_anywhere() -> None:
     made = noisy(tz17(), 8.0, 3)
     sparse = replace(made, signals={n: every_other(s, 0) for n, s in made.signals.items()})
     dense, thin = (held_inputs(r, tz17()) for r in (made, sparse))
-    assert dense.time[:4] == pytest.approx([0.0, 0.01, 0.02, 0.03], abs=1e-9)
-    assert thin.time[:4] == pytest.approx([0.0, 0.015, 0.035, 0.055], abs=1e-9)
+    assert (dense.sampled, dense.late) == (None, 0.0)
+    assert thin.late == pytest.approx(0.01, abs=1e-6)
+    assert thin.sampled is not None and thin.time[:4] == pytest.approx([0.0, 0.01, 0.02, 0.03], abs=1e-9)
+    shown, known = thin.values[thin.sampled], dense.values[::2][: thin.sampled.sum()]
+    assert shown == pytest.approx(known, abs=1e-12)
+    assert thin.values[1::2] == pytest.approx(0.5 * (shown[1:] + shown[:-1]), abs=1e-6)
+    drawn = thin.drawn(np.random.default_rng(1))
+    assert drawn[thin.sampled] == pytest.approx(shown, abs=1e-12)
+    early = np.isclose(drawn[1::2], shown[1:]).all(axis=1)
+    assert (early | np.isclose(drawn[1::2], shown[:-1]).all(axis=1)).all(), "one of the two"
+    assert 0.3 < early[np.abs(np.diff(shown, axis=0)).max(axis=1) > 0.01].mean() < 0.7
     slower = held_inputs(sparse, tz17().with_sensors({"Ts": 0.02}))
     assert slower.time[:3] == pytest.approx([0.0, 0.02, 0.04], abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["extended", "folded_fast"])
+def test_a_healthy_recording_of_20_hz_has_no_physics_left_out(name: str) -> None:
+    made = load(BAGS / "healthy" / name)
+    kept = slice(None, None, 5)
+    sparse = {
+        n: replace(s, stamps_ns=s.stamps_ns[kept], time=s.time[kept], values=s.values[kept], valid=s.valid[kept])
+        for n, s in made.signals.items()
+    }
+    found = diagnose([replace(made, signals=made.signals | sparse)], tz17()).document
+    assert found.verdict in ("no_mismatch", "parameters_only")
 
 
 def test_a_sample_that_a_bus_repeats_counts_once() -> None:

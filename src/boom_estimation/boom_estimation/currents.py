@@ -5,7 +5,7 @@ That is the supply and tank pressure, and the motion of the other joints (``boom
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,12 +33,27 @@ EVEN = 0.1
 class HeldCurrents:
     """Inputs: time (m,) [s] from which each acts, values (m, NU) as ``Structure.inputs``: retract, extend [A], what else drives.
 
-    still: (m,) whether the other joints stand still.
+    still: (m,) whether the other joints stand still. late: by how much [s] samples come less often than commands; sampled: (m,)
+    where one was taken. In between currents lie on lines.
     """
 
     time: Array
     values: Array
     still: NDArray[np.bool_] | None = None
+    late: float = 0.0
+    sampled: NDArray[np.bool_] | None = None
+
+    def drawn(self, rng: np.random.Generator) -> Array:
+        """(m, NU) inputs that would have given the same samples: a command that changed did so at once, anywhere in between."""
+        if self.sampled is None:
+            return self.values.copy()
+        k = np.cumsum(self.sampled) - 1
+        at, number = np.flatnonzero(self.sampled), len(CURRENTS)
+        share = (np.arange(len(k)) - at[k]) / np.diff(np.append(at, len(k)))[k]
+        changed = ~self.sampled & (share >= rng.uniform(size=len(at))[k])
+        values = self.values.copy()
+        values[:, :number] = self.values[at][:, :number][np.minimum(k + changed, len(at) - 1)]
+        return values
 
     @property
     def gap(self) -> float:
@@ -96,8 +111,8 @@ def driven(machine: Machine, recording: Recording) -> Machine:
     return machine.with_moving_joints()
 
 
-def lateness(time: Array, machine: Machine) -> float:
-    """How late [s] samples of the currents at ``time`` (n,) [s] show a change at most: where they come less often than commands."""
+def _lateness(time: Array, machine: Machine) -> float:
+    """By how much [s] samples of the currents at ``time`` (n,) [s] come less often than commands."""
     if len(time) < 2:
         return 0.0
     late = float(np.median(np.diff(time))) - machine.sample_time
@@ -107,12 +122,14 @@ def lateness(time: Array, machine: Machine) -> float:
 def held_inputs(recording: Recording, machine: Machine) -> HeldCurrents:
     """The inputs (``Structure.inputs``) of a recording where both currents are valid.
 
-    A current acts from the middle of the time in which it may have changed (:func:`lateness`). Pressures between their samples by
-    lines; the joints' motion as it is in the middle of the time for which it is held.
+    Where samples come less often than commands, currents lie on lines between them: what is expected of a command that changed at
+    an unknown time. Pressures between their samples by lines; the joints' motion as it is in the middle of the time for which it
+    is held.
     """
     held = held_currents(recording)
-    if late := lateness(held.time, machine):
-        held = HeldCurrents(np.maximum(held.time - 0.5 * late, held.time[0]), held.values)
+    late = _lateness(held.time, machine)
+    if late:
+        held = _lines(held, machine.sample_time, late)
     pressures = [recording.signals[name] for name in machine.structure.driven]
     columns = [np.interp(held.time, s.time[s.valid], s.values[s.valid]) for s in pressures]
     still = None
@@ -122,7 +139,20 @@ def held_inputs(recording: Recording, machine: Machine) -> HeldCurrents:
         ends = np.append(held.time[1:], held.time[-1])
         columns.append(other_joints.inputs(machine.document, pose, *motion.at(0.5 * (held.time + ends))))
         still = other_joints.still(columns[-1])
-    return HeldCurrents(held.time, np.ascontiguousarray(np.column_stack((held.values, *columns))), still)
+    return replace(held, values=np.ascontiguousarray(np.column_stack((held.values, *columns))), still=still)
+
+
+def _lines(held: HeldCurrents, period: float, late: float) -> HeldCurrents:
+    """Currents in steps of about ``period`` [s] on lines between samples that come less often; none across a gap."""
+    steps = np.diff(held.time)
+    parts = np.where(steps > held.gap, 1, np.maximum(np.rint(steps / period), 1)).astype(int)
+    k = np.repeat(np.arange(len(parts)), parts)
+    share = (np.arange(len(k)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[k]
+    time, sampled = np.append(held.time[k] + share * steps[k], held.time[-1]), np.append(share == 0.0, True)
+    between = np.column_stack([np.interp(time, held.time, column) for column in held.values.T])
+    apart = np.append(parts[k] == 1, True)[:, None]
+    values = np.where(apart, held.values[np.append(k, len(parts))], between)
+    return HeldCurrents(time, values, late=late, sampled=sampled)
 
 
 def held_currents(recording: Recording) -> HeldCurrents:
