@@ -27,6 +27,11 @@ Array = NDArray[np.float64]
 _POINTS = 801
 _FASTEST = 2.0  # rad/s
 
+RESTING, MOVING = 4.0e-3, 2.0e-2
+"""rad/s. Below the first the boom rests, above the second it moves; between them friction has no direction."""
+ACCELERATION = 0.15
+"""rad/s^2. Below it the boom's inertia is a correction."""
+
 
 @dataclass(frozen=True)
 class Mechanics:

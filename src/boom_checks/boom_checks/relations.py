@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_checks.even_series import PERIOD, EvenSeries
-from boom_checks.mechanics import Mechanics
+from boom_checks.mechanics import ACCELERATION, MOVING, Mechanics
 from boom_input.channels import AMBIENT_PRESSURE_PA
 
 Array = NDArray[np.float64]
@@ -134,7 +134,7 @@ def force(series: EvenSeries, boom: Mechanics) -> float:
 
     p_h - p_b A_b / A_a = b + exp(m) (g + exp(d) D q_2'') / (J A_a) + f sign(q_2'), b, m, d, f normal about 0 (``FORCE_PRIOR``).
     The error counts relative to how much the pressures vary: in a smaller unit they vary less and are not carried better. Behind a
-    valve that holds the load the hose pressure is the cylinder's while the boom lifts, and counts then.
+    valve that holds the load the hose pressure is the cylinder's while the boom lifts steadily, and counts then.
     """
     angle, rate = series.smooth("angle"), series.smooth("rate")
     measured = (series.smooth("hose_pressure") - series.smooth("rod_pressure") * boom.A_b / boom.A_a)[::_EVERY]
@@ -144,7 +144,7 @@ def force(series: EvenSeries, boom: Mechanics) -> float:
     plain = np.column_stack((np.ones(len(angle)), np.tanh(rate / TURNING)))[::_EVERY]
     known = np.isfinite(measured) & np.isfinite(loads).all(axis=1) & np.isfinite(plain).all(axis=1)
     if boom.holds:
-        known &= rate[::_EVERY] > TURNING
+        known &= (rate > MOVING)[::_EVERY] & (np.abs(acceleration) < ACCELERATION)[::_EVERY]
     if not known.any():
         return 0.0
     extent = PRESSURE_FLOOR**2 + sum(

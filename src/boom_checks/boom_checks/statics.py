@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from boom_checks.check import IntervalValue
 from boom_checks.even_series import PERIOD, EvenSeries, even_series
-from boom_checks.mechanics import Mechanics, mechanics
+from boom_checks.mechanics import ACCELERATION, MOVING, RESTING, Mechanics, mechanics
 from boom_checks.readings import PRIOR, mean_measure
 from boom_model.machine import Machine
 from boom_recording.recording import Recording
@@ -31,10 +31,6 @@ from boom_recording.recording import Recording
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-RESTING, MOVING = 4.0e-3, 2.0e-2
-"""rad/s. Below the first the boom rests, above the second it moves; between them friction has no direction."""
-ACCELERATION = 0.15
-"""rad/s^2. Below it the boom's inertia is a correction."""
 LEAST_SECONDS = 0.5
 STEP_FLOOR = 2.0e5
 """Pa. Scatter of the gap within one level: sensors, geometry, friction that is not quite constant."""

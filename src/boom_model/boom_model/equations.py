@@ -18,7 +18,7 @@ from boom_model import joint_motion, sensors
 from boom_model import learned as learned_terms
 from boom_model.catalogue import EFFECTS
 from boom_model.catalogue.terms import Terms
-from boom_model.components import cylinder, equation_of_motion, oil, payload
+from boom_model.components import cylinder, equation_of_motion, neutral_position, oil, payload
 from boom_model.errors import ModelError
 from boom_model.learned import DISCREPANCY_TIME, PLACES, LearnedTerm, discrepancy_state
 from boom_model.state import ELAPSED_TIME, State
@@ -193,12 +193,17 @@ class _Wiring:
         s = self.structure
         metering = e.through("metering_position", spool + s.metering.neutral(p), p=p)
         passage = e.through("rod_passage", 1.0, distance=p.cylinder.l_p - self.position)
+        vent = e.through("neutral_area", s.neutral.area(metering, p), position=metering, p=p)
         flows = s.metering.flows(metering, hose_pressure, rod_pressure, p, e, s.supply, passage)
         before = len(self.states)
         s.spool.motion(self, spool, flows.force)
         own = [state.name for state in self.states[before:] if state.name not in self.memories]
         self.valve_states = ("spool_position", *own)
-        return flows.head + s.port_valves.flow(hose_pressure, p), flows.rod + s.port_valves.flow(rod_pressure, p)
+        head, rod = (
+            flow + s.port_valves.flow(pressure, p) + neutral_position.flow(vent, pressure, p)
+            for flow, pressure in ((flows.head, hose_pressure), (flows.rod, rod_pressure))
+        )
+        return head, rod
 
     def pilot_difference(self) -> Any:
         """p_+ - p_- [Pa] of the pilot stage, learnt terms included; adds its states."""

@@ -172,6 +172,9 @@ class Plant(CompiledModel):
     def equilibrium(self, angle: float, rod_pressure: float = 1.0e6, inputs: ArrayLike | None = None) -> Array:
         """Rest state in which the pressures carry the boom without friction: p_a A_a = g / J + p_b A_b."""
         head = self._carrying(angle, rod_pressure, inputs=inputs)
+        if self.machine.structure.neutral.vents and self.holds:
+            tank = float(self.p[self.parameter_names.index("fluid.p_t")])
+            return self.rest_state(angle, tank, tank, inputs=inputs)
         if head < 0.0:  # the boom hangs: the rod side carries it
             area_a, area_b = (self.machine.parameters[f"cylinder.{k}"].value[0] for k in ("A_a", "A_b"))
             rod_pressure, head = rod_pressure - head * area_a / area_b, 0.0

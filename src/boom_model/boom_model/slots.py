@@ -241,6 +241,20 @@ class PortValves(Component):
     flow: Callable[[Expression, Any], Expression] = _zero
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NeutralPosition(Component):
+    """What the spool does with its ports about neutral.
+
+    Attributes:
+        area: [m^2] from each port to the tank at s_s [m], for (s_s, p).
+        vents: whether both ports fall to the tank's pressure at rest.
+    """
+
+    slot, key, default = "neutral", ("main_valve_orifices", "neutral"), "shut"
+    area: Callable[[Expression, Any], Expression] = _zero
+    vents: bool = False
+
+
 @dataclass(frozen=True)
 class ValveFlows:
     """Flows out of the valve into the hose of port a and into port b [m^3/s], closing force on the spool [N]."""

@@ -16,6 +16,7 @@ from boom_model.slots import (
     HoseBurstValve,
     Linkage,
     Metering,
+    NeutralPosition,
     PilotStage,
     PortValves,
     Spool,
@@ -31,7 +32,7 @@ CURRENTS = ("retract_current", "extend_current")
 DRIVING = {"supply_pressure": ("fluid", "p_s"), "tank_pressure": ("fluid", "p_t")}
 """Optional channels that take the place of a number of the machine where they are recorded: section and key of it."""
 SLOTS: tuple[type[Component], ...] = (
-    Linkage, Friction, PilotStage, Spool, Supply, PortValves, Metering, Accumulators, HoseBurstValve,
+    Linkage, Friction, PilotStage, Spool, Supply, PortValves, NeutralPosition, Metering, Accumulators, HoseBurstValve,
 )  # fmt: skip
 """In the order in which a machine file is read."""
 
@@ -52,6 +53,7 @@ class Structure:
     spool: Spool
     supply: Supply
     port_valves: PortValves
+    neutral: NeutralPosition
     metering: Metering
     accumulators: Accumulators
     hose_burst_valve: HoseBurstValve
@@ -75,6 +77,7 @@ class Structure:
         """All parameters that a machine of this structure needs, each once."""
         parts = (
             self.spool, self.metering, self.supply, self.accumulators, self.hose_burst_valve, self.pilot_valves, self.port_valves,
+            self.neutral,
         )  # fmt: skip
         groups = (
             equation_of_motion.SPECIFICATIONS, self.linkage.specifications, self.friction.specifications, oil.SPECIFICATIONS,
@@ -84,9 +87,9 @@ class Structure:
         return tuple({spec.key: spec for group in groups for spec in group}.values())
 
     def has(self, need: str) -> bool:
-        """Whether a component provides what an effect needs (``Effect.needs``), "no_" before it: none does; "" is met."""
-        absent = need.removeprefix("no_")
-        return need == "" or any(absent in c.offers for c in self) == (absent == need)
+        """Whether components provide all that an effect needs (``Effect.needs``); "no_" before a word: none does."""
+        offered = frozenset[str]().union(*(c.offers for c in self))
+        return all((word.removeprefix("no_") in offered) != word.startswith("no_") for word in need.split())
 
     def with_component(self, new: Component) -> Structure:
         """The same with another component in its slot; a pilot stage is added and removed with its spool."""

@@ -16,6 +16,7 @@ from boom_model.components import (
     friction,
     load_holding_valve,
     main_valve_orifices,
+    neutral_position,
     payload,
     second_order_spool,
 )
@@ -42,6 +43,54 @@ def q(loader: Machine) -> Any:
 @pytest.fixture(scope="module")
 def crane(loader: Machine) -> Plant:
     return Plant(loader, loader.pose(*POSE))
+
+
+# ---------------------------------------------------------------------------------------------------- vented neutral
+
+
+def vented(loader: Machine) -> Machine:
+    document = dict(loader.document)
+    numbers = {"A_v": {"value": 5e-6, "unit": "m^2"}, "x_v": {"value": 0.07, "unit": "-"}}
+    document["main_valve_orifices"] = document["main_valve_orifices"] | {"neutral": "vented"} | numbers
+    return machine_from(document)
+
+
+def test_vent_is_open_in_neutral_and_shut_from_x_v_on(loader: Machine) -> None:
+    machine = vented(loader)
+    p = namespace(machine.values(machine.pose(*POSE)))
+    stroke = machine.parameters["main_valve_spool.s_max"].value[0]
+    area = machine.structure.neutral.area
+    assert [float(area(x * stroke, p)) for x in (0.0, 0.035, -0.035, 0.07, -0.5)] == pytest.approx(
+        [5e-6, 2.5e-6, 2.5e-6, 0.0, 0.0], abs=1e-12
+    )
+    drop = 100 * BAR
+    q_v = 5e-6 * p.fluid.C_d * sqrt(2 * drop / p.fluid.rho)
+    assert float(neutral_position.flow(5e-6, p.fluid.p_t + drop, p)) == pytest.approx(-q_v, rel=1e-3)
+
+
+def test_vented_ports_fall_to_the_tank_and_the_valve_at_the_cylinder_holds_the_boom(loader: Machine) -> None:
+    plant = Plant(vented(loader), loader.pose(*POSE))
+    time = np.arange(600) * 0.01
+    command = np.interp(time, [0.0, 1.0, 1.2, 2.5, 2.7], [0.0, 0.0, 0.4, 0.4, 0.0])
+    out = plant.run(time, np.column_stack((0 * time, command)), time, plant.equilibrium(0.3))
+    tank = loader.parameters["fluid.p_t"].value[0]
+    assert out.output("hose_pressure")[[0, -1]] == pytest.approx([tank, tank], abs=0.5 * BAR)
+    assert out.output("hose_pressure").max() > 50 * BAR
+    assert out.output("rod_pressure")[-1] == pytest.approx(tank, abs=1.0 * BAR)
+    assert out.output("angle")[-1] > out.output("angle")[0] + 0.05, "lifted"
+    assert abs(out.output("rate")[-1]) < 1e-3, "and held"
+
+
+def test_vented_neutral_is_the_same_as_an_effect_of_a_file_that_says_shut(loader: Machine) -> None:
+    told, left_out = vented(loader), loader.with_effects({"vented_neutral": {"A_v": 5e-6, "x_v": 0.07}})
+    time = np.arange(300) * 0.01
+    currents = np.column_stack((0 * time, np.interp(time, [0.0, 0.5, 1.5, 1.7], [0.0, 0.3, 0.3, 0.0])))
+    plants = [Plant(machine, loader.pose(*POSE)) for machine in (told, left_out)]
+    start = plants[0].equilibrium(0.3)
+    one, other = (plant.run(time, currents, time, start).outputs for plant in plants)
+    assert one == pytest.approx(other, rel=1e-6, abs=1.0)
+    with pytest.raises(MachineError, match="no load holding valve or no shut neutral"):
+        told.with_effects({"vented_neutral": {}})
 
 
 # -------------------------------------------------------------------------------------------------- load-holding valve

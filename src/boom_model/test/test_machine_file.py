@@ -256,7 +256,7 @@ def test_tz17_has_the_structure_of_the_thesis(tz17: Machine) -> None:
     assert names == {
         "linkage": "four_bar", "friction": "joint",
         "accumulators": "two_diaphragm", "hose_burst_valve": "flow_limiting", "spool": "pilot_operated",
-        "pilot_valves": "wiener", "supply": True, "metering": "common_overlap", "port_valves": True,
+        "pilot_valves": "wiener", "supply": True, "metering": "common_overlap", "port_valves": True, "neutral": "shut",
     }  # fmt: skip
     assert tz17.parameters["pilot_valves.h"].value == (76.1, -0.58, 0.247)
     assert tz17.parameters["main_valve_orifices.A_ta_law.c0"].value == (2.27,)
@@ -275,7 +275,7 @@ def test_other_make_has_another_structure(other_make: Machine) -> None:
     assert names == {
         "linkage": "triangle", "friction": "joint",
         "accumulators": "none", "hose_burst_valve": "none", "spool": "direct", "pilot_valves": "none",
-        "supply": False, "metering": "common_overlap", "port_valves": True,
+        "supply": False, "metering": "common_overlap", "port_valves": True, "neutral": "shut",
     }  # fmt: skip
     assert other_make.parameters["fluid.p_s"].value == (2.1e7,)
 

@@ -139,6 +139,8 @@ def _document(rng: np.random.Generator) -> tuple[Document, dict[str, str]]:
     if compensator:
         orifices["dp_c"] = margin
     orifices["anti_cavitation"]["enabled"] = anti_cavitation
+    if "p_set" in document["hose_burst_valve"] and rng.uniform() < 0.5:
+        orifices |= {"neutral": "vented", "A_v": {"value": 5e-6, "unit": "m^2"}, "x_v": {"value": 0.07, "unit": "-"}}
     steps = bool(rng.uniform() < 0.3)
     document.pop(payload.NAME, None)
     if steps:

@@ -34,7 +34,7 @@ def test_draws_reach_every_component_and_every_missing_sensor() -> None:
     assert seen["spool"] == {"pilot_operated", "direct", "second_order"}
     assert {
         len(seen[slot])
-        for slot in ("linkage", "friction", "metering", "supply", "accumulators", "port_valves", "steps")
+        for slot in ("linkage", "friction", "metering", "supply", "accumulators", "port_valves", "neutral", "steps")
     } == {2}
 
 

@@ -34,6 +34,7 @@ QUANTITIES: dict[str, str] = {
     "limited_flow": "a_21, a_30, a_31 of the hose burst valve",
     "limited_conductance": "q_a / (p_h - p_a) while it limits [m^3/s/Pa]",
     "valve_flow": "q_a through the valve between hose and head side [m^3/s]; at.hose, at.head, at.rod [Pa]",
+    "neutral_area": "from each port to the tank in neutral [m^2]; at.position of the spool, at.p",
     "overlap": "x_0 [-]; at.position of the spool, at.edge: supply or tank",
     "metering_position": "s_s at the metering edges [m]; at.p",
     "supply_pressure": "p_s without a compensator [Pa]",
@@ -120,7 +121,7 @@ class Effect:
         check: (its numbers, machine); raises MachineError where both do not go together.
         holds: it shuts the head side, whose pressure p_a then carries the boom whatever the hose's is; hose and head side are two
             volumes then.
-        needs: structure that the machine must have, e.g. "hose_burst_valve"; "no_" before it: must not; empty if none.
+        needs: what the machine's structure must have, words like "hose_burst_valve"; "no_" before one: must not; empty if nothing.
         independent: each parameter is a term of its own; otherwise the first one leads, and without it there is no term.
         changes: components of the parameter vector that it is a change of: off by more than their tolerance they are this effect.
         delays: its first parameter is a dead time of what is said here.
@@ -174,5 +175,5 @@ class Effect:
     @property
     def lacking(self) -> str:
         """What a machine that cannot have it has: "no pilot valves", "a holding valve"."""
-        absent = self.needs.removeprefix("no_")
-        return f"{'no' if absent == self.needs else 'a'} {absent.replace('_', ' ')}"
+        words = ((need.removeprefix("no_"), need) for need in self.needs.split())
+        return " or ".join(f"{'no' if absent == need else 'a'} {absent.replace('_', ' ')}" for absent, need in words)

@@ -93,6 +93,7 @@ def _data(p: Any) -> tuple[tuple[str, str], ...]:
 register(HoseBurstValve(
     name="pilot_opened", meaning="load-holding valve: shut unless the rod pressure opens it",
     term="q_a = max(0, p_h - p_a - p_check) / r_check + min(g max(0, z), G_max) sqrt(p_h - p_a), z ~ p_a + R p_b - p_set",
-    specifications=SPECIFICATIONS, offers=frozenset({"valve_at_the_cylinder"}), holds=True, flow=_flow, pressure_drop=pressure_drop,
+    specifications=SPECIFICATIONS,
+    offers=frozenset({"load_holding_valve", "valve_at_the_cylinder"}), holds=True, flow=_flow, pressure_drop=pressure_drop,
     data=_data, rest=lambda states, p, e: {"holding_valve_pilot": rest(states, p.hose_burst_valve)},
 ))  # fmt: skip

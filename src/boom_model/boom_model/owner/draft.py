@@ -17,12 +17,15 @@ from boom_input.shown import quoted
 from boom_model.errors import MachineError
 from boom_model.owner.questions import Answer
 from boom_model.rigid_body import LockedBody
+from boom_model.slots import NeutralPosition, component
 
 BAR, LPM, MILLI = 1e5, 1 / 60_000, 1e-3
 DENSITY, COEFFICIENT = 870.0, 0.65
 STROKE = 8.0e-3
 """m. Of a spool that no sensor sees: only shares of it act."""
 MARGIN = 8 * BAR
+VENTED = 0.1
+"""Of the area of an edge: vented spools throttle what they vent."""
 BODY = {"masses": 0.2, "urdf": 0.06, "numbers": 0.1}
 """Tolerance of the moments by where they come from."""
 
@@ -61,6 +64,7 @@ def text(answers: Mapping[str, Answer], body: LockedBody, sensors: Mapping[str, 
         MachineError: answers that cannot be true together.
     """
     n = {key: value for key, value in answers.items() if isinstance(value, float)}
+    neutral = component(NeutralPosition, answers.get("neutral", NeutralPosition.default))
     sections = {
         "constants": [Entry("g", 9.81, "m/s^2", "literature", 1e-4)],
         "fluid": _fluid(n),
@@ -71,7 +75,7 @@ def text(answers: Mapping[str, Answer], body: LockedBody, sensors: Mapping[str, 
         "accumulators": None,
         "pilot_valves": None,
         "main_valve_spool": _spool(n),
-        "main_valve_orifices": _edges(n, compensator=answers["compensator"] == "yes"),
+        "main_valve_orifices": _edges(n, compensator=answers["compensator"] == "yes", vented=neutral.vents),
     }
     name = json.dumps(quoted(str(answers["name"]), 100), ensure_ascii=False)
     lines = [
@@ -88,6 +92,7 @@ def text(answers: Mapping[str, Answer], body: LockedBody, sensors: Mapping[str, 
         lines += [f"  type: {types[section]}"] if section in types else []
         lines += [entry.line() for entry in entries]
         if section == "main_valve_orifices":
+            lines += [f"  neutral: {neutral.name}"] if neutral.vents else []
             lines.append(f"  compensator: {'true' if answers['compensator'] == 'yes' else 'false'}")
             area = _area(n["lift_flow"], 5.0)
             lines.append(
@@ -211,7 +216,7 @@ def _area(flow: float, drop: float) -> float:
     return flow * LPM / (COEFFICIENT * math.sqrt(2 * drop * BAR / DENSITY))
 
 
-def _edges(n: Mapping[str, float], *, compensator: bool) -> list[Entry]:
+def _edges(n: Mapping[str, float], *, compensator: bool, vented: bool) -> list[Entry]:
     overlap, drop = n["opening_current"] / n["full_current"], n["flow_drop"]
     areas = {
         "sa": (n["lift_flow"], 1.6),
@@ -229,11 +234,20 @@ def _edges(n: Mapping[str, float], *, compensator: bool) -> list[Entry]:
         ),
         Entry("n", 1.0, "-", "assumed", 0.2, "area proportional to the opening"),
         Entry("x_n", 0.0, "-", "assumed", {"abs": 0.04}, "neutral off-centre"),
+        *(_vent(n, overlap) if vented else []),
         *(
             [Entry("dp_c", MARGIN, "Pa", "assumed", {"factor": 1.5}, "margin of the compensator")]
             if compensator
             else []
         ),
+    ]
+
+
+def _vent(n: Mapping[str, float], overlap: float) -> list[Entry]:
+    area = VENTED * _area(n["lift_flow"], n["flow_drop"])
+    return [
+        Entry("A_v", area, "m^2", "assumed", {"factor": 4.0}, "of each port to the tank in neutral"),
+        Entry("x_v", 0.8 * overlap, "-", "assumed", {"factor": 1.5}, "shut before the edges open"),
     ]
 
 

@@ -125,6 +125,10 @@ QUESTIONS: tuple[Question, ...] = (
     ),
     Question("set_pressure", "data sheet: its set pressure", "bar", 10.0, 600.0, 180.0, only=_HOLDING),
     Question("pilot_ratio", "data sheet: its pilot ratio", "", 0.0, 20.0, 3.0, only=_HOLDING),
+    Question(
+        "neutral", "data sheet: ports of the main valve in neutral (symbol with A and B joined to T: vented)", proposal="shut",
+        words=("shut", "vented"), only=_HOLDING,
+    ),
     Question("seal_friction", "friction of the seals; 300 to 900 N are usual", "N", 1.0, 1e5, 500.0),
 )  # fmt: skip
 BY_KEY = {question.key: question for question in QUESTIONS}

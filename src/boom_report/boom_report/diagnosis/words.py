@@ -24,6 +24,7 @@ VERDICTS = {
 
 _SCALES = {
     "Pa": (1e-5, "bar"),
+    "m^2": (1e6, "mm^2"),
     "rad": (1e3, "mrad"),
     "rad/s": (1e3, "mrad/s"),
     "m^3/s": (6e4, "l/min"),
