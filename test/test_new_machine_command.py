@@ -230,7 +230,7 @@ def test_on_a_terminal_it_asks_what_is_open_and_again_where_the_answer_cannot_be
     with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, cwd=tmp_path, close_fds=True) as process:
         os.close(theirs)
         # hose_length, hose_bore, moments; pump_pressure first wrong; the proposals for the others
-        os.write(own, b"3.5\n\n\nmuch\n180\n" + 10 * b"\n")
+        os.write(own, b"3.5\n\n\nmuch\n180\n" + 11 * b"\n")
         shown = b""
         try:
             while chunk := os.read(own, 65536):

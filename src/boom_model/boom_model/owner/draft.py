@@ -17,7 +17,8 @@ from boom_input.shown import quoted
 from boom_model.errors import MachineError
 from boom_model.owner.questions import Answer
 from boom_model.rigid_body import LockedBody
-from boom_model.slots import NeutralPosition, component
+from boom_model.slots import NeutralPosition
+from boom_model.structure import structure
 
 BAR, LPM, MILLI = 1e5, 1 / 60_000, 1e-3
 DENSITY, COEFFICIENT = 870.0, 0.65
@@ -64,7 +65,7 @@ def text(answers: Mapping[str, Answer], body: LockedBody, sensors: Mapping[str, 
         MachineError: answers that cannot be true together.
     """
     n = {key: value for key, value in answers.items() if isinstance(value, float)}
-    neutral = component(NeutralPosition, answers.get("neutral", NeutralPosition.default))
+    neutral = structure(neutral=answers.get("neutral", NeutralPosition.default)).neutral
     sections = {
         "constants": [Entry("g", 9.81, "m/s^2", "literature", 1e-4)],
         "fluid": _fluid(n),
