@@ -82,6 +82,11 @@ FAULTS: dict[str, tuple[str, str, Callable[[Recording], Recording]]] = {
     "bar for Pa": ("units", "/boom/hose_pressure, /boom/rod_pressure", lambda r: in_bar(r, *PRESSURES)),
     "bar for Pa, hose only": ("units", "/boom/hose_pressure", lambda r: in_bar(r, "hose_pressure")),
     "degrees for rad": ("units", "/joint_states", lambda r: in_degrees(r, "angle", "rate")),
+    "mA for A": (
+        "units",
+        "/boom/solenoid_currents",
+        lambda r: changed(r, **{name: 1e3 * r.signals[name].values for name in CURRENTS}),
+    ),
     "swapped pressures": (
         "swapped_channels",
         "/boom/hose_pressure, /boom/rod_pressure",

@@ -7,6 +7,7 @@ Friction and a valve at the cylinder, as the file knows them, are kept apart: wh
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import casadi as ca
@@ -46,6 +47,7 @@ class Mechanics:
         rate, friction: (m,) [rad/s], torque of the file's friction [N m], effects of the file included.
         joints: torque that the motion of the other joints asks for; None: nothing is known of it.
         holds: a valve at the cylinder holds the load, by the file: the hose pressure carries the boom while it lifts only.
+        full_current: that opens the valve fully [A], by the file.
         flow, drop: (m,) [m^3/s] into the cylinder, p_h - p_a [Pa] of the file's valve at the cylinder; zero without one.
     """
 
@@ -64,6 +66,7 @@ class Mechanics:
     drop: Array
     joints: JointTorque | None = None
     holds: bool = False
+    full_current: float = math.nan
 
     def known_losses(self, angle: Array, rate: Array) -> Array:
         """Friction and valve at the cylinder as the file knows them (n,) [Pa on the head side]."""
@@ -133,6 +136,7 @@ def mechanics(machine: Machine, recording: Recording) -> Mechanics:
         _tolerance(machine, pose.tabulated), rate, plant.auxiliary(states, np.zeros((_POINTS, 2)))["friction_torque"],
         flow, np.asarray(drop(flow[None, :]), float).ravel(), joint_torque(recording, machine, pose),
         machine.structure.hose_burst_valve.holds,
+        full_current=float(machine.structure.spool.current(p.main_valve_spool.s_max, p, machine.structure.pilot_valves)),
     )  # fmt: skip
 
 

@@ -112,6 +112,11 @@ def _level(name: str) -> Callable[[EvenSeries, Mechanics], IntervalValue]:
     return lambda series, _: mean_measure(what, channel.unit, series.columns[name])
 
 
+def _largest(series: EvenSeries, _: Mechanics) -> IntervalValue:
+    top = float(np.nanmax(np.abs(series.command), initial=0.0))
+    return IntervalValue("largest current, as recorded", top, "A", (top, top))
+
+
 def _miss(series: EvenSeries, boom: Mechanics) -> IntervalValue:
     angle, rate, acceleration = series.smooth("angle"), series.smooth("rate"), series.smooth("rate", 1)
     need = boom.need(series.time, angle, rate, acceleration, series.smooth("rod_pressure"))
@@ -139,6 +144,7 @@ READINGS: tuple[FaultReading, ...] = (
     FaultReading("units", "hose and rod pressure are in bar, where Pa are due", _BOTH, _from_bar(*_BOTH), _level(_HOSE)),
     FaultReading("units", "the hose pressure is in bar, where Pa are due", (_HOSE,), _from_bar(_HOSE), _level(_HOSE)),
     FaultReading("units", "the rod pressure is in bar, where Pa are due", (_ROD,), _from_bar(_ROD), _level(_ROD)),
+    FaultReading("units", "the currents are in mA, where A are due", _CURRENTS, _scaled(1e-3, *_CURRENTS), _largest),
     FaultReading("units", "the pressures are gauge, where absolute ones are due: they read up to an atmosphere below vacuum",
             _BOTH, _raised(*_BOTH), _level(_ROD)),
     FaultReading("units", "angle and rate are in degrees, where rad are due",

@@ -11,6 +11,7 @@ leave out adds to s^2 under every reading of the recording alike, so it does not
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -37,6 +38,8 @@ FORCE_FLOOR = 2.0e5
 FORCE_PRIOR = np.array([5.0e5, 2.0e6, 0.3, 0.3])
 """Deviations in the force balance: offset [Pa], what follows the motion's sign (friction, a valve at the cylinder) [Pa], and the
 logarithms of the factors on all loads and on the inertia [-]. A load may be a third more, but gravity does not vanish."""
+LARGEST_CURRENT = math.log(3.0)
+"""Standard deviation of the logarithm: few recordings open the valve fully, and files are off by tens of per cent."""
 TURNING = 0.01
 """rad/s. Width of the tanh that stands for the motion's sign."""
 LAGS = range(0, 41, 2)
@@ -72,6 +75,14 @@ def command(series: EvenSeries, boom: Mechanics, lags: Sequence[int] = LAGS) -> 
     """The extend current lifts, the retract current lowers; the error counts relative to the speed, as the gains are not known."""
     speed = boom.lever(series.smooth("angle")) * series.smooth("rate")
     return _log_likelihood(response(series.command, speed, lags).error / _rms(speed), SPEED_FLOOR, _EVERY)
+
+
+def drive(series: EvenSeries, boom: Mechanics) -> float:
+    """The largest current is about what opens the valve fully: its logarithm is normal about that."""
+    top = float(np.nanmax(np.abs(series.command), initial=0.0))
+    if not (top > 0.0 and boom.full_current > 0.0):
+        return 0.0
+    return -0.5 * (math.log(top / boom.full_current) / LARGEST_CURRENT) ** 2
 
 
 @dataclass(frozen=True)
@@ -172,7 +183,8 @@ MOTION, PRESSURES, CURRENTS = (
     {"retract_current", "extend_current"},
 )
 RELATIONS: tuple[tuple[Relation, set[str]], ...] = (
-    (kinematics, MOTION), (linkage, MOTION), (vacuum, PRESSURES), (command, MOTION | CURRENTS), (force, MOTION | PRESSURES)
+    (kinematics, MOTION), (linkage, MOTION), (vacuum, PRESSURES), (command, MOTION | CURRENTS), (drive, CURRENTS),
+    (force, MOTION | PRESSURES)
 )  # fmt: skip
 """Each with the signals that it looks at."""
 
