@@ -63,6 +63,13 @@ def positive(text: str) -> float:
     return value
 
 
+def named(text: str) -> str:
+    """A name that is not empty."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("an empty name")
+    return text
+
+
 def load_mass(text: str) -> float:
     """A mass [kg] of 0 or more, or ``nan`` for one that is not known."""
     if text.lower() == "nan":
@@ -152,5 +159,8 @@ def add_configuration(parser: argparse.ArgumentParser) -> None:
         "--load", type=load_mass, metavar="KG", help="load at the tip [kg], nan = not known; replaces the recorded one"
     )
     group.add_argument(
-        "--joint", metavar="NAME", help="name of the boom's joint in /joint_states (default: inner_boom_joint)"
+        "--joint",
+        type=named,
+        metavar="NAME",
+        help="name of the boom's joint in /joint_states (default: inner_boom_joint)",
     )

@@ -163,8 +163,8 @@ def _of_clock(column: RawColumn, columns: list[RawColumn]) -> Axis:
 def _unit(column: RawColumn) -> str:
     """The most probable unit. Raises ImportingError where two are about as probable."""
     values = column.values[np.isfinite(column.values)]
-    steps = np.diff(values)
-    period = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    steps = np.diff(np.unique(values))  # rows may stand in any order
+    period = float(np.median(steps)) if len(steps) else 0.0
     if not period > 0:
         raise ImportingError(f"column '{column.key}' does not rise: it cannot be the time")
     stated = units.parse(column.unit).measure

@@ -150,8 +150,10 @@ def _name(meta: Mapping[str, Any]) -> str:
     name = meta.get("name")
     if not isinstance(name, str) or not name.strip():
         raise MachineError("meta.name: missing" if name is None else f"meta.name: {name!r} is not a text")
-    if len(name) > LONGEST_NAME or not name.isprintable():
-        raise MachineError(f"meta.name: give one line of at most {LONGEST_NAME} printable characters")
+    if len(name) > LONGEST_NAME or not name.isprintable() or name != name.strip():
+        raise MachineError(
+            f"meta.name: give one line of at most {LONGEST_NAME} printable characters, without blanks around them"
+        )
     if meta.get("pressure_reference", "gauge") != "gauge":
         raise MachineError("meta.pressure_reference: only gauge is known; write all pressures as gauge pressures")
     return name
@@ -188,6 +190,10 @@ def _parameter(document: Mapping[str, Any], spec: Specification) -> Parameter:
     value = _value(entry, spec)
     check_range(spec, value, shown=entry["value"])
     tol = check_tolerance(entry["tol"], spec.key, value) if "tol" in entry else None
+    if tol is not None and tol.word != "factor" and 2 * max(map(tol.sigma, value)) > spec.maximum - spec.minimum:
+        raise MachineError(
+            f"{spec.key}.tol: {tol} is wider than all that it may be, {spec.minimum:g} .. {spec.maximum:g} {spec.unit}"
+        )
     return Parameter(spec, value, str(entry.get("prov", "")), _confidence(entry, spec), str(entry.get("note", "")), tol)
 
 

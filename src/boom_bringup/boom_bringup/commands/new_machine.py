@@ -70,7 +70,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     known = parser.add_argument_group("where a recording does not say it")
     known.add_argument("--load", type=arguments.load_mass, metavar="KG", help="load at the tip [kg], nan = not known")
     known.add_argument(
-        "--joint", metavar="NAME", help="name of the boom's joint in /joint_states (default: inner_boom_joint)"
+        "--joint",
+        type=arguments.named,
+        metavar="NAME",
+        help="the boom's joint in /joint_states (default: inner_boom_joint)",
     )
 
 

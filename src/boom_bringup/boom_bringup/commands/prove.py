@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 HELP = "conceal physics in a second plant, let the diagnosis find it blindly, score it"
 
+_MOST_CASES = 10_000
 _LARGEST_SEED = 2**31 - 1
 _EVERY = 20.0  # s between two lines where there is no terminal
 
@@ -95,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the trial; returns 0, or 1 with --strict and a measure that is not met."""
     _check(args)
     json_path, page_path = checked(args.json, "--json"), checked(args.document, "--document")
-    machine = _machine_file(args.machine)
+    machine = _machine_file(args.machine, args.structures)
 
     from boom_fleet.engine import workers
     from boom_report.console import console_for
@@ -147,8 +148,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     """Raises UsageError for options that cannot be, or not together."""
-    if args.cases < 1:
-        raise UsageError(f"--cases {args.cases}: give at least 1")
+    if not 1 <= args.cases <= _MOST_CASES:
+        raise UsageError(f"--cases {args.cases}: give a number from 1 to {_MOST_CASES}")
     if args.workers < 1:
         raise UsageError(f"--workers {args.workers}: give at least 1")
     if args.seed is not None and not 0 <= args.seed <= _LARGEST_SEED:
@@ -161,21 +162,32 @@ def _check(args: argparse.Namespace) -> None:
         raise UsageError(f"--structures {args.structures}: plant {args.plant} has only {', '.join(own)}")
 
 
-def _machine_file(wanted: str | None) -> Path:
-    """Path of the given machine file, or of a shipped one by name."""
+def _machine_file(wanted: str | None, structures: str) -> Path:
+    """Path of the given machine file, or of a shipped one by name.
+
+    Raises:
+        UsageError: there is none, or its structure is not that of the concealed cranes.
+    """
     from importlib.resources import files
 
     from boom_model.machine_file import load_machine
 
     name = wanted or "tz17"
     if Path(name).suffix in (".yaml", ".yml") or "/" in name:
-        if not Path(name).is_file():
+        path = Path(name)
+        if not path.is_file():
             raise UsageError(f"--machine {name}: there is no such file")
-        load_machine(name)  # the concealed plant reads it, too, and takes it as checked
-        return Path(name)
-    path = Path(str(files("boom_model").joinpath("machines", f"{name}.yaml")))
-    if not path.is_file():
-        raise UsageError(f"--machine {name}: no shipped machine has this name: give a file")
+    else:
+        path = Path(str(files("boom_model").joinpath("machines", f"{name}.yaml")))
+        if not path.is_file():
+            raise UsageError(f"--machine {name}: no shipped machine has this name: give a file")
+    own, known = load_machine(path).structure, load_machine("tz17").structure  # the concealed plant takes it as checked
+    other = [f"{'.'.join(c.key)}: {c.name}" for c, k in zip(own, known, strict=True) if c.name != k.name]
+    if other and structures == "tz17":
+        raise UsageError(
+            f"--machine {name}: the plants conceal physics in cranes of the structure of tz17, this one has {', '.join(other)}; "
+            "cranes of other structures: --plant q --structures any"
+        )
     return path
 
 

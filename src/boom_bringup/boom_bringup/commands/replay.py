@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 
+from boom_bringup import arguments
 from boom_bringup.node_command import become_node
 
 HELP = "replay a recording on topics"
@@ -41,7 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--start", type=_not_negative, default=0.0, metavar="S", help="start [s] (default: 0)")
     parser.add_argument("--duration", type=_positive, metavar="S", help="duration [s] (default: to the end)")
-    parser.add_argument("--joint", metavar="NAME", help="name of the boom's joint (default: inner_boom_joint)")
+    parser.add_argument(
+        "--joint", type=arguments.named, metavar="NAME", help="the boom's joint (default: inner_boom_joint)"
+    )
     parser.add_argument("--loop", action="store_true", help="restart at the end")
     parser.add_argument("--paused", action="store_true", help="wait for the service /boom_replay/pause (data: false)")
     parser.add_argument("--clock", action="store_true", help="publish the replayed time on /clock")

@@ -109,7 +109,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--load", type=float, metavar="KG", help="load at the tip [kg] (default: the input's, csv: 0)")
     parser.add_argument(
-        "--joint", metavar="NAME", help="name of the boom's joint in /joint_states (default: inner_boom_joint)"
+        "--joint",
+        type=arguments.named,
+        metavar="NAME",
+        help="the boom's joint in /joint_states (default: inner_boom_joint)",
     )
     arguments.add_other_joints(parser)
 
@@ -340,7 +343,7 @@ def parse_effects(texts: list[str]) -> dict[str, dict[str, float]]:
     """``ID.NAME=VALUE`` texts as effect -> parameter -> value.
 
     Raises:
-        SimulateError: a text of another form.
+        SimulateError: a text of another form, or a number given twice.
     """
     result: dict[str, dict[str, float]] = {}
     for text in texts:
@@ -352,7 +355,10 @@ def parse_effects(texts: list[str]) -> dict[str, dict[str, float]]:
             number = math.nan
         if not effect or not parameter or not math.isfinite(number):
             raise SimulateError(f"--effect {text}: expected ID.NAME=NUMBER, e.g. piston_leakage.c=1e-12")
-        result.setdefault(effect.strip(), {})[parameter.strip()] = number
+        own = result.setdefault(effect.strip(), {})
+        if parameter.strip() in own:
+            raise SimulateError(f"--effect {text}: {name} was given before, as {own[parameter.strip()]:g}")
+        own[parameter.strip()] = number
     return result
 
 
