@@ -46,7 +46,7 @@ class Nuisance:
     """One number: component of the parameter vector, standard deviation (relative, or absolute where ``shift``).
 
     together: components that have the same factor. tail: k of a guess, 0 for a normal prior. ends: of its value over the nominal
-    one, or less it where ``shift``.
+    one, or less it where ``shift``. factor: the owner says by which factor it may be off.
     """
 
     name: str
@@ -55,6 +55,7 @@ class Nuisance:
     together: tuple[str, ...] = ()
     tail: float = 0.0
     ends: tuple[float, float] = (-inf, inf)
+    factor: bool = False
 
     @property
     def components(self) -> tuple[str, ...]:
@@ -76,7 +77,7 @@ class Nuisance:
         low, high = (-most, most)
         if self.shift:
             return max(low, self.ends[0] / self.sigma), min(high, self.ends[1] / self.sigma)
-        if not self.tail:
+        if not (self.tail or self.factor):
             low, high = (
                 log(max(LEAST_SHARE, 1.0 - most * self.sigma)) / self.sigma,
                 log(1.0 + most * self.sigma) / self.sigma,
@@ -129,7 +130,8 @@ def _own(machine: Machine, parameter: Parameter, name: str, value: float) -> Nui
     ends = sorted((prior.low / value, prior.high / value))
     together = next((row[1:] for row in ONE_FACTOR if key == row[0]), ())
     guess = _guessed(parameter) and not {name, *together} & TWINS
-    return Nuisance(name, sigma, together=together, tail=TAIL if guess else 0.0, ends=(ends[0], ends[1]))
+    factor = parameter.tol is not None and parameter.tol.word == "factor"
+    return Nuisance(name, sigma, together=together, tail=TAIL if guess else 0.0, ends=(ends[0], ends[1]), factor=factor)
 
 
 def _differences(machine: Machine) -> list[Nuisance]:

@@ -13,18 +13,18 @@ from boom_checks.doubts import first_look
 from boom_checks.sampling import independent
 from boom_diagnosis import answer, weighed_answer
 from boom_diagnosis.bag_samples import Bag, prepare
+from boom_diagnosis.calibration import calibrate
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.document import DiagnosisResult
 from boom_diagnosis.earning import chance, clear, least, settle, take, weigh
-from boom_diagnosis.fitting import WHITE, Point, Problem
+from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.free_fit import fit_to_free_runs
-from boom_diagnosis.healthy import simulated
-from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, problem_at, rebased, run_round
+from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, rebased, run_round
 from boom_diagnosis.learning import learn_plainly
 from boom_diagnosis.nuisances import tolerances
 from boom_diagnosis.onset import near_onset, time_in
-from boom_diagnosis.prediction import mean_squares
+from boom_diagnosis.restarts import other_valley
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.stretches import Stretches, excited, stretches
 from boom_diagnosis.weighed_case import WeighedCase, searched
@@ -56,8 +56,6 @@ FIRST_LOOK = 0.6
 FAR = 1.0
 """Loss per innovation over that of a healthy machine from which on the likeliest observer is looked for again; below, the one
 that is right for a healthy machine sees what is left best."""
-RAN = 0.95
-"""Share of a recording from which on a healthy copy counts as whole."""
 
 
 def diagnose(
@@ -165,6 +163,7 @@ def _rounds(case: Case, progress: Progress) -> None:
             taken = _look_again(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK))
             if not _satisfied(case) and _plain(case):
                 return
+            _restarted(case)
         elif not taken and k > 0 and not near and _followed(case):
             before = case.kept_back()
             taken = _look(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), True)
@@ -229,7 +228,7 @@ def _judge(case: Case, found: Round) -> bool:
     case.rounds[k:] = [found]
     if k == 0:
         if not case.healthy:
-            _calibrate(case, found)
+            calibrate(case, found)
         case.trained[:] = [settle(case, 0, found.problem, found.base, found.jacobian, ())]
     case.weighed[k:] = [weigh(case, found)]
     taken = take(case)
@@ -332,6 +331,16 @@ def _last_alone(case: Case) -> _Alone:
     return _Alone(last.effect, problem, *problem.fit(start, problem.nuisance_jacobian(start), names))
 
 
+def _restarted(case: Case) -> None:
+    """The first effect from another start, where the likeliest observer finds a better valley there."""
+    found = other_valley(case) if case.taken and case.rest(case.last) > FAR else None
+    if found is None:
+        return
+    before = case.kept_back()
+    if not _taken_anew(case, _Alone(case.taken[0].fitted.effect, *found)):
+        case.go_back(before)
+
+
 def _taken_anew(case: Case, alone: _Alone) -> bool:
     """The search begun again, as if this effect had been all that the first round found; whether it is taken."""
     first, problem, point = case.rounds[0], alone.problem, alone.point
@@ -371,28 +380,3 @@ def _case(machine: Machine, bags: list[Bag], proving: list[Bag], seed: int) -> C
     training = [s & ~end[:, None] for s, end in zip(select, later, strict=True)]
     judged = [s & end[:, None] for s, end in zip(select, later, strict=True)]
     return Case(machine, pose, bags, proving, select, training, judged, tolerances(machine, pose), seed)
-
-
-def _calibrate(case: Case, first: Round) -> None:
-    """The loss of a healthy machine with the same currents; that of white noise where none gets far with them.
-
-    With the tolerances as fitted, or nominal where that machine gets further.
-    """
-    tried = []
-    for values in (first.problem.values(first.base.z, {}), dict[str, float]()):
-        made = [simulated(bag, case.machine, values, case.seed + 1 + i) for i, bag in enumerate(case.bags)]
-        reached = [len(copy.grid) / len(bag.grid) if copy else 0.0 for copy, bag in zip(made, case.bags, strict=True)]
-        tried.append((min(reached), values, made))
-        if tried[0][0] > RAN:
-            break
-    _, values, copies = max(tried, key=lambda t: t[0])
-    case.healthy = [copy or bag for copy, bag in zip(copies, case.bags, strict=True)]
-    known = [copy for copy in copies if copy is not None]
-    if not known:
-        case.floor = WHITE
-        return
-    select = [bag.counted for bag in known]
-    problem = problem_at(case.machine, known, select, case.nuisances, np.zeros(len(case.nuisances)), {}, 1.0)
-    exact = problem.predictor.predict([values])[0]
-    case.healthy_squares = mean_squares([r.whitened for r in exact], select)
-    case.floor = float(0.5 * np.mean(case.healthy_squares))

@@ -1,0 +1,63 @@
+"""Several starts of one effect: numbers that trade off against one another lie in valleys, and a search ends in the first one.
+
+Set pressure and pilot ratio of a load-holding valve do: along p_set - R p_b they are nearly one number. From each start of the
+catalogue the effect is fitted with nominal tolerances to begin with; the likelihood decides, with gains of each point's own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.case import Case
+from boom_diagnosis.coordinates import Coordinate, coordinates, starts
+from boom_diagnosis.fitting import Point, Problem
+from boom_diagnosis.hypotheses import LOOSENESS
+from boom_diagnosis.parallel import in_parallel
+from boom_model.catalogue import EFFECTS
+
+Array = NDArray[np.float64]
+Fitted = tuple[Problem, Point, Array]
+
+FITS = 3
+"""Fits with fresh derivatives from each start."""
+FOLLOWED = 3
+"""Starts that are followed further, the likeliest after these fits."""
+
+
+def other_valley(case: Case) -> Fitted | None:
+    """Problem, point and Jacobian (rows, z then coordinates) of the first effect in the likeliest valley; None where it is there.
+
+    Effects of which the catalogue has starts of two numbers and more.
+    """
+    taken = case.taken[0].fitted
+    effect = EFFECTS[taken.effect]
+    if sum(bool(row.starts) for row in effect.parameters) < 2 or effect.onset:
+        return None
+    names = coordinates(effect)
+    here = [case.problem(taken.point.z, taken.point.effects, looseness) for looseness in LOOSENESS]
+    problem = max(here, key=lambda p: p.likelihood(p.points([(taken.point.z, taken.point.effects)])[0]))
+    looseness = problem.predictor.looseness
+    zero = np.zeros(len(case.nuisances))
+    begun = in_parallel(lambda values: _fit(case, zero, values, names, looseness), starts(effect, 0.0))
+    begun.append(_fit(case, taken.point.z, taken.point.effects, names, looseness))
+    ahead = sorted(begun, key=_likelihood)[-FOLLOWED:]
+    settled = in_parallel(lambda f: _fit(case, f[1].z, f[1].effects, names, looseness), ahead)
+    return max(settled, key=_likelihood)
+
+
+def _likelihood(found: Fitted) -> float:
+    problem, point, _ = found
+    return problem.likelihood(point)
+
+
+def _fit(case: Case, z: Array, values: dict[str, float], names: tuple[Coordinate, ...], looseness: float) -> Fitted:
+    """From a point, with gains of its end."""
+    problem = case.problem(z, values, looseness)
+    point = problem.points([(z, values)])[0]
+    for _ in range(FITS):
+        point, _ = problem.fit(point, problem.nuisance_jacobian(point), names)
+    problem = case.problem(point.z, point.effects, looseness)
+    point = problem.points([(point.z, point.effects)])[0]
+    point, jacobian = problem.fit(point, problem.nuisance_jacobian(point), names)
+    return problem, point, jacobian
