@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.assumptions import NEAR_FLOOR
+from boom_diagnosis.assumptions import NEAR_FLOOR, WORSE
 from boom_diagnosis.bag_samples import PERIOD, Bag
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import Coordinate, all_coordinates
@@ -26,7 +26,7 @@ from boom_diagnosis.found_machine import found_machine
 from boom_diagnosis.freerun import errors, free_run, noise_floor
 from boom_diagnosis.hypotheses import effects_of
 from boom_diagnosis.prediction import Predictor, Values
-from boom_diagnosis.proof import placed, spans_of, worsening
+from boom_diagnosis.proof import placed, spans_of, worsening, worst_channel
 from boom_model.catalogue import EFFECTS
 from boom_model.learned import DISCREPANCY_TIME
 from boom_model.machine import Machine
@@ -58,7 +58,8 @@ class FreeRunPredictor(Predictor):
 def fit_to_free_runs(case: Case) -> None:
     """The machines that are handed out and compared, fitted to free runs where these stay far from what noise leaves.
 
-    A fit counts where it improves free runs over data not used.
+    A fit counts where it improves free runs over data not used, and no channel of what is found gets worse than with parameters
+    only by it.
     """
     which = dict.fromkeys((0, len(case.trained) - 1))
     if not any(_far(case, case.trained[k]) for k in which):  # both are fitted or none: they are compared
@@ -66,12 +67,18 @@ def fit_to_free_runs(case: Case) -> None:
     for k in which:
         before = case.trained[k]
         after = _fitted(case, before, case.training)
-        if worsening(case, before, after) >= 1.0:
+        if worsening(case, before, after) >= 1.0 or (k and _unproves(case, before, after)):
             continue
         case.trained[k] = after
         if case.final and k == len(case.taken):
             whole = _fitted(case, replace(case.final.point, z=after.z, effects=after.effects), case.select)
             case.final = replace(case.final, point=whole)
+
+
+def _unproves(case: Case, before: Point, after: Point) -> bool:
+    """Whether a channel errs more than with parameters only after a fit, and none before."""
+    base = case.trained[0]
+    return worst_channel(case, base, after) > WORSE >= worst_channel(case, base, before)
 
 
 def _far(case: Case, at: Point) -> bool:

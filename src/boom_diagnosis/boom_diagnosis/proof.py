@@ -156,6 +156,22 @@ def worsening(case: Proved, before: Point, after: Point) -> float:
 
     A run that ends early counts as ``ENDED`` times one that does not.
     """
+    ratio = _ratios(case, before, after)
+    known = ratio[np.isfinite(ratio)]
+    return float(np.exp(np.mean(known))) if len(known) else 1.0
+
+
+def worst_channel(case: Proved, before: Point, after: Point) -> float:
+    """The same factor of the channel that is worst, each the median over the recordings."""
+    ratio = _ratios(case, before, after)
+    told = ratio[:, np.isfinite(ratio).any(axis=0)]
+    return (
+        float(np.exp(np.nanmax(np.nanmedian(np.where(np.isfinite(told), told, np.nan), axis=0)))) if told.size else 1.0
+    )
+
+
+def _ratios(case: Proved, before: Point, after: Point) -> Array:
+    """(recordings, NY) logarithms of these factors; NaN of what is not told."""
 
     def erring(point: Point) -> Array:
         machine = found_machine(case.machine, case.pose, case.values(point.z, point.effects), {}, ())
@@ -167,8 +183,7 @@ def worsening(case: Proved, before: Point, after: Point) -> float:
     ratio = np.log(second / first)
     ratio[np.isfinite(first) & ~np.isfinite(second)] = log(ENDED)
     ratio[~np.isfinite(first) & np.isfinite(second)] = -log(ENDED)
-    known = ratio[np.isfinite(ratio)]
-    return float(np.exp(np.mean(known))) if len(known) else 1.0
+    return ratio
 
 
 def free_runs(machine: Machine, case: Proved, spans: Spans) -> Driven:

@@ -1,0 +1,50 @@
+"""An effect whose numbers trade off against one another is tried from every start of the catalogue."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_diagnosis import noisy, tz17
+
+from boom_diagnosis import restarts
+from boom_diagnosis.bag_samples import prepare
+from boom_diagnosis.case import Case
+from boom_diagnosis.nuisances import tolerances
+from boom_model.catalogue import EFFECTS
+
+SPOT = "effects.position_dependent_friction."
+
+
+def a_case(machine: Any, effect: str, values: dict[str, float]) -> Case:
+    """A case of a recording of ``machine`` in which an effect was taken with these numbers."""
+    bag = prepare(noisy(machine, 12.0, 4), tz17())
+    assert bag is not None
+    nuisances = tolerances(tz17(), tz17().pose(0.28, 2.2, 0.0))[:2]
+    point = SimpleNamespace(z=np.zeros(len(nuisances)), effects=values)
+    taken: Any = SimpleNamespace(fitted=SimpleNamespace(effect=effect, point=point))
+    made = Case(tz17(), tz17().pose(0.28, 2.2, 0.0), [bag], [], [bag.counted], [bag.counted], [], nuisances, 0)
+    made.taken = [taken]
+    return made
+
+
+def test_a_tight_spot_that_a_search_saw_elsewhere_is_found_where_it_is() -> None:
+    true = {"b": 2.5, "q_c": 0.5, "width": 0.12}
+    wrong = {f"{SPOT}b": 0.3, f"{SPOT}q_c": 0.9, f"{SPOT}width": 0.06}
+    crane = tz17().with_effects({"position_dependent_friction": true})
+
+    found = restarts.other_valley(a_case(crane, "position_dependent_friction", wrong))
+
+    assert found is not None
+    problem, point, jacobian = found
+    assert point.effects[f"{SPOT}q_c"] == pytest.approx(0.5, abs=0.05)
+    assert point.effects[f"{SPOT}b"] == pytest.approx(2.5, rel=0.3)
+    assert jacobian.shape == (len(point.w), len(point.z) + len(true))
+    assert point.loss == pytest.approx(problem.points([(point.z, point.effects)])[0].loss, rel=1e-3)
+
+
+@pytest.mark.parametrize("effect", ["pilot_lag", "payload_change"])
+def test_an_effect_of_one_start_or_with_a_time_is_left_where_it_is(effect: str) -> None:
+    values = {f"effects.{effect}.{row.name}": row.neutral for row in EFFECTS[effect].parameters}
+    case: Any = SimpleNamespace(taken=[SimpleNamespace(fitted=SimpleNamespace(effect=effect, point=values))])
+    assert restarts.other_valley(case) is None
