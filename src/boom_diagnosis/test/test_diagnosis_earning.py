@@ -94,18 +94,19 @@ def test_of_recordings_held_out_the_gain_on_those_fitted_is_compared_with_what_t
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "factor"),
+    ("before", "after", "factor", "worst"),
     [
-        ((0.1, 0.1, 0.1, 0.1), (0.2, 0.2, 0.05, 0.1), 2.0 ** (1 / 4)),
-        ((0.1, 0.1, 0.1, 0.1), (np.nan,) * 4, proof.ENDED),
-        ((np.nan,) * 4, (0.3,) * 4, 1 / proof.ENDED),
-        ((np.nan,) * 4, (np.nan,) * 4, 1.0),
+        ((0.1, 0.1, 0.1, 0.1), (0.2, 0.2, 0.05, 0.1), 2.0 ** (1 / 4), 2.0),
+        ((0.1, 0.1, 0.1, np.nan), (0.05, 0.12, 0.01, np.nan), 0.06 ** (1 / 3), 1.2),
+        ((0.1, 0.1, 0.1, 0.1), (np.nan,) * 4, proof.ENDED, proof.ENDED),
+        ((np.nan,) * 4, (0.3,) * 4, 1 / proof.ENDED, 1 / proof.ENDED),
+        ((np.nan,) * 4, (np.nan,) * 4, 1.0, 1.0),
     ],
 )
 def test_a_free_run_that_ends_early_counts_as_worse(
-    monkeypatch: pytest.MonkeyPatch, case: Any, before: Any, after: Any, factor: float
+    monkeypatch: pytest.MonkeyPatch, case: Any, before: Any, after: Any, factor: float, worst: float
 ) -> None:
-    errors = iter([before, after])
+    errors = iter([before, after] * 2)
     monkeypatch.setattr(proof, "in_parallel", lambda function, items: [function(item) for item in items])
     case.machine = case.pose = None
     monkeypatch.setattr(Case, "values", lambda self, z, effects: {})
@@ -115,6 +116,7 @@ def test_a_free_run_that_ends_early_counts_as_worse(
     monkeypatch.setattr(proof, "errors", lambda *given: next(errors))
     monkeypatch.setattr(proof, "spans_of", lambda case: SimpleNamespace(judged=[SimpleNamespace(recording=None)]))
     assert proof.worsening(case, point(0.0), point(0.0)) == pytest.approx(factor)
+    assert proof.worst_channel(case, point(0.0), point(0.0)) == pytest.approx(worst)
 
 
 @pytest.mark.parametrize(
