@@ -129,7 +129,13 @@ class RecordingChain:
             )
         broken = sorted((link for link in self.links if link.ratio > 1.0), key=lambda link: -link.ratio)
         if not broken:
-            return "no link breaks: noise and the file's tolerances explain every error"
+            why = "noise and the file's tolerances explain every error"
+            untold = ", ".join(dict.fromkeys(name for name, _ in self.missing))
+            return (
+                f"no link that can be driven breaks: {why}; not driven: {untold}"
+                if untold
+                else f"no link breaks: {why}"
+            )
         each = " and ".join(f"{link.name} ({link.ratio:.1f} times what noise and tolerances leave)" for link in broken)
         return f"the chain breaks at the {each}"
 

@@ -1,5 +1,6 @@
 """One link after the other driven by measurements; what opens the valve between hose and cylinder."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,16 @@ def test_no_link_of_a_healthy_machine_breaks() -> None:
     assert all(link.ratio < 0.7 and link.nrmse < 0.15 for link in chain.links)
     assert chain.sentence.startswith("no link breaks")
     assert study([chain]).valve_sentence == ""  # the hose pressure is what the boom needs: nothing to explain
+
+
+def test_links_that_cannot_be_driven_are_named_where_no_other_breaks() -> None:
+    healthy = load(BAGS / "healthy" / "folded_fast")
+    signals = {name: signal for name, signal in healthy.signals.items() if name != "rod_pressure"}
+    chain = chain_of_machine(replace(healthy, signals=signals), TZ17)
+    assert chain.sentence.startswith(
+        "no link that can be driven breaks: noise and the file's tolerances explain every error; not"
+    )
+    assert chain.sentence.endswith(", ".join(dict.fromkeys(name for name, _ in chain.missing)))
 
 
 @pytest.mark.parametrize("bag", ["explained/payload_change_a", "unexplained/crane_4_a"])
