@@ -26,6 +26,7 @@ from boom_diagnosis.document import (
     RankingRow,
     Verdict,
 )
+from boom_diagnosis.earning import needed
 from boom_diagnosis.experiment import propose
 from boom_diagnosis.fitting import Point, rho
 from boom_diagnosis.freerun import UNKNOWN
@@ -316,7 +317,11 @@ def odds_of(case: Case, unknown: float, *, proved: bool = True) -> Odds:
     stated = round(min(MOST_CERTAIN, unknown), 4) if case.taken or unknown > 0.5 else 0.0
     effects, tolerances = [], 1.0 - stated
     for k, weighed in enumerate(case.weighed):
-        *shares, none = (round(p * (1.0 - stated), 4) for p in probabilities(weighed, case.temperature))
+        left = k == len(
+            case.taken
+        )  # what was not taken because it gains less than is needed is not likelier than nothing
+        nets = [w.net - (needed(case, w) if left else 0.0) for w in weighed]
+        *shares, none = (round(p * (1.0 - stated), 4) for p in probabilities(nets, case.temperature))
         row = {w.fitted.effect: p for w, p in zip(weighed, shares, strict=True)}
         for effect, stated_of in row.items():
             most = UNTOLD if not _told(case, effect) else 1.0 if proved or effect not in case.named else UNPROVED

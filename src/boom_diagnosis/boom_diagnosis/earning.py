@@ -58,7 +58,7 @@ def take(case: Case) -> bool:
     """
     k = len(case.taken)
     weighed = case.weighed[k]
-    while weighed and weighed[0].net > _needed(case, weighed[0]):
+    while weighed and weighed[0].net > needed(case, weighed[0]):
         trained = _proved(case, k, weighed[0])
         if trained is not None:
             case.taken.append(weighed[0])
@@ -98,7 +98,7 @@ def _share_of_clear_rest(case: Case, best: Weighed) -> float:
     return _share_explained(case, best) if clear(case, case.rounds[-1].base) else 0.0
 
 
-def _needed(case: Case, best: Weighed) -> float:
+def needed(case: Case, best: Weighed) -> float:
     """Nats that an effect must gain; of one that explains most of a clear rest the effects before ask nothing."""
     return chance(case) if _share_of_clear_rest(case, best) > MOST_OF_REST else least(case, case.rounds[-1].problem)
 

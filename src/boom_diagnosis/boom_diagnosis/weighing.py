@@ -211,9 +211,9 @@ def is_none(name: str, value: float) -> bool:
     return elsewhere and abs(value - row.neutral) < NONE * (row.high - row.low)
 
 
-def probabilities(weighed: Sequence[Weighed], temperature: float) -> list[float]:
-    """Of each hypothesis, and last that none is needed; all equally likely before."""
-    scores = np.array([w.net / temperature for w in weighed] + [0.0])
+def probabilities(nets: Sequence[float], temperature: float) -> list[float]:
+    """Of each hypothesis by its gain [nats], and last that none is needed; all equally likely before."""
+    scores = np.array([net / temperature for net in nets] + [0.0])
     scores -= scores.max()
     p = np.exp(scores)
     return [float(v) for v in p / p.sum()]
