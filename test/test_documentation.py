@@ -18,7 +18,7 @@ GLOSSARY = ROOT / "docs" / "glossary.md"
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES += [*sorted(ROOT.glob("[!.]*/README.md")), *sorted((ROOT / "src").glob("*/README.md"))]
 LONGEST_CELL = 160
-MADE_BY_THE_BLIND_TRIAL = ROOT / "docs" / "proof.md"
+MADE_BY_THE_BLIND_TRIAL = (ROOT / "docs" / "proof.md", ROOT / "docs" / "proof_unseen.md")
 
 pages = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 
@@ -62,7 +62,7 @@ def test_every_relative_link_leads_to_a_file_and_a_heading(page: Path) -> None:
 
 @pages
 def test_no_table_cell_is_longer_than_a_phrase(page: Path) -> None:
-    assert long_cells(page) == [] or page == MADE_BY_THE_BLIND_TRIAL
+    assert long_cells(page) == [] or page in MADE_BY_THE_BLIND_TRIAL
 
 
 @pages

@@ -144,18 +144,20 @@ class Bag:
         """(n,) Whether the boom moves."""
         return np.asarray(np.abs(self.speed()[0]) > MOVING)
 
-    def pressure_shift(self, delay: float) -> int:
-        """By how many intervals the samples of the pressures move if they arrive late by ``delay`` [s]."""
-        pressures = [
-            name
+    def pressure_shift(self, delay: float) -> tuple[int, ...]:
+        """(NY,) by how many intervals the samples of each channel move if pressures arrive late by ``delay`` [s].
+
+        Each pressure by its own: where samples come less often than intervals, they lie at other places in these.
+        """
+        return tuple(
+            self._moved(name, delay) if is_pressure and delay and name not in self.lacking else 0
             for name, is_pressure in zip(OUTPUTS, PRESSURES, strict=True)
-            if is_pressure and name not in self.lacking
-        ]
-        if delay == 0.0 or not pressures:
-            return 0
-        signal = self.recording.signals[pressures[0]]
+        )
+
+    def _moved(self, name: str, delay: float) -> int:
+        signal = self.recording.signals[name]
         time = signal.time[signal.valid]
-        return int(np.median(_intervals(time) - _intervals(time - delay)))
+        return int(np.median(self._numbered(time) - self._numbered(time - delay)))
 
     def initial_state(self, plant: Plant, parameters: Array) -> Array:
         """Rest state of the measured values, or one with valve and accumulators at rest where the boom moves."""

@@ -123,5 +123,6 @@ def _problem(
     weights = []
     for part, spread, chosen in zip(plain.points([(z, effects)])[0].parts, spreads, select, strict=True):
         square = np.array([np.mean(e[s] ** 2) if s.any() else np.inf for e, s in zip(part.T, chosen.T, strict=True)])
+        square = np.where(square > 0.0, square, np.inf)  # nothing is told by a channel without an error
         weights.append(np.sqrt(PERIOD / DISCREPANCY_TIME / square) / spread)
     return Problem(FreeRunPredictor(case.machine, case.bags, weights), case.nuisances, select, shapes=shapes)

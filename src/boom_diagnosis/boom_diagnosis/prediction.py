@@ -35,7 +35,7 @@ from boom_model.observer import (
     observe_groups,
 )
 from boom_model.plant import Plant
-from boom_model.sensors import OUTPUTS, PRESSURES
+from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -329,11 +329,12 @@ def _for(plant: Plant, base: Plant, gain: Array) -> Array:
     return result
 
 
-def _whiten(observed: Observed, gains: KalmanGains, bag: Bag, late: int) -> Array:
+def _whiten(observed: Observed, gains: KalmanGains, bag: Bag, late: Sequence[int]) -> Array:
     """Whitened innovations; those of pressures that arrive ``late`` intervals go back to the interval of their stamp."""
     e = np.where(np.isfinite(observed.innovations), observed.innovations, 0.0)
-    if late:
-        e[late:] = np.where(PRESSURES, e[:-late], e[late:])
+    for j, shift in enumerate(late):
+        if shift:
+            e[shift:, j] = e[:-shift, j].copy()
     w: Array = np.einsum("nij,nj->ni", gains.whitening, e)
     if not observed.complete:
         failed = ~np.isfinite(observed.states).all(axis=1)

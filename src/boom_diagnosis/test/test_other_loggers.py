@@ -108,6 +108,19 @@ def test_between_samples_of_a_sparse_log_currents_lie_on_lines_and_may_have_chan
     assert slower.time[:3] == pytest.approx([0.0, 0.02, 0.04], abs=1e-9)
 
 
+@pytest.mark.parametrize("delay", [0.004, 0.013, 0.025, 0.04])
+def test_late_pressures_of_a_sparse_log_go_back_each_to_its_own_interval(delay: float) -> None:
+    made = noisy(tz17(), 8.0, 3)
+    signals = {n: every_other(s, int(n == "rod_pressure")) for n, s in made.signals.items()}
+    bag = prepare(replace(made, signals=signals), tz17())
+    assert bag is not None
+    shifts = bag.pressure_shift(delay)
+    late = bag.samples(pressure_delay=delay).measured
+    for j, (shift, known) in enumerate(zip(shifts, bag.counted.T, strict=True)):
+        back = np.roll(np.isfinite(late[:, j]), shift)
+        assert back[known][10:].mean() > 0.95, (j, shift)
+
+
 @pytest.mark.parametrize("name", ["extended", "folded_fast"])
 def test_a_healthy_recording_of_20_hz_has_no_physics_left_out(name: str) -> None:
     made = load(BAGS / "healthy" / name)

@@ -149,7 +149,7 @@ def test_a_diagnosis_that_fails_is_an_outcome_and_one_that_was_stopped_is_repeat
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--cases", "0"], "--cases 0: give at least 1"),
+        (["--cases", "0"], "--cases 0: give a number from 1 to 10000"),
         (["--workers", "0"], "--workers 0: give at least 1"),
         (["--seed", "-1"], "--seed -1: give a number"),
         (["--machine", "nobody"], "--machine nobody: no shipped machine"),
