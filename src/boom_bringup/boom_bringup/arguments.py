@@ -158,9 +158,11 @@ def add_configuration(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--load", type=load_mass, metavar="KG", help="load at the tip [kg], nan = not known; replaces the recorded one"
     )
-    group.add_argument(
-        "--joint",
-        type=named,
-        metavar="NAME",
-        help="name of the boom's joint in /joint_states (default: inner_boom_joint)",
+    add_joint(group)
+
+
+def add_joint(parser: argparse._ActionsContainer) -> None:
+    """Declare the name of the boom's joint."""
+    parser.add_argument(
+        "--joint", type=named, metavar="NAME", help="the boom's joint in /joint_states (default: inner_boom_joint)"
     )

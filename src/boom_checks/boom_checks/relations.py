@@ -77,9 +77,14 @@ def command(series: EvenSeries, boom: Mechanics, lags: Sequence[int] = LAGS) -> 
     return _log_likelihood(response(series.command, speed, lags).error / _rms(speed), SPEED_FLOOR, _EVERY)
 
 
+def largest_current(series: EvenSeries) -> float:
+    """Of both directions [A], as recorded and smoothed; 0 without a sample."""
+    return float(np.nanmax(np.abs(series.command), initial=0.0))
+
+
 def drive(series: EvenSeries, boom: Mechanics) -> float:
     """The largest current is about what opens the valve fully: its logarithm is normal about that."""
-    top = float(np.nanmax(np.abs(series.command), initial=0.0))
+    top = largest_current(series)
     if not (top > 0.0 and boom.full_current > 0.0):
         return 0.0
     return -0.5 * (math.log(top / boom.full_current) / LARGEST_CURRENT) ** 2

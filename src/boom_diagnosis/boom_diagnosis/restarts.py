@@ -26,9 +26,9 @@ FOLLOWED = 3
 
 
 def other_valley(case: Case) -> Fitted | None:
-    """Problem, point and Jacobian (rows, z then coordinates) of the first effect in the likeliest valley; None where it is there.
+    """Problem, point and Jacobian (rows, z then coordinates) of the first effect in the likeliest valley, its own among them.
 
-    Effects of which the catalogue has starts of two numbers and more.
+    None where the catalogue has starts of fewer than two of its numbers, and of effects that begin at a time.
     """
     taken = case.taken[0].fitted
     effect = EFFECTS[taken.effect]

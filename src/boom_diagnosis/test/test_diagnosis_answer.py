@@ -71,6 +71,18 @@ def test_what_free_runs_are_worse_with_is_not_sure(
     assert odds.effects[0]["pilot_lag"] + odds.tolerances + odds.unknown == pytest.approx(1.0, abs=2e-4)
 
 
+@pytest.mark.parametrize(("net", "likelier"), [(11.0, False), (60.0, True)])
+def test_an_effect_that_gains_less_than_is_needed_is_not_likelier_than_parameters_only(
+    monkeypatch: pytest.MonkeyPatch, case: Any, net: float, likelier: bool
+) -> None:
+    """A verdict of parameters only stood beside an effect at 0.98."""
+    case.weighed, case.taken, case.temperature = [[weighed("pilot_lag", net, net, 2000.0)]], [], 3.0
+    monkeypatch.setattr(answer, "needed", lambda case, w: w.net - net + 30.0)
+    odds = answer.odds_of(case, 0.02)
+    assert (odds.effects[0]["pilot_lag"] > odds.tolerances) is likelier
+    assert odds.effects[0]["pilot_lag"] + odds.tolerances == pytest.approx(1.0, abs=2e-4)
+
+
 def test_what_is_near_unknown_physics_has_the_probability_of_the_ranking(
     monkeypatch: pytest.MonkeyPatch, case: Any
 ) -> None:

@@ -40,6 +40,13 @@ def test_a_range_ends_where_its_owner_says() -> None:
     assert [own.value(4000.0, z) for z in own.limits] == pytest.approx([3800.0, 4200.0])
 
 
+def test_a_factor_that_the_owner_tells_is_reached_and_its_square() -> None:
+    own = by_name(changed("friction", "tau_C_pos", tol={"factor": 4.0}))["friction.tau_C_pos"]
+    assert own.limits == (-4.0, 4.0)
+    assert own.value(4000.0, 2.0) == pytest.approx(16000.0)
+    assert own.value(4000.0, own.limits[1]) == pytest.approx(64000.0)
+
+
 def test_a_guess_may_be_off_by_a_factor_of_six_and_what_is_known_by_twice_its_tolerance() -> None:
     guess = by_name(load_machine("tz17"))["friction.tau_C_pos"]
     told = by_name(changed("friction", "tau_C_pos", tol=0.3))["friction.tau_C_pos"]

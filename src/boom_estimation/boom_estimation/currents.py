@@ -149,9 +149,7 @@ def _lines(held: HeldCurrents, period: float, late: float) -> HeldCurrents:
     k = np.repeat(np.arange(len(parts)), parts)
     share = (np.arange(len(k)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[k]
     time, sampled = np.append(held.time[k] + share * steps[k], held.time[-1]), np.append(share == 0.0, True)
-    between = np.column_stack([np.interp(time, held.time, column) for column in held.values.T])
-    apart = np.append(parts[k] == 1, True)[:, None]
-    values = np.where(apart, held.values[np.append(k, len(parts))], between)
+    values = np.column_stack([np.interp(time, held.time, column) for column in held.values.T])
     return HeldCurrents(time, values, late=late, sampled=sampled)
 
 

@@ -107,6 +107,17 @@ CASES: dict[str, tuple[Spoil, str]] = {
         r"pilot_valves\.h: the first number must be at least",
     ),
     "pose_huge": (put("rigid_body.configs.T3_extended.Sx", 1e300), r"T3_extended\.Sx: 1e\+300 is not a number up to"),
+    "tolerance_wider_than_all": (
+        put("fluid.beta.tol", 1e300),
+        r"fluid\.beta\.tol: .* is wider than all that it may be",
+    ),
+    "absolute_tolerance_wider_than_all": (put("fluid.rho.tol", {"abs": 1e4}), r"fluid\.rho\.tol: .*600 \.\. 1200 kg/m"),
+    "blanks_about_name": (put("meta.name", " tz17 "), r"meta\.name: .* without blanks around them"),
+    "vent_without_area": (put("main_valve_orifices.neutral", "vented"), r"main_valve_orifices\.A_v"),
+    "neutral_of_no_kind": (
+        put("main_valve_orifices.neutral", "open"),
+        r"main_valve_orifices\.neutral: 'open' is not one of",
+    ),
     "long_name": (put("meta.name", "x" * 100_000), r"meta\.name: give one line of at most 100"),
     "name_for_a_terminal": (put("meta.name", "a\x1b[2J"), r"meta\.name: give one line"),
     "list_for_confidence": (

@@ -43,3 +43,10 @@ def test_an_effect_that_holds_the_load_is_drawn_as_the_valve_that_does():
     machine = shipped_machine("triangle_direct")
     holding = machine.with_effects({"load_holding_valve": {"p_set": 1.4e7, "R": 3.0}})
     assert "load-holding valve" in scheme(holding) and "load-holding valve" not in scheme(machine)
+
+
+def test_a_spool_that_vents_its_ports_is_drawn_with_both_led_to_the_tank():
+    machine = shipped_machine("loader_crane")
+    vented = machine.with_effects({"vented_neutral": {"A_v": 5e-6}})
+    both = "M294 542V563H320M320 542V584"
+    assert both in scheme(vented) and both not in scheme(machine)

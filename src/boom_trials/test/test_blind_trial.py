@@ -152,7 +152,9 @@ def test_a_diagnosis_that_fails_is_an_outcome_and_one_that_was_stopped_is_repeat
         (["--cases", "0"], "--cases 0: give a number from 1 to 10000"),
         (["--workers", "0"], "--workers 0: give at least 1"),
         (["--seed", "-1"], "--seed -1: give a number"),
+        (["--cases", "999999999999"], "--cases 999999999999: give a number from 1 to 10000"),
         (["--machine", "nobody"], "--machine nobody: no shipped machine"),
+        (["--machine", "triangle_direct"], "kinematics.type: triangle"),
         (["--json", "nowhere/f.json"], "there is no folder nowhere"),
     ],
 )

@@ -69,12 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         group.add_argument(question.option, dest=question.key, metavar=kind, help=text)
     known = parser.add_argument_group("where a recording does not say it")
     known.add_argument("--load", type=arguments.load_mass, metavar="KG", help="load at the tip [kg], nan = not known")
-    known.add_argument(
-        "--joint",
-        type=arguments.named,
-        metavar="NAME",
-        help="the boom's joint in /joint_states (default: inner_boom_joint)",
-    )
+    arguments.add_joint(known)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -108,12 +108,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--q4", "--telescope-length", type=arguments.finite, metavar="M", help="q4 [m] (default: the input's, csv: 2.2)"
     )
     parser.add_argument("--load", type=float, metavar="KG", help="load at the tip [kg] (default: the input's, csv: 0)")
-    parser.add_argument(
-        "--joint",
-        type=arguments.named,
-        metavar="NAME",
-        help="the boom's joint in /joint_states (default: inner_boom_joint)",
-    )
+    arguments.add_joint(parser)
     arguments.add_other_joints(parser)
 
 
