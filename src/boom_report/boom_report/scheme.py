@@ -1,7 +1,7 @@
 """The hydraulic scheme of a machine as inline SVG, for the reports and for the moving crane: one drawing.
 
-What is drawn follows from the components of the machine file: accumulators by their number, the valve at the cylinder,
-pilot stage, compensator, spool's neutral, anti-cavitation valves, linkage. A subsystem that the file does not have is drawn dashed where
+What is drawn follows from the components of the machine file: accumulators by their number, the valve at the cylinder, pilot stage,
+compensator, the spool's neutral, anti-cavitation valves, linkage. A subsystem that the file does not have is drawn dashed where
 there is evidence for it. A report colours the subsystems by evidence; the page of the moving crane colours what carries
 ``data-pressure`` and moves what carries ``data-flow`` and ``data-spool``.
 """
