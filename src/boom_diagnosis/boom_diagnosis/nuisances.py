@@ -6,10 +6,13 @@ value = nominal exp(sigma sinh(k z) / k), whose tails are about those of Student
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import asinh, cosh, exp, inf, isfinite, log, sinh, sqrt
 
+import numpy as np
+
+from boom_estimation.currents import HeldCurrents
 from boom_model.catalogue import CATALOGUE
 from boom_model.machine import Machine, Parameter, Pose
 from boom_model.prior import prior_of
@@ -150,6 +153,22 @@ def _differences(machine: Machine) -> list[Nuisance]:
 def _guessed(parameter: Parameter) -> bool:
     """Whether a number, and how far it may be off, is a guess."""
     return parameter.tol is None and parameter.confidence == "low"
+
+
+def clock(machine: Machine, logs: Sequence[HeldCurrents]) -> tuple[Nuisance, ...]:
+    """How late a log shows its currents: what samples them does so up to one sample after they changed, always by about as much
+    where both have one clock.
+
+    Where lines between samples already stand half a sample earlier, up to as much to either side. A machine with a dead time of its
+    own in the file has that one.
+    """
+    effect = next(e for e in CATALOGUE if e.delays == "command")
+    steps = [(float(np.median(np.diff(held.sampled_at))), held.late) for held in logs if len(held.time) > 1]
+    if not steps or effect.id in machine.effects:
+        return ()
+    step, late = max(steps)
+    ends = (-0.5 * step, 0.5 * step) if late else (-step, 0.0)
+    return (Nuisance(f"{_EFFECTS}{effect.id}.{effect.parameters[0].name}", 0.5 * step, shift=True, ends=ends),)
 
 
 def closed(machine: Machine, values: Mapping[str, float]) -> dict[str, float]:

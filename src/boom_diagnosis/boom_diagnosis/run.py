@@ -22,7 +22,7 @@ from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.free_fit import fit_to_free_runs
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, rebased, run_round
 from boom_diagnosis.learning import learn_plainly
-from boom_diagnosis.nuisances import tolerances
+from boom_diagnosis.nuisances import clock, tolerances
 from boom_diagnosis.onset import near_onset, time_in
 from boom_diagnosis.restarts import other_valley
 from boom_diagnosis.search import Fitted
@@ -379,4 +379,5 @@ def _case(machine: Machine, bags: list[Bag], proving: list[Bag], seed: int) -> C
     ]
     training = [s & ~end[:, None] for s, end in zip(select, later, strict=True)]
     judged = [s & end[:, None] for s, end in zip(select, later, strict=True)]
-    return Case(machine, pose, bags, proving, select, training, judged, tolerances(machine, pose), seed)
+    known = (*tolerances(machine, pose), *clock(machine, [bag.currents for bag in bags]))
+    return Case(machine, pose, bags, proving, select, training, judged, known, seed)

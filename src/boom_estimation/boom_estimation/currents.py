@@ -56,6 +56,11 @@ class HeldCurrents:
         return values
 
     @property
+    def sampled_at(self) -> Array:
+        """Times [s] of the samples."""
+        return self.time if self.sampled is None else self.time[self.sampled]
+
+    @property
     def gap(self) -> float:
         """From how far apart [s] nothing is known between two samples."""
         return gap_of(self.time)

@@ -82,7 +82,7 @@ class Plant(CompiledModel):
         self.minimum[spools], self.maximum[spools] = -stroke, stroke
         self.holds = rest.holds(self.equations)
         self.delay_indices = tuple(self._delaying(what) for what in ("command", "pressures"))
-        self.command_delay, self.pressure_delay = self.delays(self.p)
+        self._live_delays()
 
     def with_numbers(self, machine: Machine, pose: Pose) -> Plant:
         """The same compiled model with the numbers of another machine of this structure and these effects, at no cost.
@@ -98,7 +98,7 @@ class Plant(CompiledModel):
         other.p = np.array([values[name] for name in self.parameter_names])
         other.minimum, other.maximum = self.minimum.copy(), self.maximum.copy()
         other.minimum[0], other.maximum[0] = machine.angle_limits
-        other.command_delay, other.pressure_delay = other.delays(other.p)
+        other._live_delays()
         return other
 
     def through_evaporation(self) -> Plant:
@@ -262,8 +262,13 @@ class Plant(CompiledModel):
             states, outputs = states[late[0]], np.where(PRESSURES, outputs[late[1]], outputs[late[0]])
         return states, outputs, x, report
 
+    def _live_delays(self) -> None:
+        """Dead times [s] of a plant that runs: what it is told cannot have acted before."""
+        command, self.pressure_delay = self.delays(self.p)
+        self.command_delay = max(0.0, command)
+
     def delays(self, parameters: Array) -> tuple[float, float]:
-        """Dead times of command and pressures [s] of a parameter vector (NP,)."""
+        """Dead times of command and pressures [s] of a parameter vector (NP,); that of a command is below 0 in a log that lags."""
         command, pressures = (sum(float(parameters[k]) for k in index) for index in self.delay_indices)
         return command, pressures
 

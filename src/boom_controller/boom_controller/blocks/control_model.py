@@ -118,7 +118,7 @@ class ControlModel:
     @property
     def command_delay(self) -> float:
         """Dead time [s] between command and valve, of the machine file."""
-        return self.e.delay("command")
+        return max(0.0, self.e.delay("command"))
 
     @property
     def pressure_delay(self) -> float:
