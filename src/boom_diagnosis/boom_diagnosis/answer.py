@@ -509,7 +509,8 @@ def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array) 
             continue
         value = numbers[nuisance.name]
         spread = Z90 * float(deviations[i]) * nuisance.deviation(nominal.get(nuisance.name, 0.0), float(point.z[i]))
-        result[nuisance.name] = Estimate(value, units.get(nuisance.name, "-"), (value - spread, value + spread))
+        unit = units.get(nuisance.name, "s" if nuisance.label else "-")
+        result[nuisance.label or nuisance.name] = Estimate(value, unit, (value - spread, value + spread))
     return result
 
 

@@ -49,7 +49,8 @@ class Nuisance:
     """One number: component of the parameter vector, standard deviation (relative, or absolute where ``shift``).
 
     together: components that have the same factor. tail: k of a guess, 0 for a normal prior. ends: of its value over the nominal
-    one, or less it where ``shift``. factor: the owner says by which factor it may be off.
+    one, or less it where ``shift``. factor: the owner says by which factor it may be off. label: what a report calls one [s]
+    that is not the machine's.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Nuisance:
     tail: float = 0.0
     ends: tuple[float, float] = (-inf, inf)
     factor: bool = False
+    label: str = ""
 
     @property
     def components(self) -> tuple[str, ...]:
@@ -156,11 +158,11 @@ def _guessed(parameter: Parameter) -> bool:
 
 
 def clock(machine: Machine, logs: Sequence[HeldCurrents]) -> tuple[Nuisance, ...]:
-    """How late a log shows its currents: what samples them does so up to one sample after they changed, always by about as much
-    where both have one clock.
+    """How late a log shows its currents.
 
-    Where lines between samples already stand half a sample earlier, up to as much to either side. A machine with a dead time of its
-    own in the file has that one.
+    What samples them does so up to one sample after they changed, always by about as much where both have one clock. Where lines
+    between samples already stand half a sample earlier, up to as much to either side. A machine with a dead time of its own in the
+    file has that one.
     """
     effect = next(e for e in CATALOGUE if e.delays == "command")
     steps = [(float(np.median(np.diff(held.sampled_at))), held.late) for held in logs if len(held.time) > 1]
@@ -168,7 +170,8 @@ def clock(machine: Machine, logs: Sequence[HeldCurrents]) -> tuple[Nuisance, ...
         return ()
     step, late = max(steps)
     ends = (-0.5 * step, 0.5 * step) if late else (-step, 0.0)
-    return (Nuisance(f"{_EFFECTS}{effect.id}.{effect.parameters[0].name}", 0.5 * step, shift=True, ends=ends),)
+    name = f"{_EFFECTS}{effect.id}.{effect.parameters[0].name}"
+    return (Nuisance(name, 0.5 * step, shift=True, ends=ends, label="clock of the logged currents"),)
 
 
 def closed(machine: Machine, values: Mapping[str, float]) -> dict[str, float]:

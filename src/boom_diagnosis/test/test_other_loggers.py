@@ -12,7 +12,7 @@ from test_diagnosis import noisy, tz17
 from boom_checks.sampling import independent
 from boom_diagnosis.bag_samples import prepare
 from boom_diagnosis.hypotheses import problem_at
-from boom_diagnosis.nuisances import tolerances
+from boom_diagnosis.nuisances import clock, tolerances
 from boom_diagnosis.prediction import beyond, mean_squares
 from boom_diagnosis.run import diagnose
 from boom_diagnosis.search import Scanner
@@ -158,3 +158,29 @@ def test_a_channel_that_is_not_measured_in_an_interval_tells_nothing_there() -> 
     assert mean_squares([parts], [counted]) == pytest.approx([4.0, 9.0])
     assert mean_squares([parts], [np.zeros_like(counted)]) == pytest.approx([1.0, 1.0])
     assert beyond(parts, counted, np.ones(2)) == pytest.approx([1.5, 4.0, 0.0])
+
+
+def shown_later(recording: Recording, late: float) -> Recording:
+    """With currents that the log shows ``late`` [s] after they changed."""
+    signals = dict(recording.signals)
+    for name in ("retract_current", "extend_current"):
+        known = signals[name]
+        signals[name] = replace(known, stamps_ns=known.stamps_ns + round(1e9 * late), time=known.time + late)
+    return replace(recording, signals=signals)
+
+
+def test_a_log_that_shows_currents_late_by_less_than_a_sample_is_no_fault_of_the_machine() -> None:
+    result = diagnose([shown_later(noisy(tz17(), 24.0, 1), 0.006)], tz17())
+    assert (result.document.verdict, result.document.findings) == ("parameters_only", ())
+    assert result.tolerances_used["clock of the logged currents"].value == pytest.approx(-0.006, abs=1e-3)
+    assert result.explained.effects["command_delay"]["T"] == pytest.approx(-0.006, abs=1e-3)
+
+
+def test_the_clock_of_a_log_is_known_to_a_sample_unless_the_machine_file_tells_a_dead_time() -> None:
+    made = noisy(tz17(), 8.0, 3)
+    sparse = replace(made, signals={n: every_other(s, 0) for n, s in made.signals.items()})
+    dense, thin = (held_inputs(r, tz17()) for r in (made, sparse))
+    (known,), (between,) = (clock(tz17(), [held]) for held in (dense, thin))
+    assert [known.value(0.0, z) for z in known.limits] == pytest.approx([-0.01, 0.0], abs=1e-6)
+    assert [between.value(0.0, z) for z in between.limits] == pytest.approx([-0.01, 0.01], abs=1e-6)
+    assert clock(tz17().with_effects({"command_delay": {"T": 0.02}}), [dense]) == ()
