@@ -82,7 +82,7 @@ class Plant(CompiledModel):
         self.minimum[spools], self.maximum[spools] = -stroke, stroke
         self.holds = rest.holds(self.equations)
         self.delay_indices = tuple(self._delaying(what) for what in ("command", "pressures"))
-        self._live_delays()
+        self.command_delay, self.pressure_delay = np.maximum(self.delays(self.p), 0.0).tolist()
 
     def with_numbers(self, machine: Machine, pose: Pose) -> Plant:
         """The same compiled model with the numbers of another machine of this structure and these effects, at no cost.
@@ -98,7 +98,7 @@ class Plant(CompiledModel):
         other.p = np.array([values[name] for name in self.parameter_names])
         other.minimum, other.maximum = self.minimum.copy(), self.maximum.copy()
         other.minimum[0], other.maximum[0] = machine.angle_limits
-        other._live_delays()
+        other.command_delay, other.pressure_delay = np.maximum(other.delays(other.p), 0.0).tolist()
         return other
 
     def through_evaporation(self) -> Plant:
@@ -261,11 +261,6 @@ class Plant(CompiledModel):
         if late is not None:
             states, outputs = states[late[0]], np.where(PRESSURES, outputs[late[1]], outputs[late[0]])
         return states, outputs, x, report
-
-    def _live_delays(self) -> None:
-        """Dead times [s] of a plant that runs: what it is told cannot have acted before."""
-        command, self.pressure_delay = self.delays(self.p)
-        self.command_delay = max(0.0, command)
 
     def delays(self, parameters: Array) -> tuple[float, float]:
         """Dead times of command and pressures [s] of a parameter vector (NP,); that of a command is below 0 in a log that lags."""
