@@ -29,6 +29,8 @@ SIZES = (1.0, 0.35, 0.1, 0.03)
 """Shares of a step that are tried, the first ones at once and the others where those gain nothing."""
 AGREE = 0.1
 """Share by which an effect's derivatives to either side may differ to count both."""
+DAMPED = (1e-2, 1e-4)
+"""Shares by which Marquardt stiffens the diagonal, tried beside them: what is hardly told must not hold up what is."""
 LEAST_STEP = 0.3
 """Nats. A step that gains less is the last, and moves the derivatives by nothing that counts."""
 SLOW, FAST = 5e-4, 0.02
@@ -273,6 +275,9 @@ class Problem:
         """
         step = gauss_newton(at, jacobian, names, self.limits)
         ends = [self._moved(at, step, names, size) for size in SIZES]
+        ends[1:1] = [
+            self._moved(at, gauss_newton(at, jacobian, names, self.limits, damping), names, 1.0) for damping in DAMPED
+        ]
         (z, effects), begin = ends[0], (at.z, at.effects)
         c = names[0] if len(names) == 1 and not names[0].delay else None
         values = _around(c, effects[c.name], True)[:2] if c else []
@@ -318,7 +323,9 @@ def _around(c: Coordinate, here: float, several: bool) -> list[float]:
     return values if several else values[-1:]
 
 
-def gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate], limits: Array) -> Array:
+def gauss_newton(
+    at: Point, jacobian: Array, names: Sequence[Coordinate], limits: Array, damping: float = 0.0
+) -> Array:
     """Step of all unknowns (z, inner coordinates) from ``at``; those that would leave their limits stay there.
 
     jacobian: (rows, unknowns), limits: (2, number of tolerances).
@@ -330,6 +337,7 @@ def gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate], limits
     normal = scaled.T @ scaled
     gradient = scaled.T @ (root * at.w)
     normal[np.arange(m), np.arange(m)] += 1.0
+    normal[np.diag_indices_from(normal)] *= 1.0 + damping
     gradient[:m] += at.z
     own = [at.effects[c.name] for c in names]
     low = np.array([*limits[0], *(c.low for c in names)])

@@ -114,7 +114,9 @@ def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
         if follows or key.startswith(_NOT_PHYSICS) or key in _UNITS_OF_THE_SPOOL:
             continue
         for name, value in zip(parameter.specification.components, parameter.value, strict=True):
-            if value != 0.0:
+            if value == 0.0 and (prior := prior_of(machine, name)).sigma > 0.0:
+                result.append(Nuisance(name, prior.sigma, shift=True, ends=(prior.low, prior.high)))
+            elif value != 0.0:
                 own = _own(machine, parameter, name, value)
                 if not (key.startswith(GEOMETRY) and 2.0 * own.sigma * abs(value) < SEEN):
                     result.append(own)

@@ -159,10 +159,11 @@ def _rounds(case: Case, progress: Progress) -> None:
     while k < MOST_EFFECTS:
         look = _share(progress, 0.8 * k / MOST_EFFECTS, 0.8 / MOST_EFFECTS)
         taken = _look(case, _share(look, 0.0, FIRST_LOOK), near)
-        if k == 0 and (not _satisfied(case) or _strained(case) or _at_the_end(case)):
-            taken = _look_again(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK))
-            if not _satisfied(case) and _plain(case):
-                return
+        if k == 0:
+            if not _satisfied(case) or _strained(case) or _at_the_end(case):
+                taken = _look_again(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK))
+                if not _satisfied(case) and _plain(case):
+                    return
             _restarted(case)
         elif not taken and k > 0 and not near and _followed(case):
             before = case.kept_back()
@@ -333,7 +334,7 @@ def _last_alone(case: Case) -> _Alone:
 
 def _restarted(case: Case) -> None:
     """The first effect from another start, where the likeliest observer finds a better valley there."""
-    found = other_valley(case) if case.taken and case.rest(case.last) > FAR else None
+    found = other_valley(case) if case.taken and case.rest(case.last) > NEGLIGIBLE else None
     if found is None:
         return
     before = case.kept_back()

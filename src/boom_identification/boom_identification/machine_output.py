@@ -68,7 +68,7 @@ def document_with(machine: Machine, estimates: Iterable[Identified]) -> dict[str
             continue
         own = [e for name, e in found.items() if name == key or name.rpartition(".")[0] == key]
         section, name = key.split(".")[:2]
-        old = document[section][name]
+        old = document[section].get(name, {"value": machine.parameters[key].value[0], "unit": own[0].unit})
         entry = dict(old) if isinstance(old, Mapping) else {"unit": own[0].unit}
         entry["value"] = list(value) if isinstance(value, tuple) else value
         entry.pop("tol", None)  # what was believed before

@@ -31,6 +31,7 @@ SPECIFICATIONS = (
         for e, way in EDGES.items()
     ),
     Specification("main_valve_orifices.n", "n", "-", "exponent of the opening", 1.0, 4.0, "5.17"),
+    main_valve_orifices.PASSAGE,
     Specification("main_valve_orifices.x_n", "x_n", "-", "neutral off-centre, over full stroke, > 0: lowers", -0.3, 0.3, "-"),
 )  # fmt: skip
 
@@ -55,7 +56,7 @@ def areas(position: Expression, p: Any, e: Any) -> tuple[Expression, Expression]
     """(A_sa, A_tb) [m^2] at s_s < 0, (A_sb, A_ta) at s_s >= 0 [m]."""
     supply, tank = (main_valve_orifices.opening(position, x0, p) for x0 in overlaps(position, p, e))
     largest_supply, largest_tank = _of_side(position, p, "A_{}_max")
-    return largest_supply * supply, largest_tank * tank
+    return tuple(main_valve_orifices.in_series(a, p) for a in (largest_supply * supply, largest_tank * tank))
 
 
 register(Metering(

@@ -9,6 +9,12 @@ argument. The thesis has the areas in figures only; here, with x = min(|s_s| / s
     A_sa = A_sa_max u,  A_sb = A_sb_max u,  A_tb = A_tb_max u,  A_ta = A_sb_max u / (c_0 - c_1 min(u, 1.3)^2)
 
 In the dead zone x <= x_0 every area is exactly zero. F_q, with which the flow closes the spool, is zero but for effects.
+
+The passages and lines in series with an edge, of an area A_p that is common to all, make of its area A_e, with kappa = (A_sa_max / A_p)^2,
+
+    A_e / sqrt(1 + kappa (A_e / A_sa_max)^2)
+
+The thesis' areas have them in, and kappa = 0. Where an owner guesses the areas he guesses them as straight, and kappa may be up to 1.
 """
 
 from __future__ import annotations
@@ -27,6 +33,8 @@ from boom_model.specification import Specification
 Areas = Callable[[Expression, Any, Any], tuple[Expression, Expression]]
 LARGEST_OPENING = 1.2
 LARGEST_METER_OUT = 1.3
+LARGEST_PASSAGE = 1.0
+"""Tolerance of kappa where the areas are a guess: the passages take half of the drop at full opening."""
 SMALLEST_OPENING = 1e-12
 """Keeps the logarithm of the exponentiation finite; the area in the dead zone itself is exactly zero."""
 _NUMBER = r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
@@ -50,6 +58,24 @@ def _meter_out(section: Mapping[str, Any], spec: Specification) -> dict[str, Any
     return {"value": value, "unit": spec.unit, "prov": given.get("prov", ""), "conf": given["conf"]}
 
 
+def _passage(section: Mapping[str, Any], spec: Specification) -> dict[str, Any]:
+    """Unless the file gives it: none, and where the areas are a guess that is one, too."""
+    entry = section.get("passage")
+    if isinstance(entry, dict) and "value" in entry:
+        return entry
+    if entry is not None:
+        raise MachineError(f"{spec.key}: write {{value: ..., unit: {spec.unit!r}}}")
+    area = section.get("A_sa_max")
+    guessed = isinstance(area, dict) and (area.get("conf") == "low" or "factor" in str(area.get("tol", "")))
+    own = {"tol": {"abs": LARGEST_PASSAGE}, "conf": "low"} if guessed else {}
+    return {"value": 0.0, "unit": spec.unit, "prov": "assumed", **own}
+
+
+PASSAGE = Specification(
+    "main_valve_orifices.passage", "kappa", "-", "(A_sa_max / A_p)^2, A_p: passages in series with an edge",
+    0.0, 100.0, "-", entry=_passage,
+)  # fmt: skip
+
 SPECIFICATIONS = (
     Specification("main_valve_orifices.x0", "x_0", "-", "overlap (dead zone) over full stroke", 0.0, 0.9, "5.17"),
     Specification("main_valve_orifices.n", "n", "-", "exponent of the opening", 1.0, 4.0, "5.17"),
@@ -62,6 +88,7 @@ SPECIFICATIONS = (
     Specification(
         "main_valve_orifices.A_ta_law.c1", "c_1", "-", "A_ta: factor of u^2", -10.0, 10.0, "3.23", entry=_meter_out
     ),
+    PASSAGE,
 )
 
 
@@ -77,13 +104,20 @@ def opening(position: Expression, x0: Expression, p: Any) -> Expression:
     return ca.if_else(u > 0, power(ca.fmax(u, SMALLEST_OPENING), p.main_valve_orifices.n), 0.0)
 
 
+def in_series(area: Expression, p: Any) -> Expression:
+    """Area [m^2] of an edge with the passages that its flow goes through."""
+    o = p.main_valve_orifices
+    return area / ca.sqrt(1 + o.passage * (area / o.A_sa_max) ** 2)
+
+
 def areas(position: Expression, p: Any, e: Any) -> tuple[Expression, Expression]:
     """(A_sa, A_tb) [m^2] at s_s < 0, (A_sb, A_ta) at s_s >= 0 [m]: from the supply to one port, from the other to the tank."""
     o = p.main_valve_orifices
     extend = position < 0
     supply, tank = (opening(position, overlap(position, p, e, edge), p) for edge in ("supply", "tank"))
     a_ta = o.A_sb_max * tank / (o.A_ta_law.c0 - o.A_ta_law.c1 * ca.fmin(tank, LARGEST_METER_OUT) ** 2)
-    return ca.if_else(extend, o.A_sa_max, o.A_sb_max) * supply, ca.if_else(extend, o.A_tb_max * tank, a_ta)
+    metered = ca.if_else(extend, o.A_sa_max, o.A_sb_max) * supply, ca.if_else(extend, o.A_tb_max * tank, a_ta)
+    return in_series(metered[0], p), in_series(metered[1], p)
 
 
 def flows(
