@@ -323,9 +323,7 @@ def _around(c: Coordinate, here: float, several: bool) -> list[float]:
     return values if several else values[-1:]
 
 
-def gauss_newton(
-    at: Point, jacobian: Array, names: Sequence[Coordinate], limits: Array, damping: float = 0.0
-) -> Array:
+def gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate], limits: Array, damping: float = 0.0) -> Array:
     """Step of all unknowns (z, inner coordinates) from ``at``; those that would leave their limits stay there.
 
     jacobian: (rows, unknowns), limits: (2, number of tolerances).

@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from boom_identification.estimate import Identified
-from boom_identification.machine_output import document_with, fits
+from boom_identification.machine_output import document_with, effects_with, fits
 from boom_input.whole import write_whole
 from boom_model.errors import MachineError
 from boom_model.learned import LearnedTerm
@@ -71,10 +71,7 @@ def _found(
         body = copy.deepcopy(document["rigid_body"])
         body["configs"].setdefault(pose.tabulated or _DIAGNOSED, _row(pose)).update(moments)
         document["rigid_body"] = body
-    effects = {k: dict(v) for k, v in machine.effects.items()}
-    for name in (name for name in numbers if name.startswith("effects.")):
-        _, effect, parameter = name.split(".")
-        effects.setdefault(effect, {})[parameter] = float(numbers[name])
+    effects = effects_with(machine, numbers)
     if effects:
         document["effects"] = effects
     if machine.learned or learned:

@@ -66,12 +66,12 @@ def fit_to_free_runs(case: Case) -> None:
         return
     for k in which:
         before = case.trained[k]
-        after = _fitted(case, before, case.training)
+        after = fitted_to_free_runs(case, before, case.training)
         if worsening(case, before, after) >= 1.0 or (k and _unproves(case, before, after)):
             continue
         case.trained[k] = after
         if case.final and k == len(case.taken):
-            whole = _fitted(case, replace(case.final.point, z=after.z, effects=after.effects), case.select)
+            whole = fitted_to_free_runs(case, replace(case.final.point, z=after.z, effects=after.effects), case.select)
             case.final = replace(case.final, point=whole)
 
 
@@ -92,7 +92,7 @@ def _far(case: Case, at: Point) -> bool:
     return False
 
 
-def _fitted(case: Case, at: Point, select: Sequence[Flags]) -> Point:
+def fitted_to_free_runs(case: Case, at: Point, select: Sequence[Flags]) -> Point:
     """The best point that the steps reach, as the observer of a healthy machine sees it."""
     z, effects = at.z, dict(at.effects)
     names = tuple(c for c in all_coordinates(effects_of(effects)) if not c.onset)  # one-step errors tell it sharply

@@ -116,6 +116,49 @@ def problem_at(
     return Problem(Predictor(machine, bags, plain.values(z, values), looseness), nuisances, select, judged)
 
 
+@dataclass(frozen=True)
+class Fits:
+    """Fits of the tolerances, and of numbers of effects beside them, with the observer that is likeliest.
+
+    tight: with the one that is right for a healthy machine, whichever is likeliest.
+    """
+
+    machine: Machine
+    bags: Sequence[Bag]
+    select: Sequence[Flags]
+    nuisances: Sequence[Nuisance]
+    tight: bool = False
+
+    def likeliest(self, z: Array, values: Mapping[str, float]) -> Problem:
+        """The problem with the observer's gains of this point that make it likeliest."""
+        tried = [
+            problem_at(self.machine, self.bags, self.select, self.nuisances, z, values, looseness)
+            for looseness in (LOOSENESS[:1] if self.tight else LOOSENESS)
+        ]
+        return max(tried, key=lambda p: p.likelihood(p.points([(z, values)])[0]))
+
+    def fit(
+        self, p: Problem, z: Array, values: Mapping[str, float], names: Sequence[Coordinate], enough: float = SETTLED
+    ) -> tuple[Point, Array]:
+        """From a point, with fresh derivatives while each fit gains ``enough`` [nats]."""
+        point = p.points([(z, values)])[0]
+        for _ in range(RELINEARISED):
+            before = point.loss
+            point, jacobian = p.fit(point, p.nuisance_jacobian(point), names, iterations=6)
+            if before - point.loss < max(enough, FLAT * point.over(WHITE)) or p.predictor.looseness == LOOSENESS[-1]:
+                break
+        return point, jacobian
+
+    def settled(self, p: Problem, at: Point, names: Sequence[Coordinate]) -> tuple[Problem, Point, Array]:
+        """The fit from a first guess; what was loose for that hides what is left."""
+        point, jacobian = self.fit(p, at.z, at.effects, names)
+        again = self.likeliest(point.z, point.effects)
+        if again.predictor.looseness < p.predictor.looseness:
+            p = again
+            point, jacobian = self.fit(p, point.z, point.effects, names)
+        return p, point, jacobian
+
+
 def noticed(gain: float, count: int) -> bool:
     """Whether ``count`` tolerances that gain so much [nats] over their nominal values count as moved at all."""
     return gain >= NOTICED + NOTICED_EACH * count
@@ -141,43 +184,21 @@ def run_round(
     """
     accepted = tuple(effects_of(values))
     kept = all_coordinates(accepted)
-
-    def problem(at_z: Array, at_values: Mapping[str, float], looseness: float) -> Problem:
-        return problem_at(machine, bags, select, nuisances, at_z, at_values, looseness)
-
-    def fit(
-        p: Problem, at_z: Array, at_values: Mapping[str, float], names: Sequence[Coordinate], settled: float = SETTLED
-    ) -> tuple[Point, Array]:
-        point = p.points([(at_z, at_values)])[0]
-        for _ in range(RELINEARISED):
-            before = point.loss
-            point, jacobian = p.fit(point, p.nuisance_jacobian(point), names, iterations=6)
-            enough = max(settled, FLAT * point.over(WHITE))
-            if before - point.loss < enough or p.predictor.looseness == LOOSENESS[-1]:
-                break
-        return point, jacobian
-
-    def likeliest(at_z: Array, at_values: Mapping[str, float]) -> Problem:
-        tried = [problem(at_z, at_values, looseness) for looseness in (LOOSENESS[:1] if tight else LOOSENESS)]
-        return max(tried, key=lambda p: p.likelihood(p.points([(at_z, at_values)])[0]))
+    fits = Fits(machine, bags, select, nuisances, tight)
 
     progress("tolerances", 0.0)
     if nominal is None:  # near already
-        searching = likeliest(z, values)
-        base, jacobian = fit(searching, z, values, kept)
+        searching = fits.likeliest(z, values)
+        base, jacobian = fits.fit(searching, z, values, kept)
     else:
         base = nominal.tolerances
-        searching = likeliest(base.z, base.effects)
+        searching = fits.likeliest(base.z, base.effects)
         if searching.points([(base.z, base.effects)])[0].excess(WHITE) > FAR_OFF:
             progress("effects", 0.2)
-            outstanding = _at_once(nominal, likeliest, fit)
+            outstanding = _at_once(nominal, fits)
             if outstanding:
                 return outstanding
-        base, jacobian = fit(searching, base.z, base.effects, kept)
-        again = likeliest(base.z, base.effects)
-        if again.predictor.looseness < searching.predictor.looseness:
-            searching = again  # what was loose for a first guess hides what is left
-            base, jacobian = fit(searching, base.z, base.effects, kept)
+        searching, base, jacobian = fits.settled(searching, base, kept)
     unmoved = searching.fit_nominal(base.effects, kept)
     if not noticed(unmoved.loss - base.loss, len(base.z)):
         base = unmoved
@@ -208,7 +229,7 @@ def run_round(
         return Round(accepted, base, jacobian, (), scanned, searching)
     progress("weighing effects", 0.8)
     best = fitted[0].point
-    weighing = likeliest(best.z, best.effects)
+    weighing = fits.likeliest(best.z, best.effects)
     same = weighing.predictor.looseness == searching.predictor.looseness
     if same:
         fitted[0] = _polished(searching, fitted[0], base, fitted[0].jacobian)
@@ -218,7 +239,7 @@ def run_round(
         return searched
     without, beside = weighing.points([(base.z, base.effects), (best.z, best.effects)])
     enough = max(SETTLED, MARGINAL * (without.loss - beside.loss))
-    base, jacobian = fit(weighing, base.z, base.effects, kept, settled=enough)
+    base, jacobian = fits.fit(weighing, base.z, base.effects, kept, enough=enough)
     near = [f for f in fitted[:WEIGHED] if f.gain > RIVAL * fitted[0].gain]
     weighed = Round(accepted, base, jacobian, _all_weighed(weighing, near, base, jacobian), scanned, weighing)
     return _telling(searched, weighed) if same else weighed
@@ -345,11 +366,7 @@ def _made_up(problem: Problem, f: Fitted) -> Array:
     return np.asarray(np.clip(f.point.z + step, *problem.limits))
 
 
-Likeliest = Callable[[Array, Mapping[str, float]], Problem]
-Fit = Callable[..., tuple[Point, Array]]
-
-
-def _at_once(first: Nominal, likeliest: Likeliest, fit: Fit) -> Round | None:
+def _at_once(first: Nominal, fits: Fits) -> Round | None:
     """The round where an effect is so large that it stands out from the nominal machine, else None.
 
     The tolerances alone, fitted to such a machine, end far from anything, and the search with them.
@@ -362,10 +379,10 @@ def _at_once(first: Nominal, likeliest: Likeliest, fit: Fit) -> Round | None:
     best = tried[0].point
     if best.excess(WHITE) > OUTSTANDING * base.excess(WHITE):
         return None
-    weighing = likeliest(best.z, best.effects)
+    weighing = fits.likeliest(best.z, best.effects)
     start = weighing.points([(best.z, best.effects)])[0]
     gained = weighing.points([(base.z, {})])[0].loss - start.loss
-    base, jacobian = fit(weighing, base.z, {}, (), settled=max(SETTLED, MARGINAL * gained))
+    base, jacobian = fits.fit(weighing, base.z, {}, (), enough=max(SETTLED, MARGINAL * gained))
     near = [f for f in tried if first.gain(f) >= BEHIND * first.gain(tried[0])]
     fitted = _all_weighed(weighing, near, base, jacobian)
     return Round((), base, jacobian, fitted, {e: c.gain for e, c in first.seen.items()}, weighing)

@@ -15,7 +15,7 @@ import numpy as np
 from boom_estimation.currents import HeldCurrents
 from boom_model.catalogue import CATALOGUE
 from boom_model.machine import Machine, Parameter, Pose
-from boom_model.prior import prior_of
+from boom_model.prior import prior_of, tolerance_of
 
 LARGEST_Z = 4.0
 """Standard deviations a number may move: twice its tolerance."""
@@ -39,6 +39,8 @@ PILOT_POLE, PILOT_GAIN, PILOT_FEEDTHROUGH = "pilot_valves.a1_s", "pilot_valves.b
 """The gain follows the two others: at rest nu is the current (5.2), and how much pressure a current gives is h alone."""
 _EFFECTS = "effects."
 _NOT_PHYSICS = ("constants.", "hose_burst_valve.unit", "hose_burst_valve.dp_lin", "cylinder.l_")
+_VALVE, _STROKE_PER_CURRENT = "main_valve_orifices.", "main_valve_spool.K_i"
+_OF_EVERYTHING = ("fluid.C_d", "fluid.rho", "cylinder.A_a", "kinematics.b")
 _UNITS_OF_THE_SPOOL = ("main_valve_spool.A_s", "main_valve_spool.s_max")
 """Assumed, and everything else of the valve is known relative to them: the spring by (5.10), k = p_max A_s / s_max, the friction as
 a pilot pressure, the areas over s / s_max. Were they off, those would be with them and nothing would change."""
@@ -108,10 +110,10 @@ class Nuisance:
 
 def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
     """All numbers that have a tolerance in this machine and pose."""
-    result = []
+    result, units = [], _units(machine, pose)
     for key, parameter in machine.parameters.items():
         follows = key == PILOT_GAIN or any(key in row[1:] for row in ONE_FACTOR)
-        if follows or key.startswith(_NOT_PHYSICS) or key in _UNITS_OF_THE_SPOOL:
+        if follows or key.startswith(_NOT_PHYSICS) or key in units:
             continue
         for name, value in zip(parameter.specification.components, parameter.value, strict=True):
             if value == 0.0 and (prior := prior_of(machine, name)).sigma > 0.0:
@@ -126,6 +128,28 @@ def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
             shift = name == "pose.load"
             result.append(Nuisance(name, prior.sigma if shift else prior.sigma / abs(value), shift=shift))
     return (*result, *_differences(machine))
+
+
+def _units(machine: Machine, pose: Pose) -> set[str]:
+    """Numbers that others are known relative to, as far as these may be off by as much.
+
+    Overlaps and areas of the main valve to the stroke over current where the current commands the spool. Without accumulators and
+    burst valve all areas are relative to C_d and rho, and masses, friction, volumes and areas to the piston area and the lever b.
+    Along what such numbers leave open together a fit would creep.
+    """
+    valve = [
+        p for key, p in machine.parameters.items() if key.startswith(_VALVE) and key != f"{_VALVE}n" and p.value[0]
+    ]
+    told = min(2.0 * prior_of(machine, "pose.D0", pose).sigma / pose.D0, *map(_relative, valve))
+    others = machine.structure.has("accumulators") or machine.structure.has("hose_burst_valve")
+    units = (_STROKE_PER_CURRENT, *(() if others else _OF_EVERYTHING))
+    small = (key for key in units if key in machine.parameters and _relative(machine.parameters[key]) <= told)
+    return {*_UNITS_OF_THE_SPOOL, *small}
+
+
+def _relative(parameter: Parameter) -> float:
+    """Tolerance over the value."""
+    return tolerance_of(parameter).relative(parameter.value[0])
 
 
 def _own(machine: Machine, parameter: Parameter, name: str, value: float) -> Nuisance:

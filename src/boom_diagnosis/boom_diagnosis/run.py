@@ -160,11 +160,9 @@ def _rounds(case: Case, progress: Progress) -> None:
         look = _share(progress, 0.8 * k / MOST_EFFECTS, 0.8 / MOST_EFFECTS)
         taken = _look(case, _share(look, 0.0, FIRST_LOOK), near)
         if k == 0:
-            if not _satisfied(case) or _strained(case) or _at_the_end(case):
-                taken = _look_again(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK))
-                if not _satisfied(case) and _plain(case):
-                    return
-            _restarted(case)
+            taken = _first_doubted(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), taken)
+            if case.learned:
+                return
         elif not taken and k > 0 and not near and _followed(case):
             before = case.kept_back()
             taken = _look(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), True)
@@ -182,6 +180,16 @@ def _rounds(case: Case, progress: Progress) -> None:
         if left < NEGLIGIBLE:
             return
         near = left < FAR
+
+
+def _first_doubted(case: Case, progress: Progress, taken: bool) -> bool:
+    """What the first round took, looked at again where that does not satisfy, and from other starts; whether anything is taken."""
+    if not _satisfied(case) or _strained(case) or _at_the_end(case):
+        taken = _look_again(case, progress)
+        if not _satisfied(case) and _plain(case):
+            return taken
+    _restarted(case)
+    return taken
 
 
 def _followed(case: Case) -> bool:

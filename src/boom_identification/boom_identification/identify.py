@@ -232,7 +232,7 @@ def _with(result: Identification, found: Sequence[Identified], missing: Sequence
     estimates = (*(e for e in result.estimates if e.key not in keys), *good)
     known = {e.key for e in estimates}
     listed = {n.parameter: n for n in (*result.not_determined, *missing) if n.parameter not in known}
-    identified = result.machine.with_values(machine_output.vector_values(result.machine, estimates))
+    identified = machine_output.machine_with(result.machine, estimates)
     return replace(result, estimates=estimates, not_determined=tuple(listed.values()), identified=identified)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,8 @@ from boom_model.machine_file import machine_from
 from boom_model.specification import number
 from boom_model.tolerance import TOLERANCES
 
+EFFECTS = "effects."
+"""Beginning of the names of an effect's numbers."""
 _LAW = "main_valve_orifices.A_ta_law"
 _GEOMETRY = ("kinematics.", "cylinder.l_")
 _ANGLES = 401
@@ -28,7 +30,7 @@ _ANGLES = 401
 def vector_values(machine: Machine, estimates: Iterable[Identified]) -> dict[str, float | tuple[float, ...]]:
     """Estimates of components (``pilot_valves.h.0``) as values of parameters (``pilot_valves.h``), by dotted key."""
     values: dict[str, float | tuple[float, ...]] = {}
-    for found in estimates:
+    for found in (e for e in estimates if not e.key.startswith(EFFECTS)):
         parameter = machine.parameters.get(found.key)
         if parameter is not None:
             values[found.key] = found.value
@@ -40,8 +42,26 @@ def vector_values(machine: Machine, estimates: Iterable[Identified]) -> dict[str
     return values
 
 
+def effects_with(machine: Machine, numbers: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """The machine's effects with the numbers among ``numbers`` whose name is ``effects.ID.NAME``."""
+    effects = {k: dict(v) for k, v in machine.effects.items()}
+    for name in (name for name in numbers if name.startswith(EFFECTS)):
+        _, effect, parameter = name.split(".")
+        effects.setdefault(effect, {})[parameter] = float(numbers[name])
+    return effects
+
+
+def machine_with(machine: Machine, estimates: Sequence[Identified]) -> Machine:
+    """The machine with the estimates in it, those of effects included."""
+    told = machine.with_values(vector_values(machine, estimates))
+    effects = effects_with(machine, {e.key: e.value for e in estimates})
+    return told.with_effects(effects) if effects != machine.effects else told
+
+
 def fits(machine: Machine, found: Identified) -> str:
     """Why a machine file cannot hold this number; empty if it can."""
+    if found.key.startswith(EFFECTS):
+        return ""  # a search keeps to the catalogue's limits
     key = found.key if found.key in machine.parameters else found.key.rpartition(".")[0]
     try:
         check_range(machine.parameters[key].specification, (found.value,))
@@ -58,6 +78,9 @@ def document_with(machine: Machine, estimates: Iterable[Identified]) -> dict[str
     """
     document = copy.deepcopy(dict(machine.document))
     found = {estimate.key: estimate for estimate in estimates}
+    effects = effects_with(machine, {key: e.value for key, e in found.items()})
+    if effects:
+        document["effects"] = effects
     for key, value in vector_values(machine, found.values()).items():
         if key.startswith(_LAW):
             continue

@@ -203,6 +203,7 @@ def _law(
         missing += [NotDetermined(f"main_valve_orifices.{key}", "the valve hardly opens") for key in ("x0", "n")]
         return (), tuple(missing), prior, float("nan")
     used = points.where(np.isin(np.sign(points.spool), [(-1 if s == "extend" else 1) for s in sides]))
+    free = [key for key in free if prior[key] != 0.0]  # of 0 no share can be sought
     # A number that the points do not tell keeps its old value, and the others are fitted to that.
     while free:
         try:

@@ -23,7 +23,7 @@ from boom_estimation.unknown import Unknown, machine_unknown
 from boom_identification.estimate import Identified, NotDetermined
 from boom_identification.held import AREAS, CHARGES, ORIFICES, held_numbers, pairing_told, tied
 from boom_identification.machine_output import vector_values
-from boom_identification.search import PASSABLE_LEVEL, search
+from boom_identification.search import GOOD_LEVEL, PASSABLE_LEVEL, search
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
@@ -84,6 +84,16 @@ class Refinement:
     noise_level: float = 1.0
     iterations: int = 0
     starts: int = 0
+
+    @property
+    def explains(self) -> bool:
+        """Whether the model with the best values agrees with the recordings as far as noise lets it."""
+        return self.noise_level <= GOOD_LEVEL
+
+    @property
+    def errs(self) -> float:
+        """Median of the errors of free runs over the held-out blocks, over recordings and channels."""
+        return float(np.median([error for row in self.held_out for error in row.after.values()] or [np.inf]))
 
     def document(self) -> dict[str, Any]:
         """For ``identify --json``, key ``refinement``."""

@@ -25,10 +25,13 @@ from boom_bringup.replica import machine_of
 from boom_bringup.showing import progress
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from rich.console import Console
 
     from boom_identification.identify import Identification, Inputs, Refiner
     from boom_model.machine import Machine
+    from boom_recording.recording import Recording
 
 HELP = "estimate the machine's parameters from recordings, with intervals"
 
@@ -187,11 +190,18 @@ def _words(args: argparse.Namespace) -> list[str]:
 
 
 def _refiner(names: list[str] | None, machine: Machine) -> Refiner:
-    from functools import partial
-
+    from boom_diagnosis.tolerance_fit import fit_tolerances
     from boom_estimation.unknown import machine_unknown
-    from boom_identification.refine import refine
+    from boom_identification.refine import Refinement, refine
 
     for name in names or ():
         machine_unknown(machine, name)  # a wrong name is told before anything takes time
-    return partial(refine, unknowns=names)
+
+    def refiner(recordings: Sequence[Recording], machine: Machine, say: Callable[[str], None]) -> Refinement:
+        near = refine(recordings, machine, say, unknowns=names)
+        if near.explains or names or not near.held_out:
+            return near
+        far = fit_tolerances(recordings, machine, say)
+        return far if far.errs < near.errs else near
+
+    return refiner

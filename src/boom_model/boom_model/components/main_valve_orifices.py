@@ -10,11 +10,11 @@ argument. The thesis has the areas in figures only; here, with x = min(|s_s| / s
 
 In the dead zone x <= x_0 every area is exactly zero. F_q, with which the flow closes the spool, is zero but for effects.
 
-The passages and lines in series with an edge, of an area A_p that is common to all, make of its area A_e, with kappa = (A_sa_max / A_p)^2,
+The passages and lines in series with an edge, of an area A_p common to all, make of its area A_e, with kappa = (A_sa_max / A_p)^2,
 
     A_e / sqrt(1 + kappa (A_e / A_sa_max)^2)
 
-The thesis' areas have them in, and kappa = 0. Where an owner guesses the areas he guesses them as straight, and kappa may be up to 1.
+The thesis' areas include them, and kappa = 0. Where the areas are a guess, kappa may be up to 1.
 """
 
 from __future__ import annotations
