@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import log
+from math import log, sqrt
 
 import numpy as np
 
+from boom_diagnosis.bag_samples import PERIOD
 from boom_diagnosis.case import Array, Case, Flags
 from boom_diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.fitting import Point, Problem
@@ -15,6 +16,7 @@ from boom_diagnosis.hypotheses import Round, noticed, problem_at
 from boom_diagnosis.nuisances import TWIN_Z
 from boom_diagnosis.onset import onset, onset_of, time_in
 from boom_diagnosis.parallel import in_parallel
+from boom_diagnosis.prediction import CURRENT_NOISE
 from boom_diagnosis.proof import worsening
 from boom_diagnosis.search import Fitted, lasting
 from boom_diagnosis.weighing import (
@@ -29,6 +31,8 @@ from boom_diagnosis.weighing import (
     split_loss,
 )
 from boom_model.catalogue import EFFECTS
+from boom_model.component_numbers import component_parameters
+from boom_model.machine import Machine, Pose
 
 WORSE, LATER, LATER_CLEAR = 1.1, 1.0, 1.5
 """Factor by which the free runs over data not used may err more with an effect than without, for the first one and for one beside
@@ -42,6 +46,8 @@ MOST_OF_REST, NEARLY_ALL, CLEAR_REST = 0.6, 0.8, 0.05
 leave free runs worse, and the least such rest [nats per innovation]."""
 BEYOND, CLEARLY = 0.5, 10.0
 """Of a number's tolerance: an effect that is its being further off begins there, unless it gains so many times chance."""
+SWALLOWED = 2.0
+"""Standard deviations of the spool that a play swallows with the noise of measured currents (twice: 95 % of it)."""
 CLEARLY_BETTER = 0.8
 """The same factor below which an effect has proved itself even where its one-step predictions of that data have not."""
 NEXT_TO_NOTHING = 0.02
@@ -152,7 +158,7 @@ def weigh(case: Case, found: Round) -> list[Weighed]:
         (able if possible(f, case.pose.load) else impossible).append(f)
     if not accepted:
         case.impossible = impossible
-    counted = [f for f in able if not _hardly_beyond(case, f)]
+    counted = [f for f in able if not (_hardly_beyond(case, f) or _filters_noise(case, f))]
     if not counted:
         return []
     found = replace(found, fitted=tuple(counted))
@@ -196,6 +202,26 @@ def _hardly_beyond(case: Case, f: Fitted) -> bool:
         return False
     known = [n.sigma for n in case.nuisances if n.name in effect.changes]
     return abs(log(f.point.effects[f"effects.{f.effect}.{factor.name}"])) < BEYOND * TWIN_Z * min(known, default=0.0)
+
+
+def _filters_noise(case: Case, f: Fitted) -> bool:
+    """Whether an effect is a play that lets no more than the noise of measured currents not pass."""
+    plays = [row.name for row in EFFECTS[f.effect].parameters if row.swallows]
+    least = SWALLOWED * spool_noise(case.machine, case.pose) if plays else 0.0
+    return any(f.point.effects[f"effects.{f.effect}.{name}"] < least for name in plays)
+
+
+def spool_noise(machine: Machine, pose: Pose) -> float:
+    """Standard deviation over full stroke of what the noise of measured currents makes of a spool at half of it.
+
+    sigma_x = sigma_i dx/di sqrt(T_s / (2 tau)): noise held for T_s behind a lag of tau.
+    """
+    p, e = component_parameters(machine, pose)
+    spool, pilot, stroke = machine.structure.spool, machine.structure.pilot_valves, p.main_valve_spool.s_max
+    currents = [spool.current(x * stroke, p, pilot) for x in (0.49, 0.51)]
+    return float(
+        CURRENT_NOISE * 0.02 / (currents[1] - currents[0]) * sqrt(PERIOD / (2.0 * spool.settling(p, e, pilot)))
+    )
 
 
 def _split(

@@ -74,6 +74,8 @@ class EffectParameter:
         gains: value at which the gains of an observer are computed where nothing is known of it yet.
         within: key of the machine file that stands for two numbers whose difference this is: where it is a guess, each has its
             tolerance, and a difference that they allow is no physics.
+        swallows: a play of the spool over full stroke. As small as what the noise of measured currents makes of the spool it lets
+            none of that noise through, and predicts better than the truth.
     """
 
     name: str
@@ -92,6 +94,7 @@ class EffectParameter:
     almost_nothing: float | None = None
     gains: float | None = None
     within: str = ""
+    swallows: bool = False
 
 
 def parameter(

@@ -32,7 +32,8 @@ EFFECT = Effect(
     "metering edges lag the spool by h s_max to either side, and change sides within a travel of 2 max(h, travel) s_max",
     ("the main valve or its pilot stage", "has play"), "differs with rising or falling current",
     (
-        parameter("h", "-", 0.0, (0.005, 0.06), (0.0, 0.5), "half of the hysteresis over full stroke", starts=(0.01, 0.04)),
+        parameter("h", "-", 0.0, (0.005, 0.06), (0.0, 0.5), "half of the hysteresis over full stroke", starts=(0.01, 0.04),
+                  swallows=True),
         parameter("travel", "-", 0.0, (0.0, 0.3), (0.0, 2.0), "half of the travel between its sides; below h: a play",
                   starts=(0.0, 0.15)),
     ),
