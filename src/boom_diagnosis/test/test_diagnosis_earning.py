@@ -196,3 +196,16 @@ def test_a_factor_of_a_number_that_is_next_to_nothing_beside_its_tolerance_is_no
     found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (fitted,), {}, Any)
     monkeypatch.setattr(earning, "_split", lambda case, hypotheses, names: [(500.0, 500.0), (450.0, 450.0)])
     assert [w.fitted for w in earning.weigh(case, found)] == ([fitted] if kept else [])
+
+
+@pytest.mark.parametrize(("play", "noise"), [(1.9, True), (2.1, False)])
+def test_a_play_that_swallows_no_more_than_the_noise_of_the_currents_is_none(
+    case: Any, play: float, noise: bool
+) -> None:
+    """Of the TZ17's spool at half of its stroke 0.85 mA make 4e-4 of it: 2.6 per A, held for 10 ms behind a lag of 0.15 s."""
+    case.machine, case.pose = tz17(), tz17().pose(0.28, 2.2)
+    sigma = earning.spool_noise(case.machine, case.pose)
+    assert sigma == pytest.approx(4e-4, rel=0.05)
+    found = weighed("valve_hysteresis", 100.0, 90.0, 1000.0).fitted
+    found.point.effects["effects.valve_hysteresis.h"] = play * sigma
+    assert earning._filters_noise(case, found) is noise

@@ -67,3 +67,41 @@ def test_the_noise_that_a_recording_shows_counts_where_the_file_tells_less() -> 
     assert with_measured_noise(machine, [recording]) is machine  # told right
     quieter = machine.with_sensors({"p_noise_psd": 1e4, "p_quant": 100.0})
     assert with_measured_noise(quieter, [recording]).sensor_noise().pressure_sigma == pytest.approx(1.75e4, rel=0.1)
+
+
+def valve_of(machine: Machine, **entries: Any) -> Machine:
+    document = copy.deepcopy(dict(machine.document))
+    valve = document["main_valve_orifices"]
+    for key, entry in entries.items():
+        valve[key] = {**valve.get(key, {}), **entry}
+    return machine_from(document)
+
+
+def test_a_number_that_is_zero_may_be_off_by_what_its_owner_says_and_by_nothing_else() -> None:
+    told = by_name(valve_of(load_machine("tz17"), passage={"value": 0.0, "unit": "-", "tol": {"abs": 0.4}}))
+    own = told["main_valve_orifices.passage"]
+    assert (own.shift, own.limits, own.value(0.0, 2.0)) == (True, (0.0, 4.0), pytest.approx(0.4))
+    assert "main_valve_orifices.passage" not in by_name(load_machine("tz17"))
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "held"),
+    [
+        ("tz17", {}, set()),
+        ("triangle_direct", {}, {"main_valve_spool.K_i", "fluid.C_d", "fluid.rho", "cylinder.A_a", "kinematics.b"}),
+        ("triangle_direct", {"x0": {"tol": 0.01}}, set()),  # overlaps tell the stroke then
+    ],
+)
+def test_numbers_that_act_only_together_with_vaguer_ones_are_their_unit(
+    name: str, known: dict[str, Any], held: set[str]
+) -> None:
+    machine = valve_of(load_machine(name), **known)
+    free = {n.name for n in tolerances(machine, machine.tabulated[0])}
+    units = {
+        "main_valve_spool.K_i",
+        "fluid.C_d",
+        "fluid.rho",
+        "cylinder.A_a",
+        "kinematics.b",
+    } & machine.parameters.keys()
+    assert units - free == held

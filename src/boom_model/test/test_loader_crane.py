@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 from math import log, pi, sqrt, tanh
 from types import SimpleNamespace
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from boom_model.catalogue.terms import Terms
 from boom_model.components import (
     compensator,
     four_edges,
@@ -91,6 +93,38 @@ def test_vented_neutral_is_the_same_as_an_effect_of_a_file_that_says_shut(loader
     assert one == pytest.approx(other, rel=1e-6, abs=1.0)
     with pytest.raises(MachineError, match="no load holding valve or no shut neutral"):
         told.with_effects({"vented_neutral": {}})
+
+
+# ---------------------------------------------------------------------------------------- passages in series with an edge
+
+
+def guessed(loader: Machine, **entries: Any) -> Machine:
+    document = copy.deepcopy(dict(loader.document))
+    document["main_valve_orifices"] |= entries
+    return machine_from(document)
+
+
+def test_a_passage_in_series_adds_its_drop_to_that_of_the_edge(loader: Machine) -> None:
+    """dp = q^2 rho / (2 C_d^2) (1 / A_e^2 + 1 / A_p^2), A_p = A_sa_max / sqrt(kappa) of every edge."""
+    kappa = 0.7
+    machine = guessed(loader, passage={"value": kappa, "unit": "-"})
+    plain, narrowed = (namespace(m.values(m.pose(*POSE))) for m in (loader, machine))
+    square = plain.main_valve_orifices.A_sa_max**2 / kappa
+    for position in (-6e-3, 4e-3):
+        without = four_edges.areas(position, plain, Terms({}))
+        beside = four_edges.areas(position, narrowed, Terms({}))
+        for edge, both in zip(without, beside, strict=True):
+            assert 1 / float(both) ** 2 == pytest.approx(1 / float(edge) ** 2 + 1 / square)
+
+
+def test_a_file_without_a_passage_has_none_and_guessed_areas_leave_one_open(loader: Machine) -> None:
+    area = loader.document["main_valve_orifices"]["A_sa_max"]
+    known = guessed(loader, A_sa_max={"value": area["value"], "unit": "m^2", "tol": 0.1})
+    for machine, sigma in ((known, 0.0), (loader, 0.5)):  # the owner of the loader crane tells a factor
+        assert machine.parameters["main_valve_orifices.passage"].value == (0.0,)
+        assert prior_of(machine, "main_valve_orifices.passage").sigma == sigma
+    with pytest.raises(MachineError, match="passage: write"):
+        guessed(loader, passage=0.5)
 
 
 # -------------------------------------------------------------------------------------------------- load-holding valve
