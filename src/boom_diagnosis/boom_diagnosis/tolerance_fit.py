@@ -37,7 +37,7 @@ NINETY = 1.645
 """Standard deviations of half a 90 % interval."""
 NOTHING = 0.9
 """Share of a tolerance that stays, from which the recordings tell nothing of a number."""
-HOW = "all recordings at once, within the tolerances"
+HOW = "all at once, in tolerance"
 Progress = Callable[[str], None]
 
 

@@ -5,6 +5,8 @@ The content of each BAG decides what it is used for:
   oscilloscope traces of a pilot valve   static curve h, linear part, both valves compared        (5.1)
   recordings of the machine              orifice areas, friction, then all numbers jointly        (5.2, 5.3)
 
+Where the machine file is too far from the machine for the joint search, all numbers that have a tolerance are fitted within it.
+
   ./boom identify bags/healthy/* --output output/machine.yaml
   ./boom simulate --campaign pilot --output output/pilot && ./boom identify output/pilot/*
 
@@ -127,6 +129,7 @@ def _machine(wanted: str | None, inputs: Inputs) -> tuple[Machine, str]:
 def _show(result: Identification, console: Console) -> None:
     from rich.table import Table
 
+    from boom_identification.search import GOOD_LEVEL
     from boom_report.channels import number
 
     if result.estimates:
@@ -152,6 +155,13 @@ def _show(result: Identification, console: Console) -> None:
     if result.unexcited:
         console.print(f"not enough excitation for: {', '.join(result.unexcited)}", markup=False, soft_wrap=True)
     _show_held_out(result, console)
+    level = result.refined.document()["noise_level"] if result.refined else 1.0
+    if level > GOOD_LEVEL:
+        bags = " ".join(str(recording.path) for recording in result.inputs.recordings)
+        console.print(
+            f"from sample to sample the model errs {level:.1f} times as much as noise explains: it lacks something",
+            f"next: ./boom diagnose {bags}", sep="\n", markup=False, soft_wrap=True,
+        )  # fmt: skip
     for why, keys in result.reasons().items():
         if set(keys) <= set(result.unexcited) and "not enough excitation" in why:
             continue  # said above
