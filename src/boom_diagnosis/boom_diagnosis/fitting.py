@@ -26,11 +26,11 @@ HUBER = 4.0
 WHITE = 0.5
 """Loss [nats] per innovation that is white noise and nothing else."""
 SIZES = (1.0, 0.35, 0.1, 0.03)
-"""Shares of a step that are tried, the first ones at once and the others where those gain nothing."""
+"""Shares of a step that are tried, the whole of it at once and the others where nothing gains."""
 AGREE = 0.1
 """Share by which an effect's derivatives to either side may differ to count both."""
 DAMPED = (1e-2, 1e-4)
-"""Shares by which Marquardt stiffens the diagonal, tried beside them: what is hardly told must not hold up what is."""
+"""Shares by which Marquardt stiffens the diagonal, tried before shorter steps: what is hardly told must not hold up what is."""
 LEAST_STEP = 0.3
 """Nats. A step that gains less is the last, and moves the derivatives by nothing that counts."""
 SLOW, FAST = 5e-4, 0.02
@@ -94,7 +94,7 @@ class _Tried:
 
     Attributes:
         here, whole: where it began and the end of the whole step, predicted in one pass.
-        best: end of the best share of it, gain: nats over where it began, by one pass.
+        best: end of the best of all steps, gain: nats over where it began, by one pass.
         columns: of :meth:`Problem.effect_jacobian` at ``best``; None where they are to be taken apart.
     """
 
@@ -267,7 +267,7 @@ class Problem:
         return self.points([self._moved(at, step, names, 1.0)])[0]
 
     def _tried(self, at: Point, jacobian: Array, names: Sequence[Coordinate]) -> _Tried:
-        """A step of Gauss and Newton, in shares.
+        """A step of Gauss and Newton, damped ones, and shares of it.
 
         A pass predicts ``LANES`` points with the same steps of the integrator, so that their nats can be compared to a tenth;
         between passes they differ by some. Where the step begins is predicted with the others, therefore, and so are points
