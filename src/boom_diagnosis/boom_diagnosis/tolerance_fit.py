@@ -19,7 +19,7 @@ from boom_diagnosis.fitting import Z_STEP, Point, Problem
 from boom_diagnosis.free_fit import fitted_to_free_runs
 from boom_diagnosis.hypotheses import LOOSENESS, Fits
 from boom_diagnosis.nuisances import tolerances
-from boom_diagnosis.stretches import excited
+from boom_diagnosis.stretches import excited, stretches
 from boom_diagnosis.weighing import posterior, scatter
 from boom_estimation.free_run import plant_for
 from boom_estimation.sensor_noise import with_measured_noise
@@ -44,13 +44,16 @@ Progress = Callable[[str], None]
 def fit_tolerances(recordings: Sequence[Recording], machine: Machine, progress: Progress) -> Refinement:
     """Numbers of ``machine`` that have a tolerance, from recordings of it; the last part of each is held out.
 
+    Of a long recording the minutes that tell most stand for it.
+
     Loads and moments of mass stay: they belong to the recording and the pose.
 
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
     measured = with_measured_noise(machine, recordings)
-    prepared = [prepare(independent(recording), measured) for recording in recordings]
+    own = stretches([independent(recording) for recording in recordings], [], measured).recordings
+    prepared = [prepare(recording, measured) for recording in own]
     bags = [bag for bag in prepared if bag is not None and excited(bag)]
     if not bags:
         return Refinement(machine, (), ())
