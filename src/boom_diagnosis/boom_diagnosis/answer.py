@@ -28,7 +28,7 @@ from boom_diagnosis.document import (
 )
 from boom_diagnosis.earning import needed
 from boom_diagnosis.experiment import propose
-from boom_diagnosis.fitting import Point, rho
+from boom_diagnosis.fitting import SLOW, Point, rho
 from boom_diagnosis.freerun import UNKNOWN
 from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
@@ -317,11 +317,10 @@ def odds_of(case: Case, unknown: float, *, proved: bool = True) -> Odds:
     stated = round(min(MOST_CERTAIN, unknown), 4) if case.taken or unknown > 0.5 else 0.0
     effects, tolerances = [], 1.0 - stated
     for k, weighed in enumerate(case.weighed):
-        left = k == len(
-            case.taken
-        )  # what was not taken because it gains less than is needed is not likelier than nothing
+        left = k == len(case.taken)  # what was not taken for gaining less than is needed is not likelier than nothing
+        untold = SLOW * max(0.0, case.rounds[k].base.over(case.floor))  # fits end where a step gains less
         nets = [w.net - (needed(case, w) if left else 0.0) for w in weighed]
-        *shares, none = (round(p * (1.0 - stated), 4) for p in probabilities(nets, case.temperature))
+        *shares, none = (round(p * (1.0 - stated), 4) for p in probabilities(nets, case.temperature + untold))
         row = {w.fitted.effect: p for w, p in zip(weighed, shares, strict=True)}
         for effect, stated_of in row.items():
             most = UNTOLD if not _told(case, effect) else 1.0 if proved or effect not in case.named else UNPROVED
