@@ -55,3 +55,14 @@ def test_identify_finds_the_numbers_of_a_crane_that_is_far_from_its_file(tmp_pat
     words = ["--machine", str(found), "--no-report", "--json", str(tmp_path / "seen.json")]
     assert cli.main(["validate", str(STRANGERS / "stranger_5_b"), *words]) == 0
     assert json.loads((tmp_path / "seen.json").read_text())["bags"][0]["agrees"]
+
+
+def test_identify_fits_no_numbers_to_a_command_of_the_wrong_sign(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--machine", str(STRANGERS / "stranger.yaml"), "--no-report", "--json", str(tmp_path / "found.json")]
+    assert cli.main(["identify", str(STRANGERS / "stranger_4_a"), *words]) == 0
+    assert (
+        "repair the recording first: stranger_4_a, /boom/solenoid_currents: the command has" in capsys.readouterr().out
+    )
+    assert not any("in tolerance" in str(row) for row in json.loads((tmp_path / "found.json").read_text()).values())

@@ -23,7 +23,9 @@ from boom_diagnosis.stretches import excited, stretches
 from boom_diagnosis.weighing import posterior, scatter
 from boom_estimation.free_run import plant_for
 from boom_estimation.sensor_noise import with_measured_noise
+from boom_estimation.uncertainty import NINETY
 from boom_identification.estimate import Identified, NotDetermined
+from boom_identification.foresight import NOTHING
 from boom_identification.machine_output import machine_with
 from boom_identification.refine import HELD_OUT, HeldOut, Refinement, free_run_errors
 from boom_model.machine import Machine
@@ -33,10 +35,6 @@ Array = NDArray[np.float64]
 
 MOVED = 0.1
 """Standard deviations from which a number counts as moved."""
-NINETY = 1.645
-"""Standard deviations of half a 90 % interval."""
-NOTHING = 0.9
-"""Share of a tolerance that stays, from which the recordings tell nothing of a number."""
 HOW = "all at once, in tolerance"
 Progress = Callable[[str], None]
 

@@ -200,6 +200,9 @@ def _words(args: argparse.Namespace) -> list[str]:
 
 
 def _refiner(names: list[str] | None, machine: Machine) -> Refiner:
+    from dataclasses import replace
+
+    from boom_checks.doubts import checks
     from boom_diagnosis.tolerance_fit import fit_tolerances
     from boom_estimation.unknown import machine_unknown
     from boom_identification.refine import Refinement, refine
@@ -211,6 +214,10 @@ def _refiner(names: list[str] | None, machine: Machine) -> Refiner:
         near = refine(recordings, machine, say, unknowns=names)
         if near.explains or names or not near.held_out:
             return near
+        doubts = [f"{r.name}, {c.topic}: {c.sentence}" for r in recordings for c in checks(r, machine) if c.spoils]
+        if doubts:  # numbers that make up for a wrong sign are no numbers of the machine
+            missing = [replace(n, why=f"repair the recording first: {doubts[0]}") for n in near.not_determined]
+            return replace(near, not_determined=tuple(missing))
         far = fit_tolerances(recordings, machine, say)
         return far if far.errs < near.errs else near
 
