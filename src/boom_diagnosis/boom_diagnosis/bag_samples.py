@@ -42,6 +42,8 @@ KERNEL = np.ones(2 * SMOOTHED + 1) / (2 * SMOOTHED + 1)
 """Intervals to either side over which the angle is smoothed where there is no gyro."""
 FIRST = 20
 """Intervals whose mean speed is the one at the start where there is no gyro."""
+ANGLES = 200
+"""At which the linkage is closed; between them the piston's position lies on lines."""
 BEGINNING = 0.3
 """s. At the beginning, where the boom rests."""
 
@@ -143,6 +145,14 @@ class Bag:
     def moving(self) -> Flags:
         """(n,) Whether the boom moves."""
         return np.asarray(np.abs(self.speed()[0]) > MOVING)
+
+    def strokes(self, machine: Machine) -> Array:
+        """(n,) piston position [m] at the measured angle, between its samples by lines."""
+        angle = self.samples().measured[:, OUTPUTS.index("angle")]
+        known = np.isfinite(angle)
+        across = np.linspace(angle[known].min(), angle[known].max(), ANGLES)
+        positions = np.array([machine.piston_position(float(q)) for q in across])
+        return np.asarray(np.interp(np.interp(self.time, self.time[known], angle[known]), across, positions))
 
     def pressure_shift(self, delay: float) -> tuple[int, ...]:
         """(NY,) by how many intervals the samples of each channel move if pressures arrive late by ``delay`` [s].

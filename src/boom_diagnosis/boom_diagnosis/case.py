@@ -43,7 +43,7 @@ class Case:
         spared: number of effects -> fit with nominal tolerances, where moving them gains nothing.
         final: all effects at the point that the machine file gets, with all derivatives taken there.
         learned: a term that is plain to see and explains far more than any effect.
-        onset: when a load came in the recordings held out [s].
+        own: numbers of a load that are those of the recordings held out, by dotted name; see ``onset.own``.
     """
 
     machine: Machine
@@ -69,7 +69,7 @@ class Case:
     final: Fitted | None = None
     learned: Learned | None = None
     temperature: float = COLDEST
-    onset: float | None = None
+    own: dict[str, float] = field(default_factory=dict)
 
     def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
         """Components of the parameter vector."""
@@ -119,4 +119,4 @@ class Case:
         """To what was found when the copy was made."""
         self.rounds, self.weighed, self.taken = before.rounds, before.weighed, before.taken
         self.trained, self.spared, self.disproved = before.trained, before.spared, before.disproved
-        self.impossible, self.temperature, self.onset = before.impossible, before.temperature, before.onset
+        self.impossible, self.temperature, self.own = before.impossible, before.temperature, before.own

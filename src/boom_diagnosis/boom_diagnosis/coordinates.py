@@ -11,6 +11,8 @@ from boom_model.catalogue import EFFECTS, Effect, EffectParameter
 STEP, FACTOR_STEP = 1.5e-3, 3e-3
 """Of differences: share of an effect's range, and relative change of a positive number. As small as those of the tolerances, or an
 effect that is a number's being off would have another derivative than that number."""
+BEFORE = -1.0
+"""s. A time before the recording."""
 DELAY_STEP = 0.05
 """The same share for an effect that moves samples between intervals."""
 
@@ -72,10 +74,12 @@ def _coordinate(effect: Effect, row: EffectParameter) -> Coordinate:
         low = -row.high if effect.load else 0.0
     if row.positive:
         low, high = max(row.minimum, row.low / 3.0, 1e-30), min(row.maximum, row.high * 3.0)
+    if not row.positive:
+        low, high = min(low, row.neutral), max(high, row.neutral)
     share = DELAY_STEP if effect.delays else STEP
     step = FACTOR_STEP if row.positive else share * max(abs(row.low), abs(row.high))
     if onset:
-        low, high, step = 0.0, 1e4, 0.1
+        low, high, step = BEFORE, 1e4, 0.1
     name = f"effects.{effect.id}.{row.name}"
     return Coordinate(
         name, row.unit, low, high, step, row.positive, (row.low, row.high), row.form, onset, bool(effect.delays)
@@ -96,6 +100,9 @@ def starts(effect: Effect, lasting: float) -> list[dict[str, float]]:
     for row in effect.parameters:
         if row.name == effect.onset:  # the time is searched without runs, see search.onset
             result = [{**point, f"effects.{effect.id}.{row.name}": 0.5 * lasting} for point in result]
+        elif (effect.parameters[0].name, row.name) in effect.steps:  # as well, from the beginning
+            name, time = (f"effects.{effect.id}.{own}" for own in (row.name, effect.onset))
+            result += [{**point, name: 0.5 * (row.low + row.high), time: BEFORE} for point in result]
         elif row.starts:
             result = [{**point, f"effects.{effect.id}.{row.name}": v} for point in result for v in row.starts]
     return result

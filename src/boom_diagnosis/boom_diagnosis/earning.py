@@ -14,7 +14,8 @@ from boom_diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.hypotheses import Round, noticed, problem_at
 from boom_diagnosis.nuisances import TWIN_Z
-from boom_diagnosis.onset import onset, onset_of, time_in
+from boom_diagnosis.onset import onset_of, steps_in
+from boom_diagnosis.onset import own as own_numbers
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.prediction import CURRENT_NOISE
 from boom_diagnosis.proof import worsening
@@ -24,6 +25,7 @@ from boom_diagnosis.weighing import (
     OTHER_FORM,
     TOO_SMALL,
     Weighed,
+    forgotten,
     occam,
     possible,
     precision,
@@ -106,7 +108,11 @@ def _share_of_clear_rest(case: Case, best: Weighed) -> float:
 
 def needed(case: Case, best: Weighed) -> float:
     """Nats that an effect must gain; of one that explains most of a clear rest the effects before ask nothing."""
-    return chance(case) if _share_of_clear_rest(case, best) > MOST_OF_REST else least(case, case.rounds[-1].problem)
+    return (
+        chance(case)
+        if _share_of_clear_rest(case, best) > MOST_OF_REST
+        else _beside_others(case, case.rounds[-1].problem)
+    )
 
 
 def _bearable(case: Case, best: Weighed) -> float:
@@ -191,7 +197,11 @@ def _early(case: Case, f: Fitted) -> bool:
     """Whether an effect is a load that comes before the boom has moved."""
     if not EFFECTS[f.effect].lasting:
         return False
-    return f.point.effects[onset_of(f.effect)] < min(float(bag.time[bag.moving()][0]) for bag in case.bags)
+    here = f.point.effects
+    lowest = min(float(bag.strokes(case.machine).min()) for bag in case.bags)
+    if any(here[stroke] > lowest for _, stroke in steps_in(here)):
+        return False
+    return here[onset_of(f.effect)] < min(float(bag.time[bag.moving()][0]) for bag in case.bags)
 
 
 def _hardly_beyond(case: Case, f: Fitted) -> bool:
@@ -247,28 +257,28 @@ def _held_out(
         case.machine, case.proving, [bag.counted for bag in case.proving], case.nuisances, best.z, best.effects,
         found.problem.predictor.looseness,
     )  # fmt: skip
-    effects = [_own_onset(others, p) for p, _ in hypotheses]
-    case.onset = effects[1].get(time_in(effects[1]), case.onset)
+    owned = [own_numbers(others, p.z, p.effects) for p, _ in hypotheses]
+    effects = [{**p.effects, **own} for (p, _), own in zip(hypotheses, owned, strict=True)]
+    case.own = owned[1] or case.own
     points = others.points([(p.z, e) for (p, _), e in zip(hypotheses, effects, strict=True)])
     tolerances = others.nuisance_jacobian(points[1])
     losses = []
-    for (fitted, _), point, own, k in zip(hypotheses, points, names, known, strict=True):
-        columns = others.effect_jacobian(point, own) if own else np.zeros((len(point.w), 0))
-        held = predictive_loss(point.w, np.concatenate([tolerances, columns], axis=1), k)
+    for (fitted, _), point, searched, k, own in zip(hypotheses, points, names, known, owned, strict=True):
+        columns = others.effect_jacobian(point, searched) if searched else np.zeros((len(point.w), 0))
+        untold = {count + i: c.precision for i, c in enumerate(searched) if c.name in own}
+        held = predictive_loss(point.w, np.concatenate([tolerances, columns], axis=1), forgotten(k, untold))
         losses.append((fitted.loss, held))
     return losses
 
 
-def _own_onset(problem: Problem, point: Point) -> dict[str, float]:
-    """Effects of a point as they are in the recordings held out: when a load came is their own."""
-    effects = dict(point.effects)
-    if time := time_in(effects):
-        effects[time] = onset(problem, point.z, effects)
-    return effects
+def least(case: Case, problem: Problem, base: Point) -> float:
+    """Nats that some effect must gain from ``base``, net: it asks less where it explains most of a clear rest."""
+    most = MOST_OF_REST * base.over(case.floor) if clear(case, base) else np.inf
+    return max(chance(case), min(most, _beside_others(case, problem)))
 
 
-def least(case: Case, problem: Problem) -> float:
-    """Nats that an effect must gain, net: more than what the form of the effects before leaves of them, too."""
+def _beside_others(case: Case, problem: Problem) -> float:
+    """The same where it explains less: more than what the form of the effects before leaves of them, too."""
     return chance(case) + OTHER_FORM * _gained_before(case, problem)
 
 

@@ -174,7 +174,7 @@ def run_round(
     progress: Progress,
     nominal: Nominal | None = None,
     tight: bool = False,
-    least: Callable[[Problem], float] = lambda _: 0.0,
+    least: Callable[[Problem, Point], float] = lambda _, __: 0.0,
 ) -> Round:
     """Fits the tolerances (with the effects in ``values``), looks at all others, fits the best, weighs them.
 
@@ -212,7 +212,7 @@ def run_round(
         grouped.setdefault(candidate.effect, []).append(candidate)
     progress("fitting effects", 0.5)
     most = LOOSELY if searching.predictor.looseness == LOOSENESS[-1] else REFINED
-    needed = least(searching)
+    needed = least(searching, base)
     promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING * needed][:most]
     twins = [EFFECTS[effect].lasting for effect in promising]  # they may be one and the same
     promising = list(dict.fromkeys([*promising, *(twin for twin in twins if twin in grouped)]))

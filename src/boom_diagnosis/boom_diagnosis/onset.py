@@ -1,4 +1,8 @@
-"""When an effect began in a recording that was not fitted: its time is that recording's own, all else is kept."""
+"""What is a recording's own: when a load came there, or how heavy the load was and from which stroke on it hung.
+
+A load that rests on the ground below a piston position is another one in every recording; when one is grasped, it is the same.
+All else is kept.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.fitting import Point, Problem
+from boom_diagnosis.fitting import Point, Problem, weights
 from boom_model.catalogue import EFFECTS
 
 Array = NDArray[np.float64]
@@ -16,6 +20,8 @@ COARSE, FINE = 2.0, (0.5, 0.1, 0.03)
 """s. Distances of the times that are tried: first over the recording, then about the best."""
 NEAR = 1.0
 """s."""
+STROKES, CLOSER = 16, (4.0, 16.0)
+"""Piston positions that are tried over the stroke of a recording, and how many times closer to each other about the best."""
 
 
 def onset_of(effect: str) -> str:
@@ -23,9 +29,61 @@ def onset_of(effect: str) -> str:
     return f"effects.{effect}.{EFFECTS[effect].onset}"
 
 
+def steps_in(effects: Mapping[str, float]) -> list[tuple[str, str]]:
+    """Dotted names of mass and stroke of each load among these effects that rests on the ground below a stroke."""
+    names = [
+        (f"effects.{effect}.{mass}", f"effects.{effect}.{stroke}")
+        for effect in dict.fromkeys(name.split(".")[1] for name in effects)
+        for mass, stroke in EFFECTS[effect].steps
+    ]
+    return [(mass, stroke) for mass, stroke in names if effects[stroke] != neutral(stroke)]
+
+
+def neutral(name: str) -> float:
+    """Value at which a number of an effect, by its dotted name, does nothing."""
+    _, effect, parameter = name.split(".")
+    return next(row.neutral for row in EFFECTS[effect].parameters if row.name == parameter)
+
+
 def time_in(values: Iterable[str]) -> str:
     """Dotted name of the time at which an effect among these begins; empty where none does."""
     return next((name for name in values if name == onset_of(name.split(".")[1])), "")
+
+
+def own(problem: Problem, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
+    """The numbers of a load, by dotted name, that are the own ones of the recordings of ``problem``; empty without one."""
+    if steps_in(effects):
+        return _lifted(problem, z, effects)
+    time = time_in(effects)
+    return {time: onset(problem, z, effects)} if time else {}
+
+
+def _lifted(problem: Problem, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
+    """The likeliest masses [kg] and strokes [m] of a load, one step after the other, twice.
+
+    At each stroke the mass by a step of Gauss and Newton.
+    """
+    p, steps = problem.predictor, steps_in(effects)
+    strokes = np.concatenate([bag.strokes(p.machine) for bag in p.bags])
+    low, apart = float(strokes.min()), float(np.ptp(strokes)) / STROKES
+    best = problem.points([(z, {**effects, **{mass: 0.0 for mass, _ in steps}})])[0]
+    for mass, stroke in steps * min(len(steps), 2):
+        size = effects[mass]
+        without = problem.points([(z, {**best.effects, mass: 0.0})])[0]
+        for closer in (0.0, *CLOSER):
+            near = best.effects[stroke] + apart / max(closer, 1.0) * np.arange(-3, 4)
+            tried = near if closer else low + apart * np.arange(STROKES)
+            beside = problem.points([(z, {**best.effects, mass: size, stroke: float(s)}) for s in tried])
+            masses = [size * _share(without, point) for point in beside]
+            wanted = [(z, {**best.effects, stroke: float(s), mass: m}) for s, m in zip(tried, masses, strict=True)]
+            best = min([best, *problem.points(wanted)], key=lambda point: point.loss)
+    return {name: best.effects[name] for step in steps for name in step}
+
+
+def _share(without: Point, beside: Point) -> float:
+    """Of what was changed between two points, the share that serves best."""
+    change, omega = beside.w - without.w, weights(without)
+    return -float(change @ (omega * without.w)) / max(float(change @ (omega * change)), 1e-9)
 
 
 def onset(problem: Problem, z: Array, effects: Mapping[str, float]) -> float:

@@ -24,7 +24,7 @@ from boom_diagnosis.prediction import beyond
 from boom_diagnosis.weighing import Z90
 from boom_estimation.free_run import FreeRun
 from boom_input.channels import SENSORS
-from boom_model.catalogue import EFFECTS, beginning
+from boom_model.catalogue import EFFECTS
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine, Pose
 from boom_recording.recording import Recording
@@ -54,7 +54,7 @@ class Proved(Protocol):
     elsewhere: tuple[Elsewhere, ...]
     nuisances: tuple[Nuisance, ...]
     seed: int
-    onset: float | None
+    own: dict[str, float]
     trained: list[Point]
     healthy_squares: Array
 
@@ -118,16 +118,17 @@ class Driven:
 
 
 def placed(machine: Machine, case: Proved, span: Span) -> Machine:
-    """The machine in a recording: a load that changes does so at that recording's own time, in a block at the same moment."""
-    onset = case.onset if any(bag.recording is span.recording for bag in case.proving) else None
+    """The machine in a recording: a load has what is that recording's own, and in a block it changes at the same moment."""
+    effects = {name: dict(values) for name, values in machine.effects.items()}
+    if any(bag.recording is span.recording for bag in case.proving):
+        for name, value in case.own.items():
+            _, effect, parameter = name.split(".")
+            if effect in effects:
+                effects[effect][parameter] = value
     later = next((b.later for b in case.elsewhere if b.recording is span.recording), None)
-    if later is not None:
-        onset = next(
-            (max(0.0, v[EFFECTS[e].onset] - later) for e, v in machine.effects.items() if EFFECTS[e].onset), None
-        )
-    if onset is None:
-        return machine
-    effects = beginning(machine.effects, onset)
+    for effect, values in effects.items() if later else ():
+        if time := EFFECTS[effect].onset:
+            values[time] = max(0.0, values[time] - (later or 0.0))
     return machine if effects == machine.effects else machine.with_effects(effects)
 
 

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.coordinates import Coordinate, coordinates, starts
 from boom_diagnosis.fitting import WHITE, Point, Problem, weights
-from boom_diagnosis.onset import near_onset, onset_of, time_in
+from boom_diagnosis.onset import near_onset, neutral, onset_of, steps_in, time_in
 from boom_model.catalogue import CATALOGUE, EFFECTS, Effect
 
 Array = NDArray[np.float64]
 
 TIMED = 100.0
-"""Nats from which on the time of a load is looked for once more."""
+"""Nats from which on the time of a load, or another step of it, is looked for once more."""
 STEPS, GLANCE = 5, 2
 """Of Gauss-Newton for an effect, and those after which one that is far behind another is left."""
 FURTHER = 6
@@ -157,11 +157,11 @@ class Scanner:
     def _candidate(self, effect: str, start: dict[str, float], column: Array) -> Candidate:
         gain, size = self.gain(column[:, None])
         leading = _leading(effect, start)
-        neutral = _neutral(leading.name)
-        value = neutral + float(size[0]) * (start[leading.name] - neutral)
+        nothing = neutral(leading.name)
+        value = nothing + float(size[0]) * (start[leading.name] - nothing)
         low = max(leading.low, -self.load) if EFFECTS[effect].load else leading.low
         clipped = float(np.clip(value, low, leading.high))
-        share = (clipped - neutral) / (start[leading.name] - neutral)
+        share = (clipped - nothing) / (start[leading.name] - nothing)
         if abs(share) <= 0.02 < abs(size[0]):  # it would have to leave its limits
             gain = 0.0
         elif clipped != value:  # the parabola at the limit
@@ -179,22 +179,35 @@ class Scanner:
                 grouped.setdefault(c.effect, []).append(c)
         for effect, own in grouped.items():
             values = {
-                name: next((c.values[name] for c in own if c.values[name] != _neutral(name)), _neutral(name))
+                name: next((c.values[name] for c in own if c.values[name] != neutral(name)), neutral(name))
                 for name in own[0].values
             }
             result.append(Candidate(effect, values, sum(c.gain for c in own)))
         return result
 
     def _onset(self, effect: str, start: dict[str, float], column: Array) -> Candidate:
-        """A mass that comes at t_g: ``column``, what a lasting one changes, from t_g on (the observer forgets in a second)."""
-        times = np.concatenate(
-            [np.broadcast_to(bag.time[:, None], s.shape)[s] for bag, s in zip(
-                self.problem.predictor.bags, self.problem.rows, strict=True)]
-        )  # fmt: skip
-        order = np.argsort(times, kind="stable")
-        t, s, w = times[order], column[order], (self.omega * self._w)[order]
+        """A mass that comes at t_g, or above s_g: there, ``column``, what a lasting one changes."""
+        mass, place = coordinates(EFFECTS[effect])[0].name, onset_of(effect)
+        bags = self.problem.predictor.bags
+        for own, stroke in steps_in(start):
+            mass, place = own, stroke
+        lifted = place != onset_of(effect)
+        where = [bag.strokes(self.problem.predictor.machine) if lifted else bag.time for bag in bags]
+        size, at, gain = self._beyond(where, column, start[mass])
+        return Candidate(effect, {**start, mass: size, place: at}, gain)
+
+    def _beyond(self, where: Sequence[Array], column: Array, mass: float) -> tuple[float, float, float]:
+        """Best size, place and gain of what changes the innovations as ``mass`` does, ``column``, beyond a place and not before.
+
+        where: of each recording (n,) places, times or strokes. The observer forgets in a second.
+        """
+        places = np.concatenate(
+            [np.broadcast_to(v[:, None], s.shape)[s] for v, s in zip(where, self.problem.rows, strict=True)]
+        )
+        order = np.argsort(places, kind="stable")
+        t, s, w = places[order], column[order], (self.omega * self._w)[order]
         omega, nw = self.omega[order], self._weighted[order]
-        # sums over all samples behind a time
+        # sums over all samples beyond a place
         score = np.cumsum((s * w)[::-1])[::-1]
         power = np.cumsum((omega * s * s)[::-1])[::-1]
         cross = np.cumsum((nw * s[:, None])[::-1], axis=0)[::-1]
@@ -202,12 +215,23 @@ class Scanner:
         c = cross[pick]
         projected = power[pick] - np.einsum("ij,jk,ik->i", c, self._factor, c)
         g = score[pick] - c @ self._factor @ self._score
-        mass = coordinates(EFFECTS[effect])[0].name
-        masses = -start[mass] * g / np.maximum(projected, 1e-9)
+        masses = -mass * g / np.maximum(projected, 1e-9)
         gains = np.where(masses < -self.load, 0.0, 0.5 * g * g / np.maximum(projected, 1e-9))
         k = int(np.argmax(gains))
-        found = {mass: float(masses[k]), onset_of(effect): float(t[pick[k]])}
-        return Candidate(effect, {**start, **found}, float(gains[k]))
+        return float(masses[k]), float(t[pick[k]]), float(gains[k])
+
+    def next_step(self, effect: str, values: dict[str, float]) -> dict[str, float]:
+        """A load that leaves the ground, ``values`` by dotted name, with one step more where it has one left; else none."""
+        used = steps_in(values)
+        left = [(f"effects.{effect}.{mass}", f"effects.{effect}.{stroke}") for mass, stroke in EFFECTS[effect].steps]
+        left = [step for step in left if step not in used]
+        if not used or not left:
+            return {}
+        (mass, stroke), first = left[0], used[0][0]
+        here = self.problem.points([(self.at.z, {**self.at.effects, **lasting(effect, values)})])[0]
+        where = [bag.strokes(self.problem.predictor.machine) for bag in self.problem.predictor.bags]
+        size, at, _ = self._beyond(where, here.w - self.at.w, values[first])
+        return {mass: size, stroke: at}
 
     def follow(self, columns: Array, size: Array) -> Array:
         """z that the tolerances would take if the innovations changed by columns @ size."""
@@ -246,25 +270,37 @@ def refine(
         enough = at.loss - point.loss + (before.loss - point.loss) > at_least or point.loss <= level
         if leading and enough:
             point, own = problem.fit(point, own, names, iterations=STEPS - GLANCE, further=FURTHER)
-            if time_in(candidate.values) and at.loss - point.loss > TIMED:  # the loss over a time has many valleys
-                point, own = problem.fit(near_onset(problem, point), own[:, :count], names, iterations=STEPS)
+            if time_in(candidate.values) and at.loss - point.loss > TIMED:
+                point, own = _placed(problem, point, own, names)
         reached.append((point, own))
     point, final = min(reached, key=lambda r: r[0].loss)
     losses = tuple(r[0].loss for r in reached)
     return Fitted(candidates[0].effect, point, names, final, at.loss - point.loss, losses, glanced)
 
 
+def _placed(problem: Problem, point: Point, jacobian: Array, names: Sequence[Coordinate]) -> tuple[Point, Array]:
+    """A load fitted on: from the likeliest time near by, as the loss over a time has many valleys, or with another step."""
+    count = len(point.z)
+    if not steps_in(point.effects):
+        return problem.fit(near_onset(problem, point), jacobian[:, :count], names, iterations=STEPS)
+    effect = time_in(point.effects).split(".")[1]
+    step = Scanner(problem, point, jacobian).next_step(effect, point.effects)
+    start = problem.points([(point.z, {**point.effects, **step})])[0]
+    further, own = problem.fit(start, jacobian[:, :count], names, iterations=STEPS, further=FURTHER)
+    return (further, own) if point.loss - further.loss > TIMED else (point, jacobian)
+
+
 def _start(scanner: Scanner, candidate: Candidate) -> Point:
     """The best of a few points on the way to the candidate, with the tolerances where they are and where they follow."""
     at = scanner.at
-    leading = {name for name, value in candidate.values.items() if value != _neutral(name)}
+    leading = {name for name, value in candidate.values.items() if value != neutral(name)}
     companions = {c.name for c in coordinates(EFFECTS[candidate.effect])[1:]}
     if not EFFECTS[candidate.effect].independent:
         leading -= companions
     wanted = []
     for share in STARTS:
         values = {
-            n: (_neutral(n) + share * (v - _neutral(n)) if n in leading else v) for n, v in candidate.values.items()
+            n: (neutral(n) + share * (v - neutral(n)) if n in leading else v) for n, v in candidate.values.items()
         }
         wanted.append((at.z, {**at.effects, **values}))
     if candidate.probe:
@@ -308,15 +344,10 @@ def _as_it_is(effect: Effect) -> bool:
 def _leading(effect: str, start: Mapping[str, float]) -> Coordinate:
     """The number of an effect that a probe moves in proportion."""
     own = coordinates(EFFECTS[effect])
-    moved = [c for c in own if start[c.name] != _neutral(c.name)]
+    moved = [c for c in own if start[c.name] != neutral(c.name)]
     return moved[0] if EFFECTS[effect].independent else own[0]
 
 
 def _scaled(effect: str, start: dict[str, float], share: float) -> dict[str, float]:
     name = _leading(effect, start).name
-    return {**start, name: _neutral(name) + share * (start[name] - _neutral(name))}
-
-
-def _neutral(name: str) -> float:
-    _, effect, parameter = name.split(".")
-    return next(row.neutral for row in EFFECTS[effect].parameters if row.name == parameter)
+    return {**start, name: neutral(name) + share * (start[name] - neutral(name))}

@@ -18,7 +18,7 @@ from boom_diagnosis.healthy import simulated
 from boom_diagnosis.hypotheses import LOOSENESS, problem_at
 from boom_diagnosis.learning import Learned, Setting
 from boom_diagnosis.nuisances import Nuisance
-from boom_diagnosis.onset import onset, time_in
+from boom_diagnosis.onset import own, time_in
 from boom_diagnosis.prediction import mean_squares
 from boom_diagnosis.weighed_numbers import distinct
 from boom_estimation.posterior import HypothesisFit, fit
@@ -49,7 +49,7 @@ class WeighedCase:
         base, last: the likeliest machine without effects, and with them. trained: the same, then with the first, the first two
             effects, ..., fitted to ``training`` alone.
         floor: loss per innovation of a healthy machine with the same currents; healthy: its recordings.
-        onset: when a load came in the recordings held out [s]. learned: a term that explains what is unknown.
+        own: as of ``case.Case``. learned: a term that explains what is unknown.
     """
 
     machine: Machine
@@ -69,7 +69,7 @@ class WeighedCase:
     healthy: list[Bag] = field(default_factory=list)
     healthy_squares: Array = field(default_factory=lambda: np.ones(len(OUTPUTS)))
     twin: bool = False
-    onset: float | None = None
+    own: dict[str, float] = field(default_factory=dict)
     learned: Learned | None = None
 
     @property
@@ -201,11 +201,10 @@ def _train(case: WeighedCase, system: CraneSystem) -> None:
         if part is not system:
             at = fit(replace(at.problem, system=part), at.c, at.v, turns=TRAINING_TURNS, known=at.linearised or None)
         case.trained.append(case.seen(at.c[: len(case.nuisances)], effect_values(at)))
-    time = time_in(case.last.effects)
-    if case.proving and time:
+    if case.proving and time_in(case.last.effects):
         z, effects = case.trained[-1].z, case.trained[-1].effects
         select = [bag.counted for bag in case.proving]
-        case.onset = onset(problem_at(case.machine, case.proving, select, case.nuisances, z, effects, 1.0), z, effects)
+        case.own = own(problem_at(case.machine, case.proving, select, case.nuisances, z, effects, 1.0), z, effects)
 
 
 def _calibrate(case: WeighedCase) -> None:

@@ -7,7 +7,7 @@ no model is exactly right: nats that no hypothesis explains make all of them les
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, log, pi, sqrt
 
@@ -89,6 +89,25 @@ def predictive_loss(w: Array, jacobian: Array, known: Array) -> float:
     scaled, moved = _unit(both, scale), gradient / scale
     spread = np.linalg.slogdet(scaled)[1] - np.linalg.slogdet(_unit(known, scale))[1]
     return rho(w) - 0.5 * float(moved @ np.linalg.solve(scaled, moved)) + 0.5 * float(spread)
+
+
+def forgotten(known: Array, untold: Mapping[int, float]) -> Array:
+    """A precision of which nothing is known of some unknowns, as of what is another recording's own: they have their prior's.
+
+    untold: unknown -> precision of its prior.
+    """
+    if not untold:
+        return known
+    own, prior = np.array(list(untold)), list(untold.values())
+    kept = np.setdiff1d(np.arange(len(known)), own)
+    scale = _scale(known)
+    unit = _unit(known, scale)
+    across = unit[np.ix_(kept, own)]
+    left = unit[np.ix_(kept, kept)] - across @ np.linalg.solve(unit[np.ix_(own, own)], across.T)
+    result = np.zeros_like(known)
+    result[np.ix_(kept, kept)] = left * np.outer(scale[kept], scale[kept])
+    result[own, own] = prior
+    return result
 
 
 def _scale(normal: Array) -> Array:
@@ -190,7 +209,9 @@ def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
     result = {}
     for k, c in enumerate(fitted.coordinates, start=count):
         value = fitted.point.effects[c.name]
-        if is_none(c.name, value):
+        if is_none(c.name, value) or (
+            c.onset and value < 0.0
+        ):  # a load that lies on the ground has been there all along
             continue
         spread = Z90 * sqrt(max(float(covariance[k]), 0.0) + c.form**2)
         if c.onset:

@@ -12,6 +12,7 @@ import casadi as ca
 from boom_model.catalogue import EFFECTS
 from boom_model.catalogue.terms import Terms
 from boom_model.component_numbers import components_of
+from boom_model.components import equation_of_motion, payload
 from boom_model.equations import Equations
 from boom_model.regularisation import Expression
 
@@ -36,6 +37,10 @@ def settled(m: Equations, values: dict[str, Expression], p: Any, e: Terms) -> li
     values = dict(values)
     for component in m.structure:
         values |= component.rest(values, p, e)
+    position = m.structure.linkage.piston_position(values["angle"], p)
+    values["load"] = equation_of_motion.load_mass(
+        p, e, position, payload.mass(m.structure.steps, lambda: 0.0, position, p)
+    )
     for effect in (EFFECTS[name] for name in m.effects):
         if effect.at_rest:
             values |= effect.at_rest(values, p, e)

@@ -1,31 +1,36 @@
 """An elastic mode of the boom between cylinder and IMU, which acts back on the cylinder. Not in the thesis.
 
-One mode on top of the rigid rotation q_2 at the cylinder, x the angle that it adds where the IMU sits (Lagrange):
+One mode on top of the rigid rotation q_2 at the cylinder, x the angle that it adds to the boom's outer part (Lagrange), D_c the
+inertia with the load that the configuration tells, D with all loads, r = D / D_c - 1 what is picked up, g_r its torque:
 
-    x'' + 2 zeta omega x' + omega^2 x = -Gamma q_2'',   omega = 2 pi f
-    D q_2'' + mu Gamma D x'' = J f_p - tau_f - g(q_2)
-    measured angle q_2 + x, measured rate q_2' + x'
+    (mu + r) x'' + mu (2 zeta omega x' + omega^2 x) = -Gamma ((mu + r) q_2'' + g_r / D_c),   omega = 2 pi f
+    D q_2'' + Gamma (mu + r) D_c x'' = J f_p - tau_f - g(q_2)
+    measured angle q_2 + eta x, measured rate q_2' + eta x'
 
-Gamma is how much of the boom's angular acceleration excites the mode where it is measured, mu the modal mass there over D. Two
-masses on a joint spring are Gamma = 1, mu = D_2 / D: the boom's outer part D_2 behind a stiffness omega^2 D_2, in cranes 1.5e6 to
-2.2e6 N m/rad; f is the frequency with the cylinder held, there 1.5 to 5 Hz with zeta .014 to .02. Solved for q_2'':
+Gamma is how much of the boom's angular acceleration excites the mode there, mu the modal mass over D_c, eta the share of x that the
+angle's sensor sees: 1 of an IMU on the outer part, 0 of an encoder in the bearing, where the mode shows in the pressures only. Two
+masses on a joint spring are Gamma = 1, mu = D_2 / D_c: the boom's outer part D_2 behind a stiffness omega^2 D_2, in cranes 1.5e6 to
+2.2e6 N m/rad; f is the frequency with the cylinder held, there 1.5 to 5 Hz with zeta .014 to .02. A load hangs on the outer part:
+it lowers the frequency, and what is picked up pulls there first. Solved for q_2'':
 
-    (1 - mu Gamma^2) D q_2'' = J f_p - tau_f - g(q_2) + mu Gamma D (2 zeta omega x' + omega^2 x)
+    (1 + r - Gamma^2 (mu + r)) D_c q_2'' = J f_p - tau_f - g(q_2) + Gamma mu D_c (2 zeta omega x' + omega^2 x) + Gamma^2 g_r
 
-The sag under the own weight is part of the angle's zero. Neutral Gamma = 0: no states.
+The sag under the weight that was told is part of the angle's zero. Neutral Gamma = 0: no states.
 """
 
+from collections.abc import Mapping
 from math import inf, pi
 from typing import Any
 
 import casadi as ca
 
 from boom_model.catalogue.effect import Effect, parameter
+from boom_model.components.equation_of_motion import inertia
 from boom_model.regularisation import Expression
 from boom_model.state import State
 
-LEAST_RIGID = 0.05
-"""Share of the inertia that stays at the cylinder at least."""
+LEAST_RIGID, LEAST_MODAL = 0.05, 0.1
+"""Shares of the inertia that stays at the cylinder at least, and of the modal mass that is left when a load is set down."""
 
 
 def _restoring(own: Any) -> Expression:
@@ -34,34 +39,56 @@ def _restoring(own: Any) -> Expression:
     return 2 * own.zeta * omega * own.state("bend_rate") + omega * omega * own.state("bend")
 
 
-def _acceleration(acceleration: Expression, own: Any, _at: Any) -> Expression:
-    back = own.mu * own.gain
-    return (acceleration + back * _restoring(own)) / ca.fmax(1 - back * own.gain, LEAST_RIGID)
+def _weight(angle: Expression, load: Expression, p: Any) -> Expression:
+    """Torque [N m] over D_c of the load that was picked up."""
+    x, y = p.pose.tip[0], p.pose.tip[1]
+    torque = (load - p.pose.load) * p.constants.g * (x * ca.cos(angle) - y * ca.sin(angle))
+    return torque / inertia(p.pose.load, p)
 
 
-def _seen_angle(angle: Expression, own: Any, at: Any) -> Expression:
+def _acceleration(acceleration: Expression, own: Any, at: Any) -> Expression:
+    picked_up = at.inertia / inertia(at.p.pose.load, at.p) - 1.0
+    modal = ca.fmax(own.mu + picked_up, LEAST_MODAL * own.mu)
+    pulled = own.mu * _restoring(own) + own.gain * _weight(at.angle, at.load, at.p)
+    rigid = ca.fmax(1.0 + picked_up - own.gain**2 * modal, LEAST_RIGID)
+    result = ((1.0 + picked_up) * acceleration + own.gain * pulled) / rigid
     own.rates["bend"] = own.state("bend_rate")
-    own.rates["bend_rate"] = -own.gain * at.acceleration - _restoring(own)
-    return angle + own.state("bend")
+    own.rates["bend_rate"] = -own.gain * result - pulled / modal
+    return result
+
+
+def _at_rest(states: Mapping[str, Expression], p: Any, e: Any) -> dict[str, Expression]:
+    own = e.numbers("boom_flexibility")
+    sag = own.gain * _weight(states["angle"], states["load"], p) / (own.mu * (2 * pi * own.f) ** 2)
+    return {"bend": -sag}
+
+
+def _seen_angle(angle: Expression, own: Any, _at: Any) -> Expression:
+    return angle + own.eta * own.state("bend")
+
+
+def _seen_rate(rate: Expression, own: Any, _at: Any) -> Expression:
+    return rate + own.eta * own.state("bend_rate")
 
 
 # What is slower or more damped than the modes of a steel boom, as far as its intervals tell, is the mode of another body.
 EFFECT = Effect(
     "boom_flexibility", "structure", "5.39a",
-    "y = q_2 + x, x'' + 2 zeta omega x' + omega^2 x = -Gamma q_2'', D (q_2'' + mu Gamma x'') = torque",
+    "y = q_2 + eta x, x'' + 2 zeta omega x' + omega^2 x = -Gamma q_2'', D (q_2'' + mu Gamma x'') = torque",
     ("the boom", "bends between cylinder and angle sensor"), "rings in angle and pressures after stops",
     (
         parameter("gain", "-", 0.0, (0.1, 1.0), (0.0, 5.0), "Gamma, share of the acceleration that excites the mode",
-                  almost_nothing=1e-3),
+                  starts=(1.0,), almost_nothing=1e-3),
         parameter("f", "Hz", 2.5, (1.5, 5.0), (0.1, 50.0), "frequency of the mode", positive=True,
-                  starts=(1.0, 1.25, 1.5, 1.8, 2.2, 2.7, 3.3, 4.0, 5.0), possible=(1.0, inf), surely=True),
+                  starts=(1.0, 1.25, 1.5, 1.8, 2.2, 2.7, 3.3, 4.0, 5.0, 6.2), possible=(1.0, inf), surely=True),
         parameter("zeta", "-", 0.02, (0.01, 0.05), (0.0, 2.0), "damping ratio of the mode", positive=True,
                   possible=(-inf, 0.05), surely=True),
-        parameter("mu", "-", 0.3, (0.1, 0.7), (0.0, 0.95), "modal mass where the angle is measured, over D", positive=True),
+        parameter("mu", "-", 0.3, (0.1, 0.7), (0.0, 0.95), "modal mass over D", positive=True),
+        parameter("eta", "-", 1.0, (0.0, 1.0), (0.0, 1.0), "share of the mode that the angle's sensor sees", starts=(1.0, 0.0)),
     ),
     {
         "angular_acceleration": _acceleration,
-        "seen_angle": _seen_angle, "seen_rate": lambda rate, own, at: rate + own.state("bend_rate"),
+        "seen_angle": _seen_angle, "seen_rate": _seen_rate,
     },
-    place=1, states=(State("bend", "x", "rad", 1e-2, -1.0, 1.0), State("bend_rate", "x'", "rad/s", 0.1)),
+    place=1, at_rest=_at_rest, states=(State("bend", "x", "rad", 1e-2, -1.0, 1.0), State("bend_rate", "x'", "rad/s", 0.1)),
 )  # fmt: skip

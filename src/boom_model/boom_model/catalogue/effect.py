@@ -20,7 +20,7 @@ QUANTITIES: dict[str, str] = {
     "coulomb_friction": "tau_C, its size without direction [N m]; at.angle, at.rate",
     "sliding_friction": "tau_C tanh(w / sigma) [N m]; at.rate, at.coulomb",
     "friction_torque": "tau_f [N m]; at.angle, at.rate",
-    "angular_acceleration": "q_2'' [rad/s^2]; at.angle, at.rate, at.inertia, at.torque, at.p",
+    "angular_acceleration": "q_2'' [rad/s^2]; at.angle, at.rate, at.inertia, at.load, at.torque, at.p",
     "seen_angle": "q_2 where the angle is measured [rad]; at.acceleration [rad/s^2]",
     "seen_rate": "q_2' where it is measured [rad/s]",
     "leakage": "q_l from the head to the rod side [m^3/s]; at.head_pressure, at.rod_pressure",
@@ -120,7 +120,8 @@ class Effect:
         terms: quantity of the equations (``QUANTITIES``) -> what the effect makes of it. May be empty for a delay.
         place: in the order of its subsystem, in which terms are applied and tables are written.
         states: states that it brings while active; it is then left out of the reduced model.
-        at_rest: (states so far, p, e) -> values of its own states of a boom that has rested, where these are not zero.
+        at_rest: (states so far, p, e) -> values of its own states of a boom that has rested, where these are not zero;
+            ``load`` [kg] among the states is what hangs at the tip.
         check: (its numbers, machine); raises MachineError where both do not go together.
         holds: it shuts the head side, whose pressure p_a then carries the boom whatever the hose's is; hose and head side are two
             volumes then.
@@ -131,6 +132,7 @@ class Effect:
         load: a load, which may be less than nothing: as much as was told to hang there. Of others that are plausible on one side
             of neutral there are none on the other.
         onset: parameter that is the time at which it begins in a recording.
+        steps: of a load each mass and the piston position below which that rests on the ground.
         lasting: effect that it is if it began before the recording, with parameters of the same names.
         margin: the prior reaches so far beyond the plausible range, in widths of it.
         sets_in: shares of a probe that are tried, of an effect that does nothing up to some size and soon far too much.
@@ -158,6 +160,7 @@ class Effect:
     delays: Literal["", "command", "pressures"] = ""
     load: bool = False
     onset: str = ""
+    steps: tuple[tuple[str, str], ...] = ()
     lasting: str = ""
     margin: float = 1.5
     sets_in: tuple[float, ...] = (1.0,)
