@@ -198,8 +198,8 @@ def _early(case: Case, f: Fitted) -> bool:
     if not EFFECTS[f.effect].lasting:
         return False
     here = f.point.effects
-    lowest = min(float(bag.strokes(case.machine).min()) for bag in case.bags)
-    if any(here[stroke] > lowest for _, stroke in steps_in(here)):
+    lifted = [here[stroke] for _, stroke in steps_in(here)]
+    if lifted and max(lifted) > min(float(bag.strokes(case.machine).min()) for bag in case.bags):
         return False
     return here[onset_of(f.effect)] < min(float(bag.time[bag.moving()][0]) for bag in case.bags)
 

@@ -36,7 +36,7 @@ def steps_in(effects: Mapping[str, float]) -> list[tuple[str, str]]:
         for effect in dict.fromkeys(name.split(".")[1] for name in effects)
         for mass, stroke in EFFECTS[effect].steps
     ]
-    return [(mass, stroke) for mass, stroke in names if effects[stroke] != neutral(stroke)]
+    return [(mass, stroke) for mass, stroke in names if effects.get(stroke, neutral(stroke)) != neutral(stroke)]
 
 
 def neutral(name: str) -> float:

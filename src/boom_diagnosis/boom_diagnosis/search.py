@@ -193,13 +193,13 @@ class Scanner:
             mass, place = own, stroke
         lifted = place != onset_of(effect)
         where = [bag.strokes(self.problem.predictor.machine) if lifted else bag.time for bag in bags]
-        size, at, gain = self._beyond(where, column, start[mass])
+        size, at, gain = self._beyond(where, column, start[mass], coordinates(EFFECTS[effect])[0].high)
         return Candidate(effect, {**start, mass: size, place: at}, gain)
 
-    def _beyond(self, where: Sequence[Array], column: Array, mass: float) -> tuple[float, float, float]:
+    def _beyond(self, where: Sequence[Array], column: Array, mass: float, high: float) -> tuple[float, float, float]:
         """Best size, place and gain of what changes the innovations as ``mass`` does, ``column``, beyond a place and not before.
 
-        where: of each recording (n,) places, times or strokes. The observer forgets in a second.
+        where: of each recording (n,) places, times or strokes. high: largest size. The observer forgets in a second.
         """
         places = np.concatenate(
             [np.broadcast_to(v[:, None], s.shape)[s] for v, s in zip(where, self.problem.rows, strict=True)]
@@ -216,7 +216,8 @@ class Scanner:
         projected = power[pick] - np.einsum("ij,jk,ik->i", c, self._factor, c)
         g = score[pick] - c @ self._factor @ self._score
         masses = -mass * g / np.maximum(projected, 1e-9)
-        gains = np.where(masses < -self.load, 0.0, 0.5 * g * g / np.maximum(projected, 1e-9))
+        outside = (masses < -self.load) | (masses > high)
+        gains = np.where(outside, 0.0, 0.5 * g * g / np.maximum(projected, 1e-9))
         k = int(np.argmax(gains))
         return float(masses[k]), float(t[pick[k]]), float(gains[k])
 
@@ -230,7 +231,7 @@ class Scanner:
         (mass, stroke), first = left[0], used[0][0]
         here = self.problem.points([(self.at.z, {**self.at.effects, **lasting(effect, values)})])[0]
         where = [bag.strokes(self.problem.predictor.machine) for bag in self.problem.predictor.bags]
-        size, at, _ = self._beyond(where, here.w - self.at.w, values[first])
+        size, at, _ = self._beyond(where, here.w - self.at.w, values[first], coordinates(EFFECTS[effect])[0].high)
         return {mass: size, stroke: at}
 
     def follow(self, columns: Array, size: Array) -> Array:

@@ -64,17 +64,17 @@ def test_unknown_physics_is_likely_where_much_of_the_mismatch_stays() -> None:
 @pytest.mark.parametrize(
     ("values", "load", "expected"),
     [
-        ({"payload_change": {"mass": -16.6, "t_g": 3.0}}, 0.0, False),
-        ({"payload_change": {"mass": -16.6, "t_g": 3.0}}, 20.0, True),
-        ({"payload_change": {"mass": 4.0, "t_g": 3.0}}, 0.0, True),
+        ({"payload_change": {"mass": -16.6, "t_g": 3.0, "s_g": -1.0, "mass_2": 0.0, "s_2": 10.0}}, 0.0, False),
+        ({"payload_change": {"mass": -16.6, "t_g": 3.0, "s_g": -1.0, "mass_2": 0.0, "s_2": 10.0}}, 20.0, True),
+        ({"payload_change": {"mass": 4.0, "t_g": 3.0, "s_g": -1.0, "mass_2": 0.0, "s_2": 10.0}}, 0.0, True),
         ({"presliding_friction": {"compliance": 2.5e-5}}, 0.0, False),
         ({"presliding_friction": {"compliance": 1.8e-5}}, 0.0, True),
         ({"presliding_friction": {"compliance": 1.8e-6}}, 0.0, True),
         ({"presliding_friction": {"compliance": 5.4e-8}}, 0.0, True),
         ({"presliding_friction": {"compliance": 4e-8}}, 0.0, False),
-        ({"boom_flexibility": {"gain": 0.02, "f": 0.9, "zeta": 0.02, "mu": 0.3}}, 0.0, False),
-        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.08, "mu": 0.3}}, 0.0, False),
-        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.02, "mu": 0.3}}, 0.0, True),
+        ({"boom_flexibility": {"gain": 0.02, "f": 0.9, "zeta": 0.02, "mu": 0.3, "eta": 1.0}}, 0.0, False),
+        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.08, "mu": 0.3, "eta": 1.0}}, 0.0, False),
+        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.02, "mu": 0.3, "eta": 1.0}}, 0.0, True),
         ({"rate_scale": {"a": 0.9}}, 0.0, True),
     ],
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import exp, pi, tanh
+from math import cos, exp, pi, sin, tanh
 from typing import Any
 
 import numpy as np
@@ -99,14 +99,40 @@ def test_swinging_load_at_rest_pulls_like_one_that_sticks(tz17: Any, effects: An
     assert float(states.rates["swing_rate"]) == pytest.approx(-5.8335 * expected / 2.0)
 
 
-def test_elastic_mode_rings_at_its_frequency_and_is_seen(effects: Any, held: Any) -> None:
-    mode = {"gain": 0.1, "f": 2.0, "zeta": 0.0}
+def test_elastic_mode_rings_at_its_frequency_and_is_seen(tz17: Any, effects: Any, held: Any) -> None:
+    mode = {"gain": 0.1, "f": 2.0, "zeta": 0.0, "mu": 0.5, "eta": 0.4}
     bent, still = held(bend=0.01, bend_rate=0.2), held(bend=0.0, bend_rate=0.0)
+    q = namespace(tz17.values(tz17.pose(0.28, 2.8, 100.0)))
+    at = {"angle": 0.3, "rate": 0.0, "inertia": float(equation_of_motion.inertia(100.0, q)), "torque": 0.0, "p": q}
     e = effects(bent, boom_flexibility=mode)
-    assert (e.through("seen_angle", 0.3, acceleration=0.0), e.through("seen_rate", 0.1)) == pytest.approx((0.31, 0.3))
-    assert bent.rates["bend_rate"] == pytest.approx(-0.01 * (4 * pi) ** 2)
-    effects(still, boom_flexibility=mode).through("seen_angle", 0.3, acceleration=3.0)
-    assert still.rates["bend_rate"] == pytest.approx(-0.3)
+    back = float(e.through("angular_acceleration", 0.0, **at))
+    assert back == pytest.approx(0.1 * 0.5 * 0.01 * (4 * pi) ** 2 / (1 - 0.5 * 0.1**2))
+    assert (e.through("seen_angle", 0.3), e.through("seen_rate", 0.1)) == pytest.approx((0.304, 0.18))
+    assert float(bent.rates["bend_rate"]) == pytest.approx(-0.01 * (4 * pi) ** 2 - 0.1 * back)
+    forced = float(effects(still, boom_flexibility=mode).through("angular_acceleration", 3.0, **at))
+    assert float(still.rates["bend_rate"]) == pytest.approx(-0.1 * forced)
+
+
+def test_a_load_on_a_bending_boom_lowers_its_frequency_and_pulls_at_the_outer_part_first(
+    tz17: Any, effects: Any, held: Any
+) -> None:
+    """Two masses on a spring (Gamma = 1): at once the load's weight moves the outer one alone; held still it sags by g_r / k."""
+    q = namespace(tz17.values(tz17.pose(0.28, 2.8)))
+    own, load, angle = float(equation_of_motion.inertia(0.0, q)), 500.0, 0.3
+    at = {"angle": angle, "rate": 0.0, "inertia": float(equation_of_motion.inertia(load, q)), "p": q}
+    x, y = q.pose.tip
+    weight = load * q.constants.g * (x * cos(angle) - y * sin(angle))
+    mode = {"gain": 1.0, "f": 2.0, "zeta": 0.0, "mu": 0.4}
+    still = held(bend=0.0, bend_rate=0.0)
+    inner = effects(still, boom_flexibility=mode).through(
+        "angular_acceleration", -weight / at["inertia"], torque=0.0, **at
+    )
+    assert float(inner) == pytest.approx(0.0, abs=1e-9)
+    assert float(still.rates["bend_rate"]) == pytest.approx(-weight / (0.4 * own + at["inertia"] - own))
+    sagging = held(bend=-weight / (0.4 * own * (4 * pi) ** 2), bend_rate=0.0)
+    sunk = effects(sagging, boom_flexibility=mode).through("angular_acceleration", 0.0, torque=0.0, **at)
+    assert float(sunk) == pytest.approx(0.0, abs=1e-9)  # the cylinder carries the load
+    assert float(sagging.rates["bend_rate"]) == pytest.approx(0.0, abs=1e-9)
 
 
 # ------------------------------------------------------------------------------------------------------------- friction

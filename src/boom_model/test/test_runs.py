@@ -376,7 +376,7 @@ def test_effect_shows_at_both_ends_of_its_range(tz17: Machine, exercise: Any, ef
     nominal_plant, time, currents, nominal = exercise
     start = nominal_plant.outputs(nominal_plant.equilibrium(0.2))
     for end in ("low", "high"):
-        shape = {"w_s", "q_c", "width", "t_g", "s_g", "T", "f", "zeta", "length"} - {
+        shape = {"w_s", "q_c", "width", "t_g", "s_g", "T", "f", "zeta", "length", "eta"} - {
             row.name for row in effect.parameters[:1]
         }  # say where a term acts, not how strongly: kept
         values = {row.name: row.neutral if row.name in shape else getattr(row, end) for row in effect.parameters}

@@ -39,17 +39,16 @@ def _restoring(own: Any) -> Expression:
     return 2 * own.zeta * omega * own.state("bend_rate") + omega * omega * own.state("bend")
 
 
-def _weight(angle: Expression, load: Expression, p: Any) -> Expression:
-    """Torque [N m] over D_c of the load that was picked up."""
+def _weight(angle: Expression, picked_up: Expression, p: Any) -> Expression:
+    """g_r / D_c [1/s^2] of the share r of D_c that was picked up at the tip."""
     x, y = p.pose.tip[0], p.pose.tip[1]
-    torque = (load - p.pose.load) * p.constants.g * (x * ca.cos(angle) - y * ca.sin(angle))
-    return torque / inertia(p.pose.load, p)
+    return picked_up * p.constants.g * (x * ca.cos(angle) - y * ca.sin(angle)) / (x * x + y * y)
 
 
 def _acceleration(acceleration: Expression, own: Any, at: Any) -> Expression:
     picked_up = at.inertia / inertia(at.p.pose.load, at.p) - 1.0
     modal = ca.fmax(own.mu + picked_up, LEAST_MODAL * own.mu)
-    pulled = own.mu * _restoring(own) + own.gain * _weight(at.angle, at.load, at.p)
+    pulled = own.mu * _restoring(own) + own.gain * _weight(at.angle, picked_up, at.p)
     rigid = ca.fmax(1.0 + picked_up - own.gain**2 * modal, LEAST_RIGID)
     result = ((1.0 + picked_up) * acceleration + own.gain * pulled) / rigid
     own.rates["bend"] = own.state("bend_rate")
@@ -59,8 +58,8 @@ def _acceleration(acceleration: Expression, own: Any, at: Any) -> Expression:
 
 def _at_rest(states: Mapping[str, Expression], p: Any, e: Any) -> dict[str, Expression]:
     own = e.numbers("boom_flexibility")
-    sag = own.gain * _weight(states["angle"], states["load"], p) / (own.mu * (2 * pi * own.f) ** 2)
-    return {"bend": -sag}
+    picked_up = inertia(states["load"], p) / inertia(p.pose.load, p) - 1.0
+    return {"bend": -own.gain * _weight(states["angle"], picked_up, p) / (own.mu * (2 * pi * own.f) ** 2)}
 
 
 def _seen_angle(angle: Expression, own: Any, _at: Any) -> Expression:
@@ -84,7 +83,7 @@ EFFECT = Effect(
         parameter("zeta", "-", 0.02, (0.01, 0.05), (0.0, 2.0), "damping ratio of the mode", positive=True,
                   possible=(-inf, 0.05), surely=True),
         parameter("mu", "-", 0.3, (0.1, 0.7), (0.0, 0.95), "modal mass over D", positive=True),
-        parameter("eta", "-", 1.0, (0.0, 1.0), (0.0, 1.0), "share of the mode that the angle's sensor sees", starts=(1.0, 0.0)),
+        parameter("eta", "-", 1.0, (0.0, 1.0), (0.0, 2.0), "share of the mode that the angle's sensor sees", starts=(1.0, 0.0)),
     ),
     {
         "angular_acceleration": _acceleration,
