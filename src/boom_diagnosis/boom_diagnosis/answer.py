@@ -33,7 +33,7 @@ from boom_diagnosis.freerun import UNKNOWN
 from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import links, locate
-from boom_diagnosis.must_keep import kept, told, worse_channels
+from boom_diagnosis.must_keep import kept, told, worse_channels, worse_on_the_whole
 from boom_diagnosis.prediction import beyond, gained
 from boom_diagnosis.proof import (
     bag_result,
@@ -146,9 +146,10 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     spans = spans_of(case)
     taken = machines_of(case, "identified", None) if case.taken else {}
     done = [free_runs(m, case, spans) for m in taken.values()]
-    odds = odds_of(
-        case, unknown, proved=not case.taken or not worse_channels(held_out(dict(zip(taken, done, strict=True)), spans))
-    )
+    driven = held_out(dict(zip(taken, done, strict=True)), spans) if case.taken else {}
+    if case.taken and worse_on_the_whole(driven):
+        unknown = max(unknown, 1.0 - UNTOLD)
+    odds = odds_of(case, unknown, proved=not case.taken or not worse_channels(driven))
     cells = [regimes.classify(bag) for bag in case.bags]
     findings = _findings(case, odds, cells)
     ranked = ranking(case, odds, findings)
@@ -168,7 +169,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         order = sorted(rest_equations, key=lambda e: -e.statistical)
         learned = learn(case.setting, case.trained[-1], [e.key for e in order[:LEARNT_IN]])
     proof = proof_of(case, verdict, learned, spans, done)
-    learned, driven, fit = proof.learned, proof.driven, proof.fit
+    learned, fit = proof.learned, proof.fit
     plain = case.learned if learned else None
     if verdict == "unknown_physics":
         findings = [_unknown_finding(case, odds, cells, tight, rest_equations, plain), *findings]
@@ -185,9 +186,9 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         verdict, tuple(findings), _subsystems(ranked, findings), fit, said, about.seed, about.inputs_sha256, about.version,
         tuple(ranked), hypotheses=_hypotheses(case, odds, max(rest_equations, key=lambda e: e.statistical + e.chain).key),
     )  # fmt: skip
-    bags = tuple(bag_result(case, i, cells, inputs, tight.nominal[i], driven) for i in range(len(case.bags))) + tuple(
-        proving_result(case, i, driven) for i in range(len(case.proving))
-    )
+    bags = tuple(
+        bag_result(case, i, cells, inputs, tight.nominal[i], proof.driven) for i in range(len(case.bags))
+    ) + tuple(proving_result(case, i, proof.driven) for i in range(len(case.proving)))
     explained = plain.point.parts if plain else tight.explained
     left = plain.point.excess(case.floor) if plain else tight.excess_after
     left_over = remaining(fit, tight.excess_before, left) if verdict not in ("no_mismatch", "parameters_only") else ""

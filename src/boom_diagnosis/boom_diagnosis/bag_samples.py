@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import hypot, sqrt
 
@@ -192,6 +193,18 @@ def _origin(recording: Recording) -> float:
     around = np.sort(np.array(phases))
     gaps = np.diff(np.append(around, around[0] + 1.0))
     return (float(around[int(np.argmax(gaps))]) % 1.0 - 1.0) * PERIOD
+
+
+def told_apart(
+    recordings: Sequence[Recording], held_out: Sequence[Recording]
+) -> tuple[list[Recording], list[Recording]]:
+    """Recordings that bear one name, as those of two days may, with names of their own."""
+    seen, result = dict[str, int](), list[Recording]()
+    for recording in (*recordings, *held_out):
+        seen[recording.name] = seen.get(recording.name, 0) + 1
+        number = seen[recording.name]
+        result.append(recording if number == 1 else replace(recording, name=f"{recording.name} ({number})"))
+    return result[: len(recordings)], result[len(recordings) :]
 
 
 def prepare(recording: Recording, machine: Machine | None = None, *, aligned: bool = False) -> Bag | None:

@@ -27,9 +27,21 @@ def told(effect: str, numbers: Mapping[str, Estimate]) -> bool:
 
 def worse_channels(held_out: Mapping[str, Sequence[float]]) -> list[str]:
     """Channels whose free runs over data not used (errors by stage) are worse than with parameters only, in words."""
+    return _said(_worsened(held_out), WORSE)
+
+
+def worse_on_the_whole(held_out: Mapping[str, Sequence[float]]) -> bool:
+    """Whether these free runs are worse by the geometric mean of the channels: then it is not what was found that is missing."""
+    ratio = _worsened(held_out)
+    known = ratio[~np.isnan(ratio)]
+    return bool(len(known) and np.mean(np.log(np.maximum(known, 1e-12))) > np.log(WORSE))
+
+
+def _worsened(held_out: Mapping[str, Sequence[float]]) -> Array:
+    """(NY,) errors of what was explained over those of parameters only; infinite where only the former end early."""
     explained, before = (np.array(held_out[k], dtype=float) for k in ("explained", "parameters_only"))
     ended = np.isfinite(before) & ~np.isfinite(explained)
-    return _said(np.where(ended, np.inf, explained / np.maximum(before, 1e-12)), WORSE)
+    return np.where(ended, np.inf, explained / np.maximum(before, 1e-12))
 
 
 def far_channels(fit: Fit, factor: float) -> list[str]:

@@ -202,8 +202,8 @@ def held_out(driven: Mapping[str, Driven], spans: Spans) -> dict[str, tuple[floa
 
 
 def _errors(runs: Sequence[FreeRun], part: Sequence[Span], spans: Spans) -> list[Errors]:
-    names = [s.recording.name for s in spans.all]
-    return [errors(s, runs[names.index(s.recording.name)]) for s in part]
+    driven = {id(s.recording): run for s, run in zip(spans.all, runs, strict=True)}  # several may bear one name
+    return [errors(s, driven[id(s.recording)]) for s in part]
 
 
 def fit_and_ladder(

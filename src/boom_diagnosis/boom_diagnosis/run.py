@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from boom_checks.doubts import first_look
 from boom_checks.sampling import independent
 from boom_diagnosis import answer, weighed_answer
-from boom_diagnosis.bag_samples import Bag, prepare
+from boom_diagnosis.bag_samples import Bag, prepare, told_apart
 from boom_diagnosis.calibration import calibrate
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import all_coordinates
@@ -79,6 +79,7 @@ def diagnose(
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
+    recordings, held_out = told_apart(recordings, held_out)
     machine = with_measured_noise(machine, recordings)
     about = answer.About(seed, version, dict(inputs_sha256 or {}), command)
     progress("doubting the recordings", 0.0)

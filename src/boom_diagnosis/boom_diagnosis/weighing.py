@@ -209,9 +209,7 @@ def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
     result = {}
     for k, c in enumerate(fitted.coordinates, start=count):
         value = fitted.point.effects[c.name]
-        if is_none(c.name, value) or (
-            c.onset and value < 0.0
-        ):  # a load that lies on the ground has been there all along
+        if is_none(c.name, value) or (c.onset and value < GRASP):  # what lies on the ground was there before
             continue
         spread = Z90 * sqrt(max(float(covariance[k]), 0.0) + c.form**2)
         if c.onset:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from boom_diagnosis.document import Estimate, Finding, Fit
-from boom_diagnosis.must_keep import kept, told
+from boom_diagnosis.must_keep import kept, told, worse_on_the_whole
 
 FLOOR = (0.01, 0.02, 0.02, 0.03)
 
@@ -37,6 +37,17 @@ def test_an_unsure_answer_that_makes_held_out_runs_worse_says_so_too(verdict: st
     kind, _, notes = kept(verdict, [finding(0.49)], fit((0.01, 0.02, 0.02, 0.6)), True)  # type: ignore[arg-type]
     assert kind == verdict
     assert "unproved" in notes[0]
+
+
+@pytest.mark.parametrize(
+    ("explained", "worse"),
+    [((0.1, 2.0, 0.5, 0.5), False), ((0.25, 2.0, 1.0, 0.5), True), ((0.1, 0.1, float("nan"), 0.1), True)],
+    ids=["one channel", "on the whole", "ends early"],
+)
+def test_what_makes_held_out_runs_worse_on_the_whole_is_not_what_is_missing(
+    explained: tuple[float, ...], worse: bool
+) -> None:
+    assert worse_on_the_whole(fit(explained).held_out) is worse
 
 
 def test_a_run_that_ends_early_is_worse_than_any_error() -> None:

@@ -1,0 +1,41 @@
+"""A load that rests on the ground below a stroke is found with its mass and stroke, another one in each recording."""
+
+import numpy as np
+from diagnosis_samples import tz17
+from test_diagnosis import noisy
+
+from boom_diagnosis.onset import steps_in
+from boom_diagnosis.run import diagnose
+from boom_recording.recording import Recording
+
+
+def lifting(seed: int, mass: float, angle: float) -> tuple[Recording, float]:
+    """A recording in which a load leaves the ground at an angle, and the stroke there."""
+    machine = tz17()
+    stroke = machine.piston_position(angle)
+    return noisy(
+        machine.with_effects({"payload_change": {"mass": mass, "t_g": -1.0, "s_g": stroke}}), 24.0, seed
+    ), stroke
+
+
+def test_a_load_that_leaves_the_ground_is_found_and_another_one_in_a_recording_of_the_same_name_that_is_held_out() -> (
+    None
+):
+    first, stroke = lifting(1, 500.0, 0.57)
+    second, _ = lifting(2, 250.0, 0.5)
+    document = diagnose([first], tz17(), held_out=[second]).document
+    assert (document.verdict, [f.effect for f in document.findings]) == ("identified", ["payload_change"])
+    numbers = document.findings[0].parameters
+    assert set(numbers) == {"mass", "s_g"}  # neither a time nor a second step
+    np.testing.assert_allclose(numbers["mass"].value, 500.0, rtol=0.1)
+    np.testing.assert_allclose(numbers["s_g"].value, stroke, atol=0.01)
+    assert document.fit.held_out_bags == ("made (2)",)
+    assert np.all(np.array(document.fit.held_out["explained"]) < 3.0 * np.array(document.fit.noise_floor))
+
+
+def test_a_load_acts_by_stroke_where_a_stroke_is_told() -> None:
+    p = "effects.payload_change."
+    timed = {p + "mass": 100.0, p + "t_g": 3.0, p + "s_g": -1.0, p + "mass_2": 0.0, p + "s_2": 10.0}
+    assert steps_in(timed) == []
+    assert steps_in(timed | {p + "s_g": 0.3}) == [(p + "mass", p + "s_g")]
+    assert steps_in(timed | {p + "s_g": 0.3, p + "s_2": 0.2}) == [(p + "mass", p + "s_g"), (p + "mass_2", p + "s_2")]
