@@ -43,7 +43,7 @@ class Case:
         spared: number of effects -> fit with nominal tolerances, where moving them gains nothing.
         final: all effects at the point that the machine file gets, with all derivatives taken there.
         learned: a term that is plain to see and explains far more than any effect.
-        own: numbers of a load that are those of the recordings held out, by dotted name; see ``onset.own``.
+        own: numbers that are those of the recordings held out, by dotted name; see ``onset.own``.
     """
 
     machine: Machine

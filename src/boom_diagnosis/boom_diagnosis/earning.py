@@ -246,17 +246,25 @@ def _split(
     return result
 
 
+def placed_by_itself(case: Case, found: Round) -> dict[str, float]:
+    """What is the own of the recordings held out, without effects."""
+    others = _proving(case, found.base, found.problem.predictor.looseness)
+    return own_numbers(others, found.base.z, found.base.effects)
+
+
+def _proving(case: Case, at: Point, looseness: float) -> Problem:
+    """The recordings held out, with the gains of a point."""
+    select = [bag.counted for bag in case.proving]
+    return problem_at(case.machine, case.proving, select, case.nuisances, at.z, at.effects, looseness)
+
+
 def _held_out(
     case: Case, found: Round, hypotheses: Sequence[tuple[Point, Array]], names: Sequence[Sequence[Coordinate]]
 ) -> list[tuple[float, float]]:
     """Loss of each hypothesis on the data used and on recordings not used [nats]; its numbers are known as the data used tell."""
     count = len(case.nuisances)
     known = [precision(point, jacobian, count) for point, jacobian in hypotheses]
-    best = found.fitted[0].point
-    others = problem_at(
-        case.machine, case.proving, [bag.counted for bag in case.proving], case.nuisances, best.z, best.effects,
-        found.problem.predictor.looseness,
-    )  # fmt: skip
+    others = _proving(case, found.fitted[0].point, found.problem.predictor.looseness)
     owned = [own_numbers(others, p.z, p.effects) for p, _ in hypotheses]
     effects = [{**p.effects, **own} for (p, _), own in zip(hypotheses, owned, strict=True)]
     case.own = owned[1] or case.own
@@ -265,7 +273,8 @@ def _held_out(
     losses = []
     for (fitted, _), point, searched, k, own in zip(hypotheses, points, names, known, owned, strict=True):
         columns = others.effect_jacobian(point, searched) if searched else np.zeros((len(point.w), 0))
-        untold = {count + i: c.precision for i, c in enumerate(searched) if c.name in own}
+        untold = {i: 1.0 for i, n in enumerate(case.nuisances) if n.name in own}
+        untold |= {count + i: c.precision for i, c in enumerate(searched) if c.name in own}
         held = predictive_loss(point.w, np.concatenate([tolerances, columns], axis=1), forgotten(k, untold))
         losses.append((fitted.loss, held))
     return losses

@@ -1,4 +1,4 @@
-"""What is a recording's own: when a load came there, or how heavy the load was and from which stroke on it hung.
+"""What is a recording's own: how late its log shows the currents, when a load came, or how heavy it was and from which stroke on.
 
 A load that rests on the ground below a piston position is another one in every recording; when one is grasped, it is the same.
 All else is kept.
@@ -20,6 +20,8 @@ COARSE, FINE = 2.0, (0.5, 0.1, 0.03)
 """s. Distances of the times that are tried: first over the recording, then about the best."""
 NEAR = 1.0
 """s."""
+CLOCKS = 9
+"""Dead times of a log that are tried."""
 STROKES, CLOSER = 16, (4.0, 16.0)
 """Piston positions that are tried over the stroke of a recording, and how many times closer to each other about the best."""
 
@@ -51,11 +53,31 @@ def time_in(values: Iterable[str]) -> str:
 
 
 def own(problem: Problem, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
-    """The numbers of a load, by dotted name, that are the own ones of the recordings of ``problem``; empty without one."""
+    """The numbers, by dotted name, that are the own ones of the recordings of ``problem``: of its log's clock, and of a load."""
+    clock = _clock(problem, z, effects)
+    beside = {**effects, **clock}
     if steps_in(effects):
-        return _lifted(problem, z, effects)
+        return clock | _lifted(problem, z, beside)
     time = time_in(effects)
-    return {time: onset(problem, z, effects)} if time else {}
+    return clock | ({time: onset(problem, z, beside)} if time else {})
+
+
+def _clock(problem: Problem, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
+    """The likeliest dead time [s] of the commands against their log: a log's own is anywhere within its range."""
+    clock = next((n for n in problem.nuisances if n.label), None)
+    if clock is None:
+        return {}
+    low, high = clock.ends
+    if clock.name in effects:  # a dead time of the machine, and the clock of the recording that it was found in
+        low, high = effects[clock.name] - (high - low), effects[clock.name] + (high - low)
+    apart = (high - low) / (CLOCKS - 1)
+    best = None
+    for tried in (np.linspace(low, high, CLOCKS), apart * np.arange(-3, 4) / 4.0):
+        times = tried if best is None else np.clip(best.effects[clock.name] + tried, low, high)
+        points = problem.points([(z, {**effects, clock.name: float(t)}) for t in times])
+        best = min([*points, *([best] if best else [])], key=lambda point: point.loss)
+    assert best is not None
+    return {clock.name: best.effects[clock.name]}
 
 
 def _lifted(problem: Problem, z: Array, effects: Mapping[str, float]) -> dict[str, float]:

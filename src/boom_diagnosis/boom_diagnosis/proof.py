@@ -118,13 +118,13 @@ class Driven:
 
 
 def placed(machine: Machine, case: Proved, span: Span) -> Machine:
-    """The machine in a recording: a load has what is that recording's own, and in a block it changes at the same moment."""
+    """The machine in a recording: clock and load are that recording's own, and in a block the load changes at the same moment."""
     effects = {name: dict(values) for name, values in machine.effects.items()}
     if any(bag.recording is span.recording for bag in case.proving):
         for name, value in case.own.items():
             _, effect, parameter = name.split(".")
-            if effect in effects:
-                effects[effect][parameter] = value
+            if effect in effects or (machine is not case.machine and not EFFECTS[effect].load):
+                effects.setdefault(effect, {})[parameter] = value
     later = next((b.later for b in case.elsewhere if b.recording is span.recording), None)
     for effect, values in effects.items() if later else ():
         if time := EFFECTS[effect].onset:

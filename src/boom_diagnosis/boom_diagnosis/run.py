@@ -17,7 +17,7 @@ from boom_diagnosis.calibration import calibrate
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.document import DiagnosisResult
-from boom_diagnosis.earning import chance, clear, least, settle, take, weigh
+from boom_diagnosis.earning import chance, clear, least, placed_by_itself, settle, take, weigh
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.free_fit import fit_to_free_runs
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, rebased, run_round
@@ -239,6 +239,8 @@ def _judge(case: Case, found: Round) -> bool:
     if k == 0:
         if not case.healthy:
             calibrate(case, found)
+        if case.proving:
+            case.own = placed_by_itself(case, found)
         case.trained[:] = [settle(case, 0, found.problem, found.base, found.jacobian, ())]
     case.weighed[k:] = [weigh(case, found)]
     taken = take(case)
