@@ -39,8 +39,8 @@ FIRST_STEP = 1e-4
 FAST, FINE = 1e-4, 1e-6
 """Tolerances of the error control. Measured over a 60 s recording they give errors of about the same size."""
 PULLED = -1.0e7
-"""Pa gauge: p_a down to which a run continues on request, although oil evaporates at -1 bar. No sensor measures p_a, and the data
-after such a moment can still be compared."""
+"""Pa gauge: pressures down to which a run continues on request, although oil evaporates at -1 bar: what is recorded after such a
+moment can still be compared."""
 LARGEST_SPOOL = 4.0
 """Times s_max: beyond, a run ends with an error. The spool has no end stop in the equations; 0.7 A push it to 1.6 s_max."""
 
@@ -102,10 +102,11 @@ class Plant(CompiledModel):
         return other
 
     def through_evaporation(self) -> Plant:
-        """The same, with runs that go on where the oil of the head side would evaporate, as if it could be pulled at."""
+        """The same, with runs that go on where the oil of the cylinder or hose would evaporate, as if it could be pulled at."""
         other = copy(self)
         other.minimum = self.minimum.copy()
-        other.minimum[self.state_names.index("head_pressure")] = PULLED
+        for name in {"head_pressure", "hose_pressure", "rod_pressure"} & set(self.state_names):
+            other.minimum[self.state_names.index(name)] = PULLED
         return other
 
     # ------------------------------------------------------------------------------------------------ initial states
