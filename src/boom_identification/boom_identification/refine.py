@@ -52,6 +52,8 @@ _WIDEST = 0.10
 _WIDEST_AREA = 0.05
 _MOTION, _SHORTEST_MOTION = 0.02, 2.0
 """rad/s, far above the gyro's noise; s."""
+_MOVED_WITHIN = 0.1
+"""s. Over which the angle's difference is the rate where no gyro is."""
 
 
 @dataclass(frozen=True)
@@ -92,8 +94,9 @@ class Refinement:
 
     @property
     def errs(self) -> float:
-        """Median of the errors of free runs over the held-out blocks, over recordings and channels."""
-        return float(np.median([error for row in self.held_out for error in row.after.values()] or [np.inf]))
+        """Median of the errors of free runs over the held-out blocks, over recordings and measured channels."""
+        errors = [error for row in self.held_out for error in row.after.values() if np.isfinite(error)]
+        return float(np.median(errors or [np.inf]))
 
     def document(self) -> dict[str, Any]:
         """For ``identify --json``, key ``refinement``."""
@@ -175,9 +178,12 @@ def _unknowns(machine: Machine) -> list[str]:
 
 def _moves(experiment: PreparedRecording) -> bool:
     """Whether the boom moves long enough in the training data: a boom at rest shows only its sensors."""
-    moving = 0.0
+    moving, apart = 0.0, max(1, round(_MOVED_WITHIN / experiment.period))
     for segment in experiment.segments:
         rate = segment.measured[segment.training, OUTPUTS.index("rate")]
+        if not np.isfinite(rate).any():
+            angle = segment.measured[segment.training, OUTPUTS.index("angle")]
+            rate = (angle[apart:] - angle[:-apart]) / (apart * experiment.period)
         moving += experiment.period * np.count_nonzero(np.abs(rate[np.isfinite(rate)]) > _MOTION)
     return moving > _SHORTEST_MOTION
 

@@ -138,6 +138,8 @@ def _points(recording: Recording, machine: Machine) -> tuple[dict[str, Array], d
     pose = pose_of(recording, machine)
     p, e = component_parameters(machine, pose)
     table = recording.on_grid(PERIOD)
+    if not np.isfinite(table.columns["rate"]).any():  # no gyro: the window smooths the angle's derivative
+        table.columns["rate"] = np.gradient(table.columns["angle"], PERIOD)
     known = np.logical_and.reduce([np.isfinite(table.columns[name]) for name in _CHANNELS])
     n = len(table.time)
     raw = {name: np.full(n, np.nan) for name in _CHANNELS}
