@@ -138,13 +138,15 @@ _WRITTEN = ("output", "json", "report", "write_mapping", "document")
 
 def _keep_inputs(given: Mapping[str, Any]) -> None:
     """Raises UsageError: what would be written is an input, lies in a bag that is one, or is written twice."""
-    written = [(f"--{n.replace('_', '-')}", Path(given[n]).resolve()) for n in _WRITTEN if _names_a_path(given.get(n))]
+    written = [
+        (f"--{n.replace('_', '-')}", Path(os.path.realpath(given[n]))) for n in _WRITTEN if _names_a_path(given.get(n))
+    ]
     for k, (option, path) in enumerate(written):
         twice = next((other for other, same in written[:k] if same == path), "")
         if twice:
             raise UsageError(f"{twice} and {option} are the same file, {path.name}: give each a path of its own")
     words = (w for n, v in given.items() if n not in _WRITTEN for w in (v if isinstance(v, list) else [v]))
-    for source in (Path(word).resolve() for word in words if _names_a_path(word)):
+    for source in (Path(os.path.realpath(word)) for word in words if _names_a_path(word)):
         if not (source.is_file() or (source.is_dir() and any(source.glob("metadata.yaml")))):
             continue
         for option, path in written:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from boom_bringup.cli import UsageError
 from boom_input.whole import one_writer, write_whole
+from boom_recording.errors import RecordingError
 
 if TYPE_CHECKING:
     from boom_recording.recording import Recording
@@ -51,7 +52,7 @@ def default_report(command: str, bags: Sequence[str] = ()) -> Path:
         ) from None
     name = command
     for first in (Path(bag) for bag in bags[:1]):
-        name += f"-{first.stem if first.suffix in ('.mcap', '.zstd', '.yaml') else first.resolve().name}"
+        name += f"-{first.stem if first.suffix in ('.mcap', '.zstd', '.yaml') else os.path.basename(os.path.realpath(first))}"
     more = f"-and-{len(bags) - 1}-more" if len(bags) > 1 else ""
     path = checked(str(folder / f"{name}{more}.html"), "report")
     assert path is not None
@@ -115,6 +116,12 @@ def held(given: str | Path) -> Iterator[Path]:
         lock.__exit__(None, None, None)
 
 
+def refuse_existing(path: Path) -> None:
+    """Raises UsageError where there is something."""
+    if os.path.lexists(path):
+        raise UsageError(f"{path} exists already: give another --output, nothing is overwritten")
+
+
 @contextmanager
 def new_bag(path: Path) -> Iterator[Path]:
     """A path for writing a bag, which is moved into place when complete; locked against a second command until then.
@@ -128,18 +135,17 @@ def new_bag(path: Path) -> Iterator[Path]:
         UsageError: it exists or its folder cannot be created.
         InUseError: another command is writing it.
     """
-
-    def refuse_existing() -> None:
-        if os.path.lexists(path):
-            raise UsageError(f"{path} exists already: give another --output, nothing is overwritten")
-
-    refuse_existing()
+    refuse_existing(path)
     with held(path.absolute().parent / f".{path.name}.new") as place:
-        refuse_existing()  # the command that held it before may have finished it
+        refuse_existing(path)  # the command that held it before may have finished it
         made = place / path.name
         shutil.rmtree(made, ignore_errors=True)
         try:
-            yield made
+            try:
+                yield made
+            except RecordingError as error:  # which names a path that nobody gave, and what goes with it
+                reason = str(error).removeprefix(f"{made}: ").partition(";")[0]
+                raise UsageError(f"{path}: nothing is written: {reason}") from None
             if made.exists():
                 write(path, lambda: made.rename(path))
         finally:

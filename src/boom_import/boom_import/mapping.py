@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -96,6 +97,10 @@ class _EntryError(Exception):
     pass
 
 
+_EXPONENT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)[eE][+-]?\d+")
+"""A number that YAML 1.1 takes for text."""
+
+
 def _section(value: Any, where: str, keys: set[str]) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise _EntryError(f"{where}: expected {', '.join(sorted(keys))}, found {quoted(repr(value), 60)}")
@@ -106,6 +111,8 @@ def _section(value: Any, where: str, keys: set[str]) -> dict[str, Any]:
 
 
 def _number(value: Any, where: str) -> float:
+    if isinstance(value, str) and _EXPONENT.fullmatch(value):
+        value = float(value)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise _EntryError(f"{where}: {quoted(repr(value), 60)} is not a number")
     return float(value)
@@ -158,6 +165,10 @@ def _signal(signal: str, given: Any) -> SignalMap | str:
     if sign not in (1.0, -1.0):
         raise _EntryError(f"{where}: sign: give 1 or -1 (scale takes any number)")
     scale = _number(entry.get("scale", 1), f"{where}: scale")
+    if scale == 0.0:
+        raise _EntryError(
+            f"{where}: scale: 0 makes the channel a constant: give another number, or 'none' for the column"
+        )
     offset = _number(entry.get("offset", 0), f"{where}: offset")
     return SignalMap(str(column), unit, sign, scale, offset, reference, part)
 

@@ -23,7 +23,9 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    data = content.encode("utf-8") if isinstance(content, str) else content
+    data = (
+        content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+    )  # names of files may be anything
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():
         target.write_bytes(data)

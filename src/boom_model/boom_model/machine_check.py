@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import pairwise
 from math import isfinite
@@ -63,7 +64,11 @@ class _Faults(list[str]):
         try:
             return step(*arguments)
         except MachineError as error:
-            self.append(str(error))
+            said = str(error)
+            section = re.split(r"[.:\[]", said)[0]
+            unread = any(fault.startswith((f"{section}: the section", f"{section}: expected keys")) for fault in self)
+            if said not in self and not unread:  # one fault is told once
+                self.append(said)
             return None
 
 
@@ -137,7 +142,8 @@ def _component(document: Mapping[str, Any], slot: type[C]) -> C:
     """The component that the file names for a slot."""
     section, *path = slot.key
     if section not in document:
-        absent = f"; a machine without it says {section}: {{type: none}}" if path == ["type"] else ""
+        may_lack = path == ["type"] and any(c.name == "none" for c in registered(slot))
+        absent = f"; a machine without it says {section}: {{type: none}}" if may_lack else ""
         raise MachineError(f"{section}: the section is missing{absent}")
     value: Any = document[section]
     for key in path:

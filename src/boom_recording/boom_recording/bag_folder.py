@@ -1,5 +1,6 @@
 """Finds the MCAP files of a bag: a bare file, or a rosbag2 directory with or without a usable metadata.yaml."""
 
+import os
 import re
 import shlex
 from dataclasses import dataclass, field
@@ -46,7 +47,16 @@ def find(path: Path) -> BagFiles:
         raise RecordingError(f"{path}: it is a CAN log: ./boom import-can turns it into a bag")
     if not path.name.endswith(_ENDINGS) and not _begins_like_one(path):
         raise RecordingError(f"{path}: it is not an MCAP file: {import_line(path)}")
-    return BagFiles(path.stem, [path])
+    return BagFiles(_readable(path.stem), [path])
+
+
+def _name(path: Path) -> str:
+    return _readable(os.path.basename(os.path.realpath(path)))
+
+
+def _readable(name: str) -> str:
+    """A name that every file and page can hold; bytes that are no UTF-8 as backslash and number."""
+    return name.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def import_line(path: Path) -> str:
@@ -65,7 +75,7 @@ def _sqlite(path: Path) -> RecordingError:
 
 
 def _directory(path: Path) -> BagFiles:
-    bag = BagFiles(path.resolve().name, [])
+    bag = BagFiles(_name(path), [])
     metadata = path / METADATA
     there = metadata.exists()
     if there:

@@ -1,6 +1,7 @@
 """Writes rosbag2 directories (MCAP, CDR, zstd chunks with checksums, definitions, metadata.yaml) without ROS."""
 
 import errno
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,7 +71,7 @@ class BagWriter:
 
     def __init__(self, path: Path, *, chunk_bytes: int = CHUNK_BYTES) -> None:
         self.path = path
-        self.name = path.resolve().name
+        self.name = os.path.basename(os.path.realpath(path))
         self._topics: dict[int, _Topic] = {}
         self._schemas: dict[str, int] = {}
         self._first_ns: int | None = None

@@ -14,6 +14,7 @@ Angle and rate become positive while the boom is lifted, pressures absolute [Pa]
 from __future__ import annotations
 
 import argparse
+import hashlib
 import os
 import shlex
 import sys
@@ -22,7 +23,7 @@ from typing import TYPE_CHECKING
 
 from boom_bringup import arguments
 from boom_bringup.cli import UsageError
-from boom_bringup.outputs import checked, default_report, new_bag, write, write_recording, write_text
+from boom_bringup.outputs import checked, default_report, new_bag, refuse_existing, write, write_recording, write_text
 
 if TYPE_CHECKING:
     from boom_import.assembly import Proposal
@@ -51,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--time-unit", choices=("s", "ms", "us", "ns", "min", "h", "d"), help="its unit (default: found)"
     )
     parser.add_argument(
-        "--sample-rate", type=arguments.positive, metavar="HZ", help="samples per second of a table without a time"
+        "--sample-rate", type=_sample_rate, metavar="HZ", help="samples per second of a table without a time"
     )
     report = parser.add_mutually_exclusive_group()
     report.add_argument("--report", metavar="F.html", help="path of the page (default: output/import-FILE.html)")
@@ -63,12 +64,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_configuration(parser)
 
 
+_FASTEST = 1e5
+"""Samples per second that a table may have."""
+
+
+def _sample_rate(text: str) -> float:
+    rate = arguments.positive(text)
+    if rate > _FASTEST:
+        raise argparse.ArgumentTypeError(f"give at most {_FASTEST:g} samples a second")
+    return rate
+
+
 def run(args: argparse.Namespace) -> int:
     """Read, propose or take a mapping, convert, write; returns 0."""
     page = None if args.no_report else checked(args.report, "--report") or default_report("import", args.files[:1])
     written = checked(args.write_mapping, "--write-mapping") or default_report("import", args.files[:1]).with_suffix(
         ".yaml"
     )
+
+    refuse_existing(Path(args.output))
 
     from boom_import import mapping as mappings
     from boom_import.assembly import Proposal, propose
@@ -155,6 +169,7 @@ def _show(source: Source, proposal: Proposal) -> None:
 
 def _settle(proposal: Proposal, written: Path, args: argparse.Namespace) -> None:
     """Ask for what is open, and whether the proposal is taken. Raises UsageError where nobody can be asked."""
+    written = _kept(written)
     _write_mapping(proposal, written, args)
     again = shlex.join(["./boom", "import", *args.files, "--mapping", str(written), "--output", args.output])
     asking = sys.stdin.isatty() and sys.stdout.isatty()
@@ -176,6 +191,23 @@ def _settle(proposal: Proposal, written: Path, args: argparse.Namespace) -> None
         raise UsageError(f"not imported: edit {written}, then: {again}")
 
 
+def _kept(path: Path) -> Path:
+    """Where a proposal goes: one that somebody has edited stays as it is."""
+    if not path.is_file():
+        return path
+    head, _, rest = path.read_text(encoding="utf-8", errors="replace").partition("\n")
+    if head == _seal(rest):
+        return path
+    other = path.with_suffix(f".new{path.suffix}")
+    print(f"note: {path} was edited and stays as it is (give it back with --mapping); this proposal goes to {other}")
+    return other
+
+
+def _seal(text: str) -> str:
+    """First line of a proposal, by which one that was edited is known."""
+    return f"# proposal {hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+
 def _write_mapping(proposal: Proposal, path: Path, args: argparse.Namespace) -> None:
     from boom_import import mapping as mappings
 
@@ -194,7 +226,8 @@ def _write_mapping(proposal: Proposal, path: Path, args: argparse.Namespace) -> 
         f"Proposed by {shlex.join(['./boom', 'import', *args.files])}",
         "Edit it, and give it back with --mapping.",
     ]
-    write_text(path, mappings.text(proposal.mapping, comments, heading))
+    text = mappings.text(proposal.mapping, comments, heading)
+    write_text(path, f"{_seal(text)}\n{text}")
     print(f"mapping: {path}")
 
 

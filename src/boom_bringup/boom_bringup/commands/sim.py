@@ -15,6 +15,8 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
+import sys
 from typing import TYPE_CHECKING, Any
 
 from boom_bringup import arguments, environment
@@ -115,6 +117,10 @@ def run(args: argparse.Namespace) -> int:
     outcome = Supervisor(programs, environment=environment.for_processes(os.environ)).run()
     if outcome.interrupted is not None:
         return 0  # Ctrl-C is how it is meant to end
+    for name in outcome.failed:
+        status = outcome.statuses[name]
+        how = f"was killed ({signal.Signals(-status).name})" if status < 0 else f"ended with status {status}"
+        print(f"boom: {name} {how}, and all others were stopped: start the simulation again", file=sys.stderr)
     return max((status for status in outcome.statuses.values() if status > 0), default=1)
 
 
