@@ -164,6 +164,7 @@ def test_a_cluster_and_an_s3_store_give_the_same_table(bags, output, tmp_path, m
         (["{tmp}", "--output", "odd://x"], "odd://x: "),
         (["{bags}", "--output", "{tmp}/o", "--machines", "README.md"], "not a table of machines"),
         (["{bags}", "--output", "{tmp}/o", "--false-alarms", "0"], "not a positive number"),
+        (["{bags}", "--output", "{tmp}/o", "--machine", "nope"], "nope: no such machine"),
     ],
 )
 def test_wrong_input_is_one_line_and_status_2(bags, tmp_path, words, said, capsys, monkeypatch):

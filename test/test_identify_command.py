@@ -93,3 +93,21 @@ def test_wrong_options_end_with_one_line_and_status_2(
     line = capsys.readouterr().err.strip().splitlines()[-1]
     assert line.startswith("boom: ")
     assert message in line
+
+
+def test_without_a_gyro_the_angle_tells_whether_and_how_fast_the_boom_moves() -> None:
+    from dataclasses import replace
+
+    from boom_identification.refine import _moves, prepare
+    from boom_identification.stationary import stationary_points
+    from boom_recording.loading import load
+
+    machine = load_machine("tz17")
+    whole = load(Path(__file__).resolve().parents[1] / "bags" / "healthy" / "extended")
+    silent = replace(whole.signals["rate"], valid=np.zeros_like(whole.signals["rate"].valid))
+    blind = replace(whole, signals={**whole.signals, "rate": silent})
+    assert _moves(prepare(blind, machine, name="blind"))
+    seen, guessed = (stationary_points([r], machine) for r in (whole, blind))
+    assert len(guessed) > 0.8 * len(seen)
+    nearest = np.interp(guessed.time, seen.time, seen.rate)
+    assert np.median(np.abs(guessed.rate - nearest)) < 0.01

@@ -180,3 +180,29 @@ def test_a_bag_with_foreign_topics_is_sent_to_the_import(
     said = capsys.readouterr().err
     assert "the bag has /zx120/boom_down_solenoid_current" in said
     assert f"import it: ./boom import {file} --output output/zx120_boom" in said
+
+
+def test_a_proposal_that_was_edited_is_kept(original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = KINDS[sorted(set(KINDS) - set(ASKS))[0]](original, tmp_path)
+    words = ("import", *map(str, files), "--yes", "--no-report", *POSE, "--output")
+    proposed = mapping_of(files[0])
+    assert boom(*words, "first") == 0 and boom(*words, "second") == 0
+    assert not proposed.with_suffix(".new.yaml").exists()
+    edited = proposed.read_text(encoding="utf-8") + "# mine\n"
+    proposed.write_text(edited, encoding="utf-8")
+    assert boom(*words, "third") == 0
+    assert proposed.read_text(encoding="utf-8") == edited and proposed.with_suffix(".new.yaml").exists()
+    assert "was edited and stays" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("scale", "status"), [("1e0", 0), ("0", 2)])
+def test_a_scale_may_have_an_exponent_and_is_not_zero(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str], scale: str, status: int
+) -> None:
+    files = KINDS[sorted(set(KINDS) - set(ASKS))[0]](original, tmp_path)
+    assert boom("import", *map(str, files), "--yes", "--no-report", *POSE, "--output", "made") == 0
+    text = mapping_of(files[0]).read_text(encoding="utf-8").replace("scale: 1.0", f"scale: {scale}")
+    Path("own.yaml").write_text(text, encoding="utf-8")
+    words = ("import", *map(str, files), "--mapping", "own.yaml", "--no-report", *POSE, "--output", "again")
+    assert boom(*words) == status
+    assert status == 0 or "scale: 0 makes the channel a constant" in capsys.readouterr().err

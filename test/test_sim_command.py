@@ -189,3 +189,20 @@ def test_priority_is_used_by_itself_only_where_it_is_allowed_and_time_is_real(mo
     assert programs(monkeypatch)["crane"]["realtime_priority"] == "0"
     monkeypatch.setattr(os, "sched_setscheduler", lambda *_: None)
     assert int(programs(monkeypatch)["crane"]["realtime_priority"]) > 0
+
+
+@pytest.mark.process
+def test_what_died_is_named_when_all_others_are_stopped() -> None:
+    with running() as alone:
+        alone.says("boom at 0.300 rad")
+        tip = next(
+            pid for pid in children(alone.process.pid) if "tip_pose" in Path(f"/proc/{pid}/cmdline").read_text("utf-8")
+        )
+        os.kill(tip, signal.SIGKILL)
+        assert alone.process.wait(PATIENCE) == 1
+        alone.says("boom: tip_pose was killed (SIGKILL), and all others were stopped")
+
+
+def test_over_can_motion_is_enabled_once_the_controller_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert programs(monkeypatch, "--can", "--control")["enable"]["after_controller"] == "true"
+    assert "after_controller" not in programs(monkeypatch, "--can")["enable"]

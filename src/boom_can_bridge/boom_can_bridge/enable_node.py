@@ -11,7 +11,8 @@ from boom_node import early  # noqa: F401  (first: signals and environment)
 import time
 from typing import Any
 
-from boom_node import parameters, shell
+from boom_interfaces.msg import ControllerState
+from boom_node import parameters, qos, shell
 from boom_node.node import Node
 from boom_node.parameters import ParameterSpec
 from rclpy.clock import Clock
@@ -19,7 +20,13 @@ from rclpy.clock_type import ClockType
 from std_srvs.srv import SetBool
 
 SERVICE = "/boom_can_bridge/enable"
-PARAMETERS = (ParameterSpec("wait_timeout", 20.0, "how long to try", "s", 0.1, 3600.0, read_only=True),)
+PARAMETERS = (
+    ParameterSpec("wait_timeout", 20.0, "how long to try", "s", 0.1, 3600.0, read_only=True),
+    ParameterSpec(
+        "after_controller", False, "wait until a controller runs: while it loads, frames may be late and stop what is enabled",
+        read_only=True,
+    ),
+)  # fmt: skip
 LOOK_S = 0.05
 ANSWER_S = 2.0
 """Longest wait for one answer: the answer of a service can be lost while both ends are still being discovered."""
@@ -30,13 +37,20 @@ class EnableNode(Node):
 
     def __init__(self) -> None:
         super().__init__("boom_enable")
-        self._patience = parameters.declare(self, PARAMETERS).wait_timeout
+        given = parameters.declare(self, PARAMETERS)
+        self._patience, self._waiting = given.wait_timeout, given.after_controller
         self._begin = time.monotonic()
         self._reason = "no bridge is running: start it with python -m boom_can_bridge.bridge_node"
         self._future: Any = None
         self._asked = 0.0
         self._client = self.create_client(SetBool, SERVICE)
+        if self._waiting:
+            self._reason = "no controller is running: start it with python -m boom_controller.controller_node"
+            self.create_subscription(ControllerState, "/boom/controller_state", self._runs, qos.SENSOR_DATA)
         self.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _runs(self, _: ControllerState) -> None:
+        self._waiting = False
 
     def _look(self) -> None:
         now = time.monotonic()
@@ -55,7 +69,7 @@ class EnableNode(Node):
             self._client.remove_pending_request(self._future)
             self._future = None
             self._reason = f"{SERVICE} does not answer"
-        if self._future is None and self._client.service_is_ready():
+        if self._future is None and not self._waiting and self._client.service_is_ready():
             self._asked = now
             self._future = self._client.call_async(SetBool.Request(data=True))
 

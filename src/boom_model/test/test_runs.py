@@ -413,3 +413,14 @@ def test_machine_of_another_make_lifts_holds_and_lowers(
 def test_other_make_has_only_its_own_states(other_make: Machine) -> None:
     plant = Plant(other_make, other_make.pose(4.5, 0.0))
     assert plant.state_names == ("angle", "rate", "head_pressure", "rod_pressure", "spool_position")
+
+
+def test_a_run_goes_on_through_evaporation_on_either_side_of_the_piston_where_that_is_asked_for(tz17: Machine) -> None:
+    """What would end at -1 bar may be pulled at, so that what is recorded behind such a moment is compared."""
+    plant = Plant(tz17, tz17.pose(4.59, 0.0))
+    on = plant.through_evaporation()
+    for name in ("head_pressure", "hose_pressure", "rod_pressure"):
+        k = plant.state_names.index(name)
+        assert on.minimum[k] < plant.minimum[k] == -1e5
+    others = [k for k, name in enumerate(plant.state_names) if not name.endswith("_pressure")]
+    np.testing.assert_array_equal(on.minimum[others], plant.minimum[others])

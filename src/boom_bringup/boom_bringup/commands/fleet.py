@@ -76,6 +76,10 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--workers {args.workers}: give 1 or more")
     if args.publish and os.path.lexists(args.publish):
         raise UsageError(f"{args.publish} exists already: give another --publish, nothing is overwritten")
+    if args.machine and "://" not in args.machine:
+        from boom_model.machine_file import load_machine
+
+        load_machine(args.machine)  # what is wrong with it is told once
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the workers
 
     from boom_fleet import table

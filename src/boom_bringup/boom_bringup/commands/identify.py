@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="points of the curve in the data sheet, header pressure_drop_bar,flow_lpm; negative: out of the cylinder",
     )  # fmt: skip
     parser.add_argument(
-        "--smoothing", type=float, metavar="LAMBDA",
+        "--smoothing", type=arguments.finite, metavar="LAMBDA",
         help="smoothing of the P-splines (5.24), over s_s/s_s,max and A/A_0 (default: chosen by cross-validation)",
     )  # fmt: skip
     parser.add_argument(

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from boom_bringup.supervisor import Program
     from boom_model.machine import Machine
 
-_PRIORITY = 10
+_PRIORITY, _LOADING = 10, 120.0
+"""s. What a controller may take until it runs, on a busy computer."""
 _CRANE = "boom_sim.simulation_node"
 
 HELP = "start the simulated crane as ROS 2 processes"
@@ -45,11 +46,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="physics in addition to the machine file, SI; repeatable",
     )  # fmt: skip
     parser.add_argument(
-        "--angle", type=float, default=0.3, metavar="RAD", help="initial boom angle [rad] (default: 0.3)"
+        "--angle", type=arguments.finite, default=0.3, metavar="RAD", help="initial boom angle [rad] (default: 0.3)"
     )
-    parser.add_argument("--outer-boom-angle", type=float, default=0.28, metavar="RAD", help="q3 [rad] (default: 0.28)")
-    parser.add_argument("--telescope-length", type=float, default=2.2, metavar="M", help="q4 [m] (default: 2.2)")
-    parser.add_argument("--load", type=float, default=0.0, metavar="KG", help="load at the tip [kg] (default: 0)")
+    parser.add_argument(
+        "--outer-boom-angle", type=arguments.finite, default=0.28, metavar="RAD", help="q3 [rad] (default: 0.28)"
+    )
+    parser.add_argument(
+        "--telescope-length", type=arguments.finite, default=2.2, metavar="M", help="q4 [m] (default: 2.2)"
+    )
+    parser.add_argument(
+        "--load", type=arguments.finite, default=0.0, metavar="KG", help="load at the tip [kg] (default: 0)"
+    )
     parser.add_argument("--seed", type=arguments.seed, default=0, help="seed of the sensor noise (default: 0)")
     parser.add_argument("--sensors", choices=("thesis", "ideal"), default="thesis", help="noise of ch. 6.4 or none")
     parser.add_argument("--ground-truth", action="store_true", help="publish the true states on /boom/ground_truth")
@@ -101,7 +108,9 @@ def run(args: argparse.Namespace) -> int:
         "controller_follows": bool(args.control),
         "realtime_priority": priority,
     }
-    programs = _over_can(crane, machine) if args.can else [Program("crane", node_command(_CRANE, crane))]
+    programs = (
+        _over_can(crane, machine, bool(args.control)) if args.can else [Program("crane", node_command(_CRANE, crane))]
+    )
     if urdf:
         programs.append(Program("tip_pose", node_command("boom_description.tip_pose_node", {"publish_tf": True})))
     else:
@@ -124,19 +133,20 @@ def run(args: argparse.Namespace) -> int:
     return max((status for status in outcome.statuses.values() if status > 0), default=1)
 
 
-def _over_can(crane: dict[str, Any], machine: Machine) -> list[Program]:
+def _over_can(crane: dict[str, Any], machine: Machine, controlled: bool) -> list[Program]:
     """Bus, ECU with the crane, bridge, and who lets it move; parameters as the simulation on topics has them."""
     from boom_bringup import replica
     from boom_bringup.demo_processes import bus_command, free_bus
     from boom_bringup.supervisor import Program
 
     bus = free_bus()
+    enabling = {"after_controller": True, "wait_timeout": _LOADING} if controlled else {}
     of_bridge = replica.bridge_parameters(crane, machine, lockstep=False)
     return [
         Program("bus", bus_command(bus)),
         Program("bridge", node_command("boom_can_bridge.bridge_node", {**of_bridge, **bus})),
         Program("ecu", node_command("boom_sim.ecu_node", {**replica.ecu_parameters(crane), **bus})),
-        Program("enable", node_command("boom_can_bridge.enable_node", {}), may_end=True),
+        Program("enable", node_command("boom_can_bridge.enable_node", enabling), may_end=True),
     ]
 
 

@@ -95,7 +95,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--duration", type=arguments.duration, metavar="S", help="duration [s] (default: up to the last current)"
     )
     parser.add_argument(
-        "--angle", type=float, metavar="RAD", help="initial boom angle [rad] (default: the input's, csv: 0.3)"
+        "--angle",
+        type=arguments.finite,
+        metavar="RAD",
+        help="initial boom angle [rad] (default: the input's, csv: 0.3)",
     )
     parser.add_argument(
         "--q3",
@@ -107,7 +110,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--q4", "--telescope-length", type=arguments.finite, metavar="M", help="q4 [m] (default: the input's, csv: 2.2)"
     )
-    parser.add_argument("--load", type=float, metavar="KG", help="load at the tip [kg] (default: the input's, csv: 0)")
+    parser.add_argument(
+        "--load", type=arguments.finite, metavar="KG", help="load at the tip [kg] (default: the input's, csv: 0)"
+    )
     arguments.add_joint(parser)
     arguments.add_other_joints(parser)
 

@@ -90,6 +90,10 @@ def _page(args: argparse.Namespace) -> str:
         step(f"reading {args.bag}", 1)
         recording = load_given(args.bag, args, require=(JOINT_STATES, MACHINE_CONFIGURATION))
         start, end = args.start or 0.0, math.inf if args.end is None else args.end
+        if recording.duration <= 0.0:
+            raise UsageError(
+                f"{args.bag}: a single moment is recorded, nothing to show: record again, or give another bag"
+            )
         if not 0.0 <= start < min(end, recording.duration):
             raise UsageError(
                 f"--from {start:g} --to {end:g}: the recording is {recording.duration:.1f} s long: give a stretch inside it"

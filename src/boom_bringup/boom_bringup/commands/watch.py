@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_configuration(parser)
     parser.add_argument(
         "--threshold",
-        type=float,
+        type=arguments.finite,
         metavar="X",
         help="score above which an alarm is raised, 1 = noise (default: 1.35)",
     )
