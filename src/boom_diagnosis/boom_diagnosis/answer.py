@@ -518,4 +518,6 @@ def said_of_next(verdict: Verdict) -> str:
     """What to record where there is nothing to tell apart."""
     if verdict == "no_mismatch":
         return "Nothing: the model explains these recordings."
+    if verdict == "unknown_physics":
+        return "Record the motions in which it shows again, slower and faster, with rests between: a term is learnt from that."
     return "A longer recording with full currents in both directions narrows the parameters that moved."

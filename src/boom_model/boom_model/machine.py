@@ -239,7 +239,9 @@ def check_range(spec: Specification, value: tuple[float, ...], shown: object = N
     for number in value:
         if not spec.minimum <= number <= spec.maximum:
             text = number if shown is None or isfinite(number) else shown
-            raise MachineError(f"{spec.key}: {text} is outside {spec.minimum:g} .. {spec.maximum:g} {spec.unit}")
+            raise MachineError(
+                f"{spec.key}: {text} is outside {spec.minimum:g} .. {spec.maximum:g} {spec.unit}".removesuffix(" -")
+            )
 
 
 def check_together(machine: Machine) -> None:

@@ -71,7 +71,8 @@ def _checked(key: str, value: Any, row: EffectParameter) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
         raise MachineError(f"{key}: {value!r} is not a finite number")
     if not (value == row.neutral or row.minimum <= value <= row.maximum):
-        raise MachineError(f"{key}: {value:g} {row.unit} is outside {row.minimum:g} .. {row.maximum:g} {row.unit}")
+        unit = "" if row.unit == "-" else f" {row.unit}"
+        raise MachineError(f"{key}: {value:g}{unit} is outside {row.minimum:g} .. {row.maximum:g}{unit}")
     return float(value)
 
 
