@@ -307,6 +307,8 @@ class Problem:
         effects = dict(at.effects)
         for c, d in zip(names, step[m:], strict=True):
             here = effects[c.name]
+            if c.onset and here < 0.0:  # what began before the recording did
+                continue
             there = here * float(np.exp(np.clip(size * d, -1.0, 1.0))) if c.positive else here + size * float(d)
             effects[c.name] = float(np.clip(there, c.low, c.high))
         return np.clip(at.z + size * step[:m], *self.limits), effects
