@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 from boom_bringup.cli import UsageError
 from boom_input.whole import one_writer, write_whole
-from boom_recording.errors import RecordingError
 
 if TYPE_CHECKING:
     from boom_recording.recording import Recording
@@ -135,6 +134,8 @@ def new_bag(path: Path) -> Iterator[Path]:
         UsageError: it exists or its folder cannot be created.
         InUseError: another command is writing it.
     """
+    from boom_recording.errors import RecordingError  # not there before the set-up
+
     refuse_existing(path)
     with held(path.absolute().parent / f".{path.name}.new") as place:
         refuse_existing(path)  # the command that held it before may have finished it
@@ -143,8 +144,11 @@ def new_bag(path: Path) -> Iterator[Path]:
         try:
             try:
                 yield made
-            except RecordingError as error:  # which names a path that nobody gave, and what goes with it
-                reason = str(error).removeprefix(f"{made}: ").partition(";")[0]
+            except RecordingError as error:
+                said, mine = str(error), f"{made}: "
+                if not said.startswith(mine):
+                    raise
+                reason = said.removeprefix(mine).partition(";")[0]  # what was written goes with the path
                 raise UsageError(f"{path}: nothing is written: {reason}") from None
             if made.exists():
                 write(path, lambda: made.rename(path))

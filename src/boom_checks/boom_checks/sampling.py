@@ -23,17 +23,12 @@ BAND = 0.6
 """Of the Nyquist frequency: above, a boom does not move, and what a rate shows is its own noise."""
 
 
-WHOLLY = 0.9
-"""Share of a rate's noise that the angle explains from which on it is no measurement of its own, but a smoothed derivative."""
-
-
 def independent(recording: Recording) -> Recording:
     """The recording without a rate that was computed from its angle: it tells nothing more, and errs by what it smooths."""
     if not {"angle", "rate"} <= set(recording.signals):
         return recording
     rate = recording.signals["rate"]
-    found = _derived(recording.signals["angle"], rate)
-    if found is None or found.measure.interval_90[0] < WHOLLY:
+    if _derived(recording.signals["angle"], rate) is None:
         return recording
     return replace(recording, signals={**recording.signals, "rate": replace(rate, valid=np.zeros_like(rate.valid))})
 

@@ -74,7 +74,7 @@ def _seen_rate(rate: Expression, own: Any, _at: Any) -> Expression:
 EFFECT = Effect(
     "boom_flexibility", "structure", "5.39a",
     "y = q_2 + eta x, x'' + 2 zeta omega x' + omega^2 x = -Gamma q_2'', D (q_2'' + mu Gamma x'') = torque",
-    ("the boom", "bends between cylinder and angle sensor"), "rings in angle and pressures after stops",
+    ("the boom", "bends, or its base rocks"), "rings in angle and pressures after stops",
     (
         parameter("gain", "-", 0.0, (0.1, 1.0), (0.0, 5.0), "Gamma, share of the acceleration that excites the mode",
                   starts=(1.0,), almost_nothing=1e-3),
