@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import dataclasses
 from typing import Any
 
 import casadi as ca
@@ -424,3 +425,17 @@ def test_a_run_goes_on_through_evaporation_on_either_side_of_the_piston_where_th
         assert on.minimum[k] < plant.minimum[k] == -1e5
     others = [k for k, name in enumerate(plant.state_names) if not name.endswith("_pressure")]
     np.testing.assert_array_equal(on.minimum[others], plant.minimum[others])
+
+
+def test_a_plant_with_the_numbers_of_another_machine_has_its_limits_and_delays_and_leaves_the_first_one_as_it_is(
+    tz17: Machine,
+) -> None:
+    late = {"command_delay": {"T": 0.02}}
+    first = Plant(tz17.with_effects(late), tz17.pose(4.59, 0.0))
+    minimum, maximum = first.minimum.copy(), first.maximum.copy()
+    narrow = dataclasses.replace(tz17.with_effects({"command_delay": {"T": 0.05}}), angle_limits=(-0.5, 0.5))
+    other = first.with_numbers(narrow, tz17.pose(4.59, 0.0))
+    assert (other.command_delay, other.minimum[0], other.maximum[0]) == (0.05, -0.5, 0.5)
+    assert other.minimum[other.state_names.index("rod_pressure")] == -1e5
+    assert first.command_delay == 0.02
+    np.testing.assert_array_equal([first.minimum, first.maximum], [minimum, maximum])
