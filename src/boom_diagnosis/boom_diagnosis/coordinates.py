@@ -74,7 +74,7 @@ def _coordinate(effect: Effect, row: EffectParameter) -> Coordinate:
         low = -row.high if effect.load else 0.0
     if row.positive:
         low, high = max(row.minimum, row.low / 3.0, 1e-30), min(row.maximum, row.high * 3.0)
-    if not row.positive:
+    else:
         low, high = min(low, row.neutral), max(high, row.neutral)
     share = DELAY_STEP if effect.delays else STEP
     step = FACTOR_STEP if row.positive else share * max(abs(row.low), abs(row.high))

@@ -16,6 +16,7 @@ from boom_fleet.run import FleetRun
 from boom_fleet.screen import REGIMES
 from boom_fleet.store import Store
 from boom_input.channels import PREDICTED
+from boom_input.shown import printable
 
 FOLDER = "recordings"
 Row = dict[str, Any]
@@ -76,18 +77,14 @@ def write(store: Store, table: Sequence[Row]) -> None:
     names = set()
     for machine, own in by_machine.items():
         buffer = io.BytesIO()
-        parquet.write_table(pyarrow.Table.from_pylist([_text(row) for row in own], schema=schema()), buffer)
+        shown = [{k: printable(v) if isinstance(v, str) else v for k, v in row.items()} for row in own]
+        parquet.write_table(pyarrow.Table.from_pylist(shown, schema=schema()), buffer)
         name = f"{quote(machine, safe=' ')}.parquet"
         names.add(name)
         store.write(f"{FOLDER}/{name}", buffer.getvalue())
     for name in store.names(FOLDER) - names:
         if name.endswith(".parquet"):
             store.remove(f"{FOLDER}/{name}")
-
-
-def _text(row: Row) -> Row:
-    """The row with bytes of file names that are no UTF-8 as backslash and number."""
-    return {k: v.encode("utf-8", "backslashreplace").decode() if isinstance(v, str) else v for k, v in row.items()}
 
 
 def schema() -> Any:

@@ -229,7 +229,7 @@ class _Wiring:
             "angular_acceleration", torque / inertia,
             angle=self.angle, rate=self.rate, inertia=inertia, torque=torque, p=p,
         )  # fmt: skip
-        self.seen_angle = e.through("seen_angle", self.angle, acceleration=self.rates["rate"])
+        self.seen_angle = e.through("seen_angle", self.angle)
         self.seen_rate = e.through("seen_rate", self.rate)
 
     def through_valve(self, hose: Any, head: Any, rod: Any) -> Any:

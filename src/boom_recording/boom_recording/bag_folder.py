@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from boom_input.files import InputError, opened, read_text
-from boom_input.shown import quoted
+from boom_input.shown import printable, quoted
 from boom_input.yaml_text import parse_yaml
 from boom_recording.errors import RecordingError
 
@@ -47,16 +47,11 @@ def find(path: Path) -> BagFiles:
         raise RecordingError(f"{path}: it is a CAN log: ./boom import-can turns it into a bag")
     if not path.name.endswith(_ENDINGS) and not _begins_like_one(path):
         raise RecordingError(f"{path}: it is not an MCAP file: {import_line(path)}")
-    return BagFiles(_readable(path.stem), [path])
+    return BagFiles(printable(path.stem), [path])
 
 
 def _name(path: Path) -> str:
-    return _readable(os.path.basename(os.path.realpath(path)))
-
-
-def _readable(name: str) -> str:
-    """A name that every file and page can hold; bytes that are no UTF-8 as backslash and number."""
-    return name.encode("utf-8", "backslashreplace").decode("utf-8")
+    return printable(os.path.basename(os.path.realpath(path)))
 
 
 def import_line(path: Path) -> str:

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from boom_bringup.supervisor import Program
     from boom_model.machine import Machine
 
-_PRIORITY, _LOADING = 10, 120.0
+_PRIORITY = 10
+_LOADING = 120.0
 """s. What a controller may take until it runs, on a busy computer."""
 _CRANE = "boom_sim.simulation_node"
 

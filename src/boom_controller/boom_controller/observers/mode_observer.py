@@ -82,7 +82,7 @@ class Modes:
         acceleration = missing + e.through(
             "angular_acceleration", torque / inertia, angle=angle, rate=rate, inertia=inertia, torque=torque, p=p
         )
-        seen_angle = e.through("seen_angle", angle, acceleration=acceleration)
+        seen_angle = e.through("seen_angle", angle)
         seen_rate = e.through("seen_rate", rate)
         z = ca.vertcat(ca.SX(0, 1), *states.symbols.values())
         rates = ca.vertcat(ca.SX(0, 1), *(states.rates[name] for name in states.symbols))

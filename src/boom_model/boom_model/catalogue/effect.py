@@ -21,7 +21,7 @@ QUANTITIES: dict[str, str] = {
     "sliding_friction": "tau_C tanh(w / sigma) [N m]; at.rate, at.coulomb",
     "friction_torque": "tau_f [N m]; at.angle, at.rate",
     "angular_acceleration": "q_2'' [rad/s^2]; at.angle, at.rate, at.inertia, at.torque, at.p",
-    "seen_angle": "q_2 where the angle is measured [rad]; at.acceleration [rad/s^2]",
+    "seen_angle": "q_2 where the angle is measured [rad]",
     "seen_rate": "q_2' where it is measured [rad/s]",
     "leakage": "q_l from the head to the rod side [m^3/s]; at.head_pressure, at.rod_pressure",
     "head_flow": "q_a into the head side [m^3/s]; at.position of the piston",
