@@ -15,6 +15,7 @@ from functools import partial
 from typing import Any
 
 from boom_input.channels import MEASURED_TOPICS
+from boom_input.shown import quoted
 from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_model.errors import ModelError
 from boom_model.machine_file import load_machine, shipped_machine
@@ -334,6 +335,9 @@ class ControllerNode(LifecycleNode):
             machine = (
                 load_machine(self._values["machine"]) if self._values["machine"] else shipped_machine(message.machine)
             )
+            if machine.name != message.machine:
+                said = f"the crane says that it is a {quoted(message.machine)}; the control laws are those of {machine.name}"
+                self.get_logger().warning(f"{said}, which was given at the start")
             self.get_logger().info(f"{machine.name}: preparing the control laws; takes some seconds the first time")
             pose = machine.pose(message.outer_boom_angle, message.telescope_length, load)
             for each in filter(None, (loop, self._rehearsal)):

@@ -80,6 +80,12 @@ def locate(
     second = max(rows, key=lambda r: r.chain)
     if max(statistical.values()) <= 0.0:
         return rows, "No equation needs an unknown input.", inputs
+    if max(chain.values()) <= 0.0:
+        return (
+            rows,
+            f"An unknown input helps most in '{first.title}'; forced along the measured signals the chain holds.",
+            inputs,
+        )
     if first.key == second.key or set(first.subsystems) & set(second.subsystems):
         return rows, f"Both ways of locating agree on: {first.title}.", inputs
     return rows, (

@@ -87,7 +87,14 @@ class BagValidation:
             "reduced": self.reduced.metrics.document(),
             "reduced_vs_full": {"angle_mae_rad": self.reduced_vs_full_angle_mae_rad},
             "events": [
-                {"kind": str(e.kind), "topic": e.topic, "start_s": e.start_s, "end_s": e.end_s, "count": e.count}
+                {
+                    "kind": str(e.kind),
+                    "topic": e.topic,
+                    "start_s": e.start_s,
+                    "end_s": e.end_s,
+                    "count": e.count,
+                    "detail": e.detail,
+                }
                 for e in self.recording.events
             ],
             "compared_s": self.compared_s,

@@ -45,6 +45,8 @@ _RESOLVERS = {
 }
 _CONSTRUCTOR = SafeConstructor()
 _NUMBER = re.compile(r"[-+.\d][-+.\d_:eExXoObBa-fA-F]*")
+_OTHER_BASE = re.compile(r"[-+]?(0[0-7_]+|[0-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?)")
+"""YAML 1.1 reads 017 as 15 and 1:30 as 90."""
 _DIRECTIVE = re.compile(r"^%TAG", re.MULTILINE)
 _TEXT_TAGS = (None, "!", f"{_TAG}str")
 _UNWANTED = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff]")
@@ -191,6 +193,10 @@ def _scalar(event: Any) -> Any:
         if _NUMBER.fullmatch(text):
             raise _RefusedError(event, f"a number of {len(text)} digits: write at most {LONGEST_NUMBER}")
         return text
+    if _OTHER_BASE.fullmatch(text):  # YAML 1.1
+        raise _RefusedError(
+            event, f"{text} would be read to the base of 8 or 60: write a decimal number, or quote a text"
+        )
     try:
         return _plain(text)
     except (ValueError, OverflowError) as error:  # 0x_ looks like a number and is none

@@ -33,6 +33,8 @@ def test_plain_documents_become_what_they_say():
         ("a: !!timestamp 2024-13-45", 1, "tag"),
         ("a: !!int word", 1, "tag"),
         ("a: 0x_", 1, "not readable as YAML"),
+        ("a: 0\nb: 017", 2, "base of 8"),
+        ("a: 1:30", 1, "base of 8 or 60"),
         ("a: 1\n? " + "k" * 100_000 + "\n: 1\n", 2, "cannot be a key"),
         ('a: 1\n"k\\e[2J": 1\n', 2, "cannot be a key"),
         ('a: "name \\e[2J"', 1, "the character \\x1b in a text"),
