@@ -79,6 +79,13 @@ class Bag:
         """Of the recording."""
         return self.recording.name
 
+    def straying(self, by: float) -> Bag:
+        """The recording, of whose currents the samples were taken so far [s] from their stamps (standard deviation)."""
+        if not by:
+            return self
+        currents, timing = replace(self.currents, strays=by), hypot(self.timing, by)
+        return replace(self, currents=currents, timing=timing, gains=Recent(GAINS), trajectories=Recent(TRAJECTORIES))
+
     @property
     def time(self) -> Array:
         """(n,) middle of the intervals [s]."""

@@ -71,6 +71,11 @@ class Case:
     temperature: float = COLDEST
     own: dict[str, float] = field(default_factory=dict)
 
+    def with_bags(self, bags: list[Bag], proving: list[Bag]) -> Case:
+        """The case from its beginning, with the recordings prepared otherwise."""
+        parts = self.select, self.training, self.judged, self.nuisances, self.seed, self.elsewhere
+        return Case(self.machine, self.pose, bags, proving, *parts)
+
     def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
         """Components of the parameter vector."""
         return self.rounds[0].problem.values(z, effects)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +25,12 @@ UNKNOWN: Errors = (float("nan"),) * len(OUTPUTS)
 
 @dataclass(frozen=True)
 class Span:
-    """The part of a recording that is judged: from, to [s]."""
+    """The part of a recording that is judged: from, to [s]; how far the samples of its currents stray [s]."""
 
     recording: Recording
     start: float
     end: float
+    strays: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ def noise_floor(span: Span, machine: Machine, seed: int) -> Errors:
     """The errors that the sensors' noise and that of the currents would leave if the model were exactly right."""
     recording = span.recording
     plant = plant_for(recording, machine, "full").through_evaporation()
-    currents = held_inputs(recording, plant.machine)
+    currents = replace(held_inputs(recording, plant.machine), strays=span.strays)
     rng = np.random.default_rng(seed)
     first = {n: recording.signals[n].values[recording.signals[n].valid][:50] for n in OUTPUTS}
     shown = {n: float(np.mean(values)) if len(values) else float("nan") for n, values in first.items()}

@@ -48,7 +48,7 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     columns = {name: measured[:, i] for i, name in enumerate(OUTPUTS)}
     copy: Recording = from_columns(recording.name, grid, columns, recording.configuration)
     known = (currents.time <= grid[-1]) & (True if currents.sampled is None else currents.sampled)
-    time, true = currents.time[known], inputs[known, : len(CURRENTS)]
+    time, true = currents.time[known], currents.values[known, : len(CURRENTS)]
     shown = np.maximum(true + CURRENT_NOISE * rng.standard_normal(true.shape), 0.0)
     driven = {"retract_current": shown[:, 0], "extend_current": shown[:, 1]}
     copy.signals |= from_columns(recording.name, time, driven, recording.configuration).signals
@@ -58,6 +58,7 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     result = prepare(copy, machine)
     if result is None:
         return None
+    result = result.straying(currents.strays)
     count = min(len(result.counted), len(bag.counted))
     result.counted[:count] &= bag.counted[:count]
     return result

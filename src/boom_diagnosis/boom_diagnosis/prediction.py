@@ -111,7 +111,7 @@ class Predictor:
         self._samples = [lru_cache(maxsize=32)(bag.samples) for bag in self.bags]
         self.base: list[Plant] = [self.plant(i, ()) for i in range(len(self.bags))]
         self._given: list[KalmanGains] | None = None
-        self._gain: dict[tuple[int, tuple[str, ...]], Array] = {}
+        self._gain: dict[tuple[int, tuple[str, ...], tuple[int, ...]], Array] = {}
         self._filling = RLock()
 
     @property
@@ -178,10 +178,11 @@ class Predictor:
         plant = self.plant(i, with_states(values))
         p = self.parameters(plant, values)
         samples = self.samples(i, plant, p)
+        late = self.bags[i].pressure_shift(plant.delays(p)[1])
         with self._filling:
-            if (i, plant.state_names) not in self._gain:
-                self._gain[i, plant.state_names] = self._gain_for(i, plant)
-            gain = self._gain[i, plant.state_names]
+            if (i, plant.state_names, late) not in self._gain:
+                self._gain[i, plant.state_names, late] = _moved(self._gain_for(i, plant), late)
+            gain = self._gain[i, plant.state_names, late]
         return plant, samples, self.bags[i].initial_state(plant, p), gain, p
 
     def noise(self) -> tuple[float, ...]:
@@ -192,6 +193,11 @@ class Predictor:
         """The recording as this hypothesis' delays have it."""
         with self._filling:
             return self._samples[i](*plant.delays(p))
+
+    def _as_stamped(self, i: int, plant: Plant, p: Array) -> Samples:
+        """The same with pressures in the intervals of their stamps, which is where gains are those of a channel that was measured."""
+        with self._filling:
+            return self._samples[i](plant.delays(p)[0])
 
     def _gain_for(self, i: int, plant: Plant) -> Array:
         """Of a plant with other states: as they are, and what is new is not corrected, but for what would be lost without."""
@@ -206,7 +212,7 @@ class Predictor:
         noise = noise_model(plant, self.machine, p, self.looseness, self.boost, self.bags[i].lacking)
         key = (plant, p.tobytes(), self.looseness, *sorted(self.boost.items()))
         return self.bags[i].gains.get(
-            key, lambda: kalman(plant, self.samples(i, plant, p), self._along(i, plant, p), noise)
+            key, lambda: kalman(plant, self._as_stamped(i, plant, p), self._along(i, plant, p), noise)
         )
 
     def _along(self, i: int, plant: Plant, p: Array) -> Linearised:
@@ -214,7 +220,7 @@ class Predictor:
         bag = self.bags[i]
 
         def made() -> Linearised:
-            samples, nudging = self.samples(i, plant, p), _nudging(plant, len(bag.grid) - 1)
+            samples, nudging = self._as_stamped(i, plant, p), _nudging(plant, len(bag.grid) - 1)
             x0 = bag.initial_state(plant, p)
             states = observe(plant, samples, x0, nudging, parameters=p, tolerance=NUDGED_TOLERANCE).states
             return linearised(plant, samples, _filled(states), CURRENT_NOISE, bag.timing, p)
@@ -327,6 +333,15 @@ def _for(plant: Plant, base: Plant, gain: Array) -> Array:
         if name in base.state_names:
             result[:, i] = gain[:, base.state_names.index(name)]
     return result
+
+
+def _moved(gain: Array, late: Sequence[int]) -> Array:
+    """Gains (n, NX, NY) with those of channels that arrive ``late`` intervals in the intervals that they tell of."""
+    moved = gain.copy() if any(late) else gain
+    for j, shift in enumerate(late):
+        if shift:
+            moved[:-shift, :, j] = gain[shift:, :, j]
+    return moved
 
 
 def _whiten(observed: Observed, gains: KalmanGains, bag: Bag, late: Sequence[int]) -> Array:

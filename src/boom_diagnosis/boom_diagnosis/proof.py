@@ -136,20 +136,23 @@ def spans_of(case: Proved) -> Spans:
     """What was fitted and what is judged, recording by recording."""
     training, judged, everything = [], [], []
     for bag, select in zip(case.bags, case.judged, strict=True):
-        r = bag.recording
-        everything.append(Span(r, 0.0, r.duration))
+        r, strays = bag.recording, bag.currents.strays
+        everything.append(Span(r, 0.0, r.duration, strays))
         if case.proving:
-            training.append(Span(r, 0.0, r.duration))
+            training.append(everything[-1])
             continue
         held = bag.time[select.any(axis=1)]
         cut = float(held[0]) if len(held) else r.duration
         before = float(held[0]) > 0.5 * r.duration if len(held) else True
-        training.append(Span(r, 0.0, cut) if before else Span(r, float(held[-1]), r.duration))
-        judged.append(Span(r, cut, r.duration) if before else Span(r, 0.0, float(held[-1])))
+        parts = (Span(r, 0.0, cut, strays), Span(r, float(held[-1]) if len(held) else cut, r.duration, strays))
+        training.append(parts[0] if before else parts[1])
+        judged.append(Span(r, cut, r.duration, strays) if before else Span(r, 0.0, parts[1].start, strays))
     for bag in case.proving:
-        judged.append(Span(bag.recording, 0.0, bag.recording.duration))
+        judged.append(Span(bag.recording, 0.0, bag.recording.duration, bag.currents.strays))
         everything.append(judged[-1])
-    return Spans(training, judged, everything, [Span(b.recording, 0.0, b.recording.duration) for b in case.elsewhere])
+    strays = max(bag.currents.strays for bag in case.bags)
+    others = [Span(b.recording, 0.0, b.recording.duration, strays) for b in case.elsewhere]
+    return Spans(training, judged, everything, others)
 
 
 def worsening(case: Proved, before: Point, after: Point) -> float:

@@ -26,6 +26,7 @@ from boom_diagnosis.nuisances import clock, tolerances
 from boom_diagnosis.onset import near_onset, time_in
 from boom_diagnosis.restarts import other_valley
 from boom_diagnosis.search import Fitted
+from boom_diagnosis.straying import strayed
 from boom_diagnosis.stretches import Stretches, excited, stretches
 from boom_diagnosis.weighed_case import WeighedCase, searched
 from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT
@@ -112,17 +113,24 @@ def _searched(
         return weighed_answer.assemble(weighed, about, weak)
     case = _case(machine, bags, proving, about.seed)
     case.elsewhere = parts.elsewhere
-    search(case, progress)
+    case = search(case, progress)
     progress("free runs", 0.78)
     fit_to_free_runs(case)
     progress("locating", 0.8)
     return answer.assemble(case, about, weak)
 
 
-def search(case: Case, progress: Progress) -> None:
-    """Round after round: what explains most is taken, everything is computed anew, until nothing earns its place."""
+def search(case: Case, progress: Progress) -> Case:
+    """Round after round: what explains most is taken, everything is computed anew, until nothing earns its place.
+
+    The case as it ends; where its log strays, that is another one from the beginning.
+    """
     _rounds(case, progress)
+    if case.rest(case.last) > NEGLIGIBLE and (bags := strayed(case)):
+        case = case.with_bags(*bags)
+        _rounds(case, progress)
     _finish(case)
+    return case
 
 
 def _finish(case: Case) -> None:

@@ -34,7 +34,7 @@ class HeldCurrents:
     """Inputs: time (m,) [s] from which each acts, values (m, NU) as ``Structure.inputs``: retract, extend [A], what else drives.
 
     still: (m,) whether the other joints stand still. late: by how much [s] samples come less often than commands; sampled: (m,)
-    where one was taken. In between currents lie on lines.
+    where one was taken. In between currents lie on lines. strays: how far from its stamp one was taken [s], standard deviation.
     """
 
     time: Array
@@ -42,9 +42,18 @@ class HeldCurrents:
     still: NDArray[np.bool_] | None = None
     late: float = 0.0
     sampled: NDArray[np.bool_] | None = None
+    strays: float = 0.0
 
     def drawn(self, rng: np.random.Generator) -> Array:
-        """(m, NU) inputs that would have given the same samples: a command that changed did so at once, anywhere in between."""
+        """(m, NU) inputs that would have given the same samples: a command that changed did so at once, anywhere in between.
+
+        Where samples stray each shows the command of a whole number of samples before it, Poisson's, less its mean.
+        """
+        if self.strays:
+            often = (self.strays / float(np.median(np.diff(self.time)))) ** 2
+            row = np.arange(len(self.time)) - rng.poisson(often, len(self.time)) + round(often)
+            shown = self.values[np.clip(row, 0, len(self.time) - 1)]
+            return np.hstack((shown[:, : len(CURRENTS)], self.values[:, len(CURRENTS) :]))
         if self.sampled is None:
             return self.values.copy()
         k = np.cumsum(self.sampled) - 1
