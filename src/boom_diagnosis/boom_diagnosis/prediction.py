@@ -195,7 +195,7 @@ class Predictor:
             return self._samples[i](*plant.delays(p))
 
     def _as_stamped(self, i: int, plant: Plant, p: Array) -> Samples:
-        """The same with pressures in the intervals of their stamps, which is where gains are those of a channel that was measured."""
+        """The same with pressures in the intervals of their stamps, where gains are those of a channel that was measured."""
         with self._filling:
             return self._samples[i](plant.delays(p)[0])
 
