@@ -131,6 +131,21 @@ def test_a_pressure_that_is_coarser_than_its_noise_may_rest_and_creep(tmp_path: 
     assert found.events == [] and found.signals["hose_pressure"].valid.all()
 
 
+def test_a_coarse_pressure_that_rings_when_the_boom_stops_may_stay_as_it_is_while_it_moves_and_while_it_rests(
+    tmp_path: Path,
+) -> None:
+    time, signals = columns(40.0)
+    rng = np.random.default_rng(2)
+    back_and_forth = np.clip(np.abs(np.mod(time, 8.0) - 4.0) - 1.0, 0.0, 2.0)  # moves for 2 s, rests for 2 s
+    signals["angle"] = 0.2 + 0.1 * back_and_forth
+    signals["rate"] = np.gradient(signals["angle"], time) + 1.5e-3 * rng.standard_normal(len(time))
+    since = np.mod(time - 1.0, 2.0)
+    ringing = 9.0e5 * np.exp(-since / 0.3) * np.sin(2.0 * np.pi * 3.0 * since)
+    for name, level in (("hose_pressure", 7.01e6), ("rod_pressure", 2.13e6)):
+        signals[name] = np.round((level + ringing + 1.5e4 * rng.standard_normal(len(time))) / 1.0e5) * 1.0e5
+    assert after(tmp_path, time, signals).events == []
+
+
 def test_a_coarse_pressure_that_repeats_while_the_boom_goes_far_is_stuck(tmp_path: Path) -> None:
     time, signals = columns(12.0)  # lifts by 0.8 rad
     for name in ("hose_pressure", "rod_pressure"):
