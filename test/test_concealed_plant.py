@@ -77,6 +77,7 @@ NOT_CONCEALED = {
     "cavitation",
     "supply_variation",
     "vented_neutral",
+    "spool_lag",
 }
 """Of cranes of other makes, which this plant is none of."""
 

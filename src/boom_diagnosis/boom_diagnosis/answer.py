@@ -46,6 +46,7 @@ from boom_diagnosis.proof import (
     proving_result,
     spans_of,
 )
+from boom_diagnosis.straying import drives
 from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, posterior, probabilities, unknown_probability
 from boom_model.catalogue import CATALOGUE, EFFECTS
 from boom_model.learned import LearnedTerm
@@ -149,6 +150,8 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     driven = held_out(dict(zip(taken, done, strict=True)), spans) if case.taken else {}
     if case.taken and worse_on_the_whole(driven):
         unknown = max(unknown, 1.0 - UNTOLD)
+    if unknown > UNTOLD and drives(case, spans):
+        unknown = UNTOLD
     odds = odds_of(case, unknown, proved=not case.taken or not worse_channels(driven))
     cells = [regimes.classify(bag) for bag in case.bags]
     findings = _findings(case, odds, cells)
@@ -220,6 +223,11 @@ def _final_machine(case: Case, verdict: Verdict, learned: Learned | None) -> Mac
 def notes_of(bags: Sequence[Bag], proving: Sequence[Bag], weak: Sequence[str]) -> tuple[str, ...]:
     """What was left out and what is damaged."""
     notes = [f"{name} is left out: the boom hardly moves in it, or angle or currents are missing" for name in weak]
+    notes += [
+        f"{bag.name}: samples of the currents stray from their stamps, by {1e3 * bag.currents.strays:.1f} ms (standard "
+        "deviation), as where a log races the controller: that is counted as noise. Log them where they are commanded"
+        for bag in (*bags, *proving) if bag.currents.strays
+    ]  # fmt: skip
     for bag in bags:
         notes += [f"{bag.name}: {_untold(name)}" for name in OUTPUTS if name in bag.lacking]
         if bag.cavitating.any():

@@ -45,6 +45,7 @@ def test_equations_let_every_quantity_of_the_catalogue_pass(monkeypatch: pytest.
     monkeypatch.setattr(Terms, "through", noting)
     full_model(structure())
     full_model(structure(supply=False))
+    full_model(structure(spool="direct", pilot_valves="none"))
     assert passed == set(QUANTITIES)
 
 

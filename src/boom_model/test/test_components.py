@@ -204,11 +204,11 @@ def test_pilot_valve_has_its_pole_gain_and_feedthrough(p: Any, effects: Any) -> 
     assert float(pilot_valve.pressure(0.0, 0.5, p, e)) == pytest.approx(BAR * (76.1 * nu**2 - 0.58 * nu + 0.247))
 
 
-def test_direct_spool_is_a_first_order_lag(other_make: Any) -> None:
+def test_direct_spool_is_a_first_order_lag(other_make: Any, effects: Any) -> None:
     q = namespace(other_make.values(other_make.pose(4.5, 0.0)))
-    assert direct_spool.velocity(0.0, 0.6, 0.0, q) == pytest.approx(8e-3 / 0.04, rel=1e-3)
-    assert direct_spool.velocity(0.0, 0.0, 0.6, q) == pytest.approx(-8e-3 / 0.04, rel=1e-3)
-    assert direct_spool.velocity(1.333e-2 * 0.3, 0.3, 0.0, q) == pytest.approx(0.0, abs=1e-12)
+    assert direct_spool.velocity(0.0, 0.6, 0.0, q, effects()) == pytest.approx(8e-3 / 0.04, rel=1e-3)
+    assert direct_spool.velocity(0.0, 0.0, 0.6, q, effects()) == pytest.approx(-8e-3 / 0.04, rel=1e-3)
+    assert direct_spool.velocity(1.333e-2 * 0.3, 0.3, 0.0, q, effects()) == pytest.approx(0.0, abs=1e-12)
 
 
 # ----------------------------------------------------------------------------------------------------- hose burst valve

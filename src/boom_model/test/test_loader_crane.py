@@ -272,10 +272,12 @@ def test_neutral_of_the_file_opens_early_to_one_side(loader: Machine) -> None:
     assert moved(0.06, (0.0, 0.09)) < 1e-3 < moved(-0.06, (0.0, 0.09))
 
 
-def test_second_order_spool_rings_at_its_frequency_and_stands_where_the_current_says(q: Any) -> None:
+def test_second_order_spool_rings_at_its_frequency_and_stands_where_the_current_says(q: Any, effects: Any) -> None:
     s = q.main_valve_spool
-    assert second_order_spool.acceleration(0.0, 0.0, 0.3, 0.0, q) == pytest.approx(75.0**2 * 1.333e-2 * 0.3)
-    assert second_order_spool.acceleration(s.K_i * 0.3, 0.01, 0.3, 0.0, q) == pytest.approx(-2 * 0.8 * 75.0 * 0.01)
+    assert second_order_spool.acceleration(0.0, 0.0, 0.3, 0.0, q, effects()) == pytest.approx(75.0**2 * 1.333e-2 * 0.3)
+    assert second_order_spool.acceleration(s.K_i * 0.3, 0.01, 0.3, 0.0, q, effects()) == pytest.approx(
+        -2 * 0.8 * 75.0 * 0.01
+    )
 
 
 # ------------------------------------------------------------------------------------------------- friction of the seals
@@ -467,3 +469,17 @@ def test_parameter_tells_its_tolerance_relative(loader: Machine) -> None:
     assert loader.parameters["fluid.beta"].tolerance == 1.0  # factor 2
     assert loader.parameters["main_valve_orifices.x0_sa"].tolerance == pytest.approx(0.3)
     assert str(Tolerance("range", (0.0, 1e6))) == "0 .. 1e+06"
+
+
+def test_a_lagging_spool_is_the_machine_with_another_natural_frequency(loader: Machine) -> None:
+    slower = loader.with_effects({"spool_lag": {"r": 1.5}})
+    told = loader.with_values(
+        {"main_valve_spool.omega_n": loader.values(loader.pose(*POSE))["main_valve_spool.omega_n"] / 1.5}
+    )
+    time, currents = np.arange(0.0, 3.0, 0.01), np.tile((0.0, 0.4), (300, 1))
+    runs = []
+    for machine in (slower, told, loader):
+        plant = Plant(machine, machine.pose(*POSE))
+        runs.append(plant.run(time, currents, time, plant.equilibrium(0.2)).output("angle"))
+    assert runs[0] == pytest.approx(runs[1], abs=1e-9)
+    assert np.abs(runs[0] - runs[2]).max() > 1e-4

@@ -108,7 +108,11 @@ def test_every_effect_of_the_catalogue_is_concealed_by_a_plant_and_every_form_is
         assert known <= set(EFFECTS)
         concealed |= known
         assert all(form.text and form.unit and len(form.text) < 400 for form in forms.values())
-    assert concealed == set(EFFECTS) - {"vented_neutral"}, "of files with a load-holding valve, which no plant has"
+    not_concealed = {
+        "vented_neutral",
+        "spool_lag",
+    }  # of files with a load-holding valve, which no plant has; newer than the plants
+    assert concealed == set(EFFECTS) - not_concealed
 
 
 @pytest.mark.parametrize(

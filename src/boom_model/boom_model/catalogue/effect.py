@@ -43,6 +43,7 @@ QUANTITIES: dict[str, str] = {
     "flow_force": "F_q, closes the spool [N]; at.size of |q| sqrt(|dp|), at.extend",
     "return_spring": "k [N/m]",
     "pilot_rate": "a_1, b_0 of the pilot valves [1/s]",
+    "spool_rate": "1 / T_s or omega_n of a spool without pilot stage [1/s]",
     **{f"measured_{name}": f"what the sensor shows of {name} [SI]" for name in OUTPUTS},
 }
 """What the equations let pass through the terms of the active effects (``Terms.through``): quantity -> meaning, context."""

@@ -3,7 +3,7 @@
     T_s s_s' = K_i (i_+ - i_-) - s_s
 
 i_+ retracts (s_s > 0), i_- extends (s_s < 0). Not in the thesis: for machines of another make, e.g. a proportional valve with
-on-board position control. Effects that need a pilot stage or a spring do not apply; ``command_delay`` does.
+on-board position control. Effects that need a pilot stage or a spring do not apply; ``spool_lag`` and ``command_delay`` do.
 """
 
 from __future__ import annotations
@@ -26,16 +26,20 @@ OFF = 0.04
 
 
 def velocity(
-    position: Expression, retract: Expression, extend: Expression, p: Any, off: Expression = 0.0
+    position: Expression, retract: Expression, extend: Expression, p: Any, e: Any, off: Expression = 0.0
 ) -> Expression:
     """s_s' [m/s] for s_s [m], the two currents [A] and what is missing of the commanded position [m]."""
-    s = p.main_valve_spool
-    return (s.K_i * (retract - extend) + off - position) / s.T_s
+    return (p.main_valve_spool.K_i * (retract - extend) + off - position) / time_constant(p, e)
+
+
+def time_constant(p: Any, e: Any) -> Expression:
+    """T_s [s]."""
+    return 1.0 / e.through("spool_rate", 1.0 / p.main_valve_spool.T_s)
 
 
 def _motion(w: Wiring, position: Expression, _force: Expression) -> None:
     off = w.discrepancy("spool", OFF * w.p.main_valve_spool.s_max)
-    w.rates["spool_position"] = velocity(position, w.u[0], w.u[1], w.p, off)
+    w.rates["spool_position"] = velocity(position, w.u[0], w.u[1], w.p, w.e, off)
 
 
 register(Spool(
@@ -43,5 +47,5 @@ register(Spool(
     specifications=SPECIFICATIONS, motion=_motion,
     position=lambda retract, extend, p, pilot: p.main_valve_spool.K_i * (retract - extend),
     current=lambda position, p, pilot: position / p.main_valve_spool.K_i,
-    settling=lambda p, e, pilot: p.main_valve_spool.T_s,
+    settling=lambda p, e, pilot: time_constant(p, e),
 ))  # fmt: skip

@@ -22,17 +22,22 @@ SPECIFICATIONS = (
 
 
 def acceleration(
-    position: Expression, velocity: Expression, retract: Expression, extend: Expression, p: Any
+    position: Expression, velocity: Expression, retract: Expression, extend: Expression, p: Any, e: Any
 ) -> Expression:
     """s_s'' [m/s^2] for s_s [m], s_s' [m/s] and the two currents [A]."""
-    s = p.main_valve_spool
-    return s.omega_n**2 * (s.K_i * (retract - extend) - position) - 2 * s.zeta * s.omega_n * velocity
+    s, frequency = p.main_valve_spool, natural_frequency(p, e)
+    return frequency**2 * (s.K_i * (retract - extend) - position) - 2 * s.zeta * frequency * velocity
+
+
+def natural_frequency(p: Any, e: Any) -> Expression:
+    """omega_n [rad/s]."""
+    return e.through("spool_rate", p.main_valve_spool.omega_n)
 
 
 def _motion(w: Wiring, position: Expression, _force: Expression) -> None:
     velocity = w.add("spool_velocity", "w_s", "m/s", 0.1, -10.0, 10.0)
     w.rates["spool_position"] = velocity
-    w.rates["spool_velocity"] = acceleration(position, velocity, w.u[0], w.u[1], w.p)
+    w.rates["spool_velocity"] = acceleration(position, velocity, w.u[0], w.u[1], w.p, w.e)
 
 
 register(Spool(
@@ -40,5 +45,5 @@ register(Spool(
     term="s_s'' = omega_n^2 (K_i (i_+ - i_-) - s_s) - 2 zeta omega_n s_s'", specifications=SPECIFICATIONS, motion=_motion,
     position=lambda retract, extend, p, pilot: p.main_valve_spool.K_i * (retract - extend),
     current=lambda position, p, pilot: position / p.main_valve_spool.K_i,
-    settling=lambda p, e, pilot: 2 * p.main_valve_spool.zeta / p.main_valve_spool.omega_n,
+    settling=lambda p, e, pilot: 2 * p.main_valve_spool.zeta / natural_frequency(p, e),
 ))  # fmt: skip
