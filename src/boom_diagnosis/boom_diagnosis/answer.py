@@ -199,7 +199,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         document, case.machine, _final_machine(case, verdict, learned), bags,
         regimes.table(cells, case.select, tight.nominal, explained, case.healthy_squares), equations, agreement, proof.ladder,
         (learned.curve,) if learned else (), left_over, moved, experiment,
-        (*unproved, *proof.notes, *notes_of(case.bags, case.proving, weak)),
+        (*unproved, *_said_of_limits(case, moved), *proof.notes, *notes_of(case.bags, case.proving, weak)),
         command=about.command,
     )  # fmt: skip
 
@@ -217,6 +217,8 @@ def _final_machine(case: Case, verdict: Verdict, learned: Learned | None) -> Mac
     jacobian = case.final.jacobian if case.final else case.rounds[0].jacobian
     covariance = posterior(case.last, jacobian, len(case.last.z))
     deviations = np.sqrt(np.diag(covariance)[: len(case.nuisances)])
+    ended = [n.ended(float(z)) for n, z in zip(case.nuisances, case.last.z, strict=True)]
+    deviations = np.where(ended, 1.0, deviations)  # beyond its tolerance nothing is known of a number
     return final_machine(case, learned.point if learned else case.last, deviations, (learned.term,) if learned else ())
 
 
@@ -500,6 +502,16 @@ def _subsystems(ranked: Sequence[RankingRow], findings: Sequence[Finding]) -> di
     for f in findings:
         result[f.subsystem] = max(result[f.subsystem], f.confidence)
     return {name: round(p, 4) for name, p in result.items()}
+
+
+def _said_of_limits(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
+    ended = [n.label or n.name for n, z in zip(case.nuisances, case.last.z, strict=True) if n.ended(float(z))]
+    if not (ended and moved):
+        return []
+    return [
+        f"{len(ended)} of {len(case.nuisances)} numbers stand at the end of their tolerance, which speaks against the "
+        f"explanation: {', '.join(ended)}"
+    ]
 
 
 def _moved(case: Case, point: Point) -> dict[str, Estimate]:

@@ -25,6 +25,8 @@ TAIL = 0.7
 """k of a guess: four standard deviations are a factor of six, as far as owners of real cranes were off."""
 TWINS = frozenset(name for effect in CATALOGUE for name in effect.changes)
 """Numbers that an effect of the catalogue multiplies, shifts or adds to."""
+AT_LIMIT = 0.01
+"""Standard deviations from a limit within which a number stands at it."""
 TWIN_Z = 2.0
 """Standard deviations that such a number may move: its tolerance."""
 PRECHARGE = 0.05
@@ -91,6 +93,11 @@ class Nuisance:
             )
         least, largest = max(self.ends[0], LEAST_SHARE), self.ends[1]
         return max(low, self._at(least)), min(high, self._at(largest) if largest < inf else high)
+
+    def ended(self, z: float) -> bool:
+        """Whether z stands at a limit that is one of the tolerance, not of what is possible."""
+        low, high = self.limits
+        return abs(z) > 0.9 * TWIN_Z and not low + AT_LIMIT < z < high - AT_LIMIT
 
     def _at(self, ratio: float) -> float:
         """z of a value over the nominal one."""

@@ -121,10 +121,7 @@ def _searched(
 
 
 def search(case: Case, progress: Progress) -> Case:
-    """Round after round: what explains most is taken, everything is computed anew, until nothing earns its place.
-
-    The case as it ends; where its log strays, that is another one from the beginning.
-    """
+    """Round after round: what explains most is taken, all is computed anew, until nothing earns its place; the case as it ends."""
     _rounds(case, progress)
     if case.rest(case.last) > NEGLIGIBLE and (bags := strayed(case)):
         case = case.with_bags(*bags)

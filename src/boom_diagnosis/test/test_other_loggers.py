@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_diagnosis import noisy, tz17
+from test_diagnosis import lagging, noisy, tz17
 
 from boom_checks.sampling import independent
 from boom_diagnosis.bag_samples import prepare
@@ -184,3 +184,38 @@ def test_the_clock_of_a_log_is_known_to_a_sample_unless_the_machine_file_tells_a
     assert [known.value(0.0, z) for z in known.limits] == pytest.approx([-0.01, 0.0], abs=1e-6)
     assert [between.value(0.0, z) for z in between.limits] == pytest.approx([-0.01, 0.01], abs=1e-6)
     assert clock(tz17().with_effects({"command_delay": {"T": 0.02}}), [dense]) == ()
+
+
+def racing(recording: Recording, seed: int) -> Recording:
+    """The currents as a log that races its controller shows them: of every second sample the command before."""
+    rng = np.random.default_rng(seed)
+    row = np.arange(len(recording.signals["retract_current"].values))
+    row = np.maximum(row - (rng.uniform(size=len(row)) < 0.5), 0)
+    shown = {n: replace(s, values=s.values[row]) for n, s in recording.signals.items() if n.endswith("current")}
+    return replace(recording, signals={**recording.signals, **shown})
+
+
+def test_a_log_that_races_its_controller_is_told_as_that_beside_what_is_missing() -> None:
+    made = noisy(tz17().with_effects({"pilot_lag": {"r": 2.0}}), 24.0, 1)
+    result = diagnose([racing(made, 2)], tz17())
+    assert [f.effect for f in result.document.findings if f.confidence >= 0.5] == ["pilot_lag"]
+    assert any("stray from their stamps" in note for note in result.notes)
+    assert not any("stray from their stamps" in note for note in lagging().notes)
+
+
+def test_a_healthy_machine_whose_log_races_its_controller_lacks_no_physics() -> None:
+    assert diagnose([racing(noisy(tz17(), 24.0, 1), 2)], tz17()).document.verdict in ("no_mismatch", "parameters_only")
+
+
+def test_gains_of_late_pressures_serve_a_machine_whose_pressures_are_not_late_where_samples_are_rare() -> None:
+    made = noisy(tz17(), 24.0, 1)
+    rare = replace(made, signals={n: every_other(s, 0) for n, s in made.signals.items()})
+    bag = prepare(independent(rare), tz17())
+    assert bag is not None
+    known = tolerances(tz17(), tz17().pose(*POSE))
+    late = {"effects.pressure_delay.T": 1.7e-3}
+    losses = []
+    for tuned in ({}, late):
+        problem = problem_at(tz17(), [bag], [bag.counted], known, np.zeros(len(known)), tuned, 1.0)
+        losses.append(problem.points([(np.zeros(len(known)), {})])[0].loss)
+    assert losses[1] == pytest.approx(losses[0], rel=0.05)
