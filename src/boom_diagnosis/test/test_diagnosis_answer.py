@@ -15,17 +15,21 @@ from boom_diagnosis.hypotheses import Round
 
 
 def test_what_is_damaged_or_left_out_of_a_recording_is_said(case: Any) -> None:
-    def bag(name: str, warnings: list[str], cavitating: int, lacking: Sequence[str] = ()) -> Any:
+    def bag(name: str, warnings: list[str], cavitating: int, lacking: Sequence[str] = (), strays: float = 0.0) -> Any:
         lost = np.arange(1000) < cavitating
         recording = SimpleNamespace(warnings=warnings)
-        return SimpleNamespace(name=name, cavitating=lost, recording=recording, lacking=frozenset(lacking))
+        currents = SimpleNamespace(strays=strays)
+        return SimpleNamespace(
+            name=name, cavitating=lost, recording=recording, lacking=frozenset(lacking), currents=currents
+        )
 
     case.bags, case.proving = (
         [bag("a", [], 150), bag("b", ["cut.mcap: the file is cut"], 0, ["rate"])],
-        [bag("c", ["no index"], 0)],
+        [bag("c", ["no index"], 0, strays=5e-3)],
     )
-    left_out, evaporating, untold, *damaged = answer.notes_of(case.bags, case.proving, ["still"])
+    left_out, straying, evaporating, untold, *damaged = answer.notes_of(case.bags, case.proving, ["still"])
     assert left_out.startswith("still is left out")
+    assert straying.startswith("c: samples of the currents stray from their stamps, by 5.0 ms")
     assert evaporating.startswith("a: 1.5 s are left out") and "evaporates" in evaporating
     assert untold == "b: the rate was not measured: what only it shows cannot be told, rate scale among it"
     assert damaged == ["b: cut.mcap: the file is cut", "c: no index"]
