@@ -1,8 +1,8 @@
 """Clocks that differ: the offset between topics at which simple physics holds best, with its interval.
 
-Pressures against motion by the force balance, currents against motion by the answer to the command. A delay of filter, bus or
-valve is physics or a sensor (``pressure_delay``, ``command_delay``); what comes before its cause, or later than any of these, is
-a clock.
+Pressures against motion by the force balance, or, behind a valve that holds the load, by when they change; currents against motion
+by the answer to the command. A delay of filter, bus or valve is physics or a sensor (``pressure_delay``, ``command_delay``); what
+comes before its cause, or later than any of these, is a clock.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from boom_checks.check import IntervalValue, RecordingCheck
 from boom_checks.even_series import PERIOD, EvenSeries
 from boom_checks.mechanics import Mechanics
 from boom_checks.readings import PRIOR
-from boom_checks.relations import command, force
+from boom_checks.relations import changes, command, force
 from boom_input.channels import BY_NAME
 
 Array = NDArray[np.float64]
@@ -30,13 +30,16 @@ DROP_90 = 1.353
 PRESSURES, CURRENTS = ("hose_pressure", "rod_pressure"), ("retract_current", "extend_current")
 ALLOWED: dict[tuple[str, ...], tuple[float, float]] = {PRESSURES: (-0.03, 0.12), CURRENTS: (-0.40, 0.03)}
 """s. Lateness of pressures, filter and bus together; and of currents, which the motion follows after pilot stage and spool."""
+CHANGING = (-0.10, 0.20)
+"""s. Of pressures by their changes: the valve opens before the boom moves, and the oil swings after it has stopped."""
 
 
 def clock_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
     """Topics whose clock differs from that of the joint states."""
     found = []
-    for names, relation in ((PRESSURES, force), (CURRENTS, _at_once)):
-        measure, odds = offset(series, boom, names, relation)
+    balance = (changes, CHANGING) if boom.holds else (force, ALLOWED[PRESSURES])
+    for names, (relation, allowed) in ((PRESSURES, balance), (CURRENTS, (_at_once, ALLOWED[CURRENTS]))):
+        measure, odds = offset(series, boom, names, relation, allowed)
         if odds + PRIOR > 0.0:
             topics = ", ".join(dict.fromkeys(BY_NAME[name].topic for name in names))
             way = "late" if measure.value > 0.0 else "early"
@@ -51,9 +54,10 @@ def clock_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
 
 
 def offset(
-    series: EvenSeries, boom: Mechanics, names: tuple[str, ...], relation: Callable[[EvenSeries, Mechanics], float]
-) -> tuple[IntervalValue, float]:
-    """Lateness of the signals [s] with its interval, and the log odds that it lies outside ``ALLOWED``."""
+    series: EvenSeries, boom: Mechanics, names: tuple[str, ...], relation: Callable[[EvenSeries, Mechanics], float],
+    within: tuple[float, float],
+) -> tuple[IntervalValue, float]:  # fmt: skip
+    """Lateness of the signals [s] with its interval, and the log odds that it lies outside ``within`` [s]."""
 
     def score(shift: int) -> float:
         return relation(series.with_columns({name: _earlier(series.columns[name], shift) for name in names}), boom)
@@ -65,7 +69,7 @@ def offset(
     tried |= {shift: score(shift) for shift in range(middle - COARSE, middle + COARSE + 1, FINE)}
     best = max(tried, key=tried.__getitem__)
     inside = [shift for shift, value in tried.items() if value > tried[best] - DROP_90]
-    low, high = ALLOWED[names]
+    low, high = within
     allowed = max(value for shift, value in tried.items() if low <= shift * PERIOD <= high)
     late = PERIOD * best
     interval = (PERIOD * (min(inside) - FINE / 2), PERIOD * (max(inside) + FINE / 2))

@@ -38,6 +38,8 @@ FORCE_FLOOR = 2.0e5
 FORCE_PRIOR = np.array([5.0e5, 2.0e6, 0.3, 0.3])
 """Deviations in the force balance: offset [Pa], what follows the motion's sign (friction, a valve at the cylinder) [Pa], and the
 logarithms of the factors on all loads and on the inertia [-]. A load may be a third more, but gravity does not vanish."""
+CHANGE_FLOOR = 0.3
+"""Deviations of a pressure's rate of change that do not follow the motion in any case."""
 LARGEST_CURRENT = math.log(3.0)
 """Standard deviation of the logarithm: few recordings open the valve fully, and files are off by tens of per cent."""
 TURNING = 0.01
@@ -180,6 +182,25 @@ def force(series: EvenSeries, boom: Mechanics) -> float:
         )
         z = z + np.clip(step, -FORCE_PRIOR, FORCE_PRIOR)
     return -0.5 * seconds * float(np.log(square / extent)) - 0.5 * float(np.sum((z / FORCE_PRIOR) ** 2))
+
+
+def changes(series: EvenSeries, _: Mechanics) -> float:
+    """Pressures change while the motion does: sqrt|p'| = c + k sqrt|q_2''|, in units of the left side's deviation.
+
+    Of hose and rod side together. It tells when, whatever lies between cylinder and sensor.
+    """
+    jerks = np.sqrt(np.abs(series.smooth("rate", 1)))[::_EVERY]
+    total = 0.0
+    for name in ("hose_pressure", "rod_pressure"):
+        steep = np.sqrt(np.abs(series.smooth(name, 1)))[::_EVERY]
+        known = np.isfinite(jerks) & np.isfinite(steep)
+        if not known.any():
+            continue
+        y = steep[known] / max(float(np.std(steep[known])), 1e-9)
+        columns = np.column_stack((np.ones(len(y)), jerks[known]))
+        gains, *_ = np.linalg.lstsq(columns, y, rcond=None)
+        total += _log_likelihood(y - columns @ gains, CHANGE_FLOOR, _EVERY)
+    return total
 
 
 MOTION, PRESSURES, CURRENTS = (

@@ -8,6 +8,7 @@ import pytest
 from recording_faults import FAULTS, changed, late
 
 from boom_checks.check import RecordingCheck
+from boom_checks.clocks import clock_checks
 from boom_checks.commands import chatter_checks
 from boom_checks.doubts import checks
 from boom_checks.even_series import even_series
@@ -113,6 +114,14 @@ def test_the_offset_of_a_clock_is_measured_and_its_interval_holds_it(offset: flo
     low, high = found.measure.interval_90
     assert low <= offset <= high
     assert high - low < 0.1
+
+
+@pytest.mark.parametrize("offset", [-0.6, 0.0, 0.6])
+def test_behind_a_valve_that_holds_the_load_a_clock_is_told_by_when_pressures_change(offset: float) -> None:
+    recording = late(load(BAGS / "healthy" / "extended"), offset, "hose_pressure", "rod_pressure")
+    holding = replace(mechanics(TZ17, recording), holds=True)
+    found = clock_checks(even_series(recording), holding)
+    assert [round(check.measure.value, 1) for check in found] == ([offset] if offset else [])
 
 
 def test_repeated_samples_are_told_with_the_time_between_new_ones() -> None:
