@@ -198,7 +198,7 @@ def changes(series: EvenSeries, _: Mechanics) -> float:
             continue
         y = steep[known] / max(float(np.std(steep[known])), 1e-9)
         columns = np.column_stack((np.ones(len(y)), jerks[known]))
-        gains, *_ = np.linalg.lstsq(columns, y, rcond=None)
+        gains = np.linalg.lstsq(columns, y, rcond=None)[0]
         total += _log_likelihood(y - columns @ gains, CHANGE_FLOOR, _EVERY)
     return total
 

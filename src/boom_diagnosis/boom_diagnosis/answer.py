@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis import regimes
-from boom_diagnosis.assumptions import MOST_CERTAIN, MOVED, NAMED_FROM, UNPROVED
+from boom_diagnosis.assumptions import AT_FLOOR, MOST_CERTAIN, MOVED, NAMED_FROM, UNPROVED
 from boom_diagnosis.bag_samples import CAVITATES, PERIOD, Bag
 from boom_diagnosis.document import (
     SUBSYSTEMS,
@@ -29,7 +29,7 @@ from boom_diagnosis.document import (
 from boom_diagnosis.earning import needed
 from boom_diagnosis.experiment import propose
 from boom_diagnosis.fitting import SLOW, Point, rho
-from boom_diagnosis.freerun import UNKNOWN
+from boom_diagnosis.freerun import UNKNOWN, median
 from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import links, locate
@@ -42,11 +42,12 @@ from boom_diagnosis.proof import (
     held_out,
     label_of,
     machines_of,
+    noise_floors,
     proof_of,
     proving_result,
+    runs_as_noise_lets_it,
     spans_of,
 )
-from boom_diagnosis.straying import drives
 from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, posterior, probabilities, unknown_probability
 from boom_model.catalogue import CATALOGUE, EFFECTS
 from boom_model.learned import LearnedTerm
@@ -64,8 +65,6 @@ LEARNT_FROM, LEARNT_IN = 0.3, 2
 """Probability of unknown physics from which on a term is learnt, and in how many equations it is tried."""
 DOUBTFUL = 0.1
 """Share of the excess that stays from which on the tolerances alone are fitted once more, by the observer that sees most."""
-FLOORS = 1.5
-"""Held-out error over that which noise alone leaves from which on the report says that something remains."""
 UNTOLD = 0.49
 """At most this is claimed of an effect whose numbers' intervals all contain that it does nothing."""
 
@@ -148,11 +147,16 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     taken = machines_of(case, "identified", None) if case.taken else {}
     done = [free_runs(m, case, spans) for m in taken.values()]
     driven = held_out(dict(zip(taken, done, strict=True)), spans) if case.taken else {}
-    if case.taken and worse_on_the_whole(driven):
-        unknown = max(unknown, 1.0 - UNTOLD)
-    if unknown > UNTOLD and drives(case, spans):
+    worse: list[str] = []
+    if case.taken:
+        worse = worse_channels(
+            driven, median(noise_floors(taken["explained"], case, [*spans.judged, *spans.elsewhere]))
+        )
+        if worse_on_the_whole(driven):
+            unknown = max(unknown, 1.0 - UNTOLD)
+    if unknown > UNTOLD and runs_as_noise_lets_it(case, spans):
         unknown = UNTOLD
-    odds = odds_of(case, unknown, proved=not case.taken or not worse_channels(driven))
+    odds = odds_of(case, unknown, proved=not worse)
     cells = [regimes.classify(bag) for bag in case.bags]
     findings = _findings(case, odds, cells)
     ranked = ranking(case, odds, findings)
@@ -256,7 +260,7 @@ def remaining(fit: Fit, before: float, after: float) -> str:
             f"{100 * share:.0f} % of the mismatch's size (one-step errors beyond a healthy machine's) stays unexplained."
         )
     ratios = np.array(fit.held_out["explained"], dtype=float) / np.array(fit.noise_floor, dtype=float)
-    over = [f"{name.replace('_', ' ')} {r:.1f}" for name, r in zip(OUTPUTS, ratios, strict=True) if r > FLOORS]
+    over = [f"{name.replace('_', ' ')} {r:.1f}" for name, r in zip(OUTPUTS, ratios, strict=True) if r > AT_FLOOR]
     if over:
         sentences.append(
             f"Free runs over data not used err more than noise alone would: {', '.join(over)} times as much."
@@ -524,7 +528,8 @@ def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array) 
     numbers, nominal = case.values(point.z, {}), case.machine.values(case.pose)
     units = {c: p.specification.unit for p in case.machine.parameters.values() for c in p.specification.components}
     result = {}
-    for i, nuisance in enumerate(case.nuisances):
+    for i in np.argsort(-np.abs(point.z)):  # what moved most comes first
+        nuisance = case.nuisances[i]
         if abs(point.z[i]) < MOVED or nuisance.name not in numbers or nuisance.name.startswith("pose."):
             continue
         value = numbers[nuisance.name]

@@ -17,6 +17,8 @@ SURE = 0.9
 NEAR_FLOOR, FAR_FROM_FLOOR = 3.0, 9.0
 """Errors of held-out free runs over those that noise alone leaves: up to which an explanation is whole, and from which on it is not
 said that nothing is missing."""
+AT_FLOOR = 1.5
+"""The same up to which an error is one that noise makes: neither worse than another nor a sign of physics."""
 WORSE = 1.1
 """Held-out error of a channel over that of parameters only from which on an explanation is unproved."""
 UNPROVED = 0.8

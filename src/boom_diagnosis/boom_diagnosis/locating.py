@@ -48,17 +48,24 @@ LINKS = (
     Link("rod_flow", "flow into the rod side", "5.39d", "rod_pressure", ("main_valve", "cylinder", "supply", "return_line")),
     Link("spool", "command to spool", "5.39n", "spool_position", ("main_valve", "pilot_valves")),
 )  # fmt: skip
+OFFERED = {"accumulators": "accumulators", "hose_burst_valve": "valve_at_the_cylinder", "pilot_valves": "pilot_valves"}
+"""Subsystem -> what a machine's structure offers that has it; the others are in every machine."""
 SIZES = (4.0, 25.0)
 """Unknown inputs that are tried, in units of the disturbance that a healthy machine shows."""
 
 
 def links(machine: Machine) -> tuple[Link, ...]:
     """The equations that a machine has. With no valve between hose and cylinder both are one volume, and one equation."""
+    told = tuple(
+        replace(link, subsystems=tuple(s for s in link.subsystems if machine.structure.has(OFFERED.get(s, ""))))
+        for link in LINKS
+    )
     if machine.structure.hose_burst_valve.separates:
-        return LINKS
-    hose, head = (next(link for link in LINKS if link.key == key) for key in ("hose_flow", "head_flow"))
-    joined = replace(head, title="flow into the head side", subsystems=(*hose.subsystems, *head.subsystems[1:]))
-    return tuple(joined if link is head else link for link in LINKS if link is not hose)
+        return told
+    hose, head = (next(link for link in told if link.key == key) for key in ("hose_flow", "head_flow"))
+    others = (subsystem for subsystem in head.subsystems if subsystem != "hose_burst_valve")
+    joined = replace(head, title="flow into the head side", subsystems=(*hose.subsystems, *others))
+    return tuple(joined if link is head else link for link in told if link is not hose)
 
 
 def locate(

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.assumptions import FAR_FROM_FLOOR, NEAR_FLOOR, SURE, WORSE
+from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, NEAR_FLOOR, SURE, WORSE
 from boom_diagnosis.document import Estimate, Finding, Fit, Verdict
 from boom_model.catalogue import EFFECTS
 from boom_model.sensors import OUTPUTS
@@ -25,9 +25,13 @@ def told(effect: str, numbers: Mapping[str, Estimate]) -> bool:
     return False
 
 
-def worse_channels(held_out: Mapping[str, Sequence[float]]) -> list[str]:
-    """Channels whose free runs over data not used (errors by stage) are worse than with parameters only, in words."""
-    return _said(_worsened(held_out), WORSE)
+def worse_channels(held_out: Mapping[str, Sequence[float]], floor: Sequence[float]) -> list[str]:
+    """Channels whose free runs over data not used (errors by stage) are worse than with parameters only, in words.
+
+    floor: errors that noise alone leaves; one of about that size is no worse than another.
+    """
+    by_noise = np.array(held_out["explained"], dtype=float) <= AT_FLOOR * np.array(floor, dtype=float)
+    return _said(np.where(by_noise, 1.0, _worsened(held_out)), WORSE)
 
 
 def worse_on_the_whole(held_out: Mapping[str, Sequence[float]]) -> bool:
@@ -47,7 +51,8 @@ def _worsened(held_out: Mapping[str, Sequence[float]]) -> Array:
 def far_channels(fit: Fit, factor: float) -> list[str]:
     """Channels whose free runs over data not used err more than ``factor`` times what noise alone leaves, in words."""
     explained, floor = np.array(fit.held_out["explained"], dtype=float), np.array(fit.noise_floor, dtype=float)
-    return _said(explained / np.maximum(floor, 1e-12), factor)
+    ratio = np.where(np.isfinite(floor) & ~np.isfinite(explained), np.inf, explained / np.maximum(floor, 1e-12))
+    return _said(ratio, factor)
 
 
 def _said(ratio: Array, least: float) -> list[str]:
@@ -67,7 +72,7 @@ def kept(
     notes = list[str]()
     if not fit.held_out:
         return verdict, list(findings), notes
-    worse = worse_channels(fit.held_out) if findings else []
+    worse = worse_channels(fit.held_out, fit.noise_floor) if findings else []
     if worse:
         verdict = "ambiguous" if verdict in ("identified", "sensor_or_clock") else verdict
         notes.append(f"unproved: free runs over data not used err more than with parameters only: {', '.join(worse)}")

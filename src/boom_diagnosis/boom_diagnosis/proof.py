@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis import regimes
-from boom_diagnosis.assumptions import FAR_FROM_FLOOR
+from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, NEAR_FLOOR
 from boom_diagnosis.bag_samples import Bag
 from boom_diagnosis.document import STAGES, BagResult, ChannelFit, Fit, LadderStep, Verdict
 from boom_diagnosis.fitting import Point
@@ -209,16 +209,37 @@ def _errors(runs: Sequence[FreeRun], part: Sequence[Span], spans: Spans) -> list
     return [errors(s, driven[id(s.recording)]) for s in part]
 
 
+def runs_as_noise_lets_it(case: Proved, spans: Spans) -> bool:
+    """Whether all that was found runs freely through data not used with the errors that noise alone leaves.
+
+    One-step errors alone then tell of no physics. Where currents stray it may err more: steps that come early or late leave errors
+    that no two logs have alike.
+    """
+    point = case.trained[-1]
+    machine = found_machine(case.machine, case.pose, case.values(point.z, point.effects), {}, ())
+    floors = noise_floors(machine, case, spans.judged)
+    for span, floor in zip(spans.judged, floors, strict=True):
+        left = np.array(errors(span, free_run(span.recording, placed(machine, case, span)))) / np.array(floor)
+        told = np.isfinite(np.array(floor))
+        if not told.any() or not np.all(left[told] <= (NEAR_FLOOR if span.strays else AT_FLOOR)):
+            return False
+    return bool(spans.judged)
+
+
+def noise_floors(machine: Machine, case: Proved, proving: Sequence[Span]) -> list[Errors]:
+    """What noise alone leaves in free runs of a machine over each of these parts of recordings."""
+    return in_parallel(
+        lambda k: noise_floor(proving[k], placed(machine, case, proving[k]), case.seed + 11 + k), range(len(proving))
+    )
+
+
 def fit_and_ladder(
     case: Proved, machines: Mapping[str, Machine], driven: Mapping[str, Driven], spans: Spans
 ) -> tuple[Fit, tuple[LadderStep, ...]]:
     """Errors of the free runs of every stage, median over the recordings; the ladder of stages."""
     training = {label: median(_errors(driven[label].runs, spans.training, spans)) for label in machines}
     held, proving = held_out(driven, spans), [*spans.judged, *spans.elsewhere]
-    floors = in_parallel(
-        lambda k: noise_floor(proving[k], placed(machines["explained"], case, proving[k]), case.seed + 11 + k),
-        range(len(proving)),
-    )
+    floors = noise_floors(machines["explained"], case, proving)
     floor = median(floors)
     labels = {"nominal": "nominal", "parameters_only": "parameters only"}
     learnt = bool(machines["explained"].learned)
@@ -265,7 +286,7 @@ def proof_of(
     }
     fit, ladder = fit_and_ladder(case, machines, driven, spans)
     if learned:
-        worse = worse_channels(fit.held_out)
+        worse = worse_channels(fit.held_out, fit.noise_floor)
         before, after = (np.array(fit.held_out[k]) for k in ("parameters_only", "explained"))
         if worse or not np.nansum(np.log(after / before)) < 0.0:
             told = f": {', '.join(worse)}" if worse else ""

@@ -10,18 +10,14 @@ from functools import partial
 
 import numpy as np
 
-from boom_diagnosis.assumptions import NEAR_FLOOR
 from boom_diagnosis.bag_samples import Bag
 from boom_diagnosis.case import Case, Flags
 from boom_diagnosis.earning import chance
 from boom_diagnosis.fitting import Point, Problem
-from boom_diagnosis.found_machine import found_machine
-from boom_diagnosis.freerun import Span, errors, free_run, noise_floor
 from boom_diagnosis.hypotheses import LOOSENESS, problem_at
 from boom_diagnosis.locating import SIZES, links
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.prediction import Predictor
-from boom_diagnosis.proof import Spans, placed
 
 SHARES = (0.25, 0.125, 0.5)
 """Of the time between two samples: standard deviations that are tried. One sample late in half of all cases is the most."""
@@ -39,23 +35,6 @@ def strayed(case: Case) -> tuple[list[Bag], list[Bag]] | None:
     if gained < 0.0 or gained < max(in_parallel(partial(_disturbed, case, at), _disturbances(case))):
         return None
     return [bag for bag, _ in fitted], [_likeliest(case, bag, bag.counted, at)[0] for bag in case.proving]
-
-
-def drives(case: Case, spans: Spans) -> bool:
-    """Whether currents that stray are all that is left: what was found runs through data not used as well as such a log lets it.
-
-    Steps that come early or late leave one-step errors that no two logs have alike, so that these alone tell of no physics.
-    """
-    if not any(span.strays for span in spans.judged):
-        return False
-    machine = found_machine(case.machine, case.pose, case.values(case.last.z, case.last.effects), {}, ())
-
-    def near(span: Span) -> bool:
-        own = placed(machine, case, span)
-        left = np.array(errors(span, free_run(span.recording, own))) / np.array(noise_floor(span, own, case.seed))
-        return bool(np.all(left[np.isfinite(left)] <= NEAR_FLOOR)) and bool(np.isfinite(left).any())
-
-    return all(near(span) for span in spans.judged)
 
 
 def _likelihood(problem: Problem, at: Point) -> float:

@@ -27,7 +27,9 @@ def result() -> DiagnosisResult:
 
 
 def test_a_gyro_that_shows_too_much_is_named_with_its_gain(result: DiagnosisResult) -> None:
-    unproved = worse_channels(result.document.fit.held_out)  # 5 s are held out: chance may make a channel worse
+    unproved = worse_channels(
+        result.document.fit.held_out, result.document.fit.noise_floor
+    )  # 5 s are held out: chance may make a channel worse
     assert result.document.verdict == ("ambiguous" if unproved else "sensor_or_clock")
     (found,) = result.document.findings
     assert found.effect == "rate_scale"

@@ -149,7 +149,7 @@ def headline(result: DiagnosisResult) -> str:
     also = f" {_count(more)} further {'finding' if more == 1 else 'findings'} below." if more else ""
     rival = max((row.probability for row in document.ranking if row.kind == "parameters"), default=0.0)
     said = statement(first, "identified" if unproved and first.confidence >= HALF else kind, rival)
-    return f"{said}{f' {unproved[0].upper()}{unproved[1:]}.' if unproved else _proof(document.fit)}{also}"
+    return f"{said}{f' {unproved[0].upper()}{unproved[1:]}.' if unproved else _proof(result)}{also}"
 
 
 HALF = 0.5
@@ -183,14 +183,16 @@ def statement(finding: Finding, kind: str = "identified", parameters_only: float
     return f"{sure.capitalize()} {subject} {does}{f': {numbers}' if numbers else ''}{where} (confidence {p})."
 
 
-def _proof(fit: Fit) -> str:
+def _proof(result: DiagnosisResult) -> str:
     """What the explanation improves in free runs over data not used, and what it leaves, in one sentence."""
+    fit, findings = result.document.fit, result.document.findings
     best, said = best_channel(fit), ""
     if best is not None and best[1] > best[2]:
         name, before, explained = best
+        what = "it" if findings[0].effect is not None or result.learned else "what else was found"
         said = (
-            f" With it the {name}'s held-out error falls from {percent(before)} with parameters only to {percent(explained)} of "
-            "the signal"
+            f" With {what} the {name}'s held-out error falls from {percent(before)} with parameters only to "
+            f"{percent(explained)} of the signal"
         )
     left = far_channels(fit, NEAR_FLOOR) if "explained" in fit.held_out else []
     if left:
