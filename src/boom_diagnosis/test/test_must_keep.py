@@ -25,6 +25,23 @@ def test_an_effect_is_told_where_an_interval_leaves_out_that_it_does_nothing(
     assert told("valve_hysteresis", {"h": Estimate(0.01, "-", interval)}) is expected
 
 
+def test_a_load_in_two_steps_is_told_where_one_of_its_masses_is() -> None:
+    first = Estimate(86.0, "kg", (-13.0, 185.0))
+    assert told("payload_change", {"mass": first, "mass_2": Estimate(74.0, "kg", (16.0, 133.0))})
+    assert not told("payload_change", {"mass": first, "mass_2": Estimate(74.0, "kg", (-5.0, 133.0))})
+
+
+def test_an_error_that_noise_makes_is_no_worse_than_a_smaller_one() -> None:
+    before, explained = (0.5, 0.5, 0.025, 0.5), (0.1, 0.1, 0.029, 0.1)  # hose pressure at 1.45 times its floor
+    assert kept("identified", [finding(0.8)], fit(explained, before), True)[0] == "identified"
+
+
+def test_free_runs_that_end_before_the_data_do_are_far_from_the_floor() -> None:
+    verdict, _, notes = kept("parameters_only", [], fit((float("nan"),) * 4), True)
+    assert verdict == "ambiguous"
+    assert "without end" in notes[0]
+
+
 def test_an_explanation_that_makes_held_out_runs_worse_is_said_to_be_unproved() -> None:
     verdict, findings, notes = kept("identified", [finding(0.98)], fit((0.01, 0.02, 0.02, 0.6)), True)
     assert verdict == "ambiguous"
