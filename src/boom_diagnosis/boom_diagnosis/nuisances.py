@@ -80,9 +80,11 @@ class Nuisance:
     def limits(self) -> tuple[float, float]:
         """Least and largest z: as far as ``LARGEST_Z`` standard deviations go, counted straight, and as the prior ends.
 
-        Where an effect of the catalogue is the number's being further off than its tolerance: as far as that.
+        Where an effect of the catalogue is the number's being further off than its tolerance: as far as that. A guess is nobody's
+        tolerance.
         """
-        most = TWIN_Z if self.name in TWINS or self.difference else LARGEST_Z
+        twin = (self.name in TWINS and not self.tail) or self.difference
+        most = TWIN_Z if twin else LARGEST_Z
         low, high = (-most, most)
         if self.shift:
             return max(low, self.ends[0] / self.sigma), min(high, self.ends[1] / self.sigma)
@@ -167,7 +169,7 @@ def _own(machine: Machine, parameter: Parameter, name: str, value: float) -> Nui
         sigma = PRECHARGE / 2.0
     ends = sorted((prior.low / value, prior.high / value))
     together = next((row[1:] for row in ONE_FACTOR if key == row[0]), ())
-    guess = _guessed(parameter) and not {name, *together} & TWINS
+    guess = _guessed(parameter)
     factor = parameter.tol is not None and parameter.tol.word == "factor"
     return Nuisance(name, sigma, together=together, tail=TAIL if guess else 0.0, ends=(ends[0], ends[1]), factor=factor)
 
