@@ -57,11 +57,8 @@ class ControllerNode(LifecycleNode):
     def __init__(self) -> None:
         super().__init__("boom_controller")
         self._values = vars(parameters.declare(self, PARAMETERS))
-        self._lockstep = (
-            TickGate(self._values["lockstep_reference"], seconds_to_ns(self._values["lockstep_delay"]))
-            if self._values["time"] == "lockstep"
-            else None
-        )
+        gate = TickGate(self._values["lockstep_reference"], seconds_to_ns(self._values["lockstep_delay"]))
+        self._lockstep = gate if self._values["time"] == "lockstep" else None
         self._others = OtherJoints(self.get_logger().warning)
         self._loop: ControlLoop | None = None
         self._rehearsal: Rehearsal | None = None
@@ -329,16 +326,13 @@ class ControllerNode(LifecycleNode):
         self._pending = message is not None and loop is not None and loop.supervision.moving
         if message is None or loop is None or self._pending:
             return
-        load = message.load_mass if message.load_mass == message.load_mass else 0.0
         try:
-            # a name that came over a topic is never a path
-            machine = (
-                load_machine(self._values["machine"]) if self._values["machine"] else shipped_machine(message.machine)
-            )
+            given = self._values["machine"]  # a name that came over a topic is never a path
+            machine = load_machine(given) if given else shipped_machine(message.machine)
             if machine.name != message.machine:
-                said = f"the crane says that it is a {quoted(message.machine)}; the control laws are those of {machine.name}"
-                self.get_logger().warning(f"{said}, which was given at the start")
+                self.get_logger().warning(f"the crane is a {quoted(message.machine)}, the laws are for {machine.name}")
             self.get_logger().info(f"{machine.name}: preparing the control laws; takes some seconds the first time")
+            load = message.load_mass if message.load_mass == message.load_mass else 0.0
             pose = machine.pose(message.outer_boom_angle, message.telescope_length, load)
             for each in filter(None, (loop, self._rehearsal)):
                 each.configure(machine, pose)
