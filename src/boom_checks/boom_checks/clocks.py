@@ -28,17 +28,16 @@ COARSE, FINE = 10, 2
 DROP_90 = 1.353
 """By which a log-likelihood falls at the ends of an interval of 90 %: half the quantile of chi^2 with one degree of freedom."""
 PRESSURES, CURRENTS = ("hose_pressure", "rod_pressure"), ("retract_current", "extend_current")
-ALLOWED: dict[tuple[str, ...], tuple[float, float]] = {PRESSURES: (-0.03, 0.12), CURRENTS: (-0.40, 0.03)}
-"""s. Lateness of pressures, filter and bus together; and of currents, which the motion follows after pilot stage and spool."""
-CHANGING = (-0.10, 0.20)
-"""s. Of pressures by their changes: the valve opens before the boom moves, and the oil swings after it has stopped."""
+CARRYING, CHANGING, COMMANDING = (-0.03, 0.12), (-0.10, 0.20), (-0.40, 0.03)
+"""s. Lateness that no clock makes: of pressures that carry the boom, filter and bus together; by when they change, as a valve opens
+before the boom moves, and the oil swings after it; and of currents, which the motion follows after pilot stage and spool."""
 
 
 def clock_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
     """Topics whose clock differs from that of the joint states."""
     found = []
-    balance = (changes, CHANGING) if boom.holds else (force, ALLOWED[PRESSURES])
-    for names, (relation, allowed) in ((PRESSURES, balance), (CURRENTS, (_at_once, ALLOWED[CURRENTS]))):
+    pressures = (PRESSURES, changes, CHANGING) if boom.holds else (PRESSURES, force, CARRYING)
+    for names, relation, allowed in (pressures, (CURRENTS, _at_once, COMMANDING)):
         measure, odds = offset(series, boom, names, relation, allowed)
         if odds + PRIOR > 0.0:
             topics = ", ".join(dict.fromkeys(BY_NAME[name].topic for name in names))

@@ -189,15 +189,15 @@ def changes(series: EvenSeries, _: Mechanics) -> float:
 
     Of hose and rod side together. It tells when, whatever lies between cylinder and sensor.
     """
-    jerks = np.sqrt(np.abs(series.smooth("rate", 1)))[::_EVERY]
+    motion = np.sqrt(np.abs(series.smooth("rate", 1)))[::_EVERY]
     total = 0.0
     for name in ("hose_pressure", "rod_pressure"):
         steep = np.sqrt(np.abs(series.smooth(name, 1)))[::_EVERY]
-        known = np.isfinite(jerks) & np.isfinite(steep)
+        known = np.isfinite(motion) & np.isfinite(steep)
         if not known.any():
             continue
         y = steep[known] / max(float(np.std(steep[known])), 1e-9)
-        columns = np.column_stack((np.ones(len(y)), jerks[known]))
+        columns = np.column_stack((np.ones(len(y)), motion[known]))
         gains = np.linalg.lstsq(columns, y, rcond=None)[0]
         total += _log_likelihood(y - columns @ gains, CHANGE_FLOOR, _EVERY)
     return total

@@ -29,13 +29,14 @@ from boom_diagnosis.document import (
 from boom_diagnosis.earning import needed
 from boom_diagnosis.experiment import propose
 from boom_diagnosis.fitting import SLOW, Point, rho
-from boom_diagnosis.freerun import UNKNOWN, median
+from boom_diagnosis.freerun import median
 from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import links, locate
 from boom_diagnosis.must_keep import kept, told, worse_channels, worse_on_the_whole
 from boom_diagnosis.prediction import beyond, gained
 from boom_diagnosis.proof import (
+    as_noise_lets_it,
     bag_result,
     final_machine,
     free_runs,
@@ -45,15 +46,14 @@ from boom_diagnosis.proof import (
     noise_floors,
     proof_of,
     proving_result,
-    runs_as_noise_lets_it,
     spans_of,
 )
+from boom_diagnosis.unsearched import About
 from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, posterior, probabilities, unknown_probability
 from boom_model.catalogue import CATALOGUE, EFFECTS
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
-from boom_recording.recording import Recording
 
 if TYPE_CHECKING:
     from boom_diagnosis.case import Case
@@ -70,16 +70,6 @@ UNTOLD = 0.49
 
 
 @dataclass(frozen=True)
-class About:
-    """What the document says about its own making."""
-
-    seed: int
-    version: str
-    inputs_sha256: dict[str, str]
-    command: str
-
-
-@dataclass(frozen=True)
 class _Tight:
     """What the observer that is right for a healthy machine sees at first and in the end, over all recordings."""
 
@@ -91,71 +81,23 @@ class _Tight:
     """Of each measured channel: excess before, with tolerances only, and after."""
 
 
-def not_enough_excitation(recordings: Sequence[Recording], machine: Machine, about: About) -> DiagnosisResult:
-    """The answer to recordings that do not move the boom."""
-    text = (
-        "Record at least 45 s of joystick work: full and half current in both directions, reversals, stops, "
-        "and 1 s of rest at the beginning."
-    )
-    fit = Fit({}, {}, UNKNOWN, ())
-    document = Document(
-        "not_enough_excitation",
-        (),
-        dict.fromkeys(SUBSYSTEMS, 0.0),
-        fit,
-        text,
-        about.seed,
-        about.inputs_sha256,
-        about.version,
-    )
-    notes = tuple(f"{r.name}: the boom hardly moves, or angle or currents are missing" for r in recordings)
-    notes += tuple(f"{r.name}: {said}" for r in recordings for said in r.warnings)
-    return DiagnosisResult(
-        document, machine, machine, (), (), (), "", (), (), "Nothing can be told from these recordings.",
-        notes=notes, command=about.command,
-    )  # fmt: skip
-
-
-def spoilt(machine: Machine, about: About) -> DiagnosisResult:
-    """The answer to recordings of which one has to be repaired first; its checks say what."""
-    text = (
-        "Put the recording right, e.g. by a mapping of ./boom import, which tells signs, units and channels, and diagnose "
-        "it again: what is named before would explain the fault, not the machine."
-    )
-    subsystems = dict.fromkeys(SUBSYSTEMS, 0.0) | {"sensors": MOST_CERTAIN}
-    document = Document(
-        "sensor_or_clock",
-        (),
-        subsystems,
-        Fit({}, {}, UNKNOWN, ()),
-        text,
-        about.seed,
-        about.inputs_sha256,
-        about.version,
-    )
-    return DiagnosisResult(
-        document, machine, machine, (), (), (), "", (), (), "No model was run: the recording comes first.", command=about.command,
-    )  # fmt: skip
-
-
 def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     """The whole answer of a finished search."""
     first = case.rounds[0]
     tight = _tight(case)
     unknown = unknown_probability(tight.excess_before, tight.excess_after, tight.channels)
     spans = spans_of(case)
-    taken = machines_of(case, "identified", None) if case.taken else {}
-    done = [free_runs(m, case, spans) for m in taken.values()]
-    driven = held_out(dict(zip(taken, done, strict=True)), spans) if case.taken else {}
-    worse: list[str] = []
-    if case.taken:
-        worse = worse_channels(
-            driven, median(noise_floors(taken["explained"], case, [*spans.judged, *spans.elsewhere]))
-        )
-        if worse_on_the_whole(driven):
-            unknown = max(unknown, 1.0 - UNTOLD)
-    if unknown > UNTOLD and runs_as_noise_lets_it(case, spans):
+    stages = machines_of(case, "identified", None) if case.taken or unknown > UNTOLD else {}
+    if not case.taken:
+        stages.pop("explained", None)  # the same as with parameters only
+    done = [free_runs(m, case, spans) for m in stages.values()]
+    floors = noise_floors([*stages.values()][-1], case, spans) if stages else []
+    driven = held_out(dict(zip(stages, done, strict=True)), spans)
+    if case.taken and worse_on_the_whole(driven):
+        unknown = max(unknown, 1.0 - UNTOLD)
+    if unknown > UNTOLD and as_noise_lets_it(done[-1], floors, spans):
         unknown = UNTOLD
+    worse = worse_channels(driven, median(floors)) if case.taken else []
     odds = odds_of(case, unknown, proved=not worse)
     cells = [regimes.classify(bag) for bag in case.bags]
     findings = _findings(case, odds, cells)
@@ -175,7 +117,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
             )
         order = sorted(rest_equations, key=lambda e: -e.statistical)
         learned = learn(case.setting, case.trained[-1], [e.key for e in order[:LEARNT_IN]])
-    proof = proof_of(case, verdict, learned, spans, done)
+    proof = proof_of(case, verdict, learned, spans, done, floors if verdict != "no_mismatch" else ())
     learned, fit = proof.learned, proof.fit
     plain = case.learned if learned else None
     if verdict == "unknown_physics":

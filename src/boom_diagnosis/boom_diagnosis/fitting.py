@@ -184,6 +184,15 @@ class Problem:
         )
         return size - at.loss
 
+    def likelihood_at(self, z: Array, effects: Mapping[str, float]) -> float:
+        """The same of a hypothesis [nats]."""
+        return self.likelihood(self.points([(z, effects)])[0])
+
+    def bearing_with(self, looseness: float, boost: Mapping[str, float] | None = None) -> Problem:
+        """The same hypotheses, seen by observers of the same gains but for a looser machine, or one equation that is disturbed."""
+        p = self.predictor
+        return Problem(Predictor(p.machine, p.bags, p.tuned, looseness, boost), self.nuisances, self.select)
+
     def nuisance_jacobian(self, at: Point) -> Array:
         """dw/dz (rows, number of tolerances) by differences."""
         moved = [(at.z + Z_STEP * unit, at.effects) for unit in np.eye(len(self.nuisances))]

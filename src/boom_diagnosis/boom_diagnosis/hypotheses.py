@@ -135,7 +135,7 @@ class Fits:
             problem_at(self.machine, self.bags, self.select, self.nuisances, z, values, looseness)
             for looseness in (LOOSENESS[:1] if self.tight else LOOSENESS)
         ]
-        return max(tried, key=lambda p: p.likelihood(p.points([(z, values)])[0]))
+        return max(tried, key=lambda p: p.likelihood_at(z, values))
 
     def fit(
         self, p: Problem, z: Array, values: Mapping[str, float], names: Sequence[Coordinate], enough: float = SETTLED

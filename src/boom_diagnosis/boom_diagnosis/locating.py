@@ -102,16 +102,13 @@ def locate(
 
 
 def _statistical(base: Problem, z: Array, values: Mapping[str, float]) -> dict[str, float]:
-    reference = base.likelihood(base.points([(z, values)])[0])
-    p = base.predictor
+    reference, looseness = base.likelihood_at(z, values), base.predictor.looseness
 
     def raised(tried: tuple[Link, float]) -> float:
         link, size = tried
-        boosted = Predictor(p.machine, p.bags, p.tuned, p.looseness, {link.state: size})
-        problem = Problem(boosted, base.nuisances, base.select)
-        return problem.likelihood(problem.points([(z, values)])[0]) - reference
+        return base.bearing_with(looseness, {link.state: size}).likelihood_at(z, values) - reference
 
-    own = links(p.machine)
+    own = links(base.predictor.machine)
     found = in_parallel(raised, [(link, size) for link in own for size in SIZES])
     best = [max(0.0, *found[k : k + len(SIZES)]) for k in range(0, len(found), len(SIZES))]
     return _shares(dict(zip((link.key for link in own), best, strict=True)))

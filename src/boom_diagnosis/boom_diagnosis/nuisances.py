@@ -25,8 +25,6 @@ TAIL = 0.7
 """k of a guess: four standard deviations are a factor of six, as far as owners of real cranes were off."""
 TWINS = frozenset(name for effect in CATALOGUE for name in effect.changes)
 """Numbers that an effect of the catalogue multiplies, shifts or adds to."""
-AT_LIMIT = 0.01
-"""Standard deviations from a limit within which a number stands at it."""
 TWIN_Z = 2.0
 """Standard deviations that such a number may move: its tolerance."""
 PRECHARGE = 0.05
@@ -77,29 +75,31 @@ class Nuisance:
         return self.name.startswith(_EFFECTS)
 
     @property
-    def limits(self) -> tuple[float, float]:
-        """Least and largest z: as far as ``LARGEST_Z`` standard deviations go, counted straight, and as the prior ends.
+    def tolerated(self) -> tuple[float, float]:
+        """Least and largest z as far as ``LARGEST_Z`` standard deviations go, counted straight.
 
         Where an effect of the catalogue is the number's being further off than its tolerance: as far as that. A guess is nobody's
         tolerance.
         """
         twin = (self.name in TWINS and not self.tail) or self.difference
         most = TWIN_Z if twin else LARGEST_Z
-        low, high = (-most, most)
+        if self.shift or self.tail or self.factor:
+            return -most, most
+        return log(max(LEAST_SHARE, 1.0 - most * self.sigma)) / self.sigma, log(1.0 + most * self.sigma) / self.sigma
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Least and largest z: as far as is tolerated, and as the prior ends."""
+        low, high = self.tolerated
         if self.shift:
             return max(low, self.ends[0] / self.sigma), min(high, self.ends[1] / self.sigma)
-        if not (self.tail or self.factor):
-            low, high = (
-                log(max(LEAST_SHARE, 1.0 - most * self.sigma)) / self.sigma,
-                log(1.0 + most * self.sigma) / self.sigma,
-            )
         least, largest = max(self.ends[0], LEAST_SHARE), self.ends[1]
         return max(low, self._at(least)), min(high, self._at(largest) if largest < inf else high)
 
     def ended(self, z: float) -> bool:
-        """Whether z stands at a limit that is one of the tolerance, not of what is possible."""
-        low, high = self.limits
-        return abs(z) > 0.9 * TWIN_Z and not low + AT_LIMIT < z < high - AT_LIMIT
+        """Whether z stands at a limit of the tolerance, not of what is possible; fits end there exactly."""
+        low, high = self.tolerated
+        return not low < z < high
 
     def _at(self, ratio: float) -> float:
         """z of a value over the nominal one."""

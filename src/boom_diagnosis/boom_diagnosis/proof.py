@@ -144,9 +144,10 @@ def spans_of(case: Proved) -> Spans:
         held = bag.time[select.any(axis=1)]
         cut = float(held[0]) if len(held) else r.duration
         before = float(held[0]) > 0.5 * r.duration if len(held) else True
-        parts = (Span(r, 0.0, cut, strays), Span(r, float(held[-1]) if len(held) else cut, r.duration, strays))
-        training.append(parts[0] if before else parts[1])
-        judged.append(Span(r, cut, r.duration, strays) if before else Span(r, 0.0, parts[1].start, strays))
+        middle = cut if before else float(held[-1])
+        parts = Span(r, 0.0, middle, strays), Span(r, middle, r.duration, strays)
+        training.append(parts[0 if before else 1])
+        judged.append(parts[1 if before else 0])
     for bag in case.proving:
         judged.append(Span(bag.recording, 0.0, bag.recording.duration, bag.currents.strays))
         everything.append(judged[-1])
@@ -209,37 +210,39 @@ def _errors(runs: Sequence[FreeRun], part: Sequence[Span], spans: Spans) -> list
     return [errors(s, driven[id(s.recording)]) for s in part]
 
 
-def runs_as_noise_lets_it(case: Proved, spans: Spans) -> bool:
-    """Whether all that was found runs freely through data not used with the errors that noise alone leaves.
-
-    One-step errors alone then tell of no physics. Where currents stray it may err more: steps that come early or late leave errors
-    that no two logs have alike.
-    """
-    point = case.trained[-1]
-    machine = found_machine(case.machine, case.pose, case.values(point.z, point.effects), {}, ())
-    floors = noise_floors(machine, case, spans.judged)
-    for span, floor in zip(spans.judged, floors, strict=True):
-        left = np.array(errors(span, free_run(span.recording, placed(machine, case, span)))) / np.array(floor)
-        told = np.isfinite(np.array(floor))
-        if not told.any() or not np.all(left[told] <= (NEAR_FLOOR if span.strays else AT_FLOOR)):
-            return False
-    return bool(spans.judged)
-
-
-def noise_floors(machine: Machine, case: Proved, proving: Sequence[Span]) -> list[Errors]:
-    """What noise alone leaves in free runs of a machine over each of these parts of recordings."""
+def noise_floors(machine: Machine, case: Proved, spans: Spans) -> list[Errors]:
+    """What noise alone leaves in free runs of a machine over each part that is judged, and over each block elsewhere."""
+    proving = [*spans.judged, *spans.elsewhere]
     return in_parallel(
         lambda k: noise_floor(proving[k], placed(machine, case, proving[k]), case.seed + 11 + k), range(len(proving))
     )
 
 
+def as_noise_lets_it(driven: Driven, floors: Sequence[Errors], spans: Spans) -> bool:
+    """Whether a machine runs freely through data not used with the errors that noise alone leaves; floors: see `noise_floors`.
+
+    One-step errors alone then tell of no physics. Where currents stray it may err more: steps that come early or late leave errors
+    that no two logs have alike.
+    """
+    rows = [*_errors(driven.runs, spans.judged, spans), *driven.elsewhere]
+    for span, error, floor in zip([*spans.judged, *spans.elsewhere], rows, floors, strict=True):
+        told = np.isfinite(floor)
+        most = (NEAR_FLOOR if span.strays else AT_FLOOR) * np.array(floor)
+        if not told.any() or not np.all(np.array(error)[told] <= most[told]):
+            return False
+    return bool(floors)
+
+
 def fit_and_ladder(
-    case: Proved, machines: Mapping[str, Machine], driven: Mapping[str, Driven], spans: Spans
-) -> tuple[Fit, tuple[LadderStep, ...]]:
-    """Errors of the free runs of every stage, median over the recordings; the ladder of stages."""
+    case: Proved, machines: Mapping[str, Machine], driven: Mapping[str, Driven], spans: Spans, floors: Sequence[Errors] = ()
+) -> tuple[Fit, tuple[LadderStep, ...]]:  # fmt: skip
+    """Errors of the free runs of every stage, median over the recordings; the ladder of stages.
+
+    floors: see `noise_floors`, of the explained machine; found here where there are none.
+    """
     training = {label: median(_errors(driven[label].runs, spans.training, spans)) for label in machines}
     held, proving = held_out(driven, spans), [*spans.judged, *spans.elsewhere]
-    floors = noise_floors(machines["explained"], case, proving)
+    floors = floors or noise_floors(machines["explained"], case, spans)
     floor = median(floors)
     labels = {"nominal": "nominal", "parameters_only": "parameters only"}
     learnt = bool(machines["explained"].learned)
@@ -277,21 +280,22 @@ class Proof:
 
 
 def proof_of(
-    case: Proved, verdict: Verdict, learned: Learned | None, spans: Spans, done: Sequence[Driven] = ()
-) -> Proof:
-    """Free runs of every stage; ``done``: those of the first ones, as far as they were made before."""
+    case: Proved, verdict: Verdict, learned: Learned | None, spans: Spans, done: Sequence[Driven] = (),
+    floors: Sequence[Errors] = (),
+) -> Proof:  # fmt: skip
+    """Free runs of every stage; ``done``: those of the first ones, as far as they were made before, and the last one's floors."""
     machines = machines_of(case, verdict, learned)
     driven = {
         label: done[k] if k < len(done) else free_runs(m, case, spans) for k, (label, m) in enumerate(machines.items())
     }
-    fit, ladder = fit_and_ladder(case, machines, driven, spans)
+    fit, ladder = fit_and_ladder(case, machines, driven, spans, () if learned else floors)
     if learned:
         worse = worse_channels(fit.held_out, fit.noise_floor)
         before, after = (np.array(fit.held_out[k]) for k in ("parameters_only", "explained"))
         if worse or not np.nansum(np.log(after / before)) < 0.0:
             told = f": {', '.join(worse)}" if worse else ""
             note = f"a term learnt for {learned.term.equation} is not kept: free runs over data not used are no better{told}"
-            proof = proof_of(case, verdict, None, spans, list(driven.values())[:-1])
+            proof = proof_of(case, verdict, None, spans, list(driven.values())[:-1], floors)
             return replace(proof, notes=(note, *proof.notes))
     return Proof(learned, driven, fit, ladder, said_of_blocks(case, fit))
 

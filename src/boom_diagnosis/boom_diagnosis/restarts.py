@@ -36,7 +36,7 @@ def other_valley(case: Case) -> Fitted | None:
         return None
     names = coordinates(effect)
     here = [case.problem(taken.point.z, taken.point.effects, looseness) for looseness in LOOSENESS]
-    problem = max(here, key=lambda p: p.likelihood(p.points([(taken.point.z, taken.point.effects)])[0]))
+    problem = max(here, key=lambda p: p.likelihood_at(taken.point.z, taken.point.effects))
     looseness = problem.predictor.looseness
     zero = np.zeros(len(case.nuisances))
     begun = in_parallel(lambda values: _fit(case, zero, values, names, looseness), starts(effect, 0.0))

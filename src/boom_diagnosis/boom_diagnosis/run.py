@@ -28,6 +28,7 @@ from boom_diagnosis.restarts import other_valley
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.straying import strayed
 from boom_diagnosis.stretches import Stretches, excited, stretches
+from boom_diagnosis.unsearched import About, not_enough_excitation, spoilt
 from boom_diagnosis.weighed_case import WeighedCase, searched
 from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT
 from boom_estimation.free_run import plant_for
@@ -82,12 +83,12 @@ def diagnose(
     """
     recordings, held_out = told_apart(recordings, held_out)
     machine = with_measured_noise(machine, recordings)
-    about = answer.About(seed, version, dict(inputs_sha256 or {}), command)
+    about = About(seed, version, dict(inputs_sha256 or {}), command)
     progress("doubting the recordings", 0.0)
     looks = tuple(first_look(recording, machine) for recording in (*recordings, *held_out))
     checks = tuple((look.name, check) for look in looks for check in look.checks)
     if any(check.spoils for _, check in checks):
-        result = answer.spoilt(machine, about)
+        result = spoilt(machine, about)
     else:
         own, proving = ([independent(recording) for recording in given] for given in (recordings, held_out))
         parts = stretches(own, proving, machine, progress)
@@ -95,15 +96,13 @@ def diagnose(
     return replace(result, looks=looks, document=replace(result.document, checks=checks))
 
 
-def _searched(
-    parts: Stretches, machine: Machine, progress: Progress, about: answer.About, engine: str
-) -> DiagnosisResult:
+def _searched(parts: Stretches, machine: Machine, progress: Progress, about: About, engine: str) -> DiagnosisResult:
     """The answer of recordings that nothing has to be repaired in."""
     prepared = [prepare(recording, machine) for recording in parts.recordings]
     weak = [r.name for r, bag in zip(parts.recordings, prepared, strict=True) if bag is None or not excited(bag)]
     bags = [bag for bag in prepared if bag is not None and excited(bag)]
     if not bags:
-        return answer.not_enough_excitation(parts.recordings, machine, about)
+        return not_enough_excitation(parts.recordings, machine, about)
     proven = (prepare(recording, machine) for recording in parts.held_out)
     proving = [bag for bag in proven if bag is not None and excited(bag)]
     if engine == "likelihood":
@@ -123,7 +122,7 @@ def _searched(
 def search(case: Case, progress: Progress) -> Case:
     """Round after round: what explains most is taken, all is computed anew, until nothing earns its place; the case as it ends."""
     _rounds(case, progress)
-    if case.rest(case.last) > NEGLIGIBLE and (bags := strayed(case)):
+    if not case.learned and case.rest(case.last) > NEGLIGIBLE and (bags := strayed(case)):
         case = case.with_bags(*bags)
         _rounds(case, progress)
     _finish(case)

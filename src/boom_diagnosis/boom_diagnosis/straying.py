@@ -6,18 +6,17 @@ the currents where they change, (du/dt) sigma_t; sigma_t is estimated by the inn
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Mapping
 
 import numpy as np
 
 from boom_diagnosis.bag_samples import Bag
 from boom_diagnosis.case import Case, Flags
 from boom_diagnosis.earning import chance
-from boom_diagnosis.fitting import Point, Problem
+from boom_diagnosis.fitting import Point
 from boom_diagnosis.hypotheses import LOOSENESS, problem_at
 from boom_diagnosis.locating import SIZES, links
 from boom_diagnosis.parallel import in_parallel
-from boom_diagnosis.prediction import Predictor
 
 SHARES = (0.25, 0.125, 0.5)
 """Of the time between two samples: standard deviations that are tried. One sample late in half of all cases is the most."""
@@ -30,24 +29,23 @@ def strayed(case: Case) -> tuple[list[Bag], list[Bag]] | None:
     where the machine is astray, too, it is physics.
     """
     at = case.last
-    fitted = [_likeliest(case, bag, select, at) for bag, select in zip(case.bags, case.select, strict=True)]
+    fitted = [_likeliest(case, bag, select, at, {}) for bag, select in zip(case.bags, case.select, strict=True)]
     gained = sum(gain for _, gain in fitted) - chance(case)
-    if gained < 0.0 or gained < max(in_parallel(partial(_disturbed, case, at), _disturbances(case))):
+    if gained < 0.0 or gained < _disturbed(case, at):
         return None
-    return [bag for bag, _ in fitted], [_likeliest(case, bag, bag.counted, at)[0] for bag in case.proving]
+    return [bag for bag, _ in fitted], [_likeliest(case, bag, bag.counted, at, case.own)[0] for bag in case.proving]
 
 
-def _likelihood(problem: Problem, at: Point) -> float:
-    return problem.likelihood(problem.points([(at.z, at.effects)])[0])
+def _likeliest(case: Case, bag: Bag, select: Flags, at: Point, own: Mapping[str, float]) -> tuple[Bag, float]:
+    """The recording as it strays likeliest at a point, seen by the observer of a healthy machine, and what that gains [nats].
 
-
-def _likeliest(case: Case, bag: Bag, select: Flags, at: Point) -> tuple[Bag, float]:
-    """The recording as it strays likeliest at a point, seen by the observer of a healthy machine, and what that gains [nats]."""
+    own: numbers that are the recording's own.
+    """
+    effects = {**at.effects, **own}
 
     def likelihood(tried: Bag) -> float:
-        return _likelihood(
-            problem_at(case.machine, [tried], [select], case.nuisances, at.z, at.effects, LOOSENESS[0]), at
-        )
+        problem = problem_at(case.machine, [tried], [select], case.nuisances, at.z, effects, LOOSENESS[0])
+        return problem.likelihood_at(at.z, effects)
 
     before, period = likelihood(bag), float(np.median(np.diff(bag.currents.sampled_at)))
     best, most = bag, 0.0
@@ -61,18 +59,13 @@ def _likeliest(case: Case, bag: Bag, select: Flags, at: Point) -> tuple[Bag, flo
     return best, most
 
 
-def _disturbances(case: Case) -> list[tuple[float, dict[str, float]]]:
-    """Looseness, and boost of one equation, of observers that see a disturbance in the machine."""
-    return [
-        *((looseness, dict[str, float]()) for looseness in LOOSENESS[1:]),
-        *((LOOSENESS[0], {link.state: size}) for link in links(case.machine) for size in SIZES),
-    ]
-
-
-def _disturbed(case: Case, at: Point, observer: tuple[float, dict[str, float]]) -> float:
-    """What an observer that sees a disturbance gains over that of a healthy machine [nats]."""
-    looseness, boost = observer
+def _disturbed(case: Case, at: Point) -> float:
+    """The most that an observer which sees a disturbance, anywhere or of one equation, gains over a healthy machine's [nats]."""
     base = case.problem(at.z, at.effects, LOOSENESS[0])
-    p = base.predictor
-    other = Problem(Predictor(p.machine, p.bags, p.tuned, looseness, boost), base.nuisances, base.select)
-    return _likelihood(other, at) - _likelihood(base, at)
+    seeing = [(looseness, dict[str, float]()) for looseness in LOOSENESS[1:]]
+    seeing += [(LOOSENESS[0], {link.state: size}) for link in links(case.machine) for size in SIZES]
+
+    def likelihood(observer: tuple[float, dict[str, float]]) -> float:
+        return base.bearing_with(*observer).likelihood_at(at.z, at.effects)
+
+    return max(in_parallel(likelihood, seeing)) - base.likelihood_at(at.z, at.effects)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis import regimes
-from boom_diagnosis.answer import About, moved_tolerances, notes_of, remaining, said_of_next
+from boom_diagnosis.answer import moved_tolerances, notes_of, remaining, said_of_next
 from boom_diagnosis.assumptions import MOST_CERTAIN, NAMED_FROM
 from boom_diagnosis.document import (
     SUBSYSTEMS,
@@ -36,6 +36,7 @@ from boom_diagnosis.proof import (
     proving_result,
     spans_of,
 )
+from boom_diagnosis.unsearched import About
 from boom_diagnosis.weighed_case import WeighedCase
 from boom_diagnosis.weighed_numbers import estimates, own_numbers
 from boom_estimation.posterior import HypothesisFit

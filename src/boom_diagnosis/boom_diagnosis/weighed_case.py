@@ -126,7 +126,7 @@ class WeighedCase:
 
         def likelihood(looseness: float) -> float:
             problem = self.problem(at.z, at.effects, looseness)
-            return problem.likelihood(problem.points([(at.z, at.effects)])[0])
+            return problem.likelihood_at(at.z, at.effects)
 
         looseness = max(LOOSENESS, key=likelihood)
         return Setting(self.machine, self.bags, self.training, self.judged, self.nuisances, self.proving, looseness)

@@ -193,7 +193,7 @@ def _scalar(event: Any) -> Any:
         if _NUMBER.fullmatch(text):
             raise _RefusedError(event, f"a number of {len(text)} digits: write at most {LONGEST_NUMBER}")
         return text
-    if _OTHER_BASE.fullmatch(text):  # YAML 1.1
+    if _OTHER_BASE.fullmatch(text):
         raise _RefusedError(
             event, f"{text} would be read to the base of 8 or 60: write a decimal number, or quote a text"
         )

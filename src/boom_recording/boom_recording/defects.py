@@ -29,6 +29,8 @@ class Thresholds:
     stuck               shortest time for which repeated values are looked at
     stuck_factor        a noisy sensor is stuck when it repeats this many times longer than chance would let it in the
                         whole recording
+    usual               so many runs of a length make it one that a signal has, as between two steps of a coarse sensor
+    jump                steps by which a pressure that was stuck while the boom moved is elsewhere afterwards
     noisy               share of reversals among successive changes above which a signal is noise on top of motion
                         (white noise 2/3, smooth motion 0)
     moving_rate         [rad/s] boom surely moves: above any gyro's bias (5 mrad/s), 26 steps of the angle sensor in
@@ -48,6 +50,8 @@ class Thresholds:
     comparable: float = 1.25
     stuck: float = 0.5
     stuck_factor: float = 5.0
+    usual: int = 5
+    jump: float = 3.0
     noisy: float = 0.25
     moving_rate: float = 0.02
     further: float = 0.01

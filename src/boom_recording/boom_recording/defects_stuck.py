@@ -11,10 +11,6 @@ from boom_recording.recording import Floats
 
 _FOLLOW = {sensor.name for sensor in PREDICTED if sensor.is_pressure}
 """Pressures of the cylinder: they cannot stay as they are while the boom moves; that of a pump can."""
-_JUMP = 3.0
-"""Steps by which a pressure that was stuck while the boom moved is elsewhere afterwards; else it may have stayed as it was."""
-_OFTEN = 5
-"""How many runs of a length make it usual."""
 
 
 def check_stuck(topics: dict[str, TopicSamples], limits: Thresholds = THRESHOLDS) -> dict[str, list[StampedEvent]]:
@@ -56,7 +52,7 @@ def _stuck(samples: TopicSamples, name: str, witness: "_Motion", limits: Thresho
         start = times[a]
         if longest is None or b - a + 1 <= longest:
             since = witness.stuck_since(name, float(values[a]), times[a], times[b], step)
-            creeps = name in _FOLLOW and b + 1 < len(values) and abs(values[b + 1] - values[a]) < _JUMP * step
+            creeps = name in _FOLLOW and b + 1 < len(values) and abs(values[b + 1] - values[a]) < limits.jump * step
             if since is None or creeps:
                 continue
             start = since
@@ -97,8 +93,8 @@ def _believable(values: Floats, clipped: bool, limits: Thresholds) -> float | No
         return None
     repeats = min(max(float(np.mean(steps[ordinary] == 0)), 1e-3), 0.99)
     by_chance = float(np.log(max(len(values), 2)) / -np.log(repeats))
-    usual = np.sort(lengths)[-_OFTEN:]  # between two steps of a coarse sensor noise does not show
-    return max(limits.stuck_factor * max(by_chance, float(usual[0])), 20.0)
+    usual = float(np.sort(lengths)[-limits.usual :][0])
+    return max(limits.stuck_factor * max(by_chance, usual), 20.0)
 
 
 class _Motion:

@@ -1,0 +1,56 @@
+"""Answers to recordings in which nothing was searched, and what every answer says about its own making."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from boom_diagnosis.assumptions import MOST_CERTAIN
+from boom_diagnosis.document import SUBSYSTEMS, DiagnosisResult, Document, Fit, Verdict
+from boom_diagnosis.freerun import UNKNOWN
+from boom_model.machine import Machine
+from boom_recording.recording import Recording
+
+
+@dataclass(frozen=True)
+class About:
+    """What the document says about its own making."""
+
+    seed: int
+    version: str
+    inputs_sha256: dict[str, str]
+    command: str
+
+
+def not_enough_excitation(recordings: Sequence[Recording], machine: Machine, about: About) -> DiagnosisResult:
+    """The answer to recordings that do not move the boom."""
+    text = (
+        "Record at least 45 s of joystick work: full and half current in both directions, reversals, stops, "
+        "and 1 s of rest at the beginning."
+    )
+    document = _document("not_enough_excitation", dict.fromkeys(SUBSYSTEMS, 0.0), text, about)
+    notes = tuple(f"{r.name}: the boom hardly moves, or angle or currents are missing" for r in recordings)
+    notes += tuple(f"{r.name}: {said}" for r in recordings for said in r.warnings)
+    return DiagnosisResult(
+        document, machine, machine, (), (), (), "", (), (), "Nothing can be told from these recordings.",
+        notes=notes, command=about.command,
+    )  # fmt: skip
+
+
+def spoilt(machine: Machine, about: About) -> DiagnosisResult:
+    """The answer to recordings of which one has to be repaired first; its checks say what."""
+    text = (
+        "Put the recording right, e.g. by a mapping of ./boom import, which tells signs, units and channels, and diagnose "
+        "it again: what is named before would explain the fault, not the machine."
+    )
+    subsystems = dict.fromkeys(SUBSYSTEMS, 0.0) | {"sensors": MOST_CERTAIN}
+    document = _document("sensor_or_clock", subsystems, text, about)
+    return DiagnosisResult(
+        document, machine, machine, (), (), (), "", (), (), "No model was run: the recording comes first.", command=about.command,
+    )  # fmt: skip
+
+
+def _document(verdict: Verdict, subsystems: Mapping[str, float], text: str, about: About) -> Document:
+    """Without findings and free runs; ``text``: what to do next."""
+    fit = Fit({}, {}, UNKNOWN, ())
+    return Document(verdict, (), dict(subsystems), fit, text, about.seed, about.inputs_sha256, about.version)
