@@ -140,7 +140,8 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     ) + tuple(proving_result(case, i, proof.driven) for i in range(len(case.proving)))
     explained = plain.point.parts if plain else tight.explained
     left = plain.point.excess(case.floor) if plain else tight.excess_after
-    left_over = remaining(fit, tight.excess_before, left) if verdict not in ("no_mismatch", "parameters_only") else ""
+    named = verdict not in ("no_mismatch", "parameters_only")  # else one-step errors name nothing
+    left_over = remaining(fit, tight.excess_before, left if named else 0.0)
     return DiagnosisResult(
         document, case.machine, _final_machine(case, verdict, learned), bags,
         regimes.table(cells, case.select, tight.nominal, explained, case.healthy_squares), equations, agreement, proof.ladder,

@@ -483,3 +483,8 @@ def test_a_lagging_spool_is_the_machine_with_another_natural_frequency(loader: M
         runs.append(plant.run(time, currents, time, plant.equilibrium(0.2)).output("angle"))
     assert runs[0] == pytest.approx(runs[1], abs=1e-9)
     assert np.abs(runs[0] - runs[2]).max() > 1e-4
+
+
+def test_a_machine_with_pilot_valves_has_no_lag_of_its_own_spool(tz17: Machine) -> None:
+    with pytest.raises(MachineError, match=r"effects\.spool_lag: this machine has pilot valves$"):
+        tz17.with_effects({"spool_lag": {"r": 1.5}})

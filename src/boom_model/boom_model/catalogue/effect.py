@@ -181,6 +181,10 @@ class Effect:
 
     @property
     def lacking(self) -> str:
-        """What a machine that cannot have it has: "no pilot valves", "a holding valve"."""
-        words = ((need.removeprefix("no_"), need) for need in self.needs.split())
-        return " or ".join(f"{'no' if absent == need else 'a'} {absent.replace('_', ' ')}" for absent, need in words)
+        """What a machine that cannot have it has: "no pilot valves", "a valve at the cylinder"."""
+        words = []
+        for need in self.needs.split():
+            name = need.removeprefix("no_")
+            article = "no " if name == need else "" if name.endswith("s") else "a "
+            words.append(article + name.replace("_", " "))
+        return " or ".join(words)
