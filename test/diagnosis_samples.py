@@ -1,6 +1,8 @@
 """Recordings for the tests of validation: those of the repository, and small ones whose truth is known."""
 
 import functools
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,7 @@ from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
 from boom_recording.loading import load
-from boom_recording.recording import Configuration, Recording
+from boom_recording.recording import BLOCK, Configuration, Recording
 from boom_recording.writing import from_columns
 
 BAGS = Path(__file__).parents[1] / "bags"
@@ -51,3 +53,21 @@ def constant(duration: float = 2.0, **values: float) -> Recording:
     time = np.arange(round(duration / PERIOD)) * PERIOD
     names = ("angle", "rate", "hose_pressure", "rod_pressure", "retract_current", "extend_current")
     return from_columns("constant", time, {n: np.full(len(time), values.get(n, 0.0)) for n in names}, FOLDED)
+
+
+def joined(pieces: Sequence[Recording], name: str = "shift") -> Recording:
+    """Recordings one behind the other, as one."""
+    first, begin = pieces[0], 0.0
+    moved: list[tuple[int, Recording]] = []
+    for piece in pieces:
+        moved.append((round(begin * 1e9) + first.start_ns - piece.start_ns, piece))
+        begin += BLOCK
+    signals = {}
+    for key, signal in first.signals.items():
+        stamps = np.concatenate([p.signals[key].stamps_ns + by for by, p in moved])
+        signals[key] = replace(
+            signal, stamps_ns=stamps, time=(stamps - first.start_ns) / 1e9,
+            values=np.concatenate([p.signals[key].values for _, p in moved]),
+            valid=np.concatenate([p.signals[key].valid for _, p in moved]),
+        )  # fmt: skip
+    return replace(first, name=name, duration=begin, signals=signals)

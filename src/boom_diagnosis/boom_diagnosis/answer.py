@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis import regimes
-from boom_diagnosis.assumptions import AT_FLOOR, MOST_CERTAIN, MOVED, NAMED_FROM, UNPROVED
+from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, MOST_CERTAIN, MOVED, NAMED_FROM, UNPROVED
 from boom_diagnosis.bag_samples import CAVITATES, PERIOD, Bag
 from boom_diagnosis.document import (
     SUBSYSTEMS,
@@ -33,7 +33,8 @@ from boom_diagnosis.freerun import median
 from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import links, locate
-from boom_diagnosis.must_keep import kept, told, worse_channels, worse_on_the_whole
+from boom_diagnosis.must_keep import far_channels, kept, told, worse_channels, worse_on_the_whole
+from boom_diagnosis.open_numbers import number_spread
 from boom_diagnosis.prediction import beyond, gained
 from boom_diagnosis.proof import (
     as_noise_lets_it,
@@ -119,6 +120,8 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         learned = learn(case.setting, case.trained[-1], [e.key for e in order[:LEARNT_IN]])
     proof = proof_of(case, verdict, learned, spans, done, floors if verdict != "no_mismatch" else ())
     learned, fit = proof.learned, proof.fit
+    if verdict in ("no_mismatch", "parameters_only") and far_channels(fit, FAR_FROM_FLOOR):
+        fit = replace(fit, open_numbers=number_spread(case))
     plain = case.learned if learned else None
     if verdict == "unknown_physics":
         findings = [_unknown_finding(case, odds, cells, tight, rest_equations, plain), *findings]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import hypot, sqrt
+from math import hypot, isnan, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from boom_estimation.initial_state import resting_start, stationary_guess
 from boom_model.machine import Machine
 from boom_model.observer import KalmanGains, Linearised, Samples
 from boom_model.plant import Plant
+from boom_model.prior import MOMENTS
 from boom_model.sensors import OUTPUTS, PRESSURES
 from boom_model.structure import CURRENTS
 from boom_recording.measurement import without_repeats
@@ -25,6 +26,8 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 PERIOD = 0.01
+ELSEWHERE = "@"
+"""Between the component and the number of another pose or load, in the name of a value that is that one's own."""
 SETTLING = 1.5
 """s. Behind a gap in the currents the observer needs so long to find the state again."""
 CAVITATES, RARELY = 0.5e5, 0.1
@@ -58,6 +61,8 @@ class Bag:
         cavitating: (n,), where the oil of the head side evaporates, and until the observer has found the state again.
         start: first valid values of the channels, for the initial state.
         timing: standard deviation of when a current changed [s].
+        places: component of the parameter vector that belongs to the pose or the load -> name under which hypotheses have its
+            value, where that is another one (:func:`by_pose`).
         plants: of a machine with some effects with states, built so far: building one costs as much as two passes.
         gains, trajectories: of the observers that were asked for last; the same are wanted again and again.
     """
@@ -70,6 +75,7 @@ class Bag:
     resting: bool
     start: dict[str, float]
     timing: float = TIMING_NOISE
+    places: Mapping[str, str] = field(default_factory=dict)
     plants: list[tuple[Machine, frozenset[str], Plant]] = field(default_factory=list, compare=False, repr=False)
     gains: Recent[KalmanGains] = field(default_factory=lambda: Recent(GAINS), compare=False, repr=False)
     trajectories: Recent[Linearised] = field(default_factory=lambda: Recent(TRAJECTORIES), compare=False, repr=False)
@@ -78,6 +84,15 @@ class Bag:
     def name(self) -> str:
         """Of the recording."""
         return self.recording.name
+
+    def numbers(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Of a hypothesis' ``values`` those of this recording, by component of the parameter vector."""
+        result = {}
+        for name, value in values.items():
+            component = name.partition(ELSEWHERE)[0]
+            if self.places.get(component, component) == name:
+                result[component] = value
+        return result
 
     def straying(self, by: float) -> Bag:
         """The recording, of whose currents the samples were taken so far [s] from their stamps (standard deviation)."""
@@ -212,6 +227,29 @@ def told_apart(
         number = seen[recording.name]
         result.append(recording if number == 1 else replace(recording, name=f"{recording.name} ({number})"))
     return result[: len(recordings)], result[len(recordings) :]
+
+
+def by_pose(bags: Sequence[Bag]) -> list[Bag]:
+    """Recordings whose moments of mass are each pose's own, and whose loads are each load's own.
+
+    Those of the first recording have the names of the components; of the k-th other pose or load ``ELSEWHERE`` and k follow.
+    """
+    poses, loads = list[object](), list[object]()
+    result = []
+    for bag in bags:
+        c = bag.recording.configuration
+        pose, load = (c.outer_boom_angle, c.telescope_length), 0.0 if isnan(c.load_mass) else c.load_mass
+        for seen, own in ((poses, pose), (loads, load)):
+            if own not in seen:
+                seen.append(own)
+        places = {f"pose.{name}": f"pose.{name}{_suffix(poses.index(pose))}" for name in MOMENTS}
+        places["pose.load"] = f"pose.load{_suffix(loads.index(load))}"
+        result.append(replace(bag, places=places))
+    return result
+
+
+def _suffix(k: int) -> str:
+    return f"{ELSEWHERE}{k}" if k else ""
 
 
 def prepare(recording: Recording, machine: Machine | None = None, *, aligned: bool = False) -> Bag | None:

@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.bag_samples import Bag
+from boom_diagnosis.bag_samples import Bag, by_pose
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.freerun import Elsewhere
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, problem_at
 from boom_diagnosis.learning import Learned, Setting
-from boom_diagnosis.nuisances import Nuisance
+from boom_diagnosis.nuisances import Nuisance, clock, of_pose, tolerances
+from boom_diagnosis.onset import moments
+from boom_diagnosis.recent import Recent
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.weighing import COLDEST, Weighed
+from boom_estimation.free_run import plant_for
 from boom_model.machine import Machine, Pose
 from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+HELD_OUT_SHARE = 1.0 / 3.0
+"""Of each recording, its end, where no recording is held out."""
+POINTS = 8
+"""Of which the moments of other poses are kept."""
 
 
 @dataclass
@@ -29,7 +36,7 @@ class Case:
     """What is diagnosed, and how far it has got.
 
     Attributes:
-        pose: of the first recording.
+        pose: of the first recording. others: end of the names of another pose's numbers -> that pose.
         bags: fitted. proving: not fitted at all. select: samples that the search goes by, per bag of ``bags``.
         training, judged: two parts of them; what is proved is fitted to the first and judged on the second. Without recordings
             that are held out the second is the end of each recording, else it is empty.
@@ -55,6 +62,7 @@ class Case:
     judged: list[Flags]
     nuisances: tuple[Nuisance, ...]
     seed: int
+    others: Mapping[str, Pose] = field(default_factory=dict)
     elsewhere: tuple[Elsewhere, ...] = ()
     floor: float = 0.0
     healthy: list[Bag] = field(default_factory=list)
@@ -70,15 +78,57 @@ class Case:
     learned: Learned | None = None
     temperature: float = COLDEST
     own: dict[str, float] = field(default_factory=dict)
+    _own_moments: Recent[Array] = field(default_factory=lambda: Recent(POINTS), repr=False)
 
     def with_bags(self, bags: list[Bag], proving: list[Bag]) -> Case:
         """The case from its beginning, with the recordings prepared otherwise."""
-        parts = self.select, self.training, self.judged, self.nuisances, self.seed, self.elsewhere
+        parts = self.select, self.training, self.judged, self.nuisances, self.seed, self.others, self.elsewhere
         return Case(self.machine, self.pose, bags, proving, *parts)
 
     def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
         """Components of the parameter vector."""
         return self.rounds[0].problem.values(z, effects)
+
+    def numbers(self, at: Point) -> dict[str, float]:
+        """Components at a point, for a machine file: a load that is another than told is in the moments of mass of its pose.
+
+        Moments of a pose that no fitted recording has are as the recordings held out tell them beside the rest.
+        """
+        result = self.values(self.everywhere(at), at.effects)
+        known = {n.name: n.nominal for n in self.nuisances if n.nominal is not None}
+        seen = set[str]()
+        for bag in (*self.bags, *self.proving):
+            end = bag.places["pose.D0"].removeprefix("pose.D0")
+            load = bag.places["pose.load"]
+            if end in seen or load not in result:
+                continue
+            seen.add(end)
+            more = result.pop(load) - float(known[load] or 0.0)
+            x, y = self.others.get(end, self.pose).tip
+            for name, there in (("D0", x**2 + y**2), ("Sx", x), ("Sy", y)):
+                own = f"pose.{name}{end}"
+                result[own] = result.get(own, float(known.get(own) or 0.0)) + more * there
+        return result
+
+    def of_held_out_alone(self) -> list[int]:
+        """Which numbers are those of poses and loads that only recordings held out have."""
+        fitted = {name for bag in self.bags for name in bag.places.values()}
+        return [i for i, n in enumerate(self.nuisances) if n.nominal is not None and n.name not in fitted]
+
+    def everywhere(self, at: Point) -> Array:
+        """z at a point, with these numbers as those recordings tell them."""
+        which = self.of_held_out_alone()
+        if not which:
+            return at.z
+        effects = {**at.effects, **self.own}
+        counted = [bag.counted for bag in self.proving]
+        return self._own_moments.get(
+            (at.z.tobytes(), *sorted(effects.items())),
+            lambda: moments(
+                problem_at(self.machine, self.proving, counted, self.nuisances, at.z, effects, LOOSENESS[0]),
+                at.z, effects, which,
+            ),
+        )  # fmt: skip
 
     def kept(self, k: int) -> Point:
         """The fit with the first ``k`` effects: with nominal tolerances where moving them gains nothing."""
@@ -125,3 +175,32 @@ class Case:
         self.rounds, self.weighed, self.taken = before.rounds, before.weighed, before.taken
         self.trained, self.spared, self.disproved = before.trained, before.spared, before.disproved
         self.impossible, self.temperature, self.own = before.impossible, before.temperature, before.own
+
+
+def case_of(machine: Machine, bags: Sequence[Bag], proving: Sequence[Bag], seed: int) -> Case:
+    """The case of recordings, before anything is searched.
+
+    Raises:
+        MachineError: a pose or load that the machine cannot have.
+    """
+    placed = by_pose([*bags, *proving])
+    bags, proving = placed[: len(bags)], placed[len(bags) :]
+    pose = plant_for(bags[0].recording, machine, "full").pose
+    select = [bag.counted.copy() for bag in bags]
+    later = [
+        np.zeros_like(bag.time, dtype=bool) if proving else bag.time >= (1.0 - HELD_OUT_SHARE) * bag.recording.duration
+        for bag in bags
+    ]
+    training = [s & ~end[:, None] for s, end in zip(select, later, strict=True)]
+    judged = [s & end[:, None] for s, end in zip(select, later, strict=True)]
+    known = {n.name: n for n in (*tolerances(machine, pose), *clock(machine, [bag.currents for bag in bags]))}
+    others: dict[str, Pose] = {}
+    for bag in placed:
+        own = plant_for(bag.recording, machine, "full").pose
+        for n in of_pose(machine, own):
+            name = bag.places[n.name]
+            known.setdefault(name, replace(n, name=name))
+        end = bag.places["pose.D0"].removeprefix("pose.D0")
+        if end:
+            others.setdefault(end, own)
+    return Case(machine, pose, bags, proving, select, training, judged, tuple(known.values()), seed, others)

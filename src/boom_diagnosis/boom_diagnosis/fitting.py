@@ -128,11 +128,9 @@ class Problem:
         used = [s[rows] for s, rows in zip(self.select, self.rows, strict=True)]
         self.used = np.concatenate([*used, np.ones(len(self.shapes), dtype=bool)])
         nominal = dict(zip(predictor.base[0].parameter_names, predictor.base[0].p, strict=True))
-        poses = [dict(zip(p.parameter_names, p.p, strict=True)) for p in predictor.base]
         self._nominal = {
-            name: nominal[name] for n in nuisances for name in n.components if not name.startswith("pose.")
+            name: n.nominal if n.nominal is not None else nominal[name] for n in nuisances for name in n.components
         }
-        self._poses = [{n.name: pose[n.name] for n in nuisances if n.name.startswith("pose.")} for pose in poses]
         self._closed = Recent[dict[str, float]](CLOSED)
         self.limits = np.array([n.limits for n in nuisances]).reshape(-1, 2).T
         """(2, number of tolerances) least and largest z."""
@@ -142,10 +140,7 @@ class Problem:
         result = {}
         for nuisance, zi in zip(self.nuisances, z, strict=True):
             for name in nuisance.components if zi != 0.0 else ():
-                reference = self._nominal.get(name)
-                if reference is None:
-                    reference = self._poses[0][name]
-                result[name] = nuisance.value(reference, float(zi))
+                result[name] = nuisance.value(self._nominal[name], float(zi))
         made = self._closed.get(z.tobytes(), lambda: closed(self.predictor.machine, result))
         return made | dict(effects)
 
@@ -193,9 +188,10 @@ class Problem:
         p = self.predictor
         return Problem(Predictor(p.machine, p.bags, p.tuned, looseness, boost), self.nuisances, self.select)
 
-    def nuisance_jacobian(self, at: Point) -> Array:
-        """dw/dz (rows, number of tolerances) by differences."""
-        moved = [(at.z + Z_STEP * unit, at.effects) for unit in np.eye(len(self.nuisances))]
+    def nuisance_jacobian(self, at: Point, which: Sequence[int] | None = None) -> Array:
+        """dw/dz (rows, number of tolerances) by differences; ``which``: of these alone."""
+        units = np.eye(len(self.nuisances))
+        moved = [(at.z + Z_STEP * unit, at.effects) for unit in (units if which is None else units[list(which)])]
         return np.stack([change / Z_STEP for change in self._changes(at, moved)], axis=-1)
 
     def effect_jacobian(self, at: Point, names: Sequence[Coordinate], *, exact: bool = False) -> Array:

@@ -6,10 +6,12 @@ import copy
 from collections.abc import Mapping, Sequence
 from datetime import date
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import yaml
 
+from boom_diagnosis.bag_samples import ELSEWHERE
 from boom_identification.estimate import Identified
 from boom_identification.machine_output import document_with, effects_with, fits
 from boom_input.whole import write_whole
@@ -17,6 +19,7 @@ from boom_model.errors import MachineError
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine, Pose
 from boom_model.machine_file import machine_from
+from boom_model.prior import MOMENTS
 
 
 def found_machine(
@@ -25,10 +28,11 @@ def found_machine(
     numbers: Mapping[str, float],
     spreads: Mapping[str, float],
     learned: Sequence[LearnedTerm] = (),
+    others: Mapping[str, Pose] = MappingProxyType({}),
 ) -> Machine:
     """The machine with other numbers (components of the parameter vector) and effects.
 
-    The moments of mass in ``pose`` go to its tabulated configuration, or to a new one; those of other poses, and a load, stay.
+    The moments of mass in ``pose`` go to its tabulated configuration, or to a new one; a load stays.
     Numbers that a machine file cannot have together are brought back towards the machine's own, all by the same share, until
     it can.
 
@@ -38,14 +42,15 @@ def found_machine(
         numbers: component or ``effects.ID.NAME`` -> value.
         spreads: component -> half of its 90 % interval.
         learned: terms beside those that the machine has.
+        others: end of the names of another pose's numbers -> that pose.
     """
     for share in _SHARES:
         nearer = {name: _between(machine, name, value, share) for name, value in numbers.items()}
         try:
-            return _found(machine, pose, nearer, spreads, learned)
+            return _found(machine, {"": pose, **others}, nearer, spreads, learned)
         except MachineError:
             continue
-    return _found(machine, pose, {n: v for n, v in numbers.items() if n.startswith("effects.")}, {}, learned)
+    return _found(machine, {}, {n: v for n, v in numbers.items() if n.startswith("effects.")}, {}, learned)
 
 
 _SHARES = (1.0, 0.75, 0.5, 0.25)
@@ -61,16 +66,18 @@ def _between(machine: Machine, name: str, value: float, share: float) -> float:
 
 
 def _found(
-    machine: Machine, pose: Pose, numbers: Mapping[str, float], spreads: Mapping[str, float],
+    machine: Machine, poses: Mapping[str, Pose], numbers: Mapping[str, float], spreads: Mapping[str, float],
     learned: Sequence[LearnedTerm],
 ) -> Machine:  # fmt: skip
     """Raises MachineError where the numbers do not go together."""
     document: dict[str, Any] = document_with(machine, _identified(machine, numbers, spreads))
-    moments = {k: float(numbers[f"pose.{k}"]) for k in ("D0", "Sx", "Sy") if f"pose.{k}" in numbers}
-    if moments:
-        body = copy.deepcopy(document["rigid_body"])
-        body["configs"].setdefault(pose.tabulated or _DIAGNOSED, _row(pose)).update(moments)
-        document["rigid_body"] = body
+    for end, pose in poses.items():
+        moments = {k: float(numbers[f"pose.{k}{end}"]) for k in MOMENTS if f"pose.{k}{end}" in numbers}
+        if moments:
+            body = copy.deepcopy(document["rigid_body"])
+            name = pose.tabulated or _DIAGNOSED + end.replace(ELSEWHERE, "_")
+            body["configs"].setdefault(name, _row(pose)).update(moments)
+            document["rigid_body"] = body
     effects = effects_with(machine, numbers)
     if effects:
         document["effects"] = effects

@@ -22,11 +22,10 @@ from boom_diagnosis.bag_samples import PERIOD, Bag
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.fitting import Point, Problem
-from boom_diagnosis.found_machine import found_machine
 from boom_diagnosis.freerun import errors, free_run, noise_floor
 from boom_diagnosis.hypotheses import effects_of
 from boom_diagnosis.prediction import Predictor, Values
-from boom_diagnosis.proof import placed, spans_of, worsening, worst_channel
+from boom_diagnosis.proof import machine_at, placed, spans_of, worsening, worst_channel
 from boom_model.catalogue import EFFECTS
 from boom_model.learned import DISCREPANCY_TIME
 from boom_model.machine import Machine
@@ -83,7 +82,7 @@ def _unproves(case: Case, before: Point, after: Point) -> bool:
 
 def _far(case: Case, at: Point) -> bool:
     """Whether free runs over what is fitted err far more than noise would."""
-    machine = found_machine(case.machine, case.pose, case.values(at.z, at.effects), {}, ())
+    machine = machine_at(case, at)
     for i, span in enumerate(spans_of(case).training):
         own = placed(machine, case, span)
         floor = np.array(noise_floor(span, own, case.seed + i))
@@ -108,7 +107,7 @@ def fitted_to_free_runs(case: Case, at: Point, select: Sequence[Flags]) -> Point
     return case.problem(z, effects, 1.0).points([(z, effects)])[0]
 
 
-def _spread(measured: Array) -> Array:
+def spread_of(measured: Array) -> Array:
     """(NY,) standard deviations of the channels (n, NY); 1 of one that was not measured, and has no errors."""
     known = [column[np.isfinite(column)] for column in measured.T]
     return np.array([np.std(column) if len(column) else 1.0 for column in known])
@@ -118,7 +117,7 @@ def _problem(
     case: Case, z: Array, effects: Mapping[str, float], select: Sequence[Flags], shapes: Sequence[Coordinate]
 ) -> Problem:
     """Free runs with the weights of their errors at a point."""
-    spreads = [_spread(bag.samples().measured) for bag in case.bags]
+    spreads = [spread_of(bag.samples().measured) for bag in case.bags]
     plain = Problem(FreeRunPredictor(case.machine, case.bags, [1.0 / s for s in spreads]), case.nuisances, select)
     weights = []
     for part, spread, chosen in zip(plain.points([(z, effects)])[0].parts, spreads, select, strict=True):

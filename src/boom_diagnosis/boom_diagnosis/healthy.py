@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,7 +33,7 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     recording, currents = bag.recording, bag.currents
     plant = plant_for(recording, carrying(machine), "full")
     p = plant.p.copy()
-    for name, value in values.items():
+    for name, value in bag.numbers(values).items():
         if name in plant.parameter_names:
             p[plant.parameter_names.index(name)] = value
     rng = np.random.default_rng(seed)
@@ -58,7 +60,7 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     result = prepare(copy, machine)
     if result is None:
         return None
-    result = result.straying(currents.strays)
+    result = replace(result.straying(currents.strays), places=bag.places)
     count = min(len(result.counted), len(bag.counted))
     result.counted[:count] &= bag.counted[:count]
     return result

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, NEAR_FLOOR, SURE, WORSE
+from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, NEAR_FLOOR, OPEN, SURE, WORSE
 from boom_diagnosis.document import Estimate, Finding, Fit, Verdict
 from boom_model.catalogue import EFFECTS
 from boom_model.sensors import OUTPUTS
@@ -50,11 +50,24 @@ def _worsened(held_out: Mapping[str, Sequence[float]]) -> Array:
     return np.where(ended, np.inf, explained / np.maximum(before, 1e-12))
 
 
-def far_channels(fit: Fit, factor: float) -> list[str]:
-    """Channels whose free runs over data not used err more than ``factor`` times what noise alone leaves, in words."""
+def open_channels(fit: Fit) -> Array:
+    """(NY,) whether these free runs err by no more than noise, and numbers that the recordings leave open, may make them."""
+    if not fit.open_numbers:
+        return np.zeros(len(OUTPUTS), dtype=bool)
+    error, floor, spread = (
+        np.array(v, dtype=float) for v in (fit.held_out["explained"], fit.noise_floor, fit.open_numbers)
+    )
+    return np.asarray(error <= OPEN * np.hypot(floor, spread))
+
+
+def far_channels(fit: Fit, factor: float, but: Array | None = None) -> list[str]:
+    """Channels whose free runs over data not used err more than ``factor`` times what noise alone leaves, in words.
+
+    but: (NY,) channels that are left out.
+    """
     explained, floor = np.array(fit.held_out["explained"], dtype=float), np.array(fit.noise_floor, dtype=float)
     ratio = np.where(np.isfinite(floor) & ~np.isfinite(explained), np.inf, explained / np.maximum(floor, 1e-12))
-    return _said(ratio, factor)
+    return _said(ratio if but is None else np.where(but, 0.0, ratio), factor)
 
 
 def _said(ratio: Array, least: float) -> list[str]:
@@ -84,6 +97,14 @@ def kept(
         )
         return verdict, list(findings), notes
     far = far_channels(fit, FAR_FROM_FLOOR)
+    untold = far_channels(fit, FAR_FROM_FLOOR, but=open_channels(fit))
+    opened = far and not untold and verdict in ("no_mismatch", "parameters_only")
+    if opened:
+        notes.append(
+            f"free runs over data not used err more than noise alone would ({', '.join(far)}), by no more than numbers may make "
+            "them that the recordings fitted leave open: fit both kinds of motion"
+        )
+    far = untold
     if far and verdict in ("no_mismatch", "parameters_only"):
         verdict = "ambiguous"
         notes.append(
@@ -91,7 +112,7 @@ def kept(
             + ", ".join(far)
         )
     left = far_channels(fit, NEAR_FLOOR)
-    if left and not far and verdict in ("no_mismatch", "parameters_only"):
+    if left and not (far or opened) and verdict in ("no_mismatch", "parameters_only"):
         notes.append(f"free runs over data not used still err more than noise alone would: {', '.join(left)}")
     if left:
         said = f"; free runs over data not used still err more than noise alone would: {', '.join(left)}."

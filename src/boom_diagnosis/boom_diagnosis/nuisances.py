@@ -52,7 +52,7 @@ class Nuisance:
 
     together: components that have the same factor. tail: k of a guess, 0 for a normal prior. ends: of its value over the nominal
     one, or less it where ``shift``. factor: the owner says by which factor it may be off. label: what a report calls one [s]
-    that is not the machine's.
+    that is not the machine's. nominal: of one that belongs to a pose or load.
     """
 
     name: str
@@ -63,6 +63,7 @@ class Nuisance:
     ends: tuple[float, float] = (-inf, inf)
     factor: bool = False
     label: str = ""
+    nominal: float | None = None
 
     @property
     def components(self) -> tuple[str, ...]:
@@ -131,12 +132,20 @@ def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
                 own = _own(machine, parameter, name, value)
                 if not (key.startswith(GEOMETRY) and 2.0 * own.sigma * abs(value) < SEEN):
                     result.append(own)
+    return (*result, *of_pose(machine, pose), *_differences(machine))
+
+
+def of_pose(machine: Machine, pose: Pose) -> list[Nuisance]:
+    """The numbers that belong to a pose and its load."""
+    result = []
     for name, value in pose.values().items():
         prior = prior_of(machine, name, pose)
         if prior.sigma > 0.0 and value != 0.0:
             shift = name == "pose.load"
-            result.append(Nuisance(name, prior.sigma if shift else prior.sigma / abs(value), shift=shift))
-    return (*result, *_differences(machine))
+            result.append(
+                Nuisance(name, prior.sigma if shift else prior.sigma / abs(value), shift=shift, nominal=value)
+            )
+    return result
 
 
 def _units(machine: Machine, pose: Pose) -> set[str]:

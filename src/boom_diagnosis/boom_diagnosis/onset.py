@@ -1,12 +1,12 @@
 """What is a recording's own: how late its log shows the currents, when a load came, or how heavy it was and from which stroke on.
 
 A load that rests on the ground below a piston position is another one in every recording; when one is grasped, it is the same.
-All else is kept.
+Moments of mass and the load are those of the pose and the load that the recording tells. All else is kept.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ NEAR = 1.0
 """s."""
 CLOCKS = 9
 """Dead times of a log that are tried."""
+STEPS = 4
+"""Of Gauss and Newton for moments of mass."""
 STROKES, CLOSER = 16, (4.0, 16.0)
 """Piston positions that are tried over the stroke of a recording, and how many times closer to each other about the best."""
 
@@ -60,6 +62,24 @@ def own(problem: Problem, z: Array, effects: Mapping[str, float]) -> dict[str, f
         return clock | _lifted(problem, z, beside)
     time = time_in(effects)
     return clock | ({time: onset(problem, z, beside)} if time else {})
+
+
+def moments(problem: Problem, z: Array, effects: Mapping[str, float], which: Sequence[int]) -> Array:
+    """z with the likeliest numbers ``which`` in the recordings of ``problem``, within their tolerances; the others stay."""
+    own = list(which)
+    best = problem.points([(z, effects)])[0]
+    for _ in range(STEPS):
+        columns, omega = problem.nuisance_jacobian(best, own), weights(best)[:, None]
+        normal = columns.T @ (omega * columns) + np.eye(len(own))
+        gradient = columns.T @ (omega[:, 0] * best.w) + best.z[own]
+        moved = best.z.copy()
+        moved[own] -= np.linalg.solve(normal, gradient)
+        moved[own] = np.clip(moved[own], *problem.limits[:, own])
+        point = problem.points([(moved, effects)])[0]
+        if point.loss > best.loss - 0.1:
+            break
+        best = point
+    return best.z
 
 
 def _clock(problem: Problem, z: Array, effects: Mapping[str, float]) -> dict[str, float]:

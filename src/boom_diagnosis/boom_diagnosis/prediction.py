@@ -15,7 +15,7 @@ from threading import RLock
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.bag_samples import Bag
+from boom_diagnosis.bag_samples import ELSEWHERE, Bag
 from boom_estimation.free_run import plant_for
 from boom_input.channels import PREDICTED
 from boom_model.catalogue import CATALOGUE, EFFECTS, check_effects
@@ -134,10 +134,10 @@ class Predictor:
             built.append((self.machine, wanted, plant))
             return plant
 
-    def parameters(self, plant: Plant, values: Values) -> Array:
-        """Parameter vector with these values."""
+    def parameters(self, i: int, plant: Plant, values: Values) -> Array:
+        """Parameter vector of recording ``i`` with these values."""
         p = plant.p.copy()
-        for name, value in values.items():
+        for name, value in self.bags[i].numbers(values).items():
             p[plant.parameter_names.index(name)] = value
         return p
 
@@ -176,7 +176,7 @@ class Predictor:
     def job(self, i: int, values: Values) -> Job:
         """The observer's pass over recording ``i`` with these values."""
         plant = self.plant(i, with_states(values))
-        p = self.parameters(plant, values)
+        p = self.parameters(i, plant, values)
         samples = self.samples(i, plant, p)
         late = self.bags[i].pressure_shift(plant.delays(p)[1])
         with self._filling:
@@ -204,11 +204,12 @@ class Predictor:
         base = self.plant(i, with_states(self.tuned))
         if not any(state.corrected for state in plant.equations.states if state.name not in base.state_names):
             return _for(plant, base, self.gains[i].gain)
-        known = {name: value for name, value in self.tuned.items() if name in plant.parameter_names}
+        own = {name.partition(ELSEWHERE)[0] for name in self.tuned} & {*plant.parameter_names}
+        known = {name: value for name, value in self.tuned.items() if name.partition(ELSEWHERE)[0] in own}
         return self._gains(i, plant, known | _at_first(plant)).gain
 
     def _gains(self, i: int, plant: Plant, values: Values) -> KalmanGains:
-        p = self.parameters(plant, values)
+        p = self.parameters(i, plant, values)
         noise = noise_model(plant, self.machine, p, self.looseness, self.boost, self.bags[i].lacking)
         key = (plant, p.tobytes(), self.looseness, *sorted(self.boost.items()))
         return self.bags[i].gains.get(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import log
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -48,6 +49,7 @@ class Proved(Protocol):
 
     machine: Machine
     pose: Pose
+    others: Mapping[str, Pose]
     bags: list[Bag]
     proving: list[Bag]
     judged: list[Flags]
@@ -65,6 +67,9 @@ class Proved(Protocol):
     def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
         """Components of the parameter vector."""
 
+    def numbers(self, at: Point) -> dict[str, float]:
+        """The same at a point, with those of other poses."""
+
 
 def label_of(effect: str) -> str:
     """An effect's id in words."""
@@ -75,7 +80,7 @@ def machines_of(case: Proved, verdict: Verdict, learned: Learned | None) -> dict
     """Stage -> machine fitted to the data for training alone, and the steps of the ladder between them."""
 
     def at(point: Point, terms: tuple[LearnedTerm, ...] = ()) -> Machine:
-        return found_machine(case.machine, case.pose, case.values(point.z, point.effects), {}, terms)
+        return machine_at(case, point, {}, terms)
 
     steps = {"nominal": case.machine, "parameters_only": at(case.trained[0])}
     for k, point in enumerate(case.trained[1:], start=1):
@@ -90,13 +95,19 @@ def machines_of(case: Proved, verdict: Verdict, learned: Learned | None) -> dict
 
 def final_machine(case: Proved, point: Point, deviations: Array, terms: tuple[LearnedTerm, ...]) -> Machine:
     """The machine with everything that was found, fitted to all of the recordings; deviations: (count,) of the tolerances' z."""
-    numbers = case.values(point.z, point.effects)
     nominal = case.machine.values(case.pose)
     spreads = {
         n.name: Z90 * float(d) * n.deviation(nominal.get(n.name, 0.0), float(z))
         for n, d, z in zip(case.nuisances, deviations, point.z, strict=True)
     }
-    return found_machine(case.machine, case.pose, numbers, spreads, terms)
+    return machine_at(case, point, spreads, terms)
+
+
+def machine_at(
+    case: Proved, point: Point, spreads: Mapping[str, float] = MappingProxyType({}), terms: tuple[LearnedTerm, ...] = ()
+) -> Machine:  # fmt: skip
+    """The machine with the numbers of a point."""
+    return found_machine(case.machine, case.pose, case.numbers(point), spreads, terms, case.others)
 
 
 @dataclass(frozen=True)
@@ -179,7 +190,7 @@ def _ratios(case: Proved, before: Point, after: Point) -> Array:
     """(recordings, NY) logarithms of these factors; NaN of what is not told."""
 
     def erring(point: Point) -> Array:
-        machine = found_machine(case.machine, case.pose, case.values(point.z, point.effects), {}, ())
+        machine = machine_at(case, point)
         return np.array([
             errors(span, free_run(span.recording, placed(machine, case, span))) for span in spans_of(case).judged
         ])  # fmt: skip

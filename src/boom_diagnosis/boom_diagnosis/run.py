@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from boom_checks.doubts import first_look
 from boom_checks.sampling import independent
 from boom_diagnosis import answer, weighed_answer
-from boom_diagnosis.bag_samples import Bag, prepare, told_apart
+from boom_diagnosis.bag_samples import prepare, told_apart
 from boom_diagnosis.calibration import calibrate
-from boom_diagnosis.case import Case
+from boom_diagnosis.case import Case, case_of
 from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.document import DiagnosisResult
 from boom_diagnosis.earning import chance, clear, least, placed_by_itself, settle, take, weigh
@@ -22,16 +22,14 @@ from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.free_fit import fit_to_free_runs
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, rebased, run_round
 from boom_diagnosis.learning import learn_plainly
-from boom_diagnosis.nuisances import clock, tolerances
 from boom_diagnosis.onset import near_onset, time_in
 from boom_diagnosis.restarts import other_valley
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.straying import strayed
 from boom_diagnosis.stretches import Stretches, excited, stretches
 from boom_diagnosis.unsearched import About, not_enough_excitation, spoilt
-from boom_diagnosis.weighed_case import WeighedCase, searched
+from boom_diagnosis.weighed_case import searched, weighed_case_of
 from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT
-from boom_estimation.free_run import plant_for
 from boom_estimation.sensor_noise import with_measured_noise
 from boom_model.catalogue import EFFECTS
 from boom_model.learned import PLACES
@@ -43,8 +41,6 @@ Flags = NDArray[np.bool_]
 Progress = Callable[[str, float], None]
 
 MOST_EFFECTS = 3
-HELD_OUT_SHARE = 1.0 / 3.0
-"""Of each recording, its end, where no recording is held out."""
 LITTLE = 0.25
 """Share of what the tolerances cannot take up that a first effect may leave without a second look at all others."""
 OUTDONE = 0.1
@@ -106,11 +102,11 @@ def _searched(parts: Stretches, machine: Machine, progress: Progress, about: Abo
     proven = (prepare(recording, machine) for recording in parts.held_out)
     proving = [bag for bag in proven if bag is not None and excited(bag)]
     if engine == "likelihood":
-        weighed = _weighed_case(machine, bags, proving, about.seed)
+        weighed = weighed_case_of(machine, bags, proving, about.seed)
         weighed.elsewhere = parts.elsewhere
         searched(weighed, progress)
         return weighed_answer.assemble(weighed, about, weak)
-    case = _case(machine, bags, proving, about.seed)
+    case = case_of(machine, bags, proving, about.seed)
     case.elsewhere = parts.elsewhere
     case = search(case, progress)
     progress("free runs", 0.78)
@@ -378,22 +374,3 @@ def _plain(case: Case) -> bool:
     case.spared = {k: v for k, v in case.spared.items() if k == 0}
     del case.trained[1:]
     return True
-
-
-def _weighed_case(machine: Machine, bags: list[Bag], proving: list[Bag], seed: int) -> WeighedCase:
-    c = _case(machine, bags, proving, seed)
-    own = tuple(n for n in c.nuisances if not n.difference)  # has the name of an effect's number, which it weighs
-    return WeighedCase(machine, c.pose, bags, proving, c.select, c.training, c.judged, own, seed)
-
-
-def _case(machine: Machine, bags: list[Bag], proving: list[Bag], seed: int) -> Case:
-    pose = plant_for(bags[0].recording, machine, "full").pose
-    select = [bag.counted.copy() for bag in bags]
-    later = [
-        np.zeros_like(bag.time, dtype=bool) if proving else bag.time >= (1.0 - HELD_OUT_SHARE) * bag.recording.duration
-        for bag in bags
-    ]
-    training = [s & ~end[:, None] for s, end in zip(select, later, strict=True)]
-    judged = [s & end[:, None] for s, end in zip(select, later, strict=True)]
-    known = (*tolerances(machine, pose), *clock(machine, [bag.currents for bag in bags]))
-    return Case(machine, pose, bags, proving, select, training, judged, known, seed)

@@ -8,7 +8,7 @@ to, from that block's own initial state (``proof``): the proof is that of the wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,27 +21,13 @@ from boom_diagnosis.prediction import Predictor, beyond
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
-from boom_recording.recording import Recording, part
+from boom_recording.recording import BLOCK, Recording, blocks
 
-BLOCK = 60.0
-"""s. Searches are proved with recordings of a minute (``docs/proof.md``)."""
-SHORTEST = 5.0
-"""s. A recording that is shorter has no block."""
 FIND, PROVE = 2, 1
 """Stretches of the only long recording that are searched, and that nothing is fitted to. One with no more blocks is short."""
 LEAST_MOVING, LEAST_TRAVEL = 4.0, 0.02
 """s, rad: a recording that moves less says nothing about most of the machine."""
 Told = Callable[[str, float], None]
-
-
-def blocks(recording: Recording) -> Iterator[Recording]:
-    """A recording in parts of about ``BLOCK``; none of a very short one."""
-    if recording.duration < SHORTEST:
-        return
-    count = max(1, round(recording.duration / BLOCK))
-    size = recording.duration / count
-    for k in range(count):
-        yield part(recording, k * size, (k + 1) * size)
 
 
 def is_long(recording: Recording, machine: Machine) -> bool:
@@ -125,9 +111,8 @@ def stretches(
             chosen[fitted].append(recording)
             continue
         told(f"screening {recording.name}", 0.0)
-        at = {f"{recording.name} from {(b.start_ns - recording.start_ns) / 1e9:.0f} s": b for b in blocks(recording)}
-        begins |= {name: (recording.name, (b.start_ns - recording.start_ns) / 1e9) for name, b in at.items()}
-        found = [replace(b, name=name) for name, b in at.items()]
+        found = list(blocks(recording))
+        begins |= {b.name: (recording.name, (b.start_ns - recording.start_ns) / 1e9) for b in found}
         ranked = sorted(found, key=_ranks(found, machine), reverse=True)
         count = each if fitted else PROVE
         chosen[fitted] += ranked[:count]

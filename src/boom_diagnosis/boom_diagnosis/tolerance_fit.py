@@ -28,8 +28,9 @@ from boom_identification.estimate import Identified, NotDetermined
 from boom_identification.foresight import NOTHING
 from boom_identification.machine_output import machine_with
 from boom_identification.refine import HELD_OUT, HeldOut, Refinement, free_run_errors
+from boom_identification.telling import searched_until
 from boom_model.machine import Machine
-from boom_recording.recording import Recording
+from boom_recording.recording import Recording, part
 
 Array = NDArray[np.float64]
 
@@ -50,8 +51,9 @@ def fit_tolerances(recordings: Sequence[Recording], machine: Machine, progress: 
         MachineError: a pose or load that the machine cannot have.
     """
     measured = with_measured_noise(machine, recordings)
-    own = stretches([independent(recording) for recording in recordings], [], measured).recordings
-    prepared = [prepare(recording, measured) for recording in own]
+    whole = [independent(recording) for recording in recordings]
+    chosen = stretches([part(r, 0.0, searched_until(r, HELD_OUT)) for r in whole], [], measured)
+    prepared = [prepare(recording, measured) for recording in chosen.recordings]
     bags = [bag for bag in prepared if bag is not None and excited(bag)]
     if not bags:
         return Refinement(machine, (), ())
@@ -73,11 +75,14 @@ def fit_tolerances(recordings: Sequence[Recording], machine: Machine, progress: 
         if nothing and n.name not in known
     ]
     fitted = machine_with(machine, estimates)
-    told = [bag.recording for bag in bags]
+    names = [bag.recording.name for bag in bags]
+    moving = {chosen.begins.get(name, (name, 0.0))[0] for name in names}
+    told = [r for r in whole if r.name in moving]
     errors = [free_run_errors(told, m) for m in (machine, fitted)]
     check = tuple(HeldOut(r.name, first, second) for r, first, second in zip(told, *errors, strict=True))
     level = float(np.sqrt(np.mean(np.square(point.w[point.used]))))
-    return Refinement(fitted, estimates, tuple(missing), (), check, level, 1, 1)
+    selected = tuple(names) if chosen.others else ()
+    return Refinement(fitted, estimates, tuple(missing), (), check, level, 1, 1, selected)
 
 
 def _case(machine: Machine, bags: list[Bag]) -> Case:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.assumptions import EFFECT_LOG_ODDS, SIZES
-from boom_diagnosis.bag_samples import Bag, prepare
+from boom_diagnosis.bag_samples import ELSEWHERE, Bag, prepare
+from boom_diagnosis.case import case_of
 from boom_diagnosis.crane_system import CraneSystem, catalogue_effects, tolerance_numbers
 from boom_diagnosis.fitting import WHITE, Point, Problem
 from boom_diagnosis.freerun import Elsewhere
@@ -71,6 +72,7 @@ class WeighedCase:
     twin: bool = False
     own: dict[str, float] = field(default_factory=dict)
     learned: Learned | None = None
+    others: Mapping[str, Pose] = field(default_factory=dict)
 
     @property
     def best(self) -> WeighedHypothesis:
@@ -85,6 +87,10 @@ class WeighedCase:
     def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
         """Components of the parameter vector."""
         return self._plain.values(z, effects)
+
+    def numbers(self, at: Point) -> dict[str, float]:
+        """The same at a point."""
+        return self.values(at.z, at.effects)
 
     @cached_property
     def _plain(self) -> Problem:
@@ -223,3 +229,11 @@ def _calibrate(case: WeighedCase) -> None:
     exact = problem.predictor.predict([case.values(case.base.z, {})])[0]
     case.healthy_squares = mean_squares([r.whitened for r in exact], select)
     case.floor = float(0.5 * np.mean(case.healthy_squares))
+
+
+def weighed_case_of(machine: Machine, bags: Sequence[Bag], proving: Sequence[Bag], seed: int) -> WeighedCase:
+    """The case of recordings, before anything is searched; see ``case.case_of``."""
+    c = case_of(machine, bags, proving, seed)
+    # a difference has the name of an effect's number, which it weighs; moments of other poses stay
+    own = tuple(n for n in c.nuisances if not n.difference and ELSEWHERE not in n.name)
+    return WeighedCase(machine, c.pose, c.bags, c.proving, c.select, c.training, c.judged, own, seed)

@@ -6,35 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnosis_samples import joined
 
 from boom_diagnosis.bag_samples import prepare
+from boom_diagnosis.case import case_of
 from boom_diagnosis.freerun import Elsewhere, Span, errors, median
 from boom_diagnosis.proof import fit_and_ladder, free_runs, placed, said_of_blocks, spans_of
-from boom_diagnosis.run import _case as case_of
-from boom_diagnosis.stretches import BLOCK, blocks, stretches
+from boom_diagnosis.stretches import stretches
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
-from boom_recording.recording import part
+from boom_recording.recording import BLOCK, blocks, part
 
 ROOT = Path(__file__).resolve().parents[3]
 LAG = {"hose_burst_valve_lag": {"tau": 0.09}}
-
-
-def joined(pieces, name="shift"):
-    """Recordings one behind the other, as one."""
-    first, begin, moved = pieces[0], 0.0, []
-    for piece in pieces:
-        moved.append((round(begin * 1e9) + first.start_ns - piece.start_ns, piece))
-        begin += BLOCK
-    signals = {}
-    for key, signal in first.signals.items():
-        stamps = np.concatenate([p.signals[key].stamps_ns + by for by, p in moved])
-        signals[key] = replace(
-            signal, stamps_ns=stamps, time=(stamps - first.start_ns) / 1e9,
-            values=np.concatenate([p.signals[key].values for _, p in moved]),
-            valid=np.concatenate([p.signals[key].valid for _, p in moved]),
-        )  # fmt: skip
-    return replace(first, name=name, duration=begin, signals=signals)
 
 
 @pytest.fixture(scope="module")

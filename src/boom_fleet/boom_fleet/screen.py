@@ -19,14 +19,13 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.stretches import SHORTEST, blocks
 from boom_estimation.experiment import PreparedRecording, prepare
 from boom_estimation.problem import EstimationProblem
 from boom_fleet.numbers import Numbers, numbers_of, present
 from boom_model.catalogue import EFFECTS
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
-from boom_recording.recording import Recording
+from boom_recording.recording import SHORTEST_BLOCK, Recording, blocks
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -137,7 +136,7 @@ def screened(recording: Recording, machine: Machine, at: Mapping[str, float]) ->
 
 def _nothing(recording: Recording) -> ScreenError:
     return ScreenError(
-        f"{recording.name}: no stretch of {SHORTEST:g} s with all sensors and both currents: nothing to screen"
+        f"{recording.name}: no stretch of {SHORTEST_BLOCK:g} s with all sensors and both currents: nothing to screen"
     )
 
 

@@ -2,7 +2,8 @@
 
 The search starts from the machine file; if its result still disagrees with the recordings, it starts again from other points.
 Initial states are part of the noise model of the predictions. The search does not use the last part of every
-recording, which is predicted by free runs afterwards: the held-out check.
+recording, which is predicted by free runs afterwards: the held-out check. Of long recordings it looks at the minutes that tell most
+(``boom_identification.telling``).
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_estimation.experiment import PreparedRecording, last_part, prepare
+from boom_estimation.experiment import last_part, prepare
 from boom_estimation.fit import FitResult, fit
 from boom_estimation.problem import EstimationProblem
 from boom_estimation.uncertainty import TOLD, Uncertainty, uncertainty
@@ -24,6 +25,7 @@ from boom_identification.estimate import Identified, NotDetermined
 from boom_identification.held import AREAS, CHARGES, ORIFICES, held_numbers, pairing_told, tied
 from boom_identification.machine_output import vector_values
 from boom_identification.search import GOOD_LEVEL, PASSABLE_LEVEL, search
+from boom_identification.telling import checking, telling
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
@@ -47,13 +49,10 @@ free to find a number far outside its tolerance; the prior determines the rest."
 HELD_OUT = 0.25
 """Share of every recording, at its end, that the search does not use."""
 STARTS = 3
+_NOTHING = np.zeros((0, len(OUTPUTS)))
 _WIDEST = 0.10
 """Half width of the 90 % interval over the value, from which a number counts as not determined."""
 _WIDEST_AREA = 0.05
-_MOTION, _SHORTEST_MOTION = 0.02, 2.0
-"""rad/s, far above the gyro's noise; s."""
-_MOVED_WITHIN = 0.1
-"""s. Over which the angle's difference is the rate where no gyro is."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +75,7 @@ class Refinement:
         held_out: the check on data that the search did not use.
         noise_level: ratio of the best model's error to what the currents' noise explains (1: explained).
         iterations: of all searches. starts: number needed.
+        fitted_to: parts of long recordings that the search looked at; empty: it looked at everything.
     """
 
     machine: Machine
@@ -86,6 +86,7 @@ class Refinement:
     noise_level: float = 1.0
     iterations: int = 0
     starts: int = 0
+    fitted_to: tuple[str, ...] = ()
 
     @property
     def explains(self) -> bool:
@@ -104,6 +105,7 @@ class Refinement:
             "noise_level": self.noise_level,
             "iterations": self.iterations,
             "starts": self.starts,
+            "fitted_to": list(self.fitted_to),
             "told_only_together": [list(group) for group in self.groups],
             "held_out": [{"bag": h.bag, "before": h.before, "after": h.after} for h in self.held_out],
         }
@@ -138,16 +140,14 @@ def refine(
     believed = partial(machine_unknown, machine, widen=WIDEN, least=LEAST)
     asked = [believed(name) for name in names]
     say("preparing the recordings")
-    experiments = [
-        prepare(r, machine, held_out=last_part(r, held_out), name=f"{k}:{r.name}") for k, r in enumerate(recordings)
-    ]
-    experiments = [e for e in experiments if _moves(e)]
-    dull = _unexcited(experiments, asked)
+    seen = telling(recordings, machine, asked, held_out, say)
+    spread_of = 1.0 / np.sqrt(1.0 + np.diag(seen.information))  # of each by itself, at the prior values
+    dull = {u.name for u, left in zip(asked, spread_of, strict=True) if left > TOLD}
     lively = [u for u in asked if u.name not in dull]
     silent = tuple(NotDetermined(u.name, "not enough excitation in these recordings") for u in asked if u.name in dull)
     if not lively:
         return Refinement(machine, (), silent)
-    problem = EstimationProblem(experiments, lively)
+    problem = EstimationProblem(seen.experiments, lively)
     best, iterations, used = search(problem, starts, seed, say)
     say("intervals")
     spread = uncertainty(problem, best)
@@ -164,42 +164,24 @@ def refine(
     groups = tuple(members for _, _, members in together)
     fitted = machine.with_values(vector_values(machine, estimates))
     say("free runs over the held-out data")
-    check = _held_out([e.recording for e in experiments], machine, fitted, held_out) if held_out > 0 else ()
+    check = _held_out(seen.recordings, machine, fitted, held_out) if held_out > 0 else ()
     missing = tuple(NotDetermined(name, why, excitation) for name, (why, excitation) in reasons.items())
     return Refinement(
-        fitted, tuple(estimates), (*silent, *missing, *extra), groups, check, best.level, iterations, used
+        fitted,
+        tuple(estimates),
+        (*silent, *missing, *extra),
+        groups,
+        check,
+        best.level,
+        iterations,
+        used,
+        seen.selected,
     )
 
 
 def _unknowns(machine: Machine) -> list[str]:
     components = {c for p in machine.parameters.values() for c in p.specification.components}
     return [name for name in UNKNOWNS if name in components]
-
-
-def _moves(experiment: PreparedRecording) -> bool:
-    """Whether the boom moves long enough in the training data: a boom at rest shows only its sensors."""
-    moving, apart = 0.0, max(1, round(_MOVED_WITHIN / experiment.period))
-    for segment in experiment.segments:
-        rate = segment.measured[segment.training, OUTPUTS.index("rate")]
-        if not np.isfinite(rate).any():
-            angle = segment.measured[segment.training, OUTPUTS.index("angle")]
-            rate = (angle[apart:] - angle[:-apart]) / (apart * experiment.period)
-        moving += experiment.period * np.count_nonzero(np.abs(rate[np.isfinite(rate)]) > _MOTION)
-    return moving > _SHORTEST_MOTION
-
-
-def _unexcited(experiments: Sequence[PreparedRecording], asked: Sequence[Unknown]) -> set[str]:
-    """Unknowns about which the recordings, at the prior values, give almost no information, each taken separately."""
-    problem = EstimationProblem(experiments, asked)
-    z = np.zeros(len(asked))
-    if not experiments:
-        return {u.name for u in asked}
-    gains = problem.gains(z, problem.first_gains())
-    _, derivatives = problem.sensitivities(z, gains)
-    told = sum(
-        (np.sum(g.whiten(d) ** 2, axis=(0, 1)) for g, d in zip(gains, derivatives, strict=True)), np.zeros(len(asked))
-    )
-    return {u.name for u, information in zip(asked, told, strict=True) if 1.0 / np.sqrt(1.0 + information) > TOLD}
 
 
 def _reasons(best: FitResult, spread: Uncertainty, groups: Sequence[Collection[str]]) -> dict[str, tuple[str, bool]]:
@@ -268,22 +250,24 @@ def _in_order(estimates: list[Identified]) -> list[Identified]:
 def free_run_errors(
     recordings: Sequence[Recording], machine: Machine, held_out: float = HELD_OUT
 ) -> list[dict[str, float]]:
-    """Per recording and channel: rms error of free runs over the held-out blocks, over the channel's standard deviation.
+    """Per recording and channel: rms error of free runs over the held-out part, over the channel's standard deviation.
 
-    held_out: share of each recording, at its end.
+    held_out: share of each recording, at its end; that of a long one is run a minute at a time, each from its own initial state.
 
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
-    experiments = [
-        prepare(r, machine, held_out=last_part(r, held_out), name=f"{k}:{r.name}") for k, r in enumerate(recordings)
-    ]
-    errors = iter(EstimationProblem(experiments, []).free_errors(np.zeros(0)))
     result = []
-    for experiment in experiments:
-        collected = [next(errors)[~segment.training] for segment in experiment.segments]
-        measured = np.concatenate([segment.measured for segment in experiment.segments])
-        error = np.concatenate(collected)
+    for recording in recordings:
+        parts = checking(recording, held_out)
+        experiments = [
+            prepare(piece, machine, held_out=last_part(piece, share), name=f"{k}:{piece.name}")
+            for k, (piece, share) in enumerate(parts)
+        ]
+        errors = EstimationProblem(experiments, []).free_errors(np.zeros(0))
+        segments = [segment for experiment in experiments for segment in experiment.segments]
+        error = np.concatenate([e[~s.training] for e, s in zip(errors, segments, strict=True)] or [_NOTHING])
+        measured = np.concatenate([s.measured for s in segments] or [_NOTHING])
         numbers = {}
         for i, name in enumerate(OUTPUTS):
             known, seen = error[np.isfinite(error[:, i]), i], measured[np.isfinite(measured[:, i]), i]

@@ -1,6 +1,7 @@
 """A recording: signals with units, stamps and defects. No files, no ROS."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -14,6 +15,10 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Stamps = NDArray[np.int64]
 
+BLOCK = 60.0
+"""s. Length of the parts that a long recording is worked off in: searches are proved with recordings of a minute."""
+SHORTEST_BLOCK = 5.0
+"""s. A recording that is shorter has no block."""
 _LONGEST_GRID = 100_000_000  # a week at 100 Hz is 60 million
 _HALF_PERIOD_MARGIN = 1.1  # samples jitter by a few percent of the period; one that is due is not to be missed for that
 
@@ -169,6 +174,17 @@ def part(recording: Recording, start: float, end: float) -> Recording:
         recording, start_ns=recording.start_ns + moved, duration=min(end, recording.duration) - start, signals=signals,
         events=events,
     )  # fmt: skip
+
+
+def blocks(recording: Recording) -> Iterator[Recording]:
+    """A recording in parts of about ``BLOCK``, named by where they begin; none of a very short one."""
+    if recording.duration < SHORTEST_BLOCK:
+        return
+    count = max(1, round(recording.duration / BLOCK))
+    size = recording.duration / count
+    for k in range(count):
+        block = part(recording, k * size, (k + 1) * size)
+        yield replace(block, name=f"{recording.name} from {k * size:.0f} s") if count > 1 else block
 
 
 def _nearest(signal: Signal, time: Floats, period: float) -> Floats:

@@ -174,7 +174,10 @@ def _show_held_out(result: Identification, console: Console) -> None:
     from boom_input.channels import PREDICTED
     from boom_report.channels import short
 
-    check = result.refined.document().get("held_out") if result.refined else None
+    refined = result.refined.document() if result.refined else {}
+    if refined.get("fitted_to"):
+        console.print(f"fitted to what tells most: {', '.join(refined['fitted_to'])}", markup=False, soft_wrap=True)
+    check = refined.get("held_out")
     if not check:
         return
     title = (
