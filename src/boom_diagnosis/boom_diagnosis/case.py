@@ -20,6 +20,7 @@ from boom_diagnosis.recent import Recent
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.weighing import COLDEST, Weighed
 from boom_estimation.free_run import plant_for
+from boom_model.catalogue import EFFECTS
 from boom_model.machine import Machine, Pose
 from boom_model.sensors import OUTPUTS
 
@@ -120,7 +121,7 @@ class Case:
         which = self.of_held_out_alone()
         if not which:
             return at.z
-        effects = {**at.effects, **self.own}
+        effects = {**at.effects, **self.own_beside(at)}
         counted = [bag.counted for bag in self.proving]
         return self._own_moments.get(
             (at.z.tobytes(), *sorted(effects.items())),
@@ -129,6 +130,10 @@ class Case:
                 at.z, effects, which,
             ),
         )  # fmt: skip
+
+    def own_beside(self, at: Point) -> dict[str, float]:
+        """Numbers of effects that are those of the recordings held out; of a load only where the point has it."""
+        return {name: v for name, v in self.own.items() if name in at.effects or not EFFECTS[name.split(".")[1]].load}
 
     def kept(self, k: int) -> Point:
         """The fit with the first ``k`` effects: with nominal tolerances where moving them gains nothing."""

@@ -13,6 +13,7 @@ from boom_diagnosis.case import Array, Case, Flags
 from boom_diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.hypotheses import Round, noticed, problem_at
+from boom_diagnosis.must_keep import told
 from boom_diagnosis.nuisances import TWIN_Z
 from boom_diagnosis.onset import onset_of, steps_in
 from boom_diagnosis.onset import own as own_numbers
@@ -25,6 +26,7 @@ from boom_diagnosis.weighing import (
     OTHER_FORM,
     TOO_SMALL,
     Weighed,
+    estimates,
     forgotten,
     occam,
     possible,
@@ -119,8 +121,18 @@ def _bearable(case: Case, best: Weighed) -> float:
     """Factor by which free runs over data not used may err more with an effect than without."""
     if case.taken:
         return LATER_CLEAR if _share_of_clear_rest(case, best) > NEARLY_ALL else LATER
+    if not _sized(case, best):
+        return LATER
     share = _share_explained(case, best)
     return next((factor for least, factor in BEARABLE if share > least), WORSE)
+
+
+def _sized(case: Case, best: Weighed) -> bool:
+    """Whether an effect's numbers differ from doing nothing; one of which that cannot be told must prove itself by free runs."""
+    effect = best.fitted.effect
+    numbers = estimates(best.fitted, max(1.0, case.temperature / 3.0))
+    own = {n.split(".")[2]: e for n, e in numbers.items() if n.split(".")[1] == effect}
+    return not own or told(effect, own)
 
 
 def settle(case: Case, k: int, problem: Problem, point: Point, jacobian: Array, names: Sequence[Coordinate]) -> Point:

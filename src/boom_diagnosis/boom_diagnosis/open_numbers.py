@@ -30,7 +30,7 @@ def number_spread(case: Case) -> Errors:
     covariance = trusted(point, jacobian, len(point.z), [c.precision for c in names], discount)
     own = case.of_held_out_alone()
     covariance[own], covariance[:, own] = 0.0, 0.0  # fitted to what is not used
-    z, effects = case.everywhere(point), {**point.effects, **(case.own if case.proving else {})}
+    z, effects = case.everywhere(point), {**point.effects, **case.own_beside(point)}
     rows = []
     bags = case.proving or case.bags
     for bag, select in zip(bags, [b.counted for b in case.proving] or case.judged, strict=True):

@@ -11,6 +11,7 @@ from rounds_cases import SAMPLES, point, weighed
 
 from boom_diagnosis import earning, proof
 from boom_diagnosis.case import Case
+from boom_diagnosis.document import Estimate
 from boom_diagnosis.fitting import Point
 from boom_diagnosis.hypotheses import Round
 from boom_diagnosis.nuisances import tolerances
@@ -76,6 +77,20 @@ def test_the_more_a_first_effect_explains_the_worse_it_may_leave_free_runs(
     assert earning._bearable(case, weighed("payload", gain / 2, gain / 2, 1000.0)) == factor
 
 
+def test_an_effect_whose_size_cannot_be_told_from_none_may_not_leave_free_runs_worse(
+    monkeypatch: pytest.MonkeyPatch, case: Any
+) -> None:
+    def said(low: float) -> None:
+        mass = Estimate(4.0, "kg", (low, 8.5))
+        monkeypatch.setattr(earning, "estimates", lambda *given: {"effects.payload.mass": mass})
+
+    best = weighed("payload", 350.0, 350.0, 1000.0)
+    said(-0.5)
+    assert earning._bearable(case, best) == earning.LATER
+    said(0.5)
+    assert earning._bearable(case, best) > earning.WORSE
+
+
 @pytest.mark.parametrize(("gain", "rest", "factor"), [(700.0, 1000.0, 1.0), (900.0, 1000.0, 1.5), (450.0, 480.0, 1.0)])
 def test_a_further_effect_may_leave_free_runs_worse_where_it_explains_nearly_all_of_a_clear_rest(
     case: Any, gain: float, rest: float, factor: float
@@ -109,7 +124,8 @@ def test_a_free_run_that_ends_early_counts_as_worse(
     errors = iter([before, after] * 2)
     monkeypatch.setattr(proof, "in_parallel", lambda function, items: [function(item) for item in items])
     case.machine = case.pose = None
-    monkeypatch.setattr(Case, "values", lambda self, z, effects: {})
+    case.others = {}
+    monkeypatch.setattr(Case, "numbers", lambda self, at: {})
     monkeypatch.setattr(proof, "found_machine", lambda *given: None)
     monkeypatch.setattr(proof, "placed", lambda *given: None)
     monkeypatch.setattr(proof, "free_run", lambda *given: None)

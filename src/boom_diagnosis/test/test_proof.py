@@ -10,11 +10,10 @@ import pytest
 from test_diagnosis import noisy, tz17
 
 from boom_diagnosis.bag_samples import prepare
-from boom_diagnosis.case import Case
+from boom_diagnosis.case import Case, case_of
 from boom_diagnosis.hypotheses import problem_at
 from boom_diagnosis.learning import Learned
 from boom_diagnosis.proof import proof_of, spans_of
-from boom_diagnosis.run import _case as case_of
 from boom_model.learned import PLACES, VARIABLES, LearnedTerm
 
 MORE = 1.0e5
