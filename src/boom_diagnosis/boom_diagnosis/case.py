@@ -121,7 +121,10 @@ class Case:
         which = self.of_held_out_alone()
         if not which:
             return at.z
-        effects = {**at.effects, **self.own_beside(at)}
+        known = {
+            name: v for name, v in at.effects.items() if name.startswith("effects.")
+        }  # a learnt term has another machine
+        effects = {**known, **self.own_beside(at)}
         counted = [bag.counted for bag in self.proving]
         return self._own_moments.get(
             (at.z.tobytes(), *sorted(effects.items())),
