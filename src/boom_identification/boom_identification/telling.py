@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import log1p
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,9 @@ Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 LONGEST = 300.0
-"""s. What a search looks at of all recordings together; more of it only costs time."""
+"""s. What a search looks at of all recordings together at most; more of it only costs time."""
+SHARPER = 0.15
+"""By which a further part of long recordings must sharpen the numbers, on the mean, to be worth its time."""
 _MOTION, _SHORTEST_MOTION = 0.02, 2.0
 """rad/s, far above the gyro's noise; s."""
 _MOVED_WITHIN = 0.1
@@ -111,11 +114,13 @@ def _chosen(told: Sequence[Array], durations: Sequence[float]) -> list[int]:
     if sum(durations) <= LONGEST or not told:
         return list(range(len(told)))
     chosen: list[int] = []
-    known = np.eye(len(told[0]))
+    known, volume = np.eye(len(told[0])), 0.0
     while len(chosen) < len(told) and sum(durations[k] for k in chosen) < LONGEST:
-        left = [k for k in range(len(told)) if k not in chosen]
-        best = max(left, key=lambda k: float(np.linalg.slogdet(known + told[k])[1]))
-        known = known + told[best]
+        left = {k: float(np.linalg.slogdet(known + told[k])[1]) for k in range(len(told)) if k not in chosen}
+        best = max(left, key=lambda k: left[k])
+        if left[best] - volume < 2.0 * len(known) * log1p(SHARPER):
+            break
+        known, volume = known + told[best], left[best]
         chosen.append(best)
     return sorted(chosen)
 
