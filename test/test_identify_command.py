@@ -98,8 +98,8 @@ def test_wrong_options_end_with_one_line_and_status_2(
 def test_without_a_gyro_the_angle_tells_whether_and_how_fast_the_boom_moves() -> None:
     from dataclasses import replace
 
-    from boom_identification.refine import _moves, prepare
     from boom_identification.stationary import stationary_points
+    from boom_identification.telling import _moves, prepare
     from boom_recording.loading import load
 
     machine = load_machine("tz17")

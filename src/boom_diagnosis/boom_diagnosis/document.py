@@ -103,9 +103,8 @@ class Finding:
 class Fit:
     """Normalised rms errors of free runs, one per channel (rms error / standard deviation of the measured channel).
 
-    Median over the bags. ``training`` and ``held_out``: stage -> one number per channel; NaN where runs end early; ``far``: blocks
-    of long recordings that nothing was fitted to, in which the explained machine errs far more than noise does; ``open_numbers``:
-    what numbers may make it err that the recordings fitted leave open.
+    Median over the bags. ``training``, ``held_out``: stage -> one number per channel; NaN where runs end early. ``far``: blocks
+    of long recordings in which the explained machine errs far more than noise does. ``open_numbers``: see ``open_numbers.py``.
     """
 
     training: Mapping[str, tuple[float, ...]]
