@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 PERIOD = 0.01
-ELSEWHERE = "@"
+OTHER_POSE = "@"
 """Between the component and the number of another pose or load, in the name of a value that is that one's own."""
 SETTLING = 1.5
 """s. Behind a gap in the currents the observer needs so long to find the state again."""
@@ -62,7 +62,7 @@ class Bag:
         start: first valid values of the channels, for the initial state.
         timing: standard deviation of when a current changed [s].
         places: component of the parameter vector that belongs to the pose or the load -> name under which hypotheses have its
-            value, where that is another one (:func:`by_pose`).
+            value, see :func:`by_pose`.
         plants: of a machine with some effects with states, built so far: building one costs as much as two passes.
         gains, trajectories: of the observers that were asked for last; the same are wanted again and again.
     """
@@ -85,11 +85,16 @@ class Bag:
         """Of the recording."""
         return self.recording.name
 
-    def numbers(self, values: Mapping[str, float]) -> dict[str, float]:
+    @property
+    def pose_end(self) -> str:
+        """With which the names of the numbers of its pose end."""
+        return self.places["pose.D0"].removeprefix("pose.D0")
+
+    def own_values(self, values: Mapping[str, float]) -> dict[str, float]:
         """Of a hypothesis' ``values`` those of this recording, by component of the parameter vector."""
         result = {}
         for name, value in values.items():
-            component = name.partition(ELSEWHERE)[0]
+            component = name.partition(OTHER_POSE)[0]
             if self.places.get(component, component) == name:
                 result[component] = value
         return result
@@ -232,7 +237,7 @@ def told_apart(
 def by_pose(bags: Sequence[Bag]) -> list[Bag]:
     """Recordings whose moments of mass are each pose's own, and whose loads are each load's own.
 
-    Those of the first recording have the names of the components; of the k-th other pose or load ``ELSEWHERE`` and k follow.
+    Those of the first recording have the names of the components; of the k-th other pose or load ``OTHER_POSE`` and k follow.
     """
     poses, loads = list[object](), list[object]()
     result = []
@@ -249,7 +254,7 @@ def by_pose(bags: Sequence[Bag]) -> list[Bag]:
 
 
 def _suffix(k: int) -> str:
-    return f"{ELSEWHERE}{k}" if k else ""
+    return f"{OTHER_POSE}{k}" if k else ""
 
 
 def prepare(recording: Recording, machine: Machine | None = None, *, aligned: bool = False) -> Bag | None:

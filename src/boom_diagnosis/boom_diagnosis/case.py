@@ -97,18 +97,18 @@ class Case:
         """
         result = self.values(self.everywhere(at), at.effects)
         known = {n.name: n.nominal for n in self.nuisances if n.nominal is not None}
-        seen = set[str]()
+        carried: dict[str, set[str]] = {}
         for bag in (*self.bags, *self.proving):
-            end = bag.places["pose.D0"].removeprefix("pose.D0")
-            load = bag.places["pose.load"]
-            if end in seen or load not in result:
+            carried.setdefault(bag.pose_end, set()).add(bag.places["pose.load"])
+        for end, loads in carried.items():
+            load = min(loads)
+            if len(loads) > 1 or load not in result:  # moments of one pose do not tell two loads
                 continue
-            seen.add(end)
-            more = result.pop(load) - float(known[load] or 0.0)
+            more = result[load] - known[load]
             x, y = self.others.get(end, self.pose).tip
             for name, there in (("D0", x**2 + y**2), ("Sx", x), ("Sy", y)):
                 own = f"pose.{name}{end}"
-                result[own] = result.get(own, float(known.get(own) or 0.0)) + more * there
+                result[own] = result.get(own, known.get(own, 0.0)) + more * there
         return result
 
     def of_held_out_alone(self) -> list[int]:
@@ -121,10 +121,8 @@ class Case:
         which = self.of_held_out_alone()
         if not which:
             return at.z
-        known = {
-            name: v for name, v in at.effects.items() if name.startswith("effects.")
-        }  # a learnt term has another machine
-        effects = {**known, **self.own_beside(at)}
+        plain = {n: v for n, v in at.effects.items() if n.startswith("effects.")}  # a learnt term is another machine's
+        effects = {**plain, **self.own_beside(at)}
         counted = [bag.counted for bag in self.proving]
         return self._own_moments.get(
             (at.z.tobytes(), *sorted(effects.items())),
@@ -208,7 +206,6 @@ def case_of(machine: Machine, bags: Sequence[Bag], proving: Sequence[Bag], seed:
         for n in of_pose(machine, own):
             name = bag.places[n.name]
             known.setdefault(name, replace(n, name=name))
-        end = bag.places["pose.D0"].removeprefix("pose.D0")
-        if end:
-            others.setdefault(end, own)
+        if bag.pose_end:
+            others.setdefault(bag.pose_end, own)
     return Case(machine, pose, bags, proving, select, training, judged, tuple(known.values()), seed, others)

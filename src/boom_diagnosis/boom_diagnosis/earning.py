@@ -40,8 +40,9 @@ from boom_model.machine import Machine, Pose
 
 WORSE, LATER, LATER_CLEAR = 1.1, 1.0, 1.5
 """Factor by which the free runs over data not used may err more with an effect than without, for the first one and for one beside
-others: one that pays for what the numbers cannot take up, but is not there, makes the free run worse. The last for one beside
-others that explains nearly all of a clear rest: errors of those before, in forms that are not the machine's, may have cancelled."""
+others or of a size that cannot be told: one that pays for what the numbers cannot take up, but is not there, makes the free run
+worse. The last for one beside others that explains nearly all of a clear rest: errors of those before, in forms that are not the
+machine's, may have cancelled."""
 BEARABLE = ((0.6, 3.0), (0.3, 1.5), (0.0, WORSE))
 """Shares of all that the tolerances cannot take up, and factors by which a first effect that explains more may leave free runs
 worse: another one that is not in the model yet may dominate them, and tolerances that bend for both may hide it there."""

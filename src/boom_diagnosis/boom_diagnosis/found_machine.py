@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from boom_diagnosis.bag_samples import ELSEWHERE
+from boom_diagnosis.bag_samples import OTHER_POSE
 from boom_identification.estimate import Identified
 from boom_identification.machine_output import document_with, effects_with, fits
 from boom_input.whole import write_whole
@@ -75,7 +75,7 @@ def _found(
         moments = {k: float(numbers[f"pose.{k}{end}"]) for k in MOMENTS if f"pose.{k}{end}" in numbers}
         if moments:
             body = copy.deepcopy(document["rigid_body"])
-            name = pose.tabulated or _DIAGNOSED + end.replace(ELSEWHERE, "_")
+            name = pose.tabulated or _DIAGNOSED + end.replace(OTHER_POSE, "_")
             body["configs"].setdefault(name, _row(pose)).update(moments)
             document["rigid_body"] = body
     effects = effects_with(machine, numbers)

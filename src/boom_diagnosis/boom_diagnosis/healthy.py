@@ -33,7 +33,7 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     recording, currents = bag.recording, bag.currents
     plant = plant_for(recording, carrying(machine), "full")
     p = plant.p.copy()
-    for name, value in bag.numbers(values).items():
+    for name, value in bag.own_values(values).items():
         if name in plant.parameter_names:
             p[plant.parameter_names.index(name)] = value
     rng = np.random.default_rng(seed)

@@ -102,7 +102,7 @@ def kept(
     if opened:
         notes.append(
             f"free runs over data not used err more than noise alone would ({', '.join(far)}), by no more than numbers may make "
-            "them that the recordings fitted leave open: fit both kinds of motion"
+            "them that the recordings fitted leave open: fit a recording of that motion, too"
         )
     far = untold
     if far and verdict in ("no_mismatch", "parameters_only"):

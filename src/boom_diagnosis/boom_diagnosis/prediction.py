@@ -15,7 +15,7 @@ from threading import RLock
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.bag_samples import ELSEWHERE, Bag
+from boom_diagnosis.bag_samples import OTHER_POSE, Bag
 from boom_estimation.free_run import plant_for
 from boom_input.channels import PREDICTED
 from boom_model.catalogue import CATALOGUE, EFFECTS, check_effects
@@ -137,7 +137,7 @@ class Predictor:
     def parameters(self, i: int, plant: Plant, values: Values) -> Array:
         """Parameter vector of recording ``i`` with these values."""
         p = plant.p.copy()
-        for name, value in self.bags[i].numbers(values).items():
+        for name, value in self.bags[i].own_values(values).items():
             p[plant.parameter_names.index(name)] = value
         return p
 
@@ -204,8 +204,8 @@ class Predictor:
         base = self.plant(i, with_states(self.tuned))
         if not any(state.corrected for state in plant.equations.states if state.name not in base.state_names):
             return _for(plant, base, self.gains[i].gain)
-        own = {name.partition(ELSEWHERE)[0] for name in self.tuned} & {*plant.parameter_names}
-        known = {name: value for name, value in self.tuned.items() if name.partition(ELSEWHERE)[0] in own}
+        own = {name.partition(OTHER_POSE)[0] for name in self.tuned} & {*plant.parameter_names}
+        known = {name: value for name, value in self.tuned.items() if name.partition(OTHER_POSE)[0] in own}
         return self._gains(i, plant, known | _at_first(plant)).gain
 
     def _gains(self, i: int, plant: Plant, values: Values) -> KalmanGains:

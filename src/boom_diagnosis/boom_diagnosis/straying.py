@@ -33,7 +33,9 @@ def strayed(case: Case) -> tuple[list[Bag], list[Bag]] | None:
     gained = sum(gain for _, gain in fitted) - chance(case)
     if gained < 0.0 or gained < _disturbed(case, at):
         return None
-    return [bag for bag, _ in fitted], [_likeliest(case, bag, bag.counted, at, case.own)[0] for bag in case.proving]
+    return [bag for bag, _ in fitted], [
+        _likeliest(case, bag, bag.counted, at, case.own_beside(at))[0] for bag in case.proving
+    ]
 
 
 def _likeliest(case: Case, bag: Bag, select: Flags, at: Point, own: Mapping[str, float]) -> tuple[Bag, float]:

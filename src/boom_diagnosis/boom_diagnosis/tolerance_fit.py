@@ -19,7 +19,7 @@ from boom_diagnosis.fitting import Z_STEP, Point, Problem
 from boom_diagnosis.free_fit import fitted_to_free_runs
 from boom_diagnosis.hypotheses import LOOSENESS, Fits
 from boom_diagnosis.nuisances import tolerances
-from boom_diagnosis.stretches import excited, stretches
+from boom_diagnosis.stretches import excited, is_long, stretches
 from boom_diagnosis.weighing import posterior, scatter
 from boom_estimation.free_run import plant_for
 from boom_estimation.sensor_noise import with_measured_noise
@@ -28,7 +28,6 @@ from boom_identification.estimate import Identified, NotDetermined
 from boom_identification.foresight import NOTHING
 from boom_identification.machine_output import machine_with
 from boom_identification.refine import HELD_OUT, HeldOut, Refinement, free_run_errors
-from boom_identification.telling import searched_until
 from boom_model.machine import Machine
 from boom_recording.recording import Recording, part
 
@@ -52,7 +51,7 @@ def fit_tolerances(recordings: Sequence[Recording], machine: Machine, progress: 
     """
     measured = with_measured_noise(machine, recordings)
     whole = [independent(recording) for recording in recordings]
-    chosen = stretches([part(r, 0.0, searched_until(r, HELD_OUT)) for r in whole], [], measured)
+    chosen = stretches([_searched(r, measured) for r in whole], [], measured)
     prepared = [prepare(recording, measured) for recording in chosen.recordings]
     bags = [bag for bag in prepared if bag is not None and excited(bag)]
     if not bags:
@@ -83,6 +82,11 @@ def fit_tolerances(recordings: Sequence[Recording], machine: Machine, progress: 
     level = float(np.sqrt(np.mean(np.square(point.w[point.used]))))
     selected = tuple(names) if chosen.others else ()
     return Refinement(fitted, estimates, tuple(missing), (), check, level, 1, 1, selected)
+
+
+def _searched(recording: Recording, machine: Machine) -> Recording:
+    """The part of a long recording that may be fitted to; of a short one the end is left out later."""
+    return part(recording, 0.0, recording.duration * (1.0 - HELD_OUT)) if is_long(recording, machine) else recording
 
 
 def _case(machine: Machine, bags: list[Bag]) -> Case:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.assumptions import EFFECT_LOG_ODDS, SIZES
-from boom_diagnosis.bag_samples import ELSEWHERE, Bag, prepare
+from boom_diagnosis.bag_samples import OTHER_POSE, Bag, prepare
 from boom_diagnosis.case import case_of
 from boom_diagnosis.crane_system import CraneSystem, catalogue_effects, tolerance_numbers
 from boom_diagnosis.fitting import WHITE, Point, Problem
@@ -235,5 +235,5 @@ def weighed_case_of(machine: Machine, bags: Sequence[Bag], proving: Sequence[Bag
     """The case of recordings, before anything is searched; see ``case.case_of``."""
     c = case_of(machine, bags, proving, seed)
     # a difference has the name of an effect's number, which it weighs; moments of other poses stay
-    own = tuple(n for n in c.nuisances if not n.difference and ELSEWHERE not in n.name)
+    own = tuple(n for n in c.nuisances if not n.difference and OTHER_POSE not in n.name)
     return WeighedCase(machine, c.pose, c.bags, c.proving, c.select, c.training, c.judged, own, seed)

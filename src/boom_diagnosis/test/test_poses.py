@@ -150,3 +150,16 @@ def test_free_runs_in_a_motion_that_needs_a_number_which_nothing_tells_may_err_b
         deviation = np.std(recording.signals[channel].values)
         did = float(np.sqrt(np.mean((changed.values[channel] - plain.values[channel]) ** 2))) / deviation / 0.1
         assert said == pytest.approx(did, rel=0.15)
+
+
+def test_a_load_in_two_poses_is_in_the_moments_of_both_and_of_two_loads_in_a_pose_none_is() -> None:
+    other = recorded(tz17(), "b", EXTENDED, load=300.0, told=300.0)
+    loaded, empty = recorded(tz17(), "a", FOLDED, load=300.0, told=300.0), recorded(tz17(), "c", FOLDED)
+    for recordings, moved in (((loaded, other), {FOLDED, EXTENDED}), ((loaded, empty), set())):
+        case = seen(case_of(tz17(), bags_of(recordings), [], 0))
+        at = case.rounds[0].base
+        load = next(i for i, n in enumerate(case.nuisances) if n.name == "pose.load")
+        z = at.z.copy()
+        z[load] = 1.0
+        found = machine_at(case, replace(at, z=z))
+        assert {p for p in (FOLDED, EXTENDED) if found.pose(*p).Sx != tz17().pose(*p).Sx} == moved

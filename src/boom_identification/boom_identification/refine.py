@@ -166,17 +166,10 @@ def refine(
     say("free runs over the held-out data")
     check = _held_out(seen.recordings, machine, fitted, held_out) if held_out > 0 else ()
     missing = tuple(NotDetermined(name, why, excitation) for name, (why, excitation) in reasons.items())
+    left = (*silent, *missing, *extra)
     return Refinement(
-        fitted,
-        tuple(estimates),
-        (*silent, *missing, *extra),
-        groups,
-        check,
-        best.level,
-        iterations,
-        used,
-        seen.selected,
-    )
+        fitted, tuple(estimates), left, groups, check, best.level, iterations, used, seen.selected
+    )  # fmt: skip
 
 
 def _unknowns(machine: Machine) -> list[str]:

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 LONGEST = 300.0
-"""s. What a search looks at of all recordings together at most; more of it only costs time."""
+"""s. What a search looks at of all recordings together at most, and of one that is not cut; more of it only costs time."""
 SHARPER = 0.15
 """By which a further part of long recordings must sharpen the numbers, on the mean, to be worth its time."""
 _MOTION, _SHORTEST_MOTION = 0.02, 2.0
@@ -83,12 +83,7 @@ def training(recording: Recording, held_out: float) -> list[tuple[Recording, flo
     """Parts of a recording that may be fitted to, and the share at the end of each that may not; a short one is one part."""
     if recording.duration <= LONGEST:
         return [(recording, held_out)]
-    return [(piece, 0.0) for piece in blocks(part(recording, 0.0, searched_until(recording, held_out)))]
-
-
-def searched_until(recording: Recording, held_out: float) -> float:
-    """Where the part of a long recording ends that may be fitted to [s]; the end of a short one, whose parts are held out in it."""
-    return recording.duration * (1.0 - held_out) if recording.duration > LONGEST else recording.duration
+    return [(piece, 0.0) for piece in blocks(part(recording, 0.0, recording.duration * (1.0 - held_out)))]
 
 
 def checking(recording: Recording, held_out: float) -> list[tuple[Recording, float]]:
@@ -118,7 +113,7 @@ def _chosen(told: Sequence[Array], durations: Sequence[float]) -> list[int]:
     while len(chosen) < len(told) and sum(durations[k] for k in chosen) < LONGEST:
         left = {k: float(np.linalg.slogdet(known + told[k])[1]) for k in range(len(told)) if k not in chosen}
         best = max(left, key=lambda k: left[k])
-        if left[best] - volume < 2.0 * len(known) * log1p(SHARPER):
+        if chosen and left[best] - volume < 2.0 * len(known) * log1p(SHARPER):
             break
         known, volume = known + told[best], left[best]
         chosen.append(best)

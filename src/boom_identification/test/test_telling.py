@@ -58,6 +58,8 @@ def test_parts_are_chosen_by_what_they_tell_together_not_each_by_itself() -> Non
     same, other = np.diag([100.0, 0.0]), np.diag([0.0, 50.0])
     assert chosen([same, 0.9 * same, other]) == [0, 2]
     assert module._chosen([same, same], [100.0, 100.0]) == [0, 1]
+    little = np.diag([0.2, 0.0])
+    assert chosen([little, little, little]) == [0]  # one at least, however little it tells
 
 
 def test_numbers_of_a_long_recording_are_those_of_its_minutes_and_the_answer_says_which(shift: Recording) -> None:
