@@ -23,11 +23,12 @@ ALL = ("angle", "rate", "hose_pressure", "rod_pressure", "extend_current", "retr
 
 @dataclass(frozen=True)
 class FirstLook:
-    """What a recording says before any model runs: its doubts, and its levels; those only where the sensors are there."""
+    """What a recording says before any model runs: its doubts, and its levels; without levels why (``no_levels``)."""
 
     name: str
     checks: tuple[RecordingCheck, ...]
     statics: Statics | None
+    no_levels: str = ""
 
     def document(self) -> dict[str, Any]:
         """As JSON."""
@@ -46,8 +47,12 @@ def first_look(recording: Recording, machine: Machine) -> FirstLook:
     """
     series, boom = even_series(recording), mechanics(machine, recording)
     found, repaired = checks_of(recording, series, boom, machine)
-    levels = series.known(*ALL) and not machine.structure.hose_burst_valve.holds
-    return FirstLook(recording.name, tuple(found), statics_of(repaired, boom) if levels else None)
+    why = ""
+    if machine.structure.hose_burst_valve.holds:
+        why = "no levels: the valve that holds the load stands between the hose pressure and the boom"
+    elif missing := [name for name in ALL if not series.known(name)]:
+        why = f"no levels: they need the {' and the '.join(name.replace('_', ' ') for name in missing)}, not recorded"
+    return FirstLook(recording.name, tuple(found), None if why else statics_of(repaired, boom), why)
 
 
 def checks(recording: Recording, machine: Machine) -> list[RecordingCheck]:

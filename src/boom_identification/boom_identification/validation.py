@@ -13,6 +13,7 @@ from boom_estimation.free_run import FreeRun, Metrics, metrics, predict
 from boom_input.channels import PREDICTED
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
+from boom_recording.measurement import measurements
 from boom_recording.recording import Recording
 
 ANGLE_LIMIT = 1.0e-3
@@ -122,6 +123,8 @@ class Validation:
 def validate(recording: Recording, machine: Machine, *, simulated: Recording | None = None) -> BagValidation:
     """Compare one recording with the models of ``machine`` in the recording's pose.
 
+    A channel that is the derivative of another is not judged: its noise is that of the other, through an unknown filter.
+
     simulated: a bag with the full model's prediction, recorded by ROS processes, instead of a run in this process.
 
     Raises:
@@ -132,7 +135,11 @@ def validate(recording: Recording, machine: Machine, *, simulated: Recording | N
     both = full.values["angle"] - reduced.values["angle"]
     compared = both[np.isfinite(both)]
     difference = float(np.mean(np.abs(compared))) if len(compared) else None
-    return BagValidation(recording, full, reduced, difference, noise_limits(machine, both=simulated is not None))
+    limits = noise_limits(machine, both=simulated is not None)
+    told = measurements(recording)
+    derived = [sensor.judging for sensor in PREDICTED if told[sensor.name].derived_from]
+    limits = Metrics({**limits.document(), **dict.fromkeys(derived)})
+    return BagValidation(recording, full, reduced, difference, limits)
 
 
 def noise_limits(machine: Machine, *, both: bool = False) -> Metrics:

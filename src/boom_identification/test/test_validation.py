@@ -41,6 +41,21 @@ def test_recordings_that_hide_something_differ(name):
     assert bag.full.metrics["rod_pressure_rmse_pa"] > 2 * bag.limits["rod_pressure_rmse_pa"]
 
 
+def test_a_rate_that_is_the_derivative_of_the_angle_is_compared_and_not_judged():
+    recording = validated("healthy/extended").recording
+    angle, rate = recording.signals["angle"], recording.signals["rate"]
+    noisy = angle.values + 2e-4 * np.random.default_rng(3).standard_normal(len(angle.values))
+    derived = np.convolve(np.gradient(noisy, 0.01), np.ones(3) / 3, "same")
+    signals = {
+        "angle": dataclasses.replace(angle, values=noisy),
+        "rate": dataclasses.replace(rate, values=derived, stamps_ns=angle.stamps_ns),
+    }
+    bag = validate(dataclasses.replace(recording, signals=recording.signals | signals), tz17())
+    assert bag.full.metrics["rate_rmse_rad_s"] > noise_limits(tz17())["rate_rmse_rad_s"]
+    assert bag.limits["rate_rmse_rad_s"] is None
+    assert bag.mismatches == []
+
+
 @pytest.mark.parametrize("name", UNEXPLAINED)
 def test_unexplained_recordings_differ_and_do_not_crash(name):
     assert validated(f"unexplained/{name}").mismatches

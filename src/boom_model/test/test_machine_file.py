@@ -111,6 +111,10 @@ CASES: dict[str, tuple[Spoil, str]] = {
         put("fluid.beta.tol", 1e300),
         r"fluid\.beta\.tol: .* is wider than all that it may be",
     ),
+    "meter_out_tolerance": (
+        put("main_valve_orifices.A_ta_law.tol", {"abs": 0.1}),
+        r"A_ta_law\.tol: a share of the area",
+    ),
     "absolute_tolerance_wider_than_all": (put("fluid.rho.tol", {"abs": 1e4}), r"fluid\.rho\.tol: .*600 \.\. 1200 kg/m"),
     "blanks_about_name": (put("meta.name", " tz17 "), r"meta\.name: .* without blanks around them"),
     "vent_without_area": (put("main_valve_orifices.neutral", "vented"), r"main_valve_orifices\.A_v"),
@@ -271,6 +275,18 @@ def test_tz17_has_the_structure_of_the_thesis(tz17: Machine) -> None:
     }  # fmt: skip
     assert tz17.parameters["pilot_valves.h"].value == (76.1, -0.58, 0.247)
     assert tz17.parameters["main_valve_orifices.A_ta_law.c0"].value == (2.27,)
+
+
+@pytest.mark.parametrize("tol", [0.4, {"factor": 1.4}])
+def test_the_tolerance_of_an_area_in_a_law_or_a_group_is_that_of_its_numbers(
+    document: dict[str, Any], tol: Any
+) -> None:
+    document["main_valve_orifices"]["A_ta_law"]["tol"] = tol
+    document["main_valve_orifices"]["anti_cavitation"]["tol"] = tol
+    machine = machine_from(document)
+    for key in ("A_ta_law.c0", "A_ta_law.c1", "anti_cavitation.A_ac"):
+        assert machine.parameters[f"main_valve_orifices.{key}"].tolerance == pytest.approx(0.4)
+    assert machine.parameters["main_valve_orifices.anti_cavitation.p_open"].tol is None
 
 
 def test_file_of_the_same_machine_in_the_shared_folder_is_the_same() -> None:

@@ -49,6 +49,12 @@ def ratio(sensor: Sensor, bag: BagValidation) -> float | None:
     return value / limit if limit > 0 else (float("inf") if value > 0 else 0.0)
 
 
+def off(sensor: Sensor, bag: BagValidation) -> bool:
+    """Whether the full model's error is more than noise, or cannot be told though the channel is judged."""
+    times = ratio(sensor, bag)
+    return times > 1 if times is not None else bag.limits[sensor.judging] is not None
+
+
 def limits_text(limits: Metrics) -> str:
     """One sentence on what counts as right."""
     known = [(sensor, limits[sensor.judging]) for sensor in PREDICTED]

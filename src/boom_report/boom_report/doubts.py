@@ -29,7 +29,7 @@ def print_first_looks(looks: Sequence[FirstLook], console: Console) -> None:
     """What has to be repaired and the levels, per recording; remarks and parts are in report and JSON."""
     for look in looks:
         lines = [(line, "bold red") for line in check_lines([check for check in look.checks if check.spoils])]
-        lines += [(level.sentence, "") for level in look.statics.levels] if look.statics else []
+        lines += [(level.sentence, "") for level in look.statics.levels] if look.statics else [(look.no_levels, "dim")]
         if lines:
             console.print(Text.assemble((look.name, "bold"), ", before any model:"))
         for line, style in lines:

@@ -267,9 +267,16 @@ def test_a_crane_in_poses_that_the_thesis_did_not_have_is_not_told_of_it(capsys)
     known = validated("healthy/extended")
     posed = dataclasses.replace(known.recording, stored_configuration=Configuration("mine", 0.0, 0.0, 0.0))
     for bag, told in ((known, True), (dataclasses.replace(known, recording=posed), False)):
-        print_validation(Validation("mine", [bag]), console_for())
+        print_validation(Validation("tz17", [bag]), console_for())
         assert ("thesis" in capsys.readouterr().out) is told
-        assert ("thesis MAE" in summary(Validation("mine", [bag]))) is told
+        assert ("thesis MAE" in summary(Validation("tz17", [bag]))) is told
+    assert "thesis MAE" not in summary(Validation("mine", [known]))
+
+
+def test_the_errors_of_a_run_that_stopped_say_of_how_much_they_are(capsys):
+    bag = stopped()
+    print_validation(Validation("tz17", [bag]), console_for())
+    assert re.search(r"stopped: \d\.\d of 15\.0 s", capsys.readouterr().out.replace("\n", " "))
 
 
 def test_events_at_the_same_time_are_one_line_and_losses_another():

@@ -20,11 +20,12 @@ from boom_model.specification import Specification
 
 
 def _entry(section: Mapping[str, Any], spec: Specification) -> dict[str, Any]:
-    """The group stands in the file as plain numbers with one source."""
+    """The group stands in the file as plain numbers with one source; its ``tol`` is that of the area."""
     group, name = section["anti_cavitation"], spec.key.rpartition(".")[2]
     if name not in group:
         raise MachineError(f"{spec.key}: missing ({spec.meaning}, {spec.unit})")
-    return {"value": group[name], "unit": spec.unit, "prov": group.get("prov", "")}
+    own = {"tol": group["tol"]} if "tol" in group and name == "A_ac" else {}
+    return {"value": group[name], "unit": spec.unit, "prov": group.get("prov", ""), **own}
 
 
 SPECIFICATIONS = (

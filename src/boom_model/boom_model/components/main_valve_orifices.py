@@ -29,6 +29,7 @@ from boom_model.errors import MachineError
 from boom_model.regularisation import Expression, power, signed_sqrt
 from boom_model.slots import Metering, Supply, ValveFlows, register
 from boom_model.specification import Specification
+from boom_model.tolerance import check_tolerance
 
 Areas = Callable[[Expression, Any, Any], tuple[Expression, Expression]]
 LARGEST_OPENING = 1.2
@@ -42,7 +43,7 @@ _METER_OUT = re.compile(rf"^\s*A_sb\s*/\s*\(\s*{_NUMBER}\s*([+-])\s*{_NUMBER}\s*
 
 
 def _meter_out(section: Mapping[str, Any], spec: Specification) -> dict[str, Any]:
-    """The law of A_ta is a text in the file: A_sb/(c0-c1*u^2)."""
+    """The law of A_ta is a text in the file, A_sb/(c0-c1*u^2); its ``tol`` is that of c0 and of c1."""
     if "A_ta_law" not in section:
         raise MachineError('main_valve_orifices.A_ta_law: missing; expected e.g. {value: "A_sb/(2.27-0.7*u^2)"}')
     entry = section["A_ta_law"]
@@ -55,7 +56,15 @@ def _meter_out(section: Mapping[str, Any], spec: Specification) -> dict[str, Any
         raise MachineError(f"main_valve_orifices.A_ta_law: {text!r} is not positive up to u = {LARGEST_METER_OUT}")
     given = {"conf": "low", **entry} if isinstance(entry, dict) else {"conf": "low"}
     value = c0 if spec.key.endswith("c0") else c1
-    return {"value": value, "unit": spec.unit, "prov": given.get("prov", ""), "conf": given["conf"]}
+    said = {"value": value, "unit": spec.unit, "prov": given.get("prov", ""), "conf": given["conf"]}
+    if "tol" not in given:
+        return said
+    if isinstance(given["tol"], dict) and "factor" not in given["tol"]:
+        raise MachineError(
+            "main_valve_orifices.A_ta_law.tol: a share of the area, 0.4, or {factor: 2}, for both its numbers"
+        )
+    tolerance = check_tolerance(given["tol"], "main_valve_orifices.A_ta_law", (1.0,))
+    return {**said, "tol": given["tol"] if value > 0.0 else tolerance.relative(1.0)}
 
 
 def _passage(section: Mapping[str, Any], spec: Specification) -> dict[str, Any]:

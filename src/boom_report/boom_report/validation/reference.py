@@ -27,6 +27,8 @@ TRAJECTORIES = (
     ThesisTrajectory(4, 0.28, 2.8, True, 0.037, 0.025),
 )
 
+MACHINE = "tz17"
+"""The crane of the thesis."""
 REMARK = (
     "The values of the thesis come from its own measurements of a real crane, in the same pose and with the same load; ours "
     "are other recordings, so they are for orientation only."
@@ -44,9 +46,9 @@ def alike(configuration: Configuration) -> list[ThesisTrajectory]:
     ]
 
 
-def any_alike(configurations: Iterable[Configuration]) -> bool:
-    """Whether the thesis has a value beside one of these: not of another crane, in poses of its own."""
-    return any(alike(c) for c in configurations)
+def any_alike(machine: str, configurations: Iterable[Configuration]) -> bool:
+    """Whether the thesis has a value beside one of these: of its own crane, in a pose that it had."""
+    return machine == MACHINE and any(alike(c) for c in configurations)
 
 
 def beside(configuration: Configuration, table: str) -> str:

@@ -6,8 +6,8 @@ from markupsafe import Markup
 
 from boom_estimation.free_run import FreeRun
 from boom_identification.validation import BagValidation, Validation
-from boom_input.channels import PREDICTED, Sensor
-from boom_report.channels import STATISTICS, limits_text, number, ratio, statistic
+from boom_input.channels import PREDICTED
+from boom_report.channels import STATISTICS, limits_text, number, off, ratio, statistic
 from boom_report.templates import render
 from boom_report.validation.reference import REMARK, any_alike, beside
 from boom_report.validation.verdict import verdict
@@ -22,12 +22,12 @@ def summary(validation: Validation) -> Markup:
         verdict=verdict,
         statistic=statistic,
         load_text=load_text,
-        off=_off,
+        off=off,
         scaled=_scaled,
         rad=_rad,
         beside=_beside,
         limits=limits_text(validation.bags[0].limits) if validation.bags else "",
-        told=any_alike(bag.recording.configuration for bag in validation.bags),
+        told=any_alike(validation.machine, [bag.recording.configuration for bag in validation.bags]),
         remark=REMARK,
     )
 
@@ -40,7 +40,7 @@ def errors(bag: BagValidation) -> Markup:
         channels=PREDICTED,
         names=STATISTICS,
         ratio=ratio,
-        off=_off,
+        off=off,
         scaled=_scaled,
     )
 
@@ -48,11 +48,6 @@ def errors(bag: BagValidation) -> Markup:
 def load_text(mass: float) -> str:
     """A load [kg] without its unit; an unknown one counts as none, and says so."""
     return "unknown" if mass != mass else f"{mass:g}"
-
-
-def _off(channel: Sensor, bag: BagValidation) -> bool:
-    times = ratio(channel, bag)
-    return times is None or times > 1
 
 
 def _scaled(prediction: FreeRun, metric: str, scale: float) -> str:

@@ -10,7 +10,7 @@ from rich.text import Text
 from boom_identification.validation import BagValidation, Validation
 from boom_input.channels import PREDICTED
 from boom_report import events
-from boom_report.channels import limits_text, number, ratio, statistic
+from boom_report.channels import limits_text, number, off, statistic
 from boom_report.doubts import damage_lines
 from boom_report.validation.reference import REMARK, any_alike, beside_short
 from boom_report.validation.tables import load_text
@@ -35,7 +35,7 @@ def print_validation(validation: Validation, console: Console) -> None:
 
 def _print(validation: Validation, console: Console) -> None:
     narrow = console.width < NARROW
-    told = any_alike(bag.recording.configuration for bag in validation.bags)
+    told = _thesis(validation)
     console.print(full_table(validation, narrow=narrow))
     if validation.bags:
         console.print(limits_text(validation.bags[0].limits), style="dim")
@@ -50,7 +50,7 @@ def _print(validation: Validation, console: Console) -> None:
 
 def full_table(validation: Validation, *, narrow: bool = False) -> Table:
     """Table 5.1: the full model against the measurement; ``narrow`` without pose and thesis."""
-    thesis = _thesis(validation, narrow)
+    thesis = not narrow and _thesis(validation)
     table = _table("Table 5.1: full model against the measurement", narrow)
     table.add_column("angle MAE\n[rad]", justify="right", no_wrap=True)
     for sensor in _BESIDE_THE_ANGLE:
@@ -63,7 +63,7 @@ def full_table(validation: Validation, *, narrow: bool = False) -> Table:
         for sensor in _BESIDE_THE_ANGLE:
             value = bag.full.metrics[sensor.judging]
             cells.append("-" if value is None else number(value * sensor.error.scale))
-        styles = ["red" if (r := ratio(s, bag)) is None or r > 1 else "" for s in (_ANGLE, *_BESIDE_THE_ANGLE)]
+        styles = ["red" if off(s, bag) else "" for s in (_ANGLE, *_BESIDE_THE_ANGLE)]
         texts = [Text(cell, style) for cell, style in zip(cells, styles, strict=True)]
         table.add_row(*_row(bag, texts, "5.1" if thesis else "", narrow))
     return table
@@ -71,7 +71,7 @@ def full_table(validation: Validation, *, narrow: bool = False) -> Table:
 
 def reduced_table(validation: Validation, *, narrow: bool = False) -> Table:
     """Table 5.2: the reduced model against the full model; ``narrow`` without pose and thesis."""
-    thesis = _thesis(validation, narrow)
+    thesis = not narrow and _thesis(validation)
     table = _table("Table 5.2: reduced model against the full model", narrow)
     table.add_column("angle MAE\n[rad]", justify="right", no_wrap=True)
     table.add_column("\n[mrad]", justify="right", no_wrap=True)
@@ -113,21 +113,23 @@ def _print_bag(bag: BagValidation, console: Console) -> None:
 
 
 def _row(bag: BagValidation, numbers: list[Text], thesis_table: str, narrow: bool) -> list[Text]:
-    c = bag.recording.configuration
+    c, name = bag.recording.configuration, Text(bag.recording.name)
+    if bag.full.stopped:
+        name.append(f"\nstopped: {bag.compared_s:.1f} of {bag.recording.duration:.1f} s", "red")
     if narrow:
-        return [Text(bag.recording.name), *numbers]
+        return [name, *numbers]
     pose = [Text(f"{c.outer_boom_angle:g}"), Text(f"{c.telescope_length:g}"), Text(load_text(c.load_mass))]
     return [
-        Text(bag.recording.name),
+        name,
         *pose,
         *numbers,
         *([Text(beside_short(c, thesis_table) or "-")] if thesis_table else []),
     ]
 
 
-def _thesis(validation: Validation, narrow: bool) -> bool:
-    """Whether the table has a column for the thesis' values."""
-    return not narrow and any_alike(bag.recording.configuration for bag in validation.bags)
+def _thesis(validation: Validation) -> bool:
+    """Whether the thesis has values to stand beside these."""
+    return any_alike(validation.machine, [bag.recording.configuration for bag in validation.bags])
 
 
 def _rad(value: float | None) -> str:

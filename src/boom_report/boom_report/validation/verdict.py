@@ -39,6 +39,8 @@ def verdict(bag: BagValidation) -> Verdict:
     """Judges the full model against the measurement."""
     judged = [(c, r) for c in PREDICTED if (r := ratio(c, bag)) is not None]
     missing = [c.label for c in PREDICTED if bag.full.metrics[c.judging] is None]
+    unjudged = [c.label for c in PREDICTED if c.label not in missing and bag.limits[c.judging] is None]
+    derived = f" Not judged, a derivative of another channel: {_listed(unjudged)}." if unjudged else ""
     compared = [c for c, _ in judged]
     off = sorted((pair for pair in judged if pair[1] > 1), key=lambda pair: -pair[1])
     numbers = ", ".join(_with_number(c, bag) for c, _ in judged)
@@ -58,7 +60,7 @@ def verdict(bag: BagValidation) -> Verdict:
             f"{error_text(worst, bag.full.metrics[worst.judging])}, {number(times, 2)} times the {limit} that noise "
             "explains"
             f"{' (also beyond it: ' + _listed([_with_number(c, bag) for c, _ in off[1:]]) + ')' if others else ''}."
-            f"{where(bag, worst)}{fine}{_not_compared(missing)}"
+            f"{where(bag, worst)}{fine}{_not_compared(missing)}{derived}"
         )
         return Verdict("differs", f"differs: {most}{also}", sentence)
     if PREDICTED[0] not in compared:
@@ -68,9 +70,7 @@ def verdict(bag: BagValidation) -> Verdict:
         return Verdict(
             "not compared", f"not compared: {bag.too_little}", f"No verdict: {bag.too_little}.{_not_compared(missing)}"
         )
-    sentence = (
-        f"The full model agrees with the measurement within the sensors' noise: {numbers}.{_not_compared(missing)}"
-    )
+    sentence = f"The full model agrees with the measurement within the sensors' noise: {numbers}.{_not_compared(missing)}{derived}"
     return Verdict(
         "agrees", f"agrees within sensor noise{f'; without {_listed(missing)}' if missing else ''}", sentence
     )
