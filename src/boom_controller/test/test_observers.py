@@ -120,7 +120,7 @@ def test_an_oscillation_that_stands_is_recognised_within_four_half_waves_and_a_d
         x = OscillationState()
         for k in range(500):
             t = k * T
-            x = watch_oscillation(x, size * exp(-decay * t) * sin(2 * pi * frequency * t), S)
+            x = watch_oscillation(x, size * exp(-decay * t) * sin(2 * pi * frequency * t), 0.0, S)
             if x.calmed:
                 return t
         return None
@@ -136,11 +136,27 @@ def test_what_decays_under_the_safe_gains_is_no_reason_to_stop_and_what_grows_is
     def stops(growth: float) -> bool:
         x = OscillationState()
         for k in range(800):
-            x = watch_oscillation(x, 0.03 * exp(growth * k * T) * sin(2 * pi * 2.5 * k * T), S)
+            x = watch_oscillation(x, 0.03 * exp(growth * k * T) * sin(2 * pi * 2.5 * k * T), 0.0, S)
         return bool(x.unsettled)
 
     assert not stops(-0.3)
     assert stops(0.4)
+
+
+def test_gains_are_raised_once_when_the_dead_time_behind_the_oscillation_is_known() -> None:
+    def calm_after(learnt: float, again: bool) -> bool:
+        """Two seconds that swing and three that do not, the dead time then; ``again``: the same once more."""
+        x, dead_time = OscillationState(), 0.01
+        for _ in range(1 + again):
+            for k in range(500):
+                dead_time += learnt * (k == 200)
+                x = watch_oscillation(x, 0.03 * sin(2 * pi * 2.5 * k * T) * (k < 200), dead_time, S)
+        return bool(x.calmed)
+
+    assert calm_after(0.0, again=False)
+    assert calm_after(0.005, again=False)
+    assert not calm_after(0.03, again=False)
+    assert calm_after(0.03, again=True)
 
 
 def test_the_boom_rests_until_the_reference_moves_or_the_feedback_asks() -> None:

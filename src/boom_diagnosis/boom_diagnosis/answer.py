@@ -473,6 +473,7 @@ def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array) 
     """Tolerances that the recordings moved; deviations: of z."""
     numbers, nominal = case.values(point.z, {}), case.machine.values(case.pose)
     units = {c: p.specification.unit for p in case.machine.parameters.values() for c in p.specification.components}
+    units |= {f"effects.{effect.id}.{row.name}": row.unit for effect in CATALOGUE for row in effect.parameters}
     result = {}
     for i in np.argsort(-np.abs(point.z)):  # what moved most comes first
         nuisance = case.nuisances[i]
@@ -480,7 +481,7 @@ def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array) 
             continue
         value = numbers[nuisance.name]
         spread = Z90 * float(deviations[i]) * nuisance.deviation(nominal.get(nuisance.name, 0.0), float(point.z[i]))
-        unit = units.get(nuisance.name, "s" if nuisance.label else "-")
+        unit = units.get(nuisance.name, "-")
         result[nuisance.label or nuisance.name] = Estimate(value, unit, (value - spread, value + spread))
     return result
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.fitting import Point, Problem, weights
+from boom_diagnosis.nuisances import CLOCK
 from boom_model.catalogue import EFFECTS
 
 Array = NDArray[np.float64]
@@ -84,7 +85,7 @@ def moments(problem: Problem, z: Array, effects: Mapping[str, float], which: Seq
 
 def _clock(problem: Problem, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
     """The likeliest dead time [s] of the commands against their log: a log's own is anywhere within its range."""
-    clock = next((n for n in problem.nuisances if n.label), None)
+    clock = next((n for n in problem.nuisances if n.label == CLOCK), None)
     if clock is None:
         return {}
     low, high = clock.ends

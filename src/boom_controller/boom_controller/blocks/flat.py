@@ -4,7 +4,7 @@
 
 x: the law's states; u: reference and measurement; s: settings; y: currents and inner quantities. The parts of a law
 (observers, feedback, valve) are written as expressions, like the components of ``boom_model``, joined here, and compiled for the
-machine and its pose: half a second the first time, nothing later. Between two cycles of 10 ms the processor's caches
+machine and its pose: one or two seconds the first time, nothing later. Between two cycles of 10 ms the processor's caches
 lose their content, so a cycle should touch little code and data.
 """
 

@@ -169,6 +169,7 @@ class Improved:
             load=self._load.start,
             past=Past.resting(settings.sample_time),
             held=Held.of(self._model.pressure_delay, settings.sample_time),
+            delay=DeadTimeState.untold(settings.sample_time),
             spool=SpoolState.uncertain(self._spread),
         )
         self._law = FlatLaw(self.mode, self._start, self._after, SETTINGS, settings, self._load.gains(settings))
@@ -183,7 +184,7 @@ class Improved:
                 head=ChamberState(pressure=hose),
                 rod=ChamberState(pressure=rod),
                 missed=MissedState(force=float(cylinder.force(hose, rod, self._model.p))),
-                delay=DeadTimeState(force=float(cylinder.force(hose, rod, self._model.p))),
+                delay=self._start.delay._replace(force=float(cylinder.force(hose, rod, self._model.p))),
                 stall=StallState(force=hose * self._area_a),
                 smooth=Pressures(hose, rod),
             )
@@ -247,7 +248,10 @@ class Improved:
         needed = ca.fabs(flows.spool(stiffness * came, a, b, self._stroke))
         seen = SpoolSeen(position, needed, modelled + leaking, came, compressing, full)
         travel = observe_spool(x.spool, seen, self._dead_zone, self._spread, s)
-        delay = observe_dead_time(x.delay, velocity, modelled, q.force, stiffness, -told, full, s)
+        stiff = q.stiffness_line * self._area_a**2 + q.stiffness_rod * self._area_b**2
+        delay = observe_dead_time(
+            x.delay, velocity, x.past.speeds[0], dead - x.delay.delay, q.force, stiff, -told, full, s
+        )
         stall = watch_supply(
             x.stall, velocity, head_flow / self._area_a, m.hose_pressure * self._area_a, a * self._area_a, s
         )
@@ -274,6 +278,7 @@ class Improved:
         swings = watch_oscillation(
             x.swings,
             velocity - q.reference_jacobian * now.rate + (q.force - q.feedforward_force) * k.frequency / stiffness,
+            dead,
             s,
         )
         coming = r.ahead(s.preview + late)

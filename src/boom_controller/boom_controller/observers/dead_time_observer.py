@@ -1,61 +1,142 @@
-"""Dead time that nobody told, from the running system: the modelled flow is compared with the motion that follows it.
+"""Dead time that nobody told, from the running system: which delay of the modelled flow fits the motion that follows it.
 
-y is the displacement of the oil as measured, u as the valve's model gives it for the estimated dead time theta^:
+y is the displacement of the oil as measured, u as the valve's model gives it, F what the force compresses, behind the same high
+pass twice; candidates theta_i lie 10 ms apart around the dead time that is told:
 
-    y' = v + f_p' / K,   u' = Q(t - theta^),   both behind the same high pass twice
-    y - u = -(theta - theta^) u'   ->   theta^' = -(y - u) u' / S,   S' = u'^2 (1 - S / (u'^2 + u_0^2) / T)
+    y = g_i u(t - theta_i) - c_i F + noise,   y' = v,   u' = Q,   F = f_p / K
 
-That is least squares with a memory of T seconds of motion. Nothing is learnt while the rod side may draw oil through its
-anti-cavitation valve. A wrong gain of the valve makes y - u go with u, a quarter of a wave from u', so it does not pass for dead
-time. A lag does, and is as good as dead time to a law that predicts over it.
+g, what the valve's gain, and c, what the oil's compliance is off by, are fitted for each candidate by least squares with their
+prior (``GAIN``, ``COMPLIANCE``) and a memory of T seconds of motion, so that neither passes for dead time. The residual
+sum chi_i^2 that is left and the prior give the posterior
+
+    p_i ~ prior_i exp(-chi_i^2 / 2),   theta^ = sum p_i theta_i,   prior_i ~ exp(-|theta_i| / theta_0) or as told, theta_i = 0
+
+Nothing is learnt while the rod side may draw oil through its anti-cavitation valve. A lag passes for dead time, and is as good as
+that to a law that predicts over it.
 """
 
 from __future__ import annotations
 
-from math import exp
+from math import exp, log
 from typing import Any, NamedTuple
 
 import casadi as ca
 
-from boom_controller.blocks.limits import limited
 from boom_model.regularisation import Expression
 
-FORGETTING = 2.0
-"""1/s, of the high passes."""
+FORGETTING = 12.0
+"""1/s, of the high passes: slower, errors of the flow last longer than the delay."""
+NOISE, CORRELATED = 2.0e-4, 0.04
+"""m and s: y is off by so much, for so long at a time."""
+GAIN, COMPLIANCE = 0.2, 0.5
+"""Standard deviations of g and c about 1."""
+AS_TOLD, USUAL = 0.8, 0.03
+"""Probability that the dead time is what is told; s, theta_0."""
 LEAST_SPEED = 0.03
-"""m/s, u_0."""
+"""m/s of Q: faster, the memory fades."""
 REMEMBERED = 6.0
 """s of motion, T."""
-PRIOR = 0.5 * LEAST_SPEED**2
-"""m^2/s, S at the start."""
-LONGEST = 0.1
-"""s."""
+CANDIDATES = tuple(0.01 * k for k in range(-5, 11))
+"""s, theta_i beyond what is told."""
+HISTORY = 0.2
+"""s of u that are kept."""
+
+
+class Fit(NamedTuple):
+    """Of one candidate: information of g and c (three numbers), information times value (two), sum of squares."""
+
+    gg: Expression = 0.0
+    gc: Expression = 0.0
+    cc: Expression = 0.0
+    g: Expression = 0.0
+    c: Expression = 0.0
+    squares: Expression = 0.0
+
+    def after(
+        self, u: Expression, compressed: Expression, residual: Expression, keep: Expression, weight: Expression
+    ) -> Fit:
+        """Old information counts ``keep``, the residual y + F - u of this sample ``weight``."""
+        rows = (
+            u * u,
+            -u * compressed,
+            compressed * compressed,
+            u * residual,
+            -compressed * residual,
+            residual * residual,
+        )
+        return Fit(*(keep * old + weight * new for old, new in zip(self, rows, strict=True)))
+
+    @property
+    def left(self) -> Expression:
+        """chi^2 with the most probable g and c."""
+        gg, cc = self.gg + 1.0 / GAIN**2, self.cc + 1.0 / COMPLIANCE**2
+        explained = (cc * self.g**2 - 2.0 * self.gc * self.g * self.c + gg * self.c**2) / (gg * cc - self.gc**2)
+        return self.squares - explained
 
 
 class DeadTimeState(NamedTuple):
-    """theta^ [s]; y and u [m] behind one high pass and behind both; f_p [N] of the sample before; S [m^2/s]."""
+    """theta^ [s]; y + F, F and u [m] behind one high pass, y + F and F behind both; f_p [N] of the sample before.
+
+    u of the last samples behind both, newest first; a fit for each candidate.
+    """
 
     delay: Expression = 0.0
     moved: Expression = 0.0
+    compressed: Expression = 0.0
     given: Expression = 0.0
     y: Expression = 0.0
-    u: Expression = 0.0
+    f: Expression = 0.0
     force: Expression = 0.0
-    known: Expression = PRIOR
+    u: tuple[Expression, ...] = ()
+    fits: tuple[Fit, ...] = ()
+
+    @classmethod
+    def untold(cls, sample_time: float) -> DeadTimeState:
+        """Nothing learnt yet."""
+        return cls(u=(0.0,) * (round(HISTORY / sample_time) + 1), fits=(Fit(),) * len(CANDIDATES))
+
+
+def prior(delay: float) -> float:
+    """Of a candidate."""
+    others = sum(exp(-abs(other) / USUAL) for other in CANDIDATES if other)
+    return (1.0 - AS_TOLD) * exp(-abs(delay) / USUAL) / others if delay else AS_TOLD
 
 
 def observe_dead_time(
-    x: DeadTimeState, velocity: Expression, modelled: Expression, force: Expression, stiffness: Expression,
+    x: DeadTimeState, velocity: Expression, acting: Expression, late: Expression, force: Expression, stiffness: Expression,
     shortest: Expression, trusted: Expression, s: Any,
 ) -> DeadTimeState:  # fmt: skip
-    """One sample time: v and Q [m/s], f_p [N], K [N/m], the least theta^ [s], settings ``s``; not ``trusted``: it waits."""
+    """One sample time.
+
+    velocity: v [m/s]; acting: Q [m/s] once the command before this sample acts; late: how long that takes by what is told [s];
+    force: f_p [N]; stiffness: K [N/m]; shortest: the least theta^ [s]; not ``trusted``: it waits; settings ``s``.
+    """
     t = s.sample_time
-    keep = exp(-FORGETTING * t)
-    moved = keep * x.moved + t * velocity + (force - x.force) / stiffness
-    given = keep * x.given + t * modelled
-    y, u = keep * x.y + moved - x.moved, keep * x.u + given - x.given
-    slope = (u - x.u) / t
-    size = ca.if_else(trusted, slope * slope, 0.0)
-    known = x.known + t * size * (1.0 - x.known / (size + LEAST_SPEED * LEAST_SPEED) / REMEMBERED)
-    delay = limited(x.delay - ca.if_else(trusted, t * (y - u) * slope / known, 0.0), shortest, LONGEST)
-    return DeadTimeState(delay, moved, given, y, u, force, known)
+    hold = exp(-FORGETTING * t)
+    compressing = (force - x.force) / stiffness
+    moved = hold * x.moved + t * velocity + compressing
+    compressed, given = hold * x.compressed + compressing, hold * x.given + t * acting
+    y, f = hold * x.y + moved - x.moved, hold * x.f + compressed - x.compressed
+    u = (hold * x.u[0] + given - x.given, *x.u[:-1])
+    keep = 1.0 - t / REMEMBERED * acting**2 / (acting**2 + LEAST_SPEED**2)
+    weight = t / (CORRELATED * NOISE**2)
+    fits, logs = [], []
+    for delay, fit in zip(CANDIDATES, x.fits, strict=True):
+        shift = _back(u, (late + delay) / t)
+        after = fit.after(shift, f, y - shift, keep, weight)
+        after = Fit(*(ca.if_else(trusted, new, old) for new, old in zip(after, fit, strict=True)))
+        fits.append(after)
+        logs.append(ca.if_else(delay < shortest - 1e-9, -1e9, -0.5 * after.left + log(prior(delay))))
+    best = ca.mmax(ca.vertcat(*logs))
+    shares = [ca.exp(value - best) for value in logs]
+    total = sum(shares)
+    mean = sum(share * delay for share, delay in zip(shares, CANDIDATES, strict=True)) / total
+    return DeadTimeState(mean, moved, compressed, given, y, f, force, u, tuple(fits))
+
+
+def _back(values: tuple[Expression, ...], samples: Expression) -> Expression:
+    """The value so many sample times ago, in between by a straight line."""
+    value = values[0]
+    for k in range(len(values) - 1):
+        value = value + ca.fmin(ca.fmax(samples - k, 0.0), 1.0) * (values[k + 1] - values[k])
+    return value

@@ -6,7 +6,8 @@ is the speed with which boom and oil spring swing against each other, whatever t
 long as oscillations of a boom are, larger than ``oscillation_speed``, and not much smaller than the one before; one that does not
 takes the count back to zero. A reference moves the boom once or twice, and rings down; ``HALF_WAVES`` in a row are an oscillation.
 
-Then the gains are lowered to a safe set (``state_feedback``, ``load_observer``, ``flow_observer``) and stay so. A bending boom
+Then the gains are lowered to a safe set (``state_feedback``, ``load_observer``, ``flow_observer``) and stay so, unless the dead
+time that the law predicts over is found to be another than it was then: with that the gains are tried again, once. A bending boom
 rings for seconds whatever the gains are; what grows beyond ``GROWN`` times what it was then, or has not become less ``PATIENCE``
 later, is a reason to stop.
 """
@@ -26,15 +27,18 @@ SHORTEST, LONGEST = 0.03, 0.42
 LEAST_SHARE = 0.85
 """Of a half-wave over the one before: what decays faster is damped."""
 HALF_WAVES = 4
-PATIENCE = 4.0
-"""s."""
+PATIENCE, CALM = 4.0, 1.0
+"""s: until a calmed oscillation must be less than it was; at least until gains are raised again."""
 GROWN = 2.0
+LEARNT = 0.01
+"""s. Another dead time than that with which the oscillation began."""
 
 
 class OscillationState(NamedTuple):
     """Input and output of the high pass [m/s]; peak of this half-wave and of the last [m/s], its length [s], count of half-waves.
 
-    Since when the gains are safe [s] (0: they are not), the peak then [m/s], whether it went on.
+    Since when the gains are safe [s] (0: they are not), the peak then [m/s], the dead time then [s], whether they were raised
+    again, whether it went on.
     """
 
     input: Expression = 0.0
@@ -45,11 +49,13 @@ class OscillationState(NamedTuple):
     count: Expression = 0.0
     calmed: Expression = 0.0
     first_peak: Expression = 0.0
+    dead_time: Expression = 0.0
+    raised: Expression = 0.0
     unsettled: Expression = 0.0
 
 
-def watch_oscillation(x: OscillationState, swing: Expression, s: Any) -> OscillationState:
-    """One sample time with y [m/s] before the high pass and the settings ``s``."""
+def watch_oscillation(x: OscillationState, swing: Expression, dead_time: Expression, s: Any) -> OscillationState:
+    """One sample time with y [m/s] before the high pass, the dead time that is predicted over [s] and the settings ``s``."""
     t = s.sample_time
     y = ca.exp(-SLOWEST * t) * (x.swing + swing - x.input)
     crossed = y * x.swing < 0
@@ -63,14 +69,18 @@ def watch_oscillation(x: OscillationState, swing: Expression, s: Any) -> Oscilla
     peak = ca.fmax(x.peak, x.last_peak)
     bound = ca.if_else(x.calmed > PATIENCE, x.first_peak, GROWN * x.first_peak)
     again = ca.logic_and(ca.logic_and(begun, seen), peak > bound)
+    learnt = ca.logic_and(x.calmed > CALM, ca.fabs(dead_time - x.dead_time) > LEARNT)
+    found = ca.logic_and(learnt, x.raised + x.unsettled + (count > 0) < 0.5)
     return OscillationState(
         swing, y,
         ca.if_else(crossed, ca.fabs(y), ca.fmax(x.peak, ca.fabs(y))),
         ca.if_else(crossed, x.peak, x.last_peak),
         ca.if_else(crossed, 0.0, elapsed),
         count,
-        ca.if_else(ca.logic_or(begun, seen), x.calmed + t, 0.0),
+        ca.if_else(found, 0.0, ca.if_else(ca.logic_or(begun, seen), x.calmed + t, 0.0)),
         ca.if_else(begun, x.first_peak, peak),
+        ca.if_else(begun, x.dead_time, dead_time),
+        ca.fmax(x.raised, found),
         ca.fmax(x.unsettled, again),
     )  # fmt: skip
 

@@ -5,7 +5,8 @@ from boom_model.catalogue.effect import Effect, parameter
 EFFECT = Effect(
     "rate_scale", "sensors", "ch. 4.2", "y = a q_2'",
     ("the gyro", "has another gain"), "integrated rate against angle, without any hydraulics",
-    (parameter("a", "-", 1.0, (0.95, 1.05), (0.1, 10.0), "gain of the gyro", positive=True),),
+    (parameter("a", "-", 1.0, (0.95, 1.05), (0.1, 10.0), "gain of the gyro", positive=True,
+               usual=0.01),),
     {"measured_rate": lambda rate, own, at: rate * own.a},
     place=2,
 )  # fmt: skip

@@ -19,7 +19,9 @@ from boom_model.codegen.source import Further, generate
 from boom_model.equations import Equations
 from boom_model.errors import BuildError
 
-FLAGS = ("-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-shared", "-fPIC", "-std=c11")
+THOROUGH, QUICK = "-O3", "-Og"
+"""How far to optimise: for what runs for minutes; for what is called once a cycle, and whose user waits for it."""
+FLAGS = (THOROUGH, "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-shared", "-fPIC", "-std=c11")
 _WIDE = {"avx2": "-mavx2", "fma": "-mfma", "bmi2": "-mbmi2"}
 """Processor flags -> compiler flags; together they make a run a third faster. They are part of the cache key, so that a cache
 folder shared by several computers has one library for each kind."""
@@ -46,13 +48,13 @@ def _flags() -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=256)
-def load_c(source: str) -> ctypes.CDLL:
+def load_c(source: str, optimised: str = THOROUGH) -> ctypes.CDLL:
     """The library compiled from C source, from the cache if it is there.
 
     Raises:
         BuildError: no compiler, refused source, or the cache folder is not writable or not the user's own.
     """
-    compiler, flags = _compiler(), _flags()
+    compiler, flags = _compiler(), (optimised, *_flags()[1:])
     key = hashlib.sha256("\n".join((compiler, *flags, source)).encode()).hexdigest()[:24]
     try:
         folder = cache_folder()
