@@ -26,7 +26,7 @@ TAIL = 0.7
 TWINS = frozenset(name for effect in CATALOGUE for name in effect.changes)
 """Numbers that an effect of the catalogue multiplies, shifts or adds to."""
 TWIN_Z = 3.0
-"""Standard deviations that such a number may move: of sound machines one number in 370 is further off, and the effect is likelier."""
+"""Standard deviations that such a number may move; of sound machines one number in 370 is further off: the effect is likelier."""
 PRECHARGE = 0.05
 """Relative tolerance of a pre-charge pressure that has no ``tol`` (machine notes)."""
 GEOMETRY, SEEN = "kinematics.", 5e-3
