@@ -20,6 +20,7 @@ import difflib
 import importlib
 import keyword
 import os
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
@@ -64,6 +65,10 @@ class _CommandParser(argparse.ArgumentParser):
             known = [name for action in self._actions for name in action.option_strings]
             near = difflib.get_close_matches(wrong.split("=")[0], known, n=1)
             message = f"unknown option {wrong}" + (f" (did you mean {near[0]}?)" if near else "")
+        kind = re.search(r"invalid (\w+) value: (.*)", message)  # the name of a function, if nobody says it better
+        if kind:
+            wanted = "a whole number" if kind[1] == "int" else "a number"
+            message = f"{message[: kind.start()]}{kind[2]} is not {wanted}"
         raise UsageError(f"{message}; see {self.prog} --help")
 
 

@@ -98,6 +98,19 @@ def test_impossible_options_are_refused_before_any_work(words, capsys):
     assert words[0] in error and error.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("replay", "bag", "--rate", "abc"), "argument --rate: abc is not a number"),
+        (("replay", "bag", "--start", "nan"), "argument --start: nan is not a number"),
+        (("diagnose", "bag", "--seed", "x"), "argument --seed: 'x' is not a whole number"),
+    ],
+)
+def test_a_word_that_is_no_number_is_called_so(words, said, capsys):
+    assert cli.main(words) == 2
+    assert capsys.readouterr().err == f"boom: {said}; see boom {words[0]} --help\n"
+
+
 def test_a_fault_of_ours_keeps_its_traceback(monkeypatch):
     def fail(arguments, program):
         raise ZeroDivisionError
