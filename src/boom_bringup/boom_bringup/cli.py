@@ -21,6 +21,7 @@ import importlib
 import keyword
 import os
 import re
+import signal
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
@@ -221,6 +222,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _guarded(arguments: Sequence[str] | None) -> int:
     program = os.environ.get("BOOM_PROGRAM", "boom")
     try:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # held back by ./boom until here
         status = _run(sys.argv[1:] if arguments is None else arguments, program)
         sys.stdout.flush()
         return status

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import signal
 import sys
 from collections.abc import Mapping, Sequence
 from typing import NoReturn
@@ -54,4 +55,5 @@ def become_node(module: str, parameters: Mapping[str, ParameterValue | None]) ->
     """Replace this process by the node, so that signals and the exit status are the node's own."""
     command = node_command(module, parameters)
     sys.stdout.flush()
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until boom_node.early handles it
     os.execv(command[0], command)

@@ -178,3 +178,23 @@ def test_a_closed_standard_output_is_no_fault_of_ours():
     command = f"{sys.executable} -m boom_bringup.cli check-machine tz17 >&-"
     done = subprocess.run(["/bin/sh", "-c", command], capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("module", "words", "status", "said"),
+    [
+        ("boom_bringup.cli", ("check-machine", "tz17"), 130, "boom: stopped\n"),
+        ("boom_recording.recorder_node", ("--ros-args", "-p", "output:=never"), 0, ""),
+    ],
+)
+def test_a_ctrl_c_that_was_held_back_while_python_started_ends_it_without_a_traceback(
+    module, words, status, said, tmp_path
+):
+    code = (
+        "import os, signal, sys; signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}); os.kill(os.getpid(), signal.SIGINT); "
+        "os.execv(sys.executable, [sys.executable, '-m', *sys.argv[1:]])"
+    )
+    command = [sys.executable, "-c", code, module, *words]
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=60, check=False)
+    assert (ended.returncode, ended.stderr) == (status, said)
+    assert list(tmp_path.iterdir()) == []
