@@ -31,6 +31,9 @@ ANSWERS: dict[str, Any] = {
 }  # fmt: skip
 
 
+URDF = str(files("boom_description") / "urdf" / "epsilon_tz17.urdf")
+
+
 @pytest.fixture
 def answers(tmp_path: Path) -> Path:
     path = tmp_path / "answers.yaml"
@@ -140,13 +143,13 @@ def test_a_recording_with_its_command_the_wrong_way_round_is_doubted_and_tells_n
 
 
 def test_options_have_precedence_and_a_urdf_gives_the_moments_of_the_pose(answers: Path, tmp_path: Path) -> None:
-    urdf, file = files("boom_description") / "urdf" / "epsilon_tz17.urdf", tmp_path / "crane.yaml"
+    file = tmp_path / "crane.yaml"
     positions = ["--position", "outer_boom_joint=0.28", "--position", "telescope_joint=2.8"]
     words = [
         "--answers",
         str(answers),
         "--urdf",
-        str(urdf),
+        URDF,
         *positions,
         "--piston-diameter",
         "140",
@@ -167,6 +170,14 @@ def test_options_have_precedence_and_a_urdf_gives_the_moments_of_the_pose(answer
     assert machine.parameters["cylinder.A_a"].value[0] == pytest.approx(np.pi / 4 * 0.14**2, rel=1e-5)
     assert machine.structure.hose_burst_valve.holds
     assert str(machine.parameters["fluid.beta"].tol) == "factor 2"
+
+
+def test_yes_and_no_in_a_file_of_answers_are_words_as_on_the_command_line(answers: Path, tmp_path: Path) -> None:
+    with answers.open("a", encoding="utf-8") as file:
+        file.write("compensator: yes\n")
+    words = ("--answers", str(answers), "--no-manoeuvre", "--output", str(tmp_path / "crane.yaml"))
+    assert cli.main(["new-machine", *words]) == 0
+    assert load_machine(tmp_path / "crane.yaml").document["main_valve_orifices"]["compensator"] is True
 
 
 def test_masses_and_lengths_give_the_moments_of_rods() -> None:
@@ -193,6 +204,19 @@ def test_masses_and_lengths_give_the_moments_of_rods() -> None:
         (("--moments", "urdf"), "give --urdf FILE"),
         (("--moments", "numbers"), "no answer to --inertia [kg m^2]; --moment-x [kg m]; --tip-x [m]"),
         (("--urdf", "missing.urdf"), "missing.urdf"),
+        (
+            ("--position", "outer_boom_joint=1"),
+            "--position says something of a robot description: give its --urdf FILE",
+        ),
+        (("--downwards",), "--downwards says something of a robot description"),
+        (("--urdf", URDF, "--moments", "masses"), "--moments masses and --urdf contradict each other"),
+        (
+            ("--urdf", URDF, "--position", "outer_boom_joint=16"),
+            "outer_boom_joint=16: it moves from -0.91 to 4.6 rad or m",
+        ),
+        (("--urdf", URDF, "--position", "inner_boom_joint=1e300"), "inner_boom_joint=1e+300: it moves from"),
+        (("--urdf", URDF, "--position", "nope=1"), "no joint nope on the way to boom_tip; there are slewing_joint"),
+        (("--urdf", URDF, *2 * ("--position", "telescope_joint=1")), "telescope_joint=1: its position is given twice"),
         (("--manoeuvre", "next.csv", "--no-manoeuvre"), "contradict each other"),
         (("nowhere",), "nowhere"),
     ],
@@ -229,8 +253,8 @@ def test_on_a_terminal_it_asks_what_is_open_and_again_where_the_answer_cannot_be
     ]
     with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, cwd=tmp_path, close_fds=True) as process:
         os.close(theirs)
-        # hose_length, hose_bore, moments; pump_pressure first wrong; the proposals for the others
-        os.write(own, b"3.5\n\n\nmuch\n180\n" + 11 * b"\n")
+        # hose_length, hose_bore, moments first without a URDF; pump_pressure first wrong; the proposals for the others
+        os.write(own, b"3.5\n\nurdf\n\nmuch\n180\n" + 11 * b"\n")
         shown = b""
         try:
             while chunk := os.read(own, 65536):
@@ -239,6 +263,7 @@ def test_on_a_terminal_it_asks_what_is_open_and_again_where_the_answer_cannot_be
             pass
     os.close(own)
     assert process.returncode == 0, shown.decode()
+    assert b"moments: urdf needs the robot description" in shown
     assert b"pump_pressure: much is no number of 20 .. 500 bar" in shown
     machine = load_machine(tmp_path / "crane.yaml")
     assert machine.parameters["fluid.p_s"].value[0] == pytest.approx(180e5)

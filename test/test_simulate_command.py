@@ -161,6 +161,10 @@ def test_a_bag_that_another_command_is_making_is_refused_and_what_a_killed_one_l
         ([str(BAGS / "healthy" / "extended"), "--output", "x", "--machine", "tz71"], "no such machine"),
         ([str(BAGS / "healthy" / "extended"), "--output", "x", "--angle", "2"], "angle"),
         ([str(BAGS / "healthy" / "extended"), "--outptu", "x"], "--output"),
+        (
+            [str(BAGS / "healthy" / "extended"), "--output", "x", "--q4", "-5"],
+            "extended: its configuration does not fit machine tz17: telescope length q4 is -5 m",
+        ),
         (["bad.csv", "--output", "x"], "line 3: expected three numbers"),
         (["header.csv", "--output", "x"], "the first line must be time_s,retract_a,extend_a"),
     ],

@@ -20,6 +20,8 @@ import difflib
 import importlib
 import keyword
 import os
+import re
+import signal
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
@@ -64,6 +66,10 @@ class _CommandParser(argparse.ArgumentParser):
             known = [name for action in self._actions for name in action.option_strings]
             near = difflib.get_close_matches(wrong.split("=")[0], known, n=1)
             message = f"unknown option {wrong}" + (f" (did you mean {near[0]}?)" if near else "")
+        kind = re.search(r"invalid (\w+) value: (.*)", message)  # the name of a function, if nobody says it better
+        if kind:
+            wanted = "a whole number" if kind[1] == "int" else "a number"
+            message = f"{message[: kind.start()]}{kind[2]} is not {wanted}"
         raise UsageError(f"{message}; see {self.prog} --help")
 
 
@@ -216,6 +222,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _guarded(arguments: Sequence[str] | None) -> int:
     program = os.environ.get("BOOM_PROGRAM", "boom")
     try:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # held back by ./boom until here
         status = _run(sys.argv[1:] if arguments is None else arguments, program)
         sys.stdout.flush()
         return status

@@ -10,7 +10,7 @@ from boom_input.shown import quoted
 
 if TYPE_CHECKING:
     from boom_model.machine import Machine
-    from boom_recording.recording import Recording
+    from boom_recording.recording import Configuration, Recording
 
 
 COARSER = 1.5
@@ -95,6 +95,20 @@ def rest_of(recording: Recording, bag: str, advice: str = "give another recordin
     if rest is None:
         raise ReplicaError(f"{bag}: the boom is not at rest at the beginning, so its state is unknown: {advice}")
     return rest
+
+
+def check_pose(bag: str, machine: Machine, told: Configuration) -> None:
+    """Raises ReplicaError where the machine cannot have the pose or the load of a recording."""
+    from boom_model.errors import MachineError
+
+    try:
+        machine.pose(
+            told.outer_boom_angle, told.telescope_length, 0.0 if math.isnan(told.load_mass) else told.load_mass
+        )
+    except MachineError as error:
+        raise ReplicaError(
+            f"{bag}: its configuration does not fit machine {machine.name}: {error}; give --q3, --q4 or --load"
+        ) from None
 
 
 def simulation_parameters(recording: Recording, bag: str, machine: Machine, source: str, seed: int) -> dict[str, Any]:

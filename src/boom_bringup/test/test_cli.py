@@ -98,6 +98,19 @@ def test_impossible_options_are_refused_before_any_work(words, capsys):
     assert words[0] in error and error.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("replay", "bag", "--rate", "abc"), "argument --rate: abc is not a number"),
+        (("replay", "bag", "--start", "nan"), "argument --start: nan is not a number"),
+        (("diagnose", "bag", "--seed", "x"), "argument --seed: 'x' is not a whole number"),
+    ],
+)
+def test_a_word_that_is_no_number_is_called_so(words, said, capsys):
+    assert cli.main(words) == 2
+    assert capsys.readouterr().err == f"boom: {said}; see boom {words[0]} --help\n"
+
+
 def test_a_fault_of_ours_keeps_its_traceback(monkeypatch):
     def fail(arguments, program):
         raise ZeroDivisionError
@@ -165,3 +178,23 @@ def test_a_closed_standard_output_is_no_fault_of_ours():
     command = f"{sys.executable} -m boom_bringup.cli check-machine tz17 >&-"
     done = subprocess.run(["/bin/sh", "-c", command], capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("module", "words", "status", "said"),
+    [
+        ("boom_bringup.cli", ("check-machine", "tz17"), 130, "boom: stopped\n"),
+        ("boom_recording.recorder_node", ("--ros-args", "-p", "output:=never"), 0, ""),
+    ],
+)
+def test_a_ctrl_c_that_was_held_back_while_python_started_ends_it_without_a_traceback(
+    module, words, status, said, tmp_path
+):
+    code = (
+        "import os, signal, sys; signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}); os.kill(os.getpid(), signal.SIGINT); "
+        "os.execv(sys.executable, [sys.executable, '-m', *sys.argv[1:]])"
+    )
+    command = [sys.executable, "-c", code, module, *words]
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=60, check=False)
+    assert (ended.returncode, ended.stderr) == (status, said)
+    assert list(tmp_path.iterdir()) == []

@@ -15,10 +15,8 @@ from functools import partial
 from typing import Any
 
 from boom_input.channels import MEASURED_TOPICS
-from boom_input.shown import quoted
 from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_model.errors import ModelError
-from boom_model.machine_file import load_machine, shipped_machine
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
@@ -36,6 +34,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from boom_controller.node import messages
+from boom_controller.node.configuring import Configuring
 from boom_controller.loop.control_loop import ControlLoop
 from boom_controller.loop.cycle import Cycle
 from boom_controller.errors import ControlError
@@ -62,11 +61,12 @@ class ControllerNode(LifecycleNode):
         self._others = OtherJoints(self.get_logger().warning)
         self._loop: ControlLoop | None = None
         self._rehearsal: Rehearsal | None = None
-        self._active = self._realtime = self._pending = self._emergency = False
-        self._configuration: MachineConfiguration | None = None
-        self._told: tuple[str, float, float, float] | None = None
+        self._active = self._realtime = self._emergency = False
         clock = self.get_clock()
         self._times = SampleTimes(self._lockstep, self._values, lambda: clock.now().nanoseconds, self.guard.refuse)
+        self._configuring = Configuring(
+            self._values["machine"], self._lockstep is None, self.get_logger(), self.guard.refuse
+        )
         self._last: Cycle | None = None
         self._cycles = self._late = 0
         self._garbage, self._wake_up_latency = Garbage(), WakeUpLatency()
@@ -119,10 +119,11 @@ class ControllerNode(LifecycleNode):
             told = (self._values["mode"], settings_of(self._values), supervision_of(self._values))
             self._loop = ControlLoop(*told, watch_cycles=self._lockstep is None)
             self._rehearsal = None if self._lockstep else Rehearsal(*told)
-            self._configure()
         except (ControlError, ModelError) as error:
             self._failure, self._loop = str(error), None
             return TransitionCallbackReturn.FAILURE
+        self._configuring.again()
+        self._configure()
         self._loop.emergency_stop(self._emergency, self._times.now())
         return TransitionCallbackReturn.SUCCESS
 
@@ -270,7 +271,7 @@ class ControllerNode(LifecycleNode):
             return
         if (
             self._outputs.commands.get_subscription_count() >= self._values["wait_for"]
-            and self._configuration is not None
+            and self._configuring.told is not None
         ):
             self._lockstep.begun = True
             self._outputs.command(0.0, 0.0)
@@ -295,7 +296,7 @@ class ControllerNode(LifecycleNode):
         assert loop is not None  # the callers have looked
         if not self._realtime:
             self._use_realtime()
-        if self._pending:
+        if self._configuring.due:
             self._configure()
         loop.conflict(self._sole.look())
         cycle = loop.cycle(self._times.now())
@@ -312,34 +313,17 @@ class ControllerNode(LifecycleNode):
     # -------------------------------------------------------------------------------------------------------- requests
 
     def _on_configuration(self, message: MachineConfiguration) -> None:
-        said = (message.machine, message.outer_boom_angle, message.telescope_length, message.load_mass)
-        if self._told == said:  # a publisher that joined anew says it again
-            return
-        self._told, self._configuration = said, message
-        if self._loop is not None:
+        if self._configuring.hear(message) and self._loop is not None:
             self._loop.configuration_changes(self._times.now())
             self._configure()
 
     def _configure(self) -> None:
         """Apply the latest configuration; if the boom moves, once it stands still."""
-        message, loop = self._configuration, self._loop
-        self._pending = message is not None and loop is not None and loop.supervision.moving
-        if message is None or loop is None or self._pending:
+        loop = self._loop
+        if loop is None or loop.supervision.moving:
             return
-        try:
-            given = self._values["machine"]  # a name that came over a topic is never a path
-            machine = load_machine(given) if given else shipped_machine(message.machine)
-            if machine.name != message.machine:
-                self.get_logger().warning(f"the crane is a {quoted(message.machine)}, the laws are for {machine.name}")
-            self.get_logger().info(f"{machine.name}: preparing the control laws; takes some seconds the first time")
-            load = message.load_mass if message.load_mass == message.load_mass else 0.0
-            pose = machine.pose(message.outer_boom_angle, message.telescope_length, load)
-            for each in filter(None, (loop, self._rehearsal)):
-                each.configure(machine, pose)
-        except (ControlError, ModelError) as error:
-            self.guard.refuse("/boom/machine_configuration", "cannot be used", str(error))
-            return
-        if self._active:
+        used = self._configuring.advance([each for each in (loop, self._rehearsal) if each is not None])
+        if used and self._active:
             self._garbage.hold()
 
     def _on_reference(self, message: JointState) -> None:

@@ -142,7 +142,7 @@ def test_a_machine_without_pilot_stage_has_the_laws_that_can_drive_it_and_refuse
 
     machine = load_machine("triangle_direct")
     law = LawInUse("improved", S)
-    law.configure(machine, machine.pose(0.3, 2.0))
+    law.use(law.prepared(machine, machine.pose(0.3, 2.0)))
     with pytest.raises(ControlError, match="mode baseline commands pilot valves"):
         law.change_mode("baseline", None, 0.0)
     assert law.mode == "improved"

@@ -72,15 +72,19 @@ class WatchFilter:
         self._current_variance = noise.current_sigma**2 + noise.current_quantum**2 / 12
         self._point: ModelPoint = model.at(self.state, (0.0, 0.0))
         self._output = self._point.y.copy()
-        causes = len(model.tolerated) + len(model.suspects)
-        self._effect = np.zeros((len(names), causes))
+        self._causes = len(model.tolerated) + len(model.suspects)
+        self._effect = np.zeros((len(names), self._causes))
         self.gain, self.whitening = np.zeros((len(names), len(OUTPUTS))), np.zeros((len(OUTPUTS), len(OUTPUTS)))
-        self.information = Information(np.zeros((causes, causes)), np.zeros(causes))
+        self.forget()
 
     @property
     def state(self) -> Array:
         """Estimated state (n,)."""
         return self._stepper.state
+
+    def forget(self) -> None:
+        """Drop what the innovations so far have told; the state stays."""
+        self.information = Information(np.zeros((self._causes, self._causes)), np.zeros(self._causes))
 
     def advance(self, end: float, currents: list[tuple[float, float, float]], measured: Array, share: Array) -> None:
         """Predict to ``end`` [s] and correct there.

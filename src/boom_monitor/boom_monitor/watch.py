@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_estimation.currents import GAP, gap_of
-from boom_estimation.initial_state import RESTING_RATE, stationary_guess
+from boom_estimation.initial_state import CLOSED_CURRENT, RESTING_RATE, stationary_guess
 from boom_input import channels
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine, Pose
@@ -29,8 +29,14 @@ Array = NDArray[np.float64]
 
 PERIOD = 0.01
 CURRENTS = tuple(channel.name for channel in channels.CURRENTS)
+CHANNELS = (*OUTPUTS, *CURRENTS)
+"""All that a watch needs."""
 _JUDGED_EVERY = 0.1  # s
-_SETTLING = 1.0  # s after a start, in which the guess of the initial state still shows
+_SETTLING = 2.0  # s after a start, in which the guess of the initial state still shows: they count for nothing
+_GATHERING = 0.5  # s behind that, until there is enough for a score
+_DOUBTED = (
+    6.0  # s after a start, in which the guess may still be what is wrong: a mismatch has to show in fresh samples
+)
 _BEFORE = 0.5  # s before the alarm from which on the cause is sought
 _NAMED_AFTER = (
     0.5,
@@ -117,11 +123,10 @@ class Watch:
         self.settings = settings or WatchSettings()
         self._noise = machine.sensor_noise()
         self._model = WatchModel(machine, pose)
-        self._samples: dict[str, deque[tuple[float, float]]] = {
-            name: deque(maxlen=_BUFFER) for name in (*OUTPUTS, *CURRENTS)
-        }
+        self._samples: dict[str, deque[tuple[float, float]]] = {name: deque(maxlen=_BUFFER) for name in CHANNELS}
+        self._last = dict.fromkeys(self._samples, -math.inf)
         self._filter: WatchFilter | None = None
-        self._from = -math.inf
+        self._from = self._doubted = -math.inf
         self._gap = GAP
         self._judged = -math.inf
         self._heard = 0.0
@@ -132,15 +137,21 @@ class Watch:
         self._alarms = 0
         self._newest = -math.inf
 
-    def add(self, channel: str, time: float, value: float) -> None:
+    def add(self, channel: str, time: float, value: float) -> bool:
         """One valid sample: channel of ``OUTPUTS`` or ``CURRENTS``, its stamp [s], its value [SI, gauge].
 
-        Samples of one channel come in the order of their stamps; one that does not, or is not a number, is left out.
+        Samples of one channel come in the order of their stamps, and of a sensor before the watch has passed their time; one
+        that does not, or is not a number, is left out: False.
         """
-        samples = self._samples[channel]
-        if math.isfinite(value) and math.isfinite(time) and not (samples and time <= samples[-1][0]):
-            samples.append((time, value))
-            self._newest = max(self._newest, time)
+        passed = self._last[channel]
+        if self._filter is not None and channel in OUTPUTS:
+            passed = max(passed, self._filter.time)
+        if not (math.isfinite(value) and passed < time < math.inf):
+            return False
+        self._samples[channel].append((time, value))
+        self._last[channel] = time
+        self._newest = max(self._newest, time)
+        return True
 
     def advance(self) -> Status:
         """Advance as far as the samples reach, less the delay; returns the status then."""
@@ -155,7 +166,7 @@ class Watch:
     def status(self) -> Status:
         """The present status."""
         time = self._filter.time if self._filter is not None else self._newest
-        watching = self._filter is not None and self._filter.time >= self._from
+        watching = self._filter is not None and self._filter.time >= self._from + _GATHERING
         missing = "" if self._filter is not None else ", ".join(n for n, s in self._samples.items() if not s)
         return Status(watching, time, self._score, self._alarm, self._alarms, missing)
 
@@ -181,14 +192,14 @@ class Watch:
             means[name] = float(np.mean(values))
         current = self._acting(end)
         plant = self._model.plant
-        moving = abs(means["rate"]) > RESTING_RATE
+        moving = abs(means["rate"]) > RESTING_RATE or max(current[-1][1:]) > CLOSED_CURRENT
         if moving:
             state = stationary_guess(plant, means, (current[-1][1], current[-1][2]))
         else:
             state = plant.rest_state_measured(means["angle"], means["hose_pressure"], means["rod_pressure"])
         state = np.clip(state, plant.minimum, plant.maximum)
         self._filter = WatchFilter(self._model, self._noise, state, end, moving=moving, memory=self.settings.memory)
-        self._from = end + _SETTLING
+        self._from, self._doubted = end + _SETTLING, end + _DOUBTED
         self._gap = gap_of(np.array([time for time, _ in self._samples[CURRENTS[0]]]))
         self._heard = end
         for name in OUTPUTS:
@@ -218,7 +229,9 @@ class Watch:
             self._lose(end)
             return
         self._recent.append(Interval(begin, end, state, currents, measured, share, filter_.gain, filter_.whitening))
-        if end >= self._from and end - self._judged >= _JUDGED_EVERY - _EARLIER:
+        if begin < self._from <= end:
+            filter_.forget()
+        if end >= self._from + _GATHERING and end - self._judged >= _JUDGED_EVERY - _EARLIER:
             self._judged = end
             self._judge(filter_.information, end)
 
@@ -243,7 +256,7 @@ class Watch:
         self._filter = None
         self._recent.clear()
         self._score = math.nan
-        for name in (*OUTPUTS, *CURRENTS):
+        for name in CHANNELS:
             self._drop(name, now)
         if not all(self._samples.values()):
             return
@@ -255,6 +268,10 @@ class Watch:
         score, gains, sizes = judged(info, self._model.suspects)
         self._score = score
         beyond = score > self.settings.threshold
+        if beyond and self._evidence is None and now < self._doubted and self._filter is not None:
+            self._filter.forget()
+            self._from = now  # watching again once enough has been gathered
+            return
         if beyond and self._evidence is None:
             self._evidence = _Evidence(now, now, [now + after for after in _NAMED_AFTER])
             self._alarms += 1

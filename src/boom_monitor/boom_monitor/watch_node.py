@@ -48,7 +48,7 @@ PARAMETERS = (
 )  # fmt: skip
 _ADVANCE_PERIOD_S = 0.05
 _CLOCK_SET = 100
-"""Samples in a row, a quarter of a second of all topics, that are far from the previous ones."""
+"""Samples in a row, a quarter of a second of all topics, that are far from the previous ones, or all before them."""
 
 
 class WatchNode(Node):
@@ -69,9 +69,11 @@ class WatchNode(Node):
         self._failure = ""
         self._origin_ns: int | None = None
         self._newest_ns = 0
-        self._strange = 0
+        self._strange = self._overtaken = 0
         self._refused = 0
         self._told: watch.Alarm | None = None
+        self._heard: dict[str, InputWatch] = {}
+        self._silent = ""
         self._input = InputWatch(
             "no /boom/machine_configuration for {age} s: start the crane, or give --machine --q3 --q4 --load",
             time.monotonic(),
@@ -110,13 +112,15 @@ class WatchNode(Node):
 
     def _begin(self) -> None:
         """Start a new watch of the last configuration."""
-        self._origin_ns = None
+        self._origin_ns = self._told = None
+        self._strange = self._overtaken = 0
         asked = self._configuration
         if asked is None:
             return
         try:
             machine = self._machine or shipped_machine(asked[0])
             self._watch = watch.Watch(machine, machine.pose(*asked[1:]), self._settings)
+            self._heard = {name: InputWatch("", time.monotonic()) for name in watch.CHANNELS}
             self.get_logger().info(
                 f"watching {machine.name}, q3 = {asked[1]:g} rad, q4 = {asked[2]:g} m, load {asked[3]:g} kg"
             )
@@ -150,10 +154,15 @@ class WatchNode(Node):
         for name, wire in values.items():
             channel = BY_NAME[name]
             value = wire - channel.wire_offset
-            if channel.low <= value <= channel.high:
-                self._watch.add(name, at, value)
-            else:
+            if not channel.low <= value <= channel.high:
                 self._refused += 1
+            elif self._watch.add(name, at, value):
+                self._heard[name].seen(time.monotonic())
+                self._overtaken = 0
+            else:
+                self._overtaken += 1
+        if self._overtaken >= _CLOCK_SET:
+            self._begin()
 
     def _believed(self, nanoseconds: int) -> bool:
         """Whether a stamp fits the others, whatever their clock; if none fits any more, the clock was set."""
@@ -164,7 +173,6 @@ class WatchNode(Node):
         self.guard.refuse("samples", "stamp far from the one before", wrong)
         self._strange += 1
         if self._strange >= _CLOCK_SET:
-            self._strange = 0
             self._begin()
         return False
 
@@ -177,6 +185,7 @@ class WatchNode(Node):
                 self.get_logger().warning(warning)
             return
         alarm = self._watch.advance().alarm
+        self._look_for_silence()
         if (alarm is None) != (self._told is None):
             if alarm is not None:
                 self.get_logger().warning(words.alarm(alarm))
@@ -185,6 +194,17 @@ class WatchNode(Node):
         self._told = alarm
         self._diagnostics.update()
 
+    def _look_for_silence(self) -> None:
+        """Say once that samples stay away, and that they are back: without them nothing is watched."""
+        now = time.monotonic()
+        silent = words.silence([name for name, heard in self._heard.items() if heard.missing(now)])
+        if silent != self._silent:
+            if silent:
+                self.get_logger().warning(silent)
+            else:
+                self.get_logger().info("samples of all channels arrive again")
+        self._silent = silent
+
     def _health(self) -> Health:
         if self._failure:
             return Health(Level.ERROR, self._failure)
@@ -192,8 +212,8 @@ class WatchNode(Node):
             return Health(Level.WARN, "waits for /boom/machine_configuration")
         status = self._watch.status
         values = {**words.values(status), "samples out of range": self._refused}
-        level = Level.OK if status.alarm is None and status.watching else Level.WARN
-        return Health(level, words.message(status), values)
+        level = Level.OK if status.alarm is None and status.watching and not self._silent else Level.WARN
+        return Health(level, words.message(status, self._silent), values)
 
 
 def main() -> int:

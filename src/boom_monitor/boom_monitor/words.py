@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from boom_model.catalogue import SUBSYSTEM_NAMES, effect_name
 from boom_monitor.watch import Alarm, Status
 
@@ -19,12 +21,21 @@ def alarm(given: Alarm) -> str:
     )
 
 
-def message(status: Status) -> str:
-    """One line on the state of the watch."""
+def silence(channels: Sequence[str]) -> str:
+    """That these channels bring nothing that can be used, in one line; empty: none."""
+    if not channels:
+        return ""
+    return f"no samples of {', '.join(channels)}: has the publisher died, or are its stamps late or its values out of range?"
+
+
+def message(status: Status, silent: str = "") -> str:
+    """One line on the state of the watch; ``silent``: what :func:`silence` says."""
     if status.alarm is not None:
-        return alarm(status.alarm)
+        return f"{alarm(status.alarm)}; {silent}" if silent else alarm(status.alarm)
     if status.waits_for:
         return f"waits for samples of {status.waits_for}"
+    if silent:
+        return silent
     return "within the tolerance of the model" if status.watching else "starts: finds the state of the machine"
 
 

@@ -11,8 +11,8 @@ from diagnosis_samples import BAGS, simulated, tz17
 from boom_model.sensors import OUTPUTS
 from boom_monitor.filter import Information
 from boom_monitor.model import Suspect, WatchModel
-from boom_monitor.watch import CURRENTS, Alarm, Status, Watch, WatchSettings, judged
-from boom_monitor.words import message, values
+from boom_monitor.watch import CHANNELS, CURRENTS, Alarm, Status, Watch, WatchSettings, judged
+from boom_monitor.words import message, silence, values
 from boom_recording.loading import load
 from boom_recording.recording import Recording
 
@@ -20,7 +20,7 @@ EVERY = 0.2  # s between two questions
 
 
 def watched(
-    recording: Recording, settings: WatchSettings | None = None, until: float = math.inf
+    recording: Recording, settings: WatchSettings | None = None, until: float = math.inf, start: float = 0.0
 ) -> tuple[Watch, list[Status]]:
     """What a watch says over a recording, asked every 0.2 s; its samples come in the order of their stamps."""
     c = recording.configuration
@@ -29,8 +29,8 @@ def watched(
     for name in (*OUTPUTS, *CURRENTS):
         signal = recording.signals[name]
         samples += [(t, name, v) for t, v in zip(signal.time[signal.valid], signal.values[signal.valid], strict=True)]
-    said, due = [], EVERY
-    for time, name, value in sorted(samples):
+    said, due = [], start + EVERY
+    for time, name, value in sorted(sample for sample in samples if sample[0] >= start):
         if time > until:
             break
         watch.add(name, time, value)
@@ -46,6 +46,13 @@ def test_a_healthy_machine_raises_no_alarm(name):
     assert said[-1].alarms == 0
     assert max(s.score for s in said if s.watching) < 1.2
     assert np.mean([s.watching for s in said]) > 0.95
+
+
+@pytest.mark.parametrize(("name", "start"), [("extended", 19.1), ("folded_fast", 6.7), ("extended_log", 3.6)])
+def test_a_watch_that_begins_while_the_boom_is_moved_raises_no_alarm(name, start):
+    _, said = watched(load(BAGS / "healthy" / name), until=start + 9.0, start=start)
+    assert said[-1].watching
+    assert said[-1].alarms == 0
 
 
 def test_gaps_and_losses_of_the_bus_raise_no_alarm_and_the_watch_goes_on_behind_them():
@@ -124,6 +131,31 @@ def test_samples_that_are_no_numbers_or_out_of_order_are_left_out():
             watch.add(name, k * 0.01 + 0.002, math.nan)
     assert watch.advance().watching
     assert watch.status.score < 1.2
+
+
+def test_a_sample_that_comes_after_its_time_was_passed_is_left_out_and_not_put_where_it_does_not_belong():
+    recording = simulated(6.0, np.zeros((600, 2)))
+    c = recording.configuration
+    watch, late = Watch(tz17(), tz17().pose(c.outer_boom_angle, c.telescope_length, 0.0)), []
+    for k in range(600):
+        for name in CHANNELS:
+            overtaken = name == "rod_pressure" and k >= 300  # from here on 0.3 s late
+            at = k - 30 if overtaken else k
+            used = watch.add(name, at * 0.01, recording.signals[name].values[at])
+            late.append(used if overtaken else False)
+        watch.advance()
+    assert not any(late)
+    assert watch.status.watching and watch.status.score < 1.2
+
+
+def test_silent_channels_are_named_whatever_else_is_said():
+    assert silence([]) == ""
+    said = silence(["rod_pressure"])
+    assert said.startswith("no samples of rod_pressure:")
+    fine = Status(True, 20.0, 1.0, None, 0)
+    assert message(fine, said) == said
+    alarm = Alarm(17.6, "load", "payload", {"load": 1.0}, 100.0, "kg")
+    assert message(Status(True, 20.0, 1.7, alarm, 1), said).endswith(f"; {said}")
 
 
 def test_what_is_within_its_tolerance_is_taken_out_of_the_score_and_the_cause_gets_its_size():

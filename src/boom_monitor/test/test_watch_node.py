@@ -128,6 +128,19 @@ def test_a_leaking_piston_is_told_with_its_subsystem_within_ten_seconds_of_data(
     assert watch.wait(timeout=PATIENCE) == 0
 
 
+def test_a_machine_that_falls_silent_is_told_and_not_called_within_its_tolerance(partner: Partner, start: Any) -> None:
+    start("boom_monitor.watch_node", "delay:=0.05")
+    crane = start("boom_sim.simulation_node", "mode:=lockstep", "initial_angle:=0.4")
+    partner.until(lambda: partner.commands.get_subscription_count())
+    partner.until(lambda: any("waits for samples" in s.message for s in partner.said))
+    watched = "within the tolerance of the model"
+    drive(partner, 20.0, lambda: partner.said and partner.said[-1].message == watched)
+    assert partner.said[-1].message == watched, sorted({s.message for s in partner.said})
+    crane.kill()
+    partner.until(lambda: partner.said[-1].message.startswith("no samples of angle, rate, hose_pressure"))
+    assert partner.said[-1].level == WARN
+
+
 def test_a_machine_without_a_file_is_an_error_that_says_what_to_do(start: Any) -> None:
     watch = start("boom_monitor.watch_node", "machine:=nosuch")
     _, error = watch.communicate(timeout=PATIENCE)

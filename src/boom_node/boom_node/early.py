@@ -27,6 +27,7 @@ def settle() -> None:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     for number in _HANDLED:
         signal.signal(number, _end_at_once)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _HANDLED)  # a command that becomes a node holds a Ctrl-C back until here
 
 
 def is_node_program() -> bool:

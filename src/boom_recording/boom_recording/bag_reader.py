@@ -110,7 +110,7 @@ class BagReader:
                 f"and the machine with --machine{why}"
             )
         if missing:
-            has = quoted(", ".join(sorted(self.types))) or "no topics at all"
+            has = quoted(", ".join(sorted(self.types.keys() - missing))) or "no other topic"
             advice = f"record {'it' if len(missing) == 1 else 'them'} too (the bag has {has}){why}"
             if self._is_foreign():
                 advice = f"the bag has {has}{why}; {import_line}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from base64 import b64decode
+from codecs import BOM_UTF8
 from collections import Counter
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
@@ -30,6 +31,7 @@ def read_text(stream: BinaryIO, suffix: str, left_out: Counter[str], warnings: l
     parser = parsers[suffix]()
     last = 0.0
     first: float | None = None
+    _skip_mark(stream)
     # Undecodable bytes become characters that no number contains: such a line is counted as unreadable, not fatal.
     while raw := stream.readline(_LONGEST_LINE):
         if raw[-1:] != b"\n" and (len(raw) == _LONGEST_LINE or (suffix != ".csv" and raw.strip())):
@@ -59,6 +61,13 @@ def read_text(stream: BinaryIO, suffix: str, left_out: Counter[str], warnings: l
         warnings.append(f"the date of its beginning cannot be read ({parser.undated}): its times count from there")
     if left_out[_UNREADABLE]:
         warnings.append(f"{left_out[_UNREADABLE]} lines could not be read")
+
+
+def _skip_mark(stream: BinaryIO) -> None:
+    """Skip the byte order mark with which some Windows editors begin a text."""
+    begin = stream.tell()
+    if stream.read(len(BOM_UTF8)) != BOM_UTF8:
+        stream.seek(begin)
 
 
 class _LineParser(ABC):

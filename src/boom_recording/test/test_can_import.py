@@ -168,6 +168,16 @@ def test_unreadable_lines_cost_themselves_only(suffix: str, codec: Codec, tmp_pa
     assert imported(path, codec).recording.duration > 0.9
 
 
+@pytest.mark.parametrize("suffix", ["asc", "log", "csv", "trc"])
+def test_a_byte_order_mark_before_a_text_costs_nothing(suffix: str, codec: Codec, tmp_path: Path) -> None:
+    path = logged(tmp_path / f"log.{suffix}", traffic(codec, 20))
+    plain = can_log.read(path)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    marked = can_log.read(path)
+    assert (marked.left_out, marked.dated) == (plain.left_out, True)
+    assert np.array_equal(marked.stamps_ns, plain.stamps_ns)
+
+
 def test_damaged_container_of_a_blf_costs_itself_only(codec: Codec, tmp_path: Path) -> None:
     path = logged(tmp_path / "log.blf", traffic(codec, 5000))
     content = bytearray(path.read_bytes())

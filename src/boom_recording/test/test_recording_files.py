@@ -331,6 +331,14 @@ def test_a_missing_topic_is_named(bag: Path) -> None:
     assert "retract_current" not in load(bag, require=("/joint_states",)).signals
 
 
+def test_a_topic_without_a_message_is_not_told_as_there(tmp_path: Path) -> None:
+    columns = {name: np.full(20, np.nan if "current" in name else 1.0) for name in ("angle", "rate", "retract_current")}
+    write(tmp_path / "made", from_columns("made", np.arange(20) * 0.01, columns, CONFIGURATION))
+    with pytest.raises(RecordingError, match="/boom/solenoid_currents missing") as told:
+        load(tmp_path / "made", require=("/boom/solenoid_currents",))
+    assert str(told.value).count("/boom/solenoid_currents") == 1
+
+
 def test_a_sensor_that_was_not_recorded_has_no_valid_sample(bag: Path) -> None:
     _rewrite(bag, lambda topic, kind, data: None if topic == "/boom/rod_pressure" else (kind, data))
     found = load(bag)

@@ -13,6 +13,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from boom_input.shown import printable
 from boom_report.channels import number
 
 
@@ -27,6 +28,7 @@ def _environment(package: str) -> Environment:
     environment = Environment(
         loader=PackageLoader(package, "."),
         autoescape=True,
+        finalize=_shown,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -34,6 +36,11 @@ def _environment(package: str) -> Environment:
     )
     environment.filters.update(number=number, fixed=_fixed, general=_general, finite=isfinite)
     return environment
+
+
+def _shown(value: Any) -> Any:
+    """Foreign text without control characters: a terminal that shows a page would obey them."""
+    return printable(value) if type(value) is str else value
 
 
 def _fixed(value: float, places: int) -> str:

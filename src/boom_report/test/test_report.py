@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnosis_samples import constant, simulated, tz17, validated
+from markupsafe import Markup
 
 from boom_identification.validation import Validation, validate
 from boom_recording.recording import Configuration, Event
-from boom_report import events, palette, terms
+from boom_report import events, palette, templates, terms
 from boom_report.channels import number
 from boom_report.console import WIDTH, console_for
 from boom_report.decimation import decimate
@@ -174,6 +175,11 @@ def test_a_channel_without_a_valid_sample_leaves_dashes(tmp_path, name):
     row = next(row for row in page.rows if row[0] == "constant")
     assert row[4:9] == ["–"] * 5
     assert "not compared" in "".join(page.text)
+
+
+def test_control_characters_of_a_recording_are_written_out():
+    shown = templates._environment("boom_report").from_string("{{ note }}{{ fragment }}")
+    assert shown.render(note="<a>\x1b[2J", fragment=Markup("<b>\n</b>")) == "&lt;a&gt;\\x1b[2J<b>\n</b>"
 
 
 def test_names_that_look_like_html_do_no_harm(tmp_path):

@@ -157,7 +157,8 @@ class SimulatedCrane:
     def command(self, retract: float, extend: float, at: float | None = None) -> None:
         """Set both currents [A] from ``at`` [s] on.
 
-        They act from now on without ``at``, or if it has passed or is more than two periods ahead (another clock).
+        They act from now on without ``at``, or if it has passed or is more than two periods ahead (another clock). The solenoids
+        are driven once in a period, as often as they are measured: of several commands for one the last counts.
 
         Raises:
             CommandError: a current that is not finite, negative, or larger than any driver delivers.
@@ -170,11 +171,13 @@ class SimulatedCrane:
         known = at is not None and self.time < at <= self.time + 2 * PERIOD
         begin = at if known and at is not None else self.time
         self._commands.given = (begin, max(retract, 0.0), max(extend, 0.0))
-        begin += self._plant.command_delay
-        waiting = self._commands.waiting
-        while waiting and waiting[-1][0] > begin:  # a newer command replaces what was to act later
+        delay, waiting = self._plant.command_delay, self._commands.waiting
+        period = math.floor((begin + _COINCIDENT) / PERIOD) * PERIOD
+        while (
+            waiting and waiting[-1][0] > period + delay - _COINCIDENT
+        ):  # what was to act later, or before it in its period
             waiting.pop()
-        waiting.append((begin, max(retract, 0.0), max(extend, 0.0)))
+        waiting.append((begin + delay, max(retract, 0.0), max(extend, 0.0)))
 
     def set_load(self, mass: float) -> None:
         """Attach a load [kg] to the tip, at the tip's speed; 0 = none.

@@ -87,6 +87,18 @@ def test_measured_current_is_stamped_from_when_it_acts(machine: Machine) -> None
     assert following.extend_current == 0.5
 
 
+@pytest.mark.parametrize("delay", [{}, {"command_delay": {"T": 0.037}}])
+def test_of_several_commands_in_a_period_the_last_acts_and_is_measured(
+    machine: Machine, delay: dict[str, dict[str, float]]
+) -> None:
+    many, one = crane(machine.with_effects(delay)), crane(machine.with_effects(delay))
+    for k in range(20):
+        for at, current in ((0.001, 0.2), (0.003, 0.5), (0.006, 0.3)):
+            many.command(0.0, current + 0.01 * k, at=many.time + at)
+        one.command(0.0, 0.3 + 0.01 * k, at=one.time + 0.006)
+        assert many.advance() == one.advance()
+
+
 def test_command_delay_shifts_the_motion_but_not_the_measured_current(machine: Machine) -> None:
     delayed = crane(machine.with_effects({"command_delay": {"T": 0.037}}))
     plain = crane(machine)

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,6 +31,9 @@ from boom_model.owner.questions import BY_KEY, QUESTIONS, Answer, checked_answer
 if TYPE_CHECKING:
     from boom_model.rigid_body import LockedBody
 
+_OF_URDF = ("position", "urdf_joint", "urdf_tip", "downwards")
+_FARTHEST = 100.0
+"""rad or m. Of a joint without limits."""
 HELP = "write a machine file for a new crane and say what recordings can tell about it"
 
 
@@ -48,12 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", metavar="F", help="write answers, doubts and what the recordings tell to F")
     urdf = parser.add_argument_group("moments from a URDF")
     urdf.add_argument("--urdf", metavar="FILE", help="robot description of the crane")
-    urdf.add_argument(
-        "--urdf-joint", metavar="NAME", default="inner_boom_joint", help="the boom's joint (default: inner_boom_joint)"
-    )
-    urdf.add_argument(
-        "--urdf-tip", metavar="NAME", default="boom_tip", help="the link where a load hangs (default: boom_tip)"
-    )
+    urdf.add_argument("--urdf-joint", metavar="NAME", help="the boom's joint (default: inner_boom_joint)")
+    urdf.add_argument("--urdf-tip", metavar="NAME", help="the link where a load hangs (default: boom_tip)")
     urdf.add_argument(
         "--position", metavar="JOINT=VALUE", action="append", default=[],
         help="position of another joint [rad, m] (default: 0); of the boom's joint: where the boom is level; repeatable",
@@ -112,9 +112,15 @@ def _given(args: argparse.Namespace) -> dict[str, Answer]:
     options = {q.key: getattr(args, q.key) for q in QUESTIONS if getattr(args, q.key) is not None}
     answers |= checked_answers(options, "options")
     if args.urdf:
+        if args.moments not in (None, "urdf"):
+            raise UsageError(f"--moments {args.moments} and --urdf contradict each other: leave one out")
         answers["moments"] = "urdf"
-    if answers.get("moments") == "urdf" and not args.urdf:
+    elif answers.get("moments") == "urdf":
         raise UsageError("moments: urdf needs the robot description: give --urdf FILE")
+    elif useless := [name for name in _OF_URDF if getattr(args, name)]:
+        raise UsageError(
+            f"--{useless[0].replace('_', '-')} says something of a robot description: give its --urdf FILE, too"
+        )
     return answers
 
 
@@ -159,9 +165,13 @@ def _asked(key: str) -> Answer:
         if not typed and question.proposal is not None:
             return question.checked(question.proposal)
         try:
-            return question.checked(typed)
+            answer = question.checked(typed)
         except MachineError as error:
             print(error)
+            continue
+        if (key, answer) != ("moments", "urdf"):
+            return answer
+        print("moments: urdf needs the robot description, --urdf FILE of the command line: choose another answer here")
     raise UsageError(f"{key}: no answer; give {question.option}")
 
 
@@ -178,14 +188,32 @@ def _body(args: argparse.Namespace, answers: dict[str, Answer]) -> LockedBody:
     from boom_description.tip_pose import TipKinematics
     from boom_input.files import read_text
 
-    kinematics = TipKinematics(read_text(Path(args.urdf)), args.urdf_tip)
-    positions = dict.fromkeys(kinematics.joint_names, 0.0) | dict(_position(text) for text in args.position)
-    unknown = [name for name in (*positions, args.urdf_joint) if name not in kinematics.joint_names]
-    if unknown:
-        there = ", ".join(kinematics.joint_names)
-        raise UsageError(f"--urdf {args.urdf}: no joint {unknown[0]} on the way to {args.urdf_tip}; there are {there}")
-    found = kinematics.carried(args.urdf_joint, positions, -1.0 if args.downwards else 1.0)
+    joint, tip = args.urdf_joint or "inner_boom_joint", args.urdf_tip or "boom_tip"
+    kinematics = TipKinematics(read_text(Path(args.urdf)), tip)
+    if joint not in kinematics.joint_names:
+        raise UsageError(_no_joint(args.urdf, joint, tip, kinematics.joint_names))
+    limits = dict(kinematics.limits) | {
+        joint: (-2.0 * math.pi, 2.0 * math.pi)
+    }  # where it is level, it need not come to
+    positions = dict.fromkeys(kinematics.joint_names, 0.0)
+    given = [_position(text) for text in args.position]
+    for k, (name, value) in enumerate(given):
+        if name not in positions:
+            raise UsageError(_no_joint(args.urdf, name, tip, kinematics.joint_names))
+        if name in dict(given[:k]):
+            raise UsageError(f"--position {name}={value:g}: its position is given twice: leave one out")
+        low, high = (max(limits[name][0], -_FARTHEST), min(limits[name][1], _FARTHEST))
+        if not low <= value <= high:
+            raise UsageError(
+                f"--position {name}={value:g}: it moves from {low:g} to {high:g} rad or m: give a value between"
+            )
+        positions[name] = value
+    found = kinematics.carried(joint, positions, -1.0 if args.downwards else 1.0)
     return LockedBody(found.D0, found.Sx, found.Sy, found.tip)
+
+
+def _no_joint(urdf: str, name: str, tip: str, there: Sequence[str]) -> str:
+    return f"--urdf {urdf}: no joint {name or '(empty)'} on the way to {tip}; there are {', '.join(there) or 'none'}"
 
 
 def _position(text: str) -> tuple[str, float]:

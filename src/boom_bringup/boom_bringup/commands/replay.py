@@ -14,16 +14,9 @@ from boom_bringup.node_command import become_node
 HELP = "replay a recording on topics"
 
 
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
-    return value
-
-
 def _not_negative(text: str) -> float:
-    value = float(text)
-    if not 0.0 <= value < float("inf"):
+    value = arguments.finite(text)
+    if value < 0.0:
         raise argparse.ArgumentTypeError(f"{text} is negative")
     return value
 
@@ -38,10 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="commands: currents to /boom/current_command; reference: angle to /boom/reference (default: commands)",
     )
     parser.add_argument(
-        "--rate", type=_positive, default=1.0, metavar="X", help="times faster than recorded (default: 1)"
+        "--rate", type=arguments.positive, default=1.0, metavar="X", help="times faster than recorded (default: 1)"
     )
     parser.add_argument("--start", type=_not_negative, default=0.0, metavar="S", help="start [s] (default: 0)")
-    parser.add_argument("--duration", type=_positive, metavar="S", help="duration [s] (default: to the end)")
+    parser.add_argument("--duration", type=arguments.positive, metavar="S", help="duration [s] (default: to the end)")
     arguments.add_joint(parser)
     parser.add_argument("--loop", action="store_true", help="restart at the end")
     parser.add_argument("--paused", action="store_true", help="wait for the service /boom_replay/pause (data: false)")
@@ -52,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--wait-for-recorder", action="store_true", help="wait until the recorder reports ready")
     parser.add_argument(
         "--wait-timeout",
-        type=_positive,
+        type=arguments.positive,
         metavar="S",
         help="longest wait for subscribers [s] (default: as in the node)",
     )

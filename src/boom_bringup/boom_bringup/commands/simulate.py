@@ -164,6 +164,7 @@ class _Given:
 
 
 def _given(args: argparse.Namespace, source: Path) -> _Given:
+    from boom_bringup import replica
     from boom_sim.simulated_crane import CraneStart
 
     given = _from_reference(args, source) if args.reference else _with_currents(args, source)
@@ -178,6 +179,7 @@ def _given(args: argparse.Namespace, source: Path) -> _Given:
     if changed:
         given.configuration = replace(given.configuration, **changed)
         given.start = CraneStart(given.start.angle)
+    replica.check_pose(args.input, given.machine, given.configuration)
     return given
 
 

@@ -14,7 +14,7 @@ from boom_controller.controller import Settings
 from boom_controller.errors import ControlError
 from boom_controller.loop.cycle import Cycle
 from boom_controller.loop.interlock import Interlock
-from boom_controller.loop.law_in_use import LawInUse
+from boom_controller.loop.law_in_use import LawInUse, PreparedLaws
 from boom_controller.loop.request import Request
 from boom_controller.loop.unused import unused_in_words
 from boom_controller.references.joint_trajectory import Bounds, Code, TrajectoryError, TrajectoryPoint
@@ -64,10 +64,9 @@ class ControlLoop:
             supervision.stop_deceleration, supervision.largest_rate, supervision.blend,
         )  # fmt: skip
         self._interlock = Interlock(self.law, self.sensors, self.supervision)
-        self._note = ""
+        self._note = self._refused_stream = ""
         self._last_cycle: float | None = None
         self._last_reference = -math.inf
-        self._refused_stream = ""
         self._time = 0.0
         self._last_output = (0.0, 0.0)
         self._goals = Goals()
@@ -75,21 +74,22 @@ class ControlLoop:
     # ---------------------------------------------------------------------------------------------------- configuration
 
     def configure(self, machine: Machine, pose: Pose) -> None:
-        """Set the machine and its pose; not during motion.
+        """:meth:`use` with laws made for a machine and its pose. Raises what both raise."""
+        self.use(self.law.prepared(machine, pose))
 
-        Raises:
-            ControlError, ModelError: the control law cannot be created for it, or the boom moves.
-        """
+    def use(self, laws: PreparedLaws) -> None:
+        """Control with these laws. Raises ControlError: the boom moves, or the machine has no use for the present mode."""
         if self.supervision.moving:
             raise ControlError("the boom moves: stop it before the configuration changes")
-        self.law.configure(machine, pose)
+        self.law.use(laws)
+        machine, _ = laws.configuration
         self._note = unused_in_words(machine)
         self.sensors.set_stroke(*machine.angle_limits)
         self._watch = MotionWatch(self.supervision.settings, machine.angle_limits)
         self._use_supervision(self.supervision.settings)
 
     def configuration_changes(self, now: float) -> None:
-        """React to a changed machine, pose or load: stop a moving boom, after which ``configure`` can be called."""
+        """React to a changed machine, pose or load: stop a moving boom, after which ``use`` can be called."""
         if self.supervision.moving:
             text = "machine, pose or load changed in the configuration during the motion"
             self._stop(StopCause("configuration_changed", text), now)

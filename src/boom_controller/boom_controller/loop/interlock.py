@@ -36,6 +36,8 @@ class Interlock:
 
     def missing(self, now: float) -> str:
         """Why no motion can begin at the time ``now`` [s], in a sentence; empty: it can."""
+        if self._law.preparing:
+            return f"not ready: {self._law.preparing}"
         if self._law.controller is None:
             return "not ready: no /boom/machine_configuration yet"
         finding = self.standing(now)

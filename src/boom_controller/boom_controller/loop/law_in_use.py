@@ -1,10 +1,12 @@
 """The active control law: its mode and settings, changed in motion without a jump of the currents. No ROS.
 
 Creating a law takes a tenth of a second, and ten times that if it has to be compiled: too long for a moving boom. So all laws are
-created at rest, when the machine becomes known.
+created at rest, when the machine becomes known, and beside the cycles.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 from boom_controller.controller import MODES, Settings, make_controller
 from boom_controller.errors import ControlError
@@ -12,6 +14,15 @@ from boom_controller.loop.gradual import GradualSettings
 from boom_controller.loop.handover import Handover
 from boom_controller.types import Controller, ControlOutput, Measurement, Reference
 from boom_model.machine import Machine, Pose
+
+
+@dataclass(frozen=True)
+class PreparedLaws:
+    """What :meth:`LawInUse.prepared` gives: the laws by mode, why there is none of a mode, machine and pose."""
+
+    laws: dict[str, Controller]
+    refused: dict[str, str]
+    configuration: tuple[Machine, Pose]
 
 
 class LawInUse:
@@ -23,8 +34,9 @@ class LawInUse:
 
     Attributes:
         mode, settings: present values; gradual changes are in progress.
-        configuration: machine and pose; None before :meth:`configure`.
+        configuration: machine and pose; None before :meth:`use`.
         controller: the law; both laws during a handover.
+        preparing: laws for another configuration are being made, in words; no motion begins until it is empty again.
         note: what the law had to say in the last step; usually empty.
     """
 
@@ -32,26 +44,39 @@ class LawInUse:
         self.mode, self.settings = mode, settings
         self.configuration: tuple[Machine, Pose] | None = None
         self.controller: Controller | None = None
-        self.note = ""
+        self.preparing = self.note = ""
         self._laws: dict[str, Controller] = {}
         self._refused: dict[str, str] = {}
         self._gradual: GradualSettings | None = None
 
-    def configure(self, machine: Machine, pose: Pose) -> None:
-        """Set the machine and its pose. A law that the machine has no use for is left out, unless it is the active one.
+    def prepared(self, machine: Machine, pose: Pose) -> PreparedLaws:
+        """Laws for a machine and its pose; a law that the machine has no use for is left out, unless it is the active one.
+
+        Changes nothing here, and so may take its time in another thread.
 
         Raises:
-            ControlError, ModelError: the active law cannot be created for it; the old ones stay.
+            ControlError, ModelError: the active law cannot be created for it.
         """
-        laws, refused = {self.mode: make_controller(self.mode, machine, pose, self.settings)}, {}
+        active, settings = self.mode, self.settings
+        laws, refused = {active: make_controller(active, machine, pose, settings)}, {}
         for mode in MODES:
             try:
-                laws[mode] = laws.get(mode) or make_controller(mode, machine, pose, self.settings)
+                laws[mode] = laws.get(mode) or make_controller(mode, machine, pose, settings)
             except ControlError as error:
                 refused[mode] = str(error)
-        self._laws, self._refused = laws, refused
+        return PreparedLaws(laws, refused, (machine, pose))
+
+    def use(self, prepared: PreparedLaws) -> None:
+        """Control with these laws from now on, with the present mode and settings.
+
+        Raises:
+            ControlError: the mode has become one that the machine has no use for; the old laws stay.
+        """
+        if self.mode in prepared.refused:
+            raise ControlError(prepared.refused[self.mode])
+        self._laws, self._refused, self.configuration = prepared.laws, prepared.refused, prepared.configuration
         self.controller = self._laws[self.mode]
-        self.configuration = (machine, pose)
+        self.controller.change(self.settings)
 
     def change_settings(self, settings: Settings, seconds: float) -> None:
         """Change the settings within so many seconds [s]; 0: at once.

@@ -11,16 +11,26 @@ from typing import Any
 
 from boom_controller.controller import Settings
 from boom_controller.loop.control_loop import ControlLoop
+from boom_controller.loop.law_in_use import LawInUse, PreparedLaws
 from boom_controller.supervision.sensor_set import SensorSet
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_model.machine import Machine, Pose
 
 
 class Rehearsal:
-    """The second loop. Arguments, :meth:`configure` and :meth:`change` are those of :class:`ControlLoop`."""
+    """The second loop. Arguments, ``law``, :meth:`use`, :meth:`configure` and :meth:`change` are those of :class:`ControlLoop`."""
 
     def __init__(self, mode: str, settings: Settings, supervision: SupervisionSettings) -> None:
         self._loop = ControlLoop(mode, settings, supervision)
+
+    @property
+    def law(self) -> LawInUse:
+        """Its own laws."""
+        return self._loop.law
+
+    def use(self, laws: PreparedLaws) -> None:
+        """Use such laws from now on."""
+        self._loop.use(laws)
 
     def configure(self, machine: Machine, pose: Pose) -> None:
         """Set the machine and its pose."""

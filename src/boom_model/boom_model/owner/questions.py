@@ -64,7 +64,8 @@ class Question:
             MachineError: not a number in the range, or not one of the words.
         """
         if not self.is_number:
-            word = str(given).strip()
+            # YAML reads yes and no as true and false
+            word = ("no", "yes")[given] if isinstance(given, bool) and "yes" in self.words else str(given).strip()
             if self.words and word not in self.words:
                 raise MachineError(f"{self.key}: {word!r} is not one of {', '.join(self.words)}")
             if not word:
