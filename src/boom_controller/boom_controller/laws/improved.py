@@ -248,10 +248,10 @@ class Improved:
         needed = ca.fabs(flows.spool(stiffness * came, a, b, self._stroke))
         seen = SpoolSeen(position, needed, modelled + leaking, came, compressing, full)
         travel = observe_spool(x.spool, seen, self._dead_zone, self._spread, s)
-        stiff = q.stiffness_line * self._area_a**2 + q.stiffness_rod * self._area_b**2
         delay = observe_dead_time(
-            x.delay, velocity, x.past.speeds[0], dead - x.delay.delay, q.force, stiff, -told, full, s
-        )
+            x.delay, velocity, x.past.speeds[0], dead - x.delay.delay, q.force, stiffness, -told, full, s,
+            found=self._model.command_delay > 0.0,
+        )  # fmt: skip
         stall = watch_supply(
             x.stall, velocity, head_flow / self._area_a, m.hose_pressure * self._area_a, a * self._area_a, s
         )

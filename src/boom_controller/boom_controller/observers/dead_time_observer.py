@@ -7,9 +7,11 @@ pass twice; candidates theta_i lie 10 ms apart around the dead time that is told
 
 g, what the valve's gain, and c, what the oil's compliance is off by, are fitted for each candidate by least squares with their
 prior (``GAIN``, ``COMPLIANCE``) and a memory of T seconds of motion, so that neither passes for dead time. The residual
-sum chi_i^2 that is left and the prior give the posterior
+sum chi_i^2 that is left of N independent samples, whose noise is known from nu others beforehand, and the prior give the posterior
 
-    p_i ~ prior_i exp(-chi_i^2 / 2),   theta^ = sum p_i theta_i,   prior_i ~ exp(-|theta_i| / theta_0) or as told, theta_i = 0
+    p_i ~ prior_i (nu + chi_i^2)^(-(nu + N) / 2),   theta^ = sum p_i theta_i
+
+prior_i: as told with ``AS_TOLD``, else ~ exp(-|theta_i| / theta_0).
 
 Nothing is learnt while the rod side may draw oil through its anti-cavitation valve. A lag passes for dead time, and is as good as
 that to a law that predicts over it.
@@ -27,11 +29,13 @@ from boom_model.regularisation import Expression
 FORGETTING = 12.0
 """1/s, of the high passes: slower, errors of the flow last longer than the delay."""
 NOISE, CORRELATED = 2.0e-4, 0.04
-"""m and s: y is off by so much, for so long at a time."""
+"""m and s: y is off by about so much, for so long at a time."""
+KNOWN = 4.0
+"""So many such times are what the noise is known from beforehand; the motion tells how large it is, Student's t."""
 GAIN, COMPLIANCE = 0.2, 0.5
 """Standard deviations of g and c about 1."""
-AS_TOLD, USUAL = 0.8, 0.03
-"""Probability that the dead time is what is told; s, theta_0."""
+AS_TOLD, AS_FOUND, USUAL = 0.9, 0.99, 0.03
+"""Probability that the dead time is what is told: nothing, or what a machine file says; s, theta_0."""
 LEAST_SPEED = 0.03
 """m/s of Q: faster, the memory fades."""
 REMEMBERED = 6.0
@@ -75,12 +79,13 @@ class Fit(NamedTuple):
 
 
 class DeadTimeState(NamedTuple):
-    """theta^ [s]; y + F, F and u [m] behind one high pass, y + F and F behind both; f_p [N] of the sample before.
+    """theta^ [s], N; y + F, F and u [m] behind one high pass, y + F and F behind both; f_p [N] of the sample before.
 
     u of the last samples behind both, newest first; a fit for each candidate.
     """
 
     delay: Expression = 0.0
+    count: Expression = 0.0
     moved: Expression = 0.0
     compressed: Expression = 0.0
     given: Expression = 0.0
@@ -96,20 +101,21 @@ class DeadTimeState(NamedTuple):
         return cls(u=(0.0,) * (round(HISTORY / sample_time) + 1), fits=(Fit(),) * len(CANDIDATES))
 
 
-def prior(delay: float) -> float:
-    """Of a candidate."""
-    others = sum(exp(-abs(other) / USUAL) for other in CANDIDATES if other)
-    return (1.0 - AS_TOLD) * exp(-abs(delay) / USUAL) / others if delay else AS_TOLD
+def prior(delay: float, found: bool) -> float:
+    """Of a candidate; ``found``: the machine file tells a dead time."""
+    told, others = AS_FOUND if found else AS_TOLD, sum(exp(-abs(other) / USUAL) for other in CANDIDATES if other)
+    return (1.0 - told) * exp(-abs(delay) / USUAL) / others if delay else told
 
 
 def observe_dead_time(
     x: DeadTimeState, velocity: Expression, acting: Expression, late: Expression, force: Expression, stiffness: Expression,
-    shortest: Expression, trusted: Expression, s: Any,
+    shortest: Expression, trusted: Expression, s: Any, *, found: bool = False,
 ) -> DeadTimeState:  # fmt: skip
     """One sample time.
 
     velocity: v [m/s]; acting: Q [m/s] once the command before this sample acts; late: how long that takes by what is told [s];
-    force: f_p [N]; stiffness: K [N/m]; shortest: the least theta^ [s]; not ``trusted``: it waits; settings ``s``.
+    force: f_p [N]; stiffness: K [N/m]; shortest: the least theta^ [s]; not ``trusted``: it waits; settings ``s``;
+    found: the machine file tells a dead time.
     """
     t = s.sample_time
     hold = exp(-FORGETTING * t)
@@ -118,7 +124,9 @@ def observe_dead_time(
     compressed, given = hold * x.compressed + compressing, hold * x.given + t * acting
     y, f = hold * x.y + moved - x.moved, hold * x.f + compressed - x.compressed
     u = (hold * x.u[0] + given - x.given, *x.u[:-1])
-    keep = 1.0 - t / REMEMBERED * acting**2 / (acting**2 + LEAST_SPEED**2)
+    moving = acting**2 / (acting**2 + LEAST_SPEED**2)
+    keep = 1.0 - t / REMEMBERED * moving
+    count = ca.if_else(trusted, keep * x.count + t / CORRELATED * moving, x.count)
     weight = t / (CORRELATED * NOISE**2)
     fits, logs = [], []
     for delay, fit in zip(CANDIDATES, x.fits, strict=True):
@@ -126,12 +134,18 @@ def observe_dead_time(
         after = fit.after(shift, f, y - shift, keep, weight)
         after = Fit(*(ca.if_else(trusted, new, old) for new, old in zip(after, fit, strict=True)))
         fits.append(after)
-        logs.append(ca.if_else(delay < shortest - 1e-9, -1e9, -0.5 * after.left + log(prior(delay))))
+        logs.append(
+            ca.if_else(
+                delay < shortest - 1e-9,
+                -1e9,
+                log(prior(delay, found)) - 0.5 * (KNOWN + count) * ca.log(KNOWN + after.left),
+            )
+        )
     best = ca.mmax(ca.vertcat(*logs))
     shares = [ca.exp(value - best) for value in logs]
     total = sum(shares)
     mean = sum(share * delay for share, delay in zip(shares, CANDIDATES, strict=True)) / total
-    return DeadTimeState(mean, moved, compressed, given, y, f, force, u, tuple(fits))
+    return DeadTimeState(mean, count, moved, compressed, given, y, f, force, u, tuple(fits))
 
 
 def _back(values: tuple[Expression, ...], samples: Expression) -> Expression:
