@@ -26,7 +26,7 @@ T = S.sample_time
 
 def speed(time: float) -> float:
     """A piston speed that comes and goes [m/s]."""
-    return 0.08 * sin(1.3 * time) * (1.0 + 0.4 * sin(4.1 * time))
+    return 0.08 * sin(1.3 * time) * (1.0 + 0.6 * sin(11.0 * time))
 
 
 @cache
