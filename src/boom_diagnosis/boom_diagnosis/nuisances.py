@@ -40,7 +40,7 @@ PILOT_POLE, PILOT_GAIN, PILOT_FEEDTHROUGH = "pilot_valves.a1_s", "pilot_valves.b
 CLOCK = "clock of the logged currents"
 _EFFECTS = "effects."
 _NOT_PHYSICS = ("constants.", "hose_burst_valve.unit", "hose_burst_valve.dp_lin", "cylinder.l_")
-_VALVE, _STROKE_PER_CURRENT = "main_valve_orifices.", "main_valve_spool.K_i"
+_VALVE = "main_valve_orifices."
 _OF_EVERYTHING = ("fluid.C_d", "fluid.rho", "cylinder.A_a", "kinematics.b")
 _UNITS_OF_THE_SPOOL = ("main_valve_spool.A_s", "main_valve_spool.s_max")
 """Assumed, and everything else of the valve is known relative to them: the spring by (5.10), k = p_max A_s / s_max, the friction as
@@ -152,16 +152,16 @@ def of_pose(machine: Machine, pose: Pose) -> list[Nuisance]:
 def _units(machine: Machine, pose: Pose) -> set[str]:
     """Numbers that others are known relative to, as far as these may be off by as much.
 
-    Overlaps and areas of the main valve to the stroke over current where the current commands the spool. Without accumulators and
-    burst valve all areas are relative to C_d and rho, and masses, friction, volumes and areas to the piston area and the lever b.
-    Along what such numbers leave open together a fit would creep.
+    Without accumulators and burst valve all areas are relative to C_d and rho, and masses, friction, volumes and areas to the piston
+    area and the lever b. Along what such numbers leave open together a fit would creep. Stroke over current is none of them: the
+    spool's stop tells it.
     """
     valve = [
         p for key, p in machine.parameters.items() if key.startswith(_VALVE) and key != f"{_VALVE}n" and p.value[0]
     ]
     told = min(2.0 * prior_of(machine, "pose.D0", pose).sigma / pose.D0, *map(_relative, valve))
     others = machine.structure.has("accumulators") or machine.structure.has("hose_burst_valve")
-    units = (_STROKE_PER_CURRENT, *(() if others else _OF_EVERYTHING))
+    units = () if others else _OF_EVERYTHING
     small = (key for key in units if key in machine.parameters and _relative(machine.parameters[key]) <= told)
     return {*_UNITS_OF_THE_SPOOL, *small}
 
