@@ -152,9 +152,9 @@ def of_pose(machine: Machine, pose: Pose) -> list[Nuisance]:
 def _units(machine: Machine, pose: Pose) -> set[str]:
     """Numbers that others are known relative to, as far as these may be off by as much.
 
-    Without accumulators and burst valve all areas are relative to C_d and rho, and masses, friction, volumes and areas to the piston
-    area and the lever b. Along what such numbers leave open together a fit would creep. Stroke over current is none of them: the
-    spool's stop tells it.
+    Without accumulators and burst valve all areas are relative to C_d and rho, and masses, friction, volumes and areas to the
+    piston area and the lever b. Along what such numbers leave open together a fit would creep. Stroke over current is none of
+    them: the spool's stop tells it.
     """
     valve = [
         p for key, p in machine.parameters.items() if key.startswith(_VALVE) and key != f"{_VALVE}n" and p.value[0]
