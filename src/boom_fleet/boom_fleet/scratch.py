@@ -1,7 +1,7 @@
 """Folders that last as long as they are needed, and the end of those that a killed process left.
 
-The process that uses a folder holds the kernel's lock on it, which goes with the process, however that ends: a folder of this kind that
-can be locked belongs to nobody any more.
+The process that uses a folder holds the kernel's lock on it, which goes with the process, however that ends: a folder of this
+kind that can be locked belongs to nobody any more.
 """
 
 from __future__ import annotations
