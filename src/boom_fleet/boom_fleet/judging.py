@@ -79,12 +79,12 @@ def _habits(frames: Sequence[_Frame]) -> tuple[float, float]:
     """Of machines with the same numbers; those of a fleet of which nothing can be compared are wide."""
     pairs = [habits([f.evidence], f.effects, f.own) for f in frames]
     if not pairs:
-        return _UNKNOWN
+        return UNKNOWN
     form, wander = np.median(np.log(np.array(pairs)), axis=0)
     return float(np.exp(form)), float(np.exp(wander))
 
 
-_UNKNOWN = (0.1, 0.2)
+UNKNOWN = (0.1, 0.2)
 """``form`` and ``wander`` of a fleet without two recordings of one machine."""
 
 

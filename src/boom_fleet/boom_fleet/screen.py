@@ -7,7 +7,7 @@ are right. With D = dw/dz of all numbers z (``boom_fleet.numbers``), at a point 
 
 z0 is where the machine's tolerated numbers were in its reference recording (:func:`reference`), the same for all its recordings.
 A and b are all that the comparison with other recordings needs (``boom_fleet.evidence``): 60 000 samples become one small matrix.
-Recordings are worked off in blocks, so that memory does not grow with their length.
+Recordings are worked off in blocks, so that memory does not grow with their length; of long ones the blocks that tell most.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_estimation.design import sharpens
 from boom_estimation.experiment import PreparedRecording, prepare
 from boom_estimation.problem import EstimationProblem
+from boom_fleet.minutes import in_order, lasting
 from boom_fleet.numbers import Numbers, numbers_of, present
 from boom_model.catalogue import EFFECTS
 from boom_model.machine import Machine
@@ -117,18 +119,25 @@ def reference(recording: Recording, machine: Machine) -> tuple[tuple[str, ...], 
 
 
 def screened(recording: Recording, machine: Machine, at: Mapping[str, float]) -> Screening:
-    """Screen a recording; ``at``: where the numbers are expanded, by name.
+    """Screen a recording, of a long one the minutes that tell most (``boom_fleet.minutes``), until a further one tells little.
+
+    at: where the numbers are expanded, by name.
 
     Raises:
         ScreenError: no stretch of it can be predicted.
         MachineError: a pose or load that the machine cannot have.
     """
-    total = None
-    for block in blocks(recording):
-        one = _PreparedBlock.of(block, machine)
-        if one is not None:
-            found = one.expanded(np.array([at.get(name, 0.0) for name in one.numbers.names]))
-            total = found if total is None else _joined(total, found)
+    found = list(blocks(recording))
+    total, known = None, 0.0
+    for k in in_order(found):
+        one = _PreparedBlock.of(found[k], machine)
+        if one is None:
+            continue
+        expanded = one.expanded(np.array([at.get(name, 0.0) for name in one.numbers.names]))
+        total, before = expanded if total is None else _joined(total, expanded), known
+        known = lasting(total.matrix, one.numbers)
+        if before and not sharpens(before, known, len(total.names)):
+            break
     if total is None:
         raise _nothing(recording)
     return total
