@@ -2,7 +2,8 @@
 
 The screen's derivatives cost more than all else that is done with a recording, and a machine at work repeats itself. The minutes
 are put into an order by how the boom was moved, measured, and never by how well the model predicts them: minutes that were chosen
-because they fit badly would make a sound machine look changed. With phi(t) = (1, x, x^2), apart for standing, extending and retracting,
+because they fit badly would make a sound machine look changed. With phi(t) = (1, x, x^2), apart for standing, extending and
+retracting,
 
     x = angle, rate, both pressures, both currents, and how the rate and the pressures change        of unit variance
     M_k = sum of phi phi' over minute k, in units of its mean over the whole recording
