@@ -104,15 +104,15 @@ def reference(recording: Recording, machine: Machine) -> tuple[tuple[str, ...], 
     low, high = np.clip(np.array([u.bounds for u in moving[0].numbers.unknowns[:n]]).T, -FURTHEST, FURTHEST)
     best, least, damping = z, np.inf, 1.0
     for _ in range(MOST_STEPS):
-        total = reduce(_joined, (one.expanded(z) for one in moving))
-        cost = float(0.5 * total.squares.sum() + 0.5 * z @ z)
+        cost = float(0.5 * sum(one.expanded(z, 0).squares.sum() for one in moving) + 0.5 * z @ z)
         if cost < least - ENOUGH:
-            best, least, damping, at = z, cost, min(1.0, 2.0 * damping), total
+            best, least, damping = z, cost, min(1.0, 2.0 * damping)
+            at = reduce(_joined, (one.expanded(z, n) for one in moving))
         elif damping < LEAST_DAMPING:
             break
         else:
             damping *= 0.4
-        wanted = np.linalg.solve(at.matrix[:n, :n] + np.eye(n), at.vector[:n])
+        wanted = np.linalg.solve(at.matrix + np.eye(n), at.vector)
         z = best.copy()
         z[:n] += damping * (np.clip(wanted, low, high) - best[:n])
     return moving[0].numbers.names, best
@@ -175,11 +175,12 @@ class _PreparedBlock:
         steps = [max(u.step, _reach(u.name)) for u in numbers.unknowns]
         return cls(prepared, numbers, EstimationProblem([prepared], numbers.unknowns), np.array(steps))
 
-    def expanded(self, z: Array) -> Screening:
-        problem = self.problem
+    def expanded(self, z: Array, count: int | None = None) -> Screening:
+        """The expansion at z (k,), by the first ``count`` numbers; by all by default."""
+        problem, k = self.problem, len(z) if count is None else count
         gains = problem.gains(z, problem.first_gains(), level=LEVEL)
-        innovations, derivatives = problem.sensitivities(z, gains, steps=self.steps, tolerance=TOLERANCE)
-        k, shape = len(z), (len(OUTPUTS), len(REGIMES))
+        innovations, derivatives = problem.sensitivities(z, gains, range(k), steps=self.steps, tolerance=TOLERANCE)
+        shape = (len(OUTPUTS), len(REGIMES))
         a, b, sums, counts = np.zeros((k, k)), np.zeros(k), np.zeros(shape), np.zeros(shape)
         moving = seconds = 0.0
         for (_, segment), gain, e, d in zip(problem.segments, gains, innovations, derivatives, strict=True):
@@ -190,7 +191,7 @@ class _PreparedBlock:
             w, dw = gain.whiten(e[:, :, None])[:, :, 0], gain.whiten(d)
             w, dw = np.where(used, w, 0.0), np.where(used[:, :, None], dw, 0.0)
             weight = np.minimum(1.0, LARGEST / np.maximum(np.abs(w), 1e-9))
-            rows, left = (dw * np.sqrt(weight)[:, :, None]).reshape(-1, k), (w * np.sqrt(weight)).reshape(-1)
+            rows, left = (dw * np.sqrt(weight)[:, :, None]).reshape(w.size, k), (w * np.sqrt(weight)).reshape(-1)
             a += rows.T @ rows
             b -= rows.T @ left
             regime = _regime(segment.measured[1:, OUTPUTS.index("rate")])
@@ -200,7 +201,7 @@ class _PreparedBlock:
                 counts[:, r] += inside.sum(axis=0)
             moving += float((regime > 0).sum()) * self.prepared.period
             seconds += segment.end - segment.start
-        return Screening(self.numbers.names, a, b + a @ z, sums, counts, seconds, moving)
+        return Screening(self.numbers.names[:k], a, b + a @ z[:k], sums, counts, seconds, moving)
 
 
 def _reach(name: str) -> float:
