@@ -58,7 +58,9 @@ def test_differences_by_the_gas_reach_across_the_corner_at_which_an_accumulator_
     (block,) = pieces(recording, 10.0)
     one = screen._PreparedBlock.of(block, load_machine("tz17"))
     steps = dict(zip(one.numbers.names, zip(one.steps, one.numbers.unknowns, strict=True), strict=True))
-    shares = [u.value(step) / u.value(0.0) for name, (step, u) in steps.items() if "precharge" in name or "p_g0" in name]
+    shares = [
+        u.value(step) / u.value(0.0) for name, (step, u) in steps.items() if "precharge" in name or "p_g0" in name
+    ]
 
     assert len(shares) == 3
     assert shares == pytest.approx([0.955] * 3)
