@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "benchmarks"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 
 from fleet_cranes import FATES, Fleet, make
 
+ROOT = Path(__file__).resolve().parents[3]
 FLEET = Fleet(1, 3, 6.0, FATES[:1], seed=1)
 MACHINE = ROOT / "src/boom_model/boom_model/machines/tz17.yaml"
 
