@@ -21,12 +21,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import erf, log, sqrt
+from itertools import groupby
+from math import log, sqrt
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit, logsumexp, softmax
+from scipy.special import expit, logsumexp, ndtr, softmax
 
 Array = NDArray[np.float64]
 
@@ -150,13 +151,13 @@ class MachinePast:
         mean = covariance @ b
         return np.append(0.0, mean[t:]), np.append(0.0, np.sqrt(np.diag(covariance)[t:]))
 
-    def sums(self, course: Array, direction: Direction, count: int) -> tuple[Array, float]:
-        """(k,) sum of g A d, and sum of g d'b, over the first ``count`` recordings."""
+    def sums(self, course: Array, direction: Direction, count: int) -> tuple[Array, Array]:
+        """Sum of g A d (.., k), and sum of g d'b (..), over the first ``count`` recordings; g (.., count): one or many."""
         if direction.id not in self._along:
             rows = np.array([m @ direction.along for m in self._matrix])
             self._along[direction.id] = rows, np.array([direction.along @ v for v in self._vector])
         columns, scores = self._along[direction.id]
-        return np.asarray(course @ columns[:count]), float(course @ scores[:count])
+        return np.asarray(course @ columns[:count]), np.asarray(course @ scores[:count])
 
     def matrices(self, count: int) -> tuple[list[Array], list[Array]]:
         """A and b of the first recordings, what differs from day to day taken into account."""
@@ -204,7 +205,7 @@ class MachinePosterior:
             prior + past.constant(count) + design.log_evidence
             for prior, past, design in zip(self._priors, self._pasts, designs, strict=True)
         ])  # fmt: skip
-        return [_integrated(rows, known) for rows in zip(*(d.weigh(candidates) for d in designs), strict=True)]
+        return _integrated(candidates, np.array([d.weigh(candidates) for d in designs]), known)
 
     def _candidates(self, count: int) -> list[_Candidate]:
         result = []
@@ -278,14 +279,20 @@ class _Weighed:
     deviation: float
 
 
-def _integrated(rows: Sequence[_Weighed], known: Array) -> _Weighed:
-    """One candidate under every ``form``; ``known``: log evidence of each if nothing further had changed."""
-    both = known + np.array([row.log_odds for row in rows])
-    share = softmax(both)
-    means, deviations = (np.array([getattr(row, name) for row in rows]) for name in ("mean", "deviation"))
-    mean = float(share @ means)
-    deviation = sqrt(float(share @ (deviations**2 + (means - mean) ** 2)))
-    return _Weighed(rows[0].candidate, float(logsumexp(both) - logsumexp(known)), mean, deviation)
+def _integrated(candidates: Sequence[_Candidate], rows: Array, known: Array) -> list[_Weighed]:
+    """The candidates under every ``form``: rows (forms, 3, c) of :meth:`_Design.weigh`.
+
+    known: (forms,) log evidence of each if nothing further had changed.
+    """
+    both = known[:, None] + rows[:, 0]
+    share = softmax(both, axis=0)
+    odds = logsumexp(both, axis=0) - logsumexp(known)
+    means = np.sum(share * rows[:, 1], axis=0)
+    deviations = np.sqrt(np.sum(share * (rows[:, 2] ** 2 + (rows[:, 1] - means) ** 2), axis=0))
+    return [
+        _Weighed(c, float(o), float(m), float(d))
+        for c, o, m, d in zip(candidates, odds, means, deviations, strict=True)
+    ]
 
 
 class _Design:
@@ -311,27 +318,32 @@ class _Design:
             b @ self._mean - np.linalg.slogdet(a)[1] + np.sum(np.log(past.precision))
         )  # fmt: skip
 
-    def weigh(self, candidates: Sequence[_Candidate]) -> list[_Weighed]:
-        """The odds of each candidate beside what is accepted."""
-        return [self._weighed(c) for c in candidates]
+    def weigh(self, candidates: Sequence[_Candidate]) -> Array:
+        """(3, c) of each candidate beside what is accepted: log odds, prior included; mean and standard deviation of its size.
 
-    def _weighed(self, c: _Candidate) -> _Weighed:
-        past, along = self._past, c.direction.along
-        course = c.course(past.times[: self._count])
-        column, score = past.sums(course, c.direction, self._count)
-        square = float(past.sums(course**2, c.direction, self._count)[0] @ along)
-        cross = [past.sums(course * h, c.direction, self._count)[0] @ a.direction.along
-                 for a, h in zip(self._accepted, self._courses, strict=True)]  # fmt: skip
-        shared = np.concatenate([column, cross])
-        information = max(0.0, square - float(shared @ self._inverse @ shared))
-        score -= float(shared @ self._mean)
-        variance = 1.0 / (information + 1.0)
-        mean = score * variance
-        odds = 0.5 * score * mean + 0.5 * log(variance)
-        odds += log(
-            max(1e-300, _mass(c.direction, course[-1], mean, sqrt(variance)) / _mass(c.direction, course[-1], 0.0, 1.0))
+        Candidates of one quantity are next to one another.
+        """
+        return np.concatenate(
+            [self._weighed(list(own)) for _, own in groupby(candidates, key=lambda c: c.direction.id)], axis=1
         )
-        return _Weighed(c, log(c.prior) + odds, mean, sqrt(variance))
+
+    def _weighed(self, own: Sequence[_Candidate]) -> Array:
+        """Candidates of one quantity."""
+        past, count, direction = self._past, self._count, own[0].direction
+        courses = np.array([c.course(past.times[:count]) for c in own])
+        columns, scores = past.sums(courses, direction, count)
+        squares = past.sums(courses**2, direction, count)[0] @ direction.along
+        cross = [past.sums(courses * h, direction, count)[0] @ a.direction.along
+                 for a, h in zip(self._accepted, self._courses, strict=True)]  # fmt: skip
+        shared = np.column_stack([columns, *cross])
+        information = np.maximum(0.0, squares - np.sum((shared @ self._inverse) * shared, axis=1))
+        scores = scores - shared @ self._mean
+        variances = 1.0 / (information + 1.0)
+        means, deviations = scores * variances, np.sqrt(variances)
+        one = np.ones(len(own))
+        inside = _mass(direction, courses[:, -1], means, deviations) / _mass(direction, courses[:, -1], 0.0 * one, one)
+        odds = 0.5 * scores * means + 0.5 * np.log(variances) + np.log(np.maximum(1e-300, inside))
+        return np.array([np.log([c.prior for c in own]) + odds, means, deviations])
 
 
 def habits(
@@ -375,13 +387,8 @@ def spreads(effects: NDArray[np.bool_], own: NDArray[np.bool_], form: float, wan
     return spread, np.where(own, 1.0, wander * spread)
 
 
-def _mass(direction: Direction, course: float, mean: float, deviation: float) -> float:
-    """Probability that the change at the last recording is in the quantity's range."""
-    if course <= 0.0:
-        return 1.0
-    low, high = (x / course for x in (direction.low, direction.high))
-    return _normal((high - mean) / deviation) - _normal((low - mean) / deviation)
-
-
-def _normal(x: float) -> float:
-    return 0.5 * (1.0 + erf(x / sqrt(2.0)))
+def _mass(direction: Direction, course: Array, mean: Array, deviation: Array) -> Array:
+    """Probability that the change at the last recording is in the quantity's range; 1 where it has not begun."""
+    begun = np.where(course > 0.0, course, 1.0)
+    low, high = (ndtr((x / begun - mean) / deviation) for x in (direction.low, direction.high))
+    return np.where(course > 0.0, high - low, 1.0)
