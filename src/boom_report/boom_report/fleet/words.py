@@ -154,7 +154,7 @@ def _screened(rows: Sequence[Row]) -> str:
     """How much of the recordings was screened, where that is not all of them; the checks look at the whole."""
     seen = [(row["screened_s"], row["duration_s"]) for row in rows if row.get("screened_s")]
     screened, recorded = (sum(column) / 3600 for column in zip(*seen, strict=True)) if seen else (0.0, 0.0)
-    if screened > _WHOLE * recorded:
+    if screened >= _WHOLE * recorded:
         return ""
     return f" (checked whole, screened {screened:.2g} h of {recorded:.2g}: the minutes in which the boom travels most)"
 
