@@ -9,12 +9,13 @@ Recording r of a machine has the numbers z_r = theta + eta_r + sum_c delta_c g_c
 
 and log L_r(z_r) from the screen (``boom_fleet.screen``). All of it is linear and Gaussian, so the odds of "nothing changed" against
 "quantity c, this way, since then" are exact. A step at the first recording says that the machine was outside its file's
-tolerance from the beginning. ``form`` and ``wander`` of the fleet are those under which its machines are likeliest if nothing had
-changed, the median over the machines (:func:`habits`). ``wander`` is the same for all; how little the model's form fits is each
-machine's own, so every probability is integrated over ``form``, log-normal about the fleet's (``FORM_SPREAD``).
+tolerance from the beginning. ``form``, of each effect, and ``wander`` are found from the fleet (``boom_fleet.habits``). ``wander``
+is the same for all; how little the model's form fits is each machine's own, so every probability is integrated over a factor of
+``form``, log-normal about the fleet's (``FORM_SPREAD``).
 
 Decision: a machine is raised where P(nothing further changed) < ``false_alarms`` / number of machines, so that in one night no more
-than ``false_alarms`` machines are expected to be raised for nothing. That and the priors below are all that is assumed.
+than ``false_alarms`` machines are expected to be raised for nothing, and where the next recording shows it, too
+(``boom_fleet.judging``). That and the priors below are all that is assumed.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logsumexp, ndtr, softmax
+
+from boom_fleet.past import Direction, Evidence, MachinePast
 
 Array = NDArray[np.float64]
 
@@ -46,25 +49,6 @@ FORM_SPREAD = 1.0
 """Standard deviation of ln(form) over the machines of a fleet."""
 _QUANTILE = 1.6448536269514722
 Shape = Literal["step", "ramp"]
-
-
-@dataclass(frozen=True)
-class Direction:
-    """A quantity: its id, its direction (k,) in z, and the range of its size in z."""
-
-    id: str
-    along: Array
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """One recording's log-likelihood b'z - z'Az/2, and when it was made [s]."""
-
-    time: float
-    matrix: Array
-    vector: Array
 
 
 @dataclass(frozen=True)
@@ -103,67 +87,6 @@ class ChangeHistory:
     odds: float
 
 
-class MachinePast:
-    """All recordings of one machine, in the order of their times, with ``form`` as if it were known.
-
-    Args:
-        evidence: of the recordings. spread: (k,) s of the numbers. wander: (k,) what they differ by from day to day.
-    """
-
-    def __init__(self, evidence: Sequence[Evidence], spread: Array, wander: Array) -> None:
-        self.times = np.array([e.time for e in evidence])
-        self.precision = 1.0 / spread**2
-        self._matrix, self._vector = [], []
-        self._constants: list[float] = []
-        self._along: dict[str, tuple[Array, Array]] = {}
-        for e in evidence:
-            factor = np.linalg.inv(np.eye(len(spread)) + wander[:, None] * e.matrix * wander)
-            inner = wander[:, None] * factor * wander
-            self._matrix.append(e.matrix - e.matrix @ inner @ e.matrix)
-            self._vector.append(e.vector - e.matrix @ (inner @ e.vector))
-            square = float(e.vector @ inner @ e.vector)
-            self._constants.append(0.5 * (square + float(np.linalg.slogdet(factor)[1])))
-
-    def log_likelihood(self) -> float:
-        """Of an unchanged machine, up to what depends on no hypothesis."""
-        return self.constant(len(self.times)) + _Design(self, len(self.times), ()).log_evidence
-
-    def constant(self, count: int) -> float:
-        """What the first recordings say of how much the machine differs from day to day."""
-        return sum(self._constants[:count])
-
-    def levels(self, direction: Direction) -> tuple[Array, Array]:
-        """Size (n,) of a quantity in each recording beyond the first, and its standard deviations, in z."""
-        n, t, along = len(self.times), len(self.precision), direction.along
-        size = t + n - 1
-        a, b = np.zeros((size, size)), np.zeros(size)
-        a[:t, :t] = np.diag(self.precision)
-        a[t:, t:] = np.eye(n - 1) * 1e-6
-        for r, (matrix, vector) in enumerate(zip(self._matrix, self._vector, strict=True)):
-            a[:t, :t] += matrix
-            b[:t] += vector
-            if r:
-                k, column = t + r - 1, matrix @ along
-                a[:t, k] = a[k, :t] = column
-                a[k, k] += along @ column
-                b[k] = along @ vector
-        covariance = np.linalg.inv(a)
-        mean = covariance @ b
-        return np.append(0.0, mean[t:]), np.append(0.0, np.sqrt(np.diag(covariance)[t:]))
-
-    def sums(self, course: Array, direction: Direction, count: int) -> tuple[Array, Array]:
-        """Sum of g A d (.., k), and sum of g d'b (..), over the first ``count`` recordings; g (.., count): one or many."""
-        if direction.id not in self._along:
-            rows = np.array([m @ direction.along for m in self._matrix])
-            self._along[direction.id] = rows, np.array([direction.along @ v for v in self._vector])
-        columns, scores = self._along[direction.id]
-        return np.asarray(course @ columns[:count]), np.asarray(course @ scores[:count])
-
-    def matrices(self, count: int) -> tuple[list[Array], list[Array]]:
-        """A and b of the first recordings, what differs from day to day taken into account."""
-        return self._matrix[:count], self._vector[:count]
-
-
 class MachinePosterior:
     """What a machine's recordings say of its changes, integrated over how little the model's form fits it.
 
@@ -193,7 +116,7 @@ class MachinePosterior:
 
     def levels(self, direction: Direction) -> tuple[Array, Array]:
         """Size (n,) of a quantity in each recording beyond the first, and its standard deviations, in z."""
-        known = [prior + past.log_likelihood() for prior, past in zip(self._priors, self._pasts, strict=True)]
+        known = [prior + log_likelihood(past) for prior, past in zip(self._priors, self._pasts, strict=True)]
         likeliest: MachinePast = self._pasts[int(np.argmax(known))]
         return likeliest.levels(direction)
 
@@ -346,44 +269,31 @@ class _Design:
         return np.array([np.log([c.prior for c in own]) + odds, means, deviations])
 
 
-def habits(
-    machines: Sequence[Sequence[Evidence]], effects: NDArray[np.bool_], own: NDArray[np.bool_]
-) -> tuple[float, float]:
-    """``form`` and ``wander`` of a fleet.
-
-    Args:
-        machines: recordings of each.
-        effects: (k,) which numbers are an effect's.
-        own: (k,) which are drawn anew for every recording.
-    """
-    best = []
-    for evidence in machines:
-        table = {
-            (form, wander): MachinePast(evidence, *spreads(effects, own, form, wander)).log_likelihood()
-            for form in FORMS for wander in WANDERS
-        }  # fmt: skip
-        best.append(max(table, key=lambda pair: table[pair]))
-    form, wander = np.median(np.log(np.array(best)), axis=0)
-    return float(np.exp(form)), float(np.exp(wander))
+def log_likelihood(past: MachinePast) -> float:
+    """Of an unchanged machine, up to what depends on no hypothesis."""
+    count = len(past.times)
+    return past.constant(count) + _Design(past, count, ()).log_evidence
 
 
 def posterior(
-    evidence: Sequence[Evidence], effects: NDArray[np.bool_], own: NDArray[np.bool_], form: float, wander: float,
+    evidence: Sequence[Evidence], effects: Array, own: NDArray[np.bool_], form: float, wander: float,
     directions: Sequence[Direction],
 ) -> MachinePosterior:  # fmt: skip
-    """Of a machine of a fleet with this ``form`` and ``wander``."""
-    return MachinePosterior(
-        [
-            (-0.5 * (log(own_form / form) / FORM_SPREAD) ** 2, MachinePast(evidence, *spreads(effects, own, own_form, wander)))
-            for own_form in FORMS
-        ],
-        directions,
-    )  # fmt: skip
+    """Of a machine of a fleet with this ``form`` and ``wander``; effects, own: as for :func:`spreads`."""
+    pasts = []
+    for own_form in FORMS:
+        prior = -0.5 * (log(own_form / form) / FORM_SPREAD) ** 2
+        pasts.append((prior, MachinePast(evidence, *spreads(effects, own, own_form, wander))))
+    return MachinePosterior(pasts, directions)
 
 
-def spreads(effects: NDArray[np.bool_], own: NDArray[np.bool_], form: float, wander: float) -> tuple[Array, Array]:
-    """``spread`` and ``wander`` (k,) of :class:`MachinePast`."""
-    spread = np.where(effects, form, np.where(own, 1e-3, 1.0))
+def spreads(effects: Array, own: NDArray[np.bool_], form: float, wander: float) -> tuple[Array, Array]:
+    """``spread`` and ``wander`` (k,) of :class:`MachinePast`.
+
+    effects: (k,) 0 for a number that is not an effect's, else how much more than ``form`` healthy machines seem to have of it.
+    own: (k,) which numbers are drawn anew for every recording.
+    """
+    spread = np.where(effects > 0.0, form * effects, np.where(own, 1e-3, 1.0))
     return spread, np.where(own, 1.0, wander * spread)
 
 

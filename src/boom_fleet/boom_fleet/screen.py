@@ -25,7 +25,7 @@ from boom_estimation.design import knowledge, sharpens
 from boom_estimation.experiment import PreparedRecording, prepare
 from boom_estimation.problem import EstimationProblem
 from boom_fleet.evidence import spreads
-from boom_fleet.judging import UNKNOWN
+from boom_fleet.habits import UNKNOWN
 from boom_fleet.numbers import Numbers, numbers_of, present
 from boom_model.catalogue import EFFECTS
 from boom_model.machine import Machine
@@ -142,7 +142,7 @@ def screened(recording: Recording, machine: Machine, at: Mapping[str, float]) ->
             continue
         expanded = one.expanded(np.array([at.get(name, 0.0) for name in one.numbers.names]))
         total, before = expanded if total is None else _joined(total, expanded), known
-        spread, _ = spreads(np.arange(len(total.names)) >= one.numbers.tolerated, one.numbers.own, *UNKNOWN)
+        spread, _ = spreads(1.0 * (np.arange(len(total.names)) >= one.numbers.tolerated), one.numbers.own, *UNKNOWN)
         known = knowledge(spread[:, None] * total.matrix * spread)
         if before and not sharpens(before, known, len(total.names)):
             break
