@@ -97,8 +97,8 @@ def _profile(frames: Sequence[_Frame]) -> dict[str, float]:
 def confirmed(seen: Sequence[ChangeHistory]) -> tuple[ChangeHistory, ...]:
     """What was seen after each recording, with as many changes as were seen after the one before it, too.
 
-    One recording can be odd, of a machine that is sound the next day: an accumulator that ran empty, another load than told. What has
-    changed is still seen in the recording that follows.
+    One recording can be odd, of a machine that is sound the next day: an accumulator that ran empty, another load than told. What
+    has changed is still seen in the recording that follows.
     """
     before = [0, *(len(history.changes) for history in seen)]
     return tuple(replace(h, changes=h.changes[:count]) for h, count in zip(seen, before[:-1], strict=True))

@@ -142,7 +142,8 @@ def screened(recording: Recording, machine: Machine, at: Mapping[str, float]) ->
             continue
         expanded = one.expanded(np.array([at.get(name, 0.0) for name in one.numbers.names]))
         total, before = expanded if total is None else _joined(total, expanded), known
-        spread, _ = spreads(1.0 * (np.arange(len(total.names)) >= one.numbers.tolerated), one.numbers.own, *UNKNOWN)
+        effects = (np.arange(len(total.names)) >= one.numbers.tolerated).astype(np.float64)
+        spread, _ = spreads(effects, one.numbers.own, *UNKNOWN)
         known = knowledge(spread[:, None] * total.matrix * spread)
         if before and not sharpens(before, known, len(total.names)):
             break
