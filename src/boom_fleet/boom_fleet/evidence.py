@@ -9,24 +9,28 @@ Recording r of a machine has the numbers z_r = theta + eta_r + sum_c delta_c g_c
 
 and log L_r(z_r) from the screen (``boom_fleet.screen``). All of it is linear and Gaussian, so the odds of "nothing changed" against
 "quantity c, this way, since then" are exact. A step at the first recording says that the machine was outside its file's
-tolerance from the beginning. ``form`` and ``wander`` of the fleet are those under which its machines are likeliest if nothing had
-changed, the median over the machines (:func:`habits`). ``wander`` is the same for all; how little the model's form fits is each
-machine's own, so every probability is integrated over ``form``, log-normal about the fleet's (``FORM_SPREAD``).
+tolerance from the beginning. ``form``, of each effect, and ``wander`` are found from the fleet (``boom_fleet.habits``). ``wander``
+is the same for all; how little the model's form fits is each machine's own, so every probability is integrated over a factor of
+``form``, log-normal about the fleet's (``FORM_SPREAD``).
 
 Decision: a machine is raised where P(nothing further changed) < ``false_alarms`` / number of machines, so that in one night no more
-than ``false_alarms`` machines are expected to be raised for nothing. That and the priors below are all that is assumed.
+than ``false_alarms`` machines are expected to be raised for nothing, and where the next recording shows it, too
+(``boom_fleet.judging``). That and the priors below are all that is assumed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import erf, log, sqrt
+from itertools import groupby
+from math import log, sqrt
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit, logsumexp, softmax
+from scipy.special import expit, logsumexp, ndtr, softmax
+
+from boom_fleet.past import Direction, Evidence, MachinePast
 
 Array = NDArray[np.float64]
 
@@ -45,25 +49,6 @@ FORM_SPREAD = 1.0
 """Standard deviation of ln(form) over the machines of a fleet."""
 _QUANTILE = 1.6448536269514722
 Shape = Literal["step", "ramp"]
-
-
-@dataclass(frozen=True)
-class Direction:
-    """A quantity: its id, its direction (k,) in z, and the range of its size in z."""
-
-    id: str
-    along: Array
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """One recording's log-likelihood b'z - z'Az/2, and when it was made [s]."""
-
-    time: float
-    matrix: Array
-    vector: Array
 
 
 @dataclass(frozen=True)
@@ -102,67 +87,6 @@ class ChangeHistory:
     odds: float
 
 
-class MachinePast:
-    """All recordings of one machine, in the order of their times, with ``form`` as if it were known.
-
-    Args:
-        evidence: of the recordings. spread: (k,) s of the numbers. wander: (k,) what they differ by from day to day.
-    """
-
-    def __init__(self, evidence: Sequence[Evidence], spread: Array, wander: Array) -> None:
-        self.times = np.array([e.time for e in evidence])
-        self.precision = 1.0 / spread**2
-        self._matrix, self._vector = [], []
-        self._constants: list[float] = []
-        self._along: dict[str, tuple[Array, Array]] = {}
-        for e in evidence:
-            factor = np.linalg.inv(np.eye(len(spread)) + wander[:, None] * e.matrix * wander)
-            inner = wander[:, None] * factor * wander
-            self._matrix.append(e.matrix - e.matrix @ inner @ e.matrix)
-            self._vector.append(e.vector - e.matrix @ (inner @ e.vector))
-            square = float(e.vector @ inner @ e.vector)
-            self._constants.append(0.5 * (square + float(np.linalg.slogdet(factor)[1])))
-
-    def log_likelihood(self) -> float:
-        """Of an unchanged machine, up to what depends on no hypothesis."""
-        return self.constant(len(self.times)) + _Design(self, len(self.times), ()).log_evidence
-
-    def constant(self, count: int) -> float:
-        """What the first recordings say of how much the machine differs from day to day."""
-        return sum(self._constants[:count])
-
-    def levels(self, direction: Direction) -> tuple[Array, Array]:
-        """Size (n,) of a quantity in each recording beyond the first, and its standard deviations, in z."""
-        n, t, along = len(self.times), len(self.precision), direction.along
-        size = t + n - 1
-        a, b = np.zeros((size, size)), np.zeros(size)
-        a[:t, :t] = np.diag(self.precision)
-        a[t:, t:] = np.eye(n - 1) * 1e-6
-        for r, (matrix, vector) in enumerate(zip(self._matrix, self._vector, strict=True)):
-            a[:t, :t] += matrix
-            b[:t] += vector
-            if r:
-                k, column = t + r - 1, matrix @ along
-                a[:t, k] = a[k, :t] = column
-                a[k, k] += along @ column
-                b[k] = along @ vector
-        covariance = np.linalg.inv(a)
-        mean = covariance @ b
-        return np.append(0.0, mean[t:]), np.append(0.0, np.sqrt(np.diag(covariance)[t:]))
-
-    def sums(self, course: Array, direction: Direction, count: int) -> tuple[Array, float]:
-        """(k,) sum of g A d, and sum of g d'b, over the first ``count`` recordings."""
-        if direction.id not in self._along:
-            rows = np.array([m @ direction.along for m in self._matrix])
-            self._along[direction.id] = rows, np.array([direction.along @ v for v in self._vector])
-        columns, scores = self._along[direction.id]
-        return np.asarray(course @ columns[:count]), float(course @ scores[:count])
-
-    def matrices(self, count: int) -> tuple[list[Array], list[Array]]:
-        """A and b of the first recordings, what differs from day to day taken into account."""
-        return self._matrix[:count], self._vector[:count]
-
-
 class MachinePosterior:
     """What a machine's recordings say of its changes, integrated over how little the model's form fits it.
 
@@ -192,7 +116,7 @@ class MachinePosterior:
 
     def levels(self, direction: Direction) -> tuple[Array, Array]:
         """Size (n,) of a quantity in each recording beyond the first, and its standard deviations, in z."""
-        known = [prior + past.log_likelihood() for prior, past in zip(self._priors, self._pasts, strict=True)]
+        known = [prior + log_likelihood(past) for prior, past in zip(self._priors, self._pasts, strict=True)]
         likeliest: MachinePast = self._pasts[int(np.argmax(known))]
         return likeliest.levels(direction)
 
@@ -204,7 +128,7 @@ class MachinePosterior:
             prior + past.constant(count) + design.log_evidence
             for prior, past, design in zip(self._priors, self._pasts, designs, strict=True)
         ])  # fmt: skip
-        return [_integrated(rows, known) for rows in zip(*(d.weigh(candidates) for d in designs), strict=True)]
+        return _integrated(candidates, np.array([d.weigh(candidates) for d in designs]), known)
 
     def _candidates(self, count: int) -> list[_Candidate]:
         result = []
@@ -278,14 +202,20 @@ class _Weighed:
     deviation: float
 
 
-def _integrated(rows: Sequence[_Weighed], known: Array) -> _Weighed:
-    """One candidate under every ``form``; ``known``: log evidence of each if nothing further had changed."""
-    both = known + np.array([row.log_odds for row in rows])
-    share = softmax(both)
-    means, deviations = (np.array([getattr(row, name) for row in rows]) for name in ("mean", "deviation"))
-    mean = float(share @ means)
-    deviation = sqrt(float(share @ (deviations**2 + (means - mean) ** 2)))
-    return _Weighed(rows[0].candidate, float(logsumexp(both) - logsumexp(known)), mean, deviation)
+def _integrated(candidates: Sequence[_Candidate], rows: Array, known: Array) -> list[_Weighed]:
+    """The candidates under every ``form``: rows (forms, 3, c) of :meth:`_Design.weigh`.
+
+    known: (forms,) log evidence of each if nothing further had changed.
+    """
+    both = known[:, None] + rows[:, 0]
+    share = softmax(both, axis=0)
+    odds = logsumexp(both, axis=0) - logsumexp(known)
+    means = np.sum(share * rows[:, 1], axis=0)
+    deviations = np.sqrt(np.sum(share * (rows[:, 2] ** 2 + (rows[:, 1] - means) ** 2), axis=0))
+    return [
+        _Weighed(c, float(o), float(m), float(d))
+        for c, o, m, d in zip(candidates, odds, means, deviations, strict=True)
+    ]
 
 
 class _Design:
@@ -311,77 +241,64 @@ class _Design:
             b @ self._mean - np.linalg.slogdet(a)[1] + np.sum(np.log(past.precision))
         )  # fmt: skip
 
-    def weigh(self, candidates: Sequence[_Candidate]) -> list[_Weighed]:
-        """The odds of each candidate beside what is accepted."""
-        return [self._weighed(c) for c in candidates]
+    def weigh(self, candidates: Sequence[_Candidate]) -> Array:
+        """(3, c) of each candidate beside what is accepted: log odds, prior included; mean and standard deviation of its size.
 
-    def _weighed(self, c: _Candidate) -> _Weighed:
-        past, along = self._past, c.direction.along
-        course = c.course(past.times[: self._count])
-        column, score = past.sums(course, c.direction, self._count)
-        square = float(past.sums(course**2, c.direction, self._count)[0] @ along)
-        cross = [past.sums(course * h, c.direction, self._count)[0] @ a.direction.along
-                 for a, h in zip(self._accepted, self._courses, strict=True)]  # fmt: skip
-        shared = np.concatenate([column, cross])
-        information = max(0.0, square - float(shared @ self._inverse @ shared))
-        score -= float(shared @ self._mean)
-        variance = 1.0 / (information + 1.0)
-        mean = score * variance
-        odds = 0.5 * score * mean + 0.5 * log(variance)
-        odds += log(
-            max(1e-300, _mass(c.direction, course[-1], mean, sqrt(variance)) / _mass(c.direction, course[-1], 0.0, 1.0))
+        Candidates of one quantity are next to one another.
+        """
+        return np.concatenate(
+            [self._weighed(list(own)) for _, own in groupby(candidates, key=lambda c: c.direction.id)], axis=1
         )
-        return _Weighed(c, log(c.prior) + odds, mean, sqrt(variance))
+
+    def _weighed(self, own: Sequence[_Candidate]) -> Array:
+        """Candidates of one quantity."""
+        past, count, direction = self._past, self._count, own[0].direction
+        courses = np.array([c.course(past.times[:count]) for c in own])
+        columns, scores = past.sums(courses, direction, count)
+        squares = past.sums(courses**2, direction, count)[0] @ direction.along
+        cross = [past.sums(courses * h, direction, count)[0] @ a.direction.along
+                 for a, h in zip(self._accepted, self._courses, strict=True)]  # fmt: skip
+        shared = np.column_stack([columns, *cross])
+        information = np.maximum(0.0, squares - np.sum((shared @ self._inverse) * shared, axis=1))
+        scores = scores - shared @ self._mean
+        variances = 1.0 / (information + 1.0)
+        means, deviations = scores * variances, np.sqrt(variances)
+        one = np.ones(len(own))
+        inside = _mass(direction, courses[:, -1], means, deviations) / _mass(direction, courses[:, -1], 0.0 * one, one)
+        odds = 0.5 * scores * means + 0.5 * np.log(variances) + np.log(np.maximum(1e-300, inside))
+        return np.array([np.log([c.prior for c in own]) + odds, means, deviations])
 
 
-def habits(
-    machines: Sequence[Sequence[Evidence]], effects: NDArray[np.bool_], own: NDArray[np.bool_]
-) -> tuple[float, float]:
-    """``form`` and ``wander`` of a fleet.
-
-    Args:
-        machines: recordings of each.
-        effects: (k,) which numbers are an effect's.
-        own: (k,) which are drawn anew for every recording.
-    """
-    best = []
-    for evidence in machines:
-        table = {
-            (form, wander): MachinePast(evidence, *spreads(effects, own, form, wander)).log_likelihood()
-            for form in FORMS for wander in WANDERS
-        }  # fmt: skip
-        best.append(max(table, key=lambda pair: table[pair]))
-    form, wander = np.median(np.log(np.array(best)), axis=0)
-    return float(np.exp(form)), float(np.exp(wander))
+def log_likelihood(past: MachinePast) -> float:
+    """Of an unchanged machine, up to what depends on no hypothesis."""
+    count = len(past.times)
+    return past.constant(count) + _Design(past, count, ()).log_evidence
 
 
 def posterior(
-    evidence: Sequence[Evidence], effects: NDArray[np.bool_], own: NDArray[np.bool_], form: float, wander: float,
+    evidence: Sequence[Evidence], effects: Array, own: NDArray[np.bool_], form: float, wander: float,
     directions: Sequence[Direction],
 ) -> MachinePosterior:  # fmt: skip
-    """Of a machine of a fleet with this ``form`` and ``wander``."""
-    return MachinePosterior(
-        [
-            (-0.5 * (log(own_form / form) / FORM_SPREAD) ** 2, MachinePast(evidence, *spreads(effects, own, own_form, wander)))
-            for own_form in FORMS
-        ],
-        directions,
-    )  # fmt: skip
+    """Of a machine of a fleet with this ``form`` and ``wander``; effects, own: as for :func:`spreads`."""
+    pasts = []
+    for own_form in FORMS:
+        prior = -0.5 * (log(own_form / form) / FORM_SPREAD) ** 2
+        pasts.append((prior, MachinePast(evidence, *spreads(effects, own, own_form, wander))))
+    return MachinePosterior(pasts, directions)
 
 
-def spreads(effects: NDArray[np.bool_], own: NDArray[np.bool_], form: float, wander: float) -> tuple[Array, Array]:
-    """``spread`` and ``wander`` (k,) of :class:`MachinePast`."""
-    spread = np.where(effects, form, np.where(own, 1e-3, 1.0))
+def spreads(effects: Array, own: NDArray[np.bool_], form: float, wander: float) -> tuple[Array, Array]:
+    """``spread`` and ``wander`` (k,) of :class:`MachinePast`.
+
+    effects: (k,) 0 for a number that is not an effect's, else how much more than ``form`` healthy machines seem to have of it.
+    own: (k,) which numbers are drawn anew for every recording.
+    """
+    spread = np.where(effects > 0.0, form * effects, np.where(own, 1e-3, 1.0))
     return spread, np.where(own, 1.0, wander * spread)
 
 
-def _mass(direction: Direction, course: float, mean: float, deviation: float) -> float:
-    """Probability that the change at the last recording is in the quantity's range."""
-    if course <= 0.0:
-        return 1.0
-    low, high = (x / course for x in (direction.low, direction.high))
-    return _normal((high - mean) / deviation) - _normal((low - mean) / deviation)
-
-
-def _normal(x: float) -> float:
-    return 0.5 * (1.0 + erf(x / sqrt(2.0)))
+def _mass(direction: Direction, course: Array, mean: Array, deviation: Array) -> Array:
+    """Probability that the change at the last recording is in the quantity's range; 1 where it has not begun."""
+    begun = np.where(course > 0.0, course, 1.0)
+    low, high = (ndtr((x / begun - mean) / deviation) for x in (direction.low, direction.high))
+    return np.where(course > 0.0, high - low, 1.0)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_fleet.evidence import Change, ChangeHistory, Direction, Evidence, MachinePosterior, habits, posterior
+from boom_fleet.evidence import Change, ChangeHistory, MachinePosterior, posterior
+from boom_fleet.habits import apparent, likeliest, profile, usual
 from boom_fleet.numbers import TrackedQuantity
+from boom_fleet.past import Direction, Evidence
 
 Array = NDArray[np.float64]
 
@@ -40,8 +42,8 @@ class Judgement:
 
     Attributes:
         keys: of its screened recordings, in the order of time.
-        histories: what was known after each of them.
-        raised: keys of the recordings after which something further had changed.
+        histories: what was known after each of them; changes that the recording before it showed, too (:func:`confirmed`).
+        raised: keys of the recordings that confirmed that something further had changed.
         levels: quantity -> its size in each recording; of what has changed.
     """
 
@@ -70,22 +72,36 @@ def judge(
     """
     frames = {machine: _Frame(kept, quantities[machine]) for machine, kept in fleet.items() if kept}
     several = [f for f in frames.values() if len(f.evidence) > 1]
-    form, wander = _habits(several)
+    found = _profile(several)
+    for frame in frames.values():
+        frame.effects = np.array([found.get(n, float(k)) for n, k in zip(frame.names, frame.is_effect, strict=True)])
+    form, wander = usual([likeliest(f.evidence, f.effects, f.own) for f in several])
     threshold = false_alarms / max(1, len(frames))
     return {machine: frame.judged(machine, form, wander, threshold) for machine, frame in frames.items()}
 
 
-def _habits(frames: Sequence[_Frame]) -> tuple[float, float]:
-    """Of machines with the same numbers; those of a fleet of which nothing can be compared are wide."""
-    pairs = [habits([f.evidence], f.effects, f.own) for f in frames]
-    if not pairs:
-        return _UNKNOWN
-    form, wander = np.median(np.log(np.array(pairs)), axis=0)
-    return float(np.exp(form)), float(np.exp(wander))
+def _profile(frames: Sequence[_Frame]) -> dict[str, float]:
+    """Effect's number -> how much more of it healthy machines seem to have than of all on the mean; from machines that know it."""
+    squares: dict[str, list[float]] = {}
+    for frame in frames:
+        own = apparent(frame.evidence, frame.is_effect, frame.own)
+        for name, square, is_effect in zip(frame.names, own, frame.is_effect, strict=True):
+            if is_effect:
+                squares.setdefault(name, []).append(float(square))
+    known = [name for name, rows in squares.items() if len(rows) == len(frames)]
+    if not known:
+        return {}
+    return dict(zip(known, profile(np.array([squares[name] for name in known]).T).tolist(), strict=True))
 
 
-_UNKNOWN = (0.1, 0.2)
-"""``form`` and ``wander`` of a fleet without two recordings of one machine."""
+def confirmed(seen: Sequence[ChangeHistory]) -> tuple[ChangeHistory, ...]:
+    """What was seen after each recording, with as many changes as were seen after the one before it, too.
+
+    One recording can be odd, of a machine that is sound the next day: an accumulator that ran empty, another load than told. What
+    has changed is still seen in the recording that follows.
+    """
+    before = [0, *(len(history.changes) for history in seen)]
+    return tuple(replace(h, changes=h.changes[:count]) for h, count in zip(seen, before[:-1], strict=True))
 
 
 class _Frame:
@@ -96,7 +112,8 @@ class _Frame:
         self.quantities = {q.id: q for q in quantities}
         self.names = tuple(dict.fromkeys(name for k in self.kept for name in k.names))
         self.evidence = [self._evidence(k) for k in self.kept]
-        self.effects = np.array([name.startswith("effects.") for name in self.names])
+        self.is_effect = np.array([name.startswith("effects.") for name in self.names])
+        self.effects = self.is_effect.astype(float)
         self.own = np.array([name == "pose.load" for name in self.names])
 
     def _evidence(self, kept: Kept) -> Evidence:
@@ -114,7 +131,7 @@ class _Frame:
     def judged(self, machine: str, form: float, wander: float, threshold: float) -> Judgement:
         directions = {q.id: self._direction(q) for q in self.quantities.values()}
         past = posterior(self.evidence, self.effects, self.own, form, wander, tuple(directions.values()))
-        histories = tuple(past.history(k + 1, threshold) for k in range(len(self.kept)))
+        histories = confirmed([past.history(k + 1, threshold) for k in range(len(self.kept))])
         known = [0, *(len(h.changes) for h in histories)]
         raised = tuple(k.key for k, was, now in zip(self.kept, known[:-1], known[1:], strict=True) if now > was)
         changed = dict.fromkeys(c.quantity for h in histories for c in h.changes)

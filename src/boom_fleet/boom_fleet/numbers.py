@@ -17,11 +17,14 @@ from boom_model.catalogue import EFFECTS, SUBSYSTEM_NAMES, effect_name
 from boom_model.machine import Machine, Pose
 from boom_model.plant import Plant
 from boom_model.prior import LINKAGE, prior_of
-from boom_monitor.model import CERTAIN, suspects, switched_on
+from boom_monitor.model import suspects, switched_on
 
 Array = NDArray[np.float64]
 
 FRICTION = "friction"
+_CERTAIN = ("constants.", "cylinder.l_", "hose_burst_valve.unit_")
+"""Physics, the mechanical stops and units. All else with a tolerance is of another crane of the same make another number: a number
+that is missing here is seen as an effect of the catalogue that it resembles."""
 _FOLLOWS = ("pilot_valves.b0_s", "main_valve_spool.A_s", "main_valve_spool.s_max", "main_valve_orifices.A_ta_law.c1")
 """Numbers that only repeat what others say: gain of the pilot stage, units of the spool, second coefficient of an area."""
 _WORK = "load"
@@ -124,7 +127,7 @@ def present(machine: Machine) -> Machine:
 def _tolerated(machine: Machine, pose: Pose, known: Sequence[str]) -> list[Unknown]:
     rows = []
     for key, parameter in machine.parameters.items():
-        if not key.startswith(CERTAIN) or key.startswith(LINKAGE):  # of another crane of the same make, they are others
+        if not key.startswith(_CERTAIN) or key.startswith(LINKAGE):
             rows += list(zip(parameter.specification.components, parameter.value, strict=True))
     rows += [
         (name, value) for name, value in pose.values().items() if name in ("pose.D0", "pose.Sx", "pose.Sy", "pose.load")

@@ -31,7 +31,7 @@ from boom_fleet.tasks import (
 )
 from boom_model.plant import Plant
 
-VERSION = "1"
+VERSION = "2"
 """Of the screen: what an older one kept is not compared with what this one keeps."""
 Told = Callable[[str, int], None]
 """Called with what is being done and how many steps are done."""

@@ -7,7 +7,8 @@ are right. With D = dw/dz of all numbers z (``boom_fleet.numbers``), at a point 
 
 z0 is where the machine's tolerated numbers were in its reference recording (:func:`reference`), the same for all its recordings.
 A and b are all that the comparison with other recordings needs (``boom_fleet.evidence``): 60 000 samples become one small matrix.
-Recordings are worked off in blocks, so that memory does not grow with their length.
+Recordings are worked off in blocks, so that memory does not grow with their length; of long ones the liveliest, until one more says
+little. Differences D reach across the corner at which an accumulator runs empty (:func:`_steps`).
 """
 
 from __future__ import annotations
@@ -15,12 +16,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
+from math import log1p
 
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_estimation.design import knowledge, sharpens
 from boom_estimation.experiment import PreparedRecording, prepare
 from boom_estimation.problem import EstimationProblem
+from boom_fleet.evidence import spreads
+from boom_fleet.habits import UNKNOWN
 from boom_fleet.numbers import Numbers, numbers_of, present
 from boom_model.catalogue import EFFECTS
 from boom_model.machine import Machine
@@ -43,6 +48,7 @@ FURTHEST = 2.5
 """Standard deviations of its prior by which a number is moved at most in a reference."""
 FITTED, MOST_STEPS, ENOUGH, LEAST_DAMPING = 1, 9, 20.0, 0.1
 """Blocks that a reference is fitted to, most steps, the gain [nats] below which a step was none, and where damping ends."""
+_GAS, _GAS_OF_THE_FILE = "accumulator_precharge", ("accumulators.p_g0_1", "accumulators.p_g0_2")
 LEVEL = 2.0
 """Noise of currents and model, in units of what ``boom_estimation.whitening`` assumes. With it the innovations of a crane that is
 another than the model, though healthy, are white (measured: their correlation from sample to sample falls from 0.36 to 0.11)."""
@@ -102,33 +108,45 @@ def reference(recording: Recording, machine: Machine) -> tuple[tuple[str, ...], 
     low, high = np.clip(np.array([u.bounds for u in moving[0].numbers.unknowns[:n]]).T, -FURTHEST, FURTHEST)
     best, least, damping = z, np.inf, 1.0
     for _ in range(MOST_STEPS):
-        total = reduce(_joined, (one.expanded(z) for one in moving))
-        cost = float(0.5 * total.squares.sum() + 0.5 * z @ z)
+        cost = float(0.5 * sum(one.expanded(z, 0).squares.sum() for one in moving) + 0.5 * z @ z)
         if cost < least - ENOUGH:
-            best, least, damping, at = z, cost, min(1.0, 2.0 * damping), total
+            best, least, damping = z, cost, min(1.0, 2.0 * damping)
+            at = reduce(_joined, (one.expanded(z, n) for one in moving))
         elif damping < LEAST_DAMPING:
             break
         else:
             damping *= 0.4
-        wanted = np.linalg.solve(at.matrix[:n, :n] + np.eye(n), at.vector[:n])
+        wanted = np.linalg.solve(at.matrix + np.eye(n), at.vector)
         z = best.copy()
         z[:n] += damping * (np.clip(wanted, low, high) - best[:n])
     return moving[0].numbers.names, best
 
 
 def screened(recording: Recording, machine: Machine, at: Mapping[str, float]) -> Screening:
-    """Screen a recording; ``at``: where the numbers are expanded, by name.
+    """Screen a recording: of a long one minutes in the order of how far the boom travels in them, until a further one tells little.
+
+    That is where it sharpens the numbers, on the mean, by less than ``boom_estimation.design.SHARPER``, from what is known of them
+    beforehand. The order knows nothing of how well the model predicts: minutes that were chosen because they fit badly would make
+    a sound machine look changed.
+
+    at: where the numbers are expanded, by name.
 
     Raises:
         ScreenError: no stretch of it can be predicted.
         MachineError: a pose or load that the machine cannot have.
     """
-    total = None
-    for block in blocks(recording):
+    total, known = None, 0.0
+    for block in sorted(blocks(recording), key=_travel, reverse=True):
         one = _PreparedBlock.of(block, machine)
-        if one is not None:
-            found = one.expanded(np.array([at.get(name, 0.0) for name in one.numbers.names]))
-            total = found if total is None else _joined(total, found)
+        if one is None:
+            continue
+        expanded = one.expanded(np.array([at.get(name, 0.0) for name in one.numbers.names]))
+        total, before = expanded if total is None else _joined(total, expanded), known
+        effects = (np.arange(len(total.names)) >= one.numbers.tolerated).astype(np.float64)
+        spread, _ = spreads(effects, one.numbers.own, *UNKNOWN)
+        known = knowledge(spread[:, None] * total.matrix * spread)
+        if before and not sharpens(before, known, len(total.names)):
+            break
     if total is None:
         raise _nothing(recording)
     return total
@@ -163,14 +181,14 @@ class _PreparedBlock:
         if not prepared.segments:
             return None
         numbers = numbers_of(machine, prepared.plant.pose, prepared.plant)
-        steps = [max(u.step, _reach(u.name)) for u in numbers.unknowns]
-        return cls(prepared, numbers, EstimationProblem([prepared], numbers.unknowns), np.array(steps))
+        return cls(prepared, numbers, EstimationProblem([prepared], numbers.unknowns), _steps(numbers))
 
-    def expanded(self, z: Array) -> Screening:
-        problem = self.problem
+    def expanded(self, z: Array, count: int | None = None) -> Screening:
+        """The expansion at z (k,), by the first ``count`` numbers; by all by default."""
+        problem, k = self.problem, len(z) if count is None else count
         gains = problem.gains(z, problem.first_gains(), level=LEVEL)
-        innovations, derivatives = problem.sensitivities(z, gains, steps=self.steps, tolerance=TOLERANCE)
-        k, shape = len(z), (len(OUTPUTS), len(REGIMES))
+        innovations, derivatives = problem.sensitivities(z, gains, range(k), steps=self.steps, tolerance=TOLERANCE)
+        shape = (len(OUTPUTS), len(REGIMES))
         a, b, sums, counts = np.zeros((k, k)), np.zeros(k), np.zeros(shape), np.zeros(shape)
         moving = seconds = 0.0
         for (_, segment), gain, e, d in zip(problem.segments, gains, innovations, derivatives, strict=True):
@@ -181,7 +199,7 @@ class _PreparedBlock:
             w, dw = gain.whiten(e[:, :, None])[:, :, 0], gain.whiten(d)
             w, dw = np.where(used, w, 0.0), np.where(used[:, :, None], dw, 0.0)
             weight = np.minimum(1.0, LARGEST / np.maximum(np.abs(w), 1e-9))
-            rows, left = (dw * np.sqrt(weight)[:, :, None]).reshape(-1, k), (w * np.sqrt(weight)).reshape(-1)
+            rows, left = (dw * np.sqrt(weight)[:, :, None]).reshape(w.size, k), (w * np.sqrt(weight)).reshape(-1)
             a += rows.T @ rows
             b -= rows.T @ left
             regime = _regime(segment.measured[1:, OUTPUTS.index("rate")])
@@ -191,12 +209,26 @@ class _PreparedBlock:
                 counts[:, r] += inside.sum(axis=0)
             moving += float((regime > 0).sum()) * self.prepared.period
             seconds += segment.end - segment.start
-        return Screening(self.numbers.names, a, b + a @ z, sums, counts, seconds, moving)
+        return Screening(self.numbers.names[:k], a, b + a @ z[:k], sums, counts, seconds, moving)
 
 
-def _reach(name: str) -> float:
-    words = name.split(".")
-    return EFFECTS[words[1]].reach if words[0] == "effects" else 0.0
+def _steps(numbers: Numbers) -> Array:
+    """(k,) steps of the differences. Across a corner they reach as far as a healthy machine may be elsewhere, ``form``.
+
+    The derivative beside the corner would be that of a few samples: with less gas an accumulator runs empty elsewhere.
+    """
+    quantity = next((q for q in numbers.quantities if q.name == _GAS), None)
+    less = log1p(-UNKNOWN[0] * quantity.scale) if quantity is not None else 0.0
+    steps = []
+    for u in numbers.unknowns:
+        words = u.name.split(".")
+        step = max(u.step, EFFECTS[words[1]].reach) if words[0] == "effects" else u.step
+        if quantity is not None and words[1] == _GAS:
+            step = -UNKNOWN[0]
+        elif quantity is not None and u.name in _GAS_OF_THE_FILE:
+            step = less / u.sigma
+        steps.append(step)
+    return np.array(steps)
 
 
 def _regime(rate: Array) -> NDArray[np.int64]:

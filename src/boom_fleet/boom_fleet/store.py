@@ -9,9 +9,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from tempfile import TemporaryDirectory
 from typing import Any
 
+from boom_fleet.scratch import scratch
 from boom_input.whole import write_whole
 
 METADATA = "metadata.yaml"
@@ -152,8 +152,8 @@ def at_hand(url: str) -> Iterator[Path]:
     if _is_local(fs):
         yield Path(path)
         return
-    with TemporaryDirectory(prefix="boom-fleet-") as folder:
-        here = Path(folder) / PurePosixPath(path).name
+    with scratch() as folder:
+        here = folder / PurePosixPath(path).name
         try:
             fs.get(path, str(here), recursive=True)
         except Exception as error:

@@ -10,13 +10,12 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import isnan
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_fleet.scratch import scratch
 from boom_fleet.store import FoundBag, at_hand
 
 if TYPE_CHECKING:
@@ -147,8 +146,8 @@ def machine_of(task: Task, named: str) -> Machine:
     from boom_model.machine_file import load_machine
 
     if task.text:
-        with TemporaryDirectory(prefix="boom-fleet-") as folder:
-            path = Path(folder) / "machine.yaml"
+        with scratch() as folder:
+            path = folder / "machine.yaml"
             path.write_bytes(task.text)
             return load_machine(path)
     return load_machine(task.shipped or named)

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from boom_fleet.evidence import YEAR, Direction, Evidence, habits, posterior, spreads
+from boom_fleet.evidence import YEAR, posterior, spreads
+from boom_fleet.habits import likeliest, profile, usual
+from boom_fleet.past import Direction, Evidence
 
 EFFECTS = np.array([False, False, True])
 OWN = np.zeros(3, dtype=bool)
@@ -93,6 +95,18 @@ def test_a_level_is_counted_from_the_first_recording_and_has_an_interval():
 
 def test_the_habits_of_a_fleet_are_found_from_its_machines():
     rng = np.random.default_rng(6)
-    form, wander = habits([recordings(rng, lambda share: 0.0) for _ in range(12)], EFFECTS, OWN)
+    form, wander = usual([likeliest(recordings(rng, lambda share: 0.0), EFFECTS, OWN) for _ in range(12)])
 
     assert FORM / 3 < form < 3 * FORM and WANDER / 2 < wander < 2 * WANDER
+
+
+def test_how_much_healthy_machines_seem_to_have_of_an_effect_is_found_effect_by_effect():
+    """Of 21 machines that have much of the first effect and little of the second, some of which have changed."""
+    rng = np.random.default_rng(8)
+    squares = (rng.standard_normal((21, 2)) * [0.1, 0.01]) ** 2
+    squares[:4] += 0.5
+
+    much, little = profile(squares)
+
+    assert 4.0 < much / little < 15.0
+    assert much * little == pytest.approx(1.0)

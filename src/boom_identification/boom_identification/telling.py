@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import log1p
 
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_estimation.design import most_telling, sharpens
 from boom_estimation.experiment import PreparedRecording, last_part, prepare
 from boom_estimation.problem import EstimationProblem
 from boom_estimation.unknown import Unknown
@@ -27,8 +27,6 @@ Progress = Callable[[str], None]
 
 LONGEST = 300.0
 """s. What a search looks at of all recordings together at most, and of one that is not cut; more of it only costs time."""
-SHARPER = 0.15
-"""By which a further part of long recordings must sharpen the numbers, on the mean, to be worth its time."""
 _MOTION, _SHORTEST_MOTION = 0.02, 2.0
 """rad/s, far above the gyro's noise; s."""
 _MOVED_WITHIN = 0.1
@@ -109,14 +107,13 @@ def _chosen(told: Sequence[Array], durations: Sequence[float]) -> list[int]:
     if sum(durations) <= LONGEST or not told:
         return list(range(len(told)))
     chosen: list[int] = []
-    known, volume = np.eye(len(told[0])), 0.0
-    while len(chosen) < len(told) and sum(durations[k] for k in chosen) < LONGEST:
-        left = {k: float(np.linalg.slogdet(known + told[k])[1]) for k in range(len(told)) if k not in chosen}
-        best = max(left, key=lambda k: left[k])
-        if chosen and left[best] - volume < 2.0 * len(known) * log1p(SHARPER):
+    known = 0.0
+    for part_index, reached in most_telling(told):
+        enough = sum(durations[k] for k in chosen) >= LONGEST
+        if chosen and (enough or not sharpens(known, reached, len(told[0]))):
             break
-        known, volume = known + told[best], left[best]
-        chosen.append(best)
+        chosen.append(part_index)
+        known = reached
     return sorted(chosen)
 
 

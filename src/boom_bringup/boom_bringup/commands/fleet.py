@@ -82,11 +82,12 @@ def run(args: argparse.Namespace) -> int:
         load_machine(args.machine)  # what is wrong with it is told once
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the workers
 
-    from boom_fleet import table
+    from boom_fleet import scratch, table
     from boom_fleet.engine import workers
     from boom_fleet.run import Night, tasks_of
     from boom_fleet.store import Store, find_bags, machine_table, read_file
 
+    scratch.clear()
     bags = list({bag.key: bag for folder in args.folders for bag in find_bags(folder)}.values())
     files = machine_table(args.machines) if args.machines else {}
     unused = sorted(set(files) - {bag.machine for bag in bags})

@@ -11,6 +11,8 @@ from typing import Any
 from boom_model.catalogue import EFFECTS, SUBSYSTEM_NAMES, effect_name
 
 Row = Mapping[str, Any]
+_WHOLE = 0.9
+"""Share of the recordings from which on they are as good as screened whole: gaps and short ends are not."""
 _UNITS = {"-": ("%", 1e2), "Pa": ("bar", 1e-5), "m^3/s/Pa": ("l/min per bar", 6e9), "s": ("ms", 1e3)}
 
 
@@ -139,13 +141,22 @@ def sums(rows: Sequence[Row]) -> str:
     seconds = sum((row.get("screen_processor_s") or 0.0) for row in rows)
     diagnosed = [row["diagnosis_processor_s"] for row in rows if row.get("diagnosis_processor_s")]
     return (
-        f"{_number(len(found), 'machine')}, {_number(len(rows), 'recording')}, {hours:.2g} h: "
+        f"{_number(len(found), 'machine')}, {_number(len(rows), 'recording')}, {hours:.2g} h{_screened(rows)}: "
         f"{sum(bool(m.changes) for m in found)} changed; "
         f"{_number(sum(bool(r.get('failure')) for r in rows), 'recording')} failed, "
         f"{sum(bool(r.get('refused')) for r in rows)} refused; processor time: screen {seconds:.0f} s "
         f"({seconds / hours if hours else 0:.0f} s a recorded hour), "
         f"{len(diagnosed)} diagnoses {sum(diagnosed):.0f} s"
     )
+
+
+def _screened(rows: Sequence[Row]) -> str:
+    """How much of the recordings was screened, where that is not all of them; the checks look at the whole."""
+    seen = [(row["screened_s"], row["duration_s"]) for row in rows if row.get("screened_s")]
+    screened, recorded = (sum(column) / 3600 for column in zip(*seen, strict=True)) if seen else (0.0, 0.0)
+    if screened >= _WHOLE * recorded:
+        return ""
+    return f" (checked whole, screened {screened:.2g} h of {recorded:.2g}: the minutes in which the boom travels most)"
 
 
 def unit_of(unit: str) -> tuple[str, float]:

@@ -1,0 +1,87 @@
+"""The recordings of one machine as the comparison sees them: what differs from day to day taken into account."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A quantity: its id, its direction (k,) in z, and the range of its size in z."""
+
+    id: str
+    along: Array
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """One recording's log-likelihood b'z - z'Az/2, and when it was made [s]."""
+
+    time: float
+    matrix: Array
+    vector: Array
+
+
+class MachinePast:
+    """All recordings of one machine, in the order of their times, with ``form`` as if it were known.
+
+    Args:
+        evidence: of the recordings. spread: (k,) s of the numbers. wander: (k,) what they differ by from day to day.
+    """
+
+    def __init__(self, evidence: Sequence[Evidence], spread: Array, wander: Array) -> None:
+        self.times = np.array([e.time for e in evidence])
+        self.precision = 1.0 / spread**2
+        self._matrix, self._vector = [], []
+        self._constants: list[float] = []
+        self._along: dict[str, tuple[Array, Array]] = {}
+        for e in evidence:
+            factor = np.linalg.inv(np.eye(len(spread)) + wander[:, None] * e.matrix * wander)
+            inner = wander[:, None] * factor * wander
+            self._matrix.append(e.matrix - e.matrix @ inner @ e.matrix)
+            self._vector.append(e.vector - e.matrix @ (inner @ e.vector))
+            square = float(e.vector @ inner @ e.vector)
+            self._constants.append(0.5 * (square + float(np.linalg.slogdet(factor)[1])))
+
+    def constant(self, count: int) -> float:
+        """What the first recordings say of how much the machine differs from day to day."""
+        return sum(self._constants[:count])
+
+    def levels(self, direction: Direction) -> tuple[Array, Array]:
+        """Size (n,) of a quantity in each recording beyond the first, and its standard deviations, in z."""
+        n, t, along = len(self.times), len(self.precision), direction.along
+        size = t + n - 1
+        a, b = np.zeros((size, size)), np.zeros(size)
+        a[:t, :t] = np.diag(self.precision)
+        a[t:, t:] = np.eye(n - 1) * 1e-6
+        for r, (matrix, vector) in enumerate(zip(self._matrix, self._vector, strict=True)):
+            a[:t, :t] += matrix
+            b[:t] += vector
+            if r:
+                k, column = t + r - 1, matrix @ along
+                a[:t, k] = a[k, :t] = column
+                a[k, k] += along @ column
+                b[k] = along @ vector
+        covariance = np.linalg.inv(a)
+        mean = covariance @ b
+        return np.append(0.0, mean[t:]), np.append(0.0, np.sqrt(np.diag(covariance)[t:]))
+
+    def sums(self, course: Array, direction: Direction, count: int) -> tuple[Array, Array]:
+        """Sum of g A d (.., k), and sum of g d'b (..), over the first ``count`` recordings; g (.., count): one or many."""
+        if direction.id not in self._along:
+            rows = np.array([m @ direction.along for m in self._matrix])
+            self._along[direction.id] = rows, np.array([direction.along @ v for v in self._vector])
+        columns, scores = self._along[direction.id]
+        return np.asarray(course @ columns[:count]), np.asarray(course @ scores[:count])
+
+    def matrices(self, count: int) -> tuple[list[Array], list[Array]]:
+        """A and b of the first recordings, what differs from day to day taken into account."""
+        return self._matrix[:count], self._vector[:count]

@@ -1,0 +1,43 @@
+"""In which numbers a machine may differ from its file, and what a change is called."""
+
+import pytest
+
+from boom_fleet.numbers import numbers_of, present
+from boom_model.machine_file import load_machine
+from boom_model.plant import Plant
+from boom_model.prior import prior_of
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return load_machine("tz17")
+
+
+@pytest.fixture(scope="module")
+def numbers(machine):
+    pose = machine.pose(0.28, 2.2, 0.0)
+    return numbers_of(machine, pose, Plant(present(machine), pose, "full"))
+
+
+def test_every_number_with_a_tolerance_is_one_that_a_sound_crane_may_have_otherwise(machine, numbers):
+    """The exponent of the valve's opening was not: cranes with another one seemed to have a pressure in the return line."""
+    told = {c for p in machine.parameters.values() for c in p.specification.components}
+    missing = {name for name in told - set(numbers.names) if prior_of(machine, name).sigma > 0.0}
+    in_the_plant = {
+        name for name in missing if name in Plant(machine, machine.pose(0.28, 2.2, 0.0), "full").parameter_names
+    }
+
+    assert {"main_valve_orifices.n", "accumulators.kappa"} <= set(numbers.names)
+    assert all(
+        name.startswith(("constants.", "cylinder.l_", "hose_burst_valve.unit_"))
+        or name
+        in ("pilot_valves.b0_s", "main_valve_spool.A_s", "main_valve_spool.s_max", "main_valve_orifices.A_ta_law.c1")
+        for name in in_the_plant
+    ), sorted(in_the_plant)
+
+
+def test_tolerated_numbers_come_first_and_each_quantity_moves_numbers_that_are_there(numbers):
+    effects = [name.startswith("effects.") for name in numbers.names]
+    assert effects == [False] * numbers.tolerated + [True] * (len(effects) - numbers.tolerated)
+    assert {name for q in numbers.quantities for name, _ in q.direction} <= set(numbers.names)
+    assert len({q.id for q in numbers.quantities}) == len(numbers.quantities)
