@@ -21,11 +21,13 @@ TRUE = {
 
 
 def believed() -> Machine:
-    """A crane whose owner guesses areas, overlap, oil and friction."""
+    """A crane whose owner guesses areas, overlap, oil and friction, and has measured how far a current opens the valve."""
     document = dict(load_machine("triangle_direct").document)
     guessed = ("A_sa_max", "A_tb_max", "A_sb_max", "x0")
     valve = document["main_valve_orifices"]
     document["main_valve_orifices"] = valve | {k: valve[k] | {"conf": "low"} for k in guessed}
+    spool = document["main_valve_spool"]
+    document["main_valve_spool"] = spool | {"K_i": spool["K_i"] | {"tol": 0.01}}
     document["fluid"] = document["fluid"] | {"beta": document["fluid"]["beta"] | {"conf": "low"}}
     return machine_from(document)
 
