@@ -369,7 +369,7 @@ def test_a_number_further_off_than_its_tolerance_is_named_where_an_effect_is_tha
     assert [f.effect for f in document.findings] == ["valve_dead_zone"]
 
 
-def test_a_number_may_fall_as_far_as_it_may_rise_and_where_an_effect_begins_by_three_standard_deviations() -> None:
+def test_a_number_may_fall_as_far_as_it_may_rise_and_where_an_effect_begins_no_further_than_its_tolerance() -> None:
     """The viscous friction is a guess, the bulk modulus known to 10 %, the spring to 15 %; the logarithm is searched."""
     found = {n.name: n for n in tolerances(tz17(), tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0))}
     viscous, bulk, spring = (found[n] for n in ("friction.k_v_pos", "fluid.beta", "main_valve_spool.k"))
@@ -377,13 +377,13 @@ def test_a_number_may_fall_as_far_as_it_may_rise_and_where_an_effect_begins_by_t
     assert low * high == pytest.approx(1.0) and 5.0 < high < 6.5
     furthest = 2.0 * tz17().parameters["fluid.beta"].tolerance
     assert [bulk.value(1.0, z) for z in bulk.limits] == pytest.approx([1.0 - furthest, 1.0 + furthest])
-    assert [spring.value(1.0, z) for z in spring.limits] == pytest.approx([0.775, 1.225])
+    assert [spring.value(1.0, z) for z in spring.limits] == pytest.approx([0.85, 1.15])
 
 
-def test_a_load_that_was_told_is_off_by_three_standard_deviations_at_most() -> None:
+def test_a_load_that_was_told_is_off_by_its_tolerance_at_most() -> None:
     pose = tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 300.0)
     load = next(n for n in tolerances(tz17(), pose) if n.name == "pose.load")
-    assert [load.value(300.0, z) for z in load.limits] == pytest.approx([270.0, 330.0])
+    assert [load.value(300.0, z) for z in load.limits] == pytest.approx([280.0, 320.0])
 
 
 @pytest.mark.parametrize("moved", [{"a1_s": 1.03}, {"b1_s": 0.93}, {"a1_s": 0.97, "b1_s": 1.07}])
