@@ -46,7 +46,7 @@ HISTORY = 0.2
 """s of u that are kept."""
 
 
-class Fit(NamedTuple):
+class DelayFit(NamedTuple):
     """Of one candidate: information of g and c (three numbers), information times value (two), sum of squares."""
 
     gg: Expression = 0.0
@@ -58,7 +58,7 @@ class Fit(NamedTuple):
 
     def after(
         self, u: Expression, compressed: Expression, residual: Expression, keep: Expression, weight: Expression
-    ) -> Fit:
+    ) -> DelayFit:
         """Old information counts ``keep``, the residual y + F - u of this sample ``weight``."""
         rows = (
             u * u,
@@ -68,7 +68,7 @@ class Fit(NamedTuple):
             -compressed * residual,
             residual * residual,
         )
-        return Fit(*(keep * old + weight * new for old, new in zip(self, rows, strict=True)))
+        return DelayFit(*(keep * old + weight * new for old, new in zip(self, rows, strict=True)))
 
     @property
     def left(self) -> Expression:
@@ -93,12 +93,12 @@ class DeadTimeState(NamedTuple):
     f: Expression = 0.0
     force: Expression = 0.0
     u: tuple[Expression, ...] = ()
-    fits: tuple[Fit, ...] = ()
+    fits: tuple[DelayFit, ...] = ()
 
     @classmethod
     def untold(cls, sample_time: float) -> DeadTimeState:
         """Nothing learnt yet."""
-        return cls(u=(0.0,) * (round(HISTORY / sample_time) + 1), fits=(Fit(),) * len(CANDIDATES))
+        return cls(u=(0.0,) * (round(HISTORY / sample_time) + 1), fits=(DelayFit(),) * len(CANDIDATES))
 
 
 def prior(delay: float, found: bool) -> float:
@@ -132,7 +132,7 @@ def observe_dead_time(
     for delay, fit in zip(CANDIDATES, x.fits, strict=True):
         shift = _back(u, (late + delay) / t)
         after = fit.after(shift, f, y - shift, keep, weight)
-        after = Fit(*(ca.if_else(trusted, new, old) for new, old in zip(after, fit, strict=True)))
+        after = DelayFit(*(ca.if_else(trusted, new, old) for new, old in zip(after, fit, strict=True)))
         fits.append(after)
         logs.append(
             ca.if_else(
