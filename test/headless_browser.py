@@ -105,10 +105,11 @@ class Browser:
     def open(self, page: Path | str, width: int) -> None:
         """Open a file or an address in a window of this width [px] and wait until it has been loaded."""
         self.resize(width)
-        self.events.clear()
-        self.call("Page.navigate", url=page if isinstance(page, str) else page.resolve().as_uri())
-        while not any(event.get("method") == "Page.loadEventFired" for event in self.events):
-            self.events.append(self._message())
+        for address in ("about:blank", page if isinstance(page, str) else page.resolve().as_uri()):
+            self.events.clear()  # what the page before still complains of, a stream that has ended, comes until it is left
+            self.call("Page.navigate", url=address)
+            while not any(event.get("method") == "Page.loadEventFired" for event in self.events):
+                self.events.append(self._message())
 
     def value(self, script: str) -> Any:
         """What a script gives; a promise is waited for."""

@@ -48,7 +48,10 @@ def test_identify_finds_the_numbers_of_a_crane_that_is_far_from_its_file(tmp_pat
     overlap = machine.parameters["main_valve_orifices.x0"].value[0]
     edges, between = machine.effects["edge_overlap"], machine.effects["valve_dead_zone"]["d_retract"]
     lowering = overlap + between
-    told = [overlap, overlap + edges["d_extend"], lowering, lowering + edges["d_retract"]]
+    # what is seen of an overlap is the current that it takes
+    stroke = machine.parameters["main_valve_spool.K_i"].value[0]
+    stroke /= load_machine(STRANGERS / "stranger.yaml").parameters["main_valve_spool.K_i"].value[0]
+    told = [x / stroke for x in (overlap, overlap + edges["d_extend"], lowering, lowering + edges["d_retract"])]
     assert told == pytest.approx([0.108, 0.092, 0.101, 0.095], abs=1e-3)
     assert machine.parameters["fluid.beta"].value[0] == pytest.approx(1.12e9, rel=0.03)
     assert 1 / machine.parameters["main_valve_spool.T_s"].value[0] == pytest.approx(38.0, rel=0.02)

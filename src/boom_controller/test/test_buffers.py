@@ -19,7 +19,7 @@ def function() -> ca.Function:
     )
 
 
-def refuse(_source: str) -> None:
+def refuse(_source: str, _optimised: str) -> None:
     raise BuildError("no C compiler found")
 
 

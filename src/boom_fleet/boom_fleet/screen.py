@@ -27,7 +27,7 @@ from boom_estimation.problem import EstimationProblem
 from boom_fleet.evidence import spreads
 from boom_fleet.habits import UNKNOWN
 from boom_fleet.numbers import Numbers, numbers_of, present
-from boom_model.catalogue import EFFECTS
+from boom_model.catalogue import EFFECTS, accumulator_precharge
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import SHORTEST_BLOCK, Recording, blocks
@@ -48,7 +48,7 @@ FURTHEST = 2.5
 """Standard deviations of its prior by which a number is moved at most in a reference."""
 FITTED, MOST_STEPS, ENOUGH, LEAST_DAMPING = 1, 9, 20.0, 0.1
 """Blocks that a reference is fitted to, most steps, the gain [nats] below which a step was none, and where damping ends."""
-_GAS, _GAS_OF_THE_FILE = "accumulator_precharge", ("accumulators.p_g0_1", "accumulators.p_g0_2")
+_GAS = accumulator_precharge.EFFECT
 LEVEL = 2.0
 """Noise of currents and model, in units of what ``boom_estimation.whitening`` assumes. With it the innovations of a crane that is
 another than the model, though healthy, are white (measured: their correlation from sample to sample falls from 0.36 to 0.11)."""
@@ -217,15 +217,15 @@ def _steps(numbers: Numbers) -> Array:
 
     The derivative beside the corner would be that of a few samples: with less gas an accumulator runs empty elsewhere.
     """
-    quantity = next((q for q in numbers.quantities if q.name == _GAS), None)
+    quantity = next((q for q in numbers.quantities if q.name == _GAS.id), None)
     less = log1p(-UNKNOWN[0] * quantity.scale) if quantity is not None else 0.0
     steps = []
     for u in numbers.unknowns:
         words = u.name.split(".")
         step = max(u.step, EFFECTS[words[1]].reach) if words[0] == "effects" else u.step
-        if quantity is not None and words[1] == _GAS:
+        if quantity is not None and words[1] == _GAS.id:
             step = -UNKNOWN[0]
-        elif quantity is not None and u.name in _GAS_OF_THE_FILE:
+        elif quantity is not None and u.name in _GAS.changes:
             step = less / u.sigma
         steps.append(step)
     return np.array(steps)
