@@ -201,11 +201,15 @@ def _of_sensors(machine: Machine) -> list[Nuisance]:
     """What every sensor is off by, as its data sheet allows."""
     return [
         Nuisance(
-            f"{_EFFECTS}{e.id}.{row.name}", row.usual / 2.0, shift=True, ends=(-row.usual, row.usual), label=row.meaning
+            f"{_EFFECTS}{e.id}.{row.name}",
+            row.accuracy / 2.0,
+            shift=True,
+            ends=(-row.accuracy, row.accuracy),
+            label=row.meaning,
         )
         for e in CATALOGUE
         for row in e.parameters
-        if row.usual and e.id not in machine.effects
+        if row.accuracy and e.id not in machine.effects
     ]
 
 

@@ -28,6 +28,14 @@ LONGEST = 0.2
 """s. Dead time that can be bridged, all kinds together."""
 
 
+def before(values: tuple[Expression, ...], samples: Expression) -> Expression:
+    """The value so many sample times ago, newest first; in between on a straight line."""
+    value = values[0]
+    for k in range(len(values) - 1):
+        value = value + ca.fmin(ca.fmax(samples - k, 0.0), 1.0) * (values[k + 1] - values[k])
+    return value
+
+
 class Past(NamedTuple):
     """s_s [m] and Q [m/s] when the next command acts, and one, two .. sample times before."""
 
@@ -46,11 +54,7 @@ class Past(NamedTuple):
 
     def position(self, dead_time: Expression, sample_time: float) -> Expression:
         """s_s [m] when the sample was taken."""
-        p = self.positions
-        position = p[0]
-        for k in range(len(p) - 1):
-            position = position + ca.fmin(ca.fmax(dead_time / sample_time - k, 0.0), 1.0) * (p[k + 1] - p[k])
-        return position
+        return before(self.positions, dead_time / sample_time)
 
 
 class Held(NamedTuple):

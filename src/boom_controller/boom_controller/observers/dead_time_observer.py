@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
+from boom_controller.blocks.dead_time import LONGEST, before
 from boom_model.regularisation import Expression
 
 FORGETTING = 12.0
@@ -42,8 +43,6 @@ REMEMBERED = 6.0
 """s of motion, T."""
 CANDIDATES = tuple(0.01 * k for k in range(-5, 11))
 """s, theta_i beyond what is told."""
-HISTORY = 0.2
-"""s of u that are kept."""
 
 
 class DelayFit(NamedTuple):
@@ -98,7 +97,7 @@ class DeadTimeState(NamedTuple):
     @classmethod
     def untold(cls, sample_time: float) -> DeadTimeState:
         """Nothing learnt yet."""
-        return cls(u=(0.0,) * (round(HISTORY / sample_time) + 1), fits=(DelayFit(),) * len(CANDIDATES))
+        return cls(u=(0.0,) * (round(LONGEST / sample_time) + 1), fits=(DelayFit(),) * len(CANDIDATES))
 
 
 def prior(delay: float, found: bool) -> float:
@@ -130,7 +129,7 @@ def observe_dead_time(
     weight = t / (CORRELATED * NOISE**2)
     fits, logs = [], []
     for delay, fit in zip(CANDIDATES, x.fits, strict=True):
-        shift = _back(u, (late + delay) / t)
+        shift = before(u, (late + delay) / t)
         after = fit.after(shift, f, y - shift, keep, weight)
         after = DelayFit(*(ca.if_else(trusted, new, old) for new, old in zip(after, fit, strict=True)))
         fits.append(after)
@@ -146,11 +145,3 @@ def observe_dead_time(
     total = sum(shares)
     mean = sum(share * delay for share, delay in zip(shares, CANDIDATES, strict=True)) / total
     return DeadTimeState(mean, count, moved, compressed, given, y, f, force, u, tuple(fits))
-
-
-def _back(values: tuple[Expression, ...], samples: Expression) -> Expression:
-    """The value so many sample times ago, in between by a straight line."""
-    value = values[0]
-    for k in range(len(values) - 1):
-        value = value + ca.fmin(ca.fmax(samples - k, 0.0), 1.0) * (values[k + 1] - values[k])
-    return value

@@ -85,5 +85,5 @@ def watch_oscillation(x: OscillationState, swing: Expression, dead_time: Express
     )  # fmt: skip
 
 
-NOTE = "an oscillation was recognised: the gains are lowered until the next start"
+NOTE = "an oscillation was recognised: the gains are lowered until the next start, or until the dead time behind it is known"
 REASON = "the boom oscillates, and lower gains did not end it"

@@ -75,7 +75,7 @@ class EffectParameter:
         gains: value at which the gains of an observer are computed where nothing is known of it yet.
         within: key of the machine file that stands for two numbers whose difference this is: where it is a guess, each has its
             tolerance, and a difference that they allow is no physics.
-        usual: tolerance of every sensor, sound ones too, by its data sheet: within it there is nothing to find.
+        accuracy: tolerance of the sensor, two standard deviations [unit], by data sheets: a sound one is off by as much.
         swallows: a play of the spool over full stroke. As small as what the noise of measured currents makes of the spool it lets
             none of that noise through, and predicts better than the truth.
     """
@@ -96,7 +96,7 @@ class EffectParameter:
     almost_nothing: float | None = None
     gains: float | None = None
     within: str = ""
-    usual: float = 0.0
+    accuracy: float = 0.0
     swallows: bool = False
 
 
