@@ -26,7 +26,7 @@ from boom_diagnosis.document import (
     RankingRow,
     Verdict,
 )
-from boom_diagnosis.earning import needed
+from boom_diagnosis.earning import clear, needed
 from boom_diagnosis.experiment import propose
 from boom_diagnosis.fitting import SLOW, Point, rho
 from boom_diagnosis.freerun import median
@@ -34,6 +34,7 @@ from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import links, locate
 from boom_diagnosis.must_keep import far_channels, kept, told, worse_channels, worse_on_the_whole
+from boom_diagnosis.nuisances import CLOCKS
 from boom_diagnosis.open_numbers import number_spread
 from boom_diagnosis.prediction import beyond, gained
 from boom_diagnosis.proof import (
@@ -98,8 +99,9 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         unknown = max(unknown, 1.0 - UNTOLD)
     if unknown > UNTOLD and as_noise_lets_it(done[-1], floors, spans):
         unknown = UNTOLD
-    worse = worse_channels(driven, median(floors)) if case.taken else []
-    odds = odds_of(case, unknown, proved=not worse)
+    floor = median(floors)
+    unproved_by = worse_channels(driven, floor) or far_channels(driven, floor, FAR_FROM_FLOOR) if case.taken else []
+    odds = odds_of(case, unknown, proved=not unproved_by)
     cells = [regimes.classify(bag) for bag in case.bags]
     findings = _findings(case, odds, cells)
     ranked = ranking(case, odds, findings)
@@ -120,7 +122,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         learned = learn(case.setting, case.trained[-1], [e.key for e in order[:LEARNT_IN]])
     proof = proof_of(case, verdict, learned, spans, done, floors if verdict != "no_mismatch" else ())
     learned, fit = proof.learned, proof.fit
-    if verdict in ("no_mismatch", "parameters_only") and far_channels(fit, FAR_FROM_FLOOR):
+    if verdict in ("no_mismatch", "parameters_only") and far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR):
         fit = replace(fit, open_numbers=number_spread(case))
     plain = case.learned if learned else None
     if verdict == "unknown_physics":
@@ -273,22 +275,29 @@ class Odds:
 def odds_of(case: Case, unknown: float, *, proved: bool = True) -> Odds:
     """The probabilities of a finished search, as they are stated (four digits).
 
-    unknown: before it is weighed with the rest. proved: by free runs over data not used; what they are worse with is not sure.
+    unknown: before it is weighed with the rest. proved: by free runs over data not used; what they are worse with, or far from the
+    noise floor, is not sure. What is not claimed of an effect is unknown physics, where tolerances alone leave a clear rest.
     """
     stated = round(min(MOST_CERTAIN, unknown), 4) if case.taken or unknown > 0.5 else 0.0
-    effects, tolerances = [], 1.0 - stated
+    effects, tolerances, doubted = [], 1.0 - stated, 0.0
     for k, weighed in enumerate(case.weighed):
         left = k == len(case.taken)  # what was not taken for gaining less than is needed is not likelier than nothing
         untold = SLOW * max(0.0, case.rounds[k].base.over(case.floor))  # fits end where a step gains less
         nets = [w.net - (needed(case, w) if left else 0.0) for w in weighed]
         *shares, none = (round(p * (1.0 - stated), 4) for p in probabilities(nets, case.temperature + untold))
         row = {w.fitted.effect: p for w, p in zip(weighed, shares, strict=True)}
+        lost = 0.0
         for effect, stated_of in row.items():
             most = UNTOLD if not _told(case, effect) else 1.0 if proved or effect not in case.named else UNPROVED
-            none, row[effect] = none + max(0.0, stated_of - most), min(stated_of, most)
+            lost, row[effect] = lost + max(0.0, stated_of - most), min(stated_of, most)
         effects.append(row)
+        if k == 0 and clear(case, case.rounds[0].base):  # something is wrong, if not this
+            doubted = lost
+        elif k == 0:
+            none += lost
         tolerances = tolerances if k else none
-    return Odds(stated, tuple(effects), round(tolerances, 4))
+    stated = min(MOST_CERTAIN, stated + doubted)
+    return Odds(round(stated, 4), tuple(effects), round(tolerances, 4))
 
 
 def _hypotheses(case: Case, odds: Odds, place: str) -> tuple[HypothesisRow, ...]:
@@ -474,6 +483,7 @@ def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array) 
     numbers, nominal = case.values(point.z, {}), case.machine.values(case.pose)
     units = {c: p.specification.unit for p in case.machine.parameters.values() for c in p.specification.components}
     units |= {f"effects.{effect.id}.{row.name}": row.unit for effect in CATALOGUE for row in effect.parameters}
+    units |= {n.name: "s" for n in case.nuisances if n.name.startswith(CLOCKS)}
     result = {}
     for i in np.argsort(-np.abs(point.z)):  # what moved most comes first
         nuisance = case.nuisances[i]

@@ -24,6 +24,7 @@ AT_FLOOR = 1.5
 WORSE = 1.1
 """Held-out error of a channel over that of parameters only from which on an explanation is unproved."""
 UNPROVED = 0.8
-"""At most this is claimed of an effect with which a channel is worse by that: 9 of 11 such were right in cases for development."""
+"""At most this is claimed of an effect with which a channel is worse by that, or far from the floor: 9 of 11 such were right in
+cases for development."""
 MOVED = 1.0
 """Standard deviations a tolerance has to move to be listed."""

@@ -48,8 +48,20 @@ FIRST = 20
 """Intervals whose mean speed is the one at the start where there is no gyro."""
 ANGLES = 200
 """At which the linkage is closed; between them the piston's position lies on lines."""
+SLOPE = 0.01
+"""s. To either side over which the slope of a channel is taken."""
 BEGINNING = 0.3
 """s. At the beginning, where the boom rests."""
+
+
+def at_stamps(signal: Signal, late: float) -> Array:
+    """Valid values of a channel as they were at their stamps, if each tells of ``late`` [s] before: y(t + T) = y + T dy/dt."""
+    time, values = signal.time[signal.valid], signal.values[signal.valid]
+    if not late:
+        return values
+    apart = max(SLOPE, float(np.median(np.diff(time))) if len(time) > 1 else SLOPE)
+    before, after = (np.interp(time + side * apart, time, values) for side in (-1.0, 1.0))
+    return np.asarray(values + late * (after - before) / (2.0 * apart))
 
 
 @dataclass(frozen=True)
@@ -111,10 +123,13 @@ class Bag:
         """(n,) middle of the intervals [s]."""
         return self.grid[:-1] + 0.5 * PERIOD
 
-    def samples(self, command_delay: float = 0.0, pressure_delay: float = 0.0) -> Samples:
-        """What the observer takes, if commands act and pressures arrive late by so much [s].
+    def samples(
+        self, command_delay: float = 0.0, pressure_delay: float = 0.0, clocks: tuple[float, ...] = ()
+    ) -> Samples:
+        """What the observer takes, if commands act and pressures arrive late by so much [s], and clocks of channels beside.
 
-        A pressure that arrives late tells of the state before: its sample moves to an earlier time.
+        A pressure that arrives late tells of the state before: its sample moves to an earlier time. By the little that ``clocks``
+        of all channels differ, (NY,) [s] late, the value at the stamp is taken from the slope: no sample changes its interval.
         """
         shape = (len(self.grid) - 1, len(OUTPUTS))
         share, measured = np.zeros(shape), np.full(shape, np.nan)
@@ -124,7 +139,7 @@ class Bag:
             k = self._numbered(time)
             inside = (k >= 0) & (k < len(measured))
             k, time = k[inside], time[inside]
-            measured[k, j] = signal.values[signal.valid][inside]
+            measured[k, j] = at_stamps(signal, clocks[j] if clocks else 0.0)[inside]
             share[k, j] = (time - self.grid[k]) / PERIOD
         return Samples(self.grid, share, measured, self.grid[:-1], self._mean_currents(command_delay))
 

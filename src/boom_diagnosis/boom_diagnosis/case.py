@@ -14,7 +14,7 @@ from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.freerun import Elsewhere
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, problem_at
 from boom_diagnosis.learning import Learned, Setting
-from boom_diagnosis.nuisances import Nuisance, clock, of_pose, tolerances
+from boom_diagnosis.nuisances import Nuisance, clock, clocks, of_pose, tolerances
 from boom_diagnosis.onset import moments
 from boom_diagnosis.recent import Recent
 from boom_diagnosis.search import Fitted
@@ -199,7 +199,8 @@ def case_of(machine: Machine, bags: Sequence[Bag], proving: Sequence[Bag], seed:
     ]
     training = [s & ~end[:, None] for s, end in zip(select, later, strict=True)]
     judged = [s & end[:, None] for s, end in zip(select, later, strict=True)]
-    known = {n.name: n for n in (*tolerances(machine, pose), *clock(machine, [bag.currents for bag in bags]))}
+    logs = (*clock(machine, [bag.currents for bag in bags]), *clocks(bag.lacking for bag in bags))
+    known = {n.name: n for n in (*tolerances(machine, pose), *logs)}
     others: dict[str, Pose] = {}
     for bag in placed:
         own = plant_for(bag.recording, machine, "full").pose

@@ -89,6 +89,9 @@ def _coordinate(effect: Effect, row: EffectParameter) -> Coordinate:
 def starts(effect: Effect, lasting: float) -> list[dict[str, float]]:
     """Values from which an effect is tried: one dictionary a run. ``lasting``: duration of the recording [s]."""
     first = effect.parameters[0]
+    if effect.points:
+        names = [f"effects.{effect.id}.{row.name}" for row in effect.parameters]
+        return [dict(zip(names, point, strict=True)) for point in effect.points]
     if effect.independent:  # one number after the other
         return [
             {f"effects.{effect.id}.{r.name}": _SHARE * r.high if r is row else r.neutral for r in effect.parameters}
@@ -106,6 +109,11 @@ def starts(effect: Effect, lasting: float) -> list[dict[str, float]]:
         elif row.starts:
             result = [{**point, f"effects.{effect.id}.{row.name}": v} for point in result for v in row.starts]
     return result
+
+
+def has_valleys(effect: Effect) -> bool:
+    """Whether the catalogue has starts of several of an effect's numbers, which trade off against one another."""
+    return bool(effect.points) or (sum(bool(row.starts) for row in effect.parameters) > 1 and not effect.onset)
 
 
 def all_coordinates(effects: Iterable[str]) -> tuple[Coordinate, ...]:

@@ -8,6 +8,7 @@ from math import log, sqrt
 
 import numpy as np
 
+from boom_diagnosis.absorbed import within_tolerance
 from boom_diagnosis.bag_samples import PERIOD
 from boom_diagnosis.case import Array, Case, Flags
 from boom_diagnosis.coordinates import Coordinate, all_coordinates
@@ -177,7 +178,10 @@ def weigh(case: Case, found: Round) -> list[Weighed]:
         (able if possible(f, case.pose.load) else impossible).append(f)
     if not accepted:
         case.impossible = impossible
-    counted = [f for f in able if not (_hardly_beyond(case, f) or _filters_noise(case, f))]
+    problem = found.problem
+    counted = [
+        f for f in able if not (_hardly_beyond(case, f) or within_tolerance(problem, f) or _filters_noise(case, f))
+    ]
     if not counted:
         return []
     found = replace(found, fitted=tuple(counted))

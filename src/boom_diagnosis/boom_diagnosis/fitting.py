@@ -129,7 +129,9 @@ class Problem:
         self.used = np.concatenate([*used, np.ones(len(self.shapes), dtype=bool)])
         nominal = dict(zip(predictor.base[0].parameter_names, predictor.base[0].p, strict=True))
         self._nominal = {
-            name: n.nominal if n.nominal is not None else nominal[name] for n in nuisances for name in n.components
+            name: n.nominal if n.nominal is not None else nominal.get(name, 0.0)
+            for n in nuisances
+            for name in n.components
         }
         self._closed = Recent[dict[str, float]](CLOSED)
         self.limits = np.array([n.limits for n in nuisances]).reshape(-1, 2).T

@@ -15,6 +15,7 @@ from boom_diagnosis.bag_samples import OTHER_POSE
 from boom_identification.estimate import Identified
 from boom_identification.machine_output import document_with, effects_with, fits
 from boom_input.whole import write_whole
+from boom_model.catalogue import EFFECTS
 from boom_model.errors import MachineError
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine, Pose
@@ -34,7 +35,7 @@ def found_machine(
 
     The moments of mass in ``pose`` go to its tabulated configuration, or to a new one; a load stays.
     Numbers that a machine file cannot have together are brought back towards the machine's own, all by the same share, until
-    it can.
+    it can; then those of effects towards doing nothing.
 
     Args:
         machine: as given.
@@ -50,10 +51,23 @@ def found_machine(
             return _found(machine, {"": pose, **others}, nearer, spreads, learned)
         except MachineError:
             continue
-    return _found(machine, {}, {n: v for n, v in numbers.items() if n.startswith("effects.")}, {}, learned)
+    for share in (*_SHARES, 0.0):
+        effects = {n: _less(n, v, share) for n, v in numbers.items() if n.startswith("effects.")}
+        try:
+            return _found(machine, {}, effects, {}, learned)
+        except MachineError:
+            continue
+    return machine
 
 
 _SHARES = (1.0, 0.75, 0.5, 0.25)
+
+
+def _less(name: str, value: float, share: float) -> float:
+    """A number of an effect part of the way from doing nothing: one that this machine cannot have stands for something else."""
+    _, effect, parameter = name.split(".")
+    row = next(row for row in EFFECTS[effect].parameters if row.name == parameter)
+    return row.neutral + share * (value - row.neutral) if row in EFFECTS[effect].leading else value
 
 
 def _between(machine: Machine, name: str, value: float, share: float) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_diagnosis.bag_samples import at_stamps
 from boom_diagnosis.prediction import CURRENT_NOISE
 from boom_estimation.currents import held_inputs
 from boom_estimation.free_run import FreeRun, plant_for, predict
@@ -25,12 +26,16 @@ UNKNOWN: Errors = (float("nan"),) * len(OUTPUTS)
 
 @dataclass(frozen=True)
 class Span:
-    """The part of a recording that is judged: from, to [s]; how far the samples of its currents stray [s]."""
+    """The part of a recording that is judged: from, to [s]; how far the samples of its currents stray [s].
+
+    clocks: (NY,) how late its channels are [s]; empty if none is.
+    """
 
     recording: Recording
     start: float
     end: float
     strays: float = 0.0
+    clocks: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -52,10 +57,10 @@ def free_run(recording: Recording, machine: Machine) -> FreeRun:
 def errors(span: Span, run: FreeRun) -> Errors:
     """Root mean square error over the standard deviation of the measured channel, one per channel."""
     result = []
-    for name in OUTPUTS:
+    for name, late in zip(OUTPUTS, span.clocks or (0.0,) * len(OUTPUTS), strict=True):
         signal = span.recording.signals[name]
-        inside = signal.valid & (signal.time >= span.start) & (signal.time <= span.end)
-        measured, said = signal.values[inside], run.values[name][inside]
+        inside = (signal.time >= span.start) & (signal.time <= span.end)
+        measured, said = at_stamps(signal, late)[inside[signal.valid]], run.values[name][inside & signal.valid]
         known = np.isfinite(said)
         spread = float(np.std(measured)) if len(measured) else 0.0
         if known.sum() < 0.9 * len(measured) or spread <= 0.0:

@@ -13,13 +13,14 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_diagnosis.absorbed import off_themselves
 from boom_diagnosis.bag_samples import Bag
-from boom_diagnosis.coordinates import Coordinate, all_coordinates
+from boom_diagnosis.coordinates import Coordinate, all_coordinates, has_valleys
 from boom_diagnosis.fitting import LEAST_STEP, WHITE, Point, Problem, gauss_newton
 from boom_diagnosis.nuisances import Nuisance
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.prediction import Predictor, with_states
-from boom_diagnosis.search import FURTHER, GLANCE, Candidate, Fitted, Scanner, possible_effects, refine
+from boom_diagnosis.search import FURTHER, GLANCE, Candidate, Fitted, Scanner, possible_effects, refine, worth_a_fit
 from boom_diagnosis.weighing import NEGLIGIBLE
 from boom_model.catalogue import EFFECTS
 from boom_model.machine import Machine
@@ -48,6 +49,8 @@ STUCK = 4.0
 """Loss per innovation over that of white noise from which on derivatives of the nominal machine have led the tolerances nowhere."""
 BEHIND = 0.3
 """Share of what the best effect gains below which another one, fitted a few steps, is not followed further."""
+CLOSE = 0.9
+"""Share of what the best effect gains from which on another one may overtake it once it is fitted as well."""
 MARGINAL = 0.03
 """Share of what an effect gains that tolerances alone may gain where their fit counts as good enough beside it."""
 POLISH = 6
@@ -218,7 +221,7 @@ def run_round(
     promising = list(dict.fromkeys([*promising, *(twin for twin in twins if twin in grouped)]))
 
     def tried(effect: str, at_least: float, level: float) -> Fitted:
-        return refine(scanner, jacobian, _starts(grouped[effect]), kept, at_least=at_least, level=level)
+        return refine(scanner, jacobian, worth_a_fit(grouped[effect]), kept, at_least=at_least, level=level)
 
     fitted = list[Fitted]()
     for pair in (promising[:2], promising[2:]):
@@ -286,16 +289,17 @@ class Nominal:
         return point
 
     @cached_property
-    def seen(self) -> dict[str, Candidate]:
-        """Of each effect that the machine does not have already the most promising start, the best first."""
-        seen: dict[str, Candidate] = {}
+    def seen(self) -> dict[str, list[Candidate]]:
+        """Of each effect that the machine does not have already all starts; the most promising effects and starts first."""
+        seen: dict[str, list[Candidate]] = {}
         has = self.problem.predictor.machine.structure.has
         for candidate in self._scanner.scan(possible_effects(has, tuple(effects_of(self.at.effects)))):
-            seen.setdefault(candidate.effect, candidate)
+            seen.setdefault(candidate.effect, []).append(candidate)
         return seen
 
     def _refined(self, effect: str, at_least: float, level: float = -np.inf) -> Fitted:
-        start = [self.seen[effect]]
+        start = self.seen[effect]
+        start = start if has_valleys(EFFECTS[effect]) else start[:1]
         return refine(self._scanner, self.jacobian, start, self.kept, at_least=at_least, level=level)
 
     def gain(self, fitted: Fitted) -> float:
@@ -334,7 +338,7 @@ def rebased(found: Round) -> Round:
     """The round with a better base, where the tolerances of an effect's fit serve better without the effect, too.
 
     What an effect gains would else be what the search for the base missed. The tolerances stay where they are, or go where they
-    make up for the effect.
+    make up for the effect; where the effect is a number's being off, within its tolerance the number is off itself.
     """
     if not found.fitted:
         return found
@@ -342,7 +346,8 @@ def rebased(found: Round) -> Round:
     wanted = []
     for f in found.fitted:
         values = {c.name: f.point.effects[c.name] for c in kept}
-        wanted += [(f.point.z, values), (_made_up(problem, f), values)]
+        off = [np.clip(z, *problem.limits) for z in off_themselves(problem, f)]
+        wanted += [(z, values) for z in (f.point.z, _made_up(problem, f), *off)]
     without = min(problem.points(wanted), key=lambda p: p.loss)
     if without.loss >= found.base.loss + found.fitted[0].gain:
         return found
@@ -373,7 +378,7 @@ def _at_once(first: Nominal, fits: Fits) -> Round | None:
     """
     base = first.tolerances
     first.fitted(list(first.seen)[:AT_ONCE])
-    if first.best[0].point.excess(WHITE) > OUTSTANDING * base.excess(WHITE):
+    if first.best[0].point.excess(WHITE) > FAR_OFF:
         first.glance(GLANCED)
     tried = first.best
     best = tried[0].point
@@ -385,7 +390,7 @@ def _at_once(first: Nominal, fits: Fits) -> Round | None:
     base, jacobian = fits.fit(weighing, base.z, {}, (), enough=max(SETTLED, MARGINAL * gained))
     near = [f for f in tried if first.gain(f) >= BEHIND * first.gain(tried[0])]
     fitted = _all_weighed(weighing, near, base, jacobian)
-    return Round((), base, jacobian, fitted, {e: c.gain for e, c in first.seen.items()}, weighing)
+    return Round((), base, jacobian, fitted, {e: own[0].gain for e, own in first.seen.items()}, weighing)
 
 
 def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) -> Round:
@@ -396,9 +401,10 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
     wanted: effects to fit, beside those that the linear look at the nominal machine finds most promising. floor: loss per
     innovation of a healthy machine.
     """
+    count = int(found.base.used.sum())
     left = found.base.over(floor) - max((f.gain for f in found.fitted), default=0.0)
-    unexplained = left > max(OUTSTANDING * found.base.over(floor), NEGLIGIBLE * int(found.base.used.sum()))
-    if unexplained and not found.accepted:
+    least = min(max(OUTSTANDING * found.base.over(floor), NEGLIGIBLE * count), FAR_OFF * count)
+    if left > least and not found.accepted:
         first.glance(GLANCED)
     glanced = [f.effect for f in first.best[:AFRESH]]
     effects = list(dict.fromkeys([*glanced, *list(first.seen)[:AFRESH], *(e for e in wanted if e in first.seen)]))
@@ -424,22 +430,19 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
     return _telling(replace(found, fitted=best), after) if with_states(point.effects) else after
 
 
-def _starts(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """The best start, and the second where it promises nearly as much from elsewhere."""
-    return list(candidates[:1]) + [c for c in candidates[1:2] if c.gain > 0.5 * candidates[0].gain]
-
-
 def _weighed(problem: Problem, f: Fitted, base: Point, columns: Array | None = None, at_least: float = 0.0) -> Fitted:
     """The same effect fitted again, with an observer of other gains; ``columns``, ``at_least`` as in :func:`_polished`."""
     return _polished(problem, _seen(problem, f), base, columns, at_least)
 
 
 def _all_weighed(problem: Problem, best_first: Sequence[Fitted], base: Point, jacobian: Array) -> tuple[Fitted, ...]:
-    """Several effects fitted again; derivatives of the tolerances at the base are good enough for all but the best."""
+    """Several effects fitted again; derivatives of the tolerances at the base are good enough for those behind the best."""
     columns = jacobian[:, : len(base.z)]
-    best = [_settled(problem, f, base) for f in best_first[:1]]
+    rivals = [f for f in best_first if f.gain >= CLOSE * best_first[0].gain]
+    best = in_parallel(lambda f: _settled(problem, f, base), rivals)
     behind = max((BEHIND * f.gain for f in best), default=0.0)
-    return _sorted(best + in_parallel(lambda f: _weighed(problem, f, base, columns, behind), best_first[1:]))
+    others = best_first[len(rivals) :]
+    return _sorted(best + in_parallel(lambda f: _weighed(problem, f, base, columns, behind), others))
 
 
 def _seen(problem: Problem, f: Fitted) -> Fitted:

@@ -60,12 +60,14 @@ def open_channels(fit: Fit) -> Array:
     return np.asarray(error <= OPEN * np.hypot(floor, spread))
 
 
-def far_channels(fit: Fit, factor: float, but: Array | None = None) -> list[str]:
+def far_channels(
+    held_out: Mapping[str, Sequence[float]], noise_floor: Sequence[float], factor: float, but: Array | None = None
+) -> list[str]:
     """Channels whose free runs over data not used err more than ``factor`` times what noise alone leaves, in words.
 
     but: (NY,) channels that are left out.
     """
-    explained, floor = np.array(fit.held_out["explained"], dtype=float), np.array(fit.noise_floor, dtype=float)
+    explained, floor = np.array(held_out["explained"], dtype=float), np.array(noise_floor, dtype=float)
     ratio = np.where(np.isfinite(floor) & ~np.isfinite(explained), np.inf, explained / np.maximum(floor, 1e-12))
     return _said(ratio if but is None else np.where(but, 0.0, ratio), factor)
 
@@ -96,8 +98,8 @@ def kept(
             "no healthy machine runs these currents to the end: errors are not compared with those that noise leaves"
         )
         return verdict, list(findings), notes
-    far = far_channels(fit, FAR_FROM_FLOOR)
-    untold = far_channels(fit, FAR_FROM_FLOOR, but=open_channels(fit))
+    far = far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR)
+    untold = far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR, but=open_channels(fit))
     opened = far and not untold and verdict in ("no_mismatch", "parameters_only")
     if opened:
         notes.append(
@@ -111,7 +113,7 @@ def kept(
             "unproved: the one-step errors name nothing, but free runs over data not used err more than noise alone would: "
             + ", ".join(far)
         )
-    left = far_channels(fit, NEAR_FLOOR)
+    left = far_channels(fit.held_out, fit.noise_floor, NEAR_FLOOR)
     if left and not (far or opened) and verdict in ("no_mismatch", "parameters_only"):
         notes.append(f"free runs over data not used still err more than noise alone would: {', '.join(left)}")
     if left:

@@ -6,7 +6,7 @@ value = nominal exp(sigma sinh(k z) / k), whose tails are about those of Student
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import asinh, cosh, exp, inf, isfinite, log, sinh, sqrt
 
@@ -16,6 +16,7 @@ from boom_estimation.currents import HeldCurrents
 from boom_model.catalogue import CATALOGUE
 from boom_model.machine import Machine, Parameter, Pose
 from boom_model.prior import prior_of, tolerance_of
+from boom_model.sensors import OUTPUTS
 
 LARGEST_Z = 4.0
 """Standard deviations a number may move: twice its tolerance."""
@@ -25,11 +26,11 @@ TAIL = 0.7
 """k of a guess: four standard deviations are a factor of six, as far as owners of real cranes were off."""
 TWINS = frozenset(name for effect in CATALOGUE for name in effect.changes)
 """Numbers that an effect of the catalogue multiplies, shifts or adds to."""
-TWIN_Z = 2.0
+TWIN_Z = 3.0
 """Standard deviations that such a number may move: its tolerance."""
 PRECHARGE = 0.05
 """Relative tolerance of a pre-charge pressure that has no ``tol`` (machine notes)."""
-GEOMETRY, SEEN = "kinematics.", 5e-3
+GEOMETRY, SEEN = "kinematics.", 1e-3
 """m. A length of the linkage whose tolerance is less than this moves nothing that the sensors see."""
 STROKE_ZERO = "cylinder.l_min"
 """Follows the geometry: at the lower end of the angle's range the cylinder is retracted, whatever the lengths are."""
@@ -38,6 +39,11 @@ ONE_FACTOR = (("main_valve_orifices.A_ta_law.c0", "main_valve_orifices.A_ta_law.
 PILOT_POLE, PILOT_GAIN, PILOT_FEEDTHROUGH = "pilot_valves.a1_s", "pilot_valves.b0_s", "pilot_valves.b1_s"
 """The gain follows the two others: at rest nu is the current (5.2), and how much pressure a current gives is h alone."""
 CLOCK = "clock of the logged currents"
+CLOCKS = "clocks."
+"""With which the names of the clocks of channels begin; they are the log's, and no machine file has them."""
+LATENCY = 5e-3
+"""s. By how much a channel may be late or early against the angle: response time of a transducer or gyro, and the wait for its
+message on the bus (data sheets)."""
 _EFFECTS = "effects."
 _NOT_PHYSICS = ("constants.", "hose_burst_valve.unit", "hose_burst_valve.dp_lin", "cylinder.l_")
 _VALVE = "main_valve_orifices."
@@ -73,8 +79,8 @@ class Nuisance:
 
     @property
     def difference(self) -> bool:
-        """Whether it is a number of an effect: between two for which the machine has one, or of a sensor or a log."""
-        return self.name.startswith(_EFFECTS)
+        """Whether the machine has no such number: between two for which it has one, or of a sensor or a log."""
+        return self.name.startswith((_EFFECTS, CLOCKS))
 
     @property
     def tolerated(self) -> tuple[float, float]:
@@ -107,6 +113,10 @@ class Nuisance:
         """z of a value over the nominal one."""
         away = log(ratio) / self.sigma
         return asinh(self.tail * away) / self.tail if self.tail else away
+
+    def multiplied(self, z: float, ratio: float) -> float:
+        """z of a value that is ``ratio`` times that at z, of one counted relative to its nominal value."""
+        return self._at(max(self.value(1.0, z) * ratio, LEAST_SHARE))
 
     def value(self, nominal: float, z: float) -> float:
         """Its value ``z`` standard deviations from the nominal one."""
@@ -204,7 +214,7 @@ def _of_sensors(machine: Machine) -> list[Nuisance]:
             f"{_EFFECTS}{e.id}.{row.name}",
             row.accuracy / 2.0,
             shift=True,
-            ends=(-row.accuracy, row.accuracy),
+            ends=(max(row.minimum - row.neutral, -row.accuracy), row.accuracy),
             label=row.meaning,
         )
         for e in CATALOGUE
@@ -233,6 +243,24 @@ def clock(machine: Machine, logs: Sequence[HeldCurrents]) -> tuple[Nuisance, ...
     ends = (-0.5 * step, 0.5 * step) if late else (-step, 0.0)
     name = f"{_EFFECTS}{effect.id}.{effect.parameters[0].name}"
     return (Nuisance(name, 0.5 * step, shift=True, ends=ends, label=CLOCK),)
+
+
+def clocks(lacking: Iterable[frozenset[str]]) -> tuple[Nuisance, ...]:
+    """How late the channels are against the angle, of those that some recording has; ``lacking``: channels that each does not."""
+    missing = frozenset.intersection(*lacking)
+    return tuple(
+        Nuisance(
+            CLOCKS + name, LATENCY / 2.0, shift=True, ends=(-LATENCY, LATENCY),
+            label=f"latency of the {name.replace('_', ' ')}",
+        )
+        for name in OUTPUTS[1:] if name not in missing
+    )  # fmt: skip
+
+
+def clocks_in(values: Mapping[str, float]) -> tuple[float, ...]:
+    """(NY,) how late each channel is [s] by a hypothesis; empty if none is."""
+    late = tuple(values.get(CLOCKS + name, 0.0) for name in OUTPUTS)
+    return late if any(late) else ()
 
 
 def closed(machine: Machine, values: Mapping[str, float]) -> dict[str, float]:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import OTHER_POSE, Bag
+from boom_diagnosis.nuisances import CLOCKS, clocks_in
 from boom_estimation.free_run import plant_for
 from boom_input.channels import PREDICTED
 from boom_model.catalogue import CATALOGUE, EFFECTS, check_effects
@@ -138,6 +139,8 @@ class Predictor:
         """Parameter vector of recording ``i`` with these values."""
         p = plant.p.copy()
         for name, value in self.bags[i].own_values(values).items():
+            if name.startswith(CLOCKS):
+                continue
             p[plant.parameter_names.index(name)] = value
         return p
 
@@ -177,7 +180,7 @@ class Predictor:
         """The observer's pass over recording ``i`` with these values."""
         plant = self.plant(i, with_states(values))
         p = self.parameters(i, plant, values)
-        samples = self.samples(i, plant, p)
+        samples = self.samples(i, plant, p, clocks_in(values))
         late = self.bags[i].pressure_shift(plant.delays(p)[1])
         with self._filling:
             if (i, plant.state_names, late) not in self._gain:
@@ -189,10 +192,10 @@ class Predictor:
         """Standard deviations of the measured channels that the observer assumes [SI]."""
         return noise_model(self.base[0], self.machine, self.base[0].p).outputs
 
-    def samples(self, i: int, plant: Plant, p: Array) -> Samples:
-        """The recording as this hypothesis' delays have it."""
+    def samples(self, i: int, plant: Plant, p: Array, clocks: tuple[float, ...]) -> Samples:
+        """The recording as this hypothesis' delays, and the clocks of its channels, have it."""
         with self._filling:
-            return self._samples[i](*plant.delays(p))
+            return self._samples[i](*plant.delays(p), clocks)
 
     def _as_stamped(self, i: int, plant: Plant, p: Array) -> Samples:
         """The same with pressures in the intervals of their stamps, where gains are those of a channel that was measured."""

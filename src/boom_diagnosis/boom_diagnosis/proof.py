@@ -20,6 +20,7 @@ from boom_diagnosis.found_machine import found_machine
 from boom_diagnosis.freerun import Elsewhere, Errors, Span, errors, free_run, median, noise_floor
 from boom_diagnosis.learning import Learned
 from boom_diagnosis.must_keep import worse_channels
+from boom_diagnosis.nuisances import clocks_in
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.prediction import beyond
 from boom_diagnosis.weighing import Z90
@@ -146,9 +147,10 @@ def placed(machine: Machine, case: Proved, span: Span) -> Machine:
 def spans_of(case: Proved) -> Spans:
     """What was fitted and what is judged, recording by recording."""
     training, judged, everything = [], [], []
+    clocks = clocks_in(case.values(case.trained[-1].z, {})) if case.trained else ()
     for bag, select in zip(case.bags, case.judged, strict=True):
         r, strays = bag.recording, bag.currents.strays
-        everything.append(Span(r, 0.0, r.duration, strays))
+        everything.append(Span(r, 0.0, r.duration, strays, clocks))
         if case.proving:
             training.append(everything[-1])
             continue
@@ -156,14 +158,14 @@ def spans_of(case: Proved) -> Spans:
         cut = float(held[0]) if len(held) else r.duration
         before = float(held[0]) > 0.5 * r.duration if len(held) else True
         middle = cut if before else float(held[-1])
-        parts = Span(r, 0.0, middle, strays), Span(r, middle, r.duration, strays)
+        parts = Span(r, 0.0, middle, strays, clocks), Span(r, middle, r.duration, strays, clocks)
         training.append(parts[0 if before else 1])
         judged.append(parts[1 if before else 0])
     for bag in case.proving:
-        judged.append(Span(bag.recording, 0.0, bag.recording.duration, bag.currents.strays))
+        judged.append(Span(bag.recording, 0.0, bag.recording.duration, bag.currents.strays, clocks))
         everything.append(judged[-1])
     strays = max(bag.currents.strays for bag in case.bags)
-    others = [Span(b.recording, 0.0, b.recording.duration, strays) for b in case.elsewhere]
+    others = [Span(b.recording, 0.0, b.recording.duration, strays, clocks) for b in case.elsewhere]
     return Spans(training, judged, everything, others)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.case import Case
-from boom_diagnosis.coordinates import Coordinate, coordinates, starts
+from boom_diagnosis.coordinates import Coordinate, coordinates, has_valleys, starts
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.hypotheses import LOOSENESS
 from boom_diagnosis.parallel import in_parallel
@@ -32,7 +32,7 @@ def other_valley(case: Case) -> Fitted | None:
     """
     taken = case.taken[0].fitted
     effect = EFFECTS[taken.effect]
-    if sum(bool(row.starts) for row in effect.parameters) < 2 or effect.onset:
+    if not has_valleys(effect):
         return None
     names = coordinates(effect)
     here = [case.problem(taken.point.z, taken.point.effects, looseness) for looseness in LOOSENESS]

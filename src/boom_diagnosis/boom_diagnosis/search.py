@@ -13,7 +13,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.coordinates import Coordinate, coordinates, starts
+from boom_diagnosis.coordinates import Coordinate, coordinates, has_valleys, starts
 from boom_diagnosis.fitting import WHITE, Point, Problem, weights
 from boom_diagnosis.onset import near_onset, neutral, onset_of, steps_in, time_in
 from boom_model.catalogue import CATALOGUE, EFFECTS, Effect
@@ -28,6 +28,8 @@ FURTHER = 6
 """Steps beyond those while each still gains much: from the nominal machine it is far to a large effect."""
 STARTS = (1.0, 0.5, 0.2, 0.05)
 """Shares of the linear look's size from which an effect is fitted."""
+FOLLOWED = 2
+"""Candidates of an effect that are fitted, those whose best start is the likeliest."""
 PROBES = 16
 """Predicted at once."""
 NEARER = 0.5
@@ -262,8 +264,8 @@ def refine(
     count = len(at.z)
     reached: list[tuple[Point, Array]] = []
     glanced = np.inf
-    for candidate in candidates:
-        start = _start(scanner, candidate)
+    begun = [(_start(scanner, candidate), candidate) for candidate in candidates]
+    for start, candidate in sorted(begun, key=lambda b: b[0].loss)[:FOLLOWED]:
         before, own = problem.fit(start, jacobian[:, :count], names, iterations=1)
         point, own = problem.fit(before, own, names, iterations=GLANCE - 1)
         leading, glanced = point.loss < glanced, min(glanced, point.loss)
@@ -295,9 +297,9 @@ def _start(scanner: Scanner, candidate: Candidate) -> Point:
     """The best of a few points on the way to the candidate, with the tolerances where they are and where they follow."""
     at = scanner.at
     leading = {name for name, value in candidate.values.items() if value != neutral(name)}
-    companions = {c.name for c in coordinates(EFFECTS[candidate.effect])[1:]}
     if not EFFECTS[candidate.effect].independent:
-        leading -= companions
+        rows = EFFECTS[candidate.effect].parameters[1:]
+        leading -= {f"effects.{candidate.effect}.{row.name}" for row in rows if not row.acts}
     wanted = []
     for share in STARTS:
         values = {
@@ -316,6 +318,16 @@ def _start(scanner: Scanner, candidate: Candidate) -> Point:
         + [(np.zeros_like(at.z), points[0].effects)]
     )
     return min(points + followed, key=lambda p: p.loss)
+
+
+def worth_a_fit(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Of one effect, the best first: all where its numbers trade off, else the best, and the next if it promises nearly as much.
+
+    What the linear look promises from the nominal machine says little about valleys far from there.
+    """
+    if has_valleys(EFFECTS[candidates[0].effect]):
+        return list(candidates)
+    return list(candidates[:1]) + [c for c in candidates[1:2] if c.gain > 0.5 * candidates[0].gain]
 
 
 def lasting(effect: str, values: Mapping[str, float]) -> dict[str, float]:
@@ -346,7 +358,7 @@ def _leading(effect: str, start: Mapping[str, float]) -> Coordinate:
     """The number of an effect that a probe moves in proportion."""
     own = coordinates(EFFECTS[effect])
     moved = [c for c in own if start[c.name] != neutral(c.name)]
-    return moved[0] if EFFECTS[effect].independent else own[0]
+    return moved[0] if moved else own[0]
 
 
 def _scaled(effect: str, start: dict[str, float], share: float) -> dict[str, float]:

@@ -77,8 +77,9 @@ def _checked(key: str, value: Any, row: EffectParameter) -> float:
 
 
 def is_neutral(name: str, values: dict[str, float]) -> bool:
-    """Whether the effect's term vanishes: its leading parameters are at their neutral values."""
-    return all(values[row.name] == row.neutral for row in EFFECTS[name].leading)
+    """Whether the effect's term vanishes: the parameters that act by themselves are at their neutral values."""
+    effect = EFFECTS[name]
+    return all(values[row.name] == row.neutral for row in effect.parameters if row.acts or row in effect.leading)
 
 
 def active_effects(given: Any, has: Callable[[str], bool]) -> dict[str, dict[str, float]]:

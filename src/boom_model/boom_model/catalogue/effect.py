@@ -78,6 +78,7 @@ class EffectParameter:
         accuracy: tolerance of the sensor, two standard deviations [unit], by data sheets: a sound one is off by as much.
         swallows: a play of the spool over full stroke. As small as what the noise of measured currents makes of the spool it lets
             none of that noise through, and predicts better than the truth.
+        acts: also where the leading number does nothing.
     """
 
     name: str
@@ -98,6 +99,7 @@ class EffectParameter:
     within: str = ""
     accuracy: float = 0.0
     swallows: bool = False
+    acts: bool = False
 
 
 def parameter(
@@ -139,6 +141,7 @@ class Effect:
         lasting: effect that it is if it began before the recording, with parameters of the same names.
         margin: the prior reaches so far beyond the plausible range, in widths of it.
         sets_in: shares of a probe that are tried, of an effect that does nothing up to some size and soon far too much.
+        points: values of all its parameters from which a search tries it, where single starts say too little.
         watched: whether the watch suspects it: not what acts on the times of inputs and samples, begins at a time, or brings fast
             states of its own.
         reach: halves of the range over which the watch takes a difference, where the derivative at nothing says little.
@@ -167,6 +170,7 @@ class Effect:
     lasting: str = ""
     margin: float = 1.5
     sets_in: tuple[float, ...] = (1.0,)
+    points: tuple[tuple[float, ...], ...] = ()
     watched: bool = True
     reach: float = 0.0
 

@@ -87,7 +87,10 @@ def cells(p: Any, e: Any) -> tuple[tuple[Expression, Expression], ...]:
     """Pre-charge pressure [Pa] and orifice diameter [m] of both."""
     a = p.accumulators
     numbers = (a.p_g0_1, a.d_1), (a.p_g0_2, a.d_2)
-    return tuple((e.through("precharge", precharge), e.through("throat", diameter)) for precharge, diameter in numbers)
+    return tuple(
+        (e.through("precharge", precharge, number=k), e.through("throat", diameter, number=k))
+        for k, (precharge, diameter) in enumerate(numbers, 1)
+    )
 
 
 def compliances(pressure: Expression, bulk_modulus: Expression, p: Any, e: Any) -> tuple[Expression, ...]:

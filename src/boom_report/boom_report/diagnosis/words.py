@@ -194,7 +194,7 @@ def _proof(result: DiagnosisResult) -> str:
             f" With {what} the {name}'s held-out error falls from {percent(before)} with parameters only to "
             f"{percent(explained)} of the signal"
         )
-    left = far_channels(fit, NEAR_FLOOR) if "explained" in fit.held_out else []
+    left = far_channels(fit.held_out, fit.noise_floor, NEAR_FLOOR) if "explained" in fit.held_out else []
     if left:
         word = ", but free runs" if said else " Free runs over data not used"
         said += f"{word} still err more than noise alone would: {', '.join(left)}"
