@@ -6,7 +6,8 @@ no physics left out, and the tolerances alone must find it.
 
 from __future__ import annotations
 
-from math import prod
+from itertools import product
+from math import isclose, prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,18 +15,22 @@ from numpy.typing import NDArray
 from boom_diagnosis.fitting import Problem
 from boom_diagnosis.nuisances import CLOCKS
 from boom_diagnosis.search import Fitted
+from boom_diagnosis.weighing import ENOUGH
 from boom_input.channels import BY_NAME
 from boom_model.catalogue import EFFECTS
 from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
 
+AS_WELL = 0.5
+"""Share of what an effect gains that the tolerances may lack before they are fitted to it: their slopes are not exactly its own."""
+
 
 def off_themselves(problem: Problem, f: Fitted) -> list[Array]:
     """z of the tolerances that do what an effect does, wherever their limits are: empty where none can.
 
     A number of the effect that is one of the tolerances, too, has its value; a dead time of the pressures is one of each channel's;
-    numbers that a factor changes are multiplied, or divided.
+    numbers that a factor changes are multiplied, or divided, together or one of them.
     """
     effect = EFFECTS[f.effect]
     values = {row.name: f.point.effects[f"effects.{f.effect}.{row.name}"] for row in effect.parameters}
@@ -41,27 +46,24 @@ def off_themselves(problem: Problem, f: Fitted) -> list[Array]:
             moved[where[name]] = (values[row.name] - row.neutral) / problem.nuisances[where[name]].sigma
         return [moved]
     factor, further = values[effect.parameters[0].name], prod(values[r.name] for r in effect.parameters if r.acts)
-    changed = {
-        where[name]: factor * (further if k == 1 else 1.0) for k, name in enumerate(effect.changes) if name in where
-    }
+    ratios = [factor * (further if k == 1 else 1.0) for k in range(len(effect.changes))]
+    there = [(where[n], ratio) for n, ratio in zip(effect.changes, ratios, strict=True) if n in where]
+    changed = {i: ratio for i, ratio in there if not isclose(ratio, 1.0)}
     if not effect.parameters[0].positive or not changed:
         return []
     found = []
-    for power in (1.0, -1.0):
+    for numbers, power in product((changed, *({i: ratio} for i, ratio in changed.items())), (1.0, -1.0)):
         z = moved.copy()
-        for i, ratio in changed.items():
+        for i, ratio in numbers.items():
             z[i] = problem.nuisances[i].multiplied(float(z[i]), ratio**power)
         found.append(z)
     return found
 
 
 def within_tolerance(problem: Problem, f: Fitted) -> bool:
-    """Whether an effect is no more than tolerances may do as well, with the other effects that are there."""
-    wanted = off_themselves(problem, f)
-    if not wanted:
-        return False
+    """Whether an effect is no more than tolerances may do as well: most of what it gains, with the other effects that are there."""
     low, high = problem.limits
+    wanted = [z for z in off_themselves(problem, f) if np.all((z >= low) & (z <= high))]
     others = {n: v for n, v in f.point.effects.items() if n.split(".")[1] != f.effect}
-    best = min(problem.points([(z, others) for z in wanted]), key=lambda p: p.loss) if len(wanted) > 1 else None
-    z = best.z if best is not None else wanted[0]
-    return bool(np.all((z >= low) & (z <= high)))
+    reached = [p.loss for p in problem.points([(z, others) for z in wanted])] if wanted else []
+    return min(reached, default=np.inf) - f.point.loss < AS_WELL * max(f.gain, ENOUGH)

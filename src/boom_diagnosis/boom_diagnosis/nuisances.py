@@ -26,7 +26,7 @@ TAIL = 0.7
 """k of a guess: four standard deviations are a factor of six, as far as owners of real cranes were off."""
 TWINS = frozenset(name for effect in CATALOGUE for name in effect.changes)
 """Numbers that an effect of the catalogue multiplies, shifts or adds to."""
-TWIN_Z = 3.0
+TWIN_Z = 2.0
 """Standard deviations that such a number may move: its tolerance."""
 PRECHARGE = 0.05
 """Relative tolerance of a pre-charge pressure that has no ``tol`` (machine notes)."""
