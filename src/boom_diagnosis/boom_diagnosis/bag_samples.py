@@ -50,14 +50,19 @@ ANGLES = 200
 """At which the linkage is closed; between them the piston's position lies on lines."""
 SLOPE = 0.01
 """s. To either side over which the slope of a channel is taken."""
+LEAST_SHARE = 0.05
+"""Of an interval, that a sample is behind its beginning."""
 BEGINNING = 0.3
 """s. At the beginning, where the boom rests."""
 
 
-def at_stamps(signal: Signal, late: float) -> Array:
-    """Valid values of a channel as they were at their stamps, if each tells of ``late`` [s] before: y(t + T) = y + T dy/dt."""
+def at_stamps(signal: Signal, late: float | Array) -> Array:
+    """Valid values of a channel as they were at their stamps, if each tells of ``late`` [s] before: y(t + T) = y + T dy/dt.
+
+    The slope keeps the samples' noise; what lies between samples has less of it, and would be likelier half a sample off.
+    """
     time, values = signal.time[signal.valid], signal.values[signal.valid]
-    if not late:
+    if not np.any(late):
         return values
     apart = max(SLOPE, float(np.median(np.diff(time))) if len(time) > 1 else SLOPE)
     before, after = (np.interp(time + side * apart, time, values) for side in (-1.0, 1.0))
@@ -129,7 +134,8 @@ class Bag:
         """What the observer takes, if commands act and pressures arrive late by so much [s], and clocks of channels beside.
 
         A pressure that arrives late tells of the state before: its sample moves to an earlier time. By the little that ``clocks``
-        of all channels differ, (NY,) [s] late, the value at the stamp is taken from the slope: no sample changes its interval.
+        of all channels differ, (NY,) [s] late, a sample moves inside its interval, and beyond by the slope: none changes its
+        interval, and the loss is smooth.
         """
         shape = (len(self.grid) - 1, len(OUTPUTS))
         share, measured = np.zeros(shape), np.full(shape, np.nan)
@@ -139,8 +145,14 @@ class Bag:
             k = self._numbered(time)
             inside = (k >= 0) & (k < len(measured))
             k, time = k[inside], time[inside]
-            measured[k, j] = at_stamps(signal, clocks[j] if clocks else 0.0)[inside]
-            share[k, j] = (time - self.grid[k]) / PERIOD
+            late = clocks[j] if clocks else 0.0
+            lies = (time - self.grid[k]) / PERIOD
+            share[k, j] = lies - np.clip(
+                late / PERIOD, np.minimum(0.0, lies - 1.0), np.maximum(0.0, lies - LEAST_SHARE)
+            )
+            beyond = np.zeros(len(inside))
+            beyond[inside] = late - PERIOD * (lies - share[k, j])
+            measured[k, j] = at_stamps(signal, beyond)[inside]
         return Samples(self.grid, share, measured, self.grid[:-1], self._mean_currents(command_delay))
 
     def _numbered(self, time: Array) -> NDArray[np.int64]:

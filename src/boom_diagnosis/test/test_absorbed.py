@@ -90,7 +90,7 @@ def test_one_of_two_accumulators_is_a_start_of_the_search() -> None:
     assert (0.7, 1.0) in found and (1.0, 0.7) in found and (0.7, 1.0 / 0.7) in found
 
 
-def test_a_channel_that_is_late_is_read_at_its_stamps_by_its_slope() -> None:
+def test_a_channel_that_is_late_is_read_at_its_stamps() -> None:
     time = np.arange(0.0, 2.0, 0.01)
     stamps = np.round(1e9 * time).astype(np.int64)
     late = Signal("x", "Pa", "t", stamps, time, np.sin(3.0 * (time - 0.004)), np.ones(len(time), dtype=bool))

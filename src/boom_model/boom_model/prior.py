@@ -123,6 +123,6 @@ def summary(parameters: Iterable[Parameter]) -> list[tuple[str, str, str]]:
             told.setdefault(said, []).append(parameter.specification.key)
     counts = sorted(counted.items(), key=lambda row: -row[1])
     return [
-        *((f"tolerance {said}", f"{count} numbers", "prov, conf") for said, count in counts),
+        *((f"tolerance {said}", f"{count} number{'s' if count > 1 else ''}", "prov, conf") for said, count in counts),
         *((f"tolerance {said}", ", ".join(keys), "tol") for said, keys in told.items()),
     ]

@@ -102,6 +102,11 @@ def run(args: argparse.Namespace) -> int:
         )
         console.print(f"report: {report}", markup=False, soft_wrap=True)
     differing = [bag for bag, found in zip(args.bags, validation.bags, strict=True) if found.mismatches]
+    if differing:
+        console.print(
+            "The file's numbers were taken as they are. Whether their tolerances explain this, or physics is left out:",
+            markup=False, soft_wrap=True,
+        )  # fmt: skip
     for line in diagnose_next(differing, args.machine, arguments.configuration_words(args)):
         console.print(line, markup=False, soft_wrap=True)
     return 1 if args.strict and differing else 0
