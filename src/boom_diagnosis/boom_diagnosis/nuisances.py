@@ -143,7 +143,7 @@ def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
                 own = _own(machine, parameter, name, value)
                 if not (key.startswith(GEOMETRY) and 2.0 * own.sigma * abs(value) < SEEN):
                     result.append(own)
-    return (*result, *of_pose(machine, pose), *_differences(machine), *_of_sensors(machine))
+    return (*result, *of_pose(machine, pose), *_differences(machine), *_as_made(machine))
 
 
 def of_pose(machine: Machine, pose: Pose) -> list[Nuisance]:
@@ -207,8 +207,9 @@ def _differences(machine: Machine) -> list[Nuisance]:
     return result
 
 
-def _of_sensors(machine: Machine) -> list[Nuisance]:
-    """What every sensor is off by, as its data sheet allows."""
+def _as_made(machine: Machine) -> list[Nuisance]:
+    """What every sensor is off by, as its data sheet allows, and edges of a spool, as they are made; a guess allows more."""
+    guesses = {p.specification.key for p in machine.parameters.values() if _guessed(p)}
     return [
         Nuisance(
             f"{_EFFECTS}{e.id}.{row.name}",
@@ -218,8 +219,9 @@ def _of_sensors(machine: Machine) -> list[Nuisance]:
             label=row.meaning,
         )
         for e in CATALOGUE
+        if e.id not in machine.effects and machine.structure.has(e.needs)
         for row in e.parameters
-        if row.accuracy and e.id not in machine.effects
+        if row.accuracy and row.within not in guesses
     ]
 
 

@@ -75,7 +75,7 @@ class EffectParameter:
         gains: value at which the gains of an observer are computed where nothing is known of it yet.
         within: key of the machine file that stands for two numbers whose difference this is: where it is a guess, each has its
             tolerance, and a difference that they allow is no physics.
-        accuracy: tolerance of the sensor, two standard deviations [unit], by data sheets: a sound one is off by as much.
+        accuracy: tolerance of a sensor, or of how a part is made, two standard deviations [unit]: a sound one is off by as much.
         swallows: a play of the spool over full stroke. As small as what the noise of measured currents makes of the spool it lets
             none of that noise through, and predicts better than the truth.
         acts: also where the leading number does nothing.
