@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import Bag, prepare
+from boom_diagnosis.nuisances import clocks_in
 from boom_diagnosis.prediction import CURRENT_NOISE, Values, carrying
 from boom_estimation.free_run import plant_for
 from boom_input.channels import BY_NAME
@@ -27,8 +28,8 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     """The recording as a machine with these numbers (and no effects) would have given it, as far as it runs.
 
     None where that is less than ``LEAST``: without what holds it, a boom may run into its stops.
-    The measured currents stand for the true ones, in between one course of many; what the copy shows of them has their noise
-    once more.
+    Its channels are as late as these numbers say. The measured currents stand for the true ones, in between one course of many; what
+    the copy shows of them has their noise once more.
     """
     recording, currents = bag.recording, bag.currents
     plant = plant_for(recording, carrying(machine), "full")
@@ -39,9 +40,13 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     rng = np.random.default_rng(seed)
     grid = bag.grid[bag.grid <= currents.time[-1]]
     inputs = currents.drawn(rng)
+    late = np.array(clocks_in(values) or (0.0,) * len(OUTPUTS))
+    told = np.maximum(grid[:, None] - late, grid[0])  # when what a channel shows was
+    times, where = np.unique(told, return_inverse=True)
     _, outputs, _, _ = plant.integrate(
-        currents.time, inputs, grid, bag.initial_state(plant, p), float(grid[0]), parameters=p
+        currents.time, inputs, times, bag.initial_state(plant, p), float(grid[0]), parameters=p
     )
+    outputs = outputs[where.reshape(told.shape), np.arange(len(OUTPUTS))]
     reached = int(np.isfinite(outputs).all(axis=1).sum())  # behind a failure all are NaN
     grid, outputs = grid[:reached], outputs[:reached]
     if reached == 0 or grid[-1] < LEAST:

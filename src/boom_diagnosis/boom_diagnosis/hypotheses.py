@@ -438,7 +438,8 @@ def _weighed(problem: Problem, f: Fitted, base: Point, columns: Array | None = N
 def _all_weighed(problem: Problem, best_first: Sequence[Fitted], base: Point, jacobian: Array) -> tuple[Fitted, ...]:
     """Several effects fitted again; derivatives of the tolerances at the base are good enough for those behind the best."""
     columns = jacobian[:, : len(base.z)]
-    rivals = [f for f in best_first if f.gain >= CLOSE * best_first[0].gain]
+    most = max((f.gain for f in best_first), default=0.0)
+    rivals = [f for f in best_first if f.gain >= CLOSE * most]
     best = in_parallel(lambda f: _settled(problem, f, base), rivals)
     behind = max((BEHIND * f.gain for f in best), default=0.0)
     others = best_first[len(rivals) :]

@@ -45,7 +45,7 @@ class Proved(Protocol):
     """What was found in recordings, as far as its proof needs to know it; see ``case.Case``.
 
     named: the effects that were found. elsewhere: blocks of long recordings that only the proof looks at.
-    trained: points with the first k of them, fitted to the data for training alone.
+    trained: points with the first k of them, fitted to the data for training alone. learned: a term in their place.
     """
 
     machine: Machine
@@ -59,6 +59,7 @@ class Proved(Protocol):
     seed: int
     own: dict[str, float]
     trained: list[Point]
+    learned: Learned | None
     healthy_squares: Array
 
     @property
@@ -147,7 +148,8 @@ def placed(machine: Machine, case: Proved, span: Span) -> Machine:
 def spans_of(case: Proved) -> Spans:
     """What was fitted and what is judged, recording by recording."""
     training, judged, everything = [], [], []
-    clocks = clocks_in(case.values(case.trained[-1].z, {})) if case.trained else ()
+    at = case.learned.point if case.learned else case.trained[-1] if case.trained else None
+    clocks = clocks_in(case.values(at.z, {})) if at else ()
     for bag, select in zip(case.bags, case.judged, strict=True):
         r, strays = bag.recording, bag.currents.strays
         everything.append(Span(r, 0.0, r.duration, strays, clocks))

@@ -104,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
     differing = [bag for bag, found in zip(args.bags, validation.bags, strict=True) if found.mismatches]
     if differing:
         console.print(
-            "The file's numbers were taken as they are. Whether their tolerances explain this, or physics is left out:",
+            "the file's numbers as they are; whether tolerances explain this, or physics is left out:",
             markup=False, soft_wrap=True,
         )  # fmt: skip
     for line in diagnose_next(differing, args.machine, arguments.configuration_words(args)):
