@@ -28,8 +28,8 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     """The recording as a machine with these numbers (and no effects) would have given it, as far as it runs.
 
     None where that is less than ``LEAST``: without what holds it, a boom may run into its stops.
-    Its channels are as late as these numbers say. The measured currents stand for the true ones, in between one course of many; what
-    the copy shows of them has their noise once more.
+    Its channels are as late as these numbers say. The measured currents stand for the true ones, in between one course of many;
+    what the copy shows of them has their noise once more.
     """
     recording, currents = bag.recording, bag.currents
     plant = plant_for(recording, carrying(machine), "full")
