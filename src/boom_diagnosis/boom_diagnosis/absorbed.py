@@ -1,7 +1,7 @@
 """Effects that are numbers' being off: the tolerances with that done to them.
 
 A pre-charge lost, a transducer's zero, pressures that arrive late: as far as the tolerances of machine, sensors and log go, that is
-no physics left out, and the tolerances alone must find it.
+no physics left out: the tolerances fitted from there reach what the effect does, and it gains nothing over them.
 """
 
 from __future__ import annotations
@@ -15,15 +15,11 @@ from numpy.typing import NDArray
 from boom_diagnosis.fitting import Problem
 from boom_diagnosis.nuisances import CLOCKS
 from boom_diagnosis.search import Fitted
-from boom_diagnosis.weighing import ENOUGH
 from boom_input.channels import BY_NAME
 from boom_model.catalogue import EFFECTS
 from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
-
-AS_WELL = 0.5
-"""Share of what an effect gains that the tolerances may lack before they are fitted to it: their slopes are not exactly its own."""
 
 
 def off_themselves(problem: Problem, f: Fitted) -> list[Array]:
@@ -58,12 +54,3 @@ def off_themselves(problem: Problem, f: Fitted) -> list[Array]:
             z[i] = problem.nuisances[i].multiplied(float(z[i]), ratio**power)
         found.append(z)
     return found
-
-
-def within_tolerance(problem: Problem, f: Fitted) -> bool:
-    """Whether an effect is no more than tolerances may do as well: most of what it gains, with the other effects that are there."""
-    low, high = problem.limits
-    wanted = [z for z in off_themselves(problem, f) if np.all((z >= low) & (z <= high))]
-    others = {n: v for n, v in f.point.effects.items() if n.split(".")[1] != f.effect}
-    reached = [p.loss for p in problem.points([(z, others) for z in wanted])] if wanted else []
-    return min(reached, default=np.inf) - f.point.loss < AS_WELL * max(f.gain, ENOUGH)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis import regimes
-from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, MOST_CERTAIN, MOVED, NAMED_FROM, UNPROVED
+from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, MOST_CERTAIN, MOVED, NAMED_FROM
 from boom_diagnosis.bag_samples import CAVITATES, PERIOD, Bag
 from boom_diagnosis.document import (
     SUBSYSTEMS,
@@ -22,19 +22,27 @@ from boom_diagnosis.document import (
     Estimate,
     Finding,
     Fit,
-    HypothesisRow,
     RankingRow,
     Verdict,
 )
-from boom_diagnosis.earning import clear, needed
 from boom_diagnosis.experiment import propose
-from boom_diagnosis.fitting import SLOW, Point, rho
+from boom_diagnosis.fitting import Point, rho
 from boom_diagnosis.freerun import median
 from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import links, locate
-from boom_diagnosis.must_keep import far_channels, kept, told, worse_channels, worse_on_the_whole
+from boom_diagnosis.must_keep import far_channels, kept, worse_channels, worse_on_the_whole
 from boom_diagnosis.nuisances import CLOCKS
+from boom_diagnosis.odds import (
+    UNTOLD,
+    Odds,
+    final_numbers,
+    hypothesis_rows,
+    odds_of,
+    of_effect,
+    probability_of,
+    ranking,
+)
 from boom_diagnosis.open_numbers import number_spread
 from boom_diagnosis.prediction import beyond, gained
 from boom_diagnosis.proof import (
@@ -51,7 +59,7 @@ from boom_diagnosis.proof import (
     spans_of,
 )
 from boom_diagnosis.unsearched import About
-from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, posterior, probabilities, unknown_probability
+from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, posterior, unknown_probability
 from boom_model.catalogue import CATALOGUE, EFFECTS
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine
@@ -67,8 +75,6 @@ LEARNT_FROM, LEARNT_IN = 0.3, 2
 """Probability of unknown physics from which on a term is learnt, and in how many equations it is tried."""
 DOUBTFUL = 0.1
 """Share of the excess that stays from which on the tolerances alone are fitted once more, by the observer that sees most."""
-UNTOLD = 0.49
-"""At most this is claimed of an effect whose numbers' intervals all contain that it does nothing."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +144,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     said = experiment.text if experiment else said_of_next(verdict)
     document = Document(
         verdict, tuple(findings), _subsystems(ranked, findings), fit, said, about.seed, about.inputs_sha256, about.version,
-        tuple(ranked), hypotheses=_hypotheses(case, odds, max(rest_equations, key=lambda e: e.statistical + e.chain).key),
+        tuple(ranked), hypotheses=hypothesis_rows(case, odds, max(rest_equations, key=lambda e: e.statistical + e.chain).key),
     )  # fmt: skip
     bags = tuple(
         bag_result(case, i, cells, inputs, tight.nominal[i], proof.driven) for i in range(len(case.bags))
@@ -147,11 +153,12 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     left = plain.point.excess(case.floor) if plain else tight.excess_after
     named = verdict not in ("no_mismatch", "parameters_only")  # else one-step errors name nothing
     left_over = remaining(fit, tight.excess_before, left if named else 0.0)
+    machine = _final_machine(case, verdict, learned)
     return DiagnosisResult(
-        document, case.machine, _final_machine(case, verdict, learned), bags,
+        document, case.machine, machine, bags,
         regimes.table(cells, case.select, tight.nominal, explained, case.healthy_squares), equations, agreement, proof.ladder,
         (learned.curve,) if learned else (), left_over, moved, experiment,
-        (*unproved, *_said_of_limits(case, moved), *proof.notes, *notes_of(case.bags, case.proving, weak)),
+        (*unproved, *_said_of_limits(case, moved), *_said_of_less(case, machine), *proof.notes, *notes_of(case.bags, case.proving, weak)),
         command=about.command,
     )  # fmt: skip
 
@@ -257,112 +264,6 @@ def _moving(case: Case) -> float:
     return nominal.loss - base.loss
 
 
-@dataclass(frozen=True)
-class Odds:
-    """What is how likely: the one source of every probability that a diagnosis states.
-
-    Attributes:
-        unknown: that unmodelled physics acts.
-        effects: of each round, effect -> that it is what was looked for there.
-        tolerances: that parameters within their tolerance are all that the first round needs.
-    """
-
-    unknown: float
-    effects: tuple[Mapping[str, float], ...]
-    tolerances: float
-
-
-def odds_of(case: Case, unknown: float, *, proved: bool = True) -> Odds:
-    """The probabilities of a finished search, as they are stated (four digits).
-
-    unknown: before it is weighed with the rest. proved: by free runs over data not used; what they are worse with, or far from the
-    noise floor, is not sure. What is not claimed of an effect is unknown physics, where tolerances alone leave a clear rest.
-    """
-    stated = round(min(MOST_CERTAIN, unknown), 4) if case.taken or unknown > 0.5 else 0.0
-    effects, tolerances, doubted = [], 1.0 - stated, 0.0
-    for k, weighed in enumerate(case.weighed):
-        left = k == len(case.taken)  # what was not taken for gaining less than is needed is not likelier than nothing
-        untold = SLOW * max(0.0, case.rounds[k].base.over(case.floor))  # fits end where a step gains less
-        nets = [w.net - (needed(case, w) if left else 0.0) for w in weighed]
-        *shares, none = (round(p * (1.0 - stated), 4) for p in probabilities(nets, case.temperature + untold))
-        row = {w.fitted.effect: p for w, p in zip(weighed, shares, strict=True)}
-        lost = 0.0
-        for effect, stated_of in row.items():
-            most = UNTOLD if not _told(case, effect) else 1.0 if proved or effect not in case.named else UNPROVED
-            lost, row[effect] = lost + max(0.0, stated_of - most), min(stated_of, most)
-        effects.append(row)
-        if k == 0 and clear(case, case.rounds[0].base):  # something is wrong, if not this
-            doubted = lost
-        elif k == 0:
-            none += lost
-        tolerances = tolerances if k else none
-    stated = min(MOST_CERTAIN, stated + doubted)
-    return Odds(round(stated, 4), tuple(effects), round(tolerances, 4))
-
-
-def _hypotheses(case: Case, odds: Odds, place: str) -> tuple[HypothesisRow, ...]:
-    """What was weighed in the first round, and unknown physics at the equation in doubt; the posteriors sum to one."""
-    rows = [
-        HypothesisRow((), (), 0.0, 0.0, 0.0, odds.tolerances),
-        HypothesisRow((), (place,), 0.0, 0.0, 0.0, odds.unknown),
-    ]
-    for w in (*(case.weighed[0] if case.weighed else ()), *case.disproved):
-        effect, gain = w.fitted.effect, w.gain + w.held_out_gain
-        rows.append(HypothesisRow((effect,), (), gain, w.cost, 0.0, _first(odds, effect)))
-    total = sum(row.posterior for row in rows)
-    rows = [replace(row, posterior=row.posterior / total) for row in rows]
-    return tuple(sorted(rows, key=lambda row: -row.posterior))
-
-
-def _told(case: Case, effect: str) -> bool:
-    """Whether the numbers of what was taken differ from nothing; what was not taken has nothing to keep."""
-    if case.final is None or effect not in case.named:
-        return True
-    return told(effect, _short(_final_numbers(case), effect))
-
-
-def _final_numbers(case: Case) -> dict[str, Estimate]:
-    assert case.final is not None  # after a search that took something
-    return estimates(case.final, max(1.0, case.temperature / 3.0))
-
-
-def ranking(case: Case, odds: Odds, findings: Sequence[Finding]) -> list[RankingRow]:
-    """All hypotheses of the first round, those that free runs disproved with probability zero, and unknown physics.
-
-    An effect that was found has the numbers of its finding.
-    """
-    found = {f.effect: f.parameters for f in findings}
-    rows = []
-    for w in (*(case.weighed[0] if case.weighed else ()), *case.disproved):
-        effect = w.fitted.effect
-        subsystem = EFFECTS[effect].subsystem
-        numbers = found.get(effect) or _short(estimates(w.fitted, case.temperature), effect)
-        rows.append(
-            RankingRow(
-                label_of(effect), effect, "sensors" if subsystem == "sensors" else "effect", subsystem,
-                _first(odds, effect), w.gain, w.held_out_gain, numbers, _inside(w),
-            )
-        )  # fmt: skip
-    rows.append(RankingRow("parameters within tolerance only", None, "parameters", "", odds.tolerances, 0.0, 0.0, {}))
-    rows.append(RankingRow("unmodelled physics", None, "unknown", "", odds.unknown, 0.0, 0.0, {}))
-    return sorted(rows, key=lambda r: -r.probability)
-
-
-def _first(odds: Odds, effect: str) -> float:
-    """That the effect is what the first round looked for; zero for what free runs disproved."""
-    return odds.effects[0].get(effect, 0.0) if odds.effects else 0.0
-
-
-def _short(numbers: Mapping[str, Estimate], effect: str) -> dict[str, Estimate]:
-    return {name.split(".")[2]: e for name, e in numbers.items() if name.split(".")[1] == effect}
-
-
-def _inside(w: Weighed) -> bool:
-    values = w.fitted.point.effects
-    own = [c for c in w.fitted.coordinates if c.name.split(".")[1] == w.fitted.effect and not c.onset]
-    return all(c.plausible[0] <= values[c.name] <= c.plausible[1] for c in own)
-
-
 # ------------------------------------------------------------------------------------------------------------- findings
 
 
@@ -375,7 +276,7 @@ def _findings(case: Case, odds: Odds, cells: list[NDArray[np.int64]]) -> list[Fi
         before = case.rounds[k].base
         place = regimes.where(cells, gained(before.parts, w.fitted.point.parts))
         row = EFFECTS[effect]
-        numbers = _short(_final_numbers(case), effect)
+        numbers = of_effect(final_numbers(case), effect)
         result.append(
             Finding(
                 effect, row.subsystem, row.equation, odds.effects[k][effect], numbers, place.text, place.intervals,
@@ -406,14 +307,14 @@ def _unknown_finding(
     if unlike and (not near or unlike.gain > near[0].fitted.gain):
         numbers = ", ".join(
             f"{name} {e.value:.3g} {e.unit}".rstrip(" -")
-            for name, e in _short(estimates(unlike, 1.0), unlike.effect).items()
+            for name, e in of_effect(estimates(unlike, 1.0), unlike.effect).items()
         )
         nearest = f"; the nearest is {label_of(unlike.effect)}, but as no boom can have it ({numbers})"
     said = f" What explains it is {learned.curve.reading}." if learned else ""
     home = _touched(case.machine, learned.term) if learned else _home(case, link.subsystems)
     return Finding(
         None, home, link.equation, odds.unknown, {}, place.text, place.intervals,
-        tuple(Alternative(w.fitted.effect, _first(odds, w.fitted.effect)) for w in near[:2]),
+        tuple(Alternative(w.fitted.effect, probability_of(odds, w.fitted.effect)) for w in near[:2]),
         f"No effect of the catalogue explains the mismatch at '{link.title}'{nearest}.{said}",
     )  # fmt: skip
 
@@ -471,6 +372,20 @@ def _said_of_limits(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
         f"{len(ended)} of {len(case.nuisances)} numbers stand at the end of their tolerance, which speaks against the "
         f"explanation: {', '.join(ended)}"
     ]
+
+
+def _said_of_less(case: Case, machine: Machine) -> list[str]:
+    """Effects of which the machine that is handed out has less than was found: no file can hold them."""
+    less = []
+    for effect in case.named:
+        held = machine.effects.get(effect, {row.name: row.neutral for row in EFFECTS[effect].parameters})
+        wanted = [case.last.effects[f"effects.{effect}.{name}"] for name in held]
+        if not np.allclose(list(held.values()), wanted, rtol=1e-3, atol=0.0):
+            less.append(label_of(effect))
+    said = (
+        "the machine file that is handed out has less of what was found, as none can hold it, which speaks against it"
+    )
+    return [f"{said}: {', '.join(less)}"] if less else []
 
 
 def _moved(case: Case, point: Point) -> dict[str, Estimate]:

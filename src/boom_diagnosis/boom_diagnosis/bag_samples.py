@@ -50,7 +50,7 @@ ANGLES = 200
 """At which the linkage is closed; between them the piston's position lies on lines."""
 SLOPE = 0.01
 """s. To either side over which the slope of a channel is taken."""
-LEAST_SHARE = 0.05
+EARLIEST = 0.05
 """Of an interval, that a sample is behind its beginning."""
 BEGINNING = 0.3
 """s. At the beginning, where the boom rests."""
@@ -147,9 +147,7 @@ class Bag:
             k, time = k[inside], time[inside]
             late = clocks[j] if clocks else 0.0
             lies = (time - self.grid[k]) / PERIOD
-            share[k, j] = lies - np.clip(
-                late / PERIOD, np.minimum(0.0, lies - 1.0), np.maximum(0.0, lies - LEAST_SHARE)
-            )
+            share[k, j] = lies - np.clip(late / PERIOD, np.minimum(0.0, lies - 1.0), np.maximum(0.0, lies - EARLIEST))
             beyond = np.zeros(len(inside))
             beyond[inside] = late - PERIOD * (lies - share[k, j])
             measured[k, j] = at_stamps(signal, beyond)[inside]

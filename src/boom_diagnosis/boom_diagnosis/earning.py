@@ -8,7 +8,6 @@ from math import log, sqrt
 
 import numpy as np
 
-from boom_diagnosis.absorbed import within_tolerance
 from boom_diagnosis.bag_samples import PERIOD
 from boom_diagnosis.case import Array, Case, Flags
 from boom_diagnosis.coordinates import Coordinate, all_coordinates
@@ -178,10 +177,7 @@ def weigh(case: Case, found: Round) -> list[Weighed]:
         (able if possible(f, case.pose.load) else impossible).append(f)
     if not accepted:
         case.impossible = impossible
-    problem = found.problem
-    counted = [
-        f for f in able if not (_hardly_beyond(case, f) or within_tolerance(problem, f) or _filters_noise(case, f))
-    ]
+    counted = [f for f in able if not (_hardly_beyond(case, f) or _filters_noise(case, f))]
     if not counted:
         return []
     found = replace(found, fitted=tuple(counted))
@@ -222,13 +218,14 @@ def _early(case: Case, f: Fitted) -> bool:
 
 
 def _hardly_beyond(case: Case, f: Fitted) -> bool:
-    """Whether an effect is a number's being further off than its tolerance, by next to nothing."""
+    """Whether an effect is numbers' being further off than their tolerance, by next to nothing."""
     effect = EFFECTS[f.effect]
-    factor = effect.parameters[0]
-    if not effect.changes or factor.neutral != 1.0 or f.gain > CLEARLY * chance(case):
+    factors = [row for row in effect.parameters if row.acts or row in effect.leading]
+    if not effect.changes or effect.parameters[0].neutral != 1.0 or f.gain > CLEARLY * chance(case):
         return False
     known = [n.sigma for n in case.nuisances if n.name in effect.changes]
-    return abs(log(f.point.effects[f"effects.{f.effect}.{factor.name}"])) < BEYOND * TWIN_Z * min(known, default=0.0)
+    away = [abs(log(f.point.effects[f"effects.{f.effect}.{row.name}"])) for row in factors]
+    return max(away) < BEYOND * TWIN_Z * min(known, default=0.0)
 
 
 def _filters_noise(case: Case, f: Fitted) -> bool:

@@ -15,7 +15,7 @@ from boom_diagnosis.bag_samples import OTHER_POSE
 from boom_identification.estimate import Identified
 from boom_identification.machine_output import document_with, effects_with, fits
 from boom_input.whole import write_whole
-from boom_model.catalogue import EFFECTS
+from boom_model.catalogue import CATALOGUE
 from boom_model.errors import MachineError
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine, Pose
@@ -51,23 +51,25 @@ def found_machine(
             return _found(machine, {"": pose, **others}, nearer, spreads, learned)
         except MachineError:
             continue
-    for share in (*_SHARES, 0.0):
-        effects = {n: _less(n, v, share) for n, v in numbers.items() if n.startswith("effects.")}
+    for share in _SHARES:
         try:
-            return _found(machine, {}, effects, {}, learned)
+            return _found(machine, {}, _less(numbers, share), {}, learned)
         except MachineError:
             continue
-    return machine
+    return _found(machine, {}, _less(numbers, 0.0), {}, learned)
 
 
 _SHARES = (1.0, 0.75, 0.5, 0.25)
 
 
-def _less(name: str, value: float, share: float) -> float:
-    """A number of an effect part of the way from doing nothing: one that this machine cannot have stands for something else."""
-    _, effect, parameter = name.split(".")
-    row = next(row for row in EFFECTS[effect].parameters if row.name == parameter)
-    return row.neutral + share * (value - row.neutral) if row in EFFECTS[effect].leading else value
+def _less(numbers: Mapping[str, float], share: float) -> dict[str, float]:
+    """Numbers of the effects alone, part of the way from doing nothing: what no machine can have stands for something else."""
+    rows = {f"effects.{e.id}.{row.name}": row for e in CATALOGUE for row in e.leading}
+    return {
+        name: rows[name].neutral + share * (value - rows[name].neutral) if name in rows else value
+        for name, value in numbers.items()
+        if name.startswith("effects.")
+    }
 
 
 def _between(machine: Machine, name: str, value: float, share: float) -> float:

@@ -42,8 +42,8 @@ CLOCK = "clock of the logged currents"
 CLOCKS = "clocks."
 """With which the names of the clocks of channels begin; they are the log's, and no machine file has them."""
 LATENCY = 7.5e-3
-"""s. By how much a channel may be late or early against the angle, three standard deviations: response time of a transducer or gyro
-(1 to 5 ms by data sheets), and the wait for its message on the bus."""
+"""s. By how much a channel may be late or early against the angle, its tolerance: response time of a transducer or gyro (1 to 5 ms
+by data sheets), and the wait for its message on the bus."""
 _EFFECTS = "effects."
 _NOT_PHYSICS = ("constants.", "hose_burst_valve.unit", "hose_burst_valve.dp_lin", "cylinder.l_")
 _VALVE = "main_valve_orifices."
@@ -89,7 +89,7 @@ class Nuisance:
         Where an effect of the catalogue is the number's being further off than its tolerance: as far as that. A guess is nobody's
         tolerance.
         """
-        twin = (self.name in TWINS and not self.tail) or self.name.startswith(_EFFECTS)
+        twin = (self.name in TWINS and not self.tail) or self.difference
         most = TWIN_Z if twin else LARGEST_Z
         if self.shift or self.tail or self.factor:
             return -most, most
@@ -252,7 +252,7 @@ def clocks(lacking: Iterable[frozenset[str]]) -> tuple[Nuisance, ...]:
     missing = frozenset.intersection(*lacking)
     return tuple(
         Nuisance(
-            CLOCKS + name, LATENCY / 3.0, shift=True, ends=(-LATENCY, LATENCY),
+            CLOCKS + name, LATENCY / 2.0, shift=True, ends=(-LATENCY, LATENCY),
             label=f"latency of the {name.replace('_', ' ')}",
         )
         for name in OUTPUTS[1:] if name not in missing

@@ -28,7 +28,7 @@ FURTHER = 6
 """Steps beyond those while each still gains much: from the nominal machine it is far to a large effect."""
 STARTS = (1.0, 0.5, 0.2, 0.05)
 """Shares of the linear look's size from which an effect is fitted."""
-FOLLOWED = 2
+BEGUN = 2
 """Candidates of an effect that are fitted, those whose best start is the likeliest."""
 PROBES = 16
 """Predicted at once."""
@@ -265,7 +265,7 @@ def refine(
     reached: list[tuple[Point, Array]] = []
     glanced = np.inf
     begun = [(_start(scanner, candidate), candidate) for candidate in candidates]
-    for start, candidate in sorted(begun, key=lambda b: b[0].loss)[:FOLLOWED]:
+    for start, candidate in sorted(begun, key=lambda b: b[0].loss)[:BEGUN]:
         before, own = problem.fit(start, jacobian[:, :count], names, iterations=1)
         point, own = problem.fit(before, own, names, iterations=GLANCE - 1)
         leading, glanced = point.loss < glanced, min(glanced, point.loss)

@@ -10,6 +10,7 @@ import pytest
 from rounds_cases import SAMPLES, point, weighed
 
 from boom_diagnosis import answer, earning
+from boom_diagnosis import odds as weighing_of
 from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.hypotheses import Round
 
@@ -47,7 +48,7 @@ def test_an_effect_that_no_boom_can_have_is_not_weighed_but_said(monkeypatch: py
     monkeypatch.setattr(answer.regimes, "where", lambda *given: SimpleNamespace(text="", intervals=()))
     evidence: Any = SimpleNamespace(key="torque", statistical=10.0, chain=0.0)
     tight: Any = SimpleNamespace(explained=[])
-    said = answer._unknown_finding(case, answer.odds_of(case, 0.9), [], tight, [evidence], None).evidence
+    said = answer._unknown_finding(case, weighing_of.odds_of(case, 0.9), [], tight, [evidence], None).evidence
     assert said.endswith("; the nearest is payload, but as no boom can have it (mass -80 kg).")
 
 
@@ -63,16 +64,29 @@ def test_physics_of_no_catalogue_is_the_verdict_where_it_is_likelier_than_what_w
     assert answer._verdict(case, [found], unknown, 0.0, tight) == verdict
 
 
-@pytest.mark.parametrize(("proved", "most"), [(True, 1.0), (False, answer.UNPROVED)])
+@pytest.mark.parametrize(("proved", "most"), [(True, 1.0), (False, weighing_of.UNPROVED)])
 def test_what_free_runs_are_worse_with_is_not_sure(
     monkeypatch: pytest.MonkeyPatch, case: Any, proved: bool, most: float
 ) -> None:
     case.weighed = [[weighed("pilot_lag", 3000.0, 3000.0, 2000.0)]]
     case.taken, case.temperature = case.weighed[0], 3.0
-    monkeypatch.setattr(answer, "_told", lambda *given: True)
-    odds = answer.odds_of(case, 0.02, proved=proved)
+    monkeypatch.setattr(weighing_of, "_told", lambda *given: True)
+    odds = weighing_of.odds_of(case, 0.02, proved=proved)
     assert odds.effects[0]["pilot_lag"] == pytest.approx(min(0.98, most))
     assert odds.effects[0]["pilot_lag"] + odds.tolerances + odds.unknown == pytest.approx(1.0, abs=2e-4)
+
+
+@pytest.mark.parametrize(("wrong", "unknown", "tolerances"), [(True, 0.51, 0.0), (False, 0.02, 0.49)])
+def test_what_cannot_be_claimed_of_an_effect_is_unknown_physics_where_something_is_clearly_wrong(
+    monkeypatch: pytest.MonkeyPatch, case: Any, wrong: bool, unknown: float, tolerances: float
+) -> None:
+    case.weighed = [[weighed("pilot_lag", 3000.0, 3000.0, 2000.0)]]
+    case.taken, case.temperature = case.weighed[0], 3.0
+    monkeypatch.setattr(weighing_of, "_told", lambda *given: False)
+    monkeypatch.setattr(weighing_of, "clear", lambda *given: wrong)
+    odds = weighing_of.odds_of(case, 0.02)
+    assert odds.effects[0]["pilot_lag"] == weighing_of.UNTOLD
+    assert (odds.unknown, odds.tolerances) == pytest.approx((unknown, tolerances), abs=2e-3)
 
 
 @pytest.mark.parametrize(("net", "likelier"), [(11.0, False), (60.0, True)])
@@ -81,8 +95,8 @@ def test_an_effect_that_gains_less_than_is_needed_is_not_likelier_than_parameter
 ) -> None:
     """A verdict of parameters only stood beside an effect at 0.98."""
     case.weighed, case.taken, case.temperature = [[weighed("pilot_lag", net, net, 2000.0)]], [], 3.0
-    monkeypatch.setattr(answer, "needed", lambda case, w: w.net - net + 30.0)
-    odds = answer.odds_of(case, 0.02)
+    monkeypatch.setattr(weighing_of, "needed", lambda case, w: w.net - net + 30.0)
+    odds = weighing_of.odds_of(case, 0.02)
     assert (odds.effects[0]["pilot_lag"] > odds.tolerances) is likelier
     assert odds.effects[0]["pilot_lag"] + odds.tolerances == pytest.approx(1.0, abs=2e-4)
 
@@ -98,13 +112,14 @@ def test_what_is_near_unknown_physics_has_the_probability_of_the_ranking(
     case.weighed, case.disproved, case.healthy_squares, case.bags = [[near, far]], [disproved], np.ones(4), []
     case.select = []
     case.impossible, case.temperature, case.learned = [], 150.0, None
-    monkeypatch.setattr(answer, "estimates", lambda *given: {})
+    for part in (answer, weighing_of):
+        monkeypatch.setattr(part, "estimates", lambda *given: {})
     monkeypatch.setattr(answer.regimes, "where", lambda *given: SimpleNamespace(text="", intervals=()))
-    odds = answer.odds_of(case, 0.876)
+    odds = weighing_of.odds_of(case, 0.876)
     evidence: Any = SimpleNamespace(key="torque", statistical=10.0, chain=0.0)
     tight: Any = SimpleNamespace(explained=[])
     finding = answer._unknown_finding(case, odds, [], tight, [evidence], None)
-    ranked = {row.effect or row.kind: row.probability for row in answer.ranking(case, odds, [finding])}
+    ranked = {row.effect or row.kind: row.probability for row in weighing_of.ranking(case, odds, [finding])}
     assert {a.effect: a.confidence for a in finding.alternatives} == {
         e: ranked[e] for e in ("payload", "presliding_friction")
     }

@@ -152,12 +152,6 @@ def test_moved_tolerances_that_worsen_free_runs_stay_where_nominal_ones_leave_fi
     assert case.spared == ({0: points["nominal"]} if kept == "nominal" else {})
 
 
-@pytest.fixture(autouse=True)
-def beyond_tolerances(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Points made by hand have no problem that could tell; see ``test_absorbed``."""
-    monkeypatch.setattr(earning, "within_tolerance", lambda problem, f: False)
-
-
 @pytest.fixture
 def moving(monkeypatch: pytest.MonkeyPatch, case: Any) -> Any:
     """The case in a recording of 30 s that moves from 1.5 s on; whatever is fitted gains 800 nats."""

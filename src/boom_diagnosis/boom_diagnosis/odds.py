@@ -1,0 +1,127 @@
+"""What is how likely at the end of a search: the one source of every probability that a diagnosis states, and its tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from boom_diagnosis.assumptions import MOST_CERTAIN, UNPROVED
+from boom_diagnosis.case import Case
+from boom_diagnosis.document import Estimate, Finding, HypothesisRow, RankingRow
+from boom_diagnosis.earning import clear, needed
+from boom_diagnosis.fitting import SLOW
+from boom_diagnosis.must_keep import told
+from boom_diagnosis.proof import label_of
+from boom_diagnosis.weighing import Weighed, estimates, probabilities
+from boom_model.catalogue import EFFECTS
+
+UNTOLD = 0.49
+"""At most this is claimed of an effect whose numbers' intervals all contain that it does nothing."""
+
+
+@dataclass(frozen=True)
+class Odds:
+    """What is how likely: the one source of every probability that a diagnosis states.
+
+    Attributes:
+        unknown: that unmodelled physics acts.
+        effects: of each round, effect -> that it is what was looked for there.
+        tolerances: that parameters within their tolerance are all that the first round needs.
+    """
+
+    unknown: float
+    effects: tuple[Mapping[str, float], ...]
+    tolerances: float
+
+
+def odds_of(case: Case, unknown: float, *, proved: bool = True) -> Odds:
+    """The probabilities of a finished search, as they are stated (four digits).
+
+    unknown: before it is weighed with the rest. proved: by free runs over data not used; what they are worse with, or far from the
+    noise floor, is not sure. What is not claimed of an effect is unknown physics, where tolerances alone leave a clear rest.
+    """
+    stated = round(min(MOST_CERTAIN, unknown), 4) if case.taken or unknown > 0.5 else 0.0
+    effects, tolerances, doubted = [], 1.0 - stated, 0.0
+    for k, weighed in enumerate(case.weighed):
+        left = k == len(case.taken)  # what was not taken for gaining less than is needed is not likelier than nothing
+        untold = SLOW * max(0.0, case.rounds[k].base.over(case.floor))  # fits end where a step gains less
+        nets = [w.net - (needed(case, w) if left else 0.0) for w in weighed]
+        *shares, none = (round(p * (1.0 - stated), 4) for p in probabilities(nets, case.temperature + untold))
+        row = {w.fitted.effect: p for w, p in zip(weighed, shares, strict=True)}
+        lost = 0.0
+        for effect, stated_of in row.items():
+            most = UNTOLD if not _told(case, effect) else 1.0 if proved or effect not in case.named else UNPROVED
+            lost, row[effect] = lost + max(0.0, stated_of - most), min(stated_of, most)
+        effects.append(row)
+        if k == 0 and clear(case, case.rounds[0].base):  # something is wrong, if not this
+            doubted = lost
+        elif k == 0:
+            none += lost
+        tolerances = tolerances if k else none
+    stated = min(MOST_CERTAIN, stated + doubted)
+    return Odds(round(stated, 4), tuple(effects), round(tolerances, 4))
+
+
+def hypothesis_rows(case: Case, odds: Odds, place: str) -> tuple[HypothesisRow, ...]:
+    """What was weighed in the first round, and unknown physics at the equation in doubt; the posteriors sum to one."""
+    rows = [
+        HypothesisRow((), (), 0.0, 0.0, 0.0, odds.tolerances),
+        HypothesisRow((), (place,), 0.0, 0.0, 0.0, odds.unknown),
+    ]
+    for w in (*(case.weighed[0] if case.weighed else ()), *case.disproved):
+        effect, gain = w.fitted.effect, w.gain + w.held_out_gain
+        rows.append(HypothesisRow((effect,), (), gain, w.cost, 0.0, probability_of(odds, effect)))
+    total = sum(row.posterior for row in rows)
+    rows = [replace(row, posterior=row.posterior / total) for row in rows]
+    return tuple(sorted(rows, key=lambda row: -row.posterior))
+
+
+def _told(case: Case, effect: str) -> bool:
+    """Whether the numbers of what was taken differ from nothing; what was not taken has nothing to keep."""
+    if case.final is None or effect not in case.named:
+        return True
+    return told(effect, of_effect(final_numbers(case), effect))
+
+
+def final_numbers(case: Case) -> dict[str, Estimate]:
+    """All numbers of the effects that were taken, dotted names."""
+    assert case.final is not None  # after a search that took something
+    return estimates(case.final, max(1.0, case.temperature / 3.0))
+
+
+def ranking(case: Case, odds: Odds, findings: Sequence[Finding]) -> list[RankingRow]:
+    """All hypotheses of the first round, those that free runs disproved with probability zero, and unknown physics.
+
+    An effect that was found has the numbers of its finding.
+    """
+    found = {f.effect: f.parameters for f in findings}
+    rows = []
+    for w in (*(case.weighed[0] if case.weighed else ()), *case.disproved):
+        effect = w.fitted.effect
+        subsystem = EFFECTS[effect].subsystem
+        numbers = found.get(effect) or of_effect(estimates(w.fitted, case.temperature), effect)
+        rows.append(
+            RankingRow(
+                label_of(effect), effect, "sensors" if subsystem == "sensors" else "effect", subsystem,
+                probability_of(odds, effect), w.gain, w.held_out_gain, numbers, _inside(w),
+            )
+        )  # fmt: skip
+    rows.append(RankingRow("parameters within tolerance only", None, "parameters", "", odds.tolerances, 0.0, 0.0, {}))
+    rows.append(RankingRow("unmodelled physics", None, "unknown", "", odds.unknown, 0.0, 0.0, {}))
+    return sorted(rows, key=lambda r: -r.probability)
+
+
+def probability_of(odds: Odds, effect: str) -> float:
+    """That the effect is what the first round looked for; zero for what free runs disproved."""
+    return odds.effects[0].get(effect, 0.0) if odds.effects else 0.0
+
+
+def of_effect(numbers: Mapping[str, Estimate], effect: str) -> dict[str, Estimate]:
+    """Those of one effect, by their own names."""
+    return {name.split(".")[2]: e for name, e in numbers.items() if name.split(".")[1] == effect}
+
+
+def _inside(w: Weighed) -> bool:
+    values = w.fitted.point.effects
+    own = [c for c in w.fitted.coordinates if c.name.split(".")[1] == w.fitted.effect and not c.onset]
+    return all(c.plausible[0] <= values[c.name] <= c.plausible[1] for c in own)
