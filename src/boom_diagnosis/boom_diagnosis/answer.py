@@ -158,7 +158,10 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         document, case.machine, machine, bags,
         regimes.table(cells, case.select, tight.nominal, explained, case.healthy_squares), equations, agreement, proof.ladder,
         (learned.curve,) if learned else (), left_over, moved, experiment,
-        (*unproved, *_said_of_limits(case, moved), *_said_of_less(case, machine), *proof.notes, *notes_of(case.bags, case.proving, weak)),
+        (
+            *unproved, *_said_of_limits(case, moved), *_said_of_less(case, machine), *proof.notes,
+            *notes_of(case.bags, case.proving, weak),
+        ),
         command=about.command,
     )  # fmt: skip
 
