@@ -91,6 +91,6 @@ def _part(name: str, value: float, has: Mapping[str, Any]) -> dict[str, object]:
 _LABELS = {
     "structure": (240, 78, "middle"), "load": (503, 226, "middle"), "cylinder": (246, 350, "start"),
     "oil": (172, 350, "end"), "friction": (246, 317, "start"), "hose_burst_valve": (246, 431, "start"),
-    "accumulators": (98, 394, "middle"), "main_valve": (392, 606, "start"), "pilot_valves": (244, 603, "end"),
+    "accumulators": (32, 394, "start"), "main_valve": (392, 606, "start"), "pilot_valves": (244, 603, "end"),
     "supply": (258, 636, "end"), "return_line": (360, 638, "start"), "sensors": (412, 386, "end"),
 }  # fmt: skip

@@ -87,6 +87,12 @@ def shown(estimate: Estimate) -> Shown:
     return Shown(text(value), f"{text(low)} to {text(high)}", unit)
 
 
+def meaning(effect: str | None, name: str) -> str:
+    """What a number of an effect is, behind its name; empty for a subsystem's finding."""
+    rows = EFFECTS[effect].parameters if effect in EFFECTS else ()
+    return next((f" {row.meaning}" for row in rows if row.name == name), "")
+
+
 def signed(value: float, digits: int = 3) -> str:
     """A number with a proper minus sign; an en dash where there is none."""
     return "\N{EN DASH}" if not math.isfinite(value) else number(value, digits).replace("-", _MINUS)
