@@ -14,7 +14,7 @@ from boom_diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.hypotheses import Round, noticed, problem_at
 from boom_diagnosis.must_keep import told
-from boom_diagnosis.nuisances import LATENCY, TWIN_Z
+from boom_diagnosis.nuisances import TWIN_Z
 from boom_diagnosis.onset import onset_of, steps_in
 from boom_diagnosis.onset import own as own_numbers
 from boom_diagnosis.parallel import in_parallel
@@ -218,13 +218,11 @@ def _early(case: Case, f: Fitted) -> bool:
 
 
 def _hardly_beyond(case: Case, f: Fitted) -> bool:
-    """Whether an effect is numbers' being further off than their tolerance, by next to nothing.
-
-    Of late pressures that is what every log may have: what they gain below it is samples that change their interval.
-    """
+    """Whether an effect is what sound machines have, too, or numbers' being further off than their tolerance by next to nothing."""
     effect = EFFECTS[f.effect]
-    if effect.delays == "pressures":
-        return f.point.effects[f"effects.{f.effect}.{effect.parameters[0].name}"] <= LATENCY
+    leading = effect.parameters[0]
+    if leading.ordinary:
+        return f.point.effects[f"effects.{f.effect}.{leading.name}"] <= leading.ordinary
     factors = [row for row in effect.parameters if row.acts or row in effect.leading]
     if not effect.changes or effect.parameters[0].neutral != 1.0 or f.gain > CLEARLY * chance(case):
         return False

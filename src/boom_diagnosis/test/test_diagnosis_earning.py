@@ -226,3 +226,19 @@ def test_a_play_that_swallows_no_more_than_the_noise_of_the_currents_is_none(
     found = weighed("valve_hysteresis", 100.0, 90.0, 1000.0).fitted
     found.point.effects["effects.valve_hysteresis.h"] = play * sigma
     assert earning._filters_noise(case, found) is noise
+
+
+@pytest.mark.parametrize(
+    ("number", "size", "ordinary"),
+    [("valve_hysteresis.h", 0.0024, True), ("valve_hysteresis.h", 0.0026, False),
+     ("pressure_delay.T", 0.0074, True), ("pressure_delay.T", 0.0076, False)],
+)  # fmt: skip
+def test_what_every_sound_machine_has_of_an_effect_is_none_whatever_it_gains(
+    monkeypatch: pytest.MonkeyPatch, case: Any, number: str, size: float, ordinary: bool
+) -> None:
+    case.machine, case.pose = tz17(), tz17().pose(0.28, 2.2, 300.0)
+    fitted = weighed(number.split(".")[0], 50.0, 50.0, 1000.0).fitted
+    fitted.point.effects |= {"effects.valve_hysteresis.travel": 0.0, f"effects.{number}": size}
+    found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (fitted,), {}, Any)
+    monkeypatch.setattr(earning, "_split", lambda case, hypotheses, names: [(500.0, 500.0), (450.0, 450.0)])
+    assert [w.fitted for w in earning.weigh(case, found)] == ([] if ordinary else [fitted])

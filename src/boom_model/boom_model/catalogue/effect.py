@@ -76,6 +76,8 @@ class EffectParameter:
         within: key of the machine file that stands for two numbers whose difference this is: where it is a guess, each has its
             tolerance, and a difference that they allow is no physics.
         accuracy: tolerance of a sensor, or of how a part is made, two standard deviations [unit]: a sound one is off by as much.
+        ordinary: size that a sound machine may have of what cannot be a tolerance: as little is no effect, as that explains what
+            other small things do. From data sheets.
         swallows: a play of the spool over full stroke. As small as what the noise of measured currents makes of the spool it lets
             none of that noise through, and predicts better than the truth.
         acts: also where the leading number does nothing.
@@ -98,6 +100,7 @@ class EffectParameter:
     gains: float | None = None
     within: str = ""
     accuracy: float = 0.0
+    ordinary: float = 0.0
     swallows: bool = False
     acts: bool = False
 

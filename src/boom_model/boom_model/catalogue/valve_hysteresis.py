@@ -33,7 +33,7 @@ EFFECT = Effect(
     ("the main valve or its pilot stage", "has play"), "differs with rising or falling current",
     (
         parameter("h", "-", 0.0, (0.005, 0.06), (0.0, 0.5), "half of the hysteresis over full stroke", starts=(0.01, 0.04),
-                  swallows=True),
+                  swallows=True, ordinary=0.0025),  # valves with a position control of their own: up to 0.5 % in all
         parameter("travel", "-", 0.0, (0.0, 0.3), (0.0, 2.0), "half of the travel between its sides; below h: a play",
                   starts=(0.0, 0.15)),
     ),
