@@ -73,6 +73,8 @@ Array = NDArray[np.float64]
 
 LEARNT_FROM, LEARNT_IN = 0.3, 2
 """Probability of unknown physics from which on a term is learnt, and in how many equations it is tried."""
+MOSTLY = 0.5
+"""Share of the excess that an effect leaves from which on unknown physics is where it is without that effect."""
 DOUBTFUL = 0.1
 """Share of the excess that stays from which on the tolerances alone are fitted once more, by the observer that sees most."""
 
@@ -131,6 +133,8 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     if verdict in ("no_mismatch", "parameters_only") and far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR):
         fit = replace(fit, open_numbers=number_spread(case))
     plain = case.learned if learned else None
+    if tight.excess_after > MOSTLY * tight.excess_before:  # beside an effect that explains little, what it bends is seen, too
+        rest_equations = equations
     if verdict == "unknown_physics":
         findings = [_unknown_finding(case, odds, cells, tight, rest_equations, plain), *findings]
     if verdict == "no_mismatch":
