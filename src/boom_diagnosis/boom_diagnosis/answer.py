@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis import regimes
+from boom_diagnosis.all_fitted import errors_of_all_fitted
 from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, MOST_CERTAIN, MOVED, NAMED_FROM
 from boom_diagnosis.bag_samples import CAVITATES, PERIOD, Bag
 from boom_diagnosis.document import (
@@ -43,7 +44,6 @@ from boom_diagnosis.odds import (
     probability_of,
     ranking,
 )
-from boom_diagnosis.open_numbers import number_spread
 from boom_diagnosis.prediction import beyond, gained
 from boom_diagnosis.proof import (
     as_noise_lets_it,
@@ -131,9 +131,11 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     proof = proof_of(case, verdict, learned, spans, done, floors if verdict != "no_mismatch" else ())
     learned, fit = proof.learned, proof.fit
     if verdict in ("no_mismatch", "parameters_only") and far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR):
-        fit = replace(fit, open_numbers=number_spread(case))
+        fit = replace(fit, all_fitted=errors_of_all_fitted(case, spans))
     plain = case.learned if learned else None
-    if tight.excess_after > MOSTLY * tight.excess_before:  # beside an effect that explains little, what it bends is seen, too
+    if (
+        tight.excess_after > MOSTLY * tight.excess_before
+    ):  # beside an effect that explains little, what it bends is seen, too
         rest_equations = equations
     if verdict == "unknown_physics":
         findings = [_unknown_finding(case, odds, cells, tight, rest_equations, plain), *findings]

@@ -45,7 +45,7 @@ class Case:
         floor: loss per innovation of a healthy machine with the same currents. healthy: its recordings.
         rounds, weighed: what each round found, and its effects with what speaks for them. taken: those that earned their place.
         disproved: effects of the first round that gained enough, but made free runs over data not used worse, or gained it only on
-            data held out, or only with a looser observer.
+            data held out, or only with a looser observer, or may do nothing where nothing is left.
         impossible: effects of the first round as they were fitted, where no boom can have them so.
         trained: points with the first k effects, fitted to ``training`` alone.
         spared: number of effects -> fit with nominal tolerances, where moving them gains nothing.

@@ -104,7 +104,8 @@ class Fit:
     """Normalised rms errors of free runs, one per channel (rms error / standard deviation of the measured channel).
 
     Median over the bags. ``training``, ``held_out``: stage -> one number per channel; NaN where runs end early. ``far``: blocks
-    of long recordings in which the explained machine errs far more than noise does. ``open_numbers``: see ``open_numbers.py``.
+    of long recordings in which the explained machine errs far more than noise does. ``all_fitted``: as ``held_out``, of parameters
+    that were fitted to that data, too.
     """
 
     training: Mapping[str, tuple[float, ...]]
@@ -112,7 +113,7 @@ class Fit:
     noise_floor: tuple[float, ...]
     held_out_bags: tuple[str, ...]
     far: tuple[str, ...] = ()
-    open_numbers: tuple[float, ...] = ()
+    all_fitted: tuple[float, ...] = ()
 
     def document(self) -> dict[str, Any]:
         """As in ``diagnosis.json``."""
@@ -123,7 +124,7 @@ class Fit:
                 "bags": list(self.held_out_bags),
                 **{stage: list(self.held_out[stage]) for stage in STAGES if stage in self.held_out},
                 "noise_floor": list(self.noise_floor),
-                **({"open_numbers": list(self.open_numbers)} if self.open_numbers else {}),
+                **({"all_fitted": list(self.all_fitted)} if self.all_fitted else {}),
             },
         }
 

@@ -122,18 +122,32 @@ def _bearable(case: Case, best: Weighed) -> float:
     """Factor by which free runs over data not used may err more with an effect than without."""
     if case.taken:
         return LATER_CLEAR if _share_of_clear_rest(case, best) > NEARLY_ALL else LATER
-    if not _sized(case, best):
+    if not sized(case, best.fitted, best.fitted.effect):
         return LATER
     share = _share_explained(case, best)
     return next((factor for least, factor in BEARABLE if share > least), WORSE)
 
 
-def _sized(case: Case, best: Weighed) -> bool:
+def sized(case: Case, fitted: Fitted, effect: str) -> bool:
     """Whether an effect's numbers differ from doing nothing; one of which that cannot be told must prove itself by free runs."""
-    effect = best.fitted.effect
-    numbers = estimates(best.fitted, max(1.0, case.temperature / 3.0))
+    numbers = estimates(fitted, max(1.0, case.temperature / 3.0))
     own = {n.split(".")[2]: e for n, e in numbers.items() if n.split(".")[1] == effect}
     return not own or told(effect, own)
+
+
+def given_up(case: Case) -> bool:
+    """Gives the last effect up where it may do nothing and nothing clear is left without it; whether that was so."""
+    assert case.final is not None  # with all derivatives where the search ended
+    k, last = len(case.taken) - 1, case.taken[-1]
+    if sized(case, case.final, last.fitted.effect) or clear(case, case.rounds[k].base):
+        return False
+    case.weighed[k].remove(last)
+    if k == 0:
+        case.disproved.append(last)
+    del case.taken[k:], case.trained[k + 1 :], case.rounds[k + 1 :], case.weighed[k + 1 :]
+    case.spared.pop(k + 1, None)
+    case.final = None
+    return True
 
 
 def settle(case: Case, k: int, problem: Problem, point: Point, jacobian: Array, names: Sequence[Coordinate]) -> Point:
@@ -220,9 +234,9 @@ def _early(case: Case, f: Fitted) -> bool:
 def _hardly_beyond(case: Case, f: Fitted) -> bool:
     """Whether an effect is what sound machines have, too, or numbers' being further off than their tolerance by next to nothing."""
     effect = EFFECTS[f.effect]
-    leading = effect.parameters[0]
-    if leading.ordinary:
-        return f.point.effects[f"effects.{f.effect}.{leading.name}"] <= leading.ordinary
+    sizes = [(abs(f.point.effects[f"effects.{f.effect}.{row.name}"]), row.ordinary) for row in effect.leading]
+    if all(size <= ordinary for size, ordinary in sizes):
+        return True
     factors = [row for row in effect.parameters if row.acts or row in effect.leading]
     if not effect.changes or effect.parameters[0].neutral != 1.0 or f.gain > CLEARLY * chance(case):
         return False

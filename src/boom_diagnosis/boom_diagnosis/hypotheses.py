@@ -216,7 +216,10 @@ def run_round(
     progress("fitting effects", 0.5)
     most = LOOSELY if searching.predictor.looseness == LOOSENESS[-1] else REFINED
     needed = least(searching, base)
-    promising = [e for e, tried in grouped.items() if tried[0].gain > PROMISING * needed][:most]
+    gains = {effect: tried[0].gain for effect, tried in grouped.items()}
+    # those level with the last one are as likely
+    enough = max(PROMISING * needed, CLOSE * ([0.0] * most + sorted(gains.values()))[-most])
+    promising = [effect for effect, gain in gains.items() if gain > enough]
     twins = [EFFECTS[effect].lasting for effect in promising]  # they may be one and the same
     promising = list(dict.fromkeys([*promising, *(twin for twin in twins if twin in grouped)]))
 

@@ -17,7 +17,7 @@ from boom_diagnosis.calibration import calibrate
 from boom_diagnosis.case import Case, case_of
 from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.document import DiagnosisResult
-from boom_diagnosis.earning import chance, clear, least, placed_by_itself, settle, take, weigh
+from boom_diagnosis.earning import chance, clear, given_up, least, placed_by_itself, settle, take, weigh
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.free_fit import fit_to_free_runs
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, rebased, run_round
@@ -126,12 +126,16 @@ def search(case: Case, progress: Progress) -> Case:
 
 
 def _finish(case: Case) -> None:
-    """The last fit, with gains and all derivatives of the point that was reached.
+    """The last fit, with gains and all derivatives of the point that was reached; what it does not tell is given up."""
+    while case.taken:
+        case.final = _last_fit(case)
+        if not given_up(case):
+            return
+        take(case)
 
-    Where a tolerance can do what an effect does, derivatives from two places would tell them apart.
-    """
-    if not case.taken:
-        return
+
+def _last_fit(case: Case) -> Fitted:
+    """Where a tolerance can do what an effect does, derivatives from two places would tell them apart."""
     k, fitted = len(case.taken), case.taken[-1].fitted
     at, names = case.last, fitted.coordinates
     problem = case.problem(at.z, at.effects, case.rounds[k - 1].problem.predictor.looseness)
@@ -151,7 +155,7 @@ def _finish(case: Case) -> None:
         point, reached = min(fits, key=lambda fit: fit[0].loss)
         exact = problem.effect_jacobian(point, names, exact=True)
         jacobian = np.concatenate([reached[:, : len(at.z)], exact], axis=1)
-    case.final = replace(fitted, point=point, jacobian=jacobian)
+    return replace(fitted, point=point, jacobian=jacobian)
 
 
 def _rounds(case: Case, progress: Progress) -> None:

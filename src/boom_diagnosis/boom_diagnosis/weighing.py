@@ -7,9 +7,9 @@ no model is exactly right: nats that no hypothesis explains make all of them les
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from math import exp, log, pi, sqrt
+from math import exp, inf, isfinite, log, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from boom_diagnosis.coordinates import Coordinate
 from boom_diagnosis.document import Estimate
 from boom_diagnosis.fitting import Point, huber_weights, rho, weights
+from boom_diagnosis.onset import neutral
 from boom_diagnosis.search import Fitted
 from boom_model.catalogue import EFFECTS
 
@@ -202,24 +203,54 @@ def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
     What the recordings tell counts ``FORM`` times less sharply, and to the ``form`` of a coordinate at best; how far a tolerance
     reaches stays.
     """
-    count = len(fitted.point.z)
-    prior = [c.precision for c in fitted.coordinates]
-    covariance = np.diag(trusted(fitted.point, fitted.jacobian, count, prior, temperature * FORM**2))
-    covariance = np.maximum(covariance, np.diag(scatter(fitted.point, fitted.jacobian, count)) * FORM**2)
+    variances, told = _variances(fitted, temperature), dict[str, float]()
+    for effect in dict.fromkeys(c.name.split(".")[1] for c in fitted.coordinates):
+        sizes = {f"effects.{effect}.{row.name}" for row in EFFECTS[effect].leading}
+        shape = [c.name for c in fitted.coordinates if c.name.split(".")[1] == effect and c.name not in sizes]
+        told |= {n: v for n, v in _variances(fitted, temperature, given=shape).items() if n in sizes} if shape else {}
     result = {}
-    for k, c in enumerate(fitted.coordinates, start=count):
+    for c in fitted.coordinates:
         value = fitted.point.effects[c.name]
         if is_none(c.name, value) or (c.onset and value < GRASP):  # what lies on the ground was there before
             continue
-        spread = Z90 * sqrt(max(float(covariance[k]), 0.0) + c.form**2)
+        spread, known = (Z90 * sqrt(v.get(c.name, inf) + c.form**2) for v in (variances, told))
         if c.onset:
             spread = max(spread, GRASP)
-        if c.positive:
-            low, high = value * exp(-min(spread, 5.0)), value * exp(min(spread, 5.0))
-        else:
-            low, high = value - spread, value + spread
+        low, high = _interval(c, value, spread, known)
         result[c.name] = Estimate(value, c.unit, (max(low, min(c.low, value)), min(high, max(c.high, value))))
     return result
+
+
+def _variances(fitted: Fitted, temperature: float, given: Collection[str] = ()) -> dict[str, float]:
+    """Of the numbers of its effects, dotted names, but for those that are given: the larger of posterior's and scatter's."""
+    count = len(fitted.point.z)
+    free = [c for c in fitted.coordinates if c.name not in given]
+    columns = [*range(count), *(count + k for k, c in enumerate(fitted.coordinates) if c.name not in given)]
+    jacobian, prior = fitted.jacobian[:, columns], [c.precision for c in free]
+    posterior_of = np.diag(trusted(fitted.point, jacobian, count, prior, temperature * FORM**2))
+    largest = np.maximum(posterior_of, np.diag(scatter(fitted.point, jacobian, count)) * FORM**2)[count:]
+    return {c.name: max(float(v), 0.0) for c, v in zip(free, largest, strict=True)}
+
+
+def _interval(c: Coordinate, value: float, spread: float, known: float) -> tuple[float, float]:
+    """Of a number with a ``spread`` in its inner coordinate, ``known`` where the effect's shape is given.
+
+    A size that is told given the shape, and only together with it may be nothing, is away from nothing by a factor.
+    """
+    here, nothing = c.inner(value), _nothing(c)
+    away = here - nothing
+    if isfinite(away) and known < abs(away) <= spread:
+        factor = exp(min(spread / abs(away), 5.0))
+        low, high = sorted((nothing + away / factor, nothing + away * factor))
+    else:
+        low, high = here - spread, here + spread
+    return (exp(max(low, here - 5.0)), exp(min(high, here + 5.0))) if c.positive else (low, high)
+
+
+def _nothing(c: Coordinate) -> float:
+    """The inner coordinate of a number at which it does nothing; minus infinity where that is the logarithm of zero."""
+    value = neutral(c.name)
+    return c.inner(value) if value > 0.0 or not c.positive else -inf
 
 
 def is_none(name: str, value: float) -> bool:

@@ -242,3 +242,19 @@ def test_what_every_sound_machine_has_of_an_effect_is_none_whatever_it_gains(
     found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (fitted,), {}, Any)
     monkeypatch.setattr(earning, "_split", lambda case, hypotheses, names: [(500.0, 500.0), (450.0, 450.0)])
     assert [w.fitted for w in earning.weigh(case, found)] == ([] if ordinary else [fitted])
+
+
+@pytest.mark.parametrize(
+    ("interval", "rest", "kept"), [((-2.0, 8.0), 400.0, False), ((1.0, 5.0), 400.0, True), ((-2.0, 8.0), 600.0, True)]
+)
+def test_an_effect_that_may_do_nothing_is_given_up_where_parameters_leave_no_clear_rest(
+    monkeypatch: pytest.MonkeyPatch, case: Any, interval: tuple[float, float], rest: float, kept: bool
+) -> None:
+    """A twentieth of a nat per innovation, here 500 nats, is a clear rest."""
+    case.rounds[0].base, case.temperature = point(rest), 3.0
+    found = weighed("payload", 50.0, 50.0, rest)
+    case.taken, case.weighed, case.trained, case.final = [found], [[found]], [point(rest), point(rest)], found.fitted
+    numbers = {"effects.payload.mass": Estimate(3.0, "kg", interval)}
+    monkeypatch.setattr(earning, "estimates", lambda fitted, temperature: numbers)
+    assert earning.given_up(case) is not kept
+    assert (case.taken, case.disproved, len(case.trained)) == (([found], [], 2) if kept else ([], [found], 1))

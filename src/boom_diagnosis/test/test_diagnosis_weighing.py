@@ -122,3 +122,23 @@ def test_an_interval_is_no_narrower_than_its_number_has_a_meaning() -> None:
             f"effects.{effect}.{name}"
         ].interval_90
         assert np.log(high / low) / 2.0 == pytest.approx(width, abs=2e-3)
+
+
+@pytest.mark.parametrize(("size", "told"), [(1.0, True), (0.002, False)])
+def test_a_size_that_may_be_nothing_only_with_another_shape_is_away_from_nothing_by_a_factor(
+    size: float, told: bool
+) -> None:
+    """gain and mu of a bending boom do nearly the same here: each alone is sharp, the difference is not."""
+    rng = np.random.default_rng(0)
+    same, other = rng.standard_normal((2, 8000))
+    own = all_coordinates(["boom_flexibility"])
+    columns = np.zeros((8000, len(own)))
+    columns[:, 0], columns[:, 3] = same, 2.0 * same + 0.3 * other
+    columns *= 0.17
+    values = {c.name: 0.5 * (c.low + c.high) for c in own} | {"effects.boom_flexibility.gain": size}
+    point = Point(np.zeros(0), values, np.zeros(8000), np.ones(8000, dtype=bool), 0.0, [], [])
+    numbers = estimates(Fitted("boom_flexibility", point, own, columns, 0.0, ()), 3.0)
+    low, high = numbers["effects.boom_flexibility.gain"].interval_90
+    assert (low > 0.0) is told
+    if told:
+        assert low * high == pytest.approx(size**2)

@@ -9,12 +9,10 @@ from typing import Any
 import casadi as ca
 
 from boom_model.catalogue.effect import Effect, parameter
-from boom_model.catalogue.valve_dead_zone import check_overlaps
+from boom_model.catalogue.valve_dead_zone import MADE_TO, check_overlaps
 from boom_model.regularisation import Expression
 
 OVERLAP = "main_valve_orifices.x0"
-_MADE_TO = 0.003
-"""Over full stroke: the edges of a spool are made to some 20 um."""
 
 
 def _overlap(overlap: Expression, own: Any, at: Any) -> Expression:
@@ -31,9 +29,9 @@ EFFECT = Effect(
     "pressure level while creeping; intensification where meter-out opens late",
     (
         parameter("d_extend", "-", 0.0, (-0.05, 0.05), (-0.25, 0.5), "added overlap of b to tank over full stroke, lifting",
-                  within=OVERLAP, accuracy=_MADE_TO),
+                  within=OVERLAP, accuracy=MADE_TO),
         parameter("d_retract", "-", 0.0, (-0.05, 0.05), (-0.25, 0.5), "added overlap of a to tank over full stroke, lowering",
-                  within=OVERLAP, accuracy=_MADE_TO),
+                  within=OVERLAP, accuracy=MADE_TO),
     ),
     {"overlap": _overlap},
     place=6, independent=True, check=_check,

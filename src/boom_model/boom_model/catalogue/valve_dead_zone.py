@@ -11,6 +11,8 @@ from boom_model.errors import MachineError
 
 LARGEST_OVERLAP = 0.95
 """Of the stroke: largest dead zone, x_0 + d."""
+MADE_TO = 0.003
+"""Over full stroke: the edges of a spool are made to some 20 um."""
 
 
 def check_overlaps(effect: str, values: Mapping[str, float], machine: Any) -> None:
