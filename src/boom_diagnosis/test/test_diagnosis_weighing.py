@@ -124,7 +124,7 @@ def test_an_interval_is_no_narrower_than_its_number_has_a_meaning() -> None:
         assert np.log(high / low) / 2.0 == pytest.approx(width, abs=2e-3)
 
 
-@pytest.mark.parametrize(("size", "told"), [(1.0, True), (0.002, False)])
+@pytest.mark.parametrize(("size", "told"), [(0.5, True), (0.002, False)])
 def test_a_size_that_may_be_nothing_only_with_another_shape_is_away_from_nothing_by_a_factor(
     size: float, told: bool
 ) -> None:
@@ -134,7 +134,7 @@ def test_a_size_that_may_be_nothing_only_with_another_shape_is_away_from_nothing
     own = all_coordinates(["boom_flexibility"])
     columns = np.zeros((8000, len(own)))
     columns[:, 0], columns[:, 3] = same, 2.0 * same + 0.3 * other
-    columns *= 0.17
+    columns *= 0.34
     values = {c.name: 0.5 * (c.low + c.high) for c in own} | {"effects.boom_flexibility.gain": size}
     point = Point(np.zeros(0), values, np.zeros(8000), np.ones(8000, dtype=bool), 0.0, [], [])
     numbers = estimates(Fitted("boom_flexibility", point, own, columns, 0.0, ()), 3.0)
