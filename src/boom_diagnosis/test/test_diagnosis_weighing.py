@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from boom_diagnosis import weighing
 from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.fitting import Point
 from boom_diagnosis.search import Fitted
@@ -124,21 +125,29 @@ def test_an_interval_is_no_narrower_than_its_number_has_a_meaning() -> None:
         assert np.log(high / low) / 2.0 == pytest.approx(width, abs=2e-3)
 
 
-@pytest.mark.parametrize(("size", "told"), [(0.5, True), (0.002, False)])
+@pytest.mark.parametrize(
+    ("effect", "name", "value", "spread", "known", "expected"),
+    [
+        ("boom_flexibility", "gain", 1.0, 1.35, 0.2, (np.exp(-1.35), np.exp(1.35))),  # told, given its shape
+        ("boom_flexibility", "gain", 1.0, 1.35, 1.2, (-0.35, 2.35)),  # not told
+        ("boom_flexibility", "gain", 1.0, 0.5, 0.2, (0.5, 1.5)),  # not nothing, whatever its shape
+        ("friction_drift", "r", 2.0, 1.0, 0.1, (2.0 ** np.exp(-1.0 / np.log(2.0)), 2.0 ** np.exp(1.0 / np.log(2.0)))),
+    ],
+)
 def test_a_size_that_may_be_nothing_only_with_another_shape_is_away_from_nothing_by_a_factor(
-    size: float, told: bool
+    effect: str, name: str, value: float, spread: float, known: float, expected: tuple[float, float]
 ) -> None:
-    """gain and mu of a bending boom do nearly the same here: each alone is sharp, the difference is not."""
-    rng = np.random.default_rng(0)
-    same, other = rng.standard_normal((2, 8000))
+    (own,) = (c for c in all_coordinates([effect]) if c.name.endswith(f".{name}"))
+    assert weighing._interval(own, value, spread, known) == pytest.approx(expected)
+
+
+def test_what_another_shape_could_do_as_well_is_known_better_given_the_shape() -> None:
+    """gain and mu of a bending boom do nearly the same here: each alone is sharp, their difference is not."""
+    same, other = np.random.default_rng(0).standard_normal((2, 8000))
     own = all_coordinates(["boom_flexibility"])
     columns = np.zeros((8000, len(own)))
-    columns[:, 0], columns[:, 3] = same, 2.0 * same + 0.3 * other
-    columns *= 0.34
-    values = {c.name: 0.5 * (c.low + c.high) for c in own} | {"effects.boom_flexibility.gain": size}
-    point = Point(np.zeros(0), values, np.zeros(8000), np.ones(8000, dtype=bool), 0.0, [], [])
-    numbers = estimates(Fitted("boom_flexibility", point, own, columns, 0.0, ()), 3.0)
-    low, high = numbers["effects.boom_flexibility.gain"].interval_90
-    assert (low > 0.0) is told
-    if told:
-        assert low * high == pytest.approx(size**2)
+    columns[:, 0], columns[:, 3] = same, same + 0.3 * other
+    point = Point(np.zeros(0), {}, np.zeros(8000), np.ones(8000, dtype=bool), 0.0, [], [])
+    fitted, gain = Fitted("boom_flexibility", point, own, columns, 0.0, ()), own[0].name
+    alone = weighing._variances(fitted, 3.0, given=[c.name for c in own[1:]])[gain]
+    assert alone < 0.12 * weighing._variances(fitted, 3.0)[gain]
