@@ -27,6 +27,8 @@ PRIOR = -math.log(1000.0)
 MOST_FAULTS = 3
 ALIKE = math.log(20.0)
 """Readings closer than that are not told apart."""
+STILL = 2e-3
+"""rad. A boom whose angle changes by less does not move, whatever its unit is: the rate is noise, whose unit nothing tells."""
 Z_90 = 1.645
 """Half an interval of 90 % over the standard deviation."""
 
@@ -159,19 +161,25 @@ READINGS: tuple[FaultReading, ...] = (
 def reading_checks(series: EvenSeries, boom: Mechanics) -> tuple[list[RecordingCheck], EvenSeries]:
     """The faults of sign, unit and channel, the likeliest first, and the series with them repaired."""
     found: list[RecordingCheck] = []
+    readings = READINGS if _moves(series) else [r for r in READINGS if not set(r.channels) <= set(_BOOM)]
     for _ in range(MOST_FAULTS):
         as_read = [relation(series, boom) for relation, _ in RELATIONS]
         seconds = float(np.isfinite(series.columns["angle"]).sum()) * PERIOD
         gains = [
-            _gain(reading, series, boom, as_read) + seconds * math.log(reading.shrinks) + PRIOR for reading in READINGS
+            _gain(reading, series, boom, as_read) + seconds * math.log(reading.shrinks) + PRIOR for reading in readings
         ]
         best = int(np.argmax(gains))
         if not gains[best] > 0.0:
             break
         alike = [k for k in np.argsort(gains)[::-1] if k != best and gains[k] > gains[best] - ALIKE]
-        found.append(_told(READINGS[best], [READINGS[k] for k in alike], series, boom, gains[best]))
-        series = series.with_columns(READINGS[best].repair(series))
+        found.append(_told(readings[best], [readings[k] for k in alike], series, boom, gains[best]))
+        series = series.with_columns(readings[best].repair(series))
     return found, series
+
+
+def _moves(series: EvenSeries) -> bool:
+    angle = series.smooth("angle")
+    return float(np.nanmax(angle, initial=-np.inf) - np.nanmin(angle, initial=np.inf)) > STILL
 
 
 def _gain(reading: FaultReading, series: EvenSeries, boom: Mechanics, as_read: list[float]) -> float:

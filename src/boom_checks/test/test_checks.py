@@ -211,3 +211,14 @@ def test_numbers_that_no_unit_makes_are_no_measurement_and_end_in_no_error(signa
     absurd = replace(made.signals[signal], values=factor * (1.0 + made.signals[signal].values),
                      valid=np.zeros_like(made.signals[signal].valid))  # fmt: skip
     assert checks(replace(made, signals={**made.signals, signal: absurd}), TZ17) is not None
+
+
+def test_a_boom_that_rests_for_ten_minutes_has_no_unit_of_its_rate_to_be_told() -> None:
+    """An encoder that stands still beside a gyro's noise, which the force balance takes for acceleration."""
+    time, rng = np.arange(0.0, 600.0, 0.01), np.random.default_rng(0)
+    there = {"angle": 0.3, "rate": 0.0, "hose_pressure": 8.0e6, "rod_pressure": 2.0e5}
+    noise = {"rate": 1.5e-3, "hose_pressure": 1.5e4, "rod_pressure": 1.5e4}
+    columns = {n: v + noise.get(n, 0.0) * rng.standard_normal(len(time)) for n, v in there.items()}
+    columns |= {name: np.zeros(len(time)) for name in ("retract_current", "extend_current")}
+    resting = writing.from_columns("rest", time, columns, fast().configuration)
+    assert spoiling(resting) == []
