@@ -220,5 +220,5 @@ def test_a_boom_that_rests_for_ten_minutes_has_no_unit_of_its_rate_to_be_told() 
     noise = {"rate": 1.5e-3, "hose_pressure": 1.5e4, "rod_pressure": 1.5e4}
     columns = {n: v + noise.get(n, 0.0) * rng.standard_normal(len(time)) for n, v in there.items()}
     columns |= {name: np.zeros(len(time)) for name in ("retract_current", "extend_current")}
-    resting = writing.from_columns("rest", time, columns, fast().configuration)
+    resting = writing.from_columns("rest", time, columns, load(BAGS / "healthy" / "extended").configuration)
     assert spoiling(resting) == []
