@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import sqrt
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis import regimes
-from boom_diagnosis.all_fitted import errors_of_all_fitted
 from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, MOST_CERTAIN, MOVED, NAMED_FROM
 from boom_diagnosis.bag_samples import CAVITATES, PERIOD, Bag
 from boom_diagnosis.document import (
@@ -44,6 +43,7 @@ from boom_diagnosis.odds import (
     probability_of,
     ranking,
 )
+from boom_diagnosis.open_numbers import doubted_by_numbers
 from boom_diagnosis.prediction import beyond, gained
 from boom_diagnosis.proof import (
     as_noise_lets_it,
@@ -131,7 +131,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     proof = proof_of(case, verdict, learned, spans, done, floors if verdict != "no_mismatch" else ())
     learned, fit = proof.learned, proof.fit
     if verdict in ("no_mismatch", "parameters_only") and far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR):
-        fit = replace(fit, all_fitted=errors_of_all_fitted(case, spans))
+        fit = doubted_by_numbers(case, spans, fit)
     plain = case.learned if learned else None
     if (
         tight.excess_after > MOSTLY * tight.excess_before

@@ -17,6 +17,8 @@ SURE = 0.9
 NEAR_FLOOR, FAR_FROM_FLOOR = 3.0, 9.0
 """Errors of held-out free runs over those that noise alone leaves: up to which an explanation is whole, and from which on it is not
 said that nothing is missing."""
+OPEN = 3.0
+"""Standard deviations that free runs may err by because the recordings leave numbers open: no sign of physics."""
 AT_FLOOR = 1.5
 """The same up to which an error is one that noise makes: neither worse than another nor a sign of physics."""
 WORSE = 1.1

@@ -104,8 +104,8 @@ class Fit:
     """Normalised rms errors of free runs, one per channel (rms error / standard deviation of the measured channel).
 
     Median over the bags. ``training``, ``held_out``: stage -> one number per channel; NaN where runs end early. ``far``: blocks
-    of long recordings in which the explained machine errs far more than noise does. ``all_fitted``: as ``held_out``, of parameters
-    that were fitted to that data, too.
+    of long recordings in which the explained machine errs far more than noise does. ``open_numbers``,
+    ``all_fitted``: see ``open_numbers.py``.
     """
 
     training: Mapping[str, tuple[float, ...]]
@@ -113,6 +113,7 @@ class Fit:
     noise_floor: tuple[float, ...]
     held_out_bags: tuple[str, ...]
     far: tuple[str, ...] = ()
+    open_numbers: tuple[float, ...] = ()
     all_fitted: tuple[float, ...] = ()
 
     def document(self) -> dict[str, Any]:
@@ -124,6 +125,7 @@ class Fit:
                 "bags": list(self.held_out_bags),
                 **{stage: list(self.held_out[stage]) for stage in STAGES if stage in self.held_out},
                 "noise_floor": list(self.noise_floor),
+                **({"open_numbers": list(self.open_numbers)} if self.open_numbers else {}),
                 **({"all_fitted": list(self.all_fitted)} if self.all_fitted else {}),
             },
         }

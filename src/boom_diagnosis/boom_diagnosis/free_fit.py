@@ -23,7 +23,7 @@ from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.freerun import errors, free_run, noise_floor
-from boom_diagnosis.hypotheses import effects_of
+from boom_diagnosis.hypotheses import LOOSENESS, effects_of, problem_at
 from boom_diagnosis.prediction import Predictor, Values
 from boom_diagnosis.proof import machine_at, placed, spans_of, worsening, worst_channel
 from boom_model.catalogue import EFFECTS
@@ -65,12 +65,13 @@ def fit_to_free_runs(case: Case) -> None:
         return
     for k in which:
         before = case.trained[k]
-        after = fitted_to_free_runs(case, before, case.training)
+        after = fitted_to_free_runs(case, before, case.bags, case.training)
         if worsening(case, before, after) >= 1.0 or (k and _unproves(case, before, after)):
             continue
         case.trained[k] = after
         if case.final and k == len(case.taken):
-            whole = fitted_to_free_runs(case, replace(case.final.point, z=after.z, effects=after.effects), case.select)
+            start = replace(case.final.point, z=after.z, effects=after.effects)
+            whole = fitted_to_free_runs(case, start, case.bags, case.select)
             case.final = replace(case.final, point=whole)
 
 
@@ -91,20 +92,20 @@ def _far(case: Case, at: Point) -> bool:
     return False
 
 
-def fitted_to_free_runs(case: Case, at: Point, select: Sequence[Flags]) -> Point:
-    """The best point that the steps reach, as the observer of a healthy machine sees it."""
+def fitted_to_free_runs(case: Case, at: Point, bags: Sequence[Bag], select: Sequence[Flags]) -> Point:
+    """The best point that the steps reach, as the observer of a healthy machine sees it; select: samples of these recordings."""
     z, effects = at.z, dict(at.effects)
     names = tuple(c for c in all_coordinates(effects_of(effects)) if not c.onset)  # one-step errors tell it sharply
     leading = {f"effects.{e}.{row.name}" for e in effects_of(effects) for row in EFFECTS[e].leading}
     shapes = tuple(c for c in names if c.positive and c.name not in leading and c.plausible[0] < c.plausible[1])
     for _ in range(TURNS):
-        problem = _problem(case, z, effects, select, shapes)
+        problem = _problem(case, bags, z, effects, select, shapes)
         begin = problem.points([(z, effects)])[0]
         end, _ = problem.fit(begin, problem.nuisance_jacobian(begin), names, iterations=1)
         if begin.loss - end.loss < SETTLED:
             break
         z, effects = end.z, end.effects
-    return case.problem(z, effects, 1.0).points([(z, effects)])[0]
+    return problem_at(case.machine, bags, select, case.nuisances, z, effects, LOOSENESS[0]).points([(z, effects)])[0]
 
 
 def spread_of(measured: Array) -> Array:
@@ -114,14 +115,19 @@ def spread_of(measured: Array) -> Array:
 
 
 def _problem(
-    case: Case, z: Array, effects: Mapping[str, float], select: Sequence[Flags], shapes: Sequence[Coordinate]
+    case: Case,
+    bags: Sequence[Bag],
+    z: Array,
+    effects: Mapping[str, float],
+    select: Sequence[Flags],
+    shapes: Sequence[Coordinate],
 ) -> Problem:
     """Free runs with the weights of their errors at a point."""
-    spreads = [spread_of(bag.samples().measured) for bag in case.bags]
-    plain = Problem(FreeRunPredictor(case.machine, case.bags, [1.0 / s for s in spreads]), case.nuisances, select)
+    spreads = [spread_of(bag.samples().measured) for bag in bags]
+    plain = Problem(FreeRunPredictor(case.machine, bags, [1.0 / s for s in spreads]), case.nuisances, select)
     weights = []
     for part, spread, chosen in zip(plain.points([(z, effects)])[0].parts, spreads, select, strict=True):
         square = np.array([np.mean(e[s] ** 2) if s.any() else np.inf for e, s in zip(part.T, chosen.T, strict=True)])
         square = np.where(square > 0.0, square, np.inf)  # nothing is told by a channel without an error
         weights.append(np.sqrt(PERIOD / DISCREPANCY_TIME / square) / spread)
-    return Problem(FreeRunPredictor(case.machine, case.bags, weights), case.nuisances, select, shapes=shapes)
+    return Problem(FreeRunPredictor(case.machine, bags, weights), case.nuisances, select, shapes=shapes)

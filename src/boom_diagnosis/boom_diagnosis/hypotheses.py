@@ -227,9 +227,12 @@ def run_round(
         return refine(scanner, jacobian, worth_a_fit(grouped[effect]), kept, at_least=at_least, level=level)
 
     fitted = list[Fitted]()
-    for pair in (promising[:2], promising[2:]):
+    for part in (promising[:2], promising[2:], None):
         enough, level = max(((BEHIND * f.gain, f.glanced) for f in fitted), default=(0.0, -np.inf))
-        fitted += in_parallel(partial(tried, at_least=enough, level=level), pair)
+        if part is None:  # what the linear look promises is little where the tolerances have bent
+            far = base.excess(WHITE) > FAR_OFF and enough < BEHIND * (1.0 - OUTSTANDING) * base.over(WHITE)
+            part = [effect for effect in gains if effect not in promising][: GLANCED if far else 0]
+        fitted += in_parallel(partial(tried, at_least=enough, level=level), part)
     fitted = list(_sorted(fitted))
     if not fitted:
         return Round(accepted, base, jacobian, (), scanned, searching)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, NEAR_FLOOR, SURE, WORSE
+from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, NEAR_FLOOR, OPEN, SURE, WORSE
 from boom_diagnosis.document import Estimate, Finding, Fit, Verdict
 from boom_model.catalogue import EFFECTS
 from boom_model.sensors import OUTPUTS
@@ -50,11 +50,26 @@ def _worsened(held_out: Mapping[str, Sequence[float]]) -> Array:
     return np.where(ended, np.inf, explained / np.maximum(before, 1e-12))
 
 
-def far_channels(held_out: Mapping[str, Sequence[float]], noise_floor: Sequence[float], factor: float) -> list[str]:
-    """Channels whose free runs over data not used err more than ``factor`` times what noise alone leaves, in words."""
+def open_channels(fit: Fit) -> Array:
+    """(NY,) whether these free runs err by no more than noise, and numbers that the recordings leave open, may make them."""
+    if not fit.open_numbers:
+        return np.zeros(len(OUTPUTS), dtype=bool)
+    error, floor, spread = (
+        np.array(v, dtype=float) for v in (fit.held_out["explained"], fit.noise_floor, fit.open_numbers)
+    )
+    return np.asarray(error <= OPEN * np.hypot(floor, spread))
+
+
+def far_channels(
+    held_out: Mapping[str, Sequence[float]], noise_floor: Sequence[float], factor: float, but: Array | None = None
+) -> list[str]:
+    """Channels whose free runs over data not used err more than ``factor`` times what noise alone leaves, in words.
+
+    but: (NY,) channels that are left out.
+    """
     explained, floor = np.array(held_out["explained"], dtype=float), np.array(noise_floor, dtype=float)
     ratio = np.where(np.isfinite(floor) & ~np.isfinite(explained), np.inf, explained / np.maximum(floor, 1e-12))
-    return _said(ratio, factor)
+    return _said(ratio if but is None else np.where(but, 0.0, ratio), factor)
 
 
 def _said(ratio: Array, least: float) -> list[str]:
@@ -84,22 +99,26 @@ def kept(
         )
         return verdict, list(findings), notes
     far = far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR)
+    untold = far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR, but=open_channels(fit))
     plain = verdict in ("no_mismatch", "parameters_only")
-    whole = fit.all_fitted and not far_channels({"explained": fit.all_fitted}, fit.noise_floor, NEAR_FLOOR)
-    opened = plain and far and whole
+    explained = bool(fit.all_fitted) and not far_channels({"explained": fit.all_fitted}, fit.noise_floor, NEAR_FLOOR)
+    opened = far and plain and (explained or not untold)
     if opened:
         notes.append(
-            f"free runs over data not used err more than noise alone would: {', '.join(far)}. Parameters within tolerance that are "
-            "fitted to that data, too, explain all of it: the recordings fitted leave numbers open that it needs; fit it, too"
+            f"free runs over data not used err more than noise alone would ({', '.join(far)}), by no more than numbers may make "
+            "them that the recordings fitted leave open"
+            + (": fitted to that data, too, parameters within tolerance explain all of it" if explained else "")
+            + ". Fit a recording of that motion, too"
         )
-    elif far and plain:
+    far = [] if opened else untold
+    if far and plain:
         verdict = "ambiguous"
         notes.append(
             "unproved: the one-step errors name nothing, but free runs over data not used err more than noise alone would: "
             + ", ".join(far)
         )
     left = far_channels(fit.held_out, fit.noise_floor, NEAR_FLOOR)
-    if left and not far and verdict in ("no_mismatch", "parameters_only"):
+    if left and plain and not (far or opened):
         notes.append(f"free runs over data not used still err more than noise alone would: {', '.join(left)}")
     if left:
         said = f"; free runs over data not used still err more than noise alone would: {', '.join(left)}."

@@ -17,10 +17,10 @@ def test_a_fit_counts_where_it_helps_and_leaves_no_channel_worse_than_with_param
 ) -> None:
     base, before, after = "base", "before", "after"
     monkeypatch.setattr(free_fit, "_far", lambda case, at: True)
-    monkeypatch.setattr(free_fit, "fitted_to_free_runs", lambda case, at, select: base if at is base else after)
+    monkeypatch.setattr(free_fit, "fitted_to_free_runs", lambda case, at, bags, select: base if at is base else after)
     monkeypatch.setattr(free_fit, "worsening", lambda case, old, new: 1.0 if old is base else better)
     monkeypatch.setattr(free_fit, "worst_channel", lambda case, old, new: worst_after if new is after else worst_before)
-    case: Any = SimpleNamespace(trained=[base, before], training=[], select=[], final=None, taken=[None])
+    case: Any = SimpleNamespace(trained=[base, before], bags=[], training=[], select=[], final=None, taken=[None])
 
     free_fit.fit_to_free_runs(case)
 

@@ -44,11 +44,18 @@ def test_free_runs_that_end_before_the_data_do_are_far_from_the_floor() -> None:
     assert "without end" in notes[0]
 
 
+def test_errors_that_numbers_left_open_may_make_are_no_sign_of_physics_and_it_is_said() -> None:
+    left = fit((0.12, 0.02, 0.02, 0.03))  # the angle at twelve times its floor
+    verdict, _, (note,) = kept("parameters_only", [], replace(left, open_numbers=(0.05, 0.01, 0.01, 0.01)), True)
+    assert verdict == "parameters_only" and "leave open" in note and "angle 12 times" in note
+    assert kept("parameters_only", [], replace(left, open_numbers=(0.03, 0.01, 0.01, 0.01)), True)[0] == "ambiguous"
+
+
 def test_errors_that_parameters_fitted_to_all_recordings_do_not_have_are_no_sign_of_physics_and_it_is_said() -> None:
     left = fit((0.12, 0.02, 0.02, 0.03))  # the angle at twelve times its floor
     assert kept("parameters_only", [], left, True)[0] == "ambiguous"
     verdict, _, (note,) = kept("parameters_only", [], replace(left, all_fitted=(0.029, 0.02, 0.02, 0.02)), True)
-    assert verdict == "parameters_only" and "numbers open" in note and "angle 12 times" in note
+    assert verdict == "parameters_only" and "fitted to that data, too" in note and "angle 12 times" in note
     assert kept("parameters_only", [], replace(left, all_fitted=(0.031, 0.02, 0.02, 0.02)), True)[0] == "ambiguous"
 
 

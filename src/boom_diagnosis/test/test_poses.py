@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from diagnosis_samples import joystick, tz17
 
-from boom_diagnosis.all_fitted import errors_of_all_fitted
 from boom_diagnosis.bag_samples import Bag, by_pose, prepare
 from boom_diagnosis.case import Case, case_of
+from boom_diagnosis.fitting import Problem
 from boom_diagnosis.freerun import free_run
 from boom_diagnosis.hypotheses import Round, problem_at
+from boom_diagnosis.open_numbers import errors_of_all_fitted, number_spread
 from boom_diagnosis.proof import free_runs, held_out, machine_at, spans_of
 from boom_model.machine import Machine
 from boom_model.machine_file import machine_from
@@ -127,6 +128,28 @@ def test_a_load_that_is_another_than_told_is_in_the_moments_of_the_machine_file(
     true = tz17().pose(*FOLDED)
     assert moved.Sx - true.Sx == pytest.approx(20.0 * true.tip[0])
     assert pytest.approx(true.D0 + 20.0 * (true.tip[0] ** 2 + true.tip[1] ** 2)) == moved.D0
+
+
+def test_free_runs_in_a_motion_that_needs_a_number_which_nothing_tells_may_err_by_its_tolerance(
+    two_poses: list[Bag], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All numbers known but one: the spread is that one's standard deviation times what it does."""
+    case = seen(case_of(tz17(), two_poses[:1], two_poses[:1], 0))
+    which = next(i for i, n in enumerate(case.nuisances) if n.name == "fluid.p_t")
+    one = np.zeros((len(case.nuisances),) * 2)
+    one[which, which] = 1.0
+    monkeypatch.setattr("boom_diagnosis.open_numbers.trusted", lambda *given: one.copy())
+    spread = number_spread(case)
+    recording = two_poses[0].recording
+    z = np.zeros(len(case.nuisances))
+    z[which] = 0.1
+    moved = Problem(case.rounds[0].problem.predictor, case.nuisances, case.select).values(z, {})
+    changed = free_run(recording, tz17().with_values({"fluid.p_t": moved["fluid.p_t"]}))
+    plain = free_run(recording, tz17())
+    for channel, said in zip(OUTPUTS, spread, strict=True):
+        deviation = np.std(recording.signals[channel].values)
+        did = float(np.sqrt(np.mean((changed.values[channel] - plain.values[channel]) ** 2))) / deviation / 0.1
+        assert said == pytest.approx(did, rel=0.15)
 
 
 def test_a_load_in_two_poses_is_in_the_moments_of_both_and_of_two_loads_in_a_pose_none_is() -> None:
