@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from boom_bringup.cli import UsageError
-from boom_input.whole import one_writer, write_whole
+from boom_input.shown import quoted
+from boom_input.whole import one_writer, write_new, write_whole
 
 if TYPE_CHECKING:
     from boom_recording.recording import Recording
@@ -27,6 +28,14 @@ def checked(given: str | None, option: str) -> Path | None:
     if given is None:
         return None
     path = Path(given)
+    try:
+        os.stat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except OSError as error:
+        raise UsageError(f"{option} {quoted(given, 80)}: {error.strerror}: give another path") from None
+    except ValueError:  # a null character
+        raise UsageError(f"{option} {quoted(given, 80)}: no file can have this name: give another path") from None
     if not given or path.is_dir():
         raise UsageError(f"{option} {given or '(empty)'}: this is a folder, give the name of a file in it")
     if not path.parent.is_dir():
@@ -90,6 +99,19 @@ def write_text(path: Path, text: str) -> None:
         UsageError: it failed.
     """
     write(path, lambda: write_whole(path, text))
+
+
+def write_new_text(path: Path, text: str) -> None:
+    """Write a file that nobody has written meanwhile.
+
+    Raises:
+        UsageError: it exists, or writing failed.
+    """
+    try:
+        write(path, lambda: write_new(path, text))
+    except UsageError:
+        refuse_existing(path)
+        raise
 
 
 @contextmanager

@@ -175,6 +175,26 @@ def test_what_a_command_writes_never_replaces_what_it_reads_or_what_somebody_wro
     assert {path: path.read_bytes() for path in things.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["diagnose", "bag", "--output", ""], "--output is empty"),
+        (["diagnose", "bag", "--json="], "--json is empty"),
+        (["fleet", "bags", "--output", ""], "--output is empty"),
+        (["validate", "bag", "--report", ""], "--report is empty"),
+        (["record", ""], "BAG is empty"),
+        (["new-machine", "--output", "x" * 300], "File name too long: give another path"),
+        (["validate", "bag", "--json", "x" * 300], "File name too long: give another path"),
+    ],
+)
+def test_a_path_that_no_file_can_have_is_refused_with_its_option(words, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(words) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1 and len(error) < 200
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_closed_standard_output_is_no_fault_of_ours():
     command = f"{sys.executable} -m boom_bringup.cli check-machine tz17 >&-"
     done = subprocess.run(["/bin/sh", "-c", command], capture_output=True, text=True, timeout=60, check=False)
