@@ -7,7 +7,7 @@ import math
 import os
 import shutil
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -118,11 +118,14 @@ def write_new_text(path: Path, text: str) -> None:
 def held(given: str | Path) -> Iterator[Path]:
     """The folder of a command's results, created if missing and locked against a second command until the end.
 
+    Where it was created and nothing was written, it goes again.
+
     Raises:
         UsageError: it cannot be created or written.
         InUseError: another command uses it.
     """
     path = Path(given)
+    made = not path.exists()
     try:
         path.mkdir(parents=True, exist_ok=True)
         lock = one_writer(path)
@@ -134,6 +137,9 @@ def held(given: str | Path) -> Iterator[Path]:
             raise UsageError(f"--output {given}: may not be written by this user: give another folder")
         yield path
     finally:
+        if made:
+            with suppress(OSError):  # of a command that was refused or stopped before it wrote anything
+                path.rmdir()
         lock.__exit__(None, None, None)
 
 

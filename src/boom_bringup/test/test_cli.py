@@ -130,6 +130,18 @@ def test_interruption_ends_with_130(monkeypatch, capsys):
     assert capsys.readouterr().err == "boom: stopped\n"
 
 
+def test_a_ctrl_c_while_the_entry_script_imports_ends_it_with_130_and_no_word():
+    code = (
+        "import builtins, os, runpy, signal; signal.signal(signal.SIGINT, signal.default_int_handler); found = builtins.__import__\n"
+        "def interrupted(name, *rest, **named):\n"
+        "    if name == 'ctypes': os.kill(os.getpid(), signal.SIGINT)\n"
+        "    return found(name, *rest, **named)\n"
+        f"builtins.__import__ = interrupted; runpy.run_path({str(ROOT / 'boom')!r}, run_name='__main__')"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
+
+
 @pytest.mark.parametrize("words", [["record", "x"], ["sim"], ["demo", str(BAG)]])
 def test_missing_messages_are_one_line_that_says_how_to_have_them(words, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
