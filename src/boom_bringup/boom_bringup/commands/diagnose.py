@@ -61,9 +61,6 @@ def run(args: argparse.Namespace) -> int:
     """Diagnose; returns 0 whatever is found."""
     if args.seed < 0:
         raise UsageError(f"--seed {args.seed}: give a number of 0 or more")
-    twice = {bag for bag in args.hold_out if bag in args.bags}
-    if twice:
-        raise UsageError(f"{min(twice)}: given both to diagnose and to hold out: remove one of the two")
     json_path = checked(args.json, "--json")
     with held(args.output) as folder:
         _keep_own_machine(folder / "machine.yaml")
@@ -95,7 +92,12 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
                     f"{recording.name} was recorded on machine '{recording.configuration.machine}', the machine file is that "
                     f"of '{machine.name}': give the file of that machine"
                 )
-        sums = {str(bag): _sha256(r) for bag, r in zip([*args.bags, *args.hold_out], everything, strict=True)}
+        sums = {bag: _sha256(r) for bag, r in zip([*args.bags, *args.hold_out], everything, strict=True)}
+        for bag in args.hold_out:  # compared is what was read: a path has many spellings
+            same = next((other for other in args.bags if sums[other] == sums[bag]), "")
+            if same:
+                what = bag if bag == same else f"{bag} is the same recording as {same}"
+                raise UsageError(f"{what}: given both to diagnose and to hold out: remove one of the two")
 
         from boom_diagnosis.run import diagnose
         from boom_model.errors import MachineError
