@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
@@ -105,7 +107,79 @@ def test_missing_cells_and_short_lines_cost_only_themselves(tmp_path: Path) -> N
     source = reading.read([made(tmp_path, text)])
     (column,) = source.columns
     assert 5.0 not in column.values and len(column.values) == 29
-    assert source.notes == ["1 lines have another number of cells and are left out"]
+    assert source.notes == [
+        "lines with another number of cells are left out: 1",
+        "cells without a number are left out: 1 of 30 of 'p'",
+    ]
+
+
+def table(times: list[str], cells: list[str] | None = None) -> str:
+    cells = cells or [str(100 + k) for k in range(len(times))]
+    return "Time (s);p\n" + "".join(f"{time};{cell}\n" for time, cell in zip(times, cells, strict=True))
+
+
+def clock(first: datetime, *, zone: str = "Europe/Vienna", seconds: int = 20) -> list[str]:
+    """Local times without an offset, as loggers write them."""
+    return [
+        f"{(first + timedelta(seconds=0.1 * k)).astimezone(ZoneInfo(zone)):%Y-%m-%d %H:%M:%S.%f}" for k in range(10 * seconds)
+    ]
+
+
+EVEN = [f"{k / 100:.2f}" for k in range(60)]
+AUTUMN, SPRING = datetime(2025, 10, 26, 0, 59, 55, tzinfo=UTC), datetime(2025, 3, 30, 0, 59, 55, tzinfo=UTC)
+
+
+@pytest.mark.parametrize("chosen", ["", "Time (s)"])
+@pytest.mark.parametrize(
+    ("times", "told"),
+    [
+        (clock(AUTUMN), r"'Time \(s\)' goes back by 3599.9 s at row 51 .*150 samples follow: the end of summer time.*UTC or with an offset"),
+        (EVEN[:40] + EVEN[20:], r"'Time \(s\)' goes back by 0.19 s at row 41 .*remove what it repeats"),
+        (EVEN[:30] + [f"{float(t) - 100:.2f}" for t in EVEN[30:]], "goes back by 99.99 s at row 31 .*cut the file there"),
+        (["0.5"] * 40, r"'Time \(s\)' does not rise: .*--sample-rate"),
+    ],
+)  # fmt: skip
+def test_a_time_that_goes_back_is_refused_with_its_reason(times: list[str], told: str, chosen: str, tmp_path: Path) -> None:
+    with pytest.raises(ImportingError, match=told):
+        reading.read([made(tmp_path, table(times))], TimeChoice(chosen))
+
+
+def test_rows_in_falling_order_are_turned_where_the_time_was_named(tmp_path: Path) -> None:
+    path = made(tmp_path, table(EVEN[::-1]))
+    with pytest.raises(ImportingError, match=r"'Time \(s\)' do not rise from row to row: .*--time"):
+        reading.read([path])
+    source = reading.read([path], TimeChoice("Time (s)"))
+    (column,) = source.columns
+    np.testing.assert_array_equal(column.stamps_ns, 10_000_000 * np.arange(60))
+    assert column.values[0] == 159.0 and source.notes == ["the rows stand in falling order of their times: they are turned"]
+
+
+def test_a_row_that_was_written_late_is_put_in_its_place_and_said(tmp_path: Path) -> None:
+    late = EVEN[:3] + EVEN[4:6] + EVEN[3:4] + EVEN[6:]
+    source = reading.read([made(tmp_path, table(late))], TimeChoice("Time (s)"))
+    (column,) = source.columns
+    assert (np.diff(column.stamps_ns) == 10_000_000).all() and column.values[3] == 105.0
+    assert source.notes == ["rows up to 0.02 s older than the one above were put in their place: 1"]
+
+
+def test_a_gap_of_the_times_and_a_row_without_one_are_noted(tmp_path: Path) -> None:
+    spring = reading.read([made(tmp_path, table(clock(SPRING)))])
+    assert spring.notes[0].startswith("no samples for 3600.1 s from 4.9 s on: the beginning of summer time?")
+    source = reading.read([made(tmp_path, table([*EVEN, "", "9.0"]))])
+    assert source.notes == ["rows without a time are left out: 1", "no samples for 8.41 s from 0.59 s on"]
+
+
+def test_cells_that_hold_no_number_are_noted_with_their_column(tmp_path: Path) -> None:
+    cells = ["abc", "nan", "inf", ""] + [str(k) for k in range(56)]
+    source = reading.read([made(tmp_path, table(EVEN, cells))])
+    assert source.notes == ["cells without a number are left out: 4 of 60 of 'p'"]
+
+
+def test_an_array_whose_time_goes_back_is_refused(tmp_path: Path) -> None:
+    t = np.concatenate((np.arange(50), np.arange(20, 50))) / 100
+    scipy.io.savemat(tmp_path / "out.mat", {"time": t, "p_A": 2 * t})
+    with pytest.raises(ImportingError, match="'time' goes back by 0.29 s at row 51"):
+        reading.read([tmp_path / "out.mat"])
 
 
 @pytest.mark.parametrize(

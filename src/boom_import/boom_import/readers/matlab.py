@@ -87,10 +87,13 @@ def read(path: Path, choice: timing.TimeChoice, hdf5: bool) -> Source:
     taken: set[str] = set()
     columns: list[Column] = []
     for raw, axis in read:
-        for entry in raw:
-            if entry.key != axis.column and axis.dated == dated:
-                made = column(unique(entry.key, taken), entry.name, entry.unit, axis.stamps_ns, entry.values)
-                columns += [made] if made else []
+        if axis.dated != dated:
+            continue
+        used = [entry for entry in raw if entry.key != axis.column]
+        for entry in used:
+            made = column(unique(entry.key, taken), entry.name, entry.unit, axis.stamps_ns, entry.values[axis.rows])
+            columns += [made] if made else []
+        notes += [*axis.notes, *timing.without_number(used, axis)]
     if not columns:
         what = "it holds no arrays of numbers: save signals as plain arrays or structs, not as objects (timeseries, timetable)"
         raise failed or ImportingError(what)
