@@ -132,7 +132,8 @@ def test_interruption_ends_with_130(monkeypatch, capsys):
 
 def test_a_ctrl_c_while_the_entry_script_imports_ends_it_with_130_and_no_word():
     code = (
-        "import builtins, os, runpy, signal; signal.signal(signal.SIGINT, signal.default_int_handler); found = builtins.__import__\n"
+        "import builtins, os, runpy, signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "found = builtins.__import__\n"
         "def interrupted(name, *rest, **named):\n"
         "    if name == 'ctypes': os.kill(os.getpid(), signal.SIGINT)\n"
         "    return found(name, *rest, **named)\n"
