@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
+import h5py
 import numpy as np
 import pytest
 import scipy.io
 
 from boom_import import reading, units
 from boom_import.errors import ImportingError
+from boom_import.readers import csv_text
 from boom_import.timing import TimeChoice
 
 T0 = 1_748_943_667_250_000_000  # 2025-06-03 09:41:07.25 UTC
@@ -173,6 +177,29 @@ def test_cells_that_hold_no_number_are_noted_with_their_column(tmp_path: Path) -
     cells = ["abc", "nan", "inf", ""] + [str(k) for k in range(56)]
     source = reading.read([made(tmp_path, table(EVEN, cells))])
     assert source.notes == ["cells without a number are left out: 4 of 60 of 'p'"]
+
+
+def test_a_small_file_that_unpacks_to_gigabytes_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
+    count = 500_000_000
+    flags = struct.pack("<8I", 6, 8, 6, 0, 5, 8, count, 1)
+    matrix = struct.pack("<2I", 14, 48 + 8 * count) + flags + struct.pack("<2H4s2I", 1, 1, b"t", 9, 8 * count) + bytes(10_000)
+    packed = zlib.compress(matrix)
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x100) + b"IM"
+    (tmp_path / "bomb.mat").write_bytes(head + struct.pack("<2I", 15, len(packed)) + packed)
+    with h5py.File(tmp_path / "wide.mat", "w") as file:
+        file.create_dataset("t", (count,), np.float64, chunks=True)
+    for name in ("bomb.mat", "wide.mat"):
+        with pytest.raises(ImportingError, match=r"its array '/?t' holds 5e\+08 numbers"):
+            reading.read([tmp_path / name])
+
+
+def test_a_file_that_does_not_fit_into_the_memory_is_told_as_such(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(csv_text, "read", full)
+    with pytest.raises(ImportingError, match=r"table.csv: it does not fit into the memory: import it in parts"):
+        reading.read([made(tmp_path, table(EVEN))])
 
 
 def test_an_array_whose_time_goes_back_is_refused(tmp_path: Path) -> None:
