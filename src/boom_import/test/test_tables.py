@@ -258,6 +258,8 @@ def test_a_structure_with_time_is_read(tmp_path: Path) -> None:
         ("a.mf4", b"MDF     4.10" + b"\xff" * 300, "export it again"),
         ("a.bag", b"#ROSBAG V2.0\n" + b"\xff" * 300, "export it again"),
         ("a.db3", b"SQLite format 3\0" + b"\xff" * 300, "export it again"),
+        ("a.mcap", b"\x89MCAP0\r\n", "the file was not closed .*no message is left: copy it again"),
+        ("a.mcap", b"\x89MCAP0\r\n\x01\x0c\0\0", "the file was not closed .*no message is left: copy it again"),
         ("a.png", b"\x89PNG\r\n\x1a\n\0\0", "neither text nor of a kind that is known"),
     ],
 )
