@@ -238,6 +238,10 @@ def check_range(spec: Specification, value: tuple[float, ...], shown: object = N
     """
     for number in value:
         if not spec.minimum <= number <= spec.maximum:
+            if isinstance(shown, str):
+                raise MachineError(
+                    f"{spec.key}: {shown!r} is a text: write a number of {spec.minimum:g} .. {spec.maximum:g}, without quotes"
+                )
             text = number if shown is None or isfinite(number) else shown
             raise MachineError(
                 f"{spec.key}: {text} is outside {spec.minimum:g} .. {spec.maximum:g} {spec.unit}".removesuffix(" -")

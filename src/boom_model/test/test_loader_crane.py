@@ -405,7 +405,9 @@ def test_load_in_steps_raises_the_pressure_from_its_stroke_on(loader: Machine) -
     ("section", "message"),
     [
         ({"steps": [{"mass": 100.0}]}, r"payload\.steps\[0\]: expected \{mass: \.\.\., time: \.\.\.\}"),
-        ({"steps": [{"mass": "heavy", "time": 1.0}]}, r"payload\.steps\[0\]: .* in kg and s"),
+        ({"steps": [{"mass": "heavy", "time": 1.0}]}, r"payload\.steps\[0\]: .* time \[s\] of 0 to 100000"),
+        ({"steps": [{"mass": 100.0, "time": -1.0}]}, r"payload\.steps\[0\]: .* time \[s\] of 0 to 100000"),
+        ({"steps": [{"mass": 100.0, "stroke": -0.1}]}, r"payload\.steps\[0\]: .* stroke \[m\] of 0 to 100000"),
         ({"step": []}, r"payload\.step: no such key; did you mean steps"),
         ({"steps": [{"mass": 1.0, "stroke": 0.1}] * 9}, "a list of at most 8 steps"),
         ([1], "payload: expected tol, steps or recordings"),
