@@ -58,13 +58,18 @@ def default_report(command: str, bags: Sequence[str] = ()) -> Path:
         raise UsageError(
             f"cannot create the folder output here ({error.strerror}): give --report FILE or --no-report"
         ) from None
-    name = command
-    for first in (Path(bag) for bag in bags[:1]):
-        name += f"-{first.stem if first.suffix in ('.mcap', '.zstd', '.yaml') else os.path.basename(os.path.realpath(first))}"
+    names = [_name(Path(bag)) for bag in bags]
+    name = "-".join([command, *names[:1]])
+    if any(other == names[0] for other in names[1:]):  # of another crane: its folder tells which
+        name = f"{command}-{os.path.basename(os.path.realpath(Path(bags[0]).parent))}-{names[0]}"
     more = f"-and-{len(bags) - 1}-more" if len(bags) > 1 else ""
     path = checked(str(folder / f"{name}{more}.html"), "report")
     assert path is not None
     return path
+
+
+def _name(bag: Path) -> str:
+    return bag.stem if bag.suffix in (".mcap", ".zstd", ".yaml") else os.path.basename(os.path.realpath(bag))
 
 
 def write(path: Path, action: Callable[[], Any]) -> None:

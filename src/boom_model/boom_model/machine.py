@@ -138,8 +138,9 @@ class Machine:
         return result
 
     def carrying(self, recording: str = "") -> Machine:
-        """The machine with the steps of the load that it has in a recording of this name."""
-        steps = self.payloads.get(recording, self.payloads.get("", ()))
+        """The machine with the steps of the load that it has in a recording of this name, with or without folders before it."""
+        names = (recording, recording.rpartition("/")[2], "")
+        steps = next((self.payloads[name] for name in names if name in self.payloads), ())
         parameters = {key: p for key, p in self.parameters.items() if not key.startswith(payload.SECTION)}
         for k, step in enumerate(steps):
             mass, at = payload.specifications(k, step.by)

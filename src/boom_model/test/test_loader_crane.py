@@ -389,7 +389,9 @@ def test_steps_of_the_file_are_those_of_the_recording(loader: Machine) -> None:
 
 
 def test_load_in_steps_raises_the_pressure_from_its_stroke_on(loader: Machine) -> None:
-    stepped = replace(loader, payloads={"": (Step(150.0, "stroke", loader.piston_position(0.3)),)}).carrying()
+    told = replace(loader, payloads={"monday": (Step(150.0, "stroke", loader.piston_position(0.3)),)})
+    assert not told.carrying("c7/tuesday").structure.steps
+    stepped = told.carrying("c7/monday")
     time = np.arange(0.0, 5.0, 0.01)
     currents = np.tile((0.0, 0.35), (len(time), 1))
     heads = []

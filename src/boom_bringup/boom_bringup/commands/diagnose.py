@@ -78,13 +78,11 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
 
     keep_memory()
 
-    from boom_bringup.given import load_given
+    from boom_bringup.given import load_all
 
     with progress(_STEPS) as step:
-        step("reading the recordings", 0)
-        recordings = [load_given(bag, args) for bag in args.bags]
-        held_out = [load_given(bag, args) for bag in args.hold_out]
-        everything = [*recordings, *held_out]
+        everything = load_all([*args.bags, *args.hold_out], args, lambda text: step(text, 0))
+        recordings, held_out = everything[: len(args.bags)], everything[len(args.bags) :]
         machine, _ = machine_of(dict(zip([*args.bags, *args.hold_out], everything, strict=True)), args.machine)
         for recording in everything:
             if recording.configuration.machine not in ("", machine.name):
