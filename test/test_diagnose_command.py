@@ -57,7 +57,10 @@ def still(path, machine="tz17", seconds=6.0):
     ("arguments", "said"),
     [
         (["still", "--hold-out", "still"], "given both to diagnose and to hold out"),
-        (["still", "--hold-out", "sub/../still/"], "is the same recording as still: given both to diagnose and to hold out"),
+        (
+            ["still", "--hold-out", "sub/../still/"],
+            "is the same recording as still: given both to diagnose and to hold out",
+        ),
         (["still", "--hold-out", "link"], "link is the same recording as still"),
         (["still", "--hold-out", "still/still_0.mcap"], "is the same recording as still"),
         (["still", "--hold-out", "copy"], "copy is the same recording as still"),

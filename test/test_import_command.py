@@ -194,7 +194,9 @@ def test_a_file_of_any_name_is_imported_by_the_line_that_the_command_shows(
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     line = said.strip().partition(", then: ")[2]
-    words = subprocess.run(["bash", "-c", f"printf '%s\\0' {line}"], capture_output=True, check=True).stdout.split(b"\0")
+    words = subprocess.run(["bash", "-c", f"printf '%s\\0' {line}"], capture_output=True, check=True).stdout.split(
+        b"\0"
+    )
     assert words[:3] == [b"./boom", b"import", name]
     assert boom(*map(os.fsdecode, words[1:-1]), "--no-report", *POSE) == 0
     assert load("made").warnings == []

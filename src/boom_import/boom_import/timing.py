@@ -198,7 +198,9 @@ def _in_order(found: Axis, lost: int) -> Axis:
         if (steps < 0).all():
             notes.append("the rows stand in falling order of their times: they are turned")
         else:
-            notes.append(f"rows up to {late:.3g} s older than the one above were put in their place: {(steps < 0).sum()}")
+            notes.append(
+                f"rows up to {late:.3g} s older than the one above were put in their place: {(steps < 0).sum()}"
+            )
         rows, stamps = rows[order], stamps[order]
     return replace(found, rows=rows, stamps_ns=stamps, notes=(*notes, *_gaps(stamps)))
 
@@ -208,9 +210,7 @@ def _goes_back(found: Axis, steps: Stamps) -> str:
     by, left = -float(steps[first]) / 1e9, len(steps) - first
     where = f"'{quoted(found.column, 60)}' goes back by {by:.5g} s at row {found.rows[first + 1] + 1} of the numbers"
     if abs(by - _HOUR) < _ABOUT:
-        return (
-            f"{where}; {left} samples follow: the end of summer time? Write the times in UTC or with an offset such as +01:00"
-        )
+        return f"{where}; {left} samples follow: the end of summer time? Write the times in UTC or with an offset such as +01:00"
     more = f" (and {(steps < 0).sum() - 1} more times)" if (steps < 0).sum() > 1 else ""
     return (
         f"{where}{more}: cut the file there and import the parts one by one, remove what it repeats, or sort the rows by time "
@@ -262,7 +262,11 @@ def _of_clock(column: RawColumn, rows: NDArray[np.intp], columns: list[RawColumn
         )
         if day is not None and np.all(np.nan_to_num(day.values) % 86_400.0 == 0.0):
             return Axis(
-                _stamps(seconds + np.nanmin(day.values)), True, f"columns '{day.key}' and '{column.key}'", column.key, rows
+                _stamps(seconds + np.nanmin(day.values)),
+                True,
+                f"columns '{day.key}' and '{column.key}'",
+                column.key,
+                rows,
             )
     return Axis(_stamps(seconds), column.clock == "date", said, column.key, rows)
 
@@ -274,7 +278,7 @@ def _unit(column: RawColumn) -> str:
     period = float(np.median(steps)) if len(steps) else 0.0
     if not period > 0:
         raise ImportingError(
-            f"column '{quoted(column.key, 60)}' does not rise: it cannot be the time: give another one with --time, or --sample-rate"
+            f"column '{quoted(column.key, 60)}' does not rise: it is no time: give another one with --time, or --sample-rate"
         )
     stated = units.parse(column.unit).measure
     score = {}

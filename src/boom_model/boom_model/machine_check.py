@@ -126,7 +126,9 @@ def _sections(document: Mapping[Any, Any], faults: list[str]) -> dict[str, Any]:
         if name not in _TOP:
             faults.append(f"{name}: no such section{nearest(str(name), _TOP)}")
         elif name not in _FREE and not isinstance(section, dict):
-            optional = "" if name in _ALWAYS or any(slot.key[0] == name for slot in SLOTS) else ", or leave the section out"
+            optional = (
+                "" if name in _ALWAYS or any(slot.key[0] == name for slot in SLOTS) else ", or leave the section out"
+            )
             faults.append(f"{name}: expected keys with values below it{optional}")
         else:
             sections[name] = section

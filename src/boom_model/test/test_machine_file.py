@@ -61,9 +61,15 @@ CASES: dict[str, tuple[Spoil, str]] = {
     "negative": (put("cylinder.A_a.value", -1e-2), r"cylinder\.A_a: -0\.01 is outside 1e-05 \.\. 1 m\^2"),
     "nan": (put("cylinder.l_p.value", float("nan")), r"cylinder\.l_p: nan is outside 0\.01 \.\. 10 m"),
     "infinite": (put("friction.tau_C_pos.value", float("inf")), r"friction\.tau_C_pos: inf is outside"),
-    "text_for_number": (put("fluid.rho.value", "heavy"), r"fluid\.rho: 'heavy' is a text: write a number of 600 \.\. 1200"),
+    "text_for_number": (
+        put("fluid.rho.value", "heavy"),
+        r"fluid\.rho: 'heavy' is a text: write a number of 600 \.\. 1200",
+    ),
     "quoted_number": (put("fluid.rho.value", "870"), r"fluid\.rho: '870' is a text: .* without quotes"),
-    "empty_section_that_may_lack": (put("control", None), "control: expected keys with values below it, or leave the section out$"),
+    "empty_section_that_may_lack": (
+        put("control", None),
+        "control: expected keys with values below it, or leave the section out$",
+    ),
     "empty_section": (put("fluid", None), "fluid: expected keys with values below it$"),
     "none_for_number": (put("fluid.rho.value", None), r"fluid\.rho: nan is outside 600 \.\. 1200"),
     "truth_for_number": (put("fluid.rho.value", True), r"fluid\.rho: True is outside 600 \.\. 1200"),

@@ -124,8 +124,8 @@ def _content(path: Path, hdf5: bool) -> _Struct:
 def _check_size(name: str, numbers: int) -> None:
     if numbers > _MOST_NUMBERS:
         raise ImportingError(
-            f"its array '{quoted(name, 60)}' holds {numbers:.3g} numbers, more than the {_MOST_NUMBERS:.0e} that are read: save a part "
-            "of it, or export it again if it should not be so large"
+            f"its array '{quoted(name, 60)}' holds {numbers:.3g} numbers, more than the {_MOST_NUMBERS:.0e} that are read: save "
+            "a part of it, or export it again if it should not be so large"
         )
 
 
