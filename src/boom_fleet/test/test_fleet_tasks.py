@@ -65,7 +65,7 @@ def test_a_full_disk_is_a_plain_line_that_says_that_the_same_command_resumes(tmp
 
     monkeypatch.setattr(store, "write_whole", full)
     with pytest.raises(StoreError) as raised:
-        Store(str(tmp_path)).write("work/x", b"x")
+        Store(str(tmp_path)).write("kept/x", b"x")
     said = str(raised.value)
-    assert said.startswith(f"{tmp_path}/work/x: cannot be written: No space left on device") and "Errno" not in said
+    assert said.startswith(f"{tmp_path}/kept/x: cannot be written: No space left on device") and "Errno" not in said
     assert "the same command again to resume" in said
