@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import shutil
 from importlib.resources import files
 from pathlib import Path
 from types import SimpleNamespace
@@ -56,6 +57,13 @@ def still(path, machine="tz17", seconds=6.0):
     ("arguments", "said"),
     [
         (["still", "--hold-out", "still"], "given both to diagnose and to hold out"),
+        (
+            ["still", "--hold-out", "sub/../still/"],
+            "is the same recording as still: given both to diagnose and to hold out",
+        ),
+        (["still", "--hold-out", "link"], "link is the same recording as still"),
+        (["still", "--hold-out", "still/still_0.mcap"], "is the same recording as still"),
+        (["still", "--hold-out", "copy"], "copy is the same recording as still"),
         (["still", "--seed", "-1"], "give a number of 0 or more"),
         (["still", "--machine", "triangle_direct"], "was recorded on machine 'tz17'"),
         (["still", "--machine", "nothing.yaml"], "nothing.yaml"),
@@ -66,10 +74,13 @@ def still(path, machine="tz17", seconds=6.0):
 def test_wrong_input_is_one_line_and_leaves_no_result(diagnose, tmp_path, arguments, said):
     still(tmp_path / "still")
     still(tmp_path / "other", machine="another")
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "link").symlink_to("still")
+    shutil.copytree(tmp_path / "still", tmp_path / "copy")
     status, _, err = diagnose(*arguments)
     assert status == 2
     assert said in err.strip().splitlines()[-1]
-    assert not list((tmp_path / "output").rglob("*.*"))
+    assert not list((tmp_path / "output").rglob("*"))
 
 
 def test_a_standstill_has_a_plain_verdict_and_all_files(diagnose, tmp_path):
@@ -154,6 +165,15 @@ def test_an_interruption_leaves_the_old_report_or_none(diagnose, tmp_path, monke
         assert diagnose(still(tmp_path / "still"))[0] != 0
     assert (folder / "report.html").read_text() == "the old one"
     assert not list(folder.glob("*.new*"))
+
+
+def test_an_interruption_before_anything_was_found_leaves_no_folder(diagnose, tmp_path, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run, "diagnose", interrupted)
+    assert diagnose(still(tmp_path / "still"), "--output", tmp_path / "found")[0] == 130
+    assert not (tmp_path / "found").exists()
 
 
 def test_a_second_diagnosis_into_the_same_folder_is_refused_in_one_line(diagnose, tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -180,6 +182,24 @@ def test_a_bag_with_foreign_topics_is_sent_to_the_import(
     said = capsys.readouterr().err
     assert "the bag has /zx120/boom_down_solenoid_current" in said
     assert f"import it: ./boom import {file} --output output/zx120_boom" in said
+
+
+@pytest.mark.parametrize("name", [b"bad\xff.csv", b"it's\n new.csv", "\u202ecsv.csv".encode()])
+def test_a_file_of_any_name_is_imported_by_the_line_that_the_command_shows(
+    name: bytes, original: Data, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (made,) = KINDS["csv_german"](original, Path())
+    made.rename(os.fsdecode(name))
+    assert boom("import", os.fsdecode(name), "--no-report", *POSE, "--output", "made") == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    line = said.strip().partition(", then: ")[2]
+    words = subprocess.run(["bash", "-c", f"printf '%s\\0' {line}"], capture_output=True, check=True).stdout.split(
+        b"\0"
+    )
+    assert words[:3] == [b"./boom", b"import", name]
+    assert boom(*map(os.fsdecode, words[1:-1]), "--no-report", *POSE) == 0
+    assert load("made").warnings == []
 
 
 def test_a_proposal_that_was_edited_is_kept(original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,6 +17,7 @@ import yaml
 
 from boom_bringup import cli
 from boom_model.machine_file import check_machine, load_machine
+from boom_model.owner import draft
 from boom_model.owner.moments import of_masses
 from boom_recording import writing
 from boom_recording.recording import Configuration, Recording
@@ -235,6 +236,31 @@ def test_an_answer_that_cannot_be_is_said_in_one_line_and_nothing_is_written(
     assert said in error
     assert error.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["answers.yaml"]
+
+
+@pytest.mark.parametrize("there", ["file", "link to nothing", "file of another command meanwhile"])
+def test_nothing_that_has_the_name_of_the_machine_file_is_replaced(
+    there: str, answers: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "crane.yaml"
+    if there == "file":
+        file.write_text("mine", encoding="utf-8")
+    elif there == "link to nothing":
+        file.symlink_to("nowhere.yaml")
+    else:
+        text = draft.text
+
+        def slowly(*given: Any) -> str:
+            file.write_text("mine", encoding="utf-8")
+            return text(*given)
+
+        monkeypatch.setattr(draft, "text", slowly)
+    words = ["new-machine", "--answers", str(answers), "--output", str(file), "--yes", "--no-manoeuvre"]
+    assert cli.main(words) == 2
+    error = capsys.readouterr().err
+    assert "crane.yaml exists already" in error and error.count("\n") == 1
+    assert file.is_symlink() or file.read_text(encoding="utf-8") == "mine"
+    assert not (tmp_path / "nowhere.yaml").exists()
 
 
 def test_on_a_terminal_it_asks_what_is_open_and_again_where_the_answer_cannot_be(answers: Path, tmp_path: Path) -> None:

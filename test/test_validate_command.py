@@ -154,6 +154,22 @@ def test_recordings_of_different_machines_are_not_mixed(validate, tmp_path):
     assert "different machines" in line and "--machine" in line
 
 
+def test_recordings_of_one_name_are_told_apart_in_tables_document_and_report(validate, tmp_path):
+    for folder in ("c7", "c13"):
+        made(tmp_path / folder / "a")
+    result = validate("c7/a", "c13/a", "--json", "n.json")
+    assert result.returncode == 0, result.stderr
+    assert "c7/a: " in result.stdout and "c13/a: " in result.stdout
+    assert [bag["bag"] for bag in json.loads((tmp_path / "n.json").read_text())["bags"]] == ["c7/a", "c13/a"]
+    assert "report: output/validate-c7-a-and-1-more.html" in result.stdout.splitlines()
+
+
+def test_a_pose_that_does_not_fit_says_that_the_recording_is_of_another_machine(validate, tmp_path):
+    made(tmp_path / "r", machine="crane_c10", load=-5.0)
+    said = refused(validate("r", "--machine", "triangle_direct"))
+    assert "does not fit machine" in said and "recorded on machine 'crane_c10'" in said
+
+
 def test_a_process_with_wrong_input_ends_with_status_2(tmp_path):
     assert "nowhere: there is no such file or folder" in refused(as_process(tmp_path, HEALTHY, "nowhere"))
 

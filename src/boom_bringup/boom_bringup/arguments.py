@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import shlex
+
+from boom_input.shown import typable
 
 LONGEST_RUN = 3600.0
 """s. A simulated hour at 100 Hz fills 0.1 GB; more is taken for a typing error."""
@@ -110,7 +111,7 @@ def option_words(args: argparse.Namespace, *names: str) -> list[str]:
 
 def command_line(*words: str) -> str:
     """What somebody types: the program's name in front of the words, quoted for a shell."""
-    return shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), *words])
+    return typable(os.environ.get("BOOM_PROGRAM", "boom"), *words)
 
 
 def joint_names(text: str) -> dict[str, str]:

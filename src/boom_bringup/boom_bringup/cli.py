@@ -138,7 +138,7 @@ def _run(arguments: Sequence[str], program: str) -> int:
     return int(module.run(args))
 
 
-_WRITTEN = ("output", "json", "report", "write_mapping", "document")
+_WRITTEN = ("output", "json", "report", "write_mapping", "document", "manoeuvre", "publish")
 """Options that name what a command writes."""
 
 
@@ -153,7 +153,7 @@ def _keep_inputs(given: Mapping[str, Any]) -> None:
             raise UsageError(f"{twice} and {option} are the same file, {path.name}: give each a path of its own")
     words = (w for n, v in given.items() if n not in _WRITTEN for w in (v if isinstance(v, list) else [v]))
     for source in (Path(os.path.realpath(word)) for word in words if _names_a_path(word)):
-        if not (source.is_file() or (source.is_dir() and any(source.glob("metadata.yaml")))):
+        if not (os.path.isfile(source) or os.path.isfile(source / "metadata.yaml")):
             continue
         for option, path in written:
             if path == source or source in path.parents:
@@ -184,9 +184,13 @@ def parse(module: ModuleType, prog: str, words: list[str]) -> argparse.Namespace
     if verbatim is not None and words not in _ASKS:
         return argparse.Namespace(**{verbatim: words})
     if rest is None:
-        return parser.parse_args(words)
-    args, left = parser.parse_known_args(words)
-    setattr(args, rest, [word for word in left if word != "--"])
+        args = parser.parse_args(words)
+    else:
+        args, left = parser.parse_known_args(words)
+        setattr(args, rest, [word for word in left if word != "--"])
+    for action in parser._actions:
+        if action.dest in _WRITTEN and getattr(args, action.dest) == "":
+            raise UsageError(f"{(*action.option_strings, action.metavar)[0]} is empty: give a path")
     return args
 
 

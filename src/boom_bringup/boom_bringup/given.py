@@ -3,12 +3,35 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from boom_recording.recording import Recording
+
+
+def load_all(
+    bags: Sequence[str], args: argparse.Namespace, say: Callable[[str], None], require: Iterable[str] | None = None
+) -> list[Recording]:
+    """The recordings of one command, each with a name of its own.
+
+    Args:
+        bags: rosbag2 folders or .mcap files.
+        args: the parsed options.
+        say: called with what is being read.
+        require: as of `load_given`.
+
+    Raises:
+        RecordingError: as `boom_recording.loading.load`.
+    """
+    from boom_recording.recording import told_apart
+
+    recordings = []
+    for bag in bags:
+        say(f"reading {bag}")
+        recordings.append(load_given(bag, args, require))
+    return told_apart(recordings)
 
 
 def load_given(bag: str | Path, args: argparse.Namespace, require: Iterable[str] | None = None) -> Recording:

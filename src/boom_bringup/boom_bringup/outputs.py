@@ -7,12 +7,13 @@ import math
 import os
 import shutil
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from boom_bringup.cli import UsageError
-from boom_input.whole import one_writer, write_whole
+from boom_input.shown import quoted
+from boom_input.whole import one_writer, write_new, write_whole
 
 if TYPE_CHECKING:
     from boom_recording.recording import Recording
@@ -27,6 +28,14 @@ def checked(given: str | None, option: str) -> Path | None:
     if given is None:
         return None
     path = Path(given)
+    try:
+        os.stat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except OSError as error:
+        raise UsageError(f"{option} {quoted(given, 80)}: {error.strerror}: give another path") from None
+    except ValueError:  # a null character
+        raise UsageError(f"{option} {quoted(given, 80)}: no file can have this name: give another path") from None
     if not given or path.is_dir():
         raise UsageError(f"{option} {given or '(empty)'}: this is a folder, give the name of a file in it")
     if not path.parent.is_dir():
@@ -49,13 +58,18 @@ def default_report(command: str, bags: Sequence[str] = ()) -> Path:
         raise UsageError(
             f"cannot create the folder output here ({error.strerror}): give --report FILE or --no-report"
         ) from None
-    name = command
-    for first in (Path(bag) for bag in bags[:1]):
-        name += f"-{first.stem if first.suffix in ('.mcap', '.zstd', '.yaml') else os.path.basename(os.path.realpath(first))}"
+    names = [_name(Path(bag)) for bag in bags]
+    name = "-".join([command, *names[:1]])
+    if any(other == names[0] for other in names[1:]):  # of another crane: its folder tells which
+        name = f"{command}-{os.path.basename(os.path.realpath(Path(bags[0]).parent))}-{names[0]}"
     more = f"-and-{len(bags) - 1}-more" if len(bags) > 1 else ""
     path = checked(str(folder / f"{name}{more}.html"), "report")
     assert path is not None
     return path
+
+
+def _name(bag: Path) -> str:
+    return bag.stem if bag.suffix in (".mcap", ".zstd", ".yaml") else os.path.basename(os.path.realpath(bag))
 
 
 def write(path: Path, action: Callable[[], Any]) -> None:
@@ -92,15 +106,31 @@ def write_text(path: Path, text: str) -> None:
     write(path, lambda: write_whole(path, text))
 
 
+def write_new_text(path: Path, text: str) -> None:
+    """Write a file that nobody has written meanwhile.
+
+    Raises:
+        UsageError: it exists, or writing failed.
+    """
+    try:
+        write(path, lambda: write_new(path, text))
+    except UsageError:
+        refuse_existing(path)
+        raise
+
+
 @contextmanager
 def held(given: str | Path) -> Iterator[Path]:
     """The folder of a command's results, created if missing and locked against a second command until the end.
+
+    Where it was created and nothing was written, it goes again.
 
     Raises:
         UsageError: it cannot be created or written.
         InUseError: another command uses it.
     """
     path = Path(given)
+    made = not path.exists()
     try:
         path.mkdir(parents=True, exist_ok=True)
         lock = one_writer(path)
@@ -112,6 +142,9 @@ def held(given: str | Path) -> Iterator[Path]:
             raise UsageError(f"--output {given}: may not be written by this user: give another folder")
         yield path
     finally:
+        if made:
+            with suppress(OSError):  # of a command that was refused or stopped before it wrote anything
+                path.rmdir()
         lock.__exit__(None, None, None)
 
 

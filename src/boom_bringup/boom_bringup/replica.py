@@ -97,6 +97,13 @@ def rest_of(recording: Recording, bag: str, advice: str = "give another recordin
     return rest
 
 
+def misfit(bag: str, machine: Machine, told: Configuration, why: object) -> str:
+    """Why a machine cannot have the pose or the load of a recording, and whether that is of another machine."""
+    other = told.machine not in ("", machine.name)
+    whose = f"; the bag was recorded on machine '{quoted(told.machine, 60)}': give its file" if other else ""
+    return f"{bag}: its configuration does not fit machine {machine.name}: {why}{whose}"
+
+
 def check_pose(bag: str, machine: Machine, told: Configuration) -> None:
     """Raises ReplicaError where the machine cannot have the pose or the load of a recording."""
     from boom_model.errors import MachineError
@@ -106,9 +113,7 @@ def check_pose(bag: str, machine: Machine, told: Configuration) -> None:
             told.outer_boom_angle, told.telescope_length, 0.0 if math.isnan(told.load_mass) else told.load_mass
         )
     except MachineError as error:
-        raise ReplicaError(
-            f"{bag}: its configuration does not fit machine {machine.name}: {error}; give --q3, --q4 or --load"
-        ) from None
+        raise ReplicaError(f"{misfit(bag, machine, told, error)}; give --q3, --q4 or --load") from None
 
 
 def simulation_parameters(recording: Recording, bag: str, machine: Machine, source: str, seed: int) -> dict[str, Any]:

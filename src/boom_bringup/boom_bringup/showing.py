@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import os
-import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+
+from boom_input.shown import typable
 
 
 def diagnose_next(bags: Sequence[str], machine: str | None, configuration: Sequence[str] = ()) -> list[str]:
     """The next command to type for recordings that differ from the model, one shell line each."""
     words = [*(["--machine", machine] if machine else []), *configuration]
     program = os.environ.get("BOOM_PROGRAM", "boom")
-    return [f"next: {shlex.join([program, 'diagnose', str(bag), *words])}" for bag in bags]
+    return [f"next: {typable(program, 'diagnose', str(bag), *words)}" for bag in bags]
 
 
 _QUIET = 10.0  # s: so long nothing is said in a log file

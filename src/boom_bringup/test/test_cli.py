@@ -130,6 +130,19 @@ def test_interruption_ends_with_130(monkeypatch, capsys):
     assert capsys.readouterr().err == "boom: stopped\n"
 
 
+def test_a_ctrl_c_while_the_entry_script_imports_ends_it_with_130_and_no_word():
+    code = (
+        "import builtins, os, runpy, signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "found = builtins.__import__\n"
+        "def interrupted(name, *rest, **named):\n"
+        "    if name == 'ctypes': os.kill(os.getpid(), signal.SIGINT)\n"
+        "    return found(name, *rest, **named)\n"
+        f"builtins.__import__ = interrupted; runpy.run_path({str(ROOT / 'boom')!r}, run_name='__main__')"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
+
+
 @pytest.mark.parametrize("words", [["record", "x"], ["sim"], ["demo", str(BAG)]])
 def test_missing_messages_are_one_line_that_says_how_to_have_them(words, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
@@ -173,6 +186,26 @@ def test_what_a_command_writes_never_replaces_what_it_reads_or_what_somebody_wro
     assert cli.main(words.split()) == 2
     assert said in capsys.readouterr().err
     assert {path: path.read_bytes() for path in things.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["diagnose", "bag", "--output", ""], "--output is empty"),
+        (["diagnose", "bag", "--json="], "--json is empty"),
+        (["fleet", "bags", "--output", ""], "--output is empty"),
+        (["validate", "bag", "--report", ""], "--report is empty"),
+        (["record", ""], "BAG is empty"),
+        (["new-machine", "--output", "x" * 300], "File name too long: give another path"),
+        (["validate", "bag", "--json", "x" * 300], "File name too long: give another path"),
+    ],
+)
+def test_a_path_that_no_file_can_have_is_refused_with_its_option(words, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(words) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1 and len(error) < 200
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_closed_standard_output_is_no_fault_of_ours():

@@ -254,7 +254,7 @@ def tasks_of(
         if chosen.endswith((".yaml", ".yml")):
             if chosen not in known:
                 known[chosen] = text(chosen)
-            result.append(Task(bag, text=known[chosen]))
+            result.append(Task(bag, text=known[chosen], file=chosen))
         else:
             result.append(Task(bag, shipped=chosen))
     return result

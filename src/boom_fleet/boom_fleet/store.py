@@ -63,7 +63,10 @@ class Store:
             else:
                 self._fs.pipe_file(path, data)
         except Exception as error:
-            raise StoreError(f"{path}: cannot be written: {error}") from None
+            why = getattr(error, "strerror", None) or error
+            raise StoreError(
+                f"{path}: cannot be written: {why}: what is done stays; mend this and give the same command again to resume"
+            ) from None
 
     def names(self, folder: str) -> set[str]:
         """Names of the files in a folder of it."""

@@ -29,11 +29,12 @@ Columns = dict[str, Any]
 
 @dataclass(frozen=True)
 class Task:
-    """One recording with the machine file that it is compared with: a shipped name, or the text of a file."""
+    """One recording with the machine file that it is compared with: a shipped name, or path or URL and text of a file."""
 
     bag: FoundBag
     shipped: str = ""
     text: bytes = b""
+    file: str = ""
 
 
 @dataclass(frozen=True)
@@ -124,13 +125,13 @@ def _attempt(task: Task, work: Callable[[Recording, Machine], Any]) -> _Done:
     from boom_recording.loading import load
 
     begin = time.process_time()
-    done = _Done()
+    done, path = _Done(), None
     try:
         with at_hand(task.bag.url) as path:
             recording = load(path)
         done.result = work(recording, machine_of(task, recording.configuration.machine))
     except Exception as error:  # one recording must not end the night of all others
-        said = str(error).splitlines()[0] if str(error) else ""
+        said = str(error).replace(str(path), task.bag.url).partition("\n")[0]  # of a copy, too
         known = isinstance(getattr(error, "exit_status", None), int)
         done.failure = said if known else f"{type(error).__name__}: {said}"
     done.seconds = time.process_time() - begin
@@ -143,13 +144,17 @@ def machine_of(task: Task, named: str) -> Machine:
     Raises:
         MachineError: the file cannot be used, or there is none of that name.
     """
+    from boom_model.errors import MachineError
     from boom_model.machine_file import load_machine
 
     if task.text:
         with scratch() as folder:
             path = folder / "machine.yaml"
             path.write_bytes(task.text)
-            return load_machine(path)
+            try:
+                return load_machine(path)
+            except MachineError as error:  # of the copy: the user knows another name
+                raise MachineError(str(error).replace(str(path), task.file)) from None
     return load_machine(task.shipped or named)
 
 

@@ -1,9 +1,14 @@
 """What a worker does with a recording: the verdict of the diagnosis becomes columns, a fault becomes a line."""
 
+import errno
 from pathlib import Path
 
+import fsspec
+import pytest
+
+from boom_fleet import store
 from boom_fleet.run import verdict_columns
-from boom_fleet.store import find_bags
+from boom_fleet.store import Store, StoreError, find_bags
 from boom_fleet.tasks import Task, diagnose_one, screen_one
 from boom_recording import writing
 from boom_recording.loading import load
@@ -39,7 +44,28 @@ def test_a_finding_becomes_effect_size_interval_and_alternatives():
 
 
 def test_a_machine_file_that_does_not_fit_is_a_line_and_no_end_of_the_night(tmp_path):
-    screened = screen_one(task(tmp_path, text=b"meta: {name: none}\n"), None)
+    screened = screen_one(task(tmp_path, text=b"meta: {name: none}\n", file="s3://cranes/crane/machine.yaml"), None)
 
     assert screened.matrix is None
-    assert screened.columns["failure"] and "\n" not in screened.columns["failure"]
+    failure = screened.columns["failure"]
+    assert failure.startswith("s3://cranes/crane/machine.yaml") and "\n" not in failure
+    assert "boom-fleet-" not in failure, "the name of a copy tells the user nothing"
+
+
+def test_a_fault_of_a_bag_in_a_store_names_its_url_and_not_the_copy(tmp_path):
+    fsspec.filesystem("memory").pipe_file("/fleet/crane/cut.mcap", b"\x89MCAP0\r\n")
+    (bag,) = find_bags("memory://fleet")
+    failure = screen_one(Task(bag), None).columns["failure"]
+    assert failure.startswith("memory://") and "boom-fleet-" not in failure
+
+
+def test_a_full_disk_is_a_plain_line_that_says_that_the_same_command_resumes(tmp_path, monkeypatch):
+    def full(path, _):
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr(store, "write_whole", full)
+    with pytest.raises(StoreError) as raised:
+        Store(str(tmp_path)).write("kept/x", b"x")
+    said = str(raised.value)
+    assert said.startswith(f"{tmp_path}/kept/x: cannot be written: No space left on device") and "Errno" not in said
+    assert "the same command again to resume" in said

@@ -156,8 +156,10 @@ def _one_line(path: Path, kind: str) -> Iterator[None]:
     except (ImportingError, InputError, RecordingError) as error:
         text = str(error)
         raise ImportingError(text if text.startswith(str(path)) else f"{path}: {text}") from None
-    except (KeyboardInterrupt, MemoryError):
-        raise
+    except MemoryError:
+        raise ImportingError(
+            f"{path}: it does not fit into the memory: import it in parts, or if it should not be so large, {_NOTHING}"
+        ) from None
     except Exception as error:
         lines = str(error).strip().splitlines()
         why = quoted(lines[0], 120) if lines else type(error).__name__

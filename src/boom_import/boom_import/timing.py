@@ -7,7 +7,8 @@ around 10 ms, a factor of five each way: what loggers of machines have) against 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,12 @@ _SURE = 0.9
 _NAMES = ("time", "zeit", "stamp", "clock", "datum", "date", "uhr", "temps", "tiempo")
 _SHORT = ("t", "ts", "x", "sec", "ms")
 _COUNTERS = ("index", "idx", "count", "sample", "frame", "seq", "line", "row", "nr", "no", "id", "zeile", "zaehler")
+_CALLED = 4.0
+"""Log odds from which a column says that it is the time."""
+_LATE = 1.0  # s: a row that a logger wrote so late is put in its place
+_GAP, _GAP_PERIODS = 1.0, 20.0  # s, and in periods
+_HOUR, _ABOUT = 3600.0, 60.0  # s
+_LISTED = 3
 _SECONDS_2000, _SECONDS_2100 = 946_684_800.0, 4_102_444_800.0
 _HALF_A_DAY = 43_200.0
 _EXCEL_1970 = 25_569.0  # days from Excel's zero, 1899-12-30
@@ -47,12 +54,23 @@ class TimeChoice:
 
 @dataclass(frozen=True)
 class Axis:
-    """Stamps (n,) [ns], whether they count from 1970, how they were read, and which column they are ("" for none)."""
+    """The time of a table.
+
+    Attributes:
+        stamps_ns: (n,) [ns], none before the one in front of it.
+        dated: they count from 1970.
+        said: how they were read.
+        column: which one they are, "" for none.
+        rows: (n,) of the table, in the order of the stamps; rows without a time are not among them.
+        notes: what was done to the rows, and gaps, a sentence each.
+    """
 
     stamps_ns: Stamps
     dated: bool
     said: str
     column: str
+    rows: NDArray[np.intp]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass
@@ -81,7 +99,7 @@ def axis(columns: list[RawColumn], choice: TimeChoice, hint_rate: float = 0.0) -
         hint_rate: samples per second that the file states elsewhere, 0 for none.
 
     Raises:
-        ImportingError: no column is time, or its unit cannot be told; the message says what to write.
+        ImportingError: no column is time, its unit cannot be told, or it goes back; the message says what to do.
     """
     count = len(columns[0].values)
     rate = choice.rate or (0.0 if choice.column else hint_rate)
@@ -93,11 +111,18 @@ def axis(columns: list[RawColumn], choice: TimeChoice, hint_rate: float = 0.0) -
             )
         return _of_column(found, choice.unit, columns)
     if not choice.rate:
-        ranked = sorted(((_score(c), -i) for i, c in enumerate(columns)), reverse=True)
-        if ranked and ranked[0][0] > 0:
-            return _of_column(columns[-ranked[0][1]], choice.unit, columns)
+        best = max(columns, key=_score)
+        if _score(best) > 0:
+            return _of_column(best, choice.unit, columns)
     if rate > 0:
-        return Axis(np.rint(np.arange(count) * 1e9 / rate).astype(np.int64), False, f"{rate:g} samples/s", "")
+        stamps = np.rint(np.arange(count) * 1e9 / rate).astype(np.int64)
+        return Axis(stamps, False, f"{rate:g} samples/s", "", np.arange(count))
+    called = max(columns, key=_called_time)
+    if _called_time(called) >= _CALLED:
+        _of_column(called, choice.unit, columns)  # says what is wrong with it
+        raise ImportingError(
+            f"the values of '{quoted(called.key, 60)}' do not rise from row to row: if it is the time, give it with --time"
+        )
     raise ImportingError(
         f"no column is recognisable as the time ({_listed(columns)}): give --time COLUMN, "
         "or --sample-rate with the samples per second"
@@ -119,45 +144,131 @@ def _score(column: RawColumn) -> float:
     rising = float(np.mean(steps >= 0))
     if rising < 0.99 or not float(steps.sum()) > 0.0:
         return -99.0
-    score = -2.0 + (8.0 if column.clock else 0.0) - (6.0 if column.clock == "time of day" and rising < 1 else 0.0)
+    score = -2.0 + _called_time(column) - (6.0 if column.clock == "time of day" and rising < 1 else 0.0)
+    positive = steps[steps > 0]
+    regular = len(positive) > 0 and float(np.median(np.abs(positive / np.median(positive) - 1.0))) < 0.2
+    score += 3.5 if regular and float(np.mean(steps > 0)) > 0.9 else -2.0  # nothing else rises evenly all the time
+    if not column.clock and np.all(steps == 1.0) and units.parse(column.unit).measure is None:
+        score -= 6.0  # a counter rises by one, whatever it is called: its unit is not told by its steps
+    return score
+
+
+def _called_time(column: RawColumn) -> float:
+    """Evidence [log odds] of name and unit, whatever the values are."""
     name = column.name.lower()
     words = name.replace("_", " ").replace("-", " ").split()
+    score = 8.0 if column.clock else 0.0
     score += 4.0 if any(part in name for part in _NAMES) else 2.0 if any(word in _SHORT for word in words) else 0.0
     score += 0.5 if "stamp" in name else 0.0  # of the measurement, where the other is that of its arrival
     stated = units.parse(column.unit).measure
     if stated is not None:
         score += 4.0 if stated.dimension == units.TIME else -8.0
-    positive = steps[steps > 0]
-    regular = len(positive) > 0 and float(np.median(np.abs(positive / np.median(positive) - 1.0))) < 0.2
-    score += 3.5 if regular and float(np.mean(steps > 0)) > 0.9 else -2.0  # nothing else rises evenly all the time
-    if stated is None and not column.clock and np.all(steps == 1.0):
-        score -= 6.0  # a counter rises by one, whatever it is called: its unit is not told by its steps
     if any(word.rstrip("0123456789.") in _COUNTERS for word in words):
         score -= 4.0
     return score
 
 
 def _of_column(column: RawColumn, unit: str, columns: list[RawColumn]) -> Axis:
-    values = column.values
+    rows = np.flatnonzero(np.isfinite(column.values))
+    if not len(rows):
+        raise ImportingError(f"column '{quoted(column.key, 60)}' holds no number: give another one with --time")
     if column.clock:
-        return _of_clock(column, columns)
-    name = unit or _unit(column)
-    seconds, dated, what = _seconds(values, name)
-    return Axis(_stamps(seconds), dated, f"column '{column.key}' in {what}", column.key)
+        found = _of_clock(column, rows, columns)
+    else:
+        seconds, dated, what = _seconds(column.values[rows], unit or _unit(column))
+        found = Axis(_stamps(seconds), dated, f"column '{column.key}' in {what}", column.key, rows)
+    return _in_order(found, len(column.values) - len(rows))
 
 
-def _of_clock(column: RawColumn, columns: list[RawColumn]) -> Axis:
-    seconds, said = column.values, f"column '{column.key}' ({column.clock})"
+def _in_order(found: Axis, lost: int) -> Axis:
+    """The rows sorted by their times where that is safe, with notes on it, on rows without a time and on gaps.
+
+    Raises:
+        ImportingError: the times go back in a way that may have several reasons.
+    """
+    rows, stamps, notes = found.rows, found.stamps_ns, []
+    if lost:
+        notes.append(f"rows without a time are left out: {lost}")
+    steps = np.diff(stamps)
+    if (steps < 0).any():
+        late = float((np.maximum.accumulate(stamps) - stamps).max()) / 1e9
+        order = np.argsort(stamps, kind="stable")
+        if not (steps < 0).all() and (late > _LATE or (np.diff(stamps[order]) == 0).any()):
+            raise ImportingError(_goes_back(found, steps))
+        if (steps < 0).all():
+            notes.append("the rows stand in falling order of their times: they are turned")
+        else:
+            notes.append(
+                f"rows up to {late:.3g} s older than the one above were put in their place: {(steps < 0).sum()}"
+            )
+        rows, stamps = rows[order], stamps[order]
+    return replace(found, rows=rows, stamps_ns=stamps, notes=(*notes, *_gaps(stamps)))
+
+
+def _goes_back(found: Axis, steps: Stamps) -> str:
+    first = int(np.flatnonzero(steps < 0)[0])
+    by, left = -float(steps[first]) / 1e9, len(steps) - first
+    where = f"'{quoted(found.column, 60)}' goes back by {by:.5g} s at row {found.rows[first + 1] + 1} of the numbers"
+    if abs(by - _HOUR) < _ABOUT:
+        return f"{where}; {left} samples follow: the end of summer time? Write the times in UTC or with an offset such as +01:00"
+    more = f" (and {(steps < 0).sum() - 1} more times)" if (steps < 0).sum() > 1 else ""
+    return (
+        f"{where}{more}: cut the file there and import the parts one by one, remove what it repeats, or sort the rows by time "
+        "if only their order is lost"
+    )
+
+
+def _gaps(stamps: Stamps) -> list[str]:
+    """A sentence on the longest pause, where there is one that is no pause between two samples."""
+    steps = np.diff(stamps) / 1e9
+    if not (steps > 0).any():
+        return []
+    limit = max(_GAP, _GAP_PERIODS * float(np.median(steps[steps > 0])))
+    count, longest = int((steps > limit).sum()), int(steps.argmax())
+    if not count:
+        return []
+    gap = float(steps[longest])
+    more = f"; {count - 1} more gaps of more than {limit:.3g} s" if count > 1 else ""
+    season = (
+        ": the beginning of summer time? Then write the times in UTC or with an offset such as +02:00"
+        if abs(gap - _HOUR) < _ABOUT
+        else ""
+    )
+    return [f"no samples for {gap:.5g} s from {float(stamps[longest] - stamps[0]) / 1e9:.5g} s on{more}{season}"]
+
+
+def without_number(columns: Sequence[RawColumn], axis: Axis) -> list[str]:
+    """A sentence on the cells of a table that hold no number, if there are some.
+
+    Args:
+        columns: that were taken from the table.
+        axis: its time.
+    """
+    missing = {c.key: int((~np.isfinite(c.values[axis.rows])).sum()) for c in columns}
+    found = [f"{count} of {len(axis.rows)} of '{quoted(key, 60)}'" for key, count in missing.items() if count]
+    if not found:
+        return []
+    more = f" and of {len(found) - _LISTED} more columns" if len(found) > _LISTED else ""
+    return [f"cells without a number are left out: {', '.join(found[:_LISTED])}{more}"]
+
+
+def _of_clock(column: RawColumn, rows: NDArray[np.intp], columns: list[RawColumn]) -> Axis:
+    seconds, said = column.values[rows], f"column '{column.key}' ({column.clock})"
     if column.clock == "time of day":
-        turned = np.concatenate(([0.0], np.cumsum(np.diff(np.nan_to_num(seconds)) < -_HALF_A_DAY) * 86_400.0))
+        turned = np.concatenate(([0.0], np.cumsum(np.diff(seconds) < -_HALF_A_DAY) * 86_400.0))
         seconds = seconds + turned
         day = next(
             (c for c in columns if c.clock == "date" and np.nanmax(c.values) - np.nanmin(c.values) < 90_000.0), None
         )
         if day is not None and np.all(np.nan_to_num(day.values) % 86_400.0 == 0.0):
-            return Axis(_stamps(seconds + day.values[0]), True, f"columns '{day.key}' and '{column.key}'", column.key)
-        return Axis(_stamps(seconds), False, said, column.key)
-    return Axis(_stamps(seconds), True, said, column.key)
+            return Axis(
+                _stamps(seconds + np.nanmin(day.values)),
+                True,
+                f"columns '{day.key}' and '{column.key}'",
+                column.key,
+                rows,
+            )
+    return Axis(_stamps(seconds), column.clock == "date", said, column.key, rows)
 
 
 def _unit(column: RawColumn) -> str:
@@ -166,7 +277,9 @@ def _unit(column: RawColumn) -> str:
     steps = np.diff(np.unique(values))  # rows may stand in any order
     period = float(np.median(steps)) if len(steps) else 0.0
     if not period > 0:
-        raise ImportingError(f"column '{column.key}' does not rise: it cannot be the time")
+        raise ImportingError(
+            f"column '{quoted(column.key, 60)}' does not rise: it is no time: give another one with --time, or --sample-rate"
+        )
     stated = units.parse(column.unit).measure
     score = {}
     for name, prior in _PRIOR.items():
@@ -194,7 +307,7 @@ def _dated(value: float, unit: str) -> bool:
 
 
 def _seconds(values: Floats, unit: str) -> tuple[Floats, bool, str]:
-    first = float(values[np.isfinite(values)][0])
+    first = float(values[0])
     dated = _dated(first, unit)
     if unit == "d" and dated:
         excel = _SECONDS_2000 < (first - _EXCEL_1970) * 86_400 < _SECONDS_2100

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
+import h5py
 import numpy as np
 import pytest
 import scipy.io
 
 from boom_import import reading, units
 from boom_import.errors import ImportingError
+from boom_import.readers import csv_text
 from boom_import.timing import TimeChoice
 
 T0 = 1_748_943_667_250_000_000  # 2025-06-03 09:41:07.25 UTC
@@ -105,7 +111,114 @@ def test_missing_cells_and_short_lines_cost_only_themselves(tmp_path: Path) -> N
     source = reading.read([made(tmp_path, text)])
     (column,) = source.columns
     assert 5.0 not in column.values and len(column.values) == 29
-    assert source.notes == ["1 lines have another number of cells and are left out"]
+    assert source.notes == [
+        "lines with another number of cells are left out: 1",
+        "cells without a number are left out: 1 of 30 of 'p'",
+    ]
+
+
+def table(times: list[str], cells: list[str] | None = None) -> str:
+    cells = cells or [str(100 + k) for k in range(len(times))]
+    return "Time (s);p\n" + "".join(f"{time};{cell}\n" for time, cell in zip(times, cells, strict=True))
+
+
+def clock(first: datetime, *, zone: str = "Europe/Vienna", seconds: int = 20) -> list[str]:
+    """Local times without an offset, as loggers write them."""
+    return [
+        f"{(first + timedelta(seconds=0.1 * k)).astimezone(ZoneInfo(zone)):%Y-%m-%d %H:%M:%S.%f}"
+        for k in range(10 * seconds)
+    ]
+
+
+EVEN = [f"{k / 100:.2f}" for k in range(60)]
+AUTUMN, SPRING = datetime(2025, 10, 26, 0, 59, 55, tzinfo=UTC), datetime(2025, 3, 30, 0, 59, 55, tzinfo=UTC)
+
+
+@pytest.mark.parametrize("chosen", ["", "Time (s)"])
+@pytest.mark.parametrize(
+    ("times", "told"),
+    [
+        (clock(AUTUMN), r"'Time \(s\)' goes back by 3599.9 s at row 51 .*150 samples follow: the end of summer.*UTC or with"),
+        (EVEN[:40] + EVEN[20:], r"'Time \(s\)' goes back by 0.19 s at row 41 .*remove what it repeats"),
+        (EVEN[:30] + [f"{float(t) - 100:.2f}" for t in EVEN[30:]], "goes back by 99.99 s at row 31 .*cut the file there"),
+        (["0.5"] * 40, r"'Time \(s\)' does not rise: .*--sample-rate"),
+    ],
+)  # fmt: skip
+def test_a_time_that_goes_back_is_refused_with_its_reason(
+    times: list[str], told: str, chosen: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ImportingError, match=told):
+        reading.read([made(tmp_path, table(times))], TimeChoice(chosen))
+
+
+def test_rows_in_falling_order_are_turned_where_the_time_was_named(tmp_path: Path) -> None:
+    path = made(tmp_path, table(EVEN[::-1]))
+    with pytest.raises(ImportingError, match=r"'Time \(s\)' do not rise from row to row: .*--time"):
+        reading.read([path])
+    source = reading.read([path], TimeChoice("Time (s)"))
+    (column,) = source.columns
+    np.testing.assert_array_equal(column.stamps_ns, 10_000_000 * np.arange(60))
+    assert column.values[0] == 159.0 and source.notes == [
+        "the rows stand in falling order of their times: they are turned"
+    ]
+
+
+def test_a_row_that_was_written_late_is_put_in_its_place_and_said(tmp_path: Path) -> None:
+    late = EVEN[:3] + EVEN[4:6] + EVEN[3:4] + EVEN[6:]
+    source = reading.read([made(tmp_path, table(late))], TimeChoice("Time (s)"))
+    (column,) = source.columns
+    assert (np.diff(column.stamps_ns) == 10_000_000).all() and column.values[3] == 105.0
+    assert source.notes == ["rows up to 0.02 s older than the one above were put in their place: 1"]
+
+
+def test_a_gap_of_the_times_and_a_row_without_one_are_noted(tmp_path: Path) -> None:
+    spring = reading.read([made(tmp_path, table(clock(SPRING)))])
+    assert spring.notes[0].startswith("no samples for 3600.1 s from 4.9 s on: the beginning of summer time?")
+    source = reading.read([made(tmp_path, table([*EVEN, "", "9.0"]))])
+    assert source.notes == ["rows without a time are left out: 1", "no samples for 8.41 s from 0.59 s on"]
+
+
+def test_cells_that_hold_no_number_are_noted_with_their_column(tmp_path: Path) -> None:
+    cells = ["abc", "nan", "inf", ""] + [str(k) for k in range(56)]
+    source = reading.read([made(tmp_path, table(EVEN, cells))])
+    assert source.notes == ["cells without a number are left out: 4 of 60 of 'p'"]
+
+
+def test_a_small_file_that_unpacks_to_gigabytes_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
+    count = 500_000_000
+    flags = struct.pack("<8I", 6, 8, 6, 0, 5, 8, count, 1)
+    matrix = (
+        struct.pack("<2I", 14, 48 + 8 * count)
+        + flags
+        + struct.pack("<2H4s2I", 1, 1, b"t", 9, 8 * count)
+        + bytes(10_000)
+    )
+    packed = zlib.compress(matrix)
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x100) + b"IM"
+    (tmp_path / "bomb.mat").write_bytes(head + struct.pack("<2I", 15, len(packed)) + packed)
+    with h5py.File(tmp_path / "wide.mat", "w") as file:
+        file.create_dataset("t", (count,), np.float64, chunks=True)
+    for name in ("bomb.mat", "wide.mat"):
+        with pytest.raises(ImportingError, match=r"its array '/?t' holds 5e\+08 numbers"):
+            reading.read([tmp_path / name])
+
+
+def test_a_file_that_does_not_fit_into_the_memory_is_told_as_such(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(csv_text, "read", full)
+    with pytest.raises(ImportingError, match=r"table.csv: it does not fit into the memory: import it in parts"):
+        reading.read([made(tmp_path, table(EVEN))])
+
+
+def test_an_array_whose_time_goes_back_is_refused(tmp_path: Path) -> None:
+    t = np.concatenate((np.arange(50), np.arange(20, 50))) / 100
+    scipy.io.savemat(tmp_path / "out.mat", {"time": t, "p_A": 2 * t})
+    with pytest.raises(ImportingError, match=r"'time' goes back by 0.29 s at row 51"):
+        reading.read([tmp_path / "out.mat"])
 
 
 @pytest.mark.parametrize(
@@ -157,6 +270,8 @@ def test_a_structure_with_time_is_read(tmp_path: Path) -> None:
         ("a.mf4", b"MDF     4.10" + b"\xff" * 300, "export it again"),
         ("a.bag", b"#ROSBAG V2.0\n" + b"\xff" * 300, "export it again"),
         ("a.db3", b"SQLite format 3\0" + b"\xff" * 300, "export it again"),
+        ("a.mcap", b"\x89MCAP0\r\n", "the file was not closed .*no message is left: copy it again"),
+        ("a.mcap", b"\x89MCAP0\r\n\x01\x0c\0\0", "the file was not closed .*no message is left: copy it again"),
         ("a.png", b"\x89PNG\r\n\x1a\n\0\0", "neither text nor of a kind that is known"),
     ],
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shlex
 import unicodedata
 
 LONGEST = 200
@@ -28,6 +30,16 @@ def quoted(text: object, longest: int = LONGEST) -> str:
         return text
     tail = longest // 3
     return f"{text[: longest - tail - 3]}...{text[len(text) - tail :]}"
+
+
+def typable(*words: str) -> str:
+    r"""The words as a shell takes them, on one line; one that cannot be typed as it is becomes ``$'bad\\xff.csv'`` (bash, zsh)."""
+    return " ".join(shlex.quote(word) if word.isprintable() and "  " not in word else _spelt(word) for word in words)
+
+
+def _spelt(word: str) -> str:
+    kept = (chr(b) if 32 <= b < 127 and chr(b) not in "\\'" else f"\\x{b:02x}" for b in os.fsencode(word))
+    return f"$'{''.join(kept)}'"
 
 
 def _escaped(character: str) -> str:

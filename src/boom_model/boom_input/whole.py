@@ -42,6 +42,23 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
             temporary.unlink(missing_ok=True)
 
 
+def write_new(path: str | Path, content: str) -> None:
+    """Write a file that is not there yet; of two processes that try at once, one does.
+
+    Raises:
+        FileExistsError: something has that name, be it a link to nothing.
+        OSError: it cannot be written; nothing of it stays.
+    """
+    with open(path, "xb") as file:
+        try:
+            file.write(content.encode("utf-8", "backslashreplace"))
+            file.flush()
+            os.fsync(file.fileno())
+        except BaseException:
+            os.unlink(path)
+            raise
+
+
 @contextmanager
 def one_writer(folder: str | Path) -> Iterator[None]:
     """Lock an existing folder. The kernel holds the lock, so it disappears however the process ends.

@@ -138,8 +138,9 @@ class Machine:
         return result
 
     def carrying(self, recording: str = "") -> Machine:
-        """The machine with the steps of the load that it has in a recording of this name."""
-        steps = self.payloads.get(recording, self.payloads.get("", ()))
+        """The machine with the steps of the load that it has in a recording of this name, with or without folders before it."""
+        names = (recording, recording.rpartition("/")[2], "")
+        steps = next((self.payloads[name] for name in names if name in self.payloads), ())
         parameters = {key: p for key, p in self.parameters.items() if not key.startswith(payload.SECTION)}
         for k, step in enumerate(steps):
             mass, at = payload.specifications(k, step.by)
@@ -238,6 +239,10 @@ def check_range(spec: Specification, value: tuple[float, ...], shown: object = N
     """
     for number in value:
         if not spec.minimum <= number <= spec.maximum:
+            if isinstance(shown, str):
+                raise MachineError(
+                    f"{spec.key}: {shown!r} is a text: write a number of {spec.minimum:g} .. {spec.maximum:g}, without quotes"
+                )
             text = number if shown is None or isfinite(number) else shown
             raise MachineError(
                 f"{spec.key}: {text} is outside {spec.minimum:g} .. {spec.maximum:g} {spec.unit}".removesuffix(" -")

@@ -49,6 +49,8 @@ _INFORMATION: dict[str, frozenset[str]] = {
 _FREE = ("effects", "learned", "payload")
 """Sections that are not checked by the parameters of components."""
 _TOP = frozenset({*_INFORMATION, *_FREE})
+_ALWAYS = ("meta", "constants", "fluid", "cylinder", "kinematics", "rigid_body", "friction")
+"""Sections that every machine has, beside those that name a component."""
 STROKE_SLACK = 1e-3
 """m."""
 LONGEST_NAME = 100
@@ -124,11 +126,13 @@ def _sections(document: Mapping[Any, Any], faults: list[str]) -> dict[str, Any]:
         if name not in _TOP:
             faults.append(f"{name}: no such section{nearest(str(name), _TOP)}")
         elif name not in _FREE and not isinstance(section, dict):
-            faults.append(f"{name}: expected keys with values below it")
+            optional = (
+                "" if name in _ALWAYS or any(slot.key[0] == name for slot in SLOTS) else ", or leave the section out"
+            )
+            faults.append(f"{name}: expected keys with values below it{optional}")
         else:
             sections[name] = section
-    always = ("meta", "constants", "fluid", "cylinder", "kinematics", "rigid_body", "friction")
-    faults += [f"{name}: the section is missing" for name in always if name not in document]
+    faults += [f"{name}: the section is missing" for name in _ALWAYS if name not in document]
     return sections
 
 

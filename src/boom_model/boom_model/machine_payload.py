@@ -47,6 +47,6 @@ def _step(entry: Any, where: str) -> Step:
         raise MachineError(f"{where}: expected {_FORM}")
     by: By = "time" if "time" in entry else "stroke"
     mass, at = number(entry["mass"]), number(entry[by])
-    if not abs(mass) <= 1e5 or not abs(at) <= 1e5:
-        raise MachineError(f"{where}: {_FORM} in kg and {'s' if by == 'time' else 'm'}, up to 100000")
+    if not abs(mass) <= 1e5 or not 0.0 <= at <= 1e5:
+        raise MachineError(f"{where}: {_FORM}: kg up to 100000, {by} [{'s' if by == 'time' else 'm'}] of 0 to 100000")
     return Step(mass, by, at, check_tolerance(entry["tol"], where, (mass,)) if "tol" in entry else None)

@@ -46,11 +46,6 @@ class Specification:
 def number(entry: Any) -> float:
     """The number of an entry, with or without its wrapper of unit and source; NaN if it is not a number."""
     value = entry.get("value") if isinstance(entry, dict) else entry
-    if isinstance(value, str):  # YAML 1.1 takes 2.5e7 for a text
-        try:
-            value = float(value)
-        except ValueError:
-            return float("nan")
     if isinstance(value, bool) or not isinstance(value, int | float):
         return float("nan")
     try:

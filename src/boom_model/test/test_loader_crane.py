@@ -389,7 +389,9 @@ def test_steps_of_the_file_are_those_of_the_recording(loader: Machine) -> None:
 
 
 def test_load_in_steps_raises_the_pressure_from_its_stroke_on(loader: Machine) -> None:
-    stepped = replace(loader, payloads={"": (Step(150.0, "stroke", loader.piston_position(0.3)),)}).carrying()
+    told = replace(loader, payloads={"monday": (Step(150.0, "stroke", loader.piston_position(0.3)),)})
+    assert not told.carrying("c7/tuesday").structure.steps
+    stepped = told.carrying("c7/monday")
     time = np.arange(0.0, 5.0, 0.01)
     currents = np.tile((0.0, 0.35), (len(time), 1))
     heads = []
@@ -405,7 +407,9 @@ def test_load_in_steps_raises_the_pressure_from_its_stroke_on(loader: Machine) -
     ("section", "message"),
     [
         ({"steps": [{"mass": 100.0}]}, r"payload\.steps\[0\]: expected \{mass: \.\.\., time: \.\.\.\}"),
-        ({"steps": [{"mass": "heavy", "time": 1.0}]}, r"payload\.steps\[0\]: .* in kg and s"),
+        ({"steps": [{"mass": "heavy", "time": 1.0}]}, r"payload\.steps\[0\]: .* time \[s\] of 0 to 100000"),
+        ({"steps": [{"mass": 100.0, "time": -1.0}]}, r"payload\.steps\[0\]: .* time \[s\] of 0 to 100000"),
+        ({"steps": [{"mass": 100.0, "stroke": -0.1}]}, r"payload\.steps\[0\]: .* stroke \[m\] of 0 to 100000"),
         ({"step": []}, r"payload\.step: no such key; did you mean steps"),
         ({"steps": [{"mass": 1.0, "stroke": 0.1}] * 9}, "a list of at most 8 steps"),
         ([1], "payload: expected tol, steps or recordings"),

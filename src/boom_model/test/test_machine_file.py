@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
@@ -60,7 +61,16 @@ CASES: dict[str, tuple[Spoil, str]] = {
     "negative": (put("cylinder.A_a.value", -1e-2), r"cylinder\.A_a: -0\.01 is outside 1e-05 \.\. 1 m\^2"),
     "nan": (put("cylinder.l_p.value", float("nan")), r"cylinder\.l_p: nan is outside 0\.01 \.\. 10 m"),
     "infinite": (put("friction.tau_C_pos.value", float("inf")), r"friction\.tau_C_pos: inf is outside"),
-    "text_for_number": (put("fluid.rho.value", "heavy"), r"fluid\.rho: heavy is outside 600 \.\. 1200"),
+    "text_for_number": (
+        put("fluid.rho.value", "heavy"),
+        r"fluid\.rho: 'heavy' is a text: write a number of 600 \.\. 1200",
+    ),
+    "quoted_number": (put("fluid.rho.value", "870"), r"fluid\.rho: '870' is a text: .* without quotes"),
+    "empty_section_that_may_lack": (
+        put("control", None),
+        "control: expected keys with values below it, or leave the section out$",
+    ),
+    "empty_section": (put("fluid", None), "fluid: expected keys with values below it$"),
     "none_for_number": (put("fluid.rho.value", None), r"fluid\.rho: nan is outside 600 \.\. 1200"),
     "truth_for_number": (put("fluid.rho.value", True), r"fluid\.rho: True is outside 600 \.\. 1200"),
     "list_for_number": (put("fluid.rho.value", [870.0]), r"fluid\.rho: \[870\.0\] is outside 600 \.\. 1200"),
@@ -169,7 +179,7 @@ CASES: dict[str, tuple[Spoil, str]] = {
     "meter_out_no_number": (put("main_valve_orifices.A_ta_law.value", "A_sb/(e-0.7*u^2)"), "is not of the form"),
     "sample_time_zero": (put("control.Ts.value", 0), r"control\.Ts: 0\.0 is outside 0\.0001 \.\. 1 s"),
     "noise_negative": (put("control.p_noise_psd.value", -3e6), r"control\.p_noise_psd: -3000000\.0 is outside"),
-    "noise_no_number": (put("control.p_noise_psd.value", "lots"), r"control\.p_noise_psd: lots is outside"),
+    "noise_no_number": (put("control.p_noise_psd.value", "lots"), r"control\.p_noise_psd: 'lots' is a text"),
     "resolution_unit": (put("control.q2_quant.unit", "deg"), r"control\.q2_quant\.unit: deg; expected rad"),
     "name_not_a_text": (put("meta.name", 17), r"meta\.name: 17 is not a text"),
     "joint_limits_no_mapping": (put("rigid_body.joint_limits", 5), r"rigid_body\.joint_limits\.q3: missing"),
@@ -258,9 +268,16 @@ def test_all_faults_of_a_file_are_told_at_once(tmp_path: Path) -> None:
     assert all(len(fault) < 800 and fault.isprintable() for fault in faults)
 
 
-def test_number_written_as_yaml_1_1_text_is_a_number(document: dict[str, Any]) -> None:
-    document["fluid"]["beta"]["value"] = "1.6e9"  # without a sign in the exponent YAML 1.1 reads a text
-    assert machine_from(document).parameters["fluid.beta"].value == (1.6e9,)
+def test_number_that_yaml_1_1_takes_for_a_text_is_a_number_and_a_quoted_one_is_none(tmp_path: Path) -> None:
+    path = tmp_path / "machine.yaml"
+    beta = next(line for line in TZ17.splitlines() if line.lstrip().startswith("beta:"))
+    for value, fault in (("1.6e9", ""), ('"1.6e9"', "'1.6e9' is a text"), ("1_600.0e+6", "a number with _ in it")):
+        path.write_text(TZ17.replace(beta, re.sub(r"value: [^,]+", f"value: {value}", beta)), encoding="utf-8")
+        if fault:
+            with pytest.raises(MachineError, match=fault):
+                load_machine(path)
+        else:
+            assert load_machine(path).parameters["fluid.beta"].value == (1.6e9,)
 
 
 # ------------------------------------------------------------------------------------------------------ what is shipped
@@ -365,9 +382,9 @@ def test_pose_that_is_not_tabulated_needs_the_bodies(other_make: Machine) -> Non
         other_make.pose(1.0, 0.0)
 
 
-def test_numbers_that_yaml_takes_for_texts_and_wrapped_ones_are_understood_in_a_pose(document: dict[str, Any]) -> None:
+def test_numbers_wrapped_with_their_unit_are_understood_in_a_pose(document: dict[str, Any]) -> None:
     entry = document["rigid_body"]["configs"]["T1_T2_folded"]
-    entry["D0"], entry["q3"] = "5.288e3", {"value": entry["q3"], "unit": "rad"}
+    entry["q3"] = {"value": entry["q3"], "unit": "rad"}
     assert machine_from(document).pose(4.59, 0.0).D0 == 5288.0
 
 

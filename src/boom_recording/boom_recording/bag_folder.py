@@ -2,13 +2,12 @@
 
 import os
 import re
-import shlex
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from boom_input.files import InputError, opened, read_text
-from boom_input.shown import printable, quoted
+from boom_input.shown import printable, quoted, typable
 from boom_input.yaml_text import parse_yaml
 from boom_recording.errors import RecordingError
 
@@ -56,8 +55,7 @@ def _name(path: Path) -> str:
 
 def import_line(path: Path) -> str:
     """What to type where a recording is not of this workspace's form."""
-    words = ["./boom", "import", str(path), "--output", f"output/{path.stem}"]
-    return f"import it: {shlex.join(words)}"
+    return f"import it: {typable('./boom', 'import', str(path), '--output', f'output/{path.stem}')}"
 
 
 def _begins_like_one(path: Path) -> bool:

@@ -93,7 +93,8 @@ class BagReader:
                 )
         why = f" ({quoted(damages[0].what)})" if damages else ""
         if not self.messages and not self.columns:
-            raise RecordingError(f"it holds no messages{why}: record again, or give another bag")
+            why = why or (" (the file ends before the first one: it was cut)" if self.cut else "")
+            raise RecordingError(f"it holds no messages{why}: copy it again or record again, or give another bag")
         missing = [topic for topic in require if not self._has(topic)]
         if missing and self.types.keys() == {OSCILLOSCOPE}:
             raise RecordingError(

@@ -1,13 +1,15 @@
 """A recording: signals with units, stamps and defects. No files, no ROS."""
 
 import math
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_input.shown import printable
 from boom_recording.channels import FaultKind
 from boom_recording.errors import RecordingError
 
@@ -152,6 +154,25 @@ class Recording:
             raise RecordingError(f"{self.name}: its stamps span {self.duration:.0f} s, longer than any recording")
         time = np.asarray(np.arange(count) * period, np.float64)
         return Table(time, {name: _nearest(signal, time, period) for name, signal in self.signals.items()})
+
+
+def told_apart(recordings: Sequence[Recording]) -> list[Recording]:
+    """The recordings, those that share a name with as many folders in front of it as tell them apart: ``c7/a`` and ``c13/a``.
+
+    A recording that is given twice is numbered.
+    """
+    names = [recording.name for recording in recordings]
+    for name in {n for n in names if names.count(n) > 1}:
+        group = [k for k, own in enumerate(names) if own == name]
+        places = [Path(os.path.abspath(recordings[k].path)).parent.parts for k in group]
+        for depth in range(1, max(map(len, places)) + 1):
+            longer = [printable("/".join((*place[-depth:], name))) for place in places]
+            if len(set(longer)) == len(set(places)):
+                break
+        for k, own in zip(group, longer, strict=True):
+            number = names.count(own) + 1
+            names[k] = own if number == 1 else f"{own} ({number})"
+    return [r if r.name == name else replace(r, name=name) for r, name in zip(recordings, names, strict=True)]
 
 
 def part(recording: Recording, start: float, end: float) -> Recording:

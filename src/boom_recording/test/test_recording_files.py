@@ -448,6 +448,8 @@ def _sqlite(folder: Path) -> Path:
         (_file("a.mcap", b"garbage" * 9), "not an MCAP file"),
         (_file("a.txt", b"garbage" * 9), "not an MCAP file"),
         (_file("a.mcap", b"\x89MCAP0\r\n" + b"\xff" * 99), "no messages"),
+        (_file("a.mcap", b"\x89MCAP0\r\n"), "it was cut"),
+        (_file("a.mcap", b"\x89MCAP0\r\n\x01\x0c\0\0"), "no messages \\(.*: copy it again"),
     ],
 )
 def test_what_is_no_recording_is_refused_in_one_line_with_its_path(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import threading
 import time
 from http import HTTPStatus
@@ -58,6 +59,11 @@ class ViewServer(ThreadingHTTPServer):
         """Where the page is."""
         return f"http://{HOST}:{self.server_address[1]}/"
 
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of a page that was closed while it was answered."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
+
     def start(self) -> None:
         """Serve from a thread of its own until the process ends."""
         threading.Thread(target=self.serve_forever, name="view", daemon=True).start()
@@ -108,8 +114,6 @@ class _PageHandler(BaseHTTPRequestHandler):
             while True:
                 self.wfile.write(reader.wait())
                 time.sleep(PERIOD)
-        except OSError:
-            pass  # the page was closed, or takes nothing
         finally:
             self.server.streams.release()
 

@@ -2,6 +2,8 @@
 
 import http.client
 import json
+import socket
+import threading
 
 import pytest
 
@@ -64,6 +66,22 @@ def test_more_pages_than_it_serves_are_refused_and_a_closed_one_makes_room(serve
     for page in pages:
         events(page, 1)
     assert get(server, "/stream").status == 503
+
+
+def test_a_page_that_is_closed_while_it_loads_leaves_no_word_and_the_server_goes_on(capfd):
+    server = ViewServer("x" * 20_000_000, None, 0)
+    ended = threading.Event()
+    shutdown = server.shutdown_request
+    server.shutdown_request = lambda request: (shutdown(request), ended.set())
+    server.start()
+    with socket.create_connection(server.server_address) as page:
+        page.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        assert page.recv(10)
+    assert ended.wait(20)
+    assert get(server, "/other").status == 404
+    server.shutdown()
+    server.server_close()
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_port_in_use_is_told(served):

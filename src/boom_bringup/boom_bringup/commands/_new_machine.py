@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +15,7 @@ from boom_bringup.cli import UsageError
 from boom_bringup.commands._manoeuvre import Manoeuvre, best_manoeuvre
 from boom_bringup.outputs import write_text
 from boom_bringup.showing import progress
+from boom_input.shown import typable
 from boom_model.owner.questions import Answer
 
 if TYPE_CHECKING:
@@ -140,9 +140,9 @@ def show_next(path: Path, bags: Sequence[str]) -> None:
     """The commands that come next."""
     program = os.environ.get("BOOM_PROGRAM", "boom")
     words = [*bags, "--machine", str(path)] if bags else ["BAG", "--machine", str(path)]
-    print(f"next: {shlex.join([program, 'check-machine', str(path)])}")
-    print(f"next: {shlex.join([program, 'validate', *words])}")
-    print(f"next: {shlex.join([program, 'diagnose', *words])}")
+    print(f"next: {typable(program, 'check-machine', str(path))}")
+    print(f"next: {typable(program, 'validate', *words)}")
+    print(f"next: {typable(program, 'diagnose', *words)}")
 
 
 def _coverage(recording: Recording, machine: Machine) -> list[str]:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 from boom_bringup import arguments
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import checked, default_report, write, write_json
-from boom_bringup.replica import machine_of
+from boom_bringup.replica import machine_of, misfit
 from boom_bringup.showing import progress
 
 if TYPE_CHECKING:
@@ -57,15 +57,13 @@ def run(args: argparse.Namespace) -> int:
     json_path = checked(args.json, "--json")
     report = None if args.no_report else checked(args.report, "--report") or default_report("chain", args.bags)
 
-    from boom_bringup.given import load_given
+    from boom_bringup.given import load_all
     from boom_recording.channels import JOINT_STATES
 
     required = (JOINT_STATES,) if args.areas else None
     with progress(2 * len(args.bags)) as step:
-        recordings = {}
-        for bag in args.bags:
-            step(f"reading {bag}", 1)
-            recordings[bag] = load_given(bag, args, required)
+        read = load_all(args.bags, args, lambda text: step(text, 1), required)
+        recordings = dict(zip(args.bags, read, strict=True))
 
         from boom_checks.chain import study
 
@@ -102,7 +100,7 @@ def _machine(recordings: dict[str, Recording], wanted: str | None) -> tuple[Exam
         try:
             return chain_of_machine(recording, machine)
         except MachineError as error:
-            raise UsageError(f"{bag}: its configuration does not fit machine {machine.name}: {error}") from None
+            raise UsageError(misfit(bag, machine, recording.configuration, error)) from None
 
     return examine, source
 

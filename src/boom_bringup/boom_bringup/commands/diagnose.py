@@ -61,9 +61,6 @@ def run(args: argparse.Namespace) -> int:
     """Diagnose; returns 0 whatever is found."""
     if args.seed < 0:
         raise UsageError(f"--seed {args.seed}: give a number of 0 or more")
-    twice = {bag for bag in args.hold_out if bag in args.bags}
-    if twice:
-        raise UsageError(f"{min(twice)}: given both to diagnose and to hold out: remove one of the two")
     json_path = checked(args.json, "--json")
     with held(args.output) as folder:
         _keep_own_machine(folder / "machine.yaml")
@@ -81,13 +78,11 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
 
     keep_memory()
 
-    from boom_bringup.given import load_given
+    from boom_bringup.given import load_all
 
     with progress(_STEPS) as step:
-        step("reading the recordings", 0)
-        recordings = [load_given(bag, args) for bag in args.bags]
-        held_out = [load_given(bag, args) for bag in args.hold_out]
-        everything = [*recordings, *held_out]
+        everything = load_all([*args.bags, *args.hold_out], args, lambda text: step(text, 0))
+        recordings, held_out = everything[: len(args.bags)], everything[len(args.bags) :]
         machine, _ = machine_of(dict(zip([*args.bags, *args.hold_out], everything, strict=True)), args.machine)
         for recording in everything:
             if recording.configuration.machine not in ("", machine.name):
@@ -95,7 +90,12 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
                     f"{recording.name} was recorded on machine '{recording.configuration.machine}', the machine file is that "
                     f"of '{machine.name}': give the file of that machine"
                 )
-        sums = {str(bag): _sha256(r) for bag, r in zip([*args.bags, *args.hold_out], everything, strict=True)}
+        sums = {bag: _sha256(r) for bag, r in zip([*args.bags, *args.hold_out], everything, strict=True)}
+        for bag in args.hold_out:  # compared is what was read: a path has many spellings
+            same = next((other for other in args.bags if sums[other] == sums[bag]), "")
+            if same:
+                what = bag if bag == same else f"{bag} is the same recording as {same}"
+                raise UsageError(f"{what}: given both to diagnose and to hold out: remove one of the two")
 
         from boom_diagnosis.run import diagnose
         from boom_model.errors import MachineError

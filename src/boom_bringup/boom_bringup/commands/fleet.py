@@ -17,13 +17,12 @@ from __future__ import annotations
 
 import argparse
 import os
-import shlex
 import sys
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from boom_bringup.arguments import positive
+from boom_bringup.arguments import command_line, positive
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import held
 from boom_bringup.showing import progress
@@ -112,7 +111,7 @@ def _tell(args: argparse.Namespace, store: Store, result: FleetRun) -> int:
     from boom_report.fleet.terminal import print_fleet
 
     rows = table.rows(result)
-    command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "fleet", *sys.argv[2:]])
+    command = command_line("fleet", *sys.argv[2:])
     store.write("report.html", page_of(rows, command).encode())
     if args.publish:
         from boom_fleet.publishing import publish

@@ -17,6 +17,7 @@ states the source of each number; every command accepts it as --machine. The rep
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -89,9 +90,11 @@ def run(args: argparse.Namespace) -> int:
 
     from boom_bringup.given import load_given
     from boom_identification.identify import identify, read_inputs
+    from boom_recording.recording import told_apart
 
     with progress(_STEPS) as step:
         inputs = read_inputs(args.bags, lambda text: step(text, 0), lambda bag: load_given(bag, args))
+        inputs = replace(inputs, recordings=tuple(told_apart(inputs.recordings)))
         machine, source = _machine(args.machine, inputs)
         result = identify(
             inputs, machine,
@@ -203,8 +206,6 @@ def _words(args: argparse.Namespace) -> list[str]:
 
 
 def _refiner(names: list[str] | None, machine: Machine) -> Refiner:
-    from dataclasses import replace
-
     from boom_checks.doubts import checks
     from boom_diagnosis.tolerance_fit import fit_tolerances
     from boom_estimation.unknown import machine_unknown

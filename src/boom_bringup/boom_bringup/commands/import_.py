@@ -15,8 +15,6 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import os
-import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,6 +22,7 @@ from typing import TYPE_CHECKING
 from boom_bringup import arguments
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import checked, default_report, new_bag, refuse_existing, write, write_recording, write_text
+from boom_input.shown import typable
 
 if TYPE_CHECKING:
     from boom_import.assembly import Proposal
@@ -96,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
     proposal = Proposal(given) if given is not None else propose(source, choice, args.joint or "")
     _configure(proposal, args)
     _show(source, proposal)
-    command = shlex.join([os.environ.get("BOOM_PROGRAM", "boom"), "import", *sys.argv[2:]])
+    command = arguments.command_line("import", *sys.argv[2:])
     if page is not None:
         from boom_report.importing.report import write_import_page
 
@@ -171,7 +170,7 @@ def _settle(proposal: Proposal, written: Path, args: argparse.Namespace) -> None
     """Ask for what is open, and whether the proposal is taken. Raises UsageError where nobody can be asked."""
     written = _kept(written)
     _write_mapping(proposal, written, args)
-    again = shlex.join(["./boom", "import", *args.files, "--mapping", str(written), "--output", args.output])
+    again = typable("./boom", "import", *args.files, "--mapping", str(written), "--output", args.output)
     asking = sys.stdin.isatty() and sys.stdout.isatty()
     if proposal.questions:
         if not asking:
@@ -205,7 +204,8 @@ def _kept(path: Path) -> Path:
 
 def _seal(text: str) -> str:
     """First line of a proposal, by which one that was edited is known."""
-    return f"# proposal {hashlib.sha256(text.encode()).hexdigest()[:12]}"
+    written = text.encode("utf-8", "backslashreplace")  # as the file has it
+    return f"# proposal {hashlib.sha256(written).hexdigest()[:12]}"
 
 
 def _write_mapping(proposal: Proposal, path: Path, args: argparse.Namespace) -> None:
@@ -223,7 +223,7 @@ def _write_mapping(proposal: Proposal, path: Path, args: argparse.Namespace) -> 
             ]
         comments[signal] = "\n".join(line for line in lines if line)
     heading = [
-        f"Proposed by {shlex.join(['./boom', 'import', *args.files])}",
+        f"Proposed by {typable('./boom', 'import', *args.files)}",
         "Edit it, and give it back with --mapping.",
     ]
     text = mappings.text(proposal.mapping, comments, heading)
@@ -261,7 +261,7 @@ def _next(machine: str | None, recording: Recording, output: Path) -> list[str]:
     from boom_model.machine_file import shipped_machines
 
     known = recording.stored_configuration
-    lines, words = [], ["./boom", "validate", shlex.quote(str(output))]
+    lines, words = [], ["./boom", "validate", typable(str(output))]
     named = known.machine if known else ""
     if known is None:
         lines.append("note: pose and load are not known: every command that needs them takes them as options")
@@ -274,5 +274,5 @@ def _next(machine: str | None, recording: Recording, output: Path) -> list[str]:
         lines.append("note: the machine is not named: every command that runs a model takes its file as an option")
     if named not in shipped_machines():
         usable = machine and (Path(machine).is_file() or machine in shipped_machines())
-        words.append(f"--machine {shlex.quote(machine) if machine and usable else 'FILE'}")
+        words.append(f"--machine {typable(machine) if machine and usable else 'FILE'}")
     return [*lines, f"compare it with the model: {' '.join(words)}"]

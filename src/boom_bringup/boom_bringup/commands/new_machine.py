@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 from boom_bringup import arguments
 from boom_bringup.cli import UsageError
-from boom_bringup.outputs import checked, write_json, write_text
+from boom_bringup.outputs import checked, refuse_existing, write_json, write_new_text
 from boom_model.owner.questions import BY_KEY, QUESTIONS, Answer, checked_answers, open_questions
 
 if TYPE_CHECKING:
@@ -77,8 +77,7 @@ def run(args: argparse.Namespace) -> int:
     output, manoeuvre = checked(args.output, "--output"), checked(args.manoeuvre, "--manoeuvre")
     json_path = checked(args.json, "--json")
     assert output is not None
-    if output.exists():
-        raise UsageError(f"--output {output}: exists already, nothing is overwritten: give another name, or edit it")
+    refuse_existing(output)
     if manoeuvre and args.no_manoeuvre:
         raise UsageError("--manoeuvre and --no-manoeuvre contradict each other: leave one out")
     answers = _given(args)
@@ -90,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
 
     text = draft.text(answers, _body(args, answers), _new_machine.sensors(recordings.values()))
     machine = _new_machine.checked_machine(text, output)
-    write_text(output, text)
+    write_new_text(output, text)
     _new_machine.show_machine(output, machine)
     told = _new_machine.tell(machine, recordings, manoeuvre, search=not args.no_manoeuvre)
     if json_path:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from boom_bringup import arguments
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import checked, default_report, write, write_json
-from boom_bringup.replica import machine_of
+from boom_bringup.replica import machine_of, misfit
 from boom_bringup.showing import diagnose_next, progress
 
 if TYPE_CHECKING:
@@ -47,14 +47,11 @@ def run(args: argparse.Namespace) -> int:
     json_path = checked(args.json, "--json")
     report = None if args.no_report else checked(args.report, "--report") or default_report("validate", args.bags)
 
-    from boom_bringup.given import load_given
+    from boom_bringup.given import load_all, load_given
 
     with progress(len(args.bags)) as step:
         # All are read before the first is run: a misspelt name is told at once, not after minutes.
-        recordings = []
-        for bag in args.bags:
-            step(f"reading {bag}", 0)
-            recordings.append(load_given(bag, args))
+        recordings = load_all(args.bags, args, lambda text: step(text, 0))
         simulated = load_given(args.simulated, args) if args.simulated else None
 
         from boom_checks.doubts import first_look
@@ -72,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
                 looks.append(first_look(recording, machine))
                 validation.bags.append(validate(recording, machine, simulated=simulated))
             except MachineError as error:
-                raise UsageError(f"{bag}: its configuration does not fit machine {machine.name}: {error}") from None
+                raise UsageError(misfit(bag, machine, recording.configuration, error)) from None
             step("", 1)
     notes = _notes(recordings, machine.name)
     console = console_for()

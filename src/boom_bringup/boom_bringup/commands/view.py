@@ -23,7 +23,7 @@ from boom_bringup import arguments
 from boom_bringup.cli import UsageError
 from boom_bringup.node_command import become_node
 from boom_bringup.outputs import checked, write_text
-from boom_bringup.replica import machine_of
+from boom_bringup.replica import machine_of, misfit
 from boom_bringup.showing import progress
 
 HELP = "show the moving crane in a browser, live or from a recording, with the model beside it"
@@ -107,7 +107,7 @@ def _page(args: argparse.Namespace) -> str:
         try:
             drawing, shown = scene_of(recording, machine), series(recording, machine, start, end)
         except MachineError as error:
-            raise UsageError(f"{args.bag}: its configuration does not fit machine {machine.name}: {error}") from None
+            raise UsageError(misfit(args.bag, machine, recording.configuration, error)) from None
     length = f"{min(end, recording.duration) - start:.1f} s"
     stretch = f"{length} from {start:g} s on" if start else length
     model = (

@@ -69,14 +69,16 @@ def read(path: Path, choice: timing.TimeChoice, progress: Callable[[float], None
         values = parts[i]
         raw.append(timing.RawColumn(unique(header, taken), name, unit, values, dialect.clocks.get(i, "")))
     axis = timing.axis(raw, choice)
-    timed = np.isfinite(next((c.values for c in raw if c.key == axis.column), np.zeros(len(raw[0].values))))
     columns: list[Column] = []
+    taken_from: list[timing.RawColumn] = []
     for entry in raw:
         if entry.key != axis.column and not entry.clock:
-            made = column(entry.key, entry.name, entry.unit, axis.stamps_ns[timed], entry.values[timed])
+            made = column(entry.key, entry.name, entry.unit, axis.stamps_ns, entry.values[axis.rows])
             columns += [made] if made else []
+            taken_from += [entry] if made else []
     said = {"\t": "tabs", " ": "spaces"}.get(dialect.separator, f"'{dialect.separator}'")
-    notes = [f"{lost} lines have another number of cells and are left out"] if lost else []
+    notes = [f"lines with another number of cells are left out: {lost}"] if lost else []
+    notes += [*axis.notes, *timing.without_number(taken_from, axis)]
     kind = f"CSV, {said}, decimal {'comma' if dialect.decimal == ',' else 'point'}"
     return Source(path, kind, columns, axis.dated, axis.said, notes)
 

@@ -5,6 +5,7 @@ Arrays of one length in one struct are a table; its time lies in that struct or 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,10 +18,13 @@ import scipy.io
 from boom_import import timing, units
 from boom_import.errors import ImportingError
 from boom_import.source import Column, Source, column, unique
+from boom_input.shown import quoted
 
 _SHORTEST = 10
 _DEEPEST = 12
 _MOST_COLUMNS = 2000
+_MOST_NUMBERS = 200_000_000
+"""Of one array: 1.6 GB."""
 _UNIT_KEYS = ("unit", "units", "einheit", "einheiten")
 _NAME_KEYS = (
     "names",
@@ -87,10 +91,13 @@ def read(path: Path, choice: timing.TimeChoice, hdf5: bool) -> Source:
     taken: set[str] = set()
     columns: list[Column] = []
     for raw, axis in read:
-        for entry in raw:
-            if entry.key != axis.column and axis.dated == dated:
-                made = column(unique(entry.key, taken), entry.name, entry.unit, axis.stamps_ns, entry.values)
-                columns += [made] if made else []
+        if axis.dated != dated:
+            continue
+        used = [entry for entry in raw if entry.key != axis.column]
+        for entry in used:
+            made = column(unique(entry.key, taken), entry.name, entry.unit, axis.stamps_ns, entry.values[axis.rows])
+            columns += [made] if made else []
+        notes += [*axis.notes, *timing.without_number(used, axis)]
     if not columns:
         what = "it holds no arrays of numbers: save signals as plain arrays or structs, not as objects (timeseries, timetable)"
         raise failed or ImportingError(what)
@@ -105,11 +112,21 @@ def _content(path: Path, hdf5: bool) -> _Struct:
                 if not name.startswith("#"):
                     _sort(top, name, _from_hdf5(file, file[name], 0), 0)
     else:
+        for name, shape, _ in scipy.io.whosmat(str(path)):  # a compressed file of 4 MB may hold 4 GB
+            _check_size(name, math.prod(shape))
         content = scipy.io.loadmat(str(path), simplify_cells=True)
         for name, value in content.items():
             if not name.startswith("__"):
                 _sort(top, name, value, 0)
     return top
+
+
+def _check_size(name: str, numbers: int) -> None:
+    if numbers > _MOST_NUMBERS:
+        raise ImportingError(
+            f"its array '{quoted(name, 60)}' holds {numbers:.3g} numbers, more than the {_MOST_NUMBERS:.0e} that are read: save "
+            "a part of it, or export it again if it should not be so large"
+        )
 
 
 def _sort(struct: _Struct, name: str, value: Any, depth: int) -> None:
@@ -156,6 +173,7 @@ def _from_hdf5(file: Any, item: Any, depth: int) -> Any:
     if item.dtype.kind == "O":  # a cell, or an array of structs: references
         references = np.ravel(item[()].T)[:_MOST_COLUMNS]
         return [_from_hdf5(file, file[reference], depth + 1) for reference in references if reference]
+    _check_size(item.name, item.size)
     return item[()].T if item.dtype.kind in "fiub" else None
 
 

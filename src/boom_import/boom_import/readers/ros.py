@@ -53,6 +53,10 @@ def read_mcap(path: Path, progress: Progress) -> Source:
         if not file.complete:
             notes.append("the file was not closed (recorder killed, or copied only in part): it is read up to its end")
     foreign.flush()
+    if not any(declared) and len(notes) > len(bag.warnings):
+        raise ImportingError(
+            f"{notes[-1].partition(': it is')[0]}: no message is left: copy it again, or give another one"
+        )
     source = _source(path, "MCAP", collector, notes)
     if any(MACHINE_CONFIGURATION in topics for topics in declared):
         reader = BagReader(DEFAULT_JOINT)
