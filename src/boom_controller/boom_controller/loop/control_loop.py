@@ -247,11 +247,11 @@ class ControlLoop:
             raise TrajectoryError(missing)
         sensor, limits = self.sensors.joint, self.supervision.settings
         angle = sensor.values[0]
-        request = Request(
-            points, begin, present=Reference(angle) if state is MotionState.IDLE else self.references.present
-        )
+        idle = state is MotionState.IDLE
+        request = Request(points, begin, present=Reference(angle) if idle else self.references.present)
         bounds = Bounds(*self._angles, limits.largest_rate, limits.start_tolerance)
-        trajectory, from_now = request.planned(angle, sensor.stamp, max(sensor.stamp, self._time), bounds)
+        # a boom in motion goes on from its reference, which is that of the last cycle: a newer sample may wait for the next one
+        trajectory, from_now = request.planned(angle, sensor.stamp, sensor.stamp if idle else self._time, bounds)
         self._goals.end(Code.INVALID_GOAL, "replaced by a new trajectory")
         self._begin()
         self.references.start(trajectory, from_now)
