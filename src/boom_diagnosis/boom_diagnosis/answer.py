@@ -133,7 +133,9 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     if verdict in ("no_mismatch", "parameters_only") and far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR):
         fit = replace(fit, open_numbers=number_spread(case))
     plain = case.learned if learned else None
-    if tight.excess_after > MOSTLY * tight.excess_before:  # beside an effect that explains little, what it bends is seen, too
+    if (
+        tight.excess_after > MOSTLY * tight.excess_before
+    ):  # beside an effect that explains little, what it bends is seen, too
         rest_equations = equations
     if verdict == "unknown_physics":
         findings = [_unknown_finding(case, odds, cells, tight, rest_equations, plain), *findings]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-OLDEST_COMMAND = 0.1
-"""s. A command older than this closes the valve."""
+from boom_node.commands import LONGEST_SILENCE_S
+
 LARGEST_BACKLOG = 50
 """Periods. A larger backlog, after half a second of standstill, is skipped."""
 
@@ -60,16 +60,18 @@ class WatchedCommand:
     def receive(self, now: float, age: float, stamped: bool) -> str:
         """Note a command arriving at steady time ``now`` [s], ``age`` [s] after its stamp. Returns why it is refused, or ""."""
         self.received += 1
-        if stamped and age > OLDEST_COMMAND:
+        if stamped and age > LONGEST_SILENCE_S:
             self.late += 1
-            return f"its stamp is older than {OLDEST_COMMAND * 1e3:.0f} ms: synchronise the clocks, or send it at once"
+            return (
+                f"its stamp is older than {LONGEST_SILENCE_S * 1e3:.0f} ms: synchronise the clocks, or send it at once"
+            )
         self._last = now
         self.closed = False
         return ""
 
     def has_expired(self, now: float) -> bool:
         """True once, when the last command has become too old."""
-        if self.closed or self._last is None or now - self._last <= OLDEST_COMMAND:
+        if self.closed or self._last is None or now - self._last <= LONGEST_SILENCE_S:
             return False
         self.closed = True
         return True

@@ -7,7 +7,7 @@
 | hold | a reference is accepted | track |
 | idle | a requested stop (emergency stop) | stopped |
 | hold, track | a reason to stop | stopping |
-| stopping | the currents have come to zero | stopped |
+| stopping | the currents have come to zero, or the receivers have closed the valve meanwhile | stopped |
 | stopped | ~/resume, and no reason persists | idle |
 
 In idle and stopped both currents are zero: the centred spool holds the boom.
@@ -123,7 +123,7 @@ class Supervision:
         return True, "ready: waiting for a reference"
 
     def drop(self) -> None:
-        """Go to idle at once (deactivation); the caller removes the currents. A persisting stop stays."""
+        """Go to idle at once, or from stopping to stopped; the caller removes the currents. A persisting stop stays."""
         if self.state is MotionState.STOPPING:
             self.state = MotionState.STOPPED
         elif self.state is not MotionState.STOPPED:
