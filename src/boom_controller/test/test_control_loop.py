@@ -370,6 +370,18 @@ def test_trajectories_that_replace_one_another_between_an_angle_and_its_cycle_le
     assert max(abs(reference.rate) for reference in wanted) > 0.01
 
 
+def test_a_trajectory_for_later_that_replaces_a_motion_leaves_the_wanted_rate_smooth(boom: Boom) -> None:
+    boom.loop.start([TrajectoryPoint(3.0, 0.7, 0.0, 0.0)], boom.now)
+    boom.run(1.5)
+    begin = len(boom.cycles)
+    later = boom.now - 90.0 + 0.7
+    boom.loop.start([TrajectoryPoint(2.0, 0.3, 0.0, 0.0)], boom.now, begin=later)
+    boom.run(4.0)
+    for a, b in pairwise(cycle.reference for cycle in boom.cycles[begin - 1 :]):
+        assert b.rate - a.rate == pytest.approx(0.5 * TS * (a.acceleration + b.acceleration), abs=1e-3)
+    assert boom.angle == pytest.approx(0.3, abs=1e-3)
+
+
 def test_a_trajectory_on_its_way_goes_before_a_stream(boom: Boom) -> None:
     boom.loop.start([TrajectoryPoint(1.0, 0.4, 0.0)], boom.now)
     boom.wanted = lambda _: 0.3
