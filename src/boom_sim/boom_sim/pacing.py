@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from boom_node.commands import LONGEST_SILENCE_S
 
 LARGEST_BACKLOG = 50
@@ -53,6 +55,7 @@ class WatchedCommand:
 
     def __init__(self) -> None:
         self._last: float | None = None
+        self._looked, self._doubtful_until = math.inf, -math.inf
         self.received = 0
         self.late = 0
         self.closed = True
@@ -65,12 +68,19 @@ class WatchedCommand:
             return (
                 f"its stamp is older than {LONGEST_SILENCE_S * 1e3:.0f} ms: synchronise the clocks, or send it at once"
             )
+        if not stamped and now < self._doubtful_until:
+            self.late += 1
+            return "it may have waited while the simulation stood still: stamp it"
         self._last = now
         self.closed = False
         return ""
 
     def has_expired(self, now: float) -> bool:
-        """True once, when the last command has become too old."""
+        """True once, when the last command has become too old. Asked in every tick: a long pause means that the process stood
+        still, and what waited for it meanwhile is told from new commands by stamps alone."""
+        if now - self._looked > LONGEST_SILENCE_S:
+            self._doubtful_until = now + LONGEST_SILENCE_S
+        self._looked = now
         if self.closed or self._last is None or now - self._last <= LONGEST_SILENCE_S:
             return False
         self.closed = True
