@@ -76,8 +76,10 @@ class WatchedCommand:
         return ""
 
     def has_expired(self, now: float) -> bool:
-        """True once, when the last command has become too old. Asked in every tick: a long pause means that the process stood
-        still, and what waited for it meanwhile is told from new commands by stamps alone."""
+        """True once, when the last command has become too old. To be asked in every tick.
+
+        A long pause means that the process stood still: stamps alone tell what waited for it from what is new.
+        """
         if now - self._looked > LONGEST_SILENCE_S:
             self._doubtful_until = now + LONGEST_SILENCE_S
         self._looked = now

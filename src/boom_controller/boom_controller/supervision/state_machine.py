@@ -7,7 +7,7 @@
 | hold | a reference is accepted | track |
 | idle | a requested stop (emergency stop) | stopped |
 | hold, track | a reason to stop | stopping |
-| stopping | the currents have come to zero, or the receivers have closed the valve meanwhile | stopped |
+| stopping | the currents have come to zero | stopped |
 | stopped | ~/resume, and no reason persists | idle |
 
 In idle and stopped both currents are zero: the centred spool holds the boom.
