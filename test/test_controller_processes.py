@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -46,7 +47,7 @@ PATIENCE = 60.0
 JOINT = "inner_boom_joint"
 WIDE = {
     "sensor_timeout": 0.5, "longest_cycle": 1.0, "most_missed": 100, "reference_timeout": 5.0, "current_timeout": 2.0,
-    "start_tolerance": 0.5, "persistence": 0.0, "largest_pressure": 6.0e7,
+    "start_tolerance": 0.5, "persistence": 0.0, "largest_pressure": 6.0e7, "current_ramp": 0.1,
 }  # fmt: skip
 SENSORS = "/joint_states,/boom/hose_pressure,/boom/rod_pressure,/boom/solenoid_currents"
 CONTROLLER = """
@@ -80,6 +81,7 @@ class Rig:
         self.executor.add_node(self.node)
         self.states: list[ControllerState] = []
         self.command = SolenoidCurrents()
+        self.commands: deque[SolenoidCurrents] = deque(maxlen=200)
         subscribe, publish = self.node.create_subscription, self.node.create_publisher
         subscribe(ControllerState, "/boom/controller_state", self.states.append, MANY)
         subscribe(SolenoidCurrents, "/boom/current_command", self._on_command, 10)
@@ -124,6 +126,7 @@ class Rig:
 
     def _on_command(self, message: SolenoidCurrents) -> None:
         self.command = message
+        self.commands.append(message)
 
     def _show(self) -> None:
         """In place of the paused simulation: sensors that show what the test wants."""
@@ -319,6 +322,22 @@ def test_every_reason_stops_a_moving_boom_and_only_resume_lets_it_go_on(rig: Rig
     count = len(rig.states)
     rig.until(lambda: len(rig.states) > count + 20)
     assert rig.states[-1].mode == "stopped"
+
+
+def test_a_controller_that_was_frozen_commands_no_current_to_a_valve_that_was_closed_meanwhile(rig: Rig) -> None:
+    rig.set(longest_cycle=0.05, current_ramp=0.5)
+    rig.lift()
+    controller = rig.processes[1]
+    rig.health.clear()
+    controller.send_signal(signal.SIGSTOP)
+    closed = "running, no command: valve closed"
+    rig.until(lambda: "boom_simulation" in rig.health and rig.health["boom_simulation"].message == closed)
+    rig.commands.clear()
+    controller.send_signal(signal.SIGCONT)
+    rig.until(lambda: rig.states[-1].mode == "stopped" and len(rig.commands) > 50)
+    assert rig.states[-1].reason.startswith("missed_deadlines: ")
+    # the first may have been on its way when the process was frozen
+    assert max(max(command.retract, command.extend) for command in list(rig.commands)[1:]) == 0.0
 
 
 def stamped(rig: Rig, seconds: int) -> None:

@@ -18,6 +18,7 @@ from boom_input.channels import MEASURED_TOPICS
 from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_model.errors import ModelError
 from boom_node import parameters, qos, shell
+from boom_node.commands import LONGEST_SILENCE_S
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
 from boom_node.node import LifecycleNode
@@ -170,10 +171,14 @@ class ControllerNode(LifecycleNode):
         self._active = False
         self._garbage.release()
         self._wake_up_latency.release()
-        retract, extend = self._loop.drop()
+        retract, extend = self._loop.drop(self._times.now())
         steps = round(self._loop.supervision.settings.current_ramp / 0.01)
+        sent = time.monotonic()
         for k in range(1, steps if (retract or extend) and not self._lockstep else 1):
+            if time.monotonic() - sent > LONGEST_SILENCE_S:  # frozen meanwhile: the valve is closed, and stays so
+                break
             self._outputs.command(retract * (1 - k / steps), extend * (1 - k / steps))
+            sent = time.monotonic()
             time.sleep(0.01)
         self._outputs.command(0.0, 0.0)
         self._trajectories.finish(self._loop)

@@ -21,6 +21,7 @@ from boom_controller.supervision.tracking_goal import Tolerances
 from boom_controller.types import ControlOutput, Measurement, Reference
 from boom_model.machine import Machine, Pose
 from boom_model.machine_file import load_machine
+from boom_node.commands import LONGEST_SILENCE_S
 
 TS = 0.01
 GAIN = 0.6
@@ -352,6 +353,35 @@ def test_a_new_trajectory_replaces_the_old_one_without_a_jump(boom: Boom) -> Non
     assert boom.angle == pytest.approx(0.4, abs=1e-3)
 
 
+def test_trajectories_that_replace_one_another_between_an_angle_and_its_cycle_leave_the_wanted_rate_smooth(
+    boom: Boom,
+) -> None:
+    begin = len(boom.cycles)
+    for k in range(100):
+        stamp = boom.now - 90.0
+        boom.loop.joint(boom.angle, boom.rate, stamp, boom.now)
+        goal = 0.7 if k % 3 else 0.1
+        boom.loop.start([TrajectoryPoint(3.0, goal, 0.0, 0.0)], boom.now)
+        boom.silent = {"joint"}
+        boom.period()
+    wanted = [cycle.reference for cycle in boom.cycles[begin:]]
+    for a, b in pairwise(wanted):
+        assert b.rate - a.rate == pytest.approx(0.5 * TS * (a.acceleration + b.acceleration), abs=1e-3)
+    assert max(abs(reference.rate) for reference in wanted) > 0.01
+
+
+def test_a_trajectory_for_later_that_replaces_a_motion_leaves_the_wanted_rate_smooth(boom: Boom) -> None:
+    boom.loop.start([TrajectoryPoint(3.0, 0.7, 0.0, 0.0)], boom.now)
+    boom.run(1.5)
+    begin = len(boom.cycles)
+    later = boom.now - 90.0 + 0.7
+    boom.loop.start([TrajectoryPoint(2.0, 0.3, 0.0, 0.0)], boom.now, begin=later)
+    boom.run(4.0)
+    for a, b in pairwise(cycle.reference for cycle in boom.cycles[begin - 1 :]):
+        assert b.rate - a.rate == pytest.approx(0.5 * TS * (a.acceleration + b.acceleration), abs=1e-3)
+    assert boom.angle == pytest.approx(0.3, abs=1e-3)
+
+
 def test_a_trajectory_on_its_way_goes_before_a_stream(boom: Boom) -> None:
     boom.loop.start([TrajectoryPoint(1.0, 0.4, 0.0)], boom.now)
     boom.wanted = lambda _: 0.3
@@ -484,14 +514,38 @@ def test_a_controller_that_stood_still_says_so_although_its_samples_are_old_by_t
     lifting(boom)
     boom.silent |= {"joint", "hose", "rod"}
     boom.now += 0.3
-    assert boom.period().state is MotionState.STOPPING
-    assert boom.loop.supervision.finding is not None and boom.loop.supervision.finding.reason == "missed_deadlines"
+    assert boom.period().reason.startswith("missed_deadlines: 310 ms between two cycles")
+
+
+@pytest.mark.parametrize("first", ["cycle", "emergency stop"])
+def test_after_a_gap_in_which_the_receivers_closed_the_valve_the_currents_are_zero_at_once(
+    boom: Boom, first: str
+) -> None:
+    lifting(boom)
+    boom.now += LONGEST_SILENCE_S
+    if first == "emergency stop":  # queued during the gap, and heard before the first cycle
+        boom.loop.emergency_stop(True, boom.now)
+    cycle = boom.period()
+    assert (cycle.state, cycle.retract, cycle.extend) == (MotionState.STOPPED, 0.0, 0.0)
+    assert cycle.reason.startswith("missed_deadlines" if first == "cycle" else "emergency_stop")
+
+
+def test_after_a_shorter_gap_the_currents_are_ramped_from_what_the_valve_still_has(boom: Boom) -> None:
+    before = lifting(boom).last.extend
+    boom.now += 0.6 * LONGEST_SILENCE_S
+    cycle = boom.period()
+    assert cycle.state is MotionState.STOPPING and cycle.extend == pytest.approx(before, rel=0.1)
+
+
+def test_deactivation_after_such_a_gap_gives_no_currents_to_be_ramped(boom: Boom) -> None:
+    lifting(boom)
+    assert boom.loop.drop(boom.now + 3.0) == (0.0, 0.0)
 
 
 def test_deactivation_gives_the_last_currents_to_be_ramped(boom: Boom) -> None:
     lifting(boom)
     extend = boom.last.extend
-    assert boom.loop.drop() == (0.0, pytest.approx(extend))
+    assert boom.loop.drop(boom.now) == (0.0, pytest.approx(extend))
     assert boom.loop.supervision.state is MotionState.IDLE
 
 

@@ -129,6 +129,7 @@ class Watch:
         self._from = self._doubted = -math.inf
         self._gap = GAP
         self._judged = -math.inf
+        self._guessed_again = self._too_seldom = False
         self._heard = 0.0
         self._score = math.nan
         self._evidence: _Evidence | None = None
@@ -168,6 +169,8 @@ class Watch:
         time = self._filter.time if self._filter is not None else self._newest
         watching = self._filter is not None and self._filter.time >= self._from + _GATHERING
         missing = "" if self._filter is not None else ", ".join(n for n, s in self._samples.items() if not s)
+        if self._too_seldom:
+            missing = "the currents at least every 30 ms: they may change unseen between those that come"
         return Status(watching, time, self._score, self._alarm, self._alarms, missing)
 
     # ---------------------------------------------------------------------------------------------------------- running
@@ -181,7 +184,7 @@ class Watch:
             while len(samples) > 1 and samples[1][0] <= begin:
                 samples.popleft()
         end = begin + _START
-        if end > until:
+        if end > until or self._currents_too_seldom():
             return
         means = {}
         for name in OUTPUTS:
@@ -199,11 +202,21 @@ class Watch:
             state = plant.rest_state_measured(means["angle"], means["hose_pressure"], means["rod_pressure"])
         state = np.clip(state, plant.minimum, plant.maximum)
         self._filter = WatchFilter(self._model, self._noise, state, end, moving=moving, memory=self.settings.memory)
-        self._from, self._doubted = end + _SETTLING, end + _DOUBTED
-        self._gap = gap_of(np.array([time for time, _ in self._samples[CURRENTS[0]]]))
+        self._from = end + _SETTLING
+        if not self._guessed_again:
+            self._doubted = end + _DOUBTED
         self._heard = end
         for name in OUTPUTS:
             self._drop(name, end)
+
+    def _currents_too_seldom(self) -> bool:
+        """Whether they may change unseen between two samples, which would look like physics; sets the length of a gap, too."""
+        self._gap = gap_of(np.array([time for time, _ in self._samples[CURRENTS[0]]]))
+        self._too_seldom = self._gap > GAP
+        if self._too_seldom:
+            for samples in self._samples.values():
+                samples.clear()
+        return self._too_seldom
 
     def _step(self, filter_: WatchFilter) -> None:
         begin, end = filter_.time, filter_.time + PERIOD
@@ -251,8 +264,9 @@ class Watch:
         while self._samples[name] and self._samples[name][0][0] <= until:
             self._samples[name].popleft()
 
-    def _lose(self, now: float) -> None:
-        """Drop old data because the state is unknown, and start again with the next samples."""
+    def _lose(self, now: float, *, doubted: bool = False) -> None:
+        """Drop old data because the state is unknown, or its guess ``doubted``, and start again with the next samples."""
+        self._guessed_again = doubted
         self._filter = None
         self._recent.clear()
         self._score = math.nan
@@ -269,8 +283,11 @@ class Watch:
         self._score = score
         beyond = score > self.settings.threshold
         if beyond and self._evidence is None and now < self._doubted and self._filter is not None:
-            self._filter.forget()
-            self._from = now  # watching again once enough has been gathered
+            if self._guessed_again:
+                self._filter.forget()
+                self._from = now  # watching again once enough has been gathered
+            else:  # a start within a step of the valve leaves a guess that no filter mends: another one, where it has settled
+                self._lose(now, doubted=True)
             return
         if beyond and self._evidence is None:
             self._evidence = _Evidence(now, now, [now + after for after in _NAMED_AFTER])

@@ -14,7 +14,8 @@ from rclpy.clock_type import ClockType
 from sensor_msgs.msg import FluidPressure, JointState
 
 from boom_monitor import watch, words
-from boom_input.channels import BY_NAME, PREDICTED
+from boom_monitor.configuration import Configuration, ToldConfiguration, in_words
+from boom_input.channels import BY_NAME, MEASURED_TOPICS, PREDICTED
 from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_model.errors import ModelError
 from boom_model.machine_file import load_machine, shipped_machine
@@ -24,6 +25,8 @@ from boom_node.errors import StartError
 from boom_node.node import Node
 from boom_node.input_watch import InputWatch
 from boom_node.parameters import ParameterSpec, declare
+from boom_node.publishers import PARAMETER as SHARED_TOPICS
+from boom_node.publishers import SolePublishers
 from boom_node.stamps import far, ns_to_seconds, to_ns
 from boom_recording import channels
 
@@ -45,6 +48,7 @@ PARAMETERS = (
     ParameterSpec("memory", _DEFAULT.memory, "time constant of the score", "s", 0.2, 60.0, read_only=True),
     ParameterSpec("hold", _DEFAULT.hold, "time below the threshold after which an alarm ends", "s", 0.0, 3600.0, read_only=True),
     ParameterSpec("delay", _DEFAULT.delay, "how long the watch waits for late samples", "s", 0.0, 2.0, read_only=True),
+    SHARED_TOPICS,
 )  # fmt: skip
 _ADVANCE_PERIOD_S = 0.05
 _CLOCK_SET = 100
@@ -65,8 +69,11 @@ class WatchNode(Node):
             except ModelError as error:
                 raise StartError(str(error)) from error
         self._watch: watch.Watch | None = None
-        self._configuration: tuple[str, float, float, float] | None = None
-        self._failure = ""
+        self._configuration: Configuration | None = None
+        self._told_configuration = ToldConfiguration()
+        self._sole = SolePublishers(self, MEASURED_TOPICS, values.shared_topics)
+        self._failure = self._conflict = ""
+        self._stamps: dict[str, int] = {}
         self._origin_ns: int | None = None
         self._newest_ns = 0
         self._strange = self._overtaken = 0
@@ -105,25 +112,24 @@ class WatchNode(Node):
         self._input.seen(time.monotonic())
         load = message.load_mass if message.load_mass == message.load_mass else 0.0
         asked = (message.machine, message.outer_boom_angle, message.telescope_length, load)
-        if asked == self._configuration:
-            return
-        self._configuration, self._watch, self._failure = asked, None, ""
-        self._begin()
+        if self._told_configuration.hear(asked, time.monotonic()):
+            self._begin()
+        self._look_for_conflict()
 
     def _begin(self) -> None:
         """Start a new watch of the last configuration."""
+        self._watch, self._failure = None, ""
         self._origin_ns = self._told = None
+        self._stamps.clear()
         self._strange = self._overtaken = 0
-        asked = self._configuration
-        if asked is None:
+        asked = self._configuration or self._told_configuration.told
+        if asked is None or self._conflict:
             return
         try:
             machine = self._machine or shipped_machine(asked[0])
             self._watch = watch.Watch(machine, machine.pose(*asked[1:]), self._settings)
             self._heard = {name: InputWatch("", time.monotonic()) for name in watch.CHANNELS}
-            self.get_logger().info(
-                f"watching {machine.name}, q3 = {asked[1]:g} rad, q4 = {asked[2]:g} m, load {asked[3]:g} kg"
-            )
+            self.get_logger().info(f"watching {in_words((machine.name, *asked[1:]))}")
         except ModelError as error:
             self._failure = f"the machine cannot be watched: {error}; give its file with the parameter 'machine'"
             self.get_logger().error(self._failure)
@@ -146,6 +152,11 @@ class WatchNode(Node):
         if self._watch is None:
             return
         nanoseconds = to_ns(stamp)
+        topic = BY_NAME[next(iter(values))].topic
+        behind = ns_to_seconds(self._stamps.get(topic, nanoseconds) - nanoseconds)
+        self._stamps[topic] = nanoseconds
+        if behind > 0:
+            self.guard.refuse(topic, "stamps jump back", f"{1e3 * behind:.0f} ms behind the one before")
         if self._origin_ns is None:
             self._origin_ns = self._newest_ns = nanoseconds
         if not self._believed(nanoseconds):
@@ -178,10 +189,24 @@ class WatchNode(Node):
 
     # ---------------------------------------------------------------------------------------------------------- outputs
 
+    def _look_for_conflict(self) -> None:
+        """Say that nobody knows which samples or configuration to believe; until that has ended, nothing is judged."""
+        conflict = self._told_configuration.look(time.monotonic()) or self._sole.look()
+        if conflict == self._conflict:
+            return
+        self._conflict = conflict
+        if conflict:
+            self._watch = None
+            self.get_logger().warning(f"nothing is judged: {conflict}")
+            self._diagnostics.update()
+        else:
+            self._begin()
+
     def _on_timer(self) -> None:
+        self._look_for_conflict()
         if self._watch is None:
             warning = self._input.warning(time.monotonic())
-            if warning:
+            if warning and not self._conflict:
                 self.get_logger().warning(warning)
             return
         alarm = self._watch.advance().alarm
@@ -206,8 +231,8 @@ class WatchNode(Node):
         self._silent = silent
 
     def _health(self) -> Health:
-        if self._failure:
-            return Health(Level.ERROR, self._failure)
+        if self._conflict or self._failure:
+            return Health(Level.ERROR, f"nothing is judged: {self._conflict}" if self._conflict else self._failure)
         if self._watch is None:
             return Health(Level.WARN, "waits for /boom/machine_configuration")
         status = self._watch.status

@@ -55,6 +55,34 @@ def test_a_watch_that_begins_while_the_boom_is_moved_raises_no_alarm(name, start
     assert said[-1].alarms == 0
 
 
+@pytest.mark.parametrize("start", [25.0, 40.9])
+def test_a_watch_that_begins_as_the_valve_opens_guesses_again_and_raises_no_alarm(start):
+    _, said = watched(load(BAGS / "healthy" / "extended"), until=start + 14.0, start=start)
+    assert said[-1].watching
+    assert said[-1].alarms == 0
+
+
+def test_currents_that_come_too_seldom_are_told_and_nothing_is_judged_by_them():
+    recording = load(BAGS / "healthy" / "folded_fast")
+    for name in CURRENTS:
+        signal = recording.signals[name]
+        seldom = signal.valid & (np.arange(len(signal.time)) % 5 == 0)
+        recording.signals[name] = dataclasses.replace(signal, valid=seldom)
+    _, said = watched(recording, until=20.0)
+    assert said[-1].alarms == 0 and not any(s.watching for s in said)
+    assert message(said[-1]).startswith("waits for samples of the currents at least every 30 ms")
+
+
+@pytest.mark.parametrize("name", CHANNELS)
+def test_a_channel_that_is_silent_for_two_seconds_and_comes_back_raises_no_alarm(name):
+    recording = load(BAGS / "healthy" / "extended")
+    signal = recording.signals[name]
+    away = (signal.time > 20.0) & (signal.time < 22.0)
+    recording.signals[name] = dataclasses.replace(signal, valid=signal.valid & ~away)
+    _, said = watched(recording, until=34.0, start=14.0)
+    assert said[-1].watching and said[-1].alarms == 0
+
+
 def test_gaps_and_losses_of_the_bus_raise_no_alarm_and_the_watch_goes_on_behind_them():
     _, said = watched(load(BAGS / "damaged" / "gap_in_motion"), until=40.0)
     assert said[-1].alarms == 0

@@ -14,15 +14,15 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import FluidPressure, JointState
 
-from boom_interfaces.msg import SolenoidCurrents
+from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_node import qos
 from boom_node.stamps import to_ns
 
 pytestmark = pytest.mark.process
 PATIENCE = 60.0
-WARN = b"\x01"
+WARN, ERROR = b"\x01", b"\x02"
 
 
 class Partner:
@@ -139,6 +139,74 @@ def test_a_machine_that_falls_silent_is_told_and_not_called_within_its_tolerance
     crane.kill()
     partner.until(lambda: partner.said[-1].message.startswith("no samples of angle, rate, hose_pressure"))
     assert partner.said[-1].level == WARN
+
+
+def test_while_two_publish_a_sensor_the_watch_says_so_and_judges_nothing(partner: Partner, start: Any) -> None:
+    start("boom_monitor.watch_node", "delay:=0.05")
+    start("boom_sim.simulation_node", "mode:=lockstep", "initial_angle:=0.4", "shared_topics:=/boom/rod_pressure")
+    partner.until(lambda: partner.commands.get_subscription_count())
+    partner.until(lambda: any("waits for samples" in s.message for s in partner.said))
+    second = partner.node.create_publisher(FluidPressure, "/boom/rod_pressure", qos.SENSOR_DATA)
+    conflict = "nothing is judged: 2 publish /boom/rod_pressure (boom_simulation, partner): end all but one"
+    partner.until(lambda: partner.said[-1].message.startswith(conflict))
+    assert partner.said[-1].level == ERROR
+    told = len(partner.said)
+    drive(partner, 5.0, lambda: False)
+    assert all(s.message.startswith(conflict) for s in partner.said[told:])
+    partner.node.destroy_publisher(second)
+    partner.until(lambda: "waits for samples" in partner.said[-1].message)
+    watched = "within the tolerance of the model"
+    drive(partner, 20.0, lambda: partner.said[-1].message == watched)
+    assert partner.said[-1].message == watched, sorted({s.message for s in partner.said})
+
+
+def test_configurations_that_alternate_contradict_each_other_in_one_line_and_the_last_one_that_stays_counts(
+    partner: Partner, start: Any
+) -> None:
+    watch = start("boom_monitor.watch_node")
+    topic = "/boom/machine_configuration"
+    configurations = partner.node.create_publisher(MachineConfiguration, topic, qos.BY_TOPIC[topic])
+    partner.until(configurations.get_subscription_count)
+
+    def tell(load: float) -> None:
+        configurations.publish(
+            MachineConfiguration(machine="tz17", outer_boom_angle=0.28, telescope_length=2.2, load_mass=load)
+        )
+
+    tell(0.0)
+    partner.until(lambda: partner.said and "waits for samples" in partner.said[-1].message)
+    for _ in range(50):
+        tell(100.0)
+        tell(0.0)
+        partner.executor.spin_once(timeout_sec=0.02)
+    tell(50.0)
+    partner.until(lambda: "contradict each other" in partner.said[-1].message)
+    partner.until(lambda: "waits for samples" in partner.said[-1].message)
+    watch.terminate()
+    lines = watch.communicate(timeout=PATIENCE)[1].splitlines()
+    assert len([line for line in lines if "contradict each other" in line]) == 1
+    watching = [line for line in lines if "watching tz17" in line]
+    assert len(watching) <= 3 and watching[-1].endswith("load 50 kg"), lines
+
+
+def test_a_stamp_that_jumps_back_is_told(partner: Partner, start: Any) -> None:
+    watch = start(
+        "boom_monitor.watch_node", "machine:=tz17", "own_configuration:=true", "shared_topics:=/boom/rod_pressure"
+    )
+    pressures = partner.node.create_publisher(FluidPressure, "/boom/rod_pressure", qos.SENSOR_DATA)
+    partner.until(pressures.get_subscription_count)
+    for seconds in (101, 100):
+        pressure = FluidPressure(fluid_pressure=1.0e6)
+        pressure.header.stamp.sec = seconds
+        pressures.publish(pressure)
+
+    def counted() -> bool:
+        return any(v.key == "messages refused, /boom/rod_pressure, stamps jump back" for v in partner.said[-1].values)
+
+    partner.until(lambda: partner.said and counted())
+    watch.terminate()
+    error = watch.communicate(timeout=PATIENCE)[1]
+    assert "/boom/rod_pressure refused: stamps jump back: 1000 ms behind the one before" in error
 
 
 def test_a_machine_without_a_file_is_an_error_that_says_what_to_do(start: Any) -> None:

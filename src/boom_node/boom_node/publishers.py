@@ -13,6 +13,7 @@ from boom_input.shown import quoted
 from boom_node.parameters import ParameterSpec
 
 LOOK_EVERY_S = 0.05
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # rcl's word until the middleware has heard the name
 COMMANDS = ("/boom/current_command",)
 PARAMETER = ParameterSpec(
     "shared_topics",
@@ -50,5 +51,5 @@ class SolePublishers:
         names = [info.node_name for info in self._node.get_publishers_info_by_topic(topic)]
         if len(names) < 2:  # one has gone meanwhile
             return ""
-        who = ", ".join(sorted(quoted(name, 60) for name in names[:8]))
+        who = ", ".join(sorted("one that just joined" if name == _UNKNOWN else quoted(name, 60) for name in names[:8]))
         return f"{len(names)} publish {topic} ({who}): end all but one; one that was killed goes within 10 s"

@@ -23,11 +23,10 @@ from enum import IntEnum, IntFlag
 
 from boom_can_bridge.codec import CanConfigurationError, Codec, CounterCheck, FrameError
 from boom_model.errors import SimulationError
+from boom_node.commands import LONGEST_SILENCE_S
 from boom_sim.ecu_faults import Frame
 from boom_sim.simulated_crane import LARGEST_CURRENT, PERIOD, SimulatedCrane
 
-LONGEST_SILENCE = 0.1
-"""s. After so long without a good command the current is zero."""
 FROZEN_FRAMES = 3
 """Command frames in a row with the same counter that close the valve."""
 _MARGIN = 0.005
@@ -203,7 +202,7 @@ class Ecu:
 
     def tick(self, now: float) -> list[Frame]:
         """One cycle of 10 ms that begins at ``now`` [s]. Returns the frames to send."""
-        if not self.lockstep and self._enabled and now + PERIOD - self._last_good > LONGEST_SILENCE - _MARGIN:
+        if not self.lockstep and self._enabled and now + PERIOD - self._last_good > LONGEST_SILENCE_S - _MARGIN:
             self._close(Fault.SILENCE)
         shown = self.crane.sample
         values = {}

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-OLDEST_COMMAND = 0.1
-"""s. A command older than this closes the valve."""
+import math
+
+from boom_node.commands import LONGEST_SILENCE_S
+
 LARGEST_BACKLOG = 50
 """Periods. A larger backlog, after half a second of standstill, is skipped."""
 
@@ -53,6 +55,7 @@ class WatchedCommand:
 
     def __init__(self) -> None:
         self._last: float | None = None
+        self._looked, self._doubtful_until = math.inf, -math.inf
         self.received = 0
         self.late = 0
         self.closed = True
@@ -60,16 +63,27 @@ class WatchedCommand:
     def receive(self, now: float, age: float, stamped: bool) -> str:
         """Note a command arriving at steady time ``now`` [s], ``age`` [s] after its stamp. Returns why it is refused, or ""."""
         self.received += 1
-        if stamped and age > OLDEST_COMMAND:
+        if stamped and age > LONGEST_SILENCE_S:
             self.late += 1
-            return f"its stamp is older than {OLDEST_COMMAND * 1e3:.0f} ms: synchronise the clocks, or send it at once"
+            return (
+                f"its stamp is older than {LONGEST_SILENCE_S * 1e3:.0f} ms: synchronise the clocks, or send it at once"
+            )
+        if not stamped and now < self._doubtful_until:
+            self.late += 1
+            return "it may have waited while the simulation stood still: stamp it"
         self._last = now
         self.closed = False
         return ""
 
     def has_expired(self, now: float) -> bool:
-        """True once, when the last command has become too old."""
-        if self.closed or self._last is None or now - self._last <= OLDEST_COMMAND:
+        """True once, when the last command has become too old. To be asked in every tick.
+
+        A long pause means that the process stood still: stamps alone tell what waited for it from what is new.
+        """
+        if now - self._looked > LONGEST_SILENCE_S:
+            self._doubtful_until = now + LONGEST_SILENCE_S
+        self._looked = now
+        if self.closed or self._last is None or now - self._last <= LONGEST_SILENCE_S:
             return False
         self.closed = True
         return True

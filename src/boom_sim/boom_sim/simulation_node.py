@@ -49,8 +49,7 @@ class SimulationNode(Node):
             raise StartError(str(error)) from error
         self._lockstep = self._values.mode == "lockstep"
         self._paused = False
-        self._failure = ""
-        self._refused = ""
+        self._failure = self._refused = self._told_conflict = ""
         self._watch = WatchedCommand()
         self._sole = SolePublishers(self, (*COMMANDS, *MEASURED_TOPICS), self._values.shared_topics)
         pose = self._crane.pose
@@ -105,7 +104,7 @@ class SimulationNode(Node):
 
     def _on_command(self, message: SolenoidCurrents) -> None:
         stamp_ns = to_ns(message.header.stamp)
-        if self._sole.look():
+        if self._conflict():
             message.retract = message.extend = 0.0
         if not self._lockstep:
             wrong = far(stamp_ns, self.get_clock().now().nanoseconds) if stamp_ns else ""
@@ -136,7 +135,7 @@ class SimulationNode(Node):
         self._crane.command(0.0, 0.0)
 
     def _on_tick(self) -> None:
-        if self._sole.look() and not self._watch.closed:
+        if self._conflict() and not self._watch.closed:
             self._crane.command(0.0, 0.0)
         if self._watch.has_expired(time.monotonic()):
             self._crane.command(0.0, 0.0)
@@ -162,6 +161,16 @@ class SimulationNode(Node):
         if self._pacer.skipped != skipped:
             self._anchor(late)
         self._garbage.cycle_is_over()
+
+    def _conflict(self) -> str:
+        """What more than one node publishes, in a line, which the log has too; empty: nothing. Meanwhile the valve is closed."""
+        conflict = self._sole.look()
+        if conflict != self._told_conflict:
+            self._told_conflict = conflict
+            again = "commands and sensors have one publisher each again: commands are followed"
+            self.get_logger().warning(f"valve closed: {conflict}" if conflict else again)
+            self._diagnostics.update()
+        return conflict
 
     def _anchor(self, late: float) -> None:
         """Set simulated time, from which stamps are made, to ``late`` [s] ago."""

@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import pytest
 
 from boom_can_bridge.codec import Codec
+from boom_node.commands import LONGEST_SILENCE_S
 from boom_sim import settings
-from boom_sim.ecu import FROZEN_FRAMES, LONGEST_SILENCE, Ecu, Fault, Mode
+from boom_sim.ecu import FROZEN_FRAMES, Ecu, Fault, Mode
 from boom_sim.ecu_faults import Frame
 
 EXTEND = {"retract_current": 0.0, "extend_current": 0.4, "enable": 1.0}
@@ -112,7 +113,7 @@ def test_silence_closes_the_valve_before_100_ms_have_passed() -> None:
         last = partner.now - phase
         partner.tick()
         while partner.ecu.currents[1] > 0:
-            assert partner.now <= last + LONGEST_SILENCE
+            assert partner.now <= last + LONGEST_SILENCE_S
             partner.tick()
         assert partner.now - 0.01 - last > 0.08
         assert partner.shown["currents.extend_current"] == 0.0

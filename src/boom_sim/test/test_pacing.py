@@ -59,3 +59,15 @@ def test_command_that_arrives_late_is_refused_but_an_unstamped_one_is_fresh() ->
     assert watch.closed
     assert watch.receive(1.0, 1.7e9, False) == ""
     assert (watch.received, watch.late) == (2, 1)
+
+
+def test_after_a_standstill_a_command_without_a_stamp_may_be_old_and_is_refused() -> None:
+    watch = WatchedCommand()
+    for k in range(100):
+        watch.has_expired(1.0 + 0.01 * k)
+        assert watch.receive(1.0 + 0.01 * k, 0.0, False) == ""
+    assert watch.has_expired(5.0)  # frozen for 3 s
+    assert "stood still" in watch.receive(5.001, 0.0, False)
+    assert watch.closed
+    assert watch.receive(5.002, 0.001, True) == ""
+    assert watch.receive(5.2, 0.0, False) == ""

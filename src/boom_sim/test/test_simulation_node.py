@@ -99,13 +99,13 @@ def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
     def begin(*parameters: str) -> subprocess.Popen[str]:
         command = [sys.executable, "-m", "boom_sim.simulation_node", "--ros-args"]
         command += [word for parameter in parameters for word in ("-p", parameter)]
-        running.append(subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True))
+        running.append(subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True))
         return running[-1]
 
     yield begin
     for process in running:
         process.kill()
-        process.wait(timeout=PATIENCE)
+        process.communicate(timeout=PATIENCE)
 
 
 def test_lockstep_advances_one_period_per_command(partner: Partner, start: Any) -> None:
@@ -177,6 +177,29 @@ def test_command_that_is_no_number_closes_the_valve(partner: Partner, start: Any
     partner.step(0.0, math.nan)
     partner.step(0.0, math.nan)
     partner.until(lambda: partner.heard["/boom/solenoid_currents"][-1].extend == 0.0)
+
+
+def test_a_second_publisher_closes_the_valve_and_the_terminal_says_so_once_and_when_it_has_gone(
+    partner: Partner, start: Any
+) -> None:
+    crane = start()
+    partner.until(lambda: partner.heard["/joint_states"])
+
+    def closed() -> bool:
+        partner.command(0.0, 0.5)
+        return partner.heard["/boom/solenoid_currents"][-1].extend < 0.1
+
+    partner.until(lambda: not closed())
+    topic = "/boom/current_command"
+    second = partner.node.create_publisher(SolenoidCurrents, topic, qos.BY_TOPIC[topic])
+    partner.until(closed)
+    partner.node.destroy_publisher(second)
+    partner.until(lambda: not closed())
+    crane.terminate()
+    lines = crane.communicate(timeout=PATIENCE)[1].splitlines()
+    told = [line for line in lines if "valve closed: 2 publish /boom/current_command (partner, partner)" in line]
+    again = [line for line in lines if "one publisher each again" in line]
+    assert (len(told), len(again)) == (1, 1), lines
 
 
 def test_log_is_grasped_and_dropped_while_running(partner: Partner, start: Any) -> None:

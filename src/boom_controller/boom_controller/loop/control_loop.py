@@ -28,6 +28,7 @@ from boom_controller.supervision.tracking_goal import Ending, Goals, Tolerances,
 from boom_controller.supervision.watch import MotionWatch
 from boom_controller.types import ControlOutput, Measurement, Reference
 from boom_model.machine import Machine, Pose
+from boom_node.commands import LONGEST_SILENCE_S
 
 _NO_OUTPUT = ControlOutput(0.0, 0.0)
 MOST_APART = 0.75
@@ -202,14 +203,12 @@ class ControlLoop:
         if state is MotionState.TRACK:
             if self.references.kind == "stream":
                 self.references.stream(clamped, came)
-                self._note = (
-                    "" if clamped == wanted else f"the reference of {wanted:.3f} rad is beyond {clamped:.3f} rad"
-                )
+                beyond = f"the reference of {wanted:.3f} rad is beyond {clamped:.3f} rad"
+                self._note = "" if clamped == wanted else beyond
             return  # a trajectory on its way goes first
         if state not in (MotionState.IDLE, MotionState.HOLD):
             return
-        missing = self._interlock.missing(now)
-        if missing:
+        if missing := self._interlock.missing(now):
             self._refuse_stream(missing)
             return
         present = self.references.present.angle if state is MotionState.HOLD else self.sensors.joint.values[0]
@@ -242,16 +241,15 @@ class ControlLoop:
         if state in (MotionState.STOPPING, MotionState.STOPPED):
             why = self.supervision.finding.text if self.supervision.finding else ""
             raise TrajectoryError(f"the boom is {state.value}: {why}; call ~/resume first")
-        missing = self._interlock.missing(now)
-        if missing:
+        if missing := self._interlock.missing(now):
             raise TrajectoryError(missing)
         sensor, limits = self.sensors.joint, self.supervision.settings
         angle = sensor.values[0]
-        request = Request(
-            points, begin, present=Reference(angle) if state is MotionState.IDLE else self.references.present
-        )
+        idle = state is MotionState.IDLE
+        request = Request(points, begin, present=Reference(angle) if idle else self.references.present)
         bounds = Bounds(*self._angles, limits.largest_rate, limits.start_tolerance)
-        trajectory, from_now = request.planned(angle, sensor.stamp, max(sensor.stamp, self._time), bounds)
+        # a boom in motion goes on from its reference, which is that of the last cycle: a newer sample may wait for the next one
+        trajectory, from_now = request.planned(angle, sensor.stamp, sensor.stamp if idle else self._time, bounds)
         self._goals.end(Code.INVALID_GOAL, "replaced by a new trajectory")
         self._begin()
         self.references.start(trajectory, from_now)
@@ -269,11 +267,12 @@ class ControlLoop:
             self._to_hold("")
         return True
 
-    def drop(self) -> tuple[float, float]:
+    def drop(self, now: float) -> tuple[float, float]:
         """End control (deactivation). Returns the currents [A] that the caller has to bring to zero."""
         self._goals.end(Code.INVALID_GOAL, "the controller was deactivated")
         self.supervision.drop()
-        last, self._last_output = self._last_output, (0.0, 0.0)
+        closed = self._last_cycle is None or self._closed_meanwhile(now - self._last_cycle)
+        last, self._last_output = (0.0, 0.0) if closed else self._last_output, (0.0, 0.0)
         self._last_cycle = None
         self.sensors.forget()
         return last
@@ -289,12 +288,14 @@ class ControlLoop:
         self._time = sensors.joint.stamp if sensors.joint.fresh else self._time + gap
         measurement = sensors.use(now)
         if supervision.moving:
-            finding = self._cycles_missed(gap, now)
+            finding = self._watch.cycle(gap, self._period, now) if self._watch and self._watch_cycles else None
             # what stood still itself finds old samples; that a cycle was late is the cause then
             if finding is None or gap <= supervision.settings.longest_cycle:
                 finding = self._interlock.standing(now) or finding
             if finding is not None:
                 self._stop(finding, now)
+            if supervision.state is MotionState.STOPPING and self._closed_meanwhile(gap):
+                supervision.drop()
         if supervision.state is MotionState.TRACK and self.references.kind == "stream":
             self._listen(now)
         reference, output = self._act(measurement, now)
@@ -356,9 +357,8 @@ class ControlLoop:
 
     def _look_at_goal(self, reference: Reference, measurement: Measurement) -> None:
         ending = self._goals.look(self.references.elapsed, reference.angle, measurement.angle)
-        if ending is not None:
-            failed = ending.code is not Code.SUCCESSFUL
-            self._to_hold(f"trajectory aborted: {ending.text}; the boom holds its position" if failed else "")
+        if ending is not None:  # its text is empty on success
+            self._to_hold(ending.text and f"trajectory aborted: {ending.text}; the boom holds its position")
 
     # ------------------------------------------------------------------------------------------------------- supervision
 
@@ -369,10 +369,9 @@ class ControlLoop:
             if self.supervision.closed_loop:
                 self.references.rest()
 
-    def _cycles_missed(self, gap: float, now: float) -> StopCause | None:
-        if self._watch is None or not self._watch_cycles:
-            return None
-        return self._watch.cycle(gap, self._period, now)
+    def _closed_meanwhile(self, gap: float) -> bool:
+        """True if the receivers have closed the valve since the last command: a ramp would open it again."""
+        return self._watch_cycles and gap > LONGEST_SILENCE_S
 
     def _refuse_stream(self, text: str) -> None:
         self._refused_stream = self._note = text
@@ -381,8 +380,7 @@ class ControlLoop:
         if (finding := self.supervision.finding) is not None:
             return "stopped", f"{finding.reason}: {finding.text}"
         if self.supervision.state is MotionState.IDLE:
-            missing = self._interlock.missing(now)
-            if missing:
+            if missing := self._interlock.missing(now):
                 return "warning", missing
             if self._refused_stream and now - self._last_reference > 1.0:
                 self._refused_stream = self._note = ""

@@ -51,5 +51,5 @@ class Rehearsal:
         loop.resume(now)  # after whatever stopped the one before
         loop.stream(newest.angle, now)
         state = loop.cycle(now).state
-        loop.drop()
+        loop.drop(now)
         return state.value

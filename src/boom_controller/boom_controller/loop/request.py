@@ -41,8 +41,10 @@ class Request:
         """
         if self.begin is not None:
             self._check_stamp(self.begin, stamp)
-        trajectory = plan(self.points, self.present, angle, bounds)
         begin = now if self.begin is None else self.begin
+        # one for later waits at its first angle, and so begins from rest
+        present = self.present if begin <= now else Reference(self.present.angle)
+        trajectory = plan(self.points, present, angle, bounds)
         first = trajectory.at(stamp - begin).angle
         if abs(first - self.present.angle) > bounds.start:
             raise TrajectoryError(

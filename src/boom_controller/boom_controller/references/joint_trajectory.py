@@ -102,7 +102,7 @@ def plan(points: Sequence[TrajectoryPoint], present: Reference, measured: float,
         TrajectoryError: no points, times that do not ascend, fields that are missing or not finite, a motion at the end, a
             start away from the boom, angles or rates beyond the bounds.
     """
-    _check_fields(points)
+    _check_fields(points, bounds)
     last = points[-1]
     if last.rate is not None and abs(last.rate) > _REST_RATE:
         raise TrajectoryError(
@@ -111,7 +111,7 @@ def plan(points: Sequence[TrajectoryPoint], present: Reference, measured: float,
     first = points[0]
     if first.time <= 0.0 and abs(first.angle - measured) > bounds.start:
         raise TrajectoryError(
-            f"the first point is {abs(first.angle - measured):.3f} rad away from the boom at {measured:.3f} rad: begin within "
+            f"the first point is {abs(first.angle - measured):.4g} rad away from the boom at {measured:.3f} rad: begin within "
             f"{bounds.start:g} rad, or give the first point a time above 0 to move there"
         )
     if first.time > 0.0:
@@ -130,7 +130,7 @@ def plan(points: Sequence[TrajectoryPoint], present: Reference, measured: float,
     return result
 
 
-def _check_fields(points: Sequence[TrajectoryPoint]) -> None:
+def _check_fields(points: Sequence[TrajectoryPoint], bounds: Bounds) -> None:
     if not points:
         raise TrajectoryError("the trajectory has no points: give at least one")
     before = -math.inf
@@ -141,12 +141,18 @@ def _check_fields(points: Sequence[TrajectoryPoint]) -> None:
         if point.time < 0.0 or point.time <= before:
             raise TrajectoryError(f"point {k} is at {point.time:g} s: times have to ascend strictly, from 0 s on")
         before = point.time
+        if not bounds.low <= point.angle <= bounds.high:
+            raise TrajectoryError(f"point {k} is at {point.angle:.4g} rad: {_between(bounds)}")
         if (point.rate is None, point.acceleration is None) != (points[0].rate is None, points[0].acceleration is None):
             raise TrajectoryError(
                 f"point {k} has other fields than the first one: give rates and accelerations for all"
             )
         if point.rate is None and point.acceleration is not None:
             raise TrajectoryError(f"point {k} has an acceleration but no rate: give the rate too")
+
+
+def _between(bounds: Bounds) -> str:
+    return f"the boom moves between {bounds.low:.3f} and {bounds.high:.3f} rad"
 
 
 def _piece(a: TrajectoryPoint, b: TrajectoryPoint) -> Polynomial:
@@ -173,11 +179,9 @@ def _check_bounds(points: Sequence[TrajectoryPoint], pieces: Sequence[Polynomial
     k, i = (int(index) for index in np.unravel_index(np.argmax(wrong), wrong.shape))
     when = begins[k] + t[k, i]
     if not inside[k, i]:
-        raise TrajectoryError(
-            f"at {when:.2f} s the trajectory is at {angle[k, i]:.3f} rad: the boom moves between "
-            f"{bounds.low:.3f} and {bounds.high:.3f} rad"
-        )
+        where = f"at {angle[k, i]:.4g} rad" if math.isfinite(angle[k, i]) else "too far away for a number"
+        raise TrajectoryError(f"at {when:.2f} s the trajectory is {where}: {_between(bounds)}")
     raise TrajectoryError(
-        f"at {when:.2f} s the trajectory moves at {rate[k, i]:.3f} rad/s: at most {bounds.rate:g} rad/s is "
+        f"at {when:.2f} s the trajectory moves at {rate[k, i]:.4g} rad/s: at most {bounds.rate:g} rad/s is "
         "allowed; give it more time"
     )

@@ -123,7 +123,7 @@ class Supervision:
         return True, "ready: waiting for a reference"
 
     def drop(self) -> None:
-        """Go to idle at once (deactivation); the caller removes the currents. A persisting stop stays."""
+        """Go to idle at once, or from stopping to stopped; the caller removes the currents. A persisting stop stays."""
         if self.state is MotionState.STOPPING:
             self.state = MotionState.STOPPED
         elif self.state is not MotionState.STOPPED:

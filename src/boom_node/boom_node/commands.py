@@ -1,0 +1,4 @@
+"""What the receivers of current commands promise."""
+
+LONGEST_SILENCE_S = 0.1
+"""s without a good command after which the valve is closed, whoever receives: bridge, ECU or simulation."""
