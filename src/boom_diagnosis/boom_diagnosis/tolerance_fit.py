@@ -62,7 +62,7 @@ def fit_tolerances(recordings: Sequence[Recording], machine: Machine, progress: 
     guess = case.nominal.tolerances
     _, point, _ = fits.settled(fits.likeliest(guess.z, {}), guess, ())
     progress("free runs")
-    point = fitted_to_free_runs(case, point, case.select)
+    point = fitted_to_free_runs(case, point, case.bags, case.select)
     tight = case.problem(point.z, {}, LOOSENESS[0])
     covariance = _covariance(point, tight.nuisance_jacobian(point))
     estimates = _estimates(case, tight, point.z, covariance)
