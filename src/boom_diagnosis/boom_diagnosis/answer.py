@@ -79,6 +79,9 @@ DOUBTFUL = 0.1
 """Share of the excess that stays from which on the tolerances alone are fitted once more, by the observer that sees most."""
 
 
+_OF_THE_RATE = next(effect for effect in CATALOGUE if set(effect.terms) == {"measured_rate"})
+
+
 @dataclass(frozen=True)
 class _Tight:
     """What the observer that is right for a healthy machine sees at first and in the end, over all recordings."""
@@ -138,7 +141,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     ):  # beside an effect that explains little, what it bends is seen, too
         rest_equations = equations
     if verdict == "unknown_physics":
-        findings = [_unknown_finding(case, odds, cells, tight, rest_equations, plain), *findings]
+        findings = [_unknown_finding(case, odds, cells, tight, rest_equations, plain, fit), *findings]
     if verdict == "no_mismatch":
         agreement = "No equation needs an unknown input: what remains is noise."
     moved = _moved(case, case.last) if verdict == "parameters_only" or case.taken else {}
@@ -302,9 +305,12 @@ def _evidence(w: Weighed, term: str, where: str) -> str:
 
 def _unknown_finding(
     case: Case, odds: Odds, cells: list[NDArray[np.int64]], tight: _Tight, equations: Sequence[EquationEvidence],
-    learned: Learned | None,
+    learned: Learned | None, fit: Fit,
 ) -> Finding:  # fmt: skip
-    """What remains: located, not named; in the equation whose term explains it, else in the one that both ways doubt most."""
+    """What remains: located, not named; in the equation whose term explains it, else in the one that both ways doubt most.
+
+    Where the rate alone is off, and angle and pressures are not, the boom moves as the model says: it is the sensor.
+    """
     rows = {e.key: e.statistical + e.chain for e in equations}
     key = learned.term.equation if learned else max(rows, key=lambda k: rows[k])
     link = next(link for link in links(case.machine) if link.key == key)
@@ -321,11 +327,22 @@ def _unknown_finding(
         nearest = f"; the nearest is {label_of(unlike.effect)}, but as no boom can have it ({numbers})"
     said = f" What explains it is {learned.curve.reading}." if learned else ""
     home = _touched(case.machine, learned.term) if learned else _home(case, link.subsystems)
+    equation, where = link.equation, f"at '{link.title}'"
+    if not learned and rate_alone(fit):
+        home, equation, where = "sensors", _OF_THE_RATE.equation, "of the rate, which angle and pressures do not show"
     return Finding(
-        None, home, link.equation, odds.unknown, {}, place.text, place.intervals,
+        None, home, equation, odds.unknown, {}, place.text, place.intervals,
         tuple(Alternative(w.fitted.effect, probability_of(odds, w.fitted.effect)) for w in near[:2]),
-        f"No effect of the catalogue explains the mismatch at '{link.title}'{nearest}.{said}",
+        f"No effect of the catalogue explains the mismatch {where}{nearest}.{said}",
     )  # fmt: skip
+
+
+def rate_alone(fit: Fit) -> bool:
+    """Whether parameters alone run through data not used as noise lets them, but for the rate."""
+    error, floor = np.array(fit.held_out["parameters_only"], dtype=float), np.array(fit.noise_floor, dtype=float)
+    off = error > AT_FLOOR * floor
+    rate = OUTPUTS.index("rate")
+    return bool(off[rate] and off.sum() == 1 and np.isfinite(error).all() and np.isfinite(floor).all())
 
 
 def _near(case: Case) -> list[Weighed]:

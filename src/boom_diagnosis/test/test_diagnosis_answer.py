@@ -12,6 +12,7 @@ from rounds_cases import SAMPLES, point, weighed
 from boom_diagnosis import answer, earning
 from boom_diagnosis import odds as weighing_of
 from boom_diagnosis.coordinates import all_coordinates
+from boom_diagnosis.document import Fit
 from boom_diagnosis.hypotheses import Round
 
 
@@ -125,3 +126,14 @@ def test_what_is_near_unknown_physics_has_the_probability_of_the_ranking(
     }
     assert ranked["payload"] == 0.0 and finding.confidence == ranked["unknown"] == 0.876
     assert sum(ranked.values()) == pytest.approx(1.0, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("angle", "rate", "alone"),
+    [(0.05, 0.08, True), (0.08, 0.08, False), (0.05, 0.04, False), (float("nan"), 0.08, False)],
+)
+def test_where_the_rate_alone_is_off_it_is_the_sensor(angle: float, rate: float, alone: bool) -> None:
+    """Floors of 0.05, 0.03, 0.01 and 0.01; a pressure at 1.3 times its floor is not off."""
+    held_out = {"parameters_only": (angle, rate, 0.013, 0.01)}
+    fit = Fit({}, held_out, (0.05, 0.03, 0.01, 0.01), ("b",))
+    assert answer.rate_alone(fit) is alone
