@@ -15,6 +15,9 @@ from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.document import Fit
 from boom_diagnosis.hypotheses import Round
 
+OFF = Fit({}, {"parameters_only": (0.1,) * 4}, (0.01,) * 4, ("b",))
+"""All channels at ten times their floor."""
+
 
 def test_what_is_damaged_or_left_out_of_a_recording_is_said(case: Any) -> None:
     def bag(name: str, warnings: list[str], cavitating: int, lacking: Sequence[str] = (), strays: float = 0.0) -> Any:
@@ -49,7 +52,7 @@ def test_an_effect_that_no_boom_can_have_is_not_weighed_but_said(monkeypatch: py
     monkeypatch.setattr(answer.regimes, "where", lambda *given: SimpleNamespace(text="", intervals=()))
     evidence: Any = SimpleNamespace(key="torque", statistical=10.0, chain=0.0)
     tight: Any = SimpleNamespace(explained=[])
-    said = answer._unknown_finding(case, weighing_of.odds_of(case, 0.9), [], tight, [evidence], None).evidence
+    said = answer._unknown_finding(case, weighing_of.odds_of(case, 0.9), [], tight, [evidence], None, OFF).evidence
     assert said.endswith("; the nearest is payload, but as no boom can have it (mass -80 kg).")
 
 
@@ -119,7 +122,7 @@ def test_what_is_near_unknown_physics_has_the_probability_of_the_ranking(
     odds = weighing_of.odds_of(case, 0.876)
     evidence: Any = SimpleNamespace(key="torque", statistical=10.0, chain=0.0)
     tight: Any = SimpleNamespace(explained=[])
-    finding = answer._unknown_finding(case, odds, [], tight, [evidence], None)
+    finding = answer._unknown_finding(case, odds, [], tight, [evidence], None, OFF)
     ranked = {row.effect or row.kind: row.probability for row in weighing_of.ranking(case, odds, [finding])}
     assert {a.effect: a.confidence for a in finding.alternatives} == {
         e: ranked[e] for e in ("payload", "presliding_friction")
@@ -134,6 +137,5 @@ def test_what_is_near_unknown_physics_has_the_probability_of_the_ranking(
 )
 def test_where_the_rate_alone_is_off_it_is_the_sensor(angle: float, rate: float, alone: bool) -> None:
     """Floors of 0.05, 0.03, 0.01 and 0.01; a pressure at 1.3 times its floor is not off."""
-    held_out = {"parameters_only": (angle, rate, 0.013, 0.01)}
-    fit = Fit({}, held_out, (0.05, 0.03, 0.01, 0.01), ("b",))
+    fit = replace(OFF, held_out={"parameters_only": (angle, rate, 0.013, 0.01)}, noise_floor=(0.05, 0.03, 0.01, 0.01))
     assert answer.rate_alone(fit) is alone
