@@ -24,14 +24,8 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 Verdict = Literal[
-    "identified",
-    "ambiguous",
-    "unknown_physics",
-    "parameters_only",
-    "sensor_or_clock",
-    "no_mismatch",
-    "not_enough_excitation",
-]
+    "identified", "ambiguous", "unknown_physics", "parameters_only", "sensor_or_clock", "no_mismatch", "not_enough_excitation"
+]  # fmt: skip
 SUBSYSTEMS = (
     "load", "structure", "friction", "cylinder", "oil", "accumulators", "hose_burst_valve", "main_valve", "pilot_valves",
     "supply", "return_line", "sensors",
@@ -104,8 +98,7 @@ class Fit:
     """Normalised rms errors of free runs, one per channel (rms error / standard deviation of the measured channel).
 
     Median over the bags. ``training``, ``held_out``: stage -> one number per channel; NaN where runs end early. ``far``: blocks
-    of long recordings in which the explained machine errs far more than noise does. ``open_numbers``,
-    ``all_fitted``: see ``open_numbers.py``.
+    of long recordings in which the explained machine errs far more than noise does. The last two: see ``open_numbers.py``.
     """
 
     training: Mapping[str, tuple[float, ...]]
@@ -125,8 +118,7 @@ class Fit:
                 "bags": list(self.held_out_bags),
                 **{stage: list(self.held_out[stage]) for stage in STAGES if stage in self.held_out},
                 "noise_floor": list(self.noise_floor),
-                **({"open_numbers": list(self.open_numbers)} if self.open_numbers else {}),
-                **({"all_fitted": list(self.all_fitted)} if self.all_fitted else {}),
+                **{name: list(said) for name in ("open_numbers", "all_fitted") if (said := getattr(self, name))},
             },
         }
 

@@ -130,7 +130,12 @@ def _chain(
             row[link.key] = own.corrections[link.state] / noise
             excess[link.key] += max(0.0, float(np.mean(row[link.key] ** 2)) - 1.3)
         scaled.append(row)
-    return _shares(excess), scaled
+    return {key: share * breaks(sum(excess.values())) for key, share in _shares(excess).items()}, scaled
+
+
+def breaks(excess: float) -> float:
+    """How far the chain breaks at all, 0 to 1: E / (E + 1); one that holds but for a little accuses no equation."""
+    return excess / (excess + 1.0)
 
 
 def _shares(values: Mapping[str, float]) -> dict[str, float]:

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from boom_estimation.free_run import predict
+from boom_input.yaml_text import read_yaml
 from boom_model.machine_file import machine_from
 from boom_recording.loading import load
 from boom_recording.measurement import measurements
@@ -33,7 +33,7 @@ def number(value: float, unit: str) -> dict[str, Any]:
 
 
 def believed() -> dict[str, Any]:
-    document: dict[str, Any] = yaml.safe_load((STRANGERS / "stranger.yaml").read_text(encoding="utf-8"))
+    document: dict[str, Any] = read_yaml(STRANGERS / "stranger.yaml")
     return document
 
 

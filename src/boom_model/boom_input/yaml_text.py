@@ -47,8 +47,8 @@ _CONSTRUCTOR = SafeConstructor()
 _NUMBER = re.compile(r"[-+.\d][-+.\d_:eExXoObBa-fA-F]*")
 _OTHER_BASE = re.compile(r"[-+]?(0[0-7_]+|[0-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?)")
 """YAML 1.1 reads 017 as 15 and 1:30 as 90."""
-_SHORT_FLOAT = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)[eE]\d+")
-"""YAML 1.1 reads 1.6e9 as a text, and only 1.6e+9 as a number."""
+_SHORT_FLOAT = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+")
+"""YAML 1.1 reads 1.6e9 and 5e-05 as texts, and only 1.6e+9 and 5.0e-05 as numbers."""
 _DIRECTIVE = re.compile(r"^%TAG", re.MULTILINE)
 _TEXT_TAGS = (None, "!", f"{_TAG}str")
 _UNWANTED = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff]")

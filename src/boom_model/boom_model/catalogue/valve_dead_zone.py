@@ -40,7 +40,7 @@ EFFECT = Effect(
     (
         parameter("d_extend", "-", 0.0, (-0.1, 0.1), (-0.25, 0.5), "added overlap over full stroke, lifting"),
         parameter("d_retract", "-", 0.0, (-0.1, 0.1), (-0.25, 0.5), "added overlap over full stroke, lowering",
-                  within="main_valve_orifices.x0"),
+                  within="main_valve_orifices.x0", accuracy=MADE_TO),
     ),
     {"overlap": lambda overlap, own, at: overlap + ca.if_else(at.position < 0, own.d_extend, own.d_retract)},
     place=1, independent=True, changes=("main_valve_orifices.x0",), check=_check,
