@@ -12,7 +12,7 @@ from boom_diagnosis.bag_samples import PERIOD
 from boom_diagnosis.case import Array, Case, Flags
 from boom_diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.fitting import Point, Problem
-from boom_diagnosis.hypotheses import Round, noticed, problem_at
+from boom_diagnosis.hypotheses import WEIGHED, Round, noticed, problem_at
 from boom_diagnosis.must_keep import told
 from boom_diagnosis.nuisances import TWIN_Z
 from boom_diagnosis.onset import onset_of, steps_in
@@ -195,14 +195,28 @@ def weigh(case: Case, found: Round) -> list[Weighed]:
     if not counted:
         return []
     found = replace(found, fitted=tuple(counted))
-    hypotheses = [(found.base, found.jacobian), *((f.point, f.jacobian) for f in found.fitted)]
-    names = [all_coordinates(found.accepted), *(f.coordinates for f in found.fitted)]
+    bases = [(found.base, found.jacobian), *(_valleys(found) if case.proving else ())]
+    hypotheses = [*bases, *((f.point, f.jacobian) for f in found.fitted)]
+    names = [*(all_coordinates(found.accepted) for _ in bases), *(f.coordinates for f in found.fitted)]
     losses = _held_out(case, found, hypotheses, names) if case.proving else _split(case, hypotheses, names)
+    base, losses = min(losses[: len(bases)], key=sum), losses[len(bases) :]
     weighed = []
-    for f, loss in zip(found.fitted, losses[1:], strict=True):
+    for f, loss in zip(found.fitted, losses, strict=True):
         new = [c for c in f.coordinates if c.name.split(".")[1] not in accepted]
-        weighed.append(Weighed(f, losses[0][0] - loss[0], losses[0][1] - loss[1], occam(f, new)))
+        weighed.append(Weighed(f, base[0] - loss[0], base[1] - loss[1], occam(f, new)))
     return sorted(weighed, key=lambda w: -w.net)
+
+
+def _valleys(found: Round) -> list[tuple[Point, Array]]:
+    """The base from where the best effects' fits ended, without them.
+
+    Several sets of numbers may explain the recordings fitted as well, and one of them those held out by far better: that needs no
+    effect.
+    """
+    names, count = all_coordinates(found.accepted), len(found.base.z)
+    wanted = [(f.point.z, {c.name: f.point.effects[c.name] for c in names}) for f in found.fitted[:WEIGHED]]
+    starts = found.problem.points(wanted)
+    return in_parallel(lambda start: found.problem.fit(start, found.jacobian[:, :count], names), starts)
 
 
 def _lasting(case: Case, found: Round) -> list[Fitted]:
@@ -298,9 +312,10 @@ def _held_out(
     others = _proving(case, found.fitted[0].point, found.problem.predictor.looseness)
     owned = [own_numbers(others, p.z, p.effects) for p, _ in hypotheses]
     effects = [{**p.effects, **own} for (p, _), own in zip(hypotheses, owned, strict=True)]
-    case.own = owned[1] or case.own
+    first = len(hypotheses) - len(found.fitted)  # of the effects
+    case.own = owned[first] or case.own
     points = others.points([(p.z, e) for (p, _), e in zip(hypotheses, effects, strict=True)])
-    tolerances = others.nuisance_jacobian(points[1])
+    tolerances = others.nuisance_jacobian(points[first])
     losses = []
     for (fitted, _), point, searched, k, own in zip(hypotheses, points, names, known, owned, strict=True):
         columns = others.effect_jacobian(point, searched) if searched else np.zeros((len(point.w), 0))
