@@ -39,7 +39,6 @@ from boom_diagnosis.odds import (
     final_numbers,
     hypothesis_rows,
     odds_of,
-    of_effect,
     probability_of,
     ranking,
 )
@@ -59,7 +58,7 @@ from boom_diagnosis.proof import (
     spans_of,
 )
 from boom_diagnosis.unsearched import About
-from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, posterior, unknown_probability
+from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, of_effect, posterior, unknown_probability
 from boom_model.catalogue import CATALOGUE, EFFECTS
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine
@@ -73,8 +72,6 @@ Array = NDArray[np.float64]
 
 LEARNT_FROM, LEARNT_IN = 0.3, 2
 """Probability of unknown physics from which on a term is learnt, and in how many equations it is tried."""
-MOSTLY = 0.5
-"""Share of the excess that an effect leaves from which on unknown physics is where it is without that effect."""
 DOUBTFUL = 0.1
 """Share of the excess that stays from which on the tolerances alone are fitted once more, by the observer that sees most."""
 
@@ -136,11 +133,8 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     if verdict in ("no_mismatch", "parameters_only") and far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR):
         fit = doubted_by_numbers(case, spans, fit)
     plain = case.learned if learned else None
-    if (
-        tight.excess_after > MOSTLY * tight.excess_before
-    ):  # beside an effect that explains little, what it bends is seen, too
+    if verdict == "unknown_physics":  # which is likelier than what was found: that is not taken for granted, then
         rest_equations = equations
-    if verdict == "unknown_physics":
         findings = [_unknown_finding(case, odds, cells, tight, rest_equations, plain, fit), *findings]
     if verdict == "no_mismatch":
         agreement = "No equation needs an unknown input: what remains is noise."

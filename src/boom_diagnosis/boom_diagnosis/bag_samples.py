@@ -247,18 +247,6 @@ def _origin(recording: Recording) -> float:
     return (float(around[int(np.argmax(gaps))]) % 1.0 - 1.0) * PERIOD
 
 
-def told_apart(
-    recordings: Sequence[Recording], held_out: Sequence[Recording]
-) -> tuple[list[Recording], list[Recording]]:
-    """Recordings that bear one name, as those of two days may, with names of their own."""
-    seen, result = dict[str, int](), list[Recording]()
-    for recording in (*recordings, *held_out):
-        seen[recording.name] = seen.get(recording.name, 0) + 1
-        number = seen[recording.name]
-        result.append(recording if number == 1 else replace(recording, name=f"{recording.name} ({number})"))
-    return result[: len(recordings)], result[len(recordings) :]
-
-
 def by_pose(bags: Sequence[Bag]) -> list[Bag]:
     """Recordings whose moments of mass are each pose's own, and whose loads are each load's own.
 

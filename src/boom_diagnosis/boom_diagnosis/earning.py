@@ -11,6 +11,7 @@ import numpy as np
 from boom_diagnosis.bag_samples import PERIOD
 from boom_diagnosis.case import Array, Case, Flags
 from boom_diagnosis.coordinates import Coordinate, all_coordinates
+from boom_diagnosis.document import Estimate
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.hypotheses import WEIGHED, Round, noticed, problem_at
 from boom_diagnosis.must_keep import told
@@ -29,6 +30,7 @@ from boom_diagnosis.weighing import (
     estimates,
     forgotten,
     occam,
+    of_effect,
     possible,
     precision,
     predictive_loss,
@@ -122,24 +124,24 @@ def _bearable(case: Case, best: Weighed) -> float:
     """Factor by which free runs over data not used may err more with an effect than without."""
     if case.taken:
         return LATER_CLEAR if _share_of_clear_rest(case, best) > NEARLY_ALL else LATER
-    if not sized(case, best.fitted, best.fitted.effect):
+    effect, numbers = best.fitted.effect, numbers_of(case, best.fitted)
+    if numbers and not told(effect, of_effect(numbers, effect)):  # one that cannot be told from nothing
         return LATER
     share = _share_explained(case, best)
     return next((factor for least, factor in BEARABLE if share > least), WORSE)
 
 
-def sized(case: Case, fitted: Fitted, effect: str) -> bool:
-    """Whether an effect's numbers differ from doing nothing; one of which that cannot be told must prove itself by free runs."""
-    numbers = estimates(fitted, max(1.0, case.temperature / 3.0))
-    own = {n.split(".")[2]: e for n, e in numbers.items() if n.split(".")[1] == effect}
-    return not own or told(effect, own)
+def numbers_of(case: Case, fitted: Fitted) -> dict[str, Estimate]:
+    """What is stated of all numbers of a fit's effects, dotted names."""
+    return estimates(fitted, max(1.0, case.temperature / 3.0))
 
 
 def given_up(case: Case) -> bool:
     """Gives the last effect up where it may do nothing and nothing clear is left without it; whether that was so."""
     assert case.final is not None  # with all derivatives where the search ended
     k, last = len(case.taken) - 1, case.taken[-1]
-    if sized(case, case.final, last.fitted.effect) or clear(case, case.rounds[k].base):
+    effect = last.fitted.effect
+    if told(effect, of_effect(numbers_of(case, case.final), effect)) or clear(case, case.rounds[k].base):
         return False
     case.weighed[k].remove(last)
     if k == 0:

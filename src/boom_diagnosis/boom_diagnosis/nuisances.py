@@ -41,7 +41,7 @@ PILOT_POLE, PILOT_GAIN, PILOT_FEEDTHROUGH = "pilot_valves.a1_s", "pilot_valves.b
 CLOCK = "clock of the logged currents"
 CLOCKS = "clocks."
 """With which the names of the clocks of channels begin; they are the log's, and no machine file has them."""
-LATENCY = 7.5e-3
+LATENCY = next(e.parameters[0].ordinary for e in CATALOGUE if e.delays == "pressures")
 """s. By how much a channel may be late or early against the angle, its tolerance: response time of a transducer or gyro (1 to 5 ms
 by data sheets), and the wait for its message on the bus."""
 _EFFECTS = "effects."

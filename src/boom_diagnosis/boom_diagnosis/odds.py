@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from boom_diagnosis.assumptions import MOST_CERTAIN, UNPROVED
 from boom_diagnosis.case import Case
 from boom_diagnosis.document import Estimate, Finding, HypothesisRow, RankingRow
-from boom_diagnosis.earning import clear, needed
+from boom_diagnosis.earning import clear, needed, numbers_of
 from boom_diagnosis.fitting import SLOW
 from boom_diagnosis.must_keep import told
 from boom_diagnosis.proof import label_of
-from boom_diagnosis.weighing import Weighed, estimates, probabilities
+from boom_diagnosis.weighing import Weighed, estimates, of_effect, probabilities
 from boom_model.catalogue import EFFECTS
 
 UNTOLD = 0.49
@@ -86,7 +86,7 @@ def _told(case: Case, effect: str) -> bool:
 def final_numbers(case: Case) -> dict[str, Estimate]:
     """All numbers of the effects that were taken, dotted names."""
     assert case.final is not None  # after a search that took something
-    return estimates(case.final, max(1.0, case.temperature / 3.0))
+    return numbers_of(case, case.final)
 
 
 def ranking(case: Case, odds: Odds, findings: Sequence[Finding]) -> list[RankingRow]:
@@ -114,11 +114,6 @@ def ranking(case: Case, odds: Odds, findings: Sequence[Finding]) -> list[Ranking
 def probability_of(odds: Odds, effect: str) -> float:
     """That the effect is what the first round looked for; zero for what free runs disproved."""
     return odds.effects[0].get(effect, 0.0) if odds.effects else 0.0
-
-
-def of_effect(numbers: Mapping[str, Estimate], effect: str) -> dict[str, Estimate]:
-    """Those of one effect, by their own names."""
-    return {name.split(".")[2]: e for name, e in numbers.items() if name.split(".")[1] == effect}
 
 
 def _inside(w: Weighed) -> bool:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from boom_checks.doubts import first_look
 from boom_checks.sampling import independent
 from boom_diagnosis import answer, weighed_answer
-from boom_diagnosis.bag_samples import prepare, told_apart
+from boom_diagnosis.bag_samples import prepare
 from boom_diagnosis.calibration import calibrate
 from boom_diagnosis.case import Case, case_of
 from boom_diagnosis.coordinates import all_coordinates
@@ -34,7 +34,7 @@ from boom_estimation.sensor_noise import with_measured_noise
 from boom_model.catalogue import EFFECTS
 from boom_model.learned import PLACES
 from boom_model.machine import Machine
-from boom_recording.recording import Recording
+from boom_recording.recording import Recording, told_apart
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -77,7 +77,8 @@ def diagnose(
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
-    recordings, held_out = told_apart(recordings, held_out)
+    named = told_apart([*recordings, *held_out])
+    recordings, held_out = named[: len(recordings)], named[len(recordings) :]
     machine = with_measured_noise(machine, recordings)
     about = About(seed, version, dict(inputs_sha256 or {}), command)
     progress("doubting the recordings", 0.0)

@@ -221,6 +221,11 @@ def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
     return result
 
 
+def of_effect(numbers: Mapping[str, Estimate], effect: str) -> dict[str, Estimate]:
+    """Those of one effect, by their own names."""
+    return {name.split(".")[2]: e for name, e in numbers.items() if name.split(".")[1] == effect}
+
+
 def _variances(fitted: Fitted, temperature: float, given: Collection[str] = ()) -> dict[str, float]:
     """Of the numbers of its effects, dotted names, but for those that are given: the larger of posterior's and scatter's."""
     count = len(fitted.point.z)

@@ -165,13 +165,13 @@ def told_apart(recordings: Sequence[Recording]) -> list[Recording]:
     for name in {n for n in names if names.count(n) > 1}:
         group = [k for k, own in enumerate(names) if own == name]
         places = [Path(os.path.abspath(recordings[k].path)).parent.parts for k in group]
-        for depth in range(1, max(map(len, places)) + 1):
+        longer, depth = [name] * len(group), 0
+        while len(set(longer)) < len(set(places)) and depth < max(map(len, places)):
+            depth += 1
             longer = [printable("/".join((*place[-depth:], name))) for place in places]
-            if len(set(longer)) == len(set(places)):
-                break
-        for k, own in zip(group, longer, strict=True):
-            number = names.count(own) + 1
-            names[k] = own if number == 1 else f"{own} ({number})"
+        for i, k in enumerate(group):
+            number = longer[: i + 1].count(longer[i])
+            names[k] = longer[i] if number == 1 else f"{longer[i]} ({number})"
     return [r if r.name == name else replace(r, name=name) for r, name in zip(recordings, names, strict=True)]
 
 
