@@ -31,8 +31,6 @@ FORGETTING = 12.0
 """1/s, of the high passes: slower, errors of the flow last longer than the delay."""
 NOISE, CORRELATED = 2.0e-4, 0.04
 """m and s: y is off by about so much, for so long at a time."""
-KNOWN = 4.0
-"""So many such times are what the noise is known from beforehand; the motion tells how large it is, Student's t."""
 GAIN, COMPLIANCE = 0.2, 0.5
 """Standard deviations of g and c about 1."""
 AS_TOLD, AS_FOUND, USUAL = 0.9, 0.99, 0.03
@@ -41,6 +39,9 @@ LEAST_SPEED = 0.03
 """m/s of Q: faster, the memory fades."""
 REMEMBERED = 6.0
 """s of motion, T."""
+KNOWN = REMEMBERED / CORRELATED
+"""nu: what is known of the noise beforehand counts as much as all that is remembered of the motion. Counting less, nu = 4, a clean
+recording that fits within a third of the noise drew conclusions from differences of a hundredth of it."""
 CANDIDATES = tuple(0.01 * k for k in range(-5, 11))
 """s, theta_i beyond what is told."""
 
