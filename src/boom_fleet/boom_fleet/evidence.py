@@ -2,8 +2,9 @@
 
 Recording r of a machine has the numbers z_r = theta + eta_r + sum_c delta_c g_c(t_r) d_c, with
 
-    theta ~ N(0, s^2)                 the machine's own numbers: s = 1 where they have a tolerance, ``form`` for an effect:
-                                      a healthy machine may seem to have one: its form is not the model's
+    theta ~ N(0, s^2)                 the machine's own numbers: s = 1 where they have a tolerance, ``form`` for an effect, as a
+                                      healthy machine may seem to have one: its form is not the model's; and beside it what
+                                      the catalogue says that a sound one has of it: a sensor's accuracy, a made part's
     eta_r ~ N(0, (wander s)^2)        what differs from day to day: temperature, work
     delta_c ~ N(0, 1), in its range   a change of the quantity d_c: a step (g = 0, then 1) or a ramp (g grows by 1 in a year)
 
@@ -24,7 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from math import log, sqrt
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -276,25 +277,34 @@ def log_likelihood(past: MachinePast) -> float:
 
 
 def posterior(
-    evidence: Sequence[Evidence], effects: Array, own: NDArray[np.bool_], form: float, wander: float,
-    directions: Sequence[Direction],
-) -> MachinePosterior:  # fmt: skip
-    """Of a machine of a fleet with this ``form`` and ``wander``; effects, own: as for :func:`spreads`."""
+    evidence: Sequence[Evidence], kinds: NumberKinds, form: float, wander: float, directions: Sequence[Direction]
+) -> MachinePosterior:
+    """Of a machine of a fleet with this ``form`` and ``wander``."""
     pasts = []
     for own_form in FORMS:
         prior = -0.5 * (log(own_form / form) / FORM_SPREAD) ** 2
-        pasts.append((prior, MachinePast(evidence, *spreads(effects, own, own_form, wander))))
+        pasts.append((prior, MachinePast(evidence, *spreads(kinds, own_form, wander))))
     return MachinePosterior(pasts, directions)
 
 
-def spreads(effects: Array, own: NDArray[np.bool_], form: float, wander: float) -> tuple[Array, Array]:
-    """``spread`` and ``wander`` (k,) of :class:`MachinePast`.
+class NumberKinds(NamedTuple):
+    """What the numbers of a machine are, each (k,).
 
-    effects: (k,) 0 for a number that is not an effect's, else how much more than ``form`` healthy machines seem to have of it.
-    own: (k,) which numbers are drawn anew for every recording.
+    Attributes:
+        effects: 0 for a number that is not an effect's, else how much more than ``form`` healthy machines seem to have of it.
+        own: which numbers are drawn anew for every recording.
+        sound: standard deviation of what a sound machine has of an effect by the catalogue.
     """
-    spread = np.where(effects > 0.0, form * effects, np.where(own, 1e-3, 1.0))
-    return spread, np.where(own, 1.0, wander * spread)
+
+    effects: Array
+    own: NDArray[np.bool_]
+    sound: Array
+
+
+def spreads(kinds: NumberKinds, form: float, wander: float) -> tuple[Array, Array]:
+    """``spread`` and ``wander`` (k,) of :class:`MachinePast`. What a sensor is off by does not differ from day to day."""
+    spread = np.where(kinds.effects > 0.0, form * kinds.effects, np.where(kinds.own, 1e-3, 1.0))
+    return np.hypot(spread, kinds.sound), np.where(kinds.own, 1.0, wander * spread)
 
 
 def _mass(direction: Direction, course: Array, mean: Array, deviation: Array) -> Array:

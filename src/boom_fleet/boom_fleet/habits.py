@@ -16,11 +16,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_fleet.evidence import FORMS, WANDERS, log_likelihood, spreads
+from boom_fleet.evidence import FORMS, WANDERS, NumberKinds, log_likelihood, spreads
 from boom_fleet.past import Evidence, MachinePast
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 UNKNOWN = (0.1, 0.2)
 """``form`` and ``wander`` of a fleet without two recordings of one machine."""
@@ -31,9 +30,9 @@ DRAWN_TO_ALL = 4.0
 _MEDIAN_CHI2 = 0.4549364231195724
 
 
-def apparent(evidence: Sequence[Evidence], effects: Flags, own: Flags) -> Array:
+def apparent(evidence: Sequence[Evidence], kinds: NumberKinds) -> Array:
     """(k,) z^2 + v of the numbers of a machine if nothing had changed."""
-    spread, wander = spreads(effects.astype(float), own, *WIDE)
+    spread, wander = spreads(kinds._replace(effects=np.sign(kinds.effects)), *WIDE)
     past = MachinePast(evidence, spread, wander)
     matrices, vectors = past.matrices(len(evidence))
     covariance = np.linalg.inv(np.diag(past.precision) + sum(matrices))
@@ -48,10 +47,10 @@ def profile(squares: Array) -> Array:
     return np.asarray(np.exp(share * (logs - logs.mean())))
 
 
-def likeliest(evidence: Sequence[Evidence], effects: Array, own: Flags) -> tuple[float, float]:
-    """``form`` and ``wander`` of a machine; effects: as for :func:`boom_fleet.evidence.spreads`."""
+def likeliest(evidence: Sequence[Evidence], kinds: NumberKinds) -> tuple[float, float]:
+    """``form`` and ``wander`` of a machine."""
     table = {
-        (form, wander): log_likelihood(MachinePast(evidence, *spreads(effects, own, form, wander)))
+        (form, wander): log_likelihood(MachinePast(evidence, *spreads(kinds, form, wander)))
         for form in FORMS for wander in WANDERS
     }  # fmt: skip
     return max(table, key=lambda pair: table[pair])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_fleet.evidence import Change, ChangeHistory, MachinePosterior, posterior
+from boom_fleet.evidence import Change, ChangeHistory, MachinePosterior, NumberKinds, posterior
 from boom_fleet.habits import apparent, likeliest, profile, usual
 from boom_fleet.numbers import TrackedQuantity
 from boom_fleet.past import Direction, Evidence
@@ -74,8 +74,10 @@ def judge(
     several = [f for f in frames.values() if len(f.evidence) > 1]
     found = _profile(several)
     for frame in frames.values():
-        frame.effects = np.array([found.get(n, float(k)) for n, k in zip(frame.names, frame.is_effect, strict=True)])
-    form, wander = usual([likeliest(f.evidence, f.effects, f.own) for f in several])
+        frame.kinds = frame.kinds._replace(
+            effects=np.array([found.get(n, k) for n, k in zip(frame.names, frame.kinds.effects, strict=True)])
+        )
+    form, wander = usual([likeliest(f.evidence, f.kinds) for f in several])
     threshold = false_alarms / max(1, len(frames))
     return {machine: frame.judged(machine, form, wander, threshold) for machine, frame in frames.items()}
 
@@ -84,8 +86,8 @@ def _profile(frames: Sequence[_Frame]) -> dict[str, float]:
     """Effect's number -> how much more of it healthy machines seem to have than of all on the mean; from machines that know it."""
     squares: dict[str, list[float]] = {}
     for frame in frames:
-        own = apparent(frame.evidence, frame.is_effect, frame.own)
-        for name, square, is_effect in zip(frame.names, own, frame.is_effect, strict=True):
+        own = apparent(frame.evidence, frame.kinds)
+        for name, square, is_effect in zip(frame.names, own, frame.kinds.effects, strict=True):
             if is_effect:
                 squares.setdefault(name, []).append(float(square))
     known = [name for name, rows in squares.items() if len(rows) == len(frames)]
@@ -112,9 +114,12 @@ class _Frame:
         self.quantities = {q.id: q for q in quantities}
         self.names = tuple(dict.fromkeys(name for k in self.kept for name in k.names))
         self.evidence = [self._evidence(k) for k in self.kept]
-        self.is_effect = np.array([name.startswith("effects.") for name in self.names])
-        self.effects = self.is_effect.astype(float)
-        self.own = np.array([name == "pose.load" for name in self.names])
+        sound = {name: q.sound for q in quantities for name, _ in q.direction}
+        self.kinds = NumberKinds(
+            effects=np.array([float(name.startswith("effects.")) for name in self.names]),
+            own=np.array([name == "pose.load" for name in self.names]),
+            sound=np.array([sound.get(name, 0.0) for name in self.names]),
+        )
 
     def _evidence(self, kept: Kept) -> Evidence:
         at = [self.names.index(name) for name in kept.names]
@@ -130,7 +135,7 @@ class _Frame:
 
     def judged(self, machine: str, form: float, wander: float, threshold: float) -> Judgement:
         directions = {q.id: self._direction(q) for q in self.quantities.values()}
-        past = posterior(self.evidence, self.effects, self.own, form, wander, tuple(directions.values()))
+        past = posterior(self.evidence, self.kinds, form, wander, tuple(directions.values()))
         histories = confirmed([past.history(k + 1, threshold) for k in range(len(self.kept))])
         known = [0, *(len(h.changes) for h in histories)]
         raised = tuple(k.key for k, was, now in zip(self.kept, known[:-1], known[1:], strict=True) if now > was)

@@ -43,6 +43,7 @@ class TrackedQuantity:
         unit: of its size. scale: size of one unit of z [unit]. neutral: value of the size at z = 0.
         direction: (name, share) of the numbers that it moves.
         low, high: plausible range of z.
+        sound: standard deviation, in z, of what a sound machine has of it by the catalogue: a sensor's accuracy, a made part's.
     """
 
     name: str
@@ -54,6 +55,7 @@ class TrackedQuantity:
     direction: tuple[tuple[str, float], ...]
     low: float
     high: float
+    sound: float = 0.0
 
     @property
     def id(self) -> str:
@@ -111,7 +113,18 @@ def numbers_of(machine: Machine, pose: Pose, plant: Plant) -> Numbers:
         unknowns.append(Unknown(name, s.unit, at, s.scale, row.minimum, row.maximum))
         part = s.parameter if parts.count(s.effect) > 1 else ""
         quantities.append(
-            TrackedQuantity(s.effect, part, s.subsystem, s.unit, s.scale, row.neutral, ((name, 1.0),), s.low, s.high)
+            TrackedQuantity(
+                s.effect,
+                part,
+                s.subsystem,
+                s.unit,
+                s.scale,
+                row.neutral,
+                ((name, 1.0),),
+                s.low,
+                s.high,
+                sound=row.accuracy / 2.0 / s.scale,
+            )
         )
     own = np.array([u.name == _OWN for u in unknowns])
     return Numbers(present(machine), tuple(unknowns), tolerated, own, tuple(quantities))

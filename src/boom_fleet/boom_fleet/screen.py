@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from boom_estimation.design import knowledge, sharpens
 from boom_estimation.experiment import PreparedRecording, prepare
 from boom_estimation.problem import EstimationProblem
-from boom_fleet.evidence import spreads
+from boom_fleet.evidence import NumberKinds, spreads
 from boom_fleet.habits import UNKNOWN
 from boom_fleet.numbers import Numbers, numbers_of, present
 from boom_model.catalogue import EFFECTS, accumulator_precharge
@@ -143,7 +143,7 @@ def screened(recording: Recording, machine: Machine, at: Mapping[str, float]) ->
         expanded = one.expanded(np.array([at.get(name, 0.0) for name in one.numbers.names]))
         total, before = expanded if total is None else _joined(total, expanded), known
         effects = (np.arange(len(total.names)) >= one.numbers.tolerated).astype(np.float64)
-        spread, _ = spreads(effects, one.numbers.own, *UNKNOWN)
+        spread, _ = spreads(NumberKinds(effects, one.numbers.own, 0.0 * effects), *UNKNOWN)
         known = knowledge(spread[:, None] * total.matrix * spread)
         if before and not sharpens(before, known, len(total.names)):
             break

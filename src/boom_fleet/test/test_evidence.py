@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from boom_fleet.evidence import YEAR, posterior, spreads
+from boom_fleet.evidence import YEAR, NumberKinds, posterior, spreads
 from boom_fleet.habits import likeliest, profile, usual
 from boom_fleet.past import Direction, Evidence
 
-EFFECTS = np.array([False, False, True])
-OWN = np.zeros(3, dtype=bool)
+KINDS = NumberKinds(np.array([0.0, 0.0, 1.0]), np.zeros(3, dtype=bool), np.zeros(3))
 LEAK = Direction("leak", np.array([0.0, 0.0, 1.0]), 0.0, 2.0)
 WEAR = Direction("wear", np.array([1.0, 0.0, 0.0]), -2.0, 2.0)
 FORM, WANDER = 0.03, 0.1
@@ -20,7 +19,7 @@ THRESHOLD = 0.05 / MACHINES
 
 def recordings(rng, leak, count=12, form=FORM):
     """A machine at its own place in the tolerance; ``leak``: size in each recording."""
-    spread, wander = spreads(EFFECTS, OWN, form, WANDER)
+    spread, wander = spreads(KINDS, form, WANDER)
     own = spread * rng.standard_normal(3)
     result = []
     for k in range(count):
@@ -32,7 +31,7 @@ def recordings(rng, leak, count=12, form=FORM):
 
 
 def past(evidence):
-    return posterior(evidence, EFFECTS, OWN, FORM, WANDER, (LEAK, WEAR))
+    return posterior(evidence, KINDS, FORM, WANDER, (LEAK, WEAR))
 
 
 def first_raised(evidence):
@@ -51,6 +50,19 @@ def test_healthy_machines_that_the_form_of_the_model_fits_worse_than_the_rest_ar
     rng = np.random.default_rng(7)
 
     assert [first_raised(recordings(rng, lambda share: 0.0, 4, 4.0 * FORM)) for _ in range(8)] == [None] * 8
+
+
+def test_a_sensor_that_is_off_by_its_accuracy_from_the_beginning_is_not_raised_and_one_that_jumps_is():
+    rng = np.random.default_rng(9)
+    accurate = KINDS._replace(sound=np.array([0.0, 0.0, 0.3]))
+    off = [recordings(rng, lambda share: 0.6, 6) for _ in range(4)]
+    jump = recordings(rng, lambda share: 0.6 + 0.5 * (share >= 0.5), 6)
+
+    def raised(evidence, kinds):
+        return bool(posterior(evidence, kinds, FORM, WANDER, (LEAK, WEAR)).history(6, THRESHOLD).changes)
+
+    assert [raised(evidence, KINDS) for evidence in off] == [True] * 4
+    assert [raised(evidence, accurate) for evidence in [*off, jump]] == [False] * 4 + [True]
 
 
 def test_a_step_is_raised_at_once_and_dated_to_the_interval_in_which_it_came():
@@ -95,7 +107,7 @@ def test_a_level_is_counted_from_the_first_recording_and_has_an_interval():
 
 def test_the_habits_of_a_fleet_are_found_from_its_machines():
     rng = np.random.default_rng(6)
-    form, wander = usual([likeliest(recordings(rng, lambda share: 0.0), EFFECTS, OWN) for _ in range(12)])
+    form, wander = usual([likeliest(recordings(rng, lambda share: 0.0), KINDS) for _ in range(12)])
 
     assert FORM / 3 < form < 3 * FORM and WANDER / 2 < wander < 2 * WANDER
 
