@@ -128,6 +128,11 @@ class WatchModel:
             }
             if changes:
                 result.append((key, changes))
+        for effect in (EFFECTS[name] for name in switched_on(machine) if name not in machine.effects):
+            accurate = [row for row in effect.parameters if row.accuracy]
+            result += [
+                (f"{effect.id}.{row.name}", {f"effects.{effect.id}.{row.name}": row.accuracy}) for row in accurate
+            ]
         masses = {name: TOLERANCES["medium"] * pose.values()[name] for name in ("pose.D0", "pose.Sx", "pose.Sy")}
         load = {"pose.load": max(LOAD_TOLERANCE, LOAD_SHARE * pose.load)}
         return [*result, ("masses of the boom", masses), ("load", load)]

@@ -30,7 +30,9 @@ Array = NDArray[np.float64]
 PERIOD = 0.01
 CURRENTS = tuple(channel.name for channel in channels.CURRENTS)
 CHANNELS = (*OUTPUTS, *CURRENTS)
-"""All that a watch needs."""
+"""All that a watch uses."""
+NEEDED = ("angle", *CURRENTS)
+"""Without the others it watches what can be watched."""
 _JUDGED_EVERY = 0.1  # s
 _SETTLING = 2.0  # s after a start, in which the guess of the initial state still shows: they count for nothing
 _GATHERING = 0.5  # s behind that, until there is enough for a score
@@ -46,6 +48,7 @@ _NAMED_AFTER = (
 _KEPT = 400  # periods that are kept for that
 _LONGEST_SILENCE = 0.5  # s without a sensor, after which the state is guessed anew
 _START = 0.1  # s of samples from which a start is made
+_ABSENT = 5.0  # s of the others, after which a channel that never came is not there
 _PRIOR = 0.2  # information on a suspect's size before anything was measured: two of its units
 _BUFFER = 1000  # samples of a channel that are kept at most
 _EARLIER = 1e-9
@@ -88,7 +91,10 @@ class Alarm:
 
 @dataclass(frozen=True)
 class Status:
-    """Present status: whether the watch is active (``watching``), time [s], score, and the alarm, if any."""
+    """Present status: whether the watch is active (``watching``), time [s], score, and the alarm, if any.
+
+    absent: channels that the machine does not have.
+    """
 
     watching: bool
     time: float
@@ -96,6 +102,7 @@ class Status:
     alarm: Alarm | None
     alarms: int
     waits_for: str = ""
+    absent: tuple[str, ...] = ()
 
 
 @dataclass
@@ -137,12 +144,15 @@ class Watch:
         self._alarm: Alarm | None = None
         self._alarms = 0
         self._newest = -math.inf
+        self._since = math.nan
+        self._absent: tuple[str, ...] = ()
 
     def add(self, channel: str, time: float, value: float) -> bool:
         """One valid sample: channel of ``OUTPUTS`` or ``CURRENTS``, its stamp [s], its value [SI, gauge].
 
         Samples of one channel come in the order of their stamps, and of a sensor before the watch has passed their time; one
-        that does not, or is not a number, is left out: False.
+        that does not, or is not a number, is left out: False. With the first sample of a channel that was thought absent the
+        watch starts anew.
         """
         passed = self._last[channel]
         if self._filter is not None and channel in OUTPUTS:
@@ -152,6 +162,9 @@ class Watch:
         self._samples[channel].append((time, value))
         self._last[channel] = time
         self._newest = max(self._newest, time)
+        if channel in self._absent:
+            self._absent = tuple(name for name in self._absent if name != channel)
+            self._lose(time)
         return True
 
     def advance(self) -> Status:
@@ -168,31 +181,31 @@ class Watch:
         """The present status."""
         time = self._filter.time if self._filter is not None else self._newest
         watching = self._filter is not None and self._filter.time >= self._from + _GATHERING
-        missing = "" if self._filter is not None else ", ".join(n for n, s in self._samples.items() if not s)
+        missing = "" if self._filter is not None else ", ".join(self._awaited())
         if self._too_seldom:
             missing = "the currents at least every 30 ms: they may change unseen between those that come"
-        return Status(watching, time, self._score, self._alarm, self._alarms, missing)
+        return Status(watching, time, self._score, self._alarm, self._alarms, missing, self._absent)
 
     # ---------------------------------------------------------------------------------------------------------- running
 
+    def _awaited(self) -> list[str]:
+        """Channels without a sample that may still come."""
+        return [name for name, samples in self._samples.items() if not samples and name not in self._absent]
+
     def _start(self, until: float) -> None:
-        """A new filter from the first stretch in which all channels were measured."""
-        if any(not samples for samples in self._samples.values()):
+        """A new filter from the first stretch in which all channels that are there were measured."""
+        if not self._all_there(until):
             return
-        begin = max(samples[0][0] for samples in self._samples.values())
+        begin = max(samples[0][0] for samples in self._samples.values() if samples)
         for samples in self._samples.values():
             while len(samples) > 1 and samples[1][0] <= begin:
                 samples.popleft()
         end = begin + _START
         if end > until or self._currents_too_seldom():
             return
-        means = {}
-        for name in OUTPUTS:
-            values = [v for t, v in self._samples[name] if t <= end]
-            if not values:
-                self._samples[name].clear()
-                return
-            means[name] = float(np.mean(values))
+        means = self._means(end)
+        if means is None:
+            return
         current = self._acting(end)
         plant = self._model.plant
         moving = abs(means["rate"]) > RESTING_RATE or max(current[-1][1:]) > CLOSED_CURRENT
@@ -208,6 +221,31 @@ class Watch:
         self._heard = end
         for name in OUTPUTS:
             self._drop(name, end)
+
+    def _all_there(self, until: float) -> bool:
+        """Whether every channel has samples; one that did not come for ``_ABSENT`` while others did is not there."""
+        awaited = self._awaited()
+        if any(name in NEEDED for name in awaited):
+            return False
+        if math.isnan(self._since):
+            self._since = self._newest
+        if awaited and until < self._since + _ABSENT:
+            return False
+        self._absent += tuple(awaited)
+        return True
+
+    def _means(self, end: float) -> dict[str, float] | None:
+        """Of the sensors until ``end`` [s], NaN of those that are not there; None where one has no sample that early."""
+        means = dict.fromkeys(OUTPUTS, math.nan)
+        for name in (name for name in OUTPUTS if name not in self._absent):
+            values = [v for t, v in self._samples[name] if t <= end]
+            if not values:
+                self._samples[name].clear()
+                return None
+            means[name] = float(np.mean(values))
+        if "rate" in self._absent:
+            means["rate"] = _slope([(t, v) for t, v in self._samples["angle"] if t <= end])
+        return means
 
     def _currents_too_seldom(self) -> bool:
         """Whether they may change unseen between two samples, which would look like physics; sets the length of a gap, too."""
@@ -272,9 +310,8 @@ class Watch:
         self._score = math.nan
         for name in CHANNELS:
             self._drop(name, now)
-        if not all(self._samples.values()):
-            return
-        self._start(self._newest - self.settings.delay)
+        if not self._awaited():
+            self._start(self._newest - self.settings.delay)
 
     # ---------------------------------------------------------------------------------------------------------- judging
 
@@ -341,6 +378,14 @@ def judged(info: Information, suspects: Sequence[Suspect]) -> tuple[float, Array
     stiffness = np.diag(a[s, s]) - np.einsum("ij,ji->i", a[s, t], solved[:, 1:]) + _PRIOR
     size = np.clip(rest / stiffness, [x.low for x in suspects], [x.high for x in suspects])
     return score, size * (2.0 * rest - size * stiffness), size
+
+
+def _slope(samples: Sequence[tuple[float, float]]) -> float:
+    """Of (time, value) by a straight line; 0 of fewer than three."""
+    if len(samples) < 3:
+        return 0.0
+    time, value = np.array(samples).T
+    return float(np.polyfit(time, value, 1)[0])
 
 
 def _held(samples: deque[tuple[float, float]], time: float) -> float:

@@ -139,8 +139,9 @@ class WatchNode(Node):
         if self._values.joint_name not in message.name:
             return
         k = list(message.name).index(self._values.joint_name)
-        if k < len(message.position) and k < len(message.velocity):
-            self._add(message.header.stamp, angle=message.position[k], rate=message.velocity[k])
+        if k < len(message.position):
+            rate = {"rate": message.velocity[k]} if k < len(message.velocity) else {}  # none: no gyro
+            self._add(message.header.stamp, angle=message.position[k], **rate)
 
     def _on_pressure(self, name: str, message: FluidPressure) -> None:
         self._add(message.header.stamp, **{name: message.fluid_pressure})
@@ -222,7 +223,10 @@ class WatchNode(Node):
     def _look_for_silence(self) -> None:
         """Say once that samples stay away, and that they are back: without them nothing is watched."""
         now = time.monotonic()
-        silent = words.silence([name for name, heard in self._heard.items() if heard.missing(now)])
+        absent = self._watch.status.absent if self._watch is not None else ()
+        silent = words.silence(
+            [name for name, heard in self._heard.items() if name not in absent and heard.missing(now)]
+        )
         if silent != self._silent:
             if silent:
                 self.get_logger().warning(silent)

@@ -36,7 +36,10 @@ def message(status: Status, silent: str = "") -> str:
         return f"waits for samples of {status.waits_for}"
     if silent:
         return silent
-    return "within the tolerance of the model" if status.watching else "starts: finds the state of the machine"
+    without = f" (without {', '.join(status.absent)})" if status.absent else ""
+    return (
+        f"within the tolerance of the model{without}" if status.watching else "starts: finds the state of the machine"
+    )
 
 
 def values(status: Status) -> dict[str, object]:

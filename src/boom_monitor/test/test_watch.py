@@ -138,14 +138,45 @@ def test_a_pump_that_delivers_less_is_seen_where_the_valve_asks_for_more(stroke,
     assert (change < -1e6) == seen  # Pa/s
 
 
+def without(recording: Recording, name: str, until: float = math.inf) -> Recording:
+    """The recording with nothing on a channel before ``until`` [s]."""
+    signal = recording.signals[name]
+    recording.signals[name] = dataclasses.replace(signal, valid=signal.valid & (signal.time >= until))
+    return recording
+
+
 def test_it_waits_until_every_channel_has_brought_samples():
-    recording = simulated(3.0, np.zeros((300, 2)))
-    signal = recording.signals["rod_pressure"]
-    recording.signals["rod_pressure"] = dataclasses.replace(signal, valid=np.zeros(300, bool))
-    watch, said = watched(recording)
+    watch, said = watched(without(simulated(3.0, np.zeros((300, 2))), "rod_pressure"))
     assert not any(s.watching for s in said)
     assert watch.status.waits_for == "rod_pressure"
     assert message(watch.status) == "waits for samples of rod_pressure"
+
+
+@pytest.mark.parametrize("name", ["rate", "rod_pressure", "hose_pressure"])
+def test_a_machine_without_a_sensor_is_watched_without_it(name):
+    watch, said = watched(without(load(BAGS / "healthy" / "extended"), name), until=40.0)
+    assert said[-1].watching and said[-1].alarms == 0
+    assert message(watch.status) == f"within the tolerance of the model (without {name})"
+
+
+def test_a_sensor_that_comes_late_is_used_from_then_on():
+    _, said = watched(without(load(BAGS / "healthy" / "extended"), "rate", 20.0), until=30.0)
+    assert [s.absent for s in said if s.time == pytest.approx(15.0, abs=0.2)] == [("rate",)] * 2
+    assert said[-1].watching and said[-1].alarms == 0 and said[-1].absent == ()
+
+
+def test_what_is_hidden_from_a_machine_without_gyro_is_told():
+    _, said = watched(without(load(BAGS / "explained" / "payload_change_a"), "rate"))
+    alarms = [s.alarm for s in said if s.alarm is not None]
+    assert alarms and alarms[-1].subsystem == "load"
+
+
+def test_a_pressure_sensor_that_is_off_by_its_accuracy_raises_no_alarm():
+    recording = load(BAGS / "healthy" / "extended_log")
+    signal = recording.signals["rod_pressure"]
+    recording.signals["rod_pressure"] = dataclasses.replace(signal, values=signal.values - 0.9e5)
+    _, said = watched(recording, until=60.0)
+    assert said[-1].watching and said[-1].alarms == 0
 
 
 def test_samples_that_are_no_numbers_or_out_of_order_are_left_out():

@@ -13,9 +13,11 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
 
+from boom_input.channels import BY_NAME
 from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_node import qos
 from boom_node.stamps import to_ns
@@ -35,6 +37,7 @@ class Partner:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.said: list[Any] = []
+        self.sent = 0
         self.ticks: list[int] = []
         topic = "/boom/current_command"
         self.commands = self.node.create_publisher(SolenoidCurrents, topic, qos.BY_TOPIC[topic])
@@ -141,6 +144,31 @@ def test_a_machine_that_falls_silent_is_told_and_not_called_within_its_tolerance
     assert partner.said[-1].level == WARN
 
 
+def test_a_boom_without_gyro_is_watched_by_its_angle_and_pressures(partner: Partner, start: Any) -> None:
+    start("boom_monitor.watch_node", "machine:=tz17", "own_configuration:=true", "outer_boom_angle:=0.19")
+    topics = {"/joint_states": JointState, "/boom/hose_pressure": FluidPressure, "/boom/rod_pressure": FluidPressure,
+              "/boom/solenoid_currents": SolenoidCurrents}  # fmt: skip
+    publishers = {topic: partner.node.create_publisher(kind, topic, 10) for topic, kind in topics.items()}
+    partner.until(lambda: all(p.get_subscription_count() for p in publishers.values()))
+    hose, rod = (c.wire_offset for c in (BY_NAME["hose_pressure"], BY_NAME["rod_pressure"]))
+
+    def watched() -> bool:
+        """A boom at rest whose velocity nobody measures, 50 samples at a time."""
+        for _ in range(50):
+            stamp = Time(nanoseconds=partner.sent * 10_000_000).to_msg()
+            partner.sent += 1
+            messages = (
+                JointState(name=["inner_boom_joint"], position=[0.3]), FluidPressure(fluid_pressure=hose + 9.0e6),
+                FluidPressure(fluid_pressure=rod + 1.0e6), SolenoidCurrents(),
+            )  # fmt: skip
+            for publisher, message in zip(publishers.values(), messages, strict=True):
+                message.header.stamp = stamp
+                publisher.publish(message)
+        return any(s.message == "within the tolerance of the model (without rate)" for s in partner.said)
+
+    partner.until(watched)
+
+
 def test_while_two_publish_a_sensor_the_watch_says_so_and_judges_nothing(partner: Partner, start: Any) -> None:
     start("boom_monitor.watch_node", "delay:=0.05")
     start("boom_sim.simulation_node", "mode:=lockstep", "initial_angle:=0.4", "shared_topics:=/boom/rod_pressure")
@@ -194,7 +222,7 @@ def test_a_stamp_that_jumps_back_is_told(partner: Partner, start: Any) -> None:
         "boom_monitor.watch_node", "machine:=tz17", "own_configuration:=true", "shared_topics:=/boom/rod_pressure"
     )
     pressures = partner.node.create_publisher(FluidPressure, "/boom/rod_pressure", qos.SENSOR_DATA)
-    partner.until(pressures.get_subscription_count)
+    partner.until(lambda: pressures.get_subscription_count() and partner.said)  # each has found the other
     for seconds in (101, 100):
         pressure = FluidPressure(fluid_pressure=1.0e6)
         pressure.header.stamp.sec = seconds

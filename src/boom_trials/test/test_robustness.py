@@ -56,7 +56,9 @@ def test_improved_follows_in_every_pose_nominal_and_loaded(bag: str) -> None:
 
 
 def test_a_slow_boom_of_which_all_is_told_is_followed_as_if_no_dead_time_were_looked_for() -> None:
-    assert short("improved", "healthy/folded_slow", CONFIGURATIONS["C0"], 0.0).mae < 0.08e-3  # 0.115e-3 by noise in place of delay
+    assert (
+        short("improved", "healthy/folded_slow", CONFIGURATIONS["C0"], 0.0).mae < 0.08e-3
+    )  # 0.115e-3 by noise in place of delay
 
 
 def test_baseline_does_not_diverge_where_the_thesis_does() -> None:
