@@ -66,6 +66,12 @@ def offset(
     middle = max(tried, key=tried.__getitem__)
     inner = abs(middle) < reach  # the largest value at an end is no maximum: something else drifts
     tried |= {shift: score(shift) for shift in range(middle - COARSE, middle + COARSE + 1, FINE)}
+    if (
+        not within[0] <= middle * PERIOD <= within[1]
+    ):  # of a boom that hunts every half period fits; coarse steps may miss the best
+        tried |= {
+            shift: score(shift) for shift in range(round(within[0] / PERIOD), round(within[1] / PERIOD) + 1, FINE)
+        }
     best = max(tried, key=tried.__getitem__)
     inside = [shift for shift, value in tried.items() if value > tried[best] - DROP_90]
     low, high = within

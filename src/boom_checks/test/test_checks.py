@@ -8,13 +8,13 @@ import pytest
 from recording_faults import FAULTS, changed, late
 
 from boom_checks.check import RecordingCheck
-from boom_checks.clocks import clock_checks
+from boom_checks.clocks import CHANGING, clock_checks, offset
 from boom_checks.commands import chatter_checks
 from boom_checks.doubts import checks
 from boom_checks.even_series import even_series
 from boom_checks.mechanics import mechanics
 from boom_checks.readings import reading_checks
-from boom_checks.relations import force, response
+from boom_checks.relations import changes, force, response
 from boom_checks.sampling import sampling_checks
 from boom_model.machine_file import load_machine
 from boom_recording import writing
@@ -122,6 +122,22 @@ def test_behind_a_valve_that_holds_the_load_a_clock_is_told_by_when_pressures_ch
     holding = replace(mechanics(TZ17, recording), holds=True)
     found = clock_checks(even_series(recording), holding)
     assert [check.measure.value for check in found] == ([pytest.approx(offset, abs=0.1)] if offset else [])
+
+
+@pytest.mark.parametrize("frequency", [1.25, 1.6, 2.4])
+def test_a_boom_that_hunts_behind_such_a_valve_has_no_other_clock(frequency: float) -> None:
+    recording = load(BAGS / "healthy" / "extended")
+    series = even_series(recording)
+
+    def hunting(late: float) -> np.ndarray:
+        t = series.time - late
+        return np.sin(2.0 * np.pi * frequency * t) * np.exp(-(((t - 25.0) / 4.0) ** 2))
+
+    pressures = {name: 5e6 + 2e6 * hunting(0.05) for name in ("hose_pressure", "rod_pressure")}
+    swinging = series.with_columns({"rate": 0.1 * hunting(0.0), **pressures})
+    measure, odds = offset(swinging, mechanics(TZ17, recording), tuple(pressures), changes, CHANGING)
+    assert odds == 0.0
+    assert measure.value == pytest.approx(0.05, abs=0.02)
 
 
 def test_repeated_samples_are_told_with_the_time_between_new_ones() -> None:
