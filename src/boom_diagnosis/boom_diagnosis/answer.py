@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 from typing import TYPE_CHECKING
 
@@ -31,7 +31,7 @@ from boom_diagnosis.freerun import median
 from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import links, locate
-from boom_diagnosis.must_keep import far_channels, kept, worse_channels, worse_on_the_whole
+from boom_diagnosis.must_keep import far_channels, kept, unknown_by_free_runs, worse_channels, worse_on_the_whole
 from boom_diagnosis.nuisances import CLOCKS
 from boom_diagnosis.odds import (
     UNTOLD,
@@ -105,9 +105,11 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     driven = held_out(dict(zip(stages, done, strict=True)), spans)
     if case.taken and worse_on_the_whole(driven):
         unknown = max(unknown, 1.0 - UNTOLD)
+    floor = median(floors)
+    if stages:
+        unknown = unknown_by_free_runs(unknown, driven[[*stages][-1]], floor)
     if unknown > UNTOLD and as_noise_lets_it(done[-1], floors, spans):
         unknown = UNTOLD
-    floor = median(floors)
     unproved_by = worse_channels(driven, floor) or far_channels(driven, floor, FAR_FROM_FLOOR) if case.taken else []
     odds = odds_of(case, unknown, proved=not unproved_by)
     cells = [regimes.classify(bag) for bag in case.bags]
@@ -138,7 +140,12 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         findings = [_unknown_finding(case, odds, cells, tight, rest_equations, plain, fit), *findings]
     if verdict == "no_mismatch":
         agreement = "No equation needs an unknown input: what remains is noise."
-    moved = _moved(case, case.last) if verdict == "parameters_only" or case.taken else {}
+    moved = _moved(case, case.last) if verdict == "parameters_only" or case.taken or case.wrong else {}
+    if case.wrong:
+        moved = {case.wrong: moved[case.wrong], **moved}
+        ranked = [
+            replace(r, parameters={case.wrong: moved[case.wrong]}) if r.kind == "parameters" else r for r in ranked
+        ]
     known = any(copy is not bag for copy, bag in zip(case.healthy, case.bags, strict=True))
     verdict, findings, unproved = kept(verdict, findings, fit, known)
     experiment = (
@@ -162,10 +169,10 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         regimes.table(cells, case.select, tight.nominal, explained, case.healthy_squares), equations, agreement, proof.ladder,
         (learned.curve,) if learned else (), left_over, moved, experiment,
         (
-            *unproved, *_said_of_limits(case, moved), *_said_of_less(case, machine), *proof.notes,
+            *_said_of_wrong(case, moved), *unproved, *_said_of_limits(case, moved), *_said_of_less(case, machine), *proof.notes,
             *notes_of(case.bags, case.proving, weak),
         ),
-        command=about.command,
+        command=about.command, wrong=case.wrong,
     )  # fmt: skip
 
 
@@ -394,6 +401,17 @@ def _said_of_limits(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
     ]
 
 
+def _said_of_wrong(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
+    """That a number of the machine file is wrong."""
+    if not case.wrong:
+        return []
+    found, given = moved[case.wrong], case.machine.values(case.pose)[case.wrong]
+    return [
+        f"{case.wrong} is wrong in the machine file: {found.value:.3g} {found.unit} by the recordings, {given:.3g} {found.unit} in the "
+        "file, far outside its tolerance: look it up"
+    ]
+
+
 def _said_of_less(case: Case, machine: Machine) -> list[str]:
     """Effects of which the machine that is handed out has less than was found: no file can hold them."""
     less = []
@@ -410,11 +428,11 @@ def _said_of_less(case: Case, machine: Machine) -> list[str]:
 
 def _moved(case: Case, point: Point) -> dict[str, Estimate]:
     jacobian = case.taken[-1].fitted.jacobian if case.taken else case.rounds[0].jacobian
-    return moved_tolerances(case, point, np.sqrt(np.diag(posterior(point, jacobian, len(point.z)))))
+    return moved_tolerances(case, point, np.sqrt(np.diag(posterior(point, jacobian, len(point.z)))), case.wrong)
 
 
-def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array) -> dict[str, Estimate]:
-    """Tolerances that the recordings moved; deviations: of z."""
+def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array, wrong: str = "") -> dict[str, Estimate]:
+    """Tolerances that the recordings moved, and what is ``wrong`` in the machine file; deviations: of z."""
     numbers, nominal = case.values(point.z, {}), case.machine.values(case.pose)
     units = {c: p.specification.unit for p in case.machine.parameters.values() for c in p.specification.components}
     units |= {f"effects.{effect.id}.{row.name}": row.unit for effect in CATALOGUE for row in effect.parameters}
@@ -422,12 +440,17 @@ def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array) 
     result = {}
     for i in np.argsort(-np.abs(point.z)):  # what moved most comes first
         nuisance = case.nuisances[i]
-        if abs(point.z[i]) < MOVED or nuisance.name not in numbers or nuisance.name.startswith("pose."):
+        told = nuisance.name == wrong
+        if (
+            not told and (abs(point.z[i]) < MOVED or nuisance.name.startswith("pose."))
+        ) or nuisance.name not in numbers:
             continue
         value = numbers[nuisance.name]
         spread = Z90 * float(deviations[i]) * nuisance.deviation(nominal.get(nuisance.name, 0.0), float(point.z[i]))
         unit = units.get(nuisance.name, "-")
-        result[nuisance.label or nuisance.name] = Estimate(value, unit, (value - spread, value + spread))
+        result[nuisance.name if told else nuisance.label or nuisance.name] = Estimate(
+            value, unit, (value - spread, value + spread)
+        )
     return result
 
 

@@ -18,6 +18,7 @@ from boom_diagnosis.nuisances import Nuisance, clock, clocks, of_pose, tolerance
 from boom_diagnosis.onset import moments
 from boom_diagnosis.recent import Recent
 from boom_diagnosis.search import Fitted
+from boom_diagnosis.sizes import MachineSize, size_of
 from boom_diagnosis.weighing import COLDEST, Weighed
 from boom_estimation.free_run import plant_for
 from boom_model.catalogue import EFFECTS
@@ -52,6 +53,7 @@ class Case:
         final: all effects at the point that the machine file gets, with all derivatives taken there.
         learned: a term that is plain to see and explains far more than any effect.
         own: numbers that are those of the recordings held out, by dotted name; see ``onset.own``.
+        wrong: number of the machine file of which nothing is taken for known (``wrong_number``); else empty.
     """
 
     machine: Machine
@@ -79,12 +81,18 @@ class Case:
     learned: Learned | None = None
     temperature: float = COLDEST
     own: dict[str, float] = field(default_factory=dict)
+    wrong: str = ""
     _own_moments: Recent[Array] = field(default_factory=lambda: Recent(POINTS), repr=False)
 
     def with_bags(self, bags: list[Bag], proving: list[Bag]) -> Case:
         """The case from its beginning, with the recordings prepared otherwise."""
         parts = self.select, self.training, self.judged, self.nuisances, self.seed, self.others, self.elsewhere
         return Case(self.machine, self.pose, bags, proving, *parts)
+
+    def with_nuisances(self, nuisances: tuple[Nuisance, ...], wrong: str) -> Case:
+        """The case from its beginning, with the number ``wrong`` of the machine file free."""
+        parts = self.select, self.training, self.judged, nuisances, self.seed, self.others, self.elsewhere
+        return Case(self.machine, self.pose, self.bags, self.proving, *parts, wrong=wrong)
 
     def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
         """Components of the parameter vector."""
@@ -150,6 +158,11 @@ class Case:
         """What a term is learnt from."""
         looseness = self.rounds[0].problem.predictor.looseness
         return Setting(self.machine, self.bags, self.training, self.judged, self.nuisances, self.proving, looseness)
+
+    @cached_property
+    def size(self) -> MachineSize:
+        """With which the catalogue's ranges go."""
+        return size_of(self.machine)
 
     @property
     def last(self) -> Point:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from math import log
 
+from boom_diagnosis.sizes import THESIS, MachineSize, sized
 from boom_model.catalogue import EFFECTS, Effect, EffectParameter
 
 STEP, FACTOR_STEP = 1.5e-3, 3e-3
@@ -62,9 +63,10 @@ class Coordinate:
 _SHARE = 0.35
 
 
-def coordinates(effect: Effect) -> tuple[Coordinate, ...]:
-    """The numbers of an effect, each once."""
-    return tuple(_coordinate(effect, row) for row in effect.parameters)
+def coordinates(effect: Effect, size: MachineSize = THESIS) -> tuple[Coordinate, ...]:
+    """The numbers of an effect in a machine of this size, each once."""
+    own = sized(effect, size)
+    return tuple(_coordinate(own, row) for row in own.parameters)
 
 
 def _coordinate(effect: Effect, row: EffectParameter) -> Coordinate:
@@ -86,8 +88,9 @@ def _coordinate(effect: Effect, row: EffectParameter) -> Coordinate:
     )
 
 
-def starts(effect: Effect, lasting: float) -> list[dict[str, float]]:
+def starts(effect: Effect, lasting: float, size: MachineSize = THESIS) -> list[dict[str, float]]:
     """Values from which an effect is tried: one dictionary a run. ``lasting``: duration of the recording [s]."""
+    effect = sized(effect, size)
     first = effect.parameters[0]
     if effect.points:
         names = [f"effects.{effect.id}.{row.name}" for row in effect.parameters]
@@ -116,6 +119,6 @@ def has_valleys(effect: Effect) -> bool:
     return bool(effect.points) or (sum(bool(row.starts) for row in effect.parameters) > 1 and not effect.onset)
 
 
-def all_coordinates(effects: Iterable[str]) -> tuple[Coordinate, ...]:
+def all_coordinates(effects: Iterable[str], size: MachineSize = THESIS) -> tuple[Coordinate, ...]:
     """Coordinates of several effects, in their order."""
-    return tuple(c for effect in effects for c in coordinates(EFFECTS[effect]))
+    return tuple(c for effect in effects for c in coordinates(EFFECTS[effect], size))

@@ -199,7 +199,7 @@ def weigh(case: Case, found: Round) -> list[Weighed]:
     found = replace(found, fitted=tuple(counted))
     bases = [(found.base, found.jacobian), *(_valleys(found) if case.proving else ())]
     hypotheses = [*bases, *((f.point, f.jacobian) for f in found.fitted)]
-    names = [*(all_coordinates(found.accepted) for _ in bases), *(f.coordinates for f in found.fitted)]
+    names = [*(all_coordinates(found.accepted, case.size) for _ in bases), *(f.coordinates for f in found.fitted)]
     losses = _held_out(case, found, hypotheses, names) if case.proving else _split(case, hypotheses, names)
     base, losses = min(losses[: len(bases)], key=sum), losses[len(bases) :]
     weighed = []
@@ -215,7 +215,7 @@ def _valleys(found: Round) -> list[tuple[Point, Array]]:
     Several sets of numbers may explain the recordings fitted as well, and one of them those held out by far better: that needs no
     effect.
     """
-    names, count = all_coordinates(found.accepted), len(found.base.z)
+    names, count = all_coordinates(found.accepted, found.problem.size), len(found.base.z)
     wanted = [(f.point.z, {c.name: f.point.effects[c.name] for c in names}) for f in found.fitted[:WEIGHED]]
     starts = found.problem.points(wanted)
     return in_parallel(lambda start: found.problem.fit(start, found.jacobian[:, :count], names), starts)
@@ -229,7 +229,7 @@ def _lasting(case: Case, found: Round) -> list[Fitted]:
     others = [f for f in found.fitted if not _early(case, f)]
     if any(f.effect == twin for f in others):
         return others
-    point, names = early[0].point, all_coordinates([*found.accepted, twin])
+    point, names = early[0].point, all_coordinates([*found.accepted, twin], case.size)
     values = {**point.effects, **lasting(early[0].effect, point.effects)}
     start = found.problem.points([(point.z, {c.name: values[c.name] for c in names})])[0]
     fitted, jacobian = found.problem.fit(start, early[0].jacobian[:, : len(point.z)], names)

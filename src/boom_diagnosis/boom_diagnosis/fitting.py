@@ -17,6 +17,7 @@ from boom_diagnosis.coordinates import Coordinate
 from boom_diagnosis.nuisances import Nuisance, closed
 from boom_diagnosis.prediction import Predictor
 from boom_diagnosis.recent import Recent
+from boom_diagnosis.sizes import size_of
 from boom_model.codegen.compiled import LANES
 
 Array = NDArray[np.float64]
@@ -136,6 +137,7 @@ class Problem:
         self._closed = Recent[dict[str, float]](CLOSED)
         self.limits = np.array([n.limits for n in nuisances]).reshape(-1, 2).T
         """(2, number of tolerances) least and largest z."""
+        self.size = size_of(predictor.machine)
 
     def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
         """Components of the parameter vector."""

@@ -95,7 +95,9 @@ def _far(case: Case, at: Point) -> bool:
 def fitted_to_free_runs(case: Case, at: Point, bags: Sequence[Bag], select: Sequence[Flags]) -> Point:
     """The best point that the steps reach, as the observer of a healthy machine sees it; select: samples of these recordings."""
     z, effects = at.z, dict(at.effects)
-    names = tuple(c for c in all_coordinates(effects_of(effects)) if not c.onset)  # one-step errors tell it sharply
+    names = tuple(
+        c for c in all_coordinates(effects_of(effects), case.size) if not c.onset
+    )  # one-step errors tell it sharply
     leading = {f"effects.{e}.{row.name}" for e in effects_of(effects) for row in EFFECTS[e].leading}
     shapes = tuple(c for c in names if c.positive and c.name not in leading and c.plausible[0] < c.plausible[1])
     for _ in range(TURNS):

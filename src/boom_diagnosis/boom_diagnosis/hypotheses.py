@@ -21,6 +21,7 @@ from boom_diagnosis.nuisances import Nuisance
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.prediction import Predictor, with_states
 from boom_diagnosis.search import FURTHER, GLANCE, Candidate, Fitted, Scanner, possible_effects, refine, worth_a_fit
+from boom_diagnosis.sizes import size_of
 from boom_diagnosis.weighing import NEGLIGIBLE
 from boom_model.catalogue import EFFECTS
 from boom_model.machine import Machine
@@ -186,7 +187,7 @@ def run_round(
     in the eyes of a problem's observer.
     """
     accepted = tuple(effects_of(values))
-    kept = all_coordinates(accepted)
+    kept = all_coordinates(accepted, size_of(machine))
     fits = Fits(machine, bags, select, nuisances, tight)
 
     progress("tolerances", 0.0)
@@ -278,7 +279,7 @@ class Nominal:
 
     def __init__(self, problem: Problem, values: Mapping[str, float] | None = None) -> None:
         self.problem = problem
-        self.kept = all_coordinates(effects_of(values or {}))
+        self.kept = all_coordinates(effects_of(values or {}), problem.size)
         self.at = problem.points([(np.zeros(len(problem.nuisances)), values or {})])[0]
         self.jacobian = problem.nuisance_jacobian(self.at)
         if self.kept:
@@ -302,6 +303,10 @@ class Nominal:
         for candidate in self._scanner.scan(possible_effects(has, tuple(effects_of(self.at.effects)))):
             seen.setdefault(candidate.effect, []).append(candidate)
         return seen
+
+    def gain_of(self, number: int) -> float:
+        """Nats that a tolerance gains if nothing is known of its number."""
+        return self._scanner.gain(self.jacobian[:, [number]])[0]
 
     def _refined(self, effect: str, at_least: float, level: float = -np.inf) -> Fitted:
         start = self.seen[effect]
@@ -348,7 +353,7 @@ def rebased(found: Round) -> Round:
     """
     if not found.fitted:
         return found
-    kept, problem = all_coordinates(found.accepted), found.problem
+    kept, problem = all_coordinates(found.accepted, found.problem.size), found.problem
     wanted = []
     for f in found.fitted:
         values = {c.name: f.point.effects[c.name] for c in kept}
@@ -429,7 +434,7 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
         p.machine, p.bags, found.problem.select, first.problem.nuisances, point.z, point.effects, p.looseness
     )
     start = retuned.points([(found.base.z, found.base.effects)])[0]
-    base, jacobian = retuned.fit(start, retuned.nuisance_jacobian(start), all_coordinates(found.accepted))
+    base, jacobian = retuned.fit(start, retuned.nuisance_jacobian(start), all_coordinates(found.accepted, retuned.size))
     rivals = [f for f in best[:WEIGHED] if f.gain > RIVAL * best[0].gain]
     again = _all_weighed(retuned, rivals, base, jacobian)
     after = replace(found, base=base, jacobian=jacobian, fitted=again, problem=retuned)

@@ -176,6 +176,12 @@ def _units(machine: Machine, pose: Pose) -> set[str]:
     return {*_UNITS_OF_THE_SPOOL, *small}
 
 
+def units(machine: Machine, pose: Pose) -> list[Nuisance]:
+    """The numbers that others are known relative to, as far as one of them alone may be wrong."""
+    known = [machine.parameters[key] for key in sorted(_units(machine, pose).intersection(_OF_EVERYTHING))]
+    return [_own(machine, p, p.specification.key, p.value[0]) for p in known]
+
+
 def _relative(parameter: Parameter) -> float:
     """Tolerance over the value."""
     return tolerance_of(parameter).relative(parameter.value[0])
@@ -231,20 +237,20 @@ def _guessed(parameter: Parameter) -> bool:
 
 
 def clock(machine: Machine, logs: Sequence[HeldCurrents]) -> tuple[Nuisance, ...]:
-    """How late a log shows its currents.
+    """How late a log shows its currents, against the angle.
 
-    What samples them does so up to one sample after they changed, always by about as much where both have one clock. Where lines
-    between samples already stand half a sample earlier, up to as much to either side. A machine with a dead time of its own in the
-    file has that one.
+    What samples them does so up to one sample after they changed, always by about as much where both have one clock; where lines
+    between samples already stand half a sample earlier, by half a sample to either side. The angle is late itself, as other
+    channels are: by up to ``LATENCY`` commands seem to act later. A machine with a dead time of its own in the file has that one.
     """
     effect = next(e for e in CATALOGUE if e.delays == "command")
     steps = [(float(np.median(np.diff(held.sampled_at))), held.late) for held in logs if len(held.time) > 1]
     if not steps or effect.id in machine.effects:
         return ()
     step, late = max(steps)
-    ends = (-0.5 * step, 0.5 * step) if late else (-step, 0.0)
-    name = f"{_EFFECTS}{effect.id}.{effect.parameters[0].name}"
-    return (Nuisance(name, 0.5 * step, shift=True, ends=ends, label=CLOCK),)
+    early, after = (0.5 * step, 0.5 * step) if late else (step, 0.0)
+    name, ends = f"{_EFFECTS}{effect.id}.{effect.parameters[0].name}", (-early, after + LATENCY)
+    return (Nuisance(name, 0.5 * max(map(abs, ends)), shift=True, ends=ends, label=CLOCK),)
 
 
 def clocks(lacking: Iterable[frozenset[str]]) -> tuple[Nuisance, ...]:

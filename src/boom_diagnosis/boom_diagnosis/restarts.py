@@ -34,12 +34,12 @@ def other_valley(case: Case) -> Fitted | None:
     effect = EFFECTS[taken.effect]
     if not has_valleys(effect):
         return None
-    names = coordinates(effect)
+    names = coordinates(effect, case.size)
     here = [case.problem(taken.point.z, taken.point.effects, looseness) for looseness in LOOSENESS]
     problem = max(here, key=lambda p: p.likelihood_at(taken.point.z, taken.point.effects))
     looseness = problem.predictor.looseness
     zero = np.zeros(len(case.nuisances))
-    begun = in_parallel(lambda values: _fit(case, zero, values, names, looseness), starts(effect, 0.0))
+    begun = in_parallel(lambda values: _fit(case, zero, values, names, looseness), starts(effect, 0.0, case.size))
     begun.append(_fit(case, taken.point.z, taken.point.effects, names, looseness))
     ahead = sorted(begun, key=_likelihood)[-FOLLOWED:]
     settled = in_parallel(lambda f: _fit(case, f[1].z, f[1].effects, names, looseness), ahead)

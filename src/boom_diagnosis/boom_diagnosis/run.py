@@ -30,6 +30,7 @@ from boom_diagnosis.stretches import Stretches, excited, stretches
 from boom_diagnosis.unsearched import About, not_enough_excitation, spoilt
 from boom_diagnosis.weighed_case import searched, weighed_case_of
 from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT
+from boom_diagnosis.wrong_number import with_wrong_number
 from boom_estimation.sensor_noise import with_measured_noise
 from boom_model.catalogue import EFFECTS
 from boom_model.learned import PLACES
@@ -121,6 +122,10 @@ def search(case: Case, progress: Progress) -> Case:
     _rounds(case, progress)
     if not case.learned and case.rest(case.last) > NEGLIGIBLE and (bags := strayed(case)):
         case = case.with_bags(*bags)
+        _rounds(case, progress)
+    progress("doubting the machine file", 0.75)
+    if other := with_wrong_number(case):
+        case = other
         _rounds(case, progress)
     _finish(case)
     return case
@@ -229,7 +234,7 @@ def _dissatisfied(case: Case, found: Round) -> bool:
 
 def _beside_nominal(case: Case, found: Round) -> Round:
     """The round with effects that are seen where the tolerances are nominal: those fitted may have bent to do what they do."""
-    zero, names = np.zeros(len(case.nuisances)), all_coordinates(found.accepted)
+    zero, names = np.zeros(len(case.nuisances)), all_coordinates(found.accepted, case.size)
     loose = case.problem(zero, found.base.effects, LOOSENESS[1])
     values = loose.fit_nominal(found.base.effects, names).effects
     problem = case.problem(zero, values, LOOSENESS[1])
@@ -340,7 +345,7 @@ class _Alone:
 def _last_alone(case: Case) -> _Alone:
     """The last effect without those before it."""
     last, looseness = case.taken[-1].fitted, case.rounds[len(case.taken) - 1].problem.predictor.looseness
-    names = all_coordinates([last.effect])
+    names = all_coordinates([last.effect], case.size)
     values = {c.name: last.point.effects[c.name] for c in names}
     problem = case.problem(last.point.z, values, looseness)
     zero = np.zeros(len(case.nuisances))
@@ -362,7 +367,7 @@ def _taken_anew(case: Case, alone: _Alone) -> bool:
     """The search begun again, as if this effect had been all that the first round found; whether it is taken."""
     first, problem, point = case.rounds[0], alone.problem, alone.point
     base, columns = problem.fit(problem.points([(first.base.z, {})])[0], alone.jacobian[:, : len(point.z)])
-    names, gain = all_coordinates([alone.effect]), base.loss - point.loss
+    names, gain = all_coordinates([alone.effect], case.size), base.loss - point.loss
     fitted = Fitted(alone.effect, point, names, alone.jacobian, gain, (point.loss,))
     for part in (case.taken, case.spared, case.disproved):
         part.clear()

@@ -127,7 +127,7 @@ class Scanner:
         more, in proportion.
         """
         duration = max(bag.recording.duration for bag in self.problem.predictor.bags)
-        tried = [(effect, start) for effect in wanted for start in starts(EFFECTS[effect], duration)]
+        tried = [(effect, start) for effect in wanted for start in starts(EFFECTS[effect], duration, self.problem.size)]
         tried = side_by_side(tried)
         seen = self._probed(tried)
         misfit = max(self.at.over(WHITE), LEAST_MISFIT)
@@ -195,7 +195,9 @@ class Scanner:
             mass, place = own, stroke
         lifted = place != onset_of(effect)
         where = [bag.strokes(self.problem.predictor.machine) if lifted else bag.time for bag in bags]
-        size, at, gain = self._beyond(where, column, start[mass], coordinates(EFFECTS[effect])[0].high)
+        size, at, gain = self._beyond(
+            where, column, start[mass], coordinates(EFFECTS[effect], self.problem.size)[0].high
+        )
         return Candidate(effect, {**start, mass: size, place: at}, gain)
 
     def _beyond(self, where: Sequence[Array], column: Array, mass: float, high: float) -> tuple[float, float, float]:
@@ -233,7 +235,9 @@ class Scanner:
         (mass, stroke), first = left[0], used[0][0]
         here = self.problem.points([(self.at.z, {**self.at.effects, **lasting(effect, values)})])[0]
         where = [bag.strokes(self.problem.predictor.machine) for bag in self.problem.predictor.bags]
-        size, at, _ = self._beyond(where, here.w - self.at.w, values[first], coordinates(EFFECTS[effect])[0].high)
+        size, at, _ = self._beyond(
+            where, here.w - self.at.w, values[first], coordinates(EFFECTS[effect], self.problem.size)[0].high
+        )
         return {mass: size, stroke: at}
 
     def follow(self, columns: Array, size: Array) -> Array:
@@ -260,7 +264,7 @@ def refine(
     reached then, that of the best so far.
     """
     problem, at = scanner.problem, scanner.at
-    names = (*kept, *coordinates(EFFECTS[candidates[0].effect]))
+    names = (*kept, *coordinates(EFFECTS[candidates[0].effect], problem.size))
     count = len(at.z)
     reached: list[tuple[Point, Array]] = []
     glanced = np.inf

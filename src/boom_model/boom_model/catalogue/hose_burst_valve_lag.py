@@ -33,7 +33,7 @@ EFFECT = Effect(
     ("the poppet of the hose burst valve", "needs time to follow"), "first 0.3 s of fast lowering",
     (
         parameter("tau", "s", 0.0, (0.005, 0.15), (1e-4, 2.0), "time constant of the poppet", positive=True,
-                  starts=(0.008, 0.03, 0.1), almost_nothing=3e-4),
+                  starts=(0.008, 0.03, 0.1), almost_nothing=3e-4, ordinary=0.0025),
     ),
     {"limited_conductance": _conductance},
     place=1, needs="hose_burst_valve", at_rest=_at_rest,

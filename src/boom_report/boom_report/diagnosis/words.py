@@ -148,7 +148,12 @@ def headline(result: DiagnosisResult) -> str:
     if not document.findings and unproved:
         return f"{unproved[0].upper()}{unproved[1:]}."
     if not document.findings:
-        moved = ", ".join(list(result.tolerances_used)[:3])
+        used = result.tolerances_used
+        moved = ", ".join([name for name in used if name != result.wrong][:3])
+        if result.wrong:
+            also = f", and parameters within their tolerance ({moved})" if moved else ""
+            size = shown(used[result.wrong]).text
+            return f"{result.wrong} is wrong in the machine file: {size}. That explains the difference{also}: the physics is right."
         return f"Parameters within their tolerance explain the difference{f' ({moved})' if moved else ''}: the physics is right."
     first = document.findings[0]
     more = len(document.findings) - 1
