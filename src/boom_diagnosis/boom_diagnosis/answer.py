@@ -140,12 +140,8 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
         findings = [_unknown_finding(case, odds, cells, tight, rest_equations, plain, fit), *findings]
     if verdict == "no_mismatch":
         agreement = "No equation needs an unknown input: what remains is noise."
-    moved = _moved(case, case.last) if verdict == "parameters_only" or case.taken or case.wrong else {}
-    if case.wrong:
-        moved = {case.wrong: moved[case.wrong], **moved}
-        ranked = [
-            replace(r, parameters={case.wrong: moved[case.wrong]}) if r.kind == "parameters" else r for r in ranked
-        ]
+    moved = _moved(case, verdict)
+    ranked = [replace(r, parameters=_wrong(case, moved)) if r.kind == "parameters" else r for r in ranked]
     known = any(copy is not bag for copy, bag in zip(case.healthy, case.bags, strict=True))
     verdict, findings, unproved = kept(verdict, findings, fit, known)
     experiment = (
@@ -403,13 +399,16 @@ def _said_of_limits(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
 
 def _said_of_wrong(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
     """That a number of the machine file is wrong."""
-    if not case.wrong:
-        return []
-    found, given = moved[case.wrong], case.machine.values(case.pose)[case.wrong]
     return [
-        f"{case.wrong} is wrong in the machine file: {found.value:.3g} {found.unit} by the recordings, {given:.3g} {found.unit} in the "
-        "file, far outside its tolerance: look it up"
+        f"{key} is wrong in the machine file: {found.value:.3g} {found.unit} by the recordings, "
+        f"{case.machine.values(case.pose)[key]:.3g} {found.unit} in the file, far outside its tolerance: look it up"
+        for key, found in _wrong(case, moved).items()
     ]
+
+
+def _wrong(case: Case, moved: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    """The number that is wrong in the machine file, if one is."""
+    return {key: estimate for key, estimate in moved.items() if key == case.wrong}
 
 
 def _said_of_less(case: Case, machine: Machine) -> list[str]:
@@ -426,9 +425,13 @@ def _said_of_less(case: Case, machine: Machine) -> list[str]:
     return [f"{said}: {', '.join(less)}"] if less else []
 
 
-def _moved(case: Case, point: Point) -> dict[str, Estimate]:
-    jacobian = case.taken[-1].fitted.jacobian if case.taken else case.rounds[0].jacobian
-    return moved_tolerances(case, point, np.sqrt(np.diag(posterior(point, jacobian, len(point.z)))), case.wrong)
+def _moved(case: Case, verdict: Verdict) -> dict[str, Estimate]:
+    """Numbers that the last fit moved, where that is told."""
+    if verdict != "parameters_only" and not (case.taken or case.wrong):
+        return {}
+    jacobian, point = case.taken[-1].fitted.jacobian if case.taken else case.rounds[0].jacobian, case.last
+    deviations = np.sqrt(np.diag(posterior(point, jacobian, len(point.z))))
+    return moved_tolerances(case, point, deviations, case.wrong)
 
 
 def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array, wrong: str = "") -> dict[str, Estimate]:
