@@ -441,9 +441,10 @@ def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array, 
     units |= {f"effects.{effect.id}.{row.name}": row.unit for effect in CATALOGUE for row in effect.parameters}
     units |= {n.name: "s" for n in case.nuisances if n.name.startswith(CLOCKS)}
     result = {}
-    for i in np.argsort(-np.abs(point.z)):  # what moved most comes first
+    free = np.array([nuisance.name == wrong for nuisance in case.nuisances])
+    for i in np.lexsort((-np.abs(point.z), ~free)):  # what is wrong comes first, then what moved most
         nuisance = case.nuisances[i]
-        told = nuisance.name == wrong
+        told = free[i]
         if (
             not told and (abs(point.z[i]) < MOVED or nuisance.name.startswith("pose."))
         ) or nuisance.name not in numbers:

@@ -176,13 +176,21 @@ def test_a_log_that_shows_currents_late_by_less_than_a_sample_is_no_fault_of_the
     assert result.explained.effects["command_delay"]["T"] == pytest.approx(-0.006, abs=1e-3)
 
 
-def test_the_clock_of_a_log_is_known_to_a_sample_unless_the_machine_file_tells_a_dead_time() -> None:
+def test_a_machine_whose_angle_is_the_latest_channel_has_no_dead_time() -> None:
+    result = diagnose([shown_later(noisy(tz17(), 24.0, 1), -0.006)], tz17())  # as if all sensors were 6 ms late
+    assert (result.document.verdict, result.document.findings) == ("parameters_only", ())
+    assert result.tolerances_used["clock of the logged currents"].value == pytest.approx(0.006, abs=1e-3)
+
+
+def test_the_clock_of_a_log_is_known_to_a_sample_and_what_an_angle_may_be_late_unless_the_machine_file_tells_a_dead_time() -> (
+    None
+):
     made = noisy(tz17(), 8.0, 3)
     sparse = replace(made, signals={n: every_other(s, 0) for n, s in made.signals.items()})
     dense, thin = (held_inputs(r, tz17()) for r in (made, sparse))
     (known,), (between,) = (clock(tz17(), [held]) for held in (dense, thin))
-    assert [known.value(0.0, z) for z in known.limits] == pytest.approx([-0.01, 0.0], abs=1e-6)
-    assert [between.value(0.0, z) for z in between.limits] == pytest.approx([-0.01, 0.01], abs=1e-6)
+    assert [known.value(0.0, z) for z in known.limits] == pytest.approx([-0.01, 0.0075], abs=1e-6)
+    assert [between.value(0.0, z) for z in between.limits] == pytest.approx([-0.01, 0.0175], abs=1e-6)
     assert clock(tz17().with_effects({"command_delay": {"T": 0.02}}), [dense]) == ()
 
 
