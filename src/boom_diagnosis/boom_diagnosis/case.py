@@ -189,6 +189,13 @@ class Case:
             spared={**self.spared}, disproved=[*self.disproved], impossible=[*self.impossible],
         )  # fmt: skip
 
+    def without_effects(self) -> Case:
+        """As it would be had nothing been found beside the tolerances."""
+        return replace(
+            self, rounds=self.rounds[:1], weighed=[], taken=[], trained=self.trained[:1], final=None, learned=None,
+            spared={k: point for k, point in self.spared.items() if k == 0},
+        )  # fmt: skip
+
     def go_back(self, before: Case) -> None:
         """To what was found when the copy was made."""
         self.rounds, self.weighed, self.taken = before.rounds, before.weighed, before.taken

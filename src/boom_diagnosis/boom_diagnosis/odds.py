@@ -34,19 +34,21 @@ class Odds:
     tolerances: float
 
 
-def odds_of(case: Case, unknown: float, *, proved: bool = True) -> Odds:
+def odds_of(case: Case, unknown: float, *, proved: bool = True, spared: float = 0.0) -> Odds:
     """The probabilities of a finished search, as they are stated (four digits).
 
     unknown: before it is weighed with the rest. proved: by free runs over data not used; what they are worse with, or far from the
     noise floor, is not sure. What is not claimed of an effect is unknown physics, where tolerances alone leave a clear rest.
+    spared: what one-step errors said of unknown physics and free runs took back: no effect explains that either.
     """
     stated = round(min(MOST_CERTAIN, unknown), 4) if case.taken or unknown > 0.5 else 0.0
+    spared = min(spared, 1.0 - stated) if case.taken else 0.0
     effects, tolerances, doubted = [], 1.0 - stated, 0.0
     for k, weighed in enumerate(case.weighed):
         left = k == len(case.taken)  # what was not taken for gaining less than is needed is not likelier than nothing
         untold = SLOW * max(0.0, case.rounds[k].base.over(case.floor))  # fits end where a step gains less
         nets = [w.net - (needed(case, w) if left else 0.0) for w in weighed]
-        *shares, none = (round(p * (1.0 - stated), 4) for p in probabilities(nets, case.temperature + untold))
+        *shares, none = (round(p * (1.0 - stated - spared), 4) for p in probabilities(nets, case.temperature + untold))
         row = {w.fitted.effect: p for w, p in zip(weighed, shares, strict=True)}
         lost = 0.0
         for effect, stated_of in row.items():
@@ -57,7 +59,7 @@ def odds_of(case: Case, unknown: float, *, proved: bool = True) -> Odds:
             doubted = lost
         elif k == 0:
             none += lost
-        tolerances = tolerances if k else none
+        tolerances = tolerances if k else none + spared
     stated = min(MOST_CERTAIN, stated + doubted)
     return Odds(round(stated, 4), tuple(effects), round(tolerances, 4))
 
