@@ -190,7 +190,7 @@ def weigh(case: Case, found: Round) -> list[Weighed]:
     accepted = set(found.accepted)
     able, impossible = list[Fitted](), list[Fitted]()
     for f in _lasting(case, found):
-        (able if possible(f, case.pose.load) else impossible).append(f)
+        (able if possible(f, case.pose.load, case.size) else impossible).append(f)
     if not accepted:
         case.impossible = impossible
     counted = [f for f in able if not (_hardly_beyond(case, f) or _filters_noise(case, f))]

@@ -55,7 +55,11 @@ def _row(row: EffectParameter, size: MachineSize) -> EffectParameter:
     def inside(value: float) -> float:
         return min(max(value * factor, row.minimum), row.maximum)
 
-    return replace(row, low=inside(row.low), high=inside(row.high), starts=tuple(map(inside, row.starts)))
+    low, high = inside(row.low), inside(row.high)
+    if factor == 1.0 or not low < high:  # of a machine beyond what a file may say
+        return row
+    possible = row.possible[0] * factor, row.possible[1] * factor
+    return replace(row, low=low, high=high, starts=tuple(map(inside, row.starts)), possible=possible)
 
 
 def _scales(machine: Machine) -> tuple[float, float, float]:

@@ -19,6 +19,7 @@ from boom_diagnosis.document import Estimate
 from boom_diagnosis.fitting import Point, huber_weights, rho, weights
 from boom_diagnosis.onset import neutral
 from boom_diagnosis.search import Fitted
+from boom_diagnosis.sizes import THESIS, MachineSize, sized
 from boom_model.catalogue import EFFECTS
 
 Array = NDArray[np.float64]
@@ -295,12 +296,12 @@ def _unexplained(before: float, after: float) -> float:
     return float(before / (before + SLIGHT) / (1.0 + (UNKNOWN_FROM / max(share, 1e-6)) ** UNKNOWN_STEEPNESS))
 
 
-def possible(fitted: Fitted, load: float) -> bool:
-    """Whether a boom with a ``load`` [kg] told can have an effect as it was fitted; if not, it stands in for something else.
+def possible(fitted: Fitted, load: float, size: MachineSize = THESIS) -> bool:
+    """Whether a boom of a size with a ``load`` [kg] told can have an effect as it was fitted; if not, it stands in for something else.
 
     A load that lifts is none; of others the catalogue says what a machine can have.
     """
-    effect, own = EFFECTS[fitted.effect], f"effects.{fitted.effect}."
+    effect, own = sized(EFFECTS[fitted.effect], size), f"effects.{fitted.effect}."
     if effect.load:
         return fitted.point.effects[own + effect.parameters[0].name] >= -load
     intervals = estimates(fitted, 1.0) if any(row.surely for row in effect.parameters) else {}

@@ -7,14 +7,13 @@ is taken where it explains nearly all that the tolerances leave, and more than t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from boom_diagnosis.case import Case
 from boom_diagnosis.hypotheses import LOOSENESS, Fits, Nominal
-from boom_diagnosis.nuisances import Nuisance, units
+from boom_diagnosis.nuisances import LARGEST_Z, TWINS, Nuisance, units
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.weighing import NEGLIGIBLE
 
@@ -27,33 +26,43 @@ NEARLY_ALL = 0.1
 
 def with_wrong_number(case: Case) -> Case | None:
     """The case from its beginning with the number free that is wrong in the machine file; None where none explains enough."""
-    most = min(case.rest(case.last), max(NEGLIGIBLE, NEARLY_ALL * case.rest(case.kept(0))))
-    if case.learned or case.rest(case.last) < NEGLIGIBLE:
+    left = case.rest(case.last)
+    if case.learned or left < NEGLIGIBLE:
         return None
-    opened = [_opened(case, name) for name in _promising(case)]
-    rests = in_parallel(lambda other: _rest(other, case.floor), opened)
-    least, best = min(zip(rests, range(len(opened)), strict=True), default=(np.inf, 0))
-    return opened[best] if least < most else None
-
-
-def _promising(case: Case) -> list[str]:
-    """Numbers whose being anything explains most of what the nominal machine leaves, by the linear look."""
+    most = min(left, max(NEGLIGIBLE, NEARLY_ALL * case.rest(case.kept(0))))
     every = replace(case, nuisances=(*case.nuisances, *units(case.machine, case.pose)))
+    tried = [(every.nuisances[i], _opened(case, every.nuisances[i])) for i in _promising(every)]
+    found = in_parallel(lambda pair: _fitted(pair[1], case.floor), tried)
+    able = [
+        (rest, k) for k, ((own, _), (rest, away)) in enumerate(zip(tried, found, strict=True))
+        if rest < most and abs(away) > LARGEST_Z * own.sigma
+    ]  # fmt: skip
+    return tried[min(able)[1]][1] if able else None
+
+
+def _promising(every: Case) -> list[int]:
+    """Numbers whose being anything explains most of what the nominal machine leaves, by the linear look.
+
+    Not those that an effect of the catalogue is a change of, nor those of which nothing is known anyway.
+    """
     nominal = Nominal(every.problem(np.zeros(len(every.nuisances)), {}, LOOSENESS[1]))
-    relative = [i for i, n in enumerate(every.nuisances) if not (n.shift or n.difference)]
-    gains = {every.nuisances[i].name: nominal.gain_of(i) for i in relative}
-    return sorted(gains, key=lambda name: -gains[name])[:TRIED]
+    known = [
+        i for i, n in enumerate(every.nuisances)
+        if not (n.shift or n.difference or n.tail) and TWINS.isdisjoint(n.components)
+    ]  # fmt: skip
+    return sorted(known, key=lambda i: -nominal.gain_of(i))[:TRIED]
 
 
-def _opened(case: Case, name: str) -> Case:
+def _opened(case: Case, number: Nuisance) -> Case:
     """The case as if nothing were known of a number."""
-    known: Sequence[Nuisance] = [*case.nuisances, *(n for n in units(case.machine, case.pose) if n.name == name)]
-    free = tuple(replace(n, sigma=ANYTHING, factor=True, tail=0.0) if n.name == name else n for n in known)
-    return case.with_nuisances(free, name)
+    free = replace(number, sigma=ANYTHING, factor=True)
+    others = (n for n in case.nuisances if n.name != number.name)
+    return case.with_nuisances((free, *others), number.name)
 
 
-def _rest(case: Case, floor: float) -> float:
-    """Loss per innovation over that of a healthy machine with the tolerances alone."""
+def _fitted(case: Case, floor: float) -> tuple[float, float]:
+    """Of tolerances alone: loss per innovation over that of a healthy machine, and the logarithm of the number over the file's."""
     case.floor = floor
     fits, guess = Fits(case.machine, case.bags, case.select, case.nuisances), case.nominal.tolerances
-    return case.rest(fits.settled(fits.likeliest(guess.z, {}), guess, ())[1])
+    point = fits.settled(fits.likeliest(guess.z, {}), guess, ())[1]
+    return case.rest(point), ANYTHING * float(point.z[0])
