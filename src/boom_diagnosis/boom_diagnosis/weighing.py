@@ -297,7 +297,7 @@ def _unexplained(before: float, after: float) -> float:
 
 
 def possible(fitted: Fitted, load: float, size: MachineSize = THESIS) -> bool:
-    """Whether a boom of a size with a ``load`` [kg] told can have an effect as it was fitted; if not, it stands in for something else.
+    """Whether a boom of this size, with a ``load`` [kg] told, can have an effect as fitted; else it stands in for something else.
 
     A load that lifts is none; of others the catalogue says what a machine can have.
     """
