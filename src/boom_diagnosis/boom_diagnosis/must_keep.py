@@ -39,13 +39,14 @@ def worse_channels(held_out: Mapping[str, Sequence[float]], floor: Sequence[floa
 def unknown_by_free_runs(unknown: float, error: Sequence[float], noise_floor: Sequence[float]) -> float:
     """That unmodelled physics acts, once the machine has run freely through data not used.
 
-    Odds of one-step errors times (r / FAR_FROM_FLOOR)^2, r: error over that which noise leaves, of the channel that errs most. What
-    one step shows and no free run does is a sensor's noise or latency; what an effect leaves of free runs is not explained by it.
+    Odds of one-step errors times r^2 / FAR_FROM_FLOOR^2, r: errors over those that noise leaves, mean square of the channels. What one
+    step shows and no free run does is a sensor's noise or latency; what an effect leaves of free runs is not explained by it.
     """
     ratio = np.array(error, dtype=float) / np.maximum(np.array(noise_floor, dtype=float), 1e-12)
     if not np.isfinite(ratio).any() or not 0.0 < unknown < 1.0:
         return unknown
-    odds = unknown / (1.0 - unknown) * (float(np.nanmax(ratio)) / FAR_FROM_FLOOR) ** 2
+    square = float(np.mean(ratio[np.isfinite(ratio)] ** 2))
+    odds = unknown / (1.0 - unknown) * square / FAR_FROM_FLOOR**2
     return odds / (1.0 + odds)
 
 

@@ -28,7 +28,9 @@ def test_a_rod_that_was_mistyped_is_told_with_its_size_and_no_physics_is_named()
 
 @pytest.mark.parametrize(("ratio", "expected"), [(9.0, 0.5), (3.0, 0.1), (27.0, 0.9)])
 def test_unknown_physics_is_likelier_the_farther_free_runs_are_from_noise(ratio: float, expected: float) -> None:
-    assert unknown_by_free_runs(0.5, [0.01, ratio * 0.01, float("nan")], [0.01] * 3) == pytest.approx(expected)
+    assert unknown_by_free_runs(0.5, [ratio * 0.01, ratio * 0.02, float("nan")], [0.01, 0.02, 0.01]) == pytest.approx(
+        expected
+    )
 
 
 def test_without_a_free_run_unknown_physics_is_what_one_step_says() -> None:
