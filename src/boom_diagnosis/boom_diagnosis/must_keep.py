@@ -39,8 +39,8 @@ def worse_channels(held_out: Mapping[str, Sequence[float]], floor: Sequence[floa
 def unknown_by_free_runs(unknown: float, error: Sequence[float], noise_floor: Sequence[float]) -> float:
     """That unmodelled physics acts, once the machine has run freely through data not used.
 
-    Odds of one-step errors times r^2 / FAR_FROM_FLOOR^2, r: errors over those that noise leaves, mean square of the channels. What one
-    step shows and no free run does is a sensor's noise or latency; what an effect leaves of free runs is not explained by it.
+    Odds of one-step errors times r^2 / FAR_FROM_FLOOR^2, r: errors over those that noise leaves, mean square of the channels. What
+    one step shows and no free run does is a sensor's noise or latency; what an effect leaves of free runs is not explained by it.
     """
     ratio = np.array(error, dtype=float) / np.maximum(np.array(noise_floor, dtype=float), 1e-12)
     if not np.isfinite(ratio).any() or not 0.0 < unknown < 1.0:
