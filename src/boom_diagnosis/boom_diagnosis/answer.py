@@ -31,7 +31,7 @@ from boom_diagnosis.freerun import Errors, median
 from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import links, locate
-from boom_diagnosis.must_keep import far_channels, kept, unknown_by_free_runs, worse_channels, worse_on_the_whole
+from boom_diagnosis.must_keep import by_free_runs, far_channels, kept, worse_channels, worse_on_the_whole
 from boom_diagnosis.nuisances import CLOCKS
 from boom_diagnosis.odds import (
     UNTOLD,
@@ -103,13 +103,13 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     done = [free_runs(m, case, spans) for m in stages.values()]
     floors = noise_floors([*stages.values()][-1], case, spans) if stages else []
     driven = held_out(dict(zip(stages, done, strict=True)), spans)
-    by_steps, unknown = _doubts(case, unknown, driven, floors)
+    unknown, spared = _doubts(case, unknown, driven, floors)
     if unknown > UNTOLD and as_noise_lets_it(done[-1], floors, spans):
         unknown = UNTOLD
     floor = median(floors)
     unproved_by = worse_channels(driven, floor) or far_channels(driven, floor, FAR_FROM_FLOOR) if case.taken else []
-    odds = odds_of(case, unknown, proved=not unproved_by, spared=max(0.0, by_steps - unknown))
-    if case.taken and by_steps - unknown > max(odds.effects[0].values()):
+    odds = odds_of(case, unknown, proved=not unproved_by, spared=spared)
+    if case.taken and spared > max(odds.effects[0].values()):
         return assemble(case.without_effects(), about, weak)
     cells = [regimes.classify(bag) for bag in case.bags]
     findings = _findings(case, odds, cells)
@@ -174,10 +174,10 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
 def _doubts(
     case: Case, unknown: float, driven: Mapping[str, Sequence[float]], floors: Sequence[Errors]
 ) -> tuple[float, float]:
-    """Probability of unknown physics by one-step errors, and with what free runs over data not used (``driven``) say to it."""
+    """Probability of unknown physics, and what of it goes to parameters alone, by one step and by free runs (``driven``)."""
     if case.taken and worse_on_the_whole(driven):
         unknown = max(unknown, 1.0 - UNTOLD)
-    return unknown, unknown_by_free_runs(unknown, [*driven.values()][-1], median(floors)) if driven else unknown
+    return by_free_runs(unknown, driven, median(floors)) if driven and 0.0 < unknown < 1.0 else (unknown, 0.0)
 
 
 def _rivals(case: Case, ranked: Sequence[RankingRow]) -> list[tuple[str, Point]]:

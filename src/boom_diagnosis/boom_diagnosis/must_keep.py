@@ -36,18 +36,27 @@ def worse_channels(held_out: Mapping[str, Sequence[float]], floor: Sequence[floa
     return _said(np.where(by_noise, 1.0, _worsened(held_out)), WORSE)
 
 
-def unknown_by_free_runs(unknown: float, error: Sequence[float], noise_floor: Sequence[float]) -> float:
-    """That unmodelled physics acts, once the machine has run freely through data not used.
+def by_free_runs(
+    unknown: float, held_out: Mapping[str, Sequence[float]], noise_floor: Sequence[float]
+) -> tuple[float, float]:
+    """That unmodelled physics acts, and what of that goes to parameters alone, once both have run freely through data not used.
 
-    Odds of one-step errors times r^2 / FAR_FROM_FLOOR^2, r: errors over those that noise leaves, mean square of the channels. What
-    one step shows and no free run does is a sensor's noise or latency; what an effect leaves of free runs is not explained by it.
+    Odds of one-step errors times min(1, p^2 / 81) and max(1, e^2 / 81), 9 = FAR_FROM_FLOOR; p, e: errors over those that noise
+    leaves with parameters only, and with what was found; mean square of the channels. What one step shows and no free run does is a
+    sensor's noise or latency; what an effect leaves of free runs is not explained by it. An effect gets of what is taken back as
+    much as it makes free runs better, 1 - e^2 / p^2.
     """
-    ratio = np.array(error, dtype=float) / np.maximum(np.array(noise_floor, dtype=float), 1e-12)
-    if not np.isfinite(ratio).any() or not 0.0 < unknown < 1.0:
-        return unknown
-    square = float(np.mean(ratio[np.isfinite(ratio)] ** 2))
-    odds = unknown / (1.0 - unknown) * square / FAR_FROM_FLOOR**2
-    return odds / (1.0 + odds)
+    plain = _square(held_out["parameters_only"], noise_floor)
+    found = _square(held_out.get("explained", held_out["parameters_only"]), noise_floor)
+    odds = unknown / (1.0 - unknown) * min(1.0, plain / FAR_FROM_FLOOR**2) * max(1.0, found / FAR_FROM_FLOOR**2)
+    weighed = odds / (1.0 + odds)
+    return weighed, max(0.0, unknown - weighed) * min(1.0, found / plain)
+
+
+def _square(error: Sequence[float], noise_floor: Sequence[float]) -> float:
+    """Mean over the channels; neither near nor far where no run came to its end."""
+    square = (np.array(error, dtype=float) / np.maximum(np.array(noise_floor, dtype=float), 1e-12)) ** 2
+    return float(np.mean(square[np.isfinite(square)])) if np.isfinite(square).any() else FAR_FROM_FLOOR**2
 
 
 def worse_on_the_whole(held_out: Mapping[str, Sequence[float]]) -> bool:

@@ -3,7 +3,7 @@
 import pytest
 from test_diagnosis import noisy, tz17
 
-from boom_diagnosis.must_keep import unknown_by_free_runs
+from boom_diagnosis.must_keep import by_free_runs
 from boom_diagnosis.run import diagnose
 from boom_report.diagnosis.words import headline
 
@@ -26,12 +26,22 @@ def test_a_rod_that_was_mistyped_is_told_with_its_size_and_no_physics_is_named()
     assert plain.parameters == {"cylinder.A_b": estimate}
 
 
-@pytest.mark.parametrize(("ratio", "expected"), [(9.0, 0.5), (3.0, 0.1), (27.0, 0.9)])
-def test_unknown_physics_is_likelier_the_farther_free_runs_are_from_noise(ratio: float, expected: float) -> None:
-    assert unknown_by_free_runs(0.5, [ratio * 0.01, ratio * 0.02, float("nan")], [0.01, 0.02, 0.01]) == pytest.approx(
-        expected
-    )
+NOISE = (0.01, 0.02, 0.01, 0.01)
 
 
-def test_without_a_free_run_unknown_physics_is_what_one_step_says() -> None:
-    assert unknown_by_free_runs(0.7, [float("nan")] * 4, [0.01] * 4) == 0.7
+def ran(plain: float, found: float) -> dict[str, list[float]]:
+    """Errors of free runs that are so many times those of noise; one channel was not measured."""
+    return {stage: [ratio * n for n in NOISE[:3]] + [float("nan")] for stage, ratio in
+            (("parameters_only", plain), ("explained", found))}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("plain", "found", "expected"),
+    [(9.0, 9.0, (0.5, 0.0)), (3.0, 3.0, (0.1, 0.4)), (27.0, 27.0, (0.9, 0.0)), (27.0, 3.0, (0.5, 0.0)), (3.0, 1.5, (0.1, 0.1))],
+)  # fmt: skip
+def test_free_runs_near_noise_speak_against_unknown_physics_and_far_ones_for_it(plain, found, expected) -> None:
+    assert by_free_runs(0.5, ran(plain, found), NOISE) == pytest.approx(expected)
+
+
+def test_without_a_free_run_that_ends_unknown_physics_is_what_one_step_says() -> None:
+    assert by_free_runs(0.7, {"parameters_only": [float("nan")] * 4}, NOISE) == pytest.approx((0.7, 0.0))
