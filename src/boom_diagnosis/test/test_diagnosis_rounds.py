@@ -14,6 +14,7 @@ from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.fitting import WHITE, Point
 from boom_diagnosis.hypotheses import FOLLOWED, GLANCED, Nominal, Round
 from boom_diagnosis.search import Fitted
+from boom_diagnosis.sizes import THESIS
 from boom_diagnosis.weighing import Weighed
 from boom_model.catalogue import CATALOGUE
 
@@ -74,6 +75,7 @@ def test_effects_that_gain_nothing_beside_the_last_give_their_place_to_it(
     problem: Any = SimpleNamespace(predictor=SimpleNamespace(looseness=1.0))
     rounds = [Round((), point(1000.0), np.zeros((SAMPLES, 1)), (), {}, problem)] * 3
     made = Case(nothing, nothing, [], [], case.select, [], [], (nothing,), 0, floor=WHITE, rounds=rounds, taken=taken)
+    made.size = THESIS
     monkeypatch.setattr(Case, "problem", lambda *given: Fits())
     monkeypatch.setattr(run, "_judge", judged)
     run._without_those_before(made)
@@ -124,6 +126,8 @@ def test_a_start_is_followed_if_it_gains_enough_or_stands_where_the_best_stood_t
     further_steps = []
 
     class Fits:
+        size = THESIS
+
         def fit(self, at: Point, jacobian: np.ndarray, names: Any, *, iterations: int, further: int = 0) -> Any:
             further_steps.extend([further] if further else [])
             return at, jacobian
