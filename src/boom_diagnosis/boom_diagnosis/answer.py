@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import hypot, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,10 +58,11 @@ from boom_diagnosis.proof import (
     spans_of,
 )
 from boom_diagnosis.unsearched import About
-from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, of_effect, posterior, unknown_probability
+from boom_diagnosis.weighing import FORM, NEGLIGIBLE, Z90, Weighed, estimates, of_effect, posterior, unknown_probability
 from boom_model.catalogue import CATALOGUE, EFFECTS
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine
+from boom_model.prior import prior_of
 from boom_model.sensors import OUTPUTS
 
 if TYPE_CHECKING:
@@ -460,10 +461,20 @@ def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array, 
         value = numbers[nuisance.name]
         spread = Z90 * float(deviations[i]) * nuisance.deviation(nominal.get(nuisance.name, 0.0), float(point.z[i]))
         unit = units.get(nuisance.name, "-")
+        if (
+            told
+        ):  # no better than a number that was looked up, and others make up for a wrong one in some other way, too
+            spread = hypot(FORM * spread, Z90 * _looked_up(case, wrong, value))
         result[nuisance.name if told else nuisance.label or nuisance.name] = Estimate(
             value, unit, (value - spread, value + spread)
         )
     return result
+
+
+def _looked_up(case: Case | WeighedCase, name: str, value: float) -> float:
+    """Standard deviation of a number of the machine file that is right."""
+    prior = prior_of(case.machine, name, case.pose)
+    return prior.sigma * (abs(value) if prior.kind == "log_normal" else 1.0)
 
 
 def said_of_next(verdict: Verdict) -> str:
