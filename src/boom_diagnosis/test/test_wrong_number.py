@@ -3,6 +3,7 @@
 import pytest
 from test_diagnosis import noisy, tz17
 
+from boom_diagnosis import answer
 from boom_diagnosis.must_keep import by_free_runs
 from boom_diagnosis.run import diagnose
 from boom_report.diagnosis.words import headline
@@ -49,3 +50,14 @@ def test_free_runs_near_noise_speak_against_unknown_physics_and_far_ones_for_it(
 
 def test_without_a_free_run_that_ends_unknown_physics_is_what_one_step_says() -> None:
     assert by_free_runs(0.7, {"parameters_only": [float("nan")] * 4}, NOISE) == pytest.approx((0.7, 0.0))
+
+
+def test_an_effect_that_has_less_than_free_runs_give_to_parameters_alone_is_dropped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(answer, "by_free_runs", lambda unknown, held_out, noise_floor: (0.05, 0.6))
+    lagging = tz17().with_effects({"pilot_lag": {"r": 2.0}})
+    result = diagnose([noisy(lagging, 16.0, 1)], tz17())
+    assert result.document.findings == ()
+    assert "pilot_lag" not in result.explained.effects
+    assert [row.effect for row in result.document.ranking if row.effect] == []
