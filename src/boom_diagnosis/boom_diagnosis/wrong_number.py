@@ -1,8 +1,10 @@
-"""One number of the machine file that is wrong: a bore mistyped, the data sheet of another cylinder, a mass in pounds.
+"""One number of the machine file that is wrong: a bore mistyped, the data sheet of another cylinder.
 
 Its tolerance is right for what the owner meant. Where neither tolerances nor effects explain the recordings, each number is looked
 at as if nothing were known of it: linearly from the nominal machine, and the most promising are fitted beside all tolerances. One
 is taken where it explains nearly all that the tolerances leave, and more than the effects that were found: it is simpler than they.
+
+Numbers that are wrong together are not found, masses in pounds among them: what a boom at rest needs (``statics``) shows those.
 """
 
 from __future__ import annotations
