@@ -59,7 +59,9 @@ from boom_diagnosis.proof import (
 )
 from boom_diagnosis.unsearched import About
 from boom_diagnosis.weighing import FORM, NEGLIGIBLE, Z90, Weighed, estimates, of_effect, posterior, unknown_probability
+from boom_diagnosis.wrong_number import in_words
 from boom_model.catalogue import CATALOGUE, EFFECTS
+from boom_model.components import equation_of_motion
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine
 from boom_model.prior import prior_of
@@ -409,7 +411,7 @@ def _said_of_limits(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
 def _said_of_wrong(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
     """That a number of the machine file is wrong."""
     return [
-        f"{key} is wrong in the machine file: {found.value:.3g} {found.unit} by the recordings, "
+        f"{in_words(case.wrong)}: {found.value:.3g} {found.unit} by the recordings, "
         f"{case.machine.values(case.pose)[key]:.3g} {found.unit} in the file, far outside its tolerance: look it up"
         for key, found in _wrong(case, moved).items()
     ]
@@ -417,7 +419,7 @@ def _said_of_wrong(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
 
 def _wrong(case: Case, moved: Mapping[str, Estimate]) -> dict[str, Estimate]:
     """The number that is wrong in the machine file, if one is."""
-    return {key: estimate for key, estimate in moved.items() if key == case.wrong}
+    return {key: estimate for key, estimate in moved.items() if key in case.wrong[:1]}
 
 
 def _said_of_less(case: Case, machine: Machine) -> list[str]:
@@ -440,7 +442,7 @@ def _moved(case: Case, verdict: Verdict) -> dict[str, Estimate]:
         return {}
     jacobian, point = case.taken[-1].fitted.jacobian if case.taken else case.rounds[0].jacobian, case.last
     deviations = np.sqrt(np.diag(posterior(point, jacobian, len(point.z))))
-    return moved_tolerances(case, point, deviations, case.wrong)
+    return moved_tolerances(case, point, deviations, "".join(case.wrong[:1]))
 
 
 def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array, wrong: str = "") -> dict[str, Estimate]:
@@ -449,6 +451,7 @@ def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array, 
     units = {c: p.specification.unit for p in case.machine.parameters.values() for c in p.specification.components}
     units |= {f"effects.{effect.id}.{row.name}": row.unit for effect in CATALOGUE for row in effect.parameters}
     units |= {n.name: "s" for n in case.nuisances if n.name.startswith(CLOCKS)}
+    units |= {row.key: row.unit for row in equation_of_motion.SPECIFICATIONS}
     result = {}
     free = np.array([nuisance.name == wrong for nuisance in case.nuisances])
     for i in np.lexsort((-np.abs(point.z), ~free)):  # what is wrong comes first, then what moved most

@@ -53,7 +53,7 @@ class Case:
         final: all effects at the point that the machine file gets, with all derivatives taken there.
         learned: a term that is plain to see and explains far more than any effect.
         own: numbers that are those of the recordings held out, by dotted name; see ``onset.own``.
-        wrong: number of the machine file of which nothing is taken for known (``wrong_number``); else empty.
+        wrong: number of the machine file of which nothing is taken for known, and those that share its factor (``wrong_number``).
     """
 
     machine: Machine
@@ -81,7 +81,7 @@ class Case:
     learned: Learned | None = None
     temperature: float = COLDEST
     own: dict[str, float] = field(default_factory=dict)
-    wrong: str = ""
+    wrong: tuple[str, ...] = ()
     _own_moments: Recent[Array] = field(default_factory=lambda: Recent(POINTS), repr=False)
 
     def with_bags(self, bags: list[Bag], proving: list[Bag]) -> Case:
@@ -89,10 +89,11 @@ class Case:
         parts = self.select, self.training, self.judged, self.nuisances, self.seed, self.others, self.elsewhere
         return Case(self.machine, self.pose, bags, proving, *parts)
 
-    def with_nuisances(self, nuisances: tuple[Nuisance, ...], wrong: str) -> Case:
-        """The case from its beginning, with the number ``wrong`` of the machine file free."""
+    def with_wrong(self, number: Nuisance) -> Case:
+        """The case from its beginning, with a number of the machine file free."""
+        nuisances = (number, *(n for n in self.nuisances if n.name != number.name))
         parts = self.select, self.training, self.judged, nuisances, self.seed, self.others, self.elsewhere
-        return Case(self.machine, self.pose, self.bags, self.proving, *parts, wrong=wrong)
+        return Case(self.machine, self.pose, self.bags, self.proving, *parts, wrong=number.components)
 
     def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
         """Components of the parameter vector."""

@@ -374,7 +374,7 @@ class DiagnosisResult:
         tolerances_used: machine-file key -> estimate, of parameters that moved within their tolerance.
         notes: what the reader must know (masked samples, an unknown load, ...).
         command: the command line.
-        wrong: machine-file key of a number that is wrong in the file; empty if none is.
+        wrong: machine-file key of a number that is wrong in the file, and of those that are so by the same factor.
         looks: what each recording says before any model. searched: recordings of ``bags`` if they are stretches of long ones.
     """
 
@@ -392,6 +392,6 @@ class DiagnosisResult:
     experiment: Experiment | None = None
     notes: tuple[str, ...] = ()
     command: str = ""
-    wrong: str = ""
+    wrong: tuple[str, ...] = ()
     looks: tuple[FirstLook, ...] = ()
     searched: tuple[Recording, ...] = ()

@@ -129,11 +129,8 @@ class Problem:
         used = [s[rows] for s, rows in zip(self.select, self.rows, strict=True)]
         self.used = np.concatenate([*used, np.ones(len(self.shapes), dtype=bool)])
         nominal = dict(zip(predictor.base[0].parameter_names, predictor.base[0].p, strict=True))
-        self._nominal = {
-            name: n.nominal if n.nominal is not None else nominal.get(name, 0.0)
-            for n in nuisances
-            for name in n.components
-        }
+        self._nominal = {name: nominal.get(name, 0.0) for n in nuisances for name in n.components}
+        self._nominal |= {n.name: n.nominal for n in nuisances if n.nominal is not None}
         self._closed = Recent[dict[str, float]](CLOSED)
         self.limits = np.array([n.limits for n in nuisances]).reshape(-1, 2).T
         """(2, number of tolerances) least and largest z."""
@@ -141,10 +138,10 @@ class Problem:
 
     def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
         """Components of the parameter vector."""
-        result = {}
+        result = dict[str, float]()
         for nuisance, zi in zip(self.nuisances, z, strict=True):
             for name in nuisance.components if zi != 0.0 else ():
-                result[name] = nuisance.value(self._nominal[name], float(zi))
+                result[name] = nuisance.value(result.get(name, self._nominal[name]), float(zi))
         made = self._closed.get(z.tobytes(), lambda: closed(self.predictor.machine, result))
         return made | dict(effects)
 

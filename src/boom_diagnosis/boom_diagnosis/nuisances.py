@@ -7,7 +7,7 @@ value = nominal exp(sigma sinh(k z) / k), whose tails are about those of Student
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import asinh, cosh, exp, inf, isfinite, log, sinh, sqrt
 
 import numpy as np
@@ -57,9 +57,9 @@ a pilot pressure, the areas over s / s_max. Were they off, those would be with t
 class Nuisance:
     """One number: component of the parameter vector, standard deviation (relative, or absolute where ``shift``).
 
-    together: components that have the same factor. tail: k of a guess, 0 for a normal prior. ends: of its value over the nominal
-    one, or less it where ``shift``. factor: the owner says by which factor it may be off. label: what a report calls one
-    that is not the machine's. nominal: of one that belongs to a pose or load.
+    together: components that have the same factor, beside one of their own. tail: k of a guess, 0 for a normal prior.
+    ends: of its value over the nominal one, or less it where ``shift``. factor: the owner says by which factor it may be off.
+    label: what a report calls one that is not the machine's. nominal: of one that belongs to a pose or load.
     """
 
     name: str
@@ -180,6 +180,12 @@ def units(machine: Machine, pose: Pose) -> list[Nuisance]:
     """The numbers that others are known relative to, as far as one of them alone may be wrong."""
     known = [machine.parameters[key] for key in sorted(_units(machine, pose).intersection(_OF_EVERYTHING))]
     return [_own(machine, p, p.specification.key, p.value[0]) for p in known]
+
+
+def masses(known: Sequence[Nuisance]) -> list[Nuisance]:
+    """All moments of mass by one factor: the density of the steel, or pounds; of all poses."""
+    moments = [n for n in known if n.nominal is not None and not n.shift]
+    return [replace(moments[0], together=tuple(n.name for n in moments[1:]))] if len(moments) > 1 else []
 
 
 def _relative(parameter: Parameter) -> float:

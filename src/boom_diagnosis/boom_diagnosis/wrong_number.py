@@ -4,18 +4,19 @@ Its tolerance is right for what the owner meant. Where neither tolerances nor ef
 at as if nothing were known of it: linearly from the nominal machine, and the most promising are fitted beside all tolerances. One
 is taken where it explains nearly all that the tolerances leave, and more than the effects that were found: it is simpler than they.
 
-Numbers that are wrong together are not found, masses in pounds among them: what a boom at rest needs (``statics``) shows those.
+Of numbers that are wrong together the moments of mass are looked at, by one factor: tape measure and density make them all.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from boom_diagnosis.case import Case
 from boom_diagnosis.hypotheses import LOOSENESS, Fits, Nominal
-from boom_diagnosis.nuisances import LARGEST_Z, TWINS, Nuisance, units
+from boom_diagnosis.nuisances import LARGEST_Z, TWINS, Nuisance, masses, units
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.weighing import NEGLIGIBLE
 
@@ -32,7 +33,7 @@ def with_wrong_number(case: Case) -> Case | None:
     if case.learned or left < NEGLIGIBLE:
         return None
     most = min(left, max(NEGLIGIBLE, NEARLY_ALL * case.rest(case.kept(0))))
-    every = replace(case, nuisances=(*case.nuisances, *units(case.machine, case.pose)))
+    every = replace(case, nuisances=(*case.nuisances, *units(case.machine, case.pose), *masses(case.nuisances)))
     tried = [(every.nuisances[i], _opened(case, every.nuisances[i])) for i in _promising(every)]
     found = in_parallel(lambda pair: _fitted(pair[1], case.floor), tried)
     able = [
@@ -40,6 +41,14 @@ def with_wrong_number(case: Case) -> Case | None:
         if rest < most and abs(away) > LARGEST_Z * own.sigma
     ]  # fmt: skip
     return tried[min(able)[1]][1] if able else None
+
+
+def in_words(wrong: Sequence[str]) -> str:
+    """That these numbers are wrong in the machine file."""
+    first, *others = wrong
+    if not others:
+        return f"{first} is wrong in the machine file"
+    return f"{', '.join(wrong[:-1])} and {wrong[-1]} are wrong in the machine file, all by one factor; {first}"
 
 
 def _promising(every: Case) -> list[int]:
@@ -50,16 +59,14 @@ def _promising(every: Case) -> list[int]:
     nominal = Nominal(every.problem(np.zeros(len(every.nuisances)), {}, LOOSENESS[1]))
     known = [
         i for i, n in enumerate(every.nuisances)
-        if not (n.shift or n.difference or n.tail) and TWINS.isdisjoint(n.components)
+        if not (n.shift or n.difference or n.tail) and n.name not in TWINS
     ]  # fmt: skip
     return sorted(known, key=lambda i: -nominal.gain_of(i))[:TRIED]
 
 
 def _opened(case: Case, number: Nuisance) -> Case:
     """The case as if nothing were known of a number."""
-    free = replace(number, sigma=ANYTHING, factor=True)
-    others = (n for n in case.nuisances if n.name != number.name)
-    return case.with_nuisances((free, *others), number.name)
+    return case.with_wrong(replace(number, sigma=ANYTHING, factor=True))
 
 
 def _fitted(case: Case, floor: float) -> tuple[float, float]:

@@ -6,6 +6,8 @@ from test_diagnosis import noisy, tz17
 from boom_diagnosis import answer
 from boom_diagnosis.must_keep import by_free_runs
 from boom_diagnosis.run import diagnose
+from boom_estimation.free_run import plant_for
+from boom_model.machine_file import machine_from
 from boom_report.diagnosis.words import headline
 
 GIVEN = 1.4
@@ -17,7 +19,7 @@ def test_a_rod_that_was_mistyped_is_told_with_its_size_and_no_physics_is_named()
     area = machine.parameters["cylinder.A_b"].value[0]
     result = diagnose([noisy(machine, 20.0, 1)], machine.with_values({"cylinder.A_b": GIVEN * area}))
     assert (result.document.verdict, result.document.findings) == ("parameters_only", ())
-    assert result.wrong == "cylinder.A_b"
+    assert result.wrong == ("cylinder.A_b",)
     estimate = result.tolerances_used["cylinder.A_b"]
     assert estimate.value == pytest.approx(
         area, rel=0.1
@@ -29,6 +31,22 @@ def test_a_rod_that_was_mistyped_is_told_with_its_size_and_no_physics_is_named()
     assert any(note.startswith("cylinder.A_b is wrong in the machine file: 0.0") for note in result.notes)
     (plain,) = (row for row in result.document.ranking if row.kind == "parameters")
     assert plain.parameters == {"cylinder.A_b": estimate}
+
+
+def test_masses_that_are_all_wrong_by_one_factor_are_told_as_that() -> None:
+    machine = tz17()
+    body = machine.document["rigid_body"]
+    heavier = {
+        name: {key: 1.6 * value if key in ("D0", "Sx", "Sy") else value for key, value in row.items()}
+        for name, row in body["configs"].items()
+    }
+    doubtful = machine_from({**machine.document, "rigid_body": {**body, "configs": heavier}})
+    result = diagnose([noisy(machine, 20.0, 1)], doubtful)
+    assert (result.document.verdict, result.document.findings) == ("parameters_only", ())
+    assert result.wrong == ("pose.D0", "pose.Sx", "pose.Sy")
+    true = plant_for(noisy(machine, 20.0, 1), machine, "full").pose
+    assert result.tolerances_used["pose.D0"].value == pytest.approx(true.D0, rel=0.1)
+    assert headline(result).startswith("pose.D0, pose.Sx and pose.Sy are wrong in the machine file, all by one factor")
 
 
 NOISE = (0.01, 0.02, 0.01, 0.01)

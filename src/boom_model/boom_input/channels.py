@@ -104,9 +104,9 @@ _BAR = Unit("bar", 1e-5)
 
 
 def _pressure(name: str, symbol: str, *, predicted: bool = True, required: bool = True) -> Sensor:
-    """A pressure transducer: it ends at 600 bar and cannot read below vacuum."""
+    """A pressure transducer: it ends at 600 bar and reads vacuum to its accuracy, 1 bar."""
     return Sensor(
-        name, "Pa", f"/boom/{name}", "fluid_pressure", -1.02e5, 600e5, symbol, _BAR, _BAR, "pressure_sigma", "pressure_quantum",
+        name, "Pa", f"/boom/{name}", "fluid_pressure", -2.02e5, 600e5, symbol, _BAR, _BAR, "pressure_sigma", "pressure_quantum",
         predicted=predicted, required=required,
     )  # fmt: skip
 

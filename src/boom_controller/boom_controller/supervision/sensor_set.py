@@ -13,7 +13,7 @@ _BEYOND = (
     0.3  # rad. An IMU may be mounted askew by that much; what is further outside the stroke is no angle of this boom
 )
 _RATE = Range("rate", "rad/s", -3.0, 3.0)
-_PRESSURE = (-1.02e5, 6.0e7)
+_PRESSURE = (-2.02e5, 6.0e7)  # Pa. Vacuum, to the accuracy of a transducer of 0 to 400 bar
 _CURRENT = Range("current", "A", -0.05, 10.0)
 
 

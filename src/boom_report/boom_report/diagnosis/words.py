@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from boom_diagnosis.assumptions import NEAR_FLOOR
 from boom_diagnosis.document import DiagnosisResult, Estimate, Finding, Fit
 from boom_diagnosis.must_keep import far_channels
+from boom_diagnosis.wrong_number import in_words
 from boom_input.channels import PREDICTED
 from boom_model.catalogue import EFFECTS, SUBSYSTEM_NAMES, effect_name
 from boom_report.channels import number, probability
@@ -149,11 +150,11 @@ def headline(result: DiagnosisResult) -> str:
         return f"{unproved[0].upper()}{unproved[1:]}."
     if not document.findings:
         used = result.tolerances_used
-        moved = ", ".join([name for name in used if name != result.wrong][:3])
+        moved = ", ".join([name for name in used if name not in result.wrong][:3])
         if result.wrong:
             also = f", and parameters within their tolerance ({moved})" if moved else ""
-            size = shown(used[result.wrong]).text
-            return f"{result.wrong} is wrong in the machine file: {size}. That explains the difference{also}: the physics is right."
+            size = shown(used[result.wrong[0]]).text
+            return f"{in_words(result.wrong)}: {size}. That explains the difference{also}: the physics is right."
         return f"Parameters within their tolerance explain the difference{f' ({moved})' if moved else ''}: the physics is right."
     first = document.findings[0]
     more = len(document.findings) - 1
