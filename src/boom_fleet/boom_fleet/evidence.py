@@ -14,6 +14,9 @@ tolerance from the beginning. ``form``, of each effect, and ``wander`` are found
 is the same for all; how little the model's form fits is each machine's own, so every probability is integrated over a factor of
 ``form``, log-normal about the fleet's (``FORM_SPREAD``).
 
+Of one effect a healthy machine may seem to have far more than is usual: five times (``ODD``), always alike, or another size in
+every recording, as one motion shows it and another does not. Where that is likelier than any change it is taken for granted.
+
 Decision: a machine is raised where P(nothing further changed) < ``false_alarms`` / number of machines, so that in one night no more
 than ``false_alarms`` machines are expected to be raised for nothing, and where the next recording shows it, too
 (``boom_fleet.judging``). That and the priors below are all that is assumed.
@@ -43,12 +46,19 @@ RATE = 1.0
 """Changes of a machine per year; half of them steps, half ramps."""
 MOST_CHANGES = 4
 YEAR = 365.25 * 86400.0
+ODD = 5.0
+"""How much more of one effect than is usual a healthy machine may seem to have: always, or anew in every recording."""
+ODDLY = 0.05
+"""Probability of either, as that of being outside."""
+MOST_ODD = 4
 FORMS = (0.003, 0.006, 0.012, 0.025, 0.05, 0.1, 0.2)
 WANDERS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 """Values of ``form`` and ``wander`` that are compared."""
 FORM_SPREAD = 1.0
 """Standard deviation of ln(form) over the machines of a fleet."""
 _QUANTILE = 1.6448536269514722
+_HARDLY = -3.0
+"""Log odds of all that a quantity could have changed below which it is not asked whether it is restless."""
 Shape = Literal["step", "ramp"]
 
 
@@ -103,10 +113,10 @@ class MachinePosterior:
         """What the first ``count`` recordings say; changes are added as long as P(nothing further) < ``threshold``."""
         accepted: list[_Candidate] = []
         found: list[Change] = []
+        pasts: Sequence[MachinePast] = self._pasts
         first = 0.0
         while True:
-            weighed = self._weigh(count, tuple(accepted))
-            odds = float(logsumexp([w.log_odds for w in weighed])) if weighed else -np.inf
+            pasts, weighed, odds = self._beside_odd(pasts, count, accepted)
             unchanged = float(expit(-odds))
             if not accepted:
                 first = odds
@@ -121,15 +131,55 @@ class MachinePosterior:
         likeliest: MachinePast = self._pasts[int(np.argmax(known))]
         return likeliest.levels(direction)
 
-    def _weigh(self, count: int, accepted: tuple[_Candidate, ...]) -> list[_Weighed]:
-        """The odds of each candidate beside what is accepted."""
+    def _beside_odd(
+        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[_Candidate]
+    ) -> tuple[Sequence[MachinePast], list[_Weighed], float]:
+        """The recordings of a machine as odd as it is likelier to be than to have changed; the odds of each change and of any."""
+        for _ in range(MOST_ODD):
+            known, weighed = self._weigh(pasts, count, accepted)
+            odd = self._odd(pasts, count, accepted, known, weighed)
+            most = max((w.log_odds for w in weighed), default=0.0)
+            if not odd or odd[0].log_odds <= max(0.0, most):
+                break
+            pasts = odd[0].pasts
+        healthy = logsumexp([0.0, *(o.log_odds for o in odd)])
+        return pasts, weighed, float(logsumexp([-np.inf, *(w.log_odds for w in weighed)]) - healthy)
+
+    def _weigh(
+        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[_Candidate]
+    ) -> tuple[Array, list[_Weighed]]:
+        """Log evidence of every ``form``, and the odds of each candidate beside what is accepted."""
         candidates = self._candidates(count)
-        designs = [_Design(past, count, accepted) for past in self._pasts]
-        known = np.array([
-            prior + past.constant(count) + design.log_evidence
-            for prior, past, design in zip(self._priors, self._pasts, designs, strict=True)
-        ])  # fmt: skip
-        return _integrated(candidates, np.array([d.weigh(candidates) for d in designs]), known)
+        known, designs = self._known(pasts, count, accepted)
+        return known, _integrated(candidates, np.array([d.weigh(candidates) for d in designs]), known)
+
+    def _known(
+        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[_Candidate]
+    ) -> tuple[Array, list[_Design]]:
+        """Log evidence of every ``form`` with what is accepted."""
+        designs = [_Design(past, count, accepted) for past in pasts]
+        rows = zip(self._priors, pasts, designs, strict=True)
+        return np.array([prior + past.constant(count) + design.log_evidence for prior, past, design in rows]), designs
+
+    def _odd(
+        self,
+        pasts: Sequence[MachinePast],
+        count: int,
+        accepted: Sequence[_Candidate],
+        known: Array,
+        weighed: Sequence[_Weighed],
+    ) -> list[_Odd]:
+        """What a healthy machine may seem to have instead of a change, the likeliest first; of what may have changed."""
+        result = []
+        for direction in (d for d in self.directions if d.usual):
+            own = [w.log_odds for w in weighed if w.candidate.direction is direction]
+            if logsumexp(own) < _HARDLY:
+                continue
+            size = ODD * direction.usual
+            for other in ([p.wide(direction, size) for p in pasts], [p.restless(direction, size) for p in pasts]):
+                gained = logsumexp(self._known(other, count, accepted)[0]) - logsumexp(known)
+                result.append(_Odd(float(gained) + log(ODDLY / len(self.directions)), other))
+        return sorted(result, key=lambda o: -o.log_odds)
 
     def _candidates(self, count: int) -> list[_Candidate]:
         result = []
@@ -203,6 +253,13 @@ class _Weighed:
     deviation: float
 
 
+class _Odd(NamedTuple):
+    """A machine that seems to have far more of an effect than is usual: log odds, and its recordings with every ``form``."""
+
+    log_odds: float
+    pasts: Sequence[MachinePast]
+
+
 def _integrated(candidates: Sequence[_Candidate], rows: Array, known: Array) -> list[_Weighed]:
     """The candidates under every ``form``: rows (forms, 3, c) of :meth:`_Design.weigh`.
 
@@ -222,7 +279,7 @@ def _integrated(candidates: Sequence[_Candidate], rows: Array, known: Array) -> 
 class _Design:
     """The posterior of theta and of the accepted changes."""
 
-    def __init__(self, past: MachinePast, count: int, accepted: tuple[_Candidate, ...]) -> None:
+    def __init__(self, past: MachinePast, count: int, accepted: Sequence[_Candidate]) -> None:
         self._past, self._count, self._accepted = past, count, accepted
         t = len(past.precision)
         matrices, vectors = past.matrices(count)

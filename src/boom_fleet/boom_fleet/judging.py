@@ -127,14 +127,14 @@ class _Frame:
         matrix[np.ix_(at, at)], vector[at] = kept.matrix, kept.vector
         return Evidence(kept.time, matrix, vector)
 
-    def _direction(self, quantity: TrackedQuantity) -> Direction:
+    def _direction(self, quantity: TrackedQuantity, form: float) -> Direction:
         along = np.zeros(len(self.names))
         for name, share in quantity.direction:
             along[self.names.index(name)] = share
-        return Direction(quantity.id, along, quantity.low, quantity.high)
+        return Direction(quantity.id, along, quantity.low, quantity.high, form * float(self.kinds.effects @ along))
 
     def judged(self, machine: str, form: float, wander: float, threshold: float) -> Judgement:
-        directions = {q.id: self._direction(q) for q in self.quantities.values()}
+        directions = {q.id: self._direction(q, form) for q in self.quantities.values()}
         past = posterior(self.evidence, self.kinds, form, wander, tuple(directions.values()))
         histories = confirmed([past.history(k + 1, threshold) for k in range(len(self.kept))])
         known = [0, *(len(h.changes) for h in histories)]

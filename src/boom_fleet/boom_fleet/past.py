@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
+from math import log1p
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +15,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Direction:
-    """A quantity: its id, its direction (k,) in z, and the range of its size in z."""
+    """A quantity: its id, its direction (k,) in z, and the range of its size in z.
+
+    usual: standard deviation of the size of an effect, as healthy machines seem to have it; 0 of what is none.
+    """
 
     id: str
     along: Array
     low: float
     high: float
+    usual: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -50,6 +56,26 @@ class MachinePast:
             self._vector.append(e.vector - e.matrix @ (inner @ e.vector))
             square = float(e.vector @ inner @ e.vector)
             self._constants.append(0.5 * (square + float(np.linalg.slogdet(factor)[1])))
+
+    def wide(self, direction: Direction, size: float) -> MachinePast:
+        """The same where a quantity is N(0, size^2) beside what it is by its spread, alike in all recordings."""
+        result = copy(self)
+        result.precision = 1.0 / (1.0 / self.precision + (size * direction.along) ** 2)
+        return result
+
+    def restless(self, direction: Direction, size: float) -> MachinePast:
+        """The same where a quantity is another one in each recording, N(0, size^2)."""
+        result = copy(self)
+        along, result._along = direction.along, {}
+        result._matrix, result._vector, result._constants = [], [], []
+        for matrix, vector, constant in zip(self._matrix, self._vector, self._constants, strict=True):
+            column, score = matrix @ along, float(along @ vector)
+            information = float(along @ column)
+            share = 1.0 / (size**-2 + information)
+            result._matrix.append(matrix - share * np.outer(column, column))
+            result._vector.append(vector - share * score * column)
+            result._constants.append(constant + 0.5 * (share * score**2 - log1p(size**2 * information)))
+        return result
 
     def constant(self, count: int) -> float:
         """What the first recordings say of how much the machine differs from day to day."""

@@ -65,6 +65,43 @@ def test_a_sensor_that_is_off_by_its_accuracy_from_the_beginning_is_not_raised_a
     assert [raised(evidence, accurate) for evidence in [*off, jump]] == [False] * 4 + [True]
 
 
+def seeming(rng, sizes):
+    """A machine with twelve effects, of which it seems to have next to nothing but of the first: so much in each recording."""
+    result = []
+    for k, size in enumerate(sizes):
+        rows = rng.standard_normal((200, 14)) * 20.0
+        z = np.append([0.0, 0.0, size], np.zeros(11))
+        seen = rows @ z + rng.standard_normal(200)
+        result.append(Evidence(k / len(sizes) * YEAR, rows.T @ rows, rows.T @ seen))
+    return result
+
+
+def odd_or_changed(evidence, usual):
+    """What has changed in such a machine of a fleet in which ``usual`` is had of an effect."""
+    kinds = NumberKinds(np.append(np.zeros(2), np.ones(12)), np.zeros(14, dtype=bool), np.zeros(14))
+    effects = [Direction(f"effect_{k}", np.eye(14)[k + 2], -2.0, 2.0, usual) for k in range(12)]
+    wear = Direction("wear", np.eye(14)[0], -2.0, 2.0)
+    return [c.quantity for c in posterior(evidence, kinds, 0.01, 0.02, (*effects, wear)).history(8, THRESHOLD).changes]
+
+
+ALWAYS, RESTLESS = [0.08] * 8, [0.0, 0.0, 0.0, 0.0, 0.09, 0.08, 0.09, -0.05]
+
+
+@pytest.mark.parametrize("sizes", [ALWAYS, RESTLESS])
+def test_an_effect_that_a_machine_seems_to_have_always_or_anew_in_every_recording_is_no_change(sizes):
+    evidence = seeming(np.random.default_rng(5), sizes)
+    assert odd_or_changed(evidence, 0.0)[:1] == ["effect_0"]
+    assert odd_or_changed(evidence, 0.01) == []
+
+
+def test_a_change_is_found_beside_an_effect_that_the_machine_seems_to_have_anew_in_every_recording():
+    worn = [
+        replace(e, vector=e.vector + e.matrix @ np.append(1.5 * (k >= 4), np.zeros(13)))
+        for k, e in enumerate(seeming(np.random.default_rng(5), RESTLESS))
+    ]
+    assert odd_or_changed(worn, 0.01) == ["wear"]
+
+
 def test_a_step_is_raised_at_once_and_dated_to_the_interval_in_which_it_came():
     evidence = recordings(np.random.default_rng(2), lambda share: 0.5 if share >= 0.5 else 0.0)
 
