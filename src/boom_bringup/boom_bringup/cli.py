@@ -26,7 +26,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
-from types import ModuleType
+from threading import Event, current_thread, main_thread
+from types import FrameType, ModuleType
 from typing import Any, NoReturn, TextIO, cast
 
 from boom_bringup import __version__
@@ -223,21 +224,39 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _guarded(arguments)
 
 
+_stopped = Event()
+"""A Ctrl-C came. An import that it interrupts may make an ImportError of it, with a page of advice (numpy)."""
+
+
+def _stop(_number: int, _frame: FrameType | None) -> NoReturn:
+    _stopped.set()
+    raise KeyboardInterrupt
+
+
+def _told_stopped() -> int:
+    print("boom: stopped", file=sys.stderr)
+    return 130
+
+
 def _guarded(arguments: Sequence[str] | None) -> int:
     program = os.environ.get("BOOM_PROGRAM", "boom")
     try:
+        _stopped.clear()
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler and current_thread() is main_thread():
+            signal.signal(signal.SIGINT, _stop)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # held back by ./boom until here
         status = _run(sys.argv[1:] if arguments is None else arguments, program)
         sys.stdout.flush()
         return status
     except KeyboardInterrupt:
-        print("boom: stopped", file=sys.stderr)
-        return 130
+        return _told_stopped()
     except BrokenPipeError:
         # The reader of our output has left (`| head`): nothing is wrong, and nothing more can be written.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except Exception as error:
+        if _stopped.is_set():
+            return _told_stopped()
         # The packages' own error classes are not imported here: what marks them is the attribute.
         wanted = getattr(error, "exit_status", None)
         text = str(error)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
 import shutil
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -19,11 +21,25 @@ if TYPE_CHECKING:
     from boom_recording.recording import Recording
 
 
-def checked(given: str | None, option: str) -> Path | None:
+PAGE = """content="default-src 'none'; """
+"""In every page that a command writes, and hardly in another: what it may load."""
+
+
+def checked_json(given: str | None, *keys: str) -> Path | None:
+    """The path of a JSON document, ``--json``; a file there has to hold its ``keys``. Raises UsageError as `checked`."""
+    return checked(given, "--json", *(f'\n  "{key}": ' for key in keys))
+
+
+def checked(given: str | None, option: str, *marks: str) -> Path | None:
     """The path of an output file; None if none was requested.
 
+    Args:
+        given: the path.
+        option: that gives it.
+        marks: texts in every such file; one that lacks them is of another kind and must not be lost.
+
     Raises:
-        UsageError: it could not be written.
+        UsageError: it could not be written, or would replace a file of another kind.
     """
     if given is None:
         return None
@@ -40,9 +56,25 @@ def checked(given: str | None, option: str) -> Path | None:
         raise UsageError(f"{option} {given or '(empty)'}: this is a folder, give the name of a file in it")
     if not path.parent.is_dir():
         raise UsageError(f"{option} {given}: there is no folder {path.parent}: create it first")
-    if not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise UsageError(f"{option} {given}: may not be written by this user: give another path")
+    _try(path, f"{option} {given}")
+    content = path.read_bytes() if path.is_file() and marks else b""
+    if content and not all(mark.encode() in content for mark in marks):
+        raise UsageError(
+            f"{option} {given}: the file there is no earlier result of this kind and would be lost: give another path"
+        )
     return path
+
+
+def _try(path: Path, named: str) -> None:
+    """Raises UsageError where `write_whole` could not write."""
+    try:
+        if not os.access(path if path.exists() else path.parent, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        if path.is_file() or not path.exists():
+            with tempfile.TemporaryFile(dir=os.path.dirname(os.path.realpath(path))):
+                pass
+    except OSError as error:
+        raise UsageError(f"{named}: may not be written ({error.strerror}): give another path") from None
 
 
 def default_report(command: str, bags: Sequence[str] = ()) -> Path:
@@ -63,7 +95,7 @@ def default_report(command: str, bags: Sequence[str] = ()) -> Path:
     if any(other == names[0] for other in names[1:]):  # of another crane: its folder tells which
         name = f"{command}-{os.path.basename(os.path.realpath(Path(bags[0]).parent))}-{names[0]}"
     more = f"-and-{len(bags) - 1}-more" if len(bags) > 1 else ""
-    path = checked(str(folder / f"{name}{more}.html"), "report")
+    path = checked(str(folder / f"{name}{more}.html"), "report", PAGE)
     assert path is not None
     return path
 

@@ -18,7 +18,7 @@ def diagnose_next(bags: Sequence[str], machine: str | None, configuration: Seque
     return [f"next: {typable(program, 'diagnose', str(bag), *words)}" for bag in bags]
 
 
-_QUIET = 10.0  # s: so long nothing is said in a log file
+_QUIET = 2.0  # s: so long nothing is said in a log file
 
 
 @contextmanager

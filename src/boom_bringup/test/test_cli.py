@@ -1,6 +1,8 @@
 import importlib.util
+import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -130,6 +132,22 @@ def test_interruption_ends_with_130(monkeypatch, capsys):
     assert capsys.readouterr().err == "boom: stopped\n"
 
 
+def test_an_import_that_makes_something_else_of_a_ctrl_c_ends_with_130(monkeypatch, capsys):
+    def imported(arguments, program):
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+        except KeyboardInterrupt:
+            raise ImportError("IMPORTANT: PLEASE READ THIS\n" * 50) from None
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    monkeypatch.setattr(cli, "_run", imported)
+    try:
+        assert cli.main(["x"]) == 130
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert capsys.readouterr().err == "boom: stopped\n"
+
+
 def test_a_ctrl_c_while_the_entry_script_imports_ends_it_with_130_and_no_word():
     code = (
         "import builtins, os, runpy, signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
@@ -176,6 +194,16 @@ def things(tmp_path):
         ("validate mine --json both --report ./both", "--json and --report are the same file"),
         ("diagnose mine --output mine", "--output mine is the input mine"),
         ("diagnose mine --output own", "machine.yaml was not written by a diagnosis"),
+        ("check-machine tz17 --json crane.yaml", "--json crane.yaml: the file there is no earlier result"),
+        ("validate mine --no-report --json own/machine.yaml", "--json own/machine.yaml: the file there is no earlier"),
+        ("validate mine --report crane.yaml", "--report crane.yaml: the file there is no earlier result"),
+        (
+            "new-machine --output new.yaml --manoeuvre crane.yaml",
+            "--manoeuvre crane.yaml: the file there is no earlier",
+        ),
+        ("identify mine --output own/machine.yaml", "--output own/machine.yaml: the file there is no earlier result"),
+        ("validate mine --report /proc/x.html", "--report /proc/x.html: may not be written"),
+        ("fleet . --output fleet --publish crane.yaml/bag", "--publish crane.yaml/bag: there is no folder crane.yaml"),
     ],
 )
 def test_what_a_command_writes_never_replaces_what_it_reads_or_what_somebody_wrote(
@@ -186,6 +214,37 @@ def test_what_a_command_writes_never_replaces_what_it_reads_or_what_somebody_wro
     assert cli.main(words.split()) == 2
     assert said in capsys.readouterr().err
     assert {path: path.read_bytes() for path in things.rglob("*") if path.is_file()} == before
+
+
+def test_a_command_may_replace_its_own_earlier_results(things, monkeypatch, capsys):
+    monkeypatch.chdir(things)
+    for _ in range(2):
+        assert cli.main(["validate", "mine", "--json", "numbers.json", "--report", "page.html"]) == 0
+        assert cli.main(["export-fmu", "--output", "crane.fmu"]) == 0
+    assert cli.main(["chain", "mine", "--no-report", "--json", "numbers.json"]) == 2
+    assert "no earlier result of this kind" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("chain mine mine", "mine is given twice and would count twice"),
+        ("chain mine link", "link is the same recording as mine and would count twice"),
+        ("identify link mine/../mine", "mine is the same recording as link and would count twice"),
+        ("new-machine --output new.yaml mine link", "link is the same recording as mine and would count twice"),
+        ("diagnose mine link", "link is the same recording as mine and would count twice"),
+        (
+            "chain mine --joints outer_boom=inner_boom_joint",
+            "outer_boom=inner_boom_joint: this is the boom's own joint",
+        ),
+        ("validate mine --joint q --joints slewing=q", "slewing=q: this is the boom's own joint"),
+    ],
+)
+def test_one_recording_or_one_joint_cannot_stand_for_two(words, said, things, monkeypatch, capsys):
+    monkeypatch.chdir(things)
+    shutil.copytree("mine", "link", copy_function=os.link)
+    assert cli.main(words.split()) == 2
+    assert said in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

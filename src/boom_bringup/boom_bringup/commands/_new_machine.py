@@ -37,13 +37,14 @@ def read(args: argparse.Namespace, answers: dict[str, Answer]) -> dict[str, Reco
     """The recordings by the names under which the user knows them; their pose and machine are taken as answers.
 
     Raises:
-        UsageError: recordings of several poses.
+        UsageError: recordings of several poses, or one given twice.
         RecordingError: as `boom_recording.loading.load`.
     """
-    from boom_bringup.given import load_given
+    from boom_bringup.given import load_given, refuse_repeated, sha256
 
     wanted = argparse.Namespace(q3=answers.get("q3"), q4=answers.get("q4"), load=args.load, joint=args.joint, joints={})
     recordings = {bag: load_given(bag, wanted) for bag in args.bags}
+    refuse_repeated(list(recordings), [sha256(recording.path) for recording in recordings.values()])
     poses = {(r.configuration.outer_boom_angle, r.configuration.telescope_length) for r in recordings.values()}
     if len(poses) > 1:
         listed = "; ".join(f"q3 = {q3:g} rad, q4 = {q4:g} m" for q3, q4 in sorted(poses))

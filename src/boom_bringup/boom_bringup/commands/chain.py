@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from boom_bringup import arguments
 from boom_bringup.cli import UsageError
-from boom_bringup.outputs import checked, default_report, write, write_json
+from boom_bringup.outputs import PAGE, checked, checked_json, default_report, write, write_json
 from boom_bringup.replica import machine_of, misfit
 from boom_bringup.showing import progress
 
@@ -54,15 +54,16 @@ def run(args: argparse.Namespace) -> int:
     posed = arguments.option_words(args, "q3", "q4", "load")
     if args.areas and posed:
         raise UsageError(f"{posed[0]}: with --areas there is no boom whose pose or load counts: leave it out")
-    json_path = checked(args.json, "--json")
-    report = None if args.no_report else checked(args.report, "--report") or default_report("chain", args.bags)
+    json_path = checked_json(args.json, "bags", "valve")
+    report = None if args.no_report else checked(args.report, "--report", PAGE) or default_report("chain", args.bags)
 
-    from boom_bringup.given import load_all
+    from boom_bringup.given import load_all, refuse_repeated, sha256
     from boom_recording.channels import JOINT_STATES
 
     required = (JOINT_STATES,) if args.areas else None
     with progress(2 * len(args.bags)) as step:
         read = load_all(args.bags, args, lambda text: step(text, 1), required)
+        refuse_repeated(args.bags, [sha256(recording.path) for recording in read])
         recordings = dict(zip(args.bags, read, strict=True))
 
         from boom_checks.chain import study

@@ -25,12 +25,12 @@ def run(args: argparse.Namespace) -> int:
     """Print faults or quantities; returns 0, or 2 where there are faults."""
     from rich.table import Table
 
-    from boom_bringup.outputs import checked, write_json
+    from boom_bringup.outputs import checked_json, write_json
     from boom_model.derived import quantities
     from boom_model.machine_file import check_machine
     from boom_report.console import console_for
 
-    path = checked(args.json, "--json")
+    path = checked_json(args.json, "faults", "quantities")
     machine, faults = check_machine(args.file)
     rows = quantities(machine) if machine else []
     if path:

@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     from boom_report.tracking import position_error
 
     console = console_for()
-    json_path = outputs.checked(args.json, "--json")
+    json_path = outputs.checked_json(args.json, "machine", "bags")
     bag = Path(args.bag) if args.bag else _shipped_bag()
     recording = load_given(bag, args)
     machine, source = replica.machine_of({str(bag): recording}, args.machine)

@@ -14,7 +14,6 @@ A mismatch is a result, not an error: the exit status is 0.
 from __future__ import annotations
 
 import argparse
-import hashlib
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +21,7 @@ from typing import TYPE_CHECKING
 from boom_bringup import __version__, arguments
 from boom_bringup.cli import UsageError
 from boom_bringup.memory import keep_memory
-from boom_bringup.outputs import checked, held, json_text, write, write_text
+from boom_bringup.outputs import checked_json, held, json_text, write, write_text
 from boom_bringup.replica import machine_of
 from boom_bringup.showing import progress
 
@@ -61,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     """Diagnose; returns 0 whatever is found."""
     if args.seed < 0:
         raise UsageError(f"--seed {args.seed}: give a number of 0 or more")
-    json_path = checked(args.json, "--json")
+    json_path = checked_json(args.json, "verdict", "hypotheses")
     with held(args.output) as folder:
         _keep_own_machine(folder / "machine.yaml")
         return _run(args, folder, json_path)
@@ -78,7 +77,7 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
 
     keep_memory()
 
-    from boom_bringup.given import load_all
+    from boom_bringup.given import load_all, refuse_repeated, sha256
 
     with progress(_STEPS) as step:
         everything = load_all([*args.bags, *args.hold_out], args, lambda text: step(text, 0))
@@ -90,12 +89,14 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
                     f"{recording.name} was recorded on machine '{recording.configuration.machine}', the machine file is that "
                     f"of '{machine.name}': give the file of that machine"
                 )
-        sums = {bag: _sha256(r) for bag, r in zip([*args.bags, *args.hold_out], everything, strict=True)}
+        checksums = [sha256(recording.path) for recording in everything]
+        sums = dict(zip([*args.bags, *args.hold_out], checksums, strict=True))
         for bag in args.hold_out:  # compared is what was read: a path has many spellings
             same = next((other for other in args.bags if sums[other] == sums[bag]), "")
             if same:
                 what = bag if bag == same else f"{bag} is the same recording as {same}"
                 raise UsageError(f"{what}: given both to diagnose and to hold out: remove one of the two")
+        refuse_repeated([*args.bags, *args.hold_out], checksums)
 
         from boom_diagnosis.run import diagnose
         from boom_model.errors import MachineError
@@ -162,16 +163,6 @@ def _next_experiment(result: DiagnosisResult, like: Recording, path: Path) -> li
     finally:
         shutil.rmtree(temporary.parent, ignore_errors=True)
     return [path.name] if result.experiment is not None else []
-
-
-def _sha256(recording: Recording) -> str:
-    """Checksum of the recording's files, in the order of their names."""
-    path = recording.path
-    files = sorted(path.glob("*.mcap*")) if path.is_dir() else [path]
-    digest = hashlib.sha256()
-    for file in files:
-        digest.update(file.read_bytes())
-    return digest.hexdigest()
 
 
 def _words(args: argparse.Namespace) -> list[str]:

@@ -28,7 +28,7 @@ HELP = "write a machine as an FMU (FMI 3.0 or 2.0, co-simulation), C source insi
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("--output", metavar="F.fmu", required=True, help="the file; replaced if it exists")
+    parser.add_argument("--output", metavar="F.fmu", required=True, help="the file; an FMU of this command is replaced")
     parser.add_argument(
         "--machine", metavar="FILE", default="tz17", help="machine file or shipped name (default: tz17)"
     )
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the FMU; returns 0."""
-    path = checked(args.output, "--output")
+    path = checked(args.output, "--output", "sources/boom.c")
     assert path is not None
     if path.suffix != ".fmu":
         raise UsageError(f"--output {args.output}: importers want a file that ends with .fmu: give {path.stem}.fmu")

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 from boom_bringup import arguments
 from boom_bringup.cli import UsageError
-from boom_bringup.outputs import checked, default_report, write, write_json
+from boom_bringup.outputs import PAGE, checked, checked_json, default_report, write, write_json
 from boom_bringup.replica import machine_of
 from boom_bringup.showing import progress
 
@@ -81,19 +81,21 @@ def run(args: argparse.Namespace) -> int:
     names = [name.strip() for name in args.parameters.split(",")] if args.parameters is not None else None
     if names is not None and args.stationary_only:
         raise UsageError("--parameters concerns the refinement, which --stationary-only skips: leave one of them out")
-    report = None if args.no_report else checked(args.report, "--report") or default_report("identify", args.bags)
-    output = checked(args.output, "--output")
+    report = None if args.no_report else checked(args.report, "--report", PAGE) or default_report("identify", args.bags)
+    output = checked(args.output, "--output", "# Identified on ")
     if output is not None and output.suffix not in (".yaml", ".yml"):
         raise UsageError(f"--output {output}: a machine file ends in .yaml")
-    json_path = checked(args.json, "--json")
+    json_path = checked_json(args.json, "parameters", "not_determined")
     command = arguments.command_line("identify", *_words(args))
 
-    from boom_bringup.given import load_given
+    from boom_bringup.given import load_given, refuse_repeated, sha256
     from boom_identification.identify import identify, read_inputs
     from boom_recording.recording import told_apart
 
     with progress(_STEPS) as step:
         inputs = read_inputs(args.bags, lambda text: step(text, 0), lambda bag: load_given(bag, args))
+        paths = [*dict.fromkeys(trace.path for trace in inputs.traces), *(r.path for r in inputs.recordings)]
+        refuse_repeated([str(path) for path in paths], [sha256(path) for path in paths])
         inputs = replace(inputs, recordings=tuple(told_apart(inputs.recordings)))
         machine, source = _machine(args.machine, inputs)
         result = identify(

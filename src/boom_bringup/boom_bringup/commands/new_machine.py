@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 from boom_bringup import arguments
 from boom_bringup.cli import UsageError
-from boom_bringup.outputs import checked, refuse_existing, write_json, write_new_text
+from boom_bringup.outputs import checked, checked_json, refuse_existing, write_json, write_new_text
 from boom_model.owner.questions import BY_KEY, QUESTIONS, Answer, checked_answers, open_questions
 
 if TYPE_CHECKING:
@@ -74,8 +74,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the file, and tell what recordings tell; returns 0."""
-    output, manoeuvre = checked(args.output, "--output"), checked(args.manoeuvre, "--manoeuvre")
-    json_path = checked(args.json, "--json")
+    output, manoeuvre = (
+        checked(args.output, "--output"),
+        checked(args.manoeuvre, "--manoeuvre", "time_s,retract_a,extend_a\n"),
+    )
+    json_path = checked_json(args.json, "machine", "answers")
     assert output is not None
     refuse_existing(output)
     if manoeuvre and args.no_manoeuvre:

@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from boom_bringup.cli import UsageError
-from boom_bringup.outputs import checked, held, json_text, write_text
+from boom_bringup.outputs import checked, checked_json, held, json_text, write_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -95,7 +95,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the trial; returns 0, or 1 with --strict and a measure that is not met."""
     _check(args)
-    json_path, page_path = checked(args.json, "--json"), checked(args.document, "--document")
+    json_path = checked_json(args.json, "measures", "calibration")
+    page_path = checked(args.document, "--document", "# The blind trial\n")
     machine = _machine_file(args.machine, args.structures)
 
     from boom_fleet.engine import workers

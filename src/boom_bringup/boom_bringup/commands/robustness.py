@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from boom_bringup import arguments
 from boom_bringup.cli import UsageError
-from boom_bringup.outputs import checked, default_report, write, write_json
+from boom_bringup.outputs import PAGE, checked, checked_json, default_report, write, write_json
 from boom_bringup.showing import progress
 from boom_controller import laws
 
@@ -92,8 +92,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run everything requested; returns 0."""
-    json_path = checked(args.json, "--json")
-    report = None if args.no_report else checked(args.report, "--report") or default_report("robustness")
+    json_path = checked_json(args.json, "modes", "trajectories")
+    report = None if args.no_report else checked(args.report, "--report", PAGE) or default_report("robustness")
     modes = list(dict.fromkeys(args.modes))
 
     from boom_report.console import console_for

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from boom_bringup import arguments
 from boom_bringup.cli import UsageError
-from boom_bringup.outputs import checked, default_report, write, write_json
+from boom_bringup.outputs import PAGE, checked, checked_json, default_report, write, write_json
 from boom_bringup.replica import machine_of, misfit
 from boom_bringup.showing import diagnose_next, progress
 
@@ -44,8 +44,8 @@ def run(args: argparse.Namespace) -> int:
     """Validate; returns 0, or 1 with --strict and a mismatch."""
     if args.simulated and len(args.bags) > 1:
         raise UsageError(f"--simulated needs one recording, {len(args.bags)} were given: validate them one by one")
-    json_path = checked(args.json, "--json")
-    report = None if args.no_report else checked(args.report, "--report") or default_report("validate", args.bags)
+    json_path = checked_json(args.json, "machine", "bags")
+    report = None if args.no_report else checked(args.report, "--report", PAGE) or default_report("validate", args.bags)
 
     from boom_bringup.given import load_all, load_given
 

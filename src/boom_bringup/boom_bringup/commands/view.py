@@ -22,7 +22,7 @@ import webbrowser
 from boom_bringup import arguments
 from boom_bringup.cli import UsageError
 from boom_bringup.node_command import become_node
-from boom_bringup.outputs import checked, write_text
+from boom_bringup.outputs import PAGE, checked, write_text
 from boom_bringup.replica import machine_of, misfit
 from boom_bringup.showing import progress
 
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     opened = not args.no_browser and any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
     if args.bag is None:
         return _live(args, opened)
-    output = checked(args.output, "--output")
+    output = checked(args.output, "--output", PAGE)
     page = _page(args)
     if output:
         write_text(output, page)
