@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 from dataclasses import fields, replace
 from pathlib import Path
@@ -215,14 +216,34 @@ def test_a_proposal_that_was_edited_is_kept(original: Data, tmp_path: Path, caps
     assert "was edited and stays" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("scale", "status"), [("1e0", 0), ("0", 2)])
-def test_a_scale_may_have_an_exponent_and_is_not_zero(
-    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str], scale: str, status: int
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("scale", "status", "said"),
+    [("1e0", 0, ""), ("0", 2, "scale: 0 makes the channel a constant"), ("1e308", 2, " lie outside ")],
+)
+def test_a_scale_may_have_an_exponent_and_leaves_the_channel_in_its_range(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str], scale: str, status: int, said: str
 ) -> None:
     files = KINDS[sorted(set(KINDS) - set(ASKS))[0]](original, tmp_path)
     assert boom("import", *map(str, files), "--yes", "--no-report", *POSE, "--output", "made") == 0
     text = mapping_of(files[0]).read_text(encoding="utf-8").replace("scale: 1.0", f"scale: {scale}")
     Path("own.yaml").write_text(text, encoding="utf-8")
-    words = ("import", *map(str, files), "--mapping", "own.yaml", "--no-report", *POSE, "--output", "again")
+    words = ("import", *map(str, files), "--mapping", "own.yaml", "--report", "page.html", *POSE, "--output", "again")
+    capsys.readouterr()
     assert boom(*words) == status
-    assert status == 0 or "scale: 0 makes the channel a constant" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == bool(status)
+
+
+def test_a_bag_that_the_commands_refuse_is_not_to_be_compared(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = KINDS[sorted(set(KINDS) - set(ASKS))[0]](original, tmp_path)
+    assert boom("import", *map(str, files), "--yes", "--no-report", *POSE, "--output", "made") == 0
+    assert "compare it with the model" in capsys.readouterr().out
+    text = re.sub("  angle: .*", "  angle: none", mapping_of(files[0]).read_text(encoding="utf-8"))
+    Path("own.yaml").write_text(re.sub("  rate: .*", "  rate: none", text), encoding="utf-8")
+    words = ("import", *map(str, files), "--mapping", "own.yaml", "--no-report", *POSE, "--output", "again")
+    assert boom(*words) == 0
+    told = capsys.readouterr().out
+    assert "without angle: the commands will refuse the bag" in told and "compare it" not in told

@@ -23,6 +23,8 @@ _WINDOW = (
 _REST = 1e-9  # rad/s
 _MOST_OUTSIDE = 0.02
 _APART = 0.05  # s: further apart than this, nothing is interpolated
+_FARTHEST = 1e30
+"""Out of every range, and a number that a page can show."""
 _Series = tuple[Stamps, Floats]
 
 
@@ -89,7 +91,9 @@ def _column(columns: dict[str, Column], entry: SignalMap, joint: str, signal: st
 def to_si(entry: SignalMap, numbers: Floats) -> Floats:
     """Numbers of a file as values of a signal [SI, pressures gauge]."""
     measure = units.BY_NAME[entry.unit]
-    values = (entry.sign * entry.scale * numbers + entry.offset) * measure.factor
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = (entry.sign * entry.scale * numbers + entry.offset) * measure.factor
+    values = np.clip(values, -_FARTHEST, _FARTHEST)
     if entry.part:  # the sign of the negative half is in `sign`
         values = np.maximum(values, 0.0)
     return np.asarray(values - (AMBIENT_PRESSURE_PA if entry.reference == "absolute" else 0.0))

@@ -15,7 +15,7 @@ from typing import Any
 from boom_import import units
 from boom_import.candidates import DIMENSION, SIGNALS
 from boom_import.errors import ImportingError
-from boom_import.timing import TimeChoice
+from boom_import.timing import FASTEST, TimeChoice
 from boom_input.files import InputError
 from boom_input.shown import quoted
 from boom_input.yaml_text import read_yaml
@@ -126,6 +126,7 @@ def _mapping(document: dict[str, Any]) -> Mapping:
         raise _EntryError(f"signals: {missing[0]} is missing: give its column, or 'none'")
     for signal, given in signals.items():
         result.signals[signal] = _signal(signal, given)
+    _refuse_shared(result.signals)
     joint = document.get("joint", "")
     if joint is not None and not isinstance(joint, str):
         raise _EntryError("joint: give the name of the boom's joint")
@@ -136,7 +137,25 @@ def _mapping(document: dict[str, Any]) -> Mapping:
     for name in ("q3", "q4", "load"):
         value = configuration.get(name)
         setattr(result, name, None if value is None else _number(value, f"configuration: {name}"))
+    if result.load is not None and result.load < 0.0:
+        raise _EntryError(
+            f"configuration: load: {result.load:g} kg: a load is 0 or more, or null where it is not known"
+        )
     return result
+
+
+def _refuse_shared(signals: dict[str, SignalMap | str]) -> None:
+    """Raises _EntryError: two signals have one column, and are not the halves of a signed current."""
+    used: dict[str, list[tuple[str, str]]] = {}
+    for signal, entry in signals.items():
+        if isinstance(entry, SignalMap):
+            for other, part in used.setdefault(entry.column, []):
+                if {part, entry.part} != {"positive", "negative"}:
+                    raise _EntryError(
+                        f"signals: {other} and {signal}: '{quoted(entry.column, 60)}' cannot be both: "
+                        "give each its own column, or none"
+                    )
+            used[entry.column].append((signal, entry.part))
 
 
 def _signal(signal: str, given: Any) -> SignalMap | str:
@@ -177,8 +196,14 @@ def _time(entry: dict[str, Any]) -> TimeChoice:
     unit = str(entry.get("unit", ""))
     if unit and unit not in [measure.name for measure in units.OF_DIMENSION[units.TIME]]:
         raise _EntryError(f"time: unit {quoted(unit, 40)}: give s, ms, us, ns, min, h or d")
-    rate = entry.get("sample_rate")
-    return TimeChoice(str(entry.get("column", "")), unit, 0.0 if rate is None else _number(rate, "time: sample_rate"))
+    given = entry.get("sample_rate")
+    rate = 0.0 if given is None else _number(given, "time: sample_rate")
+    if given is not None and not 0.0 < rate <= FASTEST:
+        raise _EntryError(f"time: sample_rate: {rate:g}: give above 0 and up to {FASTEST:g} samples a second")
+    try:
+        return TimeChoice(str(entry.get("column") or ""), unit, rate)
+    except ImportingError as error:
+        raise _EntryError(f"time: {error}") from None
 
 
 def text(mapping: Mapping, comments: dict[str, str], heading: list[str]) -> str:

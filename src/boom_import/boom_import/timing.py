@@ -22,6 +22,8 @@ _PERIOD, _PERIOD_SPREAD = math.log(0.01), math.log(5.0)
 _PRIOR = {"s": 0.5, "ms": 0.25, "us": 0.1, "ns": 0.05, "d": 0.05, "min": 0.02, "h": 0.03}
 _STATED_WRONG = 0.02
 _SURE = 0.9
+FASTEST = 1e5
+"""Samples per second that a table may have."""
 _NAMES = ("time", "zeit", "stamp", "clock", "datum", "date", "uhr", "temps", "tiempo")
 _SHORT = ("t", "ts", "x", "sec", "ms")
 _COUNTERS = ("index", "idx", "count", "sample", "frame", "seq", "line", "row", "nr", "no", "id", "zeile", "zaehler")
@@ -45,11 +47,18 @@ class TimeChoice:
         column: name of the column, "" where there is none.
         unit: "s", "ms", "us", "ns", "min", "h", "d", or "" to find out.
         rate: samples per second where no column is time, 0 for none.
+
+    Raises:
+        ImportingError: a column or its unit, and a rate.
     """
 
     column: str = ""
     unit: str = ""
     rate: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.rate and (self.column or self.unit):
+            raise ImportingError("a sample rate is for a table without a column of time: give one of the two")
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ HYDRAULICS = Mapping(
         "rate": "derivative of angle",
         **dict.fromkeys(("rod_pressure", "extend_current", "retract_current"), "none"),
         **{
-            name: SignalMap("p_A", "bar", reference="gauge")
+            name: SignalMap(name, "bar", reference="gauge")
             for name in ("hose_pressure", "head_pressure", "supply_pressure")
         },
     }
@@ -90,7 +90,9 @@ def test_a_mapping_is_applied() -> None:
 def test_a_piston_and_the_pressures_beside_it_are_imported(tmp_path: Path) -> None:
     path, own = tmp_path / "m.yaml", source()
     path.write_text(mapping.text(HYDRAULICS, {}, []))
-    own.columns.append(Column("x", "x", "", own.columns[0].stamps_ns, np.linspace(300.0, 350.0, 100)))
+    columns = dict.fromkeys(("hose_pressure", "head_pressure", "supply_pressure"), np.full(100, 51.0))
+    for name, values in {**columns, "x": np.linspace(300.0, 350.0, 100)}.items():
+        own.columns.append(Column(name, name, "", own.columns[0].stamps_ns, values))
     made = conversion.convert("made", own, mapping.read(path))
     np.testing.assert_allclose(made.signals["angle"].values, np.linspace(0.3, 0.35, 100))
     assert {"head_pressure", "supply_pressure"} < set(made.signals)
@@ -106,6 +108,15 @@ def test_a_piston_and_the_pressures_beside_it_are_imported(tmp_path: Path) -> No
         (', reference: "absolute"', "", "give gauge (0 in air) or absolute"),
         ('column: "p_A", ', "", "hose_pressure: column is missing"),
         ("q3: 0.28", "q3: .nan", "q3: nan is not a number"),
+        ("load: null", "load: -50", "configuration: load: -50 kg: a load is 0 or more"),
+        (
+            "rod_pressure: none",
+            "rod_pressure: {column: p_A, unit: bar, reference: gauge}",
+            "hose_pressure and rod_pressure: 'p_A' cannot be both",
+        ),
+        (', part: "negative"', "", "extend_current and retract_current: 'u' cannot be both"),
+        ('unit: "ms"', "sample_rate: 100", "time: a sample rate is for a table without a column of time"),
+        ('column: "t", unit: "ms"', "sample_rate: 0", "time: sample_rate: 0: give above 0"),
         ('part: "positive"', 'part: "upper"', "give positive or negative"),
     ],
 )

@@ -21,7 +21,16 @@ from typing import TYPE_CHECKING
 
 from boom_bringup import arguments
 from boom_bringup.cli import UsageError
-from boom_bringup.outputs import checked, default_report, new_bag, refuse_existing, write, write_recording, write_text
+from boom_bringup.outputs import (
+    PAGE,
+    checked,
+    default_report,
+    new_bag,
+    refuse_existing,
+    write,
+    write_recording,
+    write_text,
+)
 from boom_input.shown import typable
 
 if TYPE_CHECKING:
@@ -63,20 +72,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_configuration(parser)
 
 
-_FASTEST = 1e5
-"""Samples per second that a table may have."""
-
-
 def _sample_rate(text: str) -> float:
+    from boom_import.timing import FASTEST  # not there before the set-up
+
     rate = arguments.positive(text)
-    if rate > _FASTEST:
-        raise argparse.ArgumentTypeError(f"give at most {_FASTEST:g} samples a second")
+    if rate > FASTEST:
+        raise argparse.ArgumentTypeError(f"give at most {FASTEST:g} samples a second")
     return rate
 
 
 def run(args: argparse.Namespace) -> int:
     """Read, propose or take a mapping, convert, write; returns 0."""
-    page = None if args.no_report else checked(args.report, "--report") or default_report("import", args.files[:1])
+    page = (
+        None if args.no_report else checked(args.report, "--report", PAGE) or default_report("import", args.files[:1])
+    )
     written = checked(args.write_mapping, "--write-mapping") or default_report("import", args.files[:1]).with_suffix(
         ".yaml"
     )
@@ -197,7 +206,7 @@ def _kept(path: Path) -> Path:
     head, _, rest = path.read_text(encoding="utf-8", errors="replace").partition("\n")
     if head == _seal(rest):
         return path
-    other = path.with_suffix(f".new{path.suffix}")
+    other = _kept(path.with_suffix(f".new{path.suffix}"))
     print(f"note: {path} was edited and stays as it is (give it back with --mapping); this proposal goes to {other}")
     return other
 
@@ -251,8 +260,9 @@ def _convert(args: argparse.Namespace, source: Source, proposal: Proposal) -> in
         if missed:
             console.print(f"note: without {', '.join(missed)}: {said}", soft_wrap=True)
     console.print(f"{recording.duration:.1f} s imported; the bag is {output}", soft_wrap=True)
-    for line in _next(args.machine, recording, output):
-        console.print(line, soft_wrap=True)
+    if not any(name in ESSENTIAL for name in missing):
+        for line in _next(args.machine, recording, output):
+            console.print(line, soft_wrap=True)
     return 0
 
 
