@@ -49,10 +49,14 @@ class Sim:
                 self.lines.append(line)
                 self.news.notify_all()
 
-    def says(self, words: str) -> None:
+    def count(self, words: str) -> int:
+        """How often it has said this."""
+        return sum(words in line for line in self.lines)
+
+    def says(self, words: str, often: int = 1) -> None:
         """Waits until it has."""
         with self.news:
-            found = self.news.wait_for(lambda: any(words in line for line in self.lines), PATIENCE)
+            found = self.news.wait_for(lambda: self.count(words) >= often, PATIENCE)
         assert found, "".join(self.lines)
 
     def end(self) -> int:
@@ -201,6 +205,43 @@ def test_what_died_is_named_when_all_others_are_stopped() -> None:
         os.kill(tip, signal.SIGKILL)
         assert alone.process.wait(PATIENCE) == 1
         alone.says("boom: tip_pose was killed (SIGKILL), and all others were stopped")
+
+
+@pytest.mark.process
+def test_over_can_late_frames_before_the_first_motion_leave_it_enabled_and_later_ones_do_not() -> None:
+    with running("--control", "--can") as both:
+        both.says("motion enabled")
+        said = "".join(both.lines)
+        assert said.index("not ready: preparing the control laws") < said.index("boom_controller]: idle\n")
+        assert said.index("boom_controller]: idle\n") < said.index("motion enabled")
+        both.says("boom_enable]: motion enabled")
+        ecu, enable = (child(both.process.pid, name) for name in ("ecu_node", "enable_node"))
+        again = both.count("boom_enable]: motion enabled") + 1
+        freeze(ecu)
+        both.says("enabling again, nothing has moved yet")
+        both.says("boom_enable]: motion enabled", again)
+        words = [sys.executable, "-m", "boom_node.move_node", "0.32", "--seconds", "3"]
+        moved = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE, check=False)
+        assert (moved.returncode, moved.stderr) == (0, ""), "".join(both.lines)
+        assert enable not in children(both.process.pid)
+        tried, lost = both.count("enabling again"), both.count("motion was disabled: no good")
+        freeze(ecu)
+        both.says("motion was disabled: no good", lost + 1)
+        both.says("boom_controller]: stopped")
+        assert both.count("enabling again") == tried
+        assert both.end() == 0
+
+
+def child(pid: int, module: str) -> int:
+    """The child of a process that runs a module."""
+    return next(one for one in children(pid) if module in Path(f"/proc/{one}/cmdline").read_text("utf-8"))
+
+
+def freeze(pid: int) -> None:
+    """A process stands still for as long as frames may not."""
+    os.kill(pid, signal.SIGSTOP)
+    time.sleep(0.3)
+    os.kill(pid, signal.SIGCONT)
 
 
 def test_over_can_motion_is_enabled_once_the_controller_runs(monkeypatch: pytest.MonkeyPatch) -> None:

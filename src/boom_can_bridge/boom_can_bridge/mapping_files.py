@@ -69,7 +69,7 @@ def find_files(dbc: str | Path, mapping: str | Path | None) -> tuple[Path, Path]
 def read_mapping(path: Path) -> dict[str, Any]:
     """The document of a mapping, with a section frames. Raises CanConfigurationError."""
     try:
-        document = read_yaml(path)
+        document = read_yaml(path, hexadecimal=True)
     except InputError as error:
         raise CanConfigurationError(str(error)) from None
     if not isinstance(document, dict) or not isinstance(document.get("frames"), dict):
