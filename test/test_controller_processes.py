@@ -517,6 +517,9 @@ def test_a_parameter_changed_in_motion_makes_no_jump_and_an_impossible_one_is_re
     (refused,) = rig.set(force_pole=5.0)
     assert not refused.successful
     assert "force_pole" in refused.reason
+    (refused,) = rig.set(use_sim_time=True)
+    assert not refused.successful
+    assert "use_sim_time cannot change while the controller runs" in refused.reason
     (refused,) = rig.set(sample_time=0.02)
     assert not refused.successful
     assert all(r.successful for r in rig.set(force_pole=-11.0, neutral_pressure=5.0e5))

@@ -9,7 +9,7 @@ from typing import Any
 from boom_checks.check import RecordingCheck
 from boom_checks.clocks import clock_checks
 from boom_checks.commands import chatter_checks, frozen_checks, latched_checks
-from boom_checks.even_series import EvenSeries, even_series
+from boom_checks.even_series import SHORTEST, EvenSeries, even_series
 from boom_checks.mechanics import Mechanics, mechanics
 from boom_checks.readings import reading_checks
 from boom_checks.sampling import sampling_checks
@@ -51,8 +51,17 @@ def first_look(recording: Recording, machine: Machine) -> FirstLook:
     if machine.structure.hose_burst_valve.holds:
         why = "no levels: the valve that holds the load stands between the hose pressure and the boom"
     elif missing := [name for name in ALL if not series.known(name)]:
-        why = f"no levels: they need the {' and the '.join(name.replace('_', ' ') for name in missing)}, not recorded"
+        why = f"no levels: they need {_lacking(recording, missing)}"
     return FirstLook(recording.name, tuple(found), None if why else statics_of(repaired, boom), why)
+
+
+def _lacking(recording: Recording, missing: list[str]) -> str:
+    """What of these signals is not there, or not for long enough, in words."""
+    absent = [name for name in missing if name not in recording.signals or not recording.signals[name].valid.any()]
+    named = " and the ".join(name.replace("_", " ") for name in absent or missing)
+    if absent:
+        return f"the {named}, not recorded"
+    return f"{SHORTEST:g} s of the {named}, and there is less in these {recording.duration:.3g} s"
 
 
 def checks(recording: Recording, machine: Machine) -> list[RecordingCheck]:

@@ -191,6 +191,11 @@ class ControllerNode(LifecycleNode):
     # ------------------------------------------------------------------------------------------------------ parameters
 
     def _check_parameters(self, changed: list[Any]) -> Any:
+        if any(p.name == "use_sim_time" and p.value != self.get_parameter(p.name).value for p in changed):
+            reason = (
+                "use_sim_time cannot change while the controller runs: its samples would seem old; set it at the start"
+            )
+            return SetParametersResult(successful=False, reason=reason)
         values = self._values | {p.name: p.value for p in changed}
         try:
             settings_of(values), supervision_of(values)

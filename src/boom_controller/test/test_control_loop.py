@@ -186,6 +186,12 @@ def test_a_stream_beyond_the_limits_is_followed_to_their_margin(boom: Boom) -> N
     assert boom.last.status == "warning" and "beyond" in boom.last.reason
 
 
+def test_a_reference_of_many_digits_is_told_in_few(boom: Boom) -> None:
+    boom.wanted = lambda now: 1e308
+    boom.run(0.5)
+    assert boom.last.reason.startswith("the reference of 1e+308 rad is not followed") and len(boom.last.reason) < 160
+
+
 def test_a_reference_that_is_no_number_is_not_used(boom: Boom) -> None:
     lifting(boom)
     boom.wanted = lambda _: math.nan

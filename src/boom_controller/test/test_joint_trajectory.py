@@ -109,6 +109,7 @@ def test_before_its_start_and_behind_its_end_a_trajectory_stands_still() -> None
         ([TrajectoryPoint(2.0, 0.4, 0.0, 1e300)], r"e\+\d+ rad: the boom moves between"),
         ([TrajectoryPoint(2.0, 0.4, 0.0, 1e308)], "too far away for a number"),
         ([TrajectoryPoint(1.0, 0.4, 1e308, 0.0), TrajectoryPoint(2.0, 0.4, 0.0, 0.0)], "too far away for a number"),
+        ([TrajectoryPoint(t, 0.4, 0.0, 1e308) for t in (1.0, 1.001)], "too fast for a number"),
         ([TrajectoryPoint(0.2, 0.9)], "at most 0.6 rad/s"),
         ([TrajectoryPoint(0.6, 0.55, 0.0)], "at most 0.6 rad/s"),
     ],

@@ -47,6 +47,7 @@ _CONSTRUCTOR = SafeConstructor()
 _NUMBER = re.compile(r"[-+.\d][-+.\d_:eExXoObBa-fA-F]*")
 _OTHER_BASE = re.compile(r"[-+]?(0[0-7_]+|[0-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?)")
 """YAML 1.1 reads 017 as 15 and 1:30 as 90."""
+_BINARY = re.compile(r"[-+]?0(b[01]|x[0-9a-fA-F])[0-9a-fA-F_]*")
 _SHORT_FLOAT = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+")
 """YAML 1.1 reads 1.6e9 and 5e-05 as texts, and only 1.6e+9 and 5.0e-05 as numbers."""
 _DIRECTIVE = re.compile(r"^%TAG", re.MULTILINE)
@@ -55,17 +56,19 @@ _UNWANTED = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff]")
 """Control characters except tab and line ends: they come from escapes such as "\\e" and act on a terminal."""
 
 
-def read_yaml(path: str | Path) -> Any:
-    """The document in a YAML file.
+def read_yaml(path: str | Path, *, hexadecimal: bool = False) -> Any:
+    """The document in a YAML file; ``hexadecimal``: as of `parse_yaml`.
 
     Raises:
         InputError: not a regular file of at most 1 MB, or as `parse_yaml`.
     """
-    return parse_yaml(read_text(path), str(path))
+    return parse_yaml(read_text(path), str(path), hexadecimal=hexadecimal)
 
 
-def parse_yaml(text: str, name: str) -> Any:
+def parse_yaml(text: str, name: str, *, hexadecimal: bool = False) -> Any:
     """The document in a YAML text; an error message begins with `name`.
+
+    ``hexadecimal``: numbers such as 0x1F are read, as identifiers on a bus are written; elsewhere one is a slip.
 
     Raises:
         InputError: not YAML, or more than such a file can need (size, aliases, depth, digits, tags, a key given twice).
@@ -75,7 +78,7 @@ def parse_yaml(text: str, name: str) -> Any:
     if _DIRECTIVE.search(text):  # libyaml compares each with all before
         raise InputError(f"{name}: not readable as YAML: the directive %TAG is not known here, leave it out")
     try:
-        return _build(yaml.parse(text, Loader=_Loader))
+        return _build(yaml.parse(text, Loader=_Loader), hexadecimal=hexadecimal)
     except _RefusedError as refusal:
         raise InputError(f"{name}, line {refusal.line}: {refusal}") from None
     except yaml.YAMLError as error:
@@ -98,9 +101,11 @@ class _RefusedError(Exception):
         self.line = getattr(event.start_mark, "line", 0) + 1
 
 
-def _build(events: Iterable[Any], places: dict[tuple[str, ...], int] | None = None) -> Any:
+def _build(
+    events: Iterable[Any], places: dict[tuple[str, ...], int] | None = None, *, hexadecimal: bool = False
+) -> Any:
     """The document that the events tell of; `places` takes the line of every key, for a message."""
-    builder = _Builder(places)
+    builder = _Builder(places, hexadecimal)
     for count, event in enumerate(events, 1):
         if count > MOST_VALUES:
             raise _RefusedError(event, f"more than {MOST_VALUES} values")
@@ -113,9 +118,9 @@ def _build(events: Iterable[Any], places: dict[tuple[str, ...], int] | None = No
 class _Builder:
     """A document while it grows: the collection that is open, and in a mapping the key whose value comes next."""
 
-    def __init__(self, places: dict[tuple[str, ...], int] | None) -> None:
+    def __init__(self, places: dict[tuple[str, ...], int] | None, hexadecimal: bool) -> None:
         self.root: list[Any] = []
-        self._places = places
+        self._places, self._hexadecimal = places, hexadecimal
         self._outer: list[tuple[Any, str | None]] = []  # innermost last
         self._current: Any = self.root
         self._key: str | None = None
@@ -129,7 +134,7 @@ class _Builder:
 
     def scalar(self, event: Any) -> None:
         if type(self._current) is not dict or self._key is not None:
-            self._put(_scalar(event))
+            self._put(_scalar(event, self._hexadecimal))
             self._key = None
             return
         self._key = _key(event, self._current)
@@ -183,7 +188,7 @@ def _key(event: Any, mapping: dict[str, Any]) -> str:
     return key
 
 
-def _scalar(event: Any) -> Any:
+def _scalar(event: Any, hexadecimal: bool) -> Any:
     text = event.value
     if not text.isprintable() and (unwanted := _UNWANTED.search(text)):
         raise _RefusedError(event, f"the character {quoted(unwanted.group())} in a text: write printable ones")
@@ -195,9 +200,10 @@ def _scalar(event: Any) -> Any:
         if _NUMBER.fullmatch(text):
             raise _RefusedError(event, f"a number of {len(text)} digits: write at most {LONGEST_NUMBER}")
         return text
-    if _OTHER_BASE.fullmatch(text):
+    if _OTHER_BASE.fullmatch(text) or (_BINARY.fullmatch(text) and not hexadecimal):
+        base = "2 or 16" if _BINARY.fullmatch(text) else "8 or 60"
         raise _RefusedError(
-            event, f"{text} would be read to the base of 8 or 60: write a decimal number, or quote a text"
+            event, f"{text} would be read to the base of {base}: write a decimal number, or quote a text"
         )
     try:
         return _plain(text)

@@ -243,6 +243,10 @@ def check_range(spec: Specification, value: tuple[float, ...], shown: object = N
                 raise MachineError(
                     f"{spec.key}: {shown!r} is a text: write a number of {spec.minimum:g} .. {spec.maximum:g}, without quotes"
                 )
+            if isinstance(shown, bool):
+                raise MachineError(
+                    f"{spec.key}: {str(shown).lower()} is no number: write one of {spec.minimum:g} .. {spec.maximum:g}"
+                )
             text = number if shown is None or isfinite(number) else shown
             raise MachineError(
                 f"{spec.key}: {text} is outside {spec.minimum:g} .. {spec.maximum:g} {spec.unit}".removesuffix(" -")

@@ -101,3 +101,9 @@ def test_a_reader_never_finds_half_of_what_several_write(folder: Path) -> None:
     for writer in writers:
         writer.join()
     assert [p.name for p in folder.iterdir()] == ["x"]
+
+
+def test_what_the_compiler_complains_of_is_one_line_that_names_the_cause() -> None:
+    with pytest.raises(BuildError, match=r"could not build the model: .*error: .*missing\.h") as caught:
+        compiled.compiled('#include "missing.h"')
+    assert "\n" not in str(caught.value)

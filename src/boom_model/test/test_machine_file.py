@@ -72,7 +72,7 @@ CASES: dict[str, tuple[Spoil, str]] = {
     ),
     "empty_section": (put("fluid", None), "fluid: expected keys with values below it$"),
     "none_for_number": (put("fluid.rho.value", None), r"fluid\.rho: nan is outside 600 \.\. 1200"),
-    "truth_for_number": (put("fluid.rho.value", True), r"fluid\.rho: True is outside 600 \.\. 1200"),
+    "truth_for_number": (put("fluid.rho.value", True), r"fluid\.rho: true is no number: write one of 600 \.\. 1200"),
     "list_for_number": (put("fluid.rho.value", [870.0]), r"fluid\.rho: \[870\.0\] is outside 600 \.\. 1200"),
     "number_for_list": (put("kinematics.att.value", 0.4), r"kinematics\.att: expected a list of 2 numbers \[m\]"),
     "short_list": (put("pilot_valves.h.value", [76.1, -0.58]), r"pilot_valves\.h: expected a list of 3 numbers"),

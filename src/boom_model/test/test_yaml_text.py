@@ -34,6 +34,7 @@ def test_plain_documents_become_what_they_say():
         ("a: !!int word", 1, "tag"),
         ("a: 0x_", 1, "not readable as YAML"),
         ("a: 0\nb: 017", 2, "base of 8"),
+        ("a: 0x5F5E1000", 1, "base of 2 or 16"),
         ("a: 1:30", 1, "base of 8 or 60"),
         ("a: 1\n? " + "k" * 100_000 + "\n: 1\n", 2, "cannot be a key"),
         ('a: 1\n"k\\e[2J": 1\n', 2, "cannot be a key"),
@@ -70,7 +71,7 @@ def test_keys_are_texts_and_dates_and_merge_keys_too():
 def test_shipped_files_are_read_as_yaml_itself_reads_them():
     packages = Path(__file__).parents[2]
     for path in sorted(packages.glob("*/*/**/*.yaml")):
-        assert read_yaml(path) == yaml.safe_load(path.read_text()), path
+        assert read_yaml(path, hexadecimal=True) == yaml.safe_load(path.read_text()), path
 
 
 def test_a_place_in_a_document_has_a_line():

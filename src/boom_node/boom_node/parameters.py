@@ -138,7 +138,7 @@ def read_files(arguments: Sequence[str]) -> dict[Path, list[str]]:
 
 def _read_sections(path: Path) -> list[str]:
     try:
-        document = read_yaml(path)
+        document = read_yaml(path, hexadecimal=True)
     except InputError as error:
         raise StartError(f"parameter file {error}") from None
     sections = sorted(set(_sections(document, "")))

@@ -69,7 +69,7 @@ def finish(exit_status: int = 0, message: str = "") -> None:
 
 def fail(message: str, exit_status: int = 2) -> int:
     """Print one line on stderr, as `StartError` wants it. Returns the exit status."""
-    print(quoted(message, 1000), file=sys.stderr, flush=True)
+    print(quoted(f"boom: {message}", 1000), file=sys.stderr, flush=True)
     return exit_status
 
 

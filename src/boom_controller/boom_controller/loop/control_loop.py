@@ -203,7 +203,7 @@ class ControlLoop:
         if state is MotionState.TRACK:
             if self.references.kind == "stream":
                 self.references.stream(clamped, came)
-                beyond = f"the reference of {wanted:.3f} rad is beyond {clamped:.3f} rad"
+                beyond = f"the reference of {wanted:.4g} rad is beyond {clamped:.3f} rad"
                 self._note = "" if clamped == wanted else beyond
             return  # a trajectory on its way goes first
         if state not in (MotionState.IDLE, MotionState.HOLD):
@@ -215,7 +215,7 @@ class ControlLoop:
         tolerance = self.supervision.settings.start_tolerance
         if abs(wanted - present) > tolerance:
             self._refuse_stream(
-                f"the reference of {wanted:.3f} rad is not followed, the boom is at {present:.3f} rad: "
+                f"the reference of {wanted:.4g} rad is not followed, the boom is at {present:.3f} rad: "
                 f"bring it within {tolerance:g} rad to begin"
             )
             return

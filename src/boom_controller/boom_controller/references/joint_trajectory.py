@@ -181,7 +181,7 @@ def _check_bounds(points: Sequence[TrajectoryPoint], pieces: Sequence[Polynomial
     if not inside[k, i]:
         where = f"at {angle[k, i]:.4g} rad" if math.isfinite(angle[k, i]) else "too far away for a number"
         raise TrajectoryError(f"at {when:.2f} s the trajectory is {where}: {_between(bounds)}")
+    speed = f"at {rate[k, i]:.4g} rad/s" if math.isfinite(rate[k, i]) else "too fast for a number"
     raise TrajectoryError(
-        f"at {when:.2f} s the trajectory moves at {rate[k, i]:.4g} rad/s: at most {bounds.rate:g} rad/s is "
-        "allowed; give it more time"
+        f"at {when:.2f} s the trajectory moves {speed}: at most {bounds.rate:g} rad/s is allowed; give it more time"
     )

@@ -87,7 +87,9 @@ def compiled(source: str, flags: Sequence[str] = FLAGS) -> bytes:
         command = [compiler, *flags, "-o", str(built), str(text), "-lm"]
         result = subprocess.run(command, capture_output=True, text=True, check=False)
         if result.returncode != 0:
-            raise BuildError(f"{compiler} could not build the model: {result.stderr.strip().splitlines()[-1:]}")
+            said = result.stderr.splitlines() or [f"status {result.returncode}"]
+            cause = next((line for line in said if "error" in line), said[0])
+            raise BuildError(f"{compiler} could not build the model: {cause}")
         return built.read_bytes()
 
 
