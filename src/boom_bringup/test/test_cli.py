@@ -193,7 +193,7 @@ def things(tmp_path):
         ("identify mine --machine crane.yaml --output ./crane.yaml", "--output crane.yaml is the input crane.yaml"),
         ("validate mine --json both --report ./both", "--json and --report are the same file"),
         ("diagnose mine --output mine", "--output mine is the input mine"),
-        ("diagnose mine --output own", "machine.yaml was not written by a diagnosis"),
+        ("diagnose mine --output own", "--output own/machine.yaml: the file there is no earlier"),
         ("check-machine tz17 --json crane.yaml", "--json crane.yaml: the file there is no earlier result"),
         ("validate mine --no-report --json own/machine.yaml", "--json own/machine.yaml: the file there is no earlier"),
         ("validate mine --report crane.yaml", "--report crane.yaml: the file there is no earlier result"),

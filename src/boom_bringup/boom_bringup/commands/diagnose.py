@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 from boom_bringup import __version__, arguments
 from boom_bringup.cli import UsageError
 from boom_bringup.memory import keep_memory
-from boom_bringup.outputs import checked_json, held, json_text, write, write_text
+from boom_bringup.outputs import PAGE, checked, checked_json, held, json_text, write, write_text
 from boom_bringup.replica import machine_of
 from boom_bringup.showing import progress
 
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 HELP = "find the physics that the model lacks to explain recordings, and prove it"
 
 _STEPS = 100
+_MARKS = {"machine.yaml": "# Diagnosed on ", "diagnosis.json": '\n  "verdict": ', "report.html": PAGE}
+"""What is written, and what marks it."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,14 +64,9 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--seed {args.seed}: give a number of 0 or more")
     json_path = checked_json(args.json, "verdict", "hypotheses")
     with held(args.output) as folder:
-        _keep_own_machine(folder / "machine.yaml")
+        for name, mark in _MARKS.items():
+            checked(str(folder / name), "--output", mark)
         return _run(args, folder, json_path)
-
-
-def _keep_own_machine(path: Path) -> None:
-    """Raises UsageError: a machine file that no diagnosis wrote lies where one will be written."""
-    if path.is_file() and not path.read_text(encoding="utf-8", errors="replace").startswith("# Diagnosed on "):
-        raise UsageError(f"{path} was not written by a diagnosis and would be replaced: give another --output")
 
 
 def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
