@@ -152,7 +152,7 @@ def test_a_node_may_end_itself_with_one_line_and_is_closed(tiny, moment: str) ->
     status, errors = node.end()
     assert status == 2
     last = {"finish": "the partner is missing", "raise": "the file is gone"}[moment]
-    assert errors.strip().splitlines()[-1] == last
+    assert errors.strip().splitlines()[-1] == f"boom: {last}"
     assert "Traceback" not in errors
     assert "closed" in node.printed
 
