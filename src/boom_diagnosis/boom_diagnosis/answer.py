@@ -152,7 +152,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     said = experiment.text if experiment else said_of_next(verdict)
     document = Document(
         verdict, tuple(findings), _subsystems(ranked, findings), fit, said, about.seed, about.inputs_sha256, about.version,
-        tuple(ranked), hypotheses=hypothesis_rows(case, odds, max(rest_equations, key=lambda e: e.statistical + e.chain).key),
+        tuple(ranked), hypotheses=hypothesis_rows(case, odds, _home(case, rest_equations)[0]),
     )  # fmt: skip
     bags = tuple(
         bag_result(case, i, cells, inputs, tight.nominal[i], proof.driven) for i in range(len(case.bags))
@@ -263,7 +263,12 @@ def _tight(case: Case) -> _Tight:
         problem = case.problem(case.kept(0).z, {}, LOOSENESS[0])
         start = problem.points([(case.kept(0).z, {})])[0]
         before = min(before, problem.fit(start, problem.nuisance_jacobian(start))[0].excess(case.floor))
-    channels = zip(by_channel(case, stages[1]), by_channel(case, stages[2]), strict=True)
+    left = stages[2]
+    if case.sharpest:
+        own = case.problem(case.sharpest.z, case.sharpest.effects, LOOSENESS[0])
+        left = own.points([(case.sharpest.z, case.sharpest.effects)])[0]
+        after = min(after, left.excess(case.floor))
+    channels = zip(by_channel(case, stages[1]), by_channel(case, left), strict=True)
     return _Tight(stages[0].parts, stages[2].parts, before, after, list(channels))
 
 
@@ -315,12 +320,13 @@ def _unknown_finding(
     case: Case, odds: Odds, cells: list[NDArray[np.int64]], tight: _Tight, equations: Sequence[EquationEvidence],
     learned: Learned | None, fit: Fit,
 ) -> Finding:  # fmt: skip
-    """What remains: located, not named; in the equation whose term explains it, else in the one that both ways doubt most.
+    """What remains: located, not named; in the equation whose term explains it, else where it is likeliest (:func:`_home`).
 
     Where the rate alone is off, and angle and pressures are not, the boom moves as the model says: it is the sensor.
     """
-    rows = {e.key: e.statistical + e.chain for e in equations}
-    key = learned.term.equation if learned else max(rows, key=lambda k: rows[k])
+    key, home = _home(case, equations)
+    if learned:
+        key, home = learned.term.equation, _touched(case.machine, learned.term)
     link = next(link for link in links(case.machine) if link.key == key)
     rest = [beyond(w, s, case.healthy_squares) for w, s in zip(tight.explained, case.select, strict=True)]
     place = regimes.where(cells, rest)
@@ -334,8 +340,8 @@ def _unknown_finding(
         )
         nearest = f"; the nearest is {label_of(unlike.effect)}, but as no boom can have it ({numbers})"
     said = f" What explains it is {learned.curve.reading}." if learned else ""
-    home = _touched(case.machine, learned.term) if learned else _home(case, link.subsystems)
-    equation, where = link.equation, f"at '{link.title}'"
+    equation = "5.39a" if home in ("load", "structure") else link.equation
+    where = f"at '{link.title}'"
     if not learned and rate_alone(fit):
         home, equation, where = "sensors", _OF_THE_RATE.equation, "of the rate, which angle and pressures do not show"
     return Finding(
@@ -367,13 +373,19 @@ def _touched(machine: Machine, term: LearnedTerm) -> str:
     return next(link.subsystems[0] for link in links(machine) if link.key == term.equation)
 
 
-def _home(case: Case, subsystems: Sequence[str]) -> str:
-    """Of the subsystems at home in an equation, the one whose effects come nearest."""
-    for weighed in (*case.weighed, case.disproved):
-        for w in weighed:
-            if EFFECTS[w.fitted.effect].subsystem in subsystems:
-                return EFFECTS[w.fitted.effect].subsystem
-    return subsystems[0]
+def _home(case: Case, equations: Sequence[EquationEvidence]) -> tuple[str, str]:
+    """Equation and subsystem in which what no effect explains is likeliest.
+
+    Where both ways of locating point to, on their mean, and the share that the subsystem's best effect explains of what the
+    tolerances leave: another form of what explains part is likelier than something else beside it.
+    """
+    first, shares = case.rounds[0], dict[str, float]()
+    over = max(first.base.over(case.floor), 1.0)
+    for f in (*first.fitted, *(w.fitted for w in case.disproved)):
+        where = EFFECTS[f.effect].subsystem
+        shares[where] = max(shares.get(where, 0.0), min(1.0, f.gain / over))
+    placed = {(e.key, s): 0.5 * (e.statistical + e.chain) + shares.get(s, 0.0) for e in equations for s in e.subsystems}
+    return max(placed, key=lambda p: placed[p])
 
 
 def _verdict(case: Case, findings: Sequence[Finding], unknown: float, moved: float, tight: _Tight) -> Verdict:

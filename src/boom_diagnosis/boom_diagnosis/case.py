@@ -51,6 +51,7 @@ class Case:
         trained: points with the first k effects, fitted to ``training`` alone.
         spared: number of effects -> fit with nominal tolerances, where moving them gains nothing.
         final: all effects at the point that the machine file gets, with all derivatives taken there.
+        sharpest: its point before it was fitted to free runs, if it was: what one-step errors it leaves.
         learned: a term that is plain to see and explains far more than any effect.
         own: numbers that are those of the recordings held out, by dotted name; see ``onset.own``.
         wrong: number of the machine file of which nothing is taken for known, and those that share its factor (``wrong_number``).
@@ -78,6 +79,7 @@ class Case:
     disproved: list[Weighed] = field(default_factory=list)
     spared: dict[int, Point] = field(default_factory=dict)
     final: Fitted | None = None
+    sharpest: Point | None = None
     learned: Learned | None = None
     temperature: float = COLDEST
     own: dict[str, float] = field(default_factory=dict)
@@ -193,7 +195,7 @@ class Case:
     def without_effects(self) -> Case:
         """As it would be had nothing been found beside the tolerances."""
         return replace(
-            self, rounds=self.rounds[:1], weighed=[], taken=[], trained=self.trained[:1], final=None, learned=None,
+            self, rounds=self.rounds[:1], weighed=[], taken=[], trained=self.trained[:1], final=None, sharpest=None, learned=None,
             spared={k: point for k, point in self.spared.items() if k == 0},
         )  # fmt: skip
 

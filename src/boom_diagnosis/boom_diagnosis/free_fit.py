@@ -72,7 +72,7 @@ def fit_to_free_runs(case: Case) -> None:
         if case.final and k == len(case.taken):
             start = replace(case.final.point, z=after.z, effects=after.effects)
             whole = fitted_to_free_runs(case, start, case.bags, case.select)
-            case.final = replace(case.final, point=whole)
+            case.final, case.sharpest = replace(case.final, point=whole), case.final.point
 
 
 def _unproves(case: Case, before: Point, after: Point) -> bool:

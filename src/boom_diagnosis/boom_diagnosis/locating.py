@@ -50,6 +50,7 @@ LINKS = (
 )  # fmt: skip
 OFFERED = {"accumulators": "accumulators", "hose_burst_valve": "valve_at_the_cylinder", "pilot_valves": "pilot_valves"}
 """Subsystem -> what a machine's structure offers that has it; the others are in every machine."""
+_HOLDS = "forced along the measured signals the chain holds."
 SIZES = (4.0, 25.0)
 """Unknown inputs that are tried, in units of the disturbance that a healthy machine shows."""
 
@@ -74,11 +75,14 @@ def locate(
 ) -> tuple[tuple[EquationEvidence, ...], str, list[dict[str, Array]]]:  # fmt: skip
     """Evidence per equation at a fitted point; whether both ways agree, in words; unknown inputs over time per recording.
 
-    doubted: whether any equation is in doubt; the statistical way, which is the long one, is gone only then.
+    doubted: whether any equation is in doubt; the statistical way, which is the long one, is gone only then. Behind a valve that
+    holds the load the chain cannot be forced: the pressure that carries the boom is not measured.
     """
     base = problem_at(machine, bags, select, nuisances, z, values, 1.0)
     statistical = _statistical(base, z, values) if doubted else {link.key: 0.0 for link in links(machine)}
     chain, inputs = _chain(base, z, values, healthy)
+    if holds := machine.structure.hose_burst_valve.holds:
+        chain = dict.fromkeys(chain, 0.0)
     rows = tuple(
         EquationEvidence(link.key, link.title, link.equation, link.subsystems, statistical[link.key], chain[link.key])
         for link in links(machine)
@@ -90,7 +94,8 @@ def locate(
     if max(chain.values()) <= 0.0:
         return (
             rows,
-            f"An unknown input helps most in '{first.title}'; forced along the measured signals the chain holds.",
+            f"An unknown input helps most in '{first.title}'; "
+            + ("the chain cannot be forced past a valve that holds the load." if holds else _HOLDS),
             inputs,
         )
     if first.key == second.key or set(first.subsystems) & set(second.subsystems):

@@ -32,6 +32,6 @@ def first_round() -> Any:
         "machine": tz17(),
         "select": [np.ones((SAMPLES // 4, 4), dtype=bool)], "floor": WHITE, "proving": [], "taken": [], "disproved": [],
         "spared": {}, "weighed": [[]], "trained": [point(1000.0)],
-        "rounds": [SimpleNamespace(base=point(1000.0), problem=None)],
+        "rounds": [SimpleNamespace(base=point(1000.0), problem=None, fitted=())],
     }  # fmt: skip
     return made

@@ -50,7 +50,7 @@ def test_an_effect_that_no_boom_can_have_is_not_weighed_but_said(monkeypatch: py
     case.weighed = [earning.weigh(case, found)]
     assert case.weighed == [[]]
     monkeypatch.setattr(answer.regimes, "where", lambda *given: SimpleNamespace(text="", intervals=()))
-    evidence: Any = SimpleNamespace(key="torque", statistical=10.0, chain=0.0)
+    evidence: Any = SimpleNamespace(key="torque", subsystems=("load", "friction"), statistical=1.0, chain=0.0)
     tight: Any = SimpleNamespace(explained=[])
     said = answer._unknown_finding(case, weighing_of.odds_of(case, 0.9), [], tight, [evidence], None, OFF).evidence
     assert said.endswith("; the nearest is payload, but as no boom can have it (mass -80 kg).")
@@ -120,7 +120,7 @@ def test_what_is_near_unknown_physics_has_the_probability_of_the_ranking(
         monkeypatch.setattr(part, "estimates", lambda *given: {})
     monkeypatch.setattr(answer.regimes, "where", lambda *given: SimpleNamespace(text="", intervals=()))
     odds = weighing_of.odds_of(case, 0.876)
-    evidence: Any = SimpleNamespace(key="torque", statistical=10.0, chain=0.0)
+    evidence: Any = SimpleNamespace(key="torque", subsystems=("load", "friction"), statistical=1.0, chain=0.0)
     tight: Any = SimpleNamespace(explained=[])
     finding = answer._unknown_finding(case, odds, [], tight, [evidence], None, OFF)
     ranked = {row.effect or row.kind: row.probability for row in weighing_of.ranking(case, odds, [finding])}
@@ -129,6 +129,22 @@ def test_what_is_near_unknown_physics_has_the_probability_of_the_ranking(
     }
     assert ranked["payload"] == 0.0 and finding.confidence == ranked["unknown"] == 0.876
     assert sum(ranked.values()) == pytest.approx(1.0, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("gain", "torque", "home"),
+    [(0.0, 0.4, ("torque", "load")), (300.0, 0.4, ("rod_flow", "supply")), (300.0, 1.0, ("torque", "load"))],
+)
+def test_what_no_effect_explains_is_likelier_another_form_of_one_that_explains_part(
+    case: Any, gain: float, torque: float, home: tuple[str, str]
+) -> None:
+    """A pump limited by its torque, of whose errors a limited flow explained two thirds, was unknown at the hose burst valve."""
+    equations: list[Any] = [
+        SimpleNamespace(key="torque", subsystems=("load", "friction"), statistical=torque, chain=0.0),
+        SimpleNamespace(key="rod_flow", subsystems=("cylinder", "supply"), statistical=0.3, chain=0.0),
+    ]
+    case.rounds[0].fitted = (weighed("pump_flow_limit", gain, 0.0, 1000.0).fitted,)
+    assert answer._home(case, equations) == home
 
 
 @pytest.mark.parametrize(

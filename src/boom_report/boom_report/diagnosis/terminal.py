@@ -102,9 +102,8 @@ def ranking_table(result: DiagnosisResult) -> Table:
         "log-odds against\nparameters [nats]" if document.hypotheses else "gain held out\n[nats]", justify="right"
     )
     for row in document.ranking[:_MOST]:
-        table.add_row(
-            Text(row.label), Text(row.kind), Text(probability(row.probability)), Text(f"{row.held_out_gain:.1f}")
-        )
+        gain = "–" if row.kind == "unknown" else f"{row.held_out_gain:.1f}"  # it is weighed by what is left
+        table.add_row(Text(row.label), Text(row.kind), Text(probability(row.probability)), Text(gain))
     return table
 
 
