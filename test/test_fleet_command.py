@@ -165,14 +165,34 @@ def test_a_cluster_and_an_s3_store_give_the_same_table(bags, output, tmp_path, m
         (["{bags}", "--output", "{tmp}/o", "--machines", "README.md"], "not a table of machines"),
         (["{bags}", "--output", "{tmp}/o", "--false-alarms", "0"], "not a positive number"),
         (["{bags}", "--output", "{tmp}/o", "--machine", "nope"], "nope: no such machine"),
+        (
+            ["{bags}", "--output", "{tmp}/o", "--machines", "{tmp}/table.csv"],
+            "table.csv, line 2: nope: no such machine",
+        ),
+        (
+            ["{bags}", "--output", "{tmp}/o", "--publish", "{tmp}/notes.txt/y"],
+            "--publish {tmp}/notes.txt/y: there is no folder",
+        ),
+        (
+            ["{bags}", "--output", "{tmp}/o", "--scheduler", "tls://127.0.0.1:1"],
+            "--scheduler tls://127.0.0.1:1: no answer",
+        ),
+        (["{bags}", "--output", "generic://x"], "generic://x: cannot be read"),
+        (["{bags}", "--output", "{tmp}/theirs"], "theirs/report.html: is not known to be of `boom fleet`"),
+        (["{bags}/north", "--output", "{bags}/../results"], "/bags, which would be lost: give another --output"),
     ],
 )
-def test_wrong_input_is_one_line_and_status_2(bags, tmp_path, words, said, capsys, monkeypatch):
+def test_wrong_input_is_one_line_and_status_2(bags, output, tmp_path, words, said, capsys, monkeypatch):
     monkeypatch.chdir(ROOT)
     (tmp_path / "notes.txt").write_text("nothing")
+    (tmp_path / "table.csv").write_text("machine,file\nnorth,nope\n")
+    (tmp_path / "theirs").mkdir()
+    (tmp_path / "theirs" / "report.html").write_text("theirs")
     filled = [word.format(tmp=tmp_path, bags=bags) for word in words]
     if "odd" in said:
         filled[0] = str(bags)
     assert cli.main(["fleet", *filled]) == 2
     error = capsys.readouterr().err
-    assert said in error and error.count("\n") == 1
+    assert said.format(tmp=tmp_path) in error and error.count("\n") == 1
+    assert not (tmp_path / "o").exists(), "refused before any work"
+    assert (tmp_path / "theirs" / "report.html").read_text() == "theirs"

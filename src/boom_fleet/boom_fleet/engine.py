@@ -7,6 +7,7 @@ however that ends.
 
 from __future__ import annotations
 
+import asyncio
 import os
 import signal
 from collections import Counter, deque
@@ -145,7 +146,7 @@ def _serve(pipe: Connection, parent: int, number: int) -> None:
             try:
                 answer = True, function(*arguments)
             except Exception as error:
-                answer = False, f"{type(error).__name__}: {error}"
+                answer = False, _said(error)
             pipe.send(answer)
 
 
@@ -171,11 +172,16 @@ class _Dask:
                 try:
                     result = future.result()
                 except Exception as error:
-                    _give_up(failed, case, f"{type(error).__name__}: {error}")
+                    _give_up(failed, case, _said(error))
                     continue
                 done(case, result)
         finally:
             self._client.cancel(list(futures))
+
+
+def _said(error: Exception) -> str:
+    known = isinstance(getattr(error, "exit_status", None), int)
+    return str(error) if known else f"{type(error).__name__}: {error}"
 
 
 def _give_up(failed: Callable[[str, str], None] | None, case: str, reason: str) -> None:
@@ -196,10 +202,20 @@ def _cluster(scheduler: str, patience: float) -> Iterator[Engine]:
     }
     with dask.config.set(settings):
         try:
+            asyncio.run(_greet(scheduler, patience))
             client = Client(scheduler, timeout=f"{patience}s")
-        except (OSError, ValueError) as error:
+        except Exception as error:  # of any kind: a protocol that dask lacks, or that needs certificates
+            why = str(error).partition("\n")[0] or "it says nothing"
             raise EngineError(
-                f"--scheduler {scheduler}: no answer ({error}): start `dask scheduler` there, or leave the option out"
+                f"--scheduler {scheduler}: no answer ({why}): start `dask scheduler` there, or leave the option out"
             ) from None
         with client:
             yield _Dask(client)
+
+
+async def _greet(scheduler: str, patience: float) -> None:
+    """Raises OSError: what listens there does not answer; Client would wait for its greeting without end."""
+    from distributed.comm import connect
+
+    comm = await asyncio.wait_for(connect(scheduler, timeout=patience), 1.5 * patience)
+    await comm.close()

@@ -110,7 +110,7 @@ class _Frame:
     """A machine's recordings in one set of numbers."""
 
     def __init__(self, kept: Sequence[Kept], quantities: Sequence[TrackedQuantity]) -> None:
-        self.kept = sorted(kept, key=lambda k: (k.time, k.key))
+        self.kept = sorted(kept, key=lambda k: k.time)  # of equal time as given
         self.quantities = {q.id: q for q in quantities}
         self.names = tuple(dict.fromkeys(name for k in self.kept for name in k.names))
         self.evidence = [self._evidence(k) for k in self.kept]

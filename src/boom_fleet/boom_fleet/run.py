@@ -1,7 +1,8 @@
 """A whole night: find the bags, screen each once, judge the machines, diagnose what is raised, write the table. Resumable anywhere.
 
 Everything that cost time is a file below ``work/`` of the output, named by what it came from (bag, machine file, version of the
-screen), so that a run that is started again does only what is missing, and comes to the same table.
+screen), so that a run that is started again does only what is missing, and comes to the same table. What failed through no fault of
+a recording is missing, and so is what is damaged.
 """
 
 from __future__ import annotations
@@ -11,15 +12,16 @@ import io
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from boom_fleet.engine import Engine
 from boom_fleet.judging import Judgement, Kept, judge
 from boom_fleet.numbers import TrackedQuantity, numbers_of, present
-from boom_fleet.store import FoundBag, Store
+from boom_fleet.store import MACHINE_FILE_ENDINGS, FoundBag, Store
 from boom_fleet.tasks import (
+    NO_REFERENCE,
     MachineReference,
     Screened,
     Task,
@@ -33,6 +35,7 @@ from boom_model.plant import Plant
 
 VERSION = "2"
 """Of the screen: what an older one kept is not compared with what this one keeps."""
+Kind = TypeVar("Kind")
 Told = Callable[[str, int], None]
 """Called with what is being done and how many steps are done."""
 
@@ -86,7 +89,7 @@ class Night:
         screened = self._screened(references)
         machines: dict[str, list[Kept]] = {}
         columns: dict[str, dict[str, Any]] = {}
-        for key, task in self._tasks.items():
+        for key, task in sorted(self._tasks.items(), key=lambda row: self._name(row[0])):  # of equal time in this order
             found = screened[key]
             columns[key] = dict(found.columns)
             kept = machines.setdefault(task.bag.machine, [])
@@ -102,22 +105,21 @@ class Night:
         if self._diagnoses:
             for key, row in self._verdicts(raised).items():
                 columns[key] |= row
-        order = sorted(self._tasks, key=lambda k: (self._tasks[k].bag.machine, columns[k].get("time_ns") or 0, k))
+        order = sorted(
+            self._tasks, key=lambda k: (self._tasks[k].bag.machine, columns[k].get("time_ns") or 0, *self._name(k))
+        )
         return FleetRun({k: self._tasks[k] for k in order}, columns, judgements, quantities)
 
     def _references(self) -> dict[str, MachineReference | None]:
         """Of every machine with one machine file: its first sound recording by name."""
         groups: dict[str, list[str]] = {}
-        for key, task in sorted(self._tasks.items(), key=lambda row: row[1].bag.recording):
-            groups.setdefault(_group(task), []).append(key)
+        for key in sorted(self._tasks, key=self._name):
+            groups.setdefault(_group(self._tasks[key]), []).append(key)
         found: dict[str, MachineReference | None] = {}
         for group in groups:
-            data = self._store.read(f"work/reference-{group}.npz") if f"reference-{group}.npz" in self._there else None
-            if data is not None:
-                with np.load(io.BytesIO(data)) as file:
-                    found[group] = MachineReference(
-                        tuple(file["names"].tolist()), file["point"], str(file["recording"])
-                    )
+            kept = self._kept(f"reference-{group}.npz", _unpacked_reference)
+            if kept is not None:
+                found[group] = kept
         left = {group: list(keys) for group, keys in groups.items()}
         while missing := {group: keys.pop(0) for group, keys in left.items() if group not in found and keys}:
             self._take(missing, found)
@@ -145,24 +147,28 @@ class Night:
         found: dict[str, Screened] = {}
         missing = []
         for key in self._tasks:
-            data = self._store.read(f"work/screen-{key}.npz") if f"screen-{key}.npz" in self._there else None
-            if data is None:
+            kept = self._kept(f"screen-{key}.npz", _unpacked)
+            if kept is None:
                 missing.append(key)
             else:
-                found[key] = _unpacked(data)
+                found[key] = kept
         self._told(f"{len(found)} recordings were screened before" if found else "", len(found))
 
         def done(key: str, result: Screened) -> None:
             arrays: dict[str, Any] = {"columns": json.dumps(result.columns)}
             if result.matrix is not None:
                 arrays |= {"names": np.array(result.names), "matrix": result.matrix, "vector": result.vector}
-            self._store.write(f"work/screen-{key}.npz", packed(arrays))
+            if result.columns.get("refused") != NO_REFERENCE:  # another recording may give one
+                self._store.write(f"work/screen-{key}.npz", packed(arrays))
+            told(key, result)
+
+        def failed(key: str, why: str) -> None:
+            told(key, Screened({"failure": why, "screen_processor_s": 0.0}))
+
+        def told(key: str, result: Screened) -> None:
             found[key] = result
             bag = self._tasks[key].bag
             self._told(f"screened {bag.machine}/{bag.recording}", 1)
-
-        def failed(key: str, why: str) -> None:
-            done(key, Screened({"failure": why, "screen_processor_s": 0.0}))
 
         def arguments(key: str) -> tuple[Any, ...]:
             return self._tasks[key], references[_group(self._tasks[key])]
@@ -173,21 +179,36 @@ class Night:
     def _verdicts(self, raised: Sequence[str]) -> dict[str, dict[str, Any]]:
         found: dict[str, dict[str, Any]] = {}
         for key in raised:
-            data = self._store.read(f"work/verdict-{key}.json") if f"verdict-{key}.json" in self._there else None
-            if data is not None:
-                found[key] = verdict_columns(*json.loads(data))
+            kept = self._kept(f"verdict-{key}.json", lambda data: verdict_columns(*json.loads(data)))
+            if kept is not None:
+                found[key] = kept
 
         def done(key: str, result: tuple[dict[str, Any], str, float]) -> None:
             self._store.write(f"work/verdict-{key}.json", json.dumps(result).encode())
+            told(key, *result)
+
+        def told(key: str, *result: Any) -> None:
             found[key] = verdict_columns(*result)
             bag = self._tasks[key].bag
             self._told(f"diagnosed {bag.machine}/{bag.recording}", 0)
 
         missing = [key for key in raised if key not in found]
         self._engine.each(
-            diagnose_one, missing, lambda key: (self._tasks[key],), done, lambda key, why: done(key, ({}, why, 0.0))
+            diagnose_one, missing, lambda key: (self._tasks[key],), done, lambda key, why: told(key, {}, why, 0.0)
         )
         return found
+
+    def _kept(self, name: str, read: Callable[[bytes], Kind]) -> Kind | None:
+        """What an earlier run left in a file; None where there is none, or a damaged one."""
+        data = self._store.read(f"work/{name}") if name in self._there else None
+        try:
+            return None if data is None else read(data)
+        except Exception:  # a damaged file may raise anything
+            return None
+
+    def _name(self, key: str) -> tuple[str, str, str]:
+        """By which recordings are ordered where their times tell nothing."""
+        return self._tasks[key].bag.machine, self._tasks[key].bag.recording, key
 
     def _quantities(self, machine: str, columns: Mapping[str, Mapping[str, Any]]) -> dict[str, TrackedQuantity]:
         """What may change in a machine; the same in every pose."""
@@ -228,16 +249,21 @@ def _key(task: Task) -> str:
 
 
 def _group(task: Task) -> str:
-    words = f"{VERSION}|{task.bag.machine}|{task.shipped}|".encode() + task.text
+    words = f"{VERSION}|{task.bag.machine}|{task.shipped}|".encode("utf-8", "surrogateescape") + task.text
     return hashlib.sha256(words).hexdigest()[:16]
 
 
 def _unpacked(data: bytes) -> Screened:
     with np.load(io.BytesIO(data)) as file:
-        columns = json.loads(str(file["columns"]))
+        columns = dict(json.loads(str(file["columns"])))
         if "matrix" not in file:
             return Screened(columns)
         return Screened(columns, tuple(file["names"].tolist()), file["matrix"], file["vector"])
+
+
+def _unpacked_reference(data: bytes) -> MachineReference:
+    with np.load(io.BytesIO(data)) as file:
+        return MachineReference(tuple(file["names"].tolist()), file["point"], str(file["recording"]))
 
 
 def tasks_of(
@@ -251,7 +277,7 @@ def tasks_of(
     result = []
     for bag in bags:
         chosen = files.get(bag.machine) or bag.machine_file or default
-        if chosen.endswith((".yaml", ".yml")):
+        if chosen.endswith(MACHINE_FILE_ENDINGS):
             if chosen not in known:
                 known[chosen] = text(chosen)
             result.append(Task(bag, text=known[chosen], file=chosen))

@@ -5,18 +5,23 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from boom_fleet.scratch import scratch
 from boom_input.whole import write_whole
+from boom_model.machine_file import shipped_machines
 
+PATIENCE = 14.0
+"""s until a store that does not answer is given up. Of each answer, not of a whole file: large ones may take longer."""
 METADATA = "metadata.yaml"
 ENDINGS = (".mcap", ".mcap.zstd")
 MACHINE_FILE = "machine.yaml"
+MACHINE_FILE_ENDINGS = (".yaml", ".yml")
 
 
 class StoreError(ValueError):
@@ -46,42 +51,39 @@ class Store:
 
     def read(self, name: str) -> bytes | None:
         """Content of a file, None where there is none."""
-        try:
-            return bytes(self._fs.cat_file(self._path(name)))
-        except FileNotFoundError:
-            return None
-        except Exception as error:
-            raise StoreError(f"{self._path(name)}: cannot be read: {error}") from None
+        with _told(f"{self.url}/{name}: cannot be read"):
+            try:
+                return bytes(self._fs.cat_file(self._path(name)))
+            except FileNotFoundError:
+                return None
 
     def write(self, name: str, data: bytes) -> None:
         """Write a file completely or not at all."""
         path = self._path(name)
-        try:
+        resume = "what is done stays; mend this and give the same command again to resume"
+        with _told(f"{path}: cannot be written", resume):
             if _is_local(self._fs):
                 Path(path).parent.mkdir(parents=True, exist_ok=True)
                 write_whole(path, data)
             else:
                 self._fs.pipe_file(path, data)
-        except Exception as error:
-            why = getattr(error, "strerror", None) or error
-            raise StoreError(
-                f"{path}: cannot be written: {why}: what is done stays; mend this and give the same command again to resume"
-            ) from None
 
-    def names(self, folder: str) -> set[str]:
-        """Names of the files in a folder of it."""
-        try:
-            found = self._fs.ls(self._path(folder), detail=False, refresh=True)
-        except FileNotFoundError:
-            return set()
+    def names(self, folder: str = "") -> set[str]:
+        """Names of the files in a folder of it, or in itself."""
+        with _told(f"{self.url}: cannot be read"):
+            try:
+                found = self._fs.ls(self._path(folder), detail=False, refresh=True)
+            except FileNotFoundError:
+                return set()
         return {PurePosixPath(str(path)).name for path in found}
 
     def remove(self, name: str) -> None:
         """Remove a file that exists."""
-        self._fs.rm_file(self._path(name))
+        with _told(f"{self.url}/{name}: cannot be removed"):
+            self._fs.rm_file(self._path(name))
 
     def _path(self, name: str) -> str:
-        return f"{self._root.rstrip('/')}/{name}"
+        return f"{self._root.rstrip('/')}/{name}".rstrip("/")
 
 
 @dataclass(frozen=True)
@@ -107,10 +109,10 @@ def find_bags(folder: str) -> list[FoundBag]:
         StoreError: there is no such folder, or no bag in it.
     """
     fs, root = _opened(folder)
-    try:
-        files: Mapping[str, Any] = fs.find(root, detail=True)
-    except Exception as error:
-        raise StoreError(f"{folder}: cannot be read: {error}") from None
+    files: Mapping[str, Any] = {}
+    with _told(f"{folder}: cannot be read"), suppress(FileNotFoundError):
+        fs.ls(root, detail=False)  # find() takes what does not answer for empty
+        files = fs.find(root, detail=True)
     if not files:
         raise StoreError(f"{folder}: there is no such folder, or it is empty: give a folder of bags or a URL of one")
     by_folder: dict[str, dict[str, Any]] = {}
@@ -157,37 +159,55 @@ def at_hand(url: str) -> Iterator[Path]:
         return
     with scratch() as folder:
         here = folder / PurePosixPath(path).name
-        try:
+        with _told(f"{url}: cannot be fetched"):
             fs.get(path, str(here), recursive=True)
-        except Exception as error:
-            raise StoreError(f"{url}: cannot be fetched: {error}") from None
         yield here
 
 
 def read_file(url: str) -> bytes:
     """Content of a file by path or URL. Raises StoreError."""
     fs, path = _opened(url)
-    try:
+    with _told(f"{url}: cannot be read"):
         return bytes(fs.cat_file(path))
-    except Exception as error:
-        raise StoreError(f"{url}: cannot be read: {error}") from None
 
 
 def machine_table(url: str) -> dict[str, str]:
     """Machine -> its file, from a CSV table with the columns ``machine`` and ``file``; a relative file lies beside the table.
 
     Raises:
-        StoreError: it cannot be read, or lacks a column.
+        StoreError: it cannot be read, lacks a column or a value, names a machine twice or a shipped one that there is not.
     """
-    rows = list(csv.DictReader(io.StringIO(read_file(url).decode("utf-8-sig", "replace"))))
-    if not rows or not {"machine", "file"} <= {str(name).strip() for name in rows[0]}:
-        raise StoreError(f"{url}: not a table of machines: its first line has to name the columns machine,file")
-    result = {}
-    for row in rows:
-        file = (row["file"] or "").strip()
-        beside = "://" not in file and not file.startswith("/") and file.endswith((".yaml", ".yml"))
-        result[(row["machine"] or "").strip()] = f"{url.rpartition('/')[0] or '.'}/{file}" if beside else file
+    result: dict[str, str] = {}
+    for line, row in _table_rows(url):
+        machine, file = ((row[name] or "").strip() for name in ("machine", "file"))
+        if not machine or not file:
+            raise StoreError(
+                f"{line}: the {'file' if machine else 'machine'} is missing: give both, or leave the line out"
+            )
+        if machine in result:
+            raise StoreError(f"{line}: machine {machine} has a line already: leave one of the two")
+        if not file.endswith(MACHINE_FILE_ENDINGS):
+            if file not in shipped_machines():
+                raise StoreError(
+                    f"{line}: {file}: no such machine; shipped are {', '.join(shipped_machines())}, or give a .yaml file"
+                )
+        elif "://" not in file and not file.startswith("/"):
+            file = f"{url.rpartition('/')[0] or '.'}/{file}"
+        result[machine] = file
     return result
+
+
+def _table_rows(url: str) -> Iterator[tuple[str, dict[str, str | None]]]:
+    """Rows of a table of machines, each with where it is."""
+    reader = csv.DictReader(io.StringIO(read_file(url).decode("utf-8-sig", "replace")))
+    try:
+        reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
+        if not {"machine", "file"} <= set(reader.fieldnames):
+            raise StoreError(f"{url}: not a table of machines: its first line has to name the columns machine,file")
+        for row in reader:
+            yield f"{url}, line {reader.line_num}", row
+    except csv.Error as error:
+        raise StoreError(f"{url}, line {reader.line_num + 1}: not a table of machines: {error}") from None
 
 
 def _opened(url: str) -> tuple[Any, str]:
@@ -195,13 +215,50 @@ def _opened(url: str) -> tuple[Any, str]:
 
     if not url:
         raise StoreError("the name of a folder is empty: give a path or a URL such as s3://bucket/folder")
-    if "://" not in url:
-        url = str(Path(url).absolute())
-    try:
-        fs, path = fsspec.core.url_to_fs(url)
-    except (ImportError, ValueError) as error:
-        raise StoreError(f"{url}: {error}") from None
+    protocol, is_url, _ = url.partition("://")
+    if is_url and ("::" in url or protocol in ("libarchive", "tar", "zip")):
+        raise StoreError(f"{url}: archives and chained URLs are not read: unpack it and give the folder")
+    with _told(f"{url}: cannot be read", "give a path or a URL such as s3://bucket/folder"):
+        fs, path = fsspec.core.url_to_fs(url if is_url else str(Path(url).absolute()), **_impatient(protocol))
+    if protocol in ("s3", "s3a"):
+        fs.retries = 2
     return fs, str(path)
+
+
+def _impatient(protocol: str) -> dict[str, Any]:
+    """Options of fsspec with which a store that does not answer is given up after ``PATIENCE``."""
+    if protocol == "ftp":
+        return {"timeout": PATIENCE}
+    if protocol in ("http", "https"):
+        from fsspec.implementations.http import aiohttp
+
+        return {"client_kwargs": {"timeout": aiohttp.ClientTimeout(sock_connect=PATIENCE, sock_read=PATIENCE)}}
+    if protocol in ("s3", "s3a"):  # half of it: tried twice
+        limits = {"connect_timeout": PATIENCE / 2, "read_timeout": PATIENCE / 2, "retries": {"total_max_attempts": 1}}
+        return {"config_kwargs": limits}
+    return {}
+
+
+@contextmanager
+def _told(what: str, to_do: str = "") -> Iterator[None]:
+    """Raises StoreError: what a package said of a store, in one line: these packages raise anything."""
+    try:
+        yield
+    except StoreError:
+        raise
+    except Exception as error:
+        raise StoreError(": ".join(filter(None, (what, _why(error), to_do)))) from None
+
+
+def _why(error: Exception) -> str:
+    if isinstance(error, (AttributeError, NotImplementedError, TypeError)):  # of one that wants more than an address
+        return "no folder can be told by a URL of this kind"
+    if isinstance(error, TimeoutError):
+        return "no answer"
+    if isinstance(error, FileNotFoundError):
+        return "there is no such file"
+    code = getattr(error, "errno", None) or 0
+    return os.strerror(code) if code > 0 else str(error).partition("\n")[0] or type(error).__name__
 
 
 def _is_local(fs: Any) -> bool:

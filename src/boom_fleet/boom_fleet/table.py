@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import io
+import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
-from urllib.parse import quote
 
 from boom_fleet import __version__
 from boom_fleet.judging import Judgement
@@ -19,12 +20,15 @@ from boom_input.channels import PREDICTED
 from boom_input.shown import printable
 
 FOLDER = "recordings"
+EQUAL_TIME = "another recording of the machine has the same time: they are compared in the order of their names"
+_PLAIN = re.compile(r"[A-Za-z0-9][\w.-]{0,99}", re.ASCII)
 Row = dict[str, Any]
 
 
 def rows(run: FleetRun) -> list[Row]:
     """One row a recording, machine by machine in the order of time."""
     result = []
+    times = Counter((run.tasks[key].bag.machine, columns.get("time_ns")) for key, columns in run.columns.items())
     for key, task in run.tasks.items():
         columns, bag = run.columns[key], task.bag
         row: Row = {
@@ -33,6 +37,8 @@ def rows(run: FleetRun) -> list[Row]:
             "time": _time(columns["time_ns"] / 1e9) if columns.get("time_ns") else None,
         }  # fmt: skip
         row |= {name: value for name, value in columns.items() if name not in ("time_ns", "pose")}
+        if row["time"] and times[bag.machine, columns["time_ns"]] > 1:
+            row["warnings"] = [*row.get("warnings", []), EQUAL_TIME]
         judgement = run.judgements.get(bag.machine)
         if judgement is not None and key in judgement.keys:
             row |= _compared(key, judgement, run.quantities[bag.machine])
@@ -63,7 +69,7 @@ def _compared(key: str, judgement: Judgement, quantities: Mapping[str, TrackedQu
 
 
 def write(store: Store, table: Sequence[Row]) -> None:
-    """Write the dataset: a file for each machine, then away with those of machines that are no longer there.
+    """Write the dataset: a file for each machine.
 
     Raises:
         StoreError: it cannot be written.
@@ -74,17 +80,20 @@ def write(store: Store, table: Sequence[Row]) -> None:
     by_machine: dict[str, list[Row]] = {}
     for row in table:
         by_machine.setdefault(row["machine"], []).append(row)
-    names = set()
     for machine, own in by_machine.items():
         buffer = io.BytesIO()
         shown = [{k: printable(v) if isinstance(v, str) else v for k, v in row.items()} for row in own]
         parquet.write_table(pyarrow.Table.from_pylist(shown, schema=schema()), buffer)
-        name = f"{quote(machine, safe=' ')}.parquet"
-        names.add(name)
-        store.write(f"{FOLDER}/{name}", buffer.getvalue())
-    for name in store.names(FOLDER) - names:
-        if name.endswith(".parquet"):
-            store.remove(f"{FOLDER}/{name}")
+        store.write(file_of(machine), buffer.getvalue())
+
+
+def file_of(machine: str) -> str:
+    """The file of a machine: a name that every file system and reader takes; many skip those that begin with ``_`` or ``.``."""
+    name = machine
+    if not _PLAIN.fullmatch(machine):
+        digest = hashlib.sha256(machine.encode("utf-8", "surrogateescape")).hexdigest()
+        name = f"{re.sub(r'[^A-Za-z0-9]+', '-', machine).strip('-')[:80] or 'machine'}-{digest[:8]}"
+    return f"{FOLDER}/{name}.parquet"
 
 
 def schema() -> Any:

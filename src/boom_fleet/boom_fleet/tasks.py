@@ -1,6 +1,7 @@
 """What a worker does with one recording: check and screen it, find a machine's reference, diagnose it. All is passed by value.
 
-A fault of a recording is a result: ``failure`` says what is wrong in one line.
+A fault of a recording is a result: ``failure`` says what is wrong in one line. What is no fault of the recording (a store that does
+not answer, too little memory) is raised: another attempt may succeed.
 """
 
 from __future__ import annotations
@@ -16,15 +17,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_fleet.scratch import scratch
-from boom_fleet.store import FoundBag, at_hand
+from boom_fleet.store import FoundBag, StoreError, at_hand
 
 if TYPE_CHECKING:
     from boom_model.machine import Machine
     from boom_recording.recording import Recording
 
+NO_REFERENCE = "no sound recording of the machine to begin with"
 Array = NDArray[np.float64]
 Columns = dict[str, Any]
 """Columns of the table that a task knows, by name."""
+
+
+class AttemptError(RuntimeError):
+    """A recording was not worked off, through no fault of its own; one line that says why."""
+
+    exit_status = 2
 
 
 @dataclass(frozen=True)
@@ -86,7 +94,7 @@ def screen_one(task: Task, reference: MachineReference | None) -> Screened:
         if spoilt is not None:
             columns["refused"], columns["verdict"] = spoilt.sentence, "sensor_or_clock"
         elif reference is None:
-            columns["refused"] = "no sound recording of the machine to begin with"
+            columns["refused"] = NO_REFERENCE
         else:
             result = screen.screened(recording, machine, dict(zip(reference.names, reference.point, strict=True)))
             columns.update(result.columns())
@@ -121,7 +129,11 @@ class _Done:
 
 
 def _attempt(task: Task, work: Callable[[Recording, Machine], Any]) -> _Done:
-    """Run on the loaded recording; what is wrong with it in one line."""
+    """Run on the loaded recording; what is wrong with it in one line.
+
+    Raises:
+        AttemptError: nothing is known to be wrong with it.
+    """
     from boom_recording.loading import load
 
     begin = time.process_time()
@@ -132,8 +144,12 @@ def _attempt(task: Task, work: Callable[[Recording, Machine], Any]) -> _Done:
         done.result = work(recording, machine_of(task, recording.configuration.machine))
     except Exception as error:  # one recording must not end the night of all others
         said = str(error).replace(str(path), task.bag.url).partition("\n")[0]  # of a copy, too
+        if isinstance(error, StoreError):
+            raise AttemptError(said) from None
         known = isinstance(getattr(error, "exit_status", None), int)
         done.failure = said if known else f"{type(error).__name__}: {said}"
+        if isinstance(error, (OSError, MemoryError)) or isinstance(error.__context__, (OSError, MemoryError)):
+            raise AttemptError(done.failure) from None
     done.seconds = time.process_time() - begin
     return done
 

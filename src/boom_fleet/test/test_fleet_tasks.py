@@ -9,7 +9,7 @@ import pytest
 from boom_fleet import store
 from boom_fleet.run import verdict_columns
 from boom_fleet.store import Store, StoreError, find_bags
-from boom_fleet.tasks import Task, diagnose_one, screen_one
+from boom_fleet.tasks import AttemptError, Task, diagnose_one, screen_one
 from boom_recording import writing
 from boom_recording.loading import load
 from boom_recording.recording import part
@@ -69,3 +69,11 @@ def test_a_full_disk_is_a_plain_line_that_says_that_the_same_command_resumes(tmp
     said = str(raised.value)
     assert said.startswith(f"{tmp_path}/kept/x: cannot be written: No space left on device") and "Errno" not in said
     assert "the same command again to resume" in said
+
+
+def test_a_bag_that_a_store_does_not_hand_out_is_not_a_fault_of_the_bag(tmp_path):
+    fsspec.filesystem("memory").pipe_file("/gone/crane/day.mcap", b"\x89MCAP0\r\n")
+    (bag,) = find_bags("memory://gone")
+    fsspec.filesystem("memory").rm("/gone", recursive=True)
+    with pytest.raises(AttemptError, match=r"^memory:///gone/crane: cannot be fetched: there is no such file$"):
+        screen_one(Task(bag), None)

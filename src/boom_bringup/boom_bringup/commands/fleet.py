@@ -24,12 +24,13 @@ from typing import TYPE_CHECKING
 
 from boom_bringup.arguments import command_line, positive
 from boom_bringup.cli import UsageError
-from boom_bringup.outputs import held
+from boom_bringup.outputs import checked, held
 from boom_bringup.showing import progress
 
 if TYPE_CHECKING:
     from boom_fleet.run import FleetRun
     from boom_fleet.store import Store
+    from boom_fleet.tasks import Task
 
 HELP = "screen and diagnose the recordings of many machines, and tell what changed in which, since when"
 
@@ -81,45 +82,59 @@ def run(args: argparse.Namespace) -> int:
         load_machine(args.machine)  # what is wrong with it is told once
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the workers
 
-    from boom_fleet import scratch, table
+    from boom_fleet import manifest, scratch, table
     from boom_fleet.engine import workers
-    from boom_fleet.run import Night, tasks_of
-    from boom_fleet.store import Store, find_bags, machine_table, read_file
+    from boom_fleet.run import Night
+    from boom_fleet.store import Store
 
     scratch.clear()
-    bags = list({bag.key: bag for folder in args.folders for bag in find_bags(folder)}.values())
-    files = machine_table(args.machines) if args.machines else {}
-    unused = sorted(set(files) - {bag.machine for bag in bags})
-    if unused:
-        print(f"boom: {args.machines} names machines without a recording: {', '.join(unused)}", file=sys.stderr)
-    tasks = tasks_of(bags, files, args.machine, read_file)
+    tasks = _tasks(args)
     with ExitStack() as stack:
         store = Store(args.output)
         if store.local is not None:
             stack.enter_context(held(store.local))
+        checked(args.publish, "--publish")  # it may lie in the output
         engine = stack.enter_context(workers(args.scheduler, args.workers))
+        outputs = manifest.claim(store, args.folders, {task.bag.machine for task in tasks})
         step = stack.enter_context(progress(len(tasks)))
         result = Night(tasks, store, engine, step, args.false_alarms, not args.no_diagnosis).run()
         table.write(store, table.rows(result))
-    return _tell(args, store, result)
+        status = _tell(args, store, result)
+        outputs.settle()
+    return status
+
+
+def _tasks(args: argparse.Namespace) -> list[Task]:
+    """The recordings with their machine files."""
+    from boom_fleet.run import tasks_of
+    from boom_fleet.store import find_bags, machine_table, read_file
+
+    files = machine_table(args.machines) if args.machines else {}
+    bags = list({bag.key: bag for folder in args.folders for bag in find_bags(folder)}.values())
+    unused = sorted(set(files) - {bag.machine for bag in bags})
+    if unused:
+        print(f"boom: {args.machines} names machines without a recording: {', '.join(unused)}", file=sys.stderr)
+    return tasks_of(bags, files, args.machine, read_file)
 
 
 def _tell(args: argparse.Namespace, store: Store, result: FleetRun) -> int:
     from boom_fleet import table
+    from boom_fleet.manifest import REPORT
     from boom_report.console import console_for
     from boom_report.fleet.report import page_of
     from boom_report.fleet.terminal import print_fleet
 
     rows = table.rows(result)
     command = command_line("fleet", *sys.argv[2:])
-    store.write("report.html", page_of(rows, command).encode())
+    store.write(REPORT, page_of(rows, command).encode())
     if args.publish:
         from boom_fleet.publishing import publish
 
         publish(Path(args.publish), rows)
     console = console_for()
     print_fleet(rows, console)
-    console.print(
-        f"written to {store.url}: {table.FOLDER}/, report.html" + (f"; {args.publish}" if args.publish else "")
-    )
+    equal = sorted({row["machine"] for row in rows if table.EQUAL_TIME in row.get("warnings", [])})
+    if equal:
+        console.print(f"{', '.join(equal)}: {table.EQUAL_TIME}", markup=False, soft_wrap=True)
+    console.print(f"written to {store.url}: {table.FOLDER}/, {REPORT}" + (f"; {args.publish}" if args.publish else ""))
     return 0 if any(row.get("screened_s") for row in rows) else 1

@@ -1,0 +1,103 @@
+"""What is kept in work/ and what is done anew; the order of recordings of equal time."""
+
+import json
+
+import numpy as np
+import pytest
+
+from boom_fleet import table
+from boom_fleet.run import FleetRun, Night
+from boom_fleet.store import FoundBag, Store
+from boom_fleet.tasks import NO_REFERENCE, MachineReference, Screened, Task, diagnose_one, screen_one, take_reference
+
+ANSWERS = {
+    take_reference: (MachineReference(("a",), np.zeros(1), "one"), ""),
+    screen_one: Screened({"failure": "it holds no messages", "time_ns": 10**18}),
+    diagnose_one: ({"verdict": "identified"}, "", 1.0),
+}
+
+
+class FakeEngine:
+    """Answers every call at once; where it has no answer the worker has died."""
+
+    def __init__(self, answers):
+        self.answers, self.called = answers, []
+
+    def each(self, function, cases, arguments, done, failed=None):
+        self.called += [function] * len(cases)
+        for case in cases:
+            if function in self.answers:
+                done(case, self.answers[function])
+            else:
+                failed(case, "its worker process ended")
+
+
+def tasks(*recordings):
+    return [Task(FoundBag(f"bags/m/{name}", "m", name, f"key of {name}", ""), shipped="tz17") for name in recordings]
+
+
+def run(folder, answers, *recordings):
+    engine = FakeEngine(answers)
+    return Night(tasks(*recordings), Store(str(folder)), engine, lambda *_: None, 0.05).run(), engine
+
+
+def failures(result):
+    return [columns.get("failure", "") for columns in result.columns.values()]
+
+
+def test_a_worker_that_died_is_told_and_its_recording_is_done_at_the_next_start(tmp_path):
+    died, _ = run(tmp_path, {}, "one")
+    assert failures(died) == ["its worker process ended"] and not list(tmp_path.rglob("*.npz"))
+
+    again, _ = run(tmp_path, ANSWERS, "one")
+    assert failures(again) == ["it holds no messages"]
+    kept, engine = run(tmp_path, {}, "one")
+    assert failures(kept) == ["it holds no messages"] and engine.called == []
+
+
+def test_a_recording_without_a_reference_is_done_again_when_there_may_be_one(tmp_path):
+    refused = Screened({"failure": "", "refused": NO_REFERENCE})
+    run(tmp_path, {screen_one: refused}, "one")
+    _, engine = run(tmp_path, ANSWERS, "one")
+    assert engine.called == [take_reference, screen_one]
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda data: b"", lambda data: data[: len(data) // 2], lambda data: b"<html>busy</html>"]
+)
+def test_damaged_work_is_done_anew(tmp_path, damage):
+    night = Night(tasks("one"), Store(str(tmp_path)), FakeEngine(ANSWERS), lambda *_: None, 0.05)
+    night.run()
+    (key,) = night.run().tasks
+    assert night._verdicts([key])[key]["verdict"] == "identified"
+    files = {path: path.read_bytes() for path in (tmp_path / "work").iterdir()}
+    assert len(files) == 3
+    for path, data in files.items():
+        path.write_bytes(damage(data))
+
+    engine = FakeEngine(ANSWERS)
+    night = Night(tasks("one"), Store(str(tmp_path)), engine, lambda *_: None, 0.05)
+    night.run()
+    night._verdicts([key])
+
+    assert engine.called == [take_reference, screen_one, diagnose_one]
+    assert json.loads((tmp_path / f"work/verdict-{key}.json").read_text())[0] == {"verdict": "identified"}
+
+
+def test_recordings_of_equal_time_are_in_the_order_of_their_names_and_the_table_says_so(tmp_path):
+    names = [f"day_{k}" for k in range(6)]
+    result, _ = run(tmp_path, ANSWERS, *reversed(names))
+    rows = table.rows(result)
+    assert [row["recording"] for row in rows] == names
+    assert all(row["warnings"] == [table.EQUAL_TIME] for row in rows)
+
+
+@pytest.mark.parametrize("machine", ["_north", ".north", "a/b", "n" * 255, "Kran ä 7", "50%", "*", "\udcff"])
+def test_the_file_of_every_machine_is_read_by_every_reader(tmp_path, machine):
+    from pyarrow import dataset
+
+    bag = FoundBag("bags/x", machine, "x", "key", "")
+    table.write(Store(str(tmp_path)), table.rows(FleetRun({"k": Task(bag)}, {"k": {}}, {}, {})))
+    assert dataset.dataset(tmp_path / "recordings").count_rows() == 1
+    assert table.file_of(machine).isascii() and table.file_of(machine) != table.file_of(machine + "-")
+    assert table.file_of("north") == "recordings/north.parquet"
