@@ -12,10 +12,11 @@ from boom_input.shown import typable
 
 
 def diagnose_next(bags: Sequence[str], machine: str | None, configuration: Sequence[str] = ()) -> list[str]:
-    """The next command to type for recordings that differ from the model, one shell line each."""
-    words = [*(["--machine", machine] if machine else []), *configuration]
+    """The next command to type for recordings that differ from the model: one explains, the next one proves it."""
+    proof = ["--hold-out", str(bags[1])] if len(bags) > 1 else []
+    words = [*proof, *(["--machine", machine] if machine else []), *configuration]
     program = os.environ.get("BOOM_PROGRAM", "boom")
-    return [f"next: {typable(program, 'diagnose', str(bag), *words)}" for bag in bags]
+    return [f"next: {typable(program, 'diagnose', str(bag), *words)}" for bag in bags[:1]]
 
 
 _QUIET = 2.0  # s: so long nothing is said in a log file

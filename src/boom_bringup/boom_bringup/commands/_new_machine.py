@@ -14,7 +14,7 @@ import numpy as np
 from boom_bringup.cli import UsageError
 from boom_bringup.commands._manoeuvre import Manoeuvre, best_manoeuvre
 from boom_bringup.outputs import write_text
-from boom_bringup.showing import progress
+from boom_bringup.showing import diagnose_next, progress
 from boom_input.shown import typable
 from boom_model.owner.questions import Answer
 
@@ -143,7 +143,7 @@ def show_next(path: Path, bags: Sequence[str]) -> None:
     words = [*bags, "--machine", str(path)] if bags else ["BAG", "--machine", str(path)]
     print(f"next: {typable(program, 'check-machine', str(path))}")
     print(f"next: {typable(program, 'validate', *words)}")
-    print(f"next: {typable(program, 'diagnose', *words)}")
+    print(*diagnose_next(bags or ["BAG"], str(path)), sep="\n")
 
 
 def _coverage(recording: Recording, machine: Machine) -> list[str]:
