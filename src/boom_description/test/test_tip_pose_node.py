@@ -184,4 +184,4 @@ def test_misspelt_parameter_ends_with_status_2_and_the_nearest_name(
 ) -> None:
     status, lines = ended(start("tip_fram:=boom_tip"))
     assert status == 2
-    assert lines == ["boom_tip_pose has no parameter 'tip_fram': did you mean 'tip_frame'?"]
+    assert lines == ["boom: boom_tip_pose has no parameter 'tip_fram': did you mean 'tip_frame'?"]
