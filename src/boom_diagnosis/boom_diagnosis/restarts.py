@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import Coordinate, coordinates, has_valleys, starts
+from boom_diagnosis.earning import settle
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.hypotheses import LOOSENESS
 from boom_diagnosis.parallel import in_parallel
+from boom_diagnosis.proof import worsening
 from boom_model.catalogue import EFFECTS
 
 Array = NDArray[np.float64]
@@ -23,6 +25,8 @@ FITS = 3
 """Fits with fresh derivatives from each start."""
 FOLLOWED = 3
 """Starts that are followed further, the likeliest after these fits."""
+LIKELIEST, SETTLED = 2, 10.0
+"""The same after one fit, at the end of a search, and nats by which a valley has to be likelier: their fits end to within some."""
 
 
 def other_valley(case: Case) -> Fitted | None:
@@ -46,16 +50,45 @@ def other_valley(case: Case) -> Fitted | None:
     return max(settled, key=_likelihood)
 
 
+def in_deepest_valley(
+    case: Case, problem: Problem, point: Point, jacobian: Array, names: tuple[Coordinate, ...]
+) -> tuple[Point, Array]:
+    """The last fit of all that was taken, or one in a likelier valley where free runs over data not used are no worse.
+
+    Of effects that the catalogue has starts of several numbers together of: two pre-charges, beside the volumes of their gas.
+    """
+    effects = [EFFECTS[w.fitted.effect] for w in case.taken if EFFECTS[w.fitted.effect].points]
+    zero, looseness = np.zeros(len(case.nuisances)), problem.predictor.looseness
+    begin = [{**point.effects, **start} for effect in effects for start in starts(effect, 0.0, case.size)]
+    if not begin:
+        return point, jacobian
+    tried = in_parallel(lambda values: _fit(case, zero, values, names, looseness, 1), begin)
+    ahead = [*sorted(tried, key=_likelihood)[-LIKELIEST:], _fit(case, point.z, point.effects, names, looseness, 0)]
+    settled = in_parallel(lambda f: _fit(case, f[1].z, f[1].effects, names, looseness), ahead)
+    best = max(settled, key=_likelihood)
+    if _likelihood(best) < _likelihood(settled[-1]) + SETTLED:
+        return point, jacobian
+    k = len(case.taken)
+    trained = settle(case, k, *best, names)
+    case.spared.pop(k, None)
+    if worsening(case, case.trained[k], trained) > 1.0:
+        return point, jacobian
+    case.trained[k] = trained
+    return best[1:]
+
+
 def _likelihood(found: Fitted) -> float:
     problem, point, _ = found
     return problem.likelihood(point)
 
 
-def _fit(case: Case, z: Array, values: dict[str, float], names: tuple[Coordinate, ...], looseness: float) -> Fitted:
+def _fit(
+    case: Case, z: Array, values: dict[str, float], names: tuple[Coordinate, ...], looseness: float, fits: int = FITS
+) -> Fitted:
     """From a point, with gains of its end."""
     problem = case.problem(z, values, looseness)
     point = problem.points([(z, values)])[0]
-    for _ in range(FITS):
+    for _ in range(fits):
         point, _ = problem.fit(point, problem.nuisance_jacobian(point), names)
     problem = case.problem(point.z, point.effects, looseness)
     point = problem.points([(point.z, point.effects)])[0]

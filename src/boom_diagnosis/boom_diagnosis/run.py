@@ -23,7 +23,7 @@ from boom_diagnosis.free_fit import fit_to_free_runs
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, rebased, run_round
 from boom_diagnosis.learning import learn_plainly
 from boom_diagnosis.onset import near_onset, time_in
-from boom_diagnosis.restarts import other_valley
+from boom_diagnosis.restarts import in_deepest_valley, other_valley
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.straying import strayed
 from boom_diagnosis.stretches import Stretches, excited, stretches
@@ -161,6 +161,7 @@ def _last_fit(case: Case) -> Fitted:
         point, reached = min(fits, key=lambda fit: fit[0].loss)
         exact = problem.effect_jacobian(point, names, exact=True)
         jacobian = np.concatenate([reached[:, : len(at.z)], exact], axis=1)
+        point, jacobian = in_deepest_valley(case, problem, point, jacobian, names)
     return replace(fitted, point=point, jacobian=jacobian)
 
 

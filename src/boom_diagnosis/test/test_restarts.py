@@ -10,6 +10,7 @@ from test_diagnosis import noisy, tz17
 from boom_diagnosis import restarts
 from boom_diagnosis.bag_samples import prepare
 from boom_diagnosis.case import Case
+from boom_diagnosis.coordinates import coordinates
 from boom_diagnosis.nuisances import tolerances
 from boom_model.catalogue import EFFECTS
 
@@ -41,6 +42,33 @@ def test_a_tight_spot_that_a_search_saw_elsewhere_is_found_where_it_is() -> None
     assert point.effects[f"{SPOT}b"] == pytest.approx(2.5, rel=0.3)
     assert jacobian.shape == (len(point.w), len(point.z) + len(true))
     assert point.loss == pytest.approx(problem.points([(point.z, point.effects)])[0].loss, rel=1e-3)
+
+
+GAS = "effects.accumulator_precharge."
+
+
+@pytest.mark.parametrize("worse", [1.0, 1.1])
+def test_the_last_fit_goes_to_the_likelier_of_two_valleys_of_the_gas_where_free_runs_are_no_worse(
+    monkeypatch: pytest.MonkeyPatch, worse: float
+) -> None:
+    crane = tz17().with_effects({"accumulator_precharge": {"r": 0.6, "r_2": 1.0 / 0.6}})  # the first alone
+    case = a_case(crane, "accumulator_precharge", {f"{GAS}r": 1.02, f"{GAS}r_2": 0.8})
+    names = coordinates(EFFECTS["accumulator_precharge"], case.size)
+    problem = case.problem(case.taken[0].fitted.point.z, case.taken[0].fitted.point.effects, 1.0)
+    here = problem.points([(np.zeros(2), case.taken[0].fitted.point.effects)])[0]
+    columns = np.concatenate([problem.nuisance_jacobian(here), problem.effect_jacobian(here, names)], axis=1)
+    monkeypatch.setattr(restarts, "settle", lambda case, k, problem, point, jacobian, names: point)
+    monkeypatch.setattr(restarts, "worsening", lambda case, before, after: worse)
+    case.trained = [here, here]
+
+    point, jacobian = restarts.in_deepest_valley(case, problem, here, columns, names)
+
+    if worse > 1.0:
+        assert (point, case.trained[1]) == (here, here)
+        return
+    assert point.effects[f"{GAS}r"] == pytest.approx(0.6, abs=0.05)
+    assert point.effects[f"{GAS}r"] * point.effects[f"{GAS}r_2"] == pytest.approx(1.0, abs=0.08)
+    assert case.trained[1] is point and jacobian.shape == columns.shape
 
 
 @pytest.mark.parametrize("effect", ["pilot_lag", "payload_change"])
