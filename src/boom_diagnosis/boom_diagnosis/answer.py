@@ -454,18 +454,20 @@ def _moved(case: Case, verdict: Verdict) -> dict[str, Estimate]:
         return {}
     jacobian, point = case.taken[-1].fitted.jacobian if case.taken else case.rounds[0].jacobian, case.last
     deviations = np.sqrt(np.diag(posterior(point, jacobian, len(point.z))))
-    return moved_tolerances(case, point, deviations, "".join(case.wrong[:1]))
+    return moved_tolerances(case, point, deviations, case.wrong)
 
 
-def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array, wrong: str = "") -> dict[str, Estimate]:
-    """Tolerances that the recordings moved, and what is ``wrong`` in the machine file; deviations: of z."""
+def moved_tolerances(
+    case: Case | WeighedCase, point: Point, deviations: Array, wrong: Sequence[str] = ()
+) -> dict[str, Estimate]:
+    """Tolerances that the recordings moved, and the first of what is ``wrong`` in the machine file; deviations: of z."""
     numbers, nominal = case.values(point.z, {}), case.machine.values(case.pose)
     units = {c: p.specification.unit for p in case.machine.parameters.values() for c in p.specification.components}
     units |= {f"effects.{effect.id}.{row.name}": row.unit for effect in CATALOGUE for row in effect.parameters}
     units |= {n.name: "s" for n in case.nuisances if n.name.startswith(CLOCKS)}
     units |= {row.key: row.unit for row in equation_of_motion.SPECIFICATIONS}
     result = {}
-    free = np.array([nuisance.name == wrong for nuisance in case.nuisances])
+    free = np.array([nuisance.name in wrong[:1] for nuisance in case.nuisances])
     for i in np.lexsort((-np.abs(point.z), ~free)):  # what is wrong comes first, then what moved most
         nuisance = case.nuisances[i]
         told = free[i]
@@ -476,10 +478,8 @@ def moved_tolerances(case: Case | WeighedCase, point: Point, deviations: Array, 
         value = numbers[nuisance.name]
         spread = Z90 * float(deviations[i]) * nuisance.deviation(nominal.get(nuisance.name, 0.0), float(point.z[i]))
         unit = units.get(nuisance.name, "-")
-        if (
-            told
-        ):  # no better than a number that was looked up, and others make up for a wrong one in some other way, too
-            spread = hypot(FORM * spread, Z90 * _looked_up(case, wrong, value))
+        if told:  # no better than one that was looked up, and others make up for a wrong one in some other way, too
+            spread = hypot(FORM * spread, Z90 * _looked_up(case, nuisance.name, value))
         result[nuisance.name if told else nuisance.label or nuisance.name] = Estimate(
             value, unit, (value - spread, value + spread)
         )

@@ -50,7 +50,6 @@ LINKS = (
 )  # fmt: skip
 OFFERED = {"accumulators": "accumulators", "hose_burst_valve": "valve_at_the_cylinder", "pilot_valves": "pilot_valves"}
 """Subsystem -> what a machine's structure offers that has it; the others are in every machine."""
-_HOLDS = "forced along the measured signals the chain holds."
 SIZES = (4.0, 25.0)
 """Unknown inputs that are tried, in units of the disturbance that a healthy machine shows."""
 
@@ -92,12 +91,9 @@ def locate(
     if max(statistical.values()) <= 0.0:
         return rows, "No equation needs an unknown input.", inputs
     if max(chain.values()) <= 0.0:
-        return (
-            rows,
-            f"An unknown input helps most in '{first.title}'; "
-            + ("the chain cannot be forced past a valve that holds the load." if holds else _HOLDS),
-            inputs,
-        )
+        along = "forced along the measured signals the chain holds"
+        said = "the chain cannot be forced past a valve that holds the load" if holds else along
+        return rows, f"An unknown input helps most in '{first.title}'; {said}.", inputs
     if first.key == second.key or set(first.subsystems) & set(second.subsystems):
         return rows, f"Both ways of locating agree on: {first.title}.", inputs
     return rows, (

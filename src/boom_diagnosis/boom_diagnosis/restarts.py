@@ -25,8 +25,6 @@ FITS = 3
 """Fits with fresh derivatives from each start."""
 FOLLOWED = 3
 """Starts that are followed further, the likeliest after these fits."""
-LIKELIEST, SETTLED = 2, 10.0
-"""The same after one fit, at the end of a search, and nats by which a valley has to be likelier: their fits end to within some."""
 
 
 def other_valley(case: Case) -> Fitted | None:
@@ -50,31 +48,30 @@ def other_valley(case: Case) -> Fitted | None:
     return max(settled, key=_likelihood)
 
 
-def in_deepest_valley(
-    case: Case, problem: Problem, point: Point, jacobian: Array, names: tuple[Coordinate, ...]
-) -> tuple[Point, Array]:
-    """The last fit of all that was taken, or one in a likelier valley where free runs over data not used are no worse.
+def in_deepest_valley(case: Case, last: Fitted, names: tuple[Coordinate, ...]) -> Fitted:
+    """The ``last`` fit of all that was taken, or one in a likelier valley where free runs over data not used are no worse.
 
     Of effects that the catalogue has starts of several numbers together of: two pre-charges, beside the volumes of their gas.
     """
     effects = [EFFECTS[w.fitted.effect] for w in case.taken if EFFECTS[w.fitted.effect].points]
+    problem, point, _ = last
     zero, looseness = np.zeros(len(case.nuisances)), problem.predictor.looseness
     begin = [{**point.effects, **start} for effect in effects for start in starts(effect, 0.0, case.size)]
     if not begin:
-        return point, jacobian
+        return last
     tried = in_parallel(lambda values: _fit(case, zero, values, names, looseness, 1), begin)
-    ahead = [*sorted(tried, key=_likelihood)[-LIKELIEST:], _fit(case, point.z, point.effects, names, looseness, 0)]
-    settled = in_parallel(lambda f: _fit(case, f[1].z, f[1].effects, names, looseness), ahead)
-    best = max(settled, key=_likelihood)
-    if _likelihood(best) < _likelihood(settled[-1]) + SETTLED:
-        return point, jacobian
+    ahead = [last, *sorted(tried, key=_likelihood)[-FOLLOWED:]]
+    here, *others = in_parallel(lambda f: _fit(case, f[1].z, f[1].effects, names, looseness), ahead)
+    best = max(others, key=_likelihood)
+    if _likelihood(best) <= _likelihood(here):
+        return last
     k = len(case.taken)
     trained = settle(case, k, *best, names)
     case.spared.pop(k, None)
     if worsening(case, case.trained[k], trained) > 1.0:
-        return point, jacobian
+        return last
     case.trained[k] = trained
-    return best[1:]
+    return best
 
 
 def _likelihood(found: Fitted) -> float:

@@ -159,9 +159,9 @@ def _last_fit(case: Case) -> Fitted:
             moved = problem.made_nominal(start, jacobian, names, which)
             fits.append(problem.fit(moved, columns, names))
         point, reached = min(fits, key=lambda fit: fit[0].loss)
+        problem, point, reached = in_deepest_valley(case, (problem, point, reached), names)
         exact = problem.effect_jacobian(point, names, exact=True)
         jacobian = np.concatenate([reached[:, : len(at.z)], exact], axis=1)
-        point, jacobian = in_deepest_valley(case, problem, point, jacobian, names)
     return replace(fitted, point=point, jacobian=jacobian)
 
 
