@@ -423,8 +423,8 @@ def _said_of_limits(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
 def _said_of_wrong(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
     """That a number of the machine file is wrong."""
     return [
-        f"{in_words(case.wrong)}: {found.value:.3g} {found.unit} by the recordings, "
-        f"{case.machine.values(case.pose)[key]:.3g} {found.unit} in the file, far outside its tolerance: look it up"
+        f"{in_words(case.wrong)}: {found.value:.4g} {found.unit} by the recordings, "
+        f"{case.machine.values(case.pose)[key]:.4g} {found.unit} in the file, far outside its tolerance: look it up"
         for key, found in _wrong(case, moved).items()
     ]
 
