@@ -21,8 +21,8 @@ from boom_input.whole import write_whole
 from boom_recording import writing
 from boom_recording.recording import Configuration, Recording
 from concealed_plant.concealments import CONCEALMENTS
-from concealed_plant.detectability import Detectability, DetectionSetting, outputs, scene
-from concealed_plant.hidden import Hidden
+from concealed_plant.detectability import Detectability, DetectionSetting, outputs
+from concealed_plant.hidden import Hidden, Scene
 from concealed_plant.machine import MachineFile, Posture, linkage, quantities, scattered
 from concealed_plant.operator import Operator
 from concealed_plant.plant import InitialValues, RunError, per_millisecond, run
@@ -214,11 +214,10 @@ def shown(fleet: Fleet, file: Path, machine: int, number: int) -> float:
     fate, size = fleet.fate(machine), fleet.size(machine, number)
     if fate is None or size <= 0.0:
         return 0.0
-    m, table = quantities(specimen, pose), linkage(specimen)
+    m, table, hidden = quantities(specimen, pose), linkage(specimen), _hidden(specimen, pose, fate, size, draws)
     for rng in fleet.attempts(machine, number):
         try:
-            setting = _at_work(specimen, pose, _start(rng), fleet.seconds, rng)
-            hidden = _hidden(m, setting, fate, size, draws)
+            setting = _at_work(specimen, pose, hidden, fleet.seconds, rng)
             measure = Detectability(setting, rng)
             d, _ = measure.separation(outputs(m, table, setting, hidden), fate.twins)
             return d / measure.detectable
@@ -244,18 +243,19 @@ def _recorded(
     name: str, specimen: MachineFile, pose: Posture, fate: Fate | None, size: float, draws: Array, seconds: float,
     rng: np.random.Generator,
 ) -> Recording:  # fmt: skip
-    m, table = quantities(specimen, pose), linkage(specimen)
-    setting = _at_work(specimen, pose, _start(rng), seconds, rng)
-    hidden = _hidden(m, setting, fate, size, draws)
-    shown = outputs(m, table, setting, hidden)
+    hidden = _hidden(specimen, pose, fate, size, draws)
+    setting = _at_work(specimen, pose, hidden, seconds, rng)
+    shown = outputs(quantities(specimen, pose), linkage(specimen), setting, hidden)
     configuration = Configuration(name, pose.outer_boom_angle, pose.telescope_length, 0.0)
     return record("recording", shown, per_millisecond(setting.currents), configuration, Bus(), rng)
 
 
 def _at_work(
-    specimen: MachineFile, pose: Posture, start: InitialValues, seconds: float, rng: np.random.Generator
+    specimen: MachineFile, pose: Posture, hidden: Hidden, seconds: float, rng: np.random.Generator
 ) -> DetectionSetting:
-    m, table = quantities(specimen, pose), linkage(specimen)
+    """The operator looks at the crane as it has become: a boom that sinks would reach a stop within ten minutes."""
+    m, table = quantities(specimen, pose)._replace(**dict(hidden.changes)), linkage(specimen)
+    start = _start(rng)
     operator, angle, pieces, starts = Operator(m, table, rng), start.angle, [], []
     count = max(1, round(seconds / PIECE))
     piece = seconds / count
@@ -277,17 +277,17 @@ def _at_work(
     return DetectionSetting(specimen, pose, start, np.concatenate(pieces), np.concatenate(starts))
 
 
-def _hidden(m: object, setting: DetectionSetting, fate: Fate | None, size: float, draws: Array) -> Hidden:
+def _hidden(specimen: MachineFile, pose: Posture, fate: Fate | None, size: float, draws: Array) -> Hidden:
     if fate is None or size <= 0.0:
         return Hidden()
+    m = quantities(specimen, pose)
     if fate.effect == "friction":
         changes: Mapping[str, float] = {
             name: getattr(m, name) * (1.0 + size) for name in ("coulomb_up", "coulomb_down")
         }
         return Hidden(changes)
-    plain = run(m, linkage(setting.specimen), setting.start, per_millisecond(setting.currents), steps=3)
-    draws = np.array([0.3, 0.3, *draws[2:]])
-    return CONCEALMENTS[fate.effect].build(size, draws, scene(m, setting, plain))
+    unseen = Scene(m, 0.0, 0.0, 0.0, np.empty(0), 0.0, 0.0)  # no fate goes by what a recording shows
+    return CONCEALMENTS[fate.effect].build(size, np.array([0.3, 0.3, *draws[2:]]), unseen)
 
 
 def _dated(recording: Recording, begin_ns: int) -> Recording:
