@@ -89,6 +89,18 @@ def weights(at: Point) -> Array:
     return np.where(at.used, huber_weights(at.w), 0.0)
 
 
+def strained(at: Point, jacobian: Array) -> bool:
+    """Whether tolerances cost more [nats] than numbers drawn from their prior, and 3 standard deviations.
+
+    z'z of the n numbers that the innovations tell is chi-squared; n the sum of l / (1 + l), l the eigenvalues of J' Omega J
+    (MacKay, Neural Computation 4 (1992) 415). jacobian: (rows, z and more).
+    """
+    weighted = jacobian[:, : len(at.z)] * np.sqrt(weights(at))[:, None]
+    told = np.linalg.eigvalsh(weighted.T @ weighted)
+    half = 0.5 * float(np.sum(told / (1.0 + told)))
+    return bool(0.5 * float(at.z @ at.z) > half + 3.0 * np.sqrt(half))
+
+
 @dataclass(frozen=True)
 class _Tried:
     """What came of a step.

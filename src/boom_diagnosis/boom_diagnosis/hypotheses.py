@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from boom_diagnosis.absorbed import off_themselves
 from boom_diagnosis.bag_samples import Bag
 from boom_diagnosis.coordinates import Coordinate, all_coordinates, has_valleys
-from boom_diagnosis.fitting import LEAST_STEP, WHITE, Point, Problem, gauss_newton
+from boom_diagnosis.fitting import LEAST_STEP, WHITE, Point, Problem, gauss_newton, strained
 from boom_diagnosis.nuisances import Nuisance
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.prediction import Predictor, with_states
@@ -144,7 +144,7 @@ class Fits:
     def fit(
         self, p: Problem, z: Array, values: Mapping[str, float], names: Sequence[Coordinate], enough: float = SETTLED
     ) -> tuple[Point, Array]:
-        """From a point, with fresh derivatives while each fit gains ``enough`` [nats]."""
+        """From a point, with fresh derivatives while each fit gains ``enough`` [nats] and ``FLAT`` of what is left."""
         point = p.points([(z, values)])[0]
         for _ in range(RELINEARISED):
             before = point.loss
@@ -156,11 +156,17 @@ class Fits:
     def settled(self, p: Problem, at: Point, names: Sequence[Coordinate]) -> tuple[Problem, Point, Array]:
         """The fit from a first guess; what was loose for that hides what is left."""
         point, jacobian = self.fit(p, at.z, at.effects, names)
-        again = self.likeliest(point.z, point.effects)
-        if again.predictor.looseness < p.predictor.looseness:
+        while (again := self.likeliest(point.z, point.effects)).predictor.looseness < p.predictor.looseness:
             p = again
             point, jacobian = self.fit(p, point.z, point.effects, names)
         return p, point, jacobian
+
+    def healthy(self, at: Point, jacobian: Array) -> bool:
+        """Whether tolerances end where those of a healthy machine may: not strained, and the tight observer sees little left."""
+        tight = problem_at(self.machine, self.bags, self.select, self.nuisances, at.z, at.effects, LOOSENESS[0])
+        if tight.points([(at.z, at.effects)])[0].excess(WHITE) > FAR_OFF:
+            return False
+        return not strained(at, jacobian)
 
 
 def noticed(gain: float, count: int) -> bool:
@@ -197,12 +203,15 @@ def run_round(
     else:
         base = nominal.tolerances
         searching = fits.likeliest(base.z, base.effects)
-        if searching.points([(base.z, base.effects)])[0].excess(WHITE) > FAR_OFF:
+        far = searching.points([(base.z, base.effects)])[0].excess(WHITE) > FAR_OFF
+        searching, base, jacobian = fits.settled(searching, base, kept)
+        if fits.healthy(base, jacobian):  # likely all that there is to tell: to the end
+            base, jacobian = fits.fit(searching, base.z, base.effects, kept, enough=LEAST_STEP)
+        elif far:
             progress("effects", 0.2)
             outstanding = _at_once(nominal, fits)
             if outstanding:
                 return outstanding
-        searching, base, jacobian = fits.settled(searching, base, kept)
     unmoved = searching.fit_nominal(base.effects, kept)
     if not noticed(unmoved.loss - base.loss, len(base.z)):
         base = unmoved

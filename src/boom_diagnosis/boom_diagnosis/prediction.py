@@ -157,7 +157,7 @@ class Predictor:
         """For each of ``moved`` the change (n, NY) of the whitened innovations against ``base``, of every recording.
 
         Each is predicted together with ``base``, with the same steps of the integrator, so that small changes are not lost in
-        its errors; one that moves a delay, and with it the samples, alone.
+        its errors; one that moves a pressure's samples to other intervals, and with them the gains, alone.
         """
         width = LANES - 1
         parts = [moved[k : k + width] for k in range(0, len(moved), width)]

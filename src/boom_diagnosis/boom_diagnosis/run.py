@@ -18,7 +18,7 @@ from boom_diagnosis.case import Case, case_of
 from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.document import DiagnosisResult
 from boom_diagnosis.earning import chance, clear, given_up, least, placed_by_itself, settle, take, weigh
-from boom_diagnosis.fitting import Point, Problem
+from boom_diagnosis.fitting import Point, Problem, strained
 from boom_diagnosis.free_fit import fit_to_free_runs
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, rebased, run_round
 from boom_diagnosis.learning import learn_plainly
@@ -46,10 +46,9 @@ LITTLE = 0.25
 """Share of what the tolerances cannot take up that a first effect may leave without a second look at all others."""
 OUTDONE = 0.1
 """Share of what the best effect leaves that a term which is plain to see may leave, for no further effect to be looked for."""
-STRAINED, BESIDE_EFFECT = 12.0, 30.0
-"""Nats of their prior from which on tolerances that explain all are doubted: a healthy machine's have some 5, and one effect may be
-likelier than ten numbers that are off together. The same beside an effect that explains most: there they make up for what its form
-lacks, some 12 to 29 where it was the right one."""
+BESIDE_EFFECT = 30.0
+"""Nats of their prior from which on tolerances are doubted beside an effect that explains most: there they make up for what its
+form lacks, some 12 to 29 where it was the right one."""
 FIRST_LOOK = 0.6
 """Share of a round's time that is over before a second look, as the progress counts it."""
 FAR = 1.0
@@ -261,8 +260,10 @@ def _judge(case: Case, found: Round) -> bool:
 
 
 def _strained(case: Case) -> bool:
-    """Whether the tolerances have gone to improbable places."""
-    return 0.5 * float(case.last.z @ case.last.z) > (BESIDE_EFFECT if _explained(case) else STRAINED)
+    """Whether the tolerances have gone to improbable places: one effect may be likelier than ten numbers that are off together."""
+    if _explained(case):
+        return 0.5 * float(case.last.z @ case.last.z) > BESIDE_EFFECT
+    return strained(case.last, case.rounds[0].jacobian)
 
 
 def _at_the_end(case: Case) -> bool:

@@ -109,7 +109,7 @@ def observe(
     innovations, states, report = np.full((n, len(OUTPUTS)), np.nan), np.full((n, nx), np.nan), np.zeros(8)
     g = np.ascontiguousarray(gain)
     plant._library.boom_observe(
-        *_arguments(plant, samples, p, x, samples.currents, g, innovations, states, tolerance, report)
+        *_arguments(plant, samples, p, x, _sampled(samples), g, innovations, states, tolerance, report)
     )
     return Observed(innovations, states, int(report[0]) == 0)
 
@@ -119,10 +119,10 @@ Job = tuple[Plant, Samples, Array, Array, Array]
 
 
 def observe_all(jobs: Sequence[Job], *, tolerance: float = 1e-5, workers: int | None = None) -> list[Observed]:
-    """Many passes on all cores, in the order of the jobs; those of the same plant, samples and gains side by side."""
+    """Many passes on all cores, in the order of the jobs; those of the same plant, intervals and gains side by side."""
     alike: dict[tuple[int, int, int], list[int]] = {}
     for k, (plant, samples, _, gain, _) in enumerate(jobs):
-        alike.setdefault((id(plant), id(samples), id(gain)), []).append(k)
+        alike.setdefault((id(plant), id(samples.grid), id(gain)), []).append(k)
     groups = [found[i : i + LANES] for found in alike.values() for i in range(0, len(found), LANES)]
     observed = observe_groups([[jobs[k] for k in group] for group in groups], tolerance=tolerance, workers=workers)
     order = {k: o for group, row in zip(groups, observed, strict=True) for k, o in zip(group, row, strict=True)}
@@ -135,7 +135,8 @@ def observe_groups(
     """Groups of up to ``LANES`` passes on all cores. Passes of a group share the integrator's steps, if they can.
 
     They then differ smoothly with their parameters, and their differences are good derivatives. Passes with another plant,
-    other samples or other gains than the first of their group run alone; all passes of a group do if one fails.
+    other intervals or other gains than the first of their group run alone; all passes of a group do if one fails. When in an
+    interval a channel was sampled and a current changed is each pass' own.
     """
     for group in groups:
         if len(group) >= WORTH_JOINING:
@@ -159,7 +160,12 @@ def _alike(group: Sequence[Job]) -> list[int]:
     plant, samples, _, gain, _ = group[0]
     if not _joins(plant):
         return []
-    return [k for k, job in enumerate(group) if job[0] is plant and job[1] is samples and job[3] is gain]
+    return [k for k, (p, s, _, g, _) in enumerate(group) if p is plant and g is gain and _at_same_times(s, samples)]
+
+
+def _at_same_times(one: Samples, other: Samples) -> bool:
+    """Whether two cuts of a recording have the same intervals, and inputs that change together."""
+    return one is other or (one.grid is other.grid and np.array_equal(one.input_time, other.input_time))
 
 
 def _together(group: Sequence[Job], tolerance: float) -> list[Observed]:
@@ -180,12 +186,10 @@ def _side_by_side(group: Sequence[Job], tolerance: float) -> list[Observed] | No
     x = np.stack([job[2] for job in lanes], axis=-1)
     plant.set_time(x, samples.grid[0])
     p = np.stack([job[4] for job in lanes], axis=-1)
-    currents = np.repeat(samples.currents[:, :, None], LANES, axis=2)
+    own = [np.stack(arrays, axis=-1) for arrays in zip(*(_sampled(job[1]) for job in lanes), strict=True)]
     innovations, states = np.full((n, len(OUTPUTS), LANES), np.nan), np.empty((n, nx, LANES))
     report = np.zeros(8)
-    plant.abreast.boom_observe(
-        *_arguments(plant, samples, p, x, currents, gain, innovations, states, tolerance, report)
-    )
+    plant.abreast.boom_observe(*_arguments(plant, samples, p, x, own, gain, innovations, states, tolerance, report))
     if int(report[0]) != 0:
         return None
     return [Observed(innovations[..., i], states[..., i], True) for i in range(len(group))]
@@ -199,16 +203,22 @@ def observer_ranges(plant: Plant) -> tuple[Array, Array]:
     return minimum, maximum
 
 
+def _sampled(samples: Samples) -> tuple[Array, Array, Array]:
+    """What passes side by side may have each for itself: currents, and when and what was measured."""
+    return samples.currents, samples.share, samples.measured
+
+
 def _arguments(
-    plant: Plant, samples: Samples, p: Array, x: Array, currents: Array, gain: Array, innovations: Array, states: Array,
-    tolerance: float, report: Array,
+    plant: Plant, samples: Samples, p: Array, x: Array, sampled: Sequence[Array], gain: Array, innovations: Array,
+    states: Array, tolerance: float, report: Array,
 ) -> tuple[Any, ...]:  # fmt: skip
     """Arguments of ``boom_observe``; the arrays must live as long as its call."""
     minimum, maximum = observer_ranges(plant)
+    currents, share, measured = sampled
     return (
         pointer(p), pointer(x), pointer(samples.grid), ctypes.c_long(len(samples.grid) - 1),
         pointer(samples.input_time), pointer(currents), ctypes.c_long(len(samples.input_time)),
-        pointer(samples.share), pointer(samples.measured), pointer(gain), pointer(innovations), pointer(states),
+        pointer(share), pointer(measured), pointer(gain), pointer(innovations), pointer(states),
         ctypes.c_double(tolerance), ctypes.c_int(3), pointer(plant.scale), pointer(minimum),
         pointer(maximum), ctypes.c_double(1e-4), pointer(report),
     )  # fmt: skip

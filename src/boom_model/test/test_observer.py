@@ -66,6 +66,23 @@ def test_passes_side_by_side_are_those_one_after_the_other(folded: Plant, job: M
         assert together.states.shape == exact.states.shape
 
 
+def test_passes_side_by_side_have_their_own_samples_and_currents(folded: Plant, job: Make) -> None:
+    jobs = different(job, folded)
+    for k, (plant, samples, x, gain, p) in enumerate(jobs):
+        measured = samples.measured.copy()
+        measured[k::LANES, k % measured.shape[1]] = np.nan
+        own = replace(
+            samples, share=samples.share * (1.0 - 0.1 * k), measured=measured, currents=samples.currents - 2e-3 * k
+        )
+        jobs[k] = (plant, own, x, gain, p)
+    for together, one in zip(observe_all(jobs, tolerance=1e-8), jobs, strict=True):
+        exact = alone(one, 1e-8)
+        assert together.complete
+        assert np.array_equal(np.isnan(together.innovations), np.isnan(one[1].measured))
+        apart = np.nanmax(np.abs(together.innovations - exact.innovations), axis=0) / SENSORS
+        assert apart == pytest.approx(0.0, abs=1e-4)
+
+
 def test_the_place_in_the_register_does_not_matter(folded: Plant, job: Make) -> None:
     jobs = different(job, folded)
     forward, backward = observe_groups([jobs, jobs[::-1]])

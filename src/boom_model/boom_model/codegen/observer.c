@@ -10,7 +10,8 @@
    states[n][NX]: corrected state at the beginning of each interval. What would leave a state's range, in the prediction or by the
    correction, is held at its limit: a model that lacks what moves the machine goes on, and is seen to be wrong.
    report as in boom_run; report[7]: intervals done.
-   With lanes p, x, u, innovation and states have one more dimension of LANES numbers, the last; where one lane fails, all end. */
+   With lanes p, x, u, theta, measured, innovation and states have one more dimension of LANES numbers, the last; where one lane fails,
+   all end. */
 int boom_observe(const double *p, double *x, const double *grid, long n, const double *t_in, const double *u, long n_in,
                  const double *theta, const double *measured, const double *gain, double *innovation, double *states,
                  double tolerance, int order, const double *scale, const double *minimum, const double *maximum, double h,
@@ -40,12 +41,14 @@ int boom_observe(const double *p, double *x, const double *grid, long n, const d
     }
     if (status != OK) break;
     model_y(state, held, c, after);
-    const double *th = theta + k * NY, *y = measured + k * NY, *g = gain + k * NX * NY;
+    const double *g = gain + k * NX * NY;
     for (int j = 0; j < NY; j++) {
-      const real e = R(y[j]) - (before[j] + R(th[j]) * (after[j] - before[j]));
-      boom_store(innovation + (k * NY + j) * LANES, e);
-      if (!isfinite(y[j])) continue;
-      for (int i = 0; i < NX; i++) state[i] += R(g[i * NY + j]) * e;
+      const long at = (k * NY + j) * LANES;
+      const real y = boom_load(measured + at);
+      const real e = y - (before[j] + boom_load(theta + at) * (after[j] - before[j]));
+      boom_store(innovation + at, e);
+      const real known = boom_choose(y - y == R(0.0), e, R(0.0)); /* NaN: not measured */
+      for (int i = 0; i < NX; i++) state[i] += R(g[i * NY + j]) * known;
     }
     for (int i = 0; i < NX; i++) state[i] = boom_min(boom_max(state[i], R(minimum[i])), R(maximum[i]));
   }
