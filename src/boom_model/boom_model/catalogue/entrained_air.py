@@ -31,7 +31,7 @@ EFFECT = Effect(
     ("the oil", "contains air"), "soft below 15 bar, stiff above",
     (
         parameter("a", "-", 0.0, (0.002, 0.06), (0.0, 0.3), "free air over oil volume at ambient pressure",
-                  starts=(0.006, 0.03), ordinary=0.001),  # what any oil that is pumped around carries: 0.1 to 1 %
+                  starts=(0.006, 0.03), accuracy=0.002),  # any oil that is pumped around carries some
     ),
     {"bulk_modulus": _bulk_modulus},
     place=1, reach=1.0,
