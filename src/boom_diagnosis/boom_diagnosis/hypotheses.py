@@ -295,6 +295,7 @@ class Nominal:
             self.jacobian = np.concatenate([self.jacobian, problem.effect_jacobian(self.at, self.kept)], axis=1)
         self._scanner = Scanner(problem, self.at, self.jacobian)
         self._fitted: dict[str, Fitted] = {}
+        self._glanced: dict[str, float] = {}
 
     @cached_property
     def tolerances(self) -> Point:
@@ -344,8 +345,10 @@ class Nominal:
     def glance(self, most: int) -> None:
         """A few steps for the ``most`` effects that the linear look finds most promising; the best of them are fitted on."""
         waiting = [effect for effect in list(self.seen)[:most] if effect not in self._fitted]
-        looked = in_parallel(lambda effect: self._refined(effect, at_least=np.inf), waiting)
-        ahead = [f.effect for f in sorted(looked, key=lambda f: f.glanced)[:FOLLOWED]]
+        anew = [effect for effect in waiting if effect not in self._glanced]
+        looked = in_parallel(lambda effect: self._refined(effect, at_least=np.inf), anew)
+        self._glanced |= {f.effect: f.glanced for f in looked}
+        ahead = sorted(waiting, key=self._glanced.__getitem__)[:FOLLOWED]
         self.fitted([*(f.effect for f in self.best[:1]), *ahead])
 
     @property
