@@ -224,7 +224,7 @@ def test_an_effect_that_the_linear_look_ranks_low_is_found_by_a_few_steps_of_its
     left = {effect: 900.0 - 10.0 * k for k, effect in enumerate(order)} | {order[10]: 20.0}
     nominal: Any = Nominal.__new__(Nominal)
     nominal.__dict__ |= {
-        "_fitted": {}, "seen": dict.fromkeys(order), "tolerances": point(1000.0), "at": point(5000.0),
+        "_fitted": {}, "_glanced": {}, "seen": dict.fromkeys(order), "tolerances": point(1000.0), "at": point(5000.0),
     }  # fmt: skip
     glanced, fitted = [], []
 
