@@ -159,6 +159,15 @@ def test_a_rate_that_is_the_derivative_of_the_angle_is_told() -> None:
     assert sampling_checks(recording) == []
 
 
+def test_a_rate_that_a_slow_filter_makes_of_the_angle_makes_no_clock_of_the_pressures_early() -> None:
+    recording = load(BAGS / "healthy" / "extended")
+    slow = np.convolve(
+        np.gradient(recording.signals["angle"].values, 0.01), np.r_[np.zeros(20), np.ones(21) / 21], "same"
+    )
+    told = [check for check in checks(changed(recording, rate=slow), TZ17) if check.kind != "derived_rate"]
+    assert told == []
+
+
 def test_chatter_at_rest_is_told_with_its_frequency() -> None:
     recording = fast()
     time = recording.signals["extend_current"].time
