@@ -135,7 +135,7 @@ def test_a_page_opened_before_during_and_after_a_simulation_shows_it(browser: Br
             )
             browser.open(address, 1300)  # during
             until(browser, "view.player.state.t !== null && view.data.time.length > 50")
-        until(browser, "document.getElementById('state').textContent.startsWith('No sample for')")
+        until(browser, "document.getElementById('state').textContent.startsWith('No angle for')")
         browser.open(address, 1300)  # after
         assert until(browser, "view.data.time.length") > 50
         assert browser.complaints() == []
