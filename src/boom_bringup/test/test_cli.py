@@ -292,3 +292,17 @@ def test_a_ctrl_c_that_was_held_back_while_python_started_ends_it_without_a_trac
     ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=60, check=False)
     assert (ended.returncode, ended.stderr) == (status, said)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_ctrl_c_within_a_text_that_is_executed_ends_with_130_and_not_by_the_signal(tmp_path: Path) -> None:
+    (tmp_path / "stopped.py").write_text(
+        "import sys\nfrom boom_bringup import cli\n"
+        "cli._run = lambda *_: exec('raise KeyboardInterrupt')\nsys.exit(cli.main(['validate']))\n"
+    )
+    command = [
+        sys.executable,
+        "-m",
+        "stopped",
+    ]  # as the commands: Python looks at the signal at the end of modules alone
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=60, check=False)
+    assert (ended.returncode, ended.stderr) == (130, "boom: stopped\n")
