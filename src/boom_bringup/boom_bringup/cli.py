@@ -277,4 +277,8 @@ def _guarded(arguments: Sequence[str] | None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    done = main()
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # what is done stays done: Python, while it ends, would die by the signal
+    sys.exit(done)

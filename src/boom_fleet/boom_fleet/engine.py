@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import signal
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -18,7 +17,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, Protocol
 from uuid import uuid4
 
-from boom_node.children import die_with_parent
+from boom_node.children import die_with_parent, without_ctrl_c
 
 RETRIES = 2
 
@@ -71,7 +70,8 @@ class _Worker:
         self.number = number
         self.pipe, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, os.getpid(), number))
-        self._process.start()
+        with without_ctrl_c():  # it is for the command, which ends its workers
+            self._process.start()
         theirs.close()
 
     def end(self) -> None:
@@ -138,7 +138,6 @@ def _serve(pipe: Connection, parent: int, number: int) -> None:
     cores = sorted(os.sched_getaffinity(0))
     os.sched_setaffinity(0, {cores[number % len(cores)]})  # its threads do not take time from the other workers
     die_with_parent(parent)()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the trial, which ends its workers
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with suppress(EOFError, BrokenPipeError):
         while True:
