@@ -97,7 +97,7 @@ class Rig:
         self.clients: dict[str, Any] = {}
         self.shown: dict[str, float] | None = None
         self.node.create_timer(0.01, self._show)
-        environment = dict(os.environ, ROS_DOMAIN_ID=str(domain))
+        self.environment = environment = dict(os.environ, ROS_DOMAIN_ID=str(domain))
         parameters = {**WIDE, "mode": mode, "shared_topics": SENSORS}
         given = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
         shared = ["-p", "sensors:=ideal", "-p", f"shared_topics:={SENSORS}"]
@@ -448,6 +448,19 @@ def test_a_cancelled_goal_comes_to_rest_and_is_held(rig: Rig) -> None:
     future = handle.cancel_goal_async()
     rig.until(future.done)
     assert "cancelled" in ended(rig, handle).error_string
+    rig.until(lambda: rig.states[-1].mode == "hold" and rig.states[-1].reference_rate == 0.0)
+    assert rig.states[-1].reference_angle < 0.8
+
+
+@pytest.mark.parametrize("way", ["topic", "action"])
+def test_a_program_that_is_interrupted_while_the_boom_moves_brings_it_to_rest(rig: Rig, way: str) -> None:
+    words = [sys.executable, "-m", "boom_node.move_node", "0.8", "--seconds", "6", "--by", way]
+    program = subprocess.Popen(words, env=rig.environment, stderr=subprocess.PIPE, text=True)
+    rig.until(lambda: rig.states[-1].rate > 0.03)
+    program.send_signal(signal.SIGINT)
+    rig.until(lambda: program.poll() is not None)
+    assert program.returncode == 130 and program.stderr is not None
+    assert program.stderr.read() == "move: stopped; the boom comes to rest\n"
     rig.until(lambda: rig.states[-1].mode == "hold" and rig.states[-1].reference_rate == 0.0)
     assert rig.states[-1].reference_angle < 0.8
 

@@ -121,6 +121,18 @@ def test_every_variable_says_what_an_importer_asks(crane: Path) -> None:
     assert rows["pose.tip[1]"].unit == "m"
 
 
+def test_a_supply_that_is_not_connected_leaves_the_machine_as_its_file_has_it(
+    currents: np.ndarray, tmp_path: Path
+) -> None:
+    outputs = []
+    for given in ((), ("--input", "supply_pressure", "--input", "tank_pressure")):
+        path = tmp_path / f"inputs{len(given)}.fmu"
+        boom("export-fmu", *given, "--output", str(path))
+        outputs.append(simulated(path, currents[:1000], PERIOD))
+    assert np.ptp(outputs[0][:, 0]) > 0.1
+    assert (np.abs(outputs[0] - outputs[1]).max(axis=0) < 1e-5 * np.ptp(outputs[0], axis=0)).all()
+
+
 def test_an_fmu_refuses_in_one_sentence_what_the_machine_cannot_be_and_returns_to_a_kept_state(crane: Path) -> None:
     said: list[str] = []
     description = read_model_description(str(crane))

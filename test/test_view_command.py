@@ -74,6 +74,15 @@ def test_a_recording_at_20_hz_without_gyro_and_rod_pressure_is_shown(tmp_path: P
     assert np.isfinite(shown.measured["angle"]).mean() > 0.95 and not np.isfinite(shown.measured["rod_pressure"]).any()
 
 
+def test_the_page_of_a_cut_recording_says_what_is_lost(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    content = next(LAG.glob("*.mcap")).read_bytes()
+    bag, page = tmp_path / "cut.mcap", tmp_path / "crane.html"
+    bag.write_bytes(content[: len(content) // 2])
+    assert cli.main(["view", str(bag), "--to", "2", "--output", str(page)]) == 0
+    said = capsys.readouterr().out.splitlines()[0]
+    assert said.startswith("damaged file: cut at") and said in page.read_text()
+
+
 def test_a_hostile_name_of_a_recording_is_shown_as_text(tmp_path: Path, browser: Browser) -> None:
     recording = load(LAG)
     bag = tmp_path / EVIL
@@ -135,7 +144,7 @@ def test_a_page_opened_before_during_and_after_a_simulation_shows_it(browser: Br
             )
             browser.open(address, 1300)  # during
             until(browser, "view.player.state.t !== null && view.data.time.length > 50")
-        until(browser, "document.getElementById('state').textContent.startsWith('No sample for')")
+        until(browser, "document.getElementById('state').textContent.startsWith('No angle for')")
         browser.open(address, 1300)  # after
         assert until(browser, "view.data.time.length") > 50
         assert browser.complaints() == []

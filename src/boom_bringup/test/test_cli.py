@@ -292,3 +292,27 @@ def test_a_ctrl_c_that_was_held_back_while_python_started_ends_it_without_a_trac
     ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=60, check=False)
     assert (ended.returncode, ended.stderr) == (status, said)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_ctrl_c_within_a_text_that_is_executed_ends_with_130_and_not_by_the_signal(tmp_path: Path) -> None:
+    (tmp_path / "stopped.py").write_text(
+        "import sys\nfrom boom_bringup import cli\n"
+        "cli._run = lambda *_: exec('raise KeyboardInterrupt')\nsys.exit(cli.main(['validate']))\n"
+    )
+    command = [
+        sys.executable,
+        "-m",
+        "stopped",
+    ]  # as the commands: Python looks at the signal at the end of modules alone
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=60, check=False)
+    assert (ended.returncode, ended.stderr) == (130, "boom: stopped\n")
+
+
+def test_a_ctrl_c_after_the_work_is_done_does_not_make_a_failure_of_it() -> None:
+    code = (
+        "import atexit, os, runpy, signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "atexit.register(os.kill, os.getpid(), signal.SIGINT)\n"
+        "sys.argv[1:] = ['--version']; runpy.run_module('boom_bringup.cli', run_name='__main__')"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    assert (ended.returncode, ended.stderr) == (0, "")

@@ -39,6 +39,7 @@ def test_a_cloud_without_a_log_is_one_line() -> None:
         seen(None, rng),
         np.zeros((3, 3)),
         np.full((500, 3), np.nan),
+        np.random.default_rng(0).normal(size=(500, 3)) * 1e38,
         np.vstack([seen(None, rng), ball + np.array([6.0, 0.0, 1.0])]),
     ):
         with pytest.raises(PerceptionError, match=r"^[^\n]+$"):

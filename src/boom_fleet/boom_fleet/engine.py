@@ -8,8 +8,10 @@ however that ends.
 from __future__ import annotations
 
 import asyncio
+import itertools
+import logging
 import os
-import signal
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -18,9 +20,11 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, Protocol
 from uuid import uuid4
 
-from boom_node.children import die_with_parent
+from boom_node.children import die_with_parent, without_ctrl_c
 
 RETRIES = 2
+STARTING = 6
+"""A cluster that grows with its work may take so much longer to start a worker than to answer."""
 
 
 class EngineError(RuntimeError):
@@ -49,6 +53,8 @@ class Engine(Protocol):
 def workers(scheduler: str | None, count: int, patience: float = 10.0) -> Iterator[Engine]:
     """``count`` local worker processes, or those of the scheduler at tcp://HOST:PORT, waiting for it for ``patience`` [s].
 
+    While it has no worker, a call of ``each`` waits for ``STARTING`` times as long and then raises EngineError.
+
     Raises:
         EngineError: no scheduler answers at that address.
     """
@@ -71,7 +77,8 @@ class _Worker:
         self.number = number
         self.pipe, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, os.getpid(), number))
-        self._process.start()
+        with without_ctrl_c():  # it is for the command, which ends its workers
+            self._process.start()
         theirs.close()
 
     def end(self) -> None:
@@ -138,7 +145,6 @@ def _serve(pipe: Connection, parent: int, number: int) -> None:
     cores = sorted(os.sched_getaffinity(0))
     os.sched_setaffinity(0, {cores[number % len(cores)]})  # its threads do not take time from the other workers
     die_with_parent(parent)()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the trial, which ends its workers
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with suppress(EOFError, BrokenPipeError):
         while True:
@@ -151,8 +157,8 @@ def _serve(pipe: Connection, parent: int, number: int) -> None:
 
 
 class _Dask:
-    def __init__(self, client: Any) -> None:
-        self._client = client
+    def __init__(self, client: Any, scheduler: str, patience: float) -> None:
+        self._client, self._scheduler, self._patience = client, scheduler, patience
 
     def each(
         self, function: Callable[..., Any], cases: Sequence[str], arguments: Callable[[str], tuple[Any, ...]],
@@ -166,9 +172,14 @@ class _Dask:
             ): case
             for case in cases
         }
+        coming = as_completed(futures)
         try:
-            for future in as_completed(futures):
+            while coming.count():
+                self._wait(coming)
+                future = next(coming)
                 case = futures[future]
+                if future.cancelled():  # no fault of the case
+                    raise EngineError(f"--scheduler {self._scheduler}: it has ended: start it and this command again")
                 try:
                     result = future.result()
                 except Exception as error:
@@ -177,6 +188,24 @@ class _Dask:
                 done(case, result)
         finally:
             self._client.cancel(list(futures))
+
+    def _wait(self, coming: Any) -> None:
+        """Until a case has finished. Raises EngineError: there has been no worker for long; dask waits for one without end."""
+        for second in itertools.count():
+            for _ in range(10):
+                if coming.has_ready():
+                    return
+                time.sleep(0.1)
+            if second % 5 == 0:  # not always: a large cluster has a long answer
+                try:
+                    self._client.wait_for_workers(1, self._patience)
+                except TimeoutError:
+                    raise EngineError(
+                        f"--scheduler {self._scheduler}: no worker for {self._patience:g} s: start "
+                        f"`dask worker {self._scheduler}`, or leave the option out"
+                    ) from None
+                except OSError:
+                    pass  # the scheduler has gone: the cases say so
 
 
 def _said(error: Exception) -> str:
@@ -195,11 +224,8 @@ def _cluster(scheduler: str, patience: float) -> Iterator[Engine]:
     import dask
     from distributed import Client
 
-    settings = {
-        "distributed.comm.timeouts.connect": f"{patience}s",
-        "distributed.admin.low-level-log-length": 0,
-        "logging.distributed": "error",
-    }
+    settings = {"distributed.comm.timeouts.connect": f"{patience}s", "distributed.admin.low-level-log-length": 0}
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # a page of traceback where a scheduler ends
     with dask.config.set(settings):
         try:
             asyncio.run(_greet(scheduler, patience))
@@ -210,7 +236,7 @@ def _cluster(scheduler: str, patience: float) -> Iterator[Engine]:
                 f"--scheduler {scheduler}: no answer ({why}): start `dask scheduler` there, or leave the option out"
             ) from None
         with client:
-            yield _Dask(client)
+            yield _Dask(client, scheduler, STARTING * patience)
 
 
 async def _greet(scheduler: str, patience: float) -> None:

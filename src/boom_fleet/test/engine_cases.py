@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from pathlib import Path
 
 
@@ -30,4 +31,10 @@ def fails_always(name, folder):
 def kills_its_worker_at_first(name, folder):
     if counted(name, folder) == 1 and name == "b":
         os.kill(os.getpid(), signal.SIGKILL)
+    return name
+
+
+def slow(name):
+    """The name, after a while."""
+    time.sleep(1.0)
     return name

@@ -7,7 +7,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from engine_cases import fails_always, fails_at_first, kills_its_worker_at_first, twice
+from engine_cases import fails_always, fails_at_first, kills_its_worker_at_first, slow, twice
 
 from boom_fleet.engine import RETRIES, EngineError, workers
 
@@ -64,3 +64,34 @@ def test_a_scheduler_that_runs_elsewhere_is_used():
         workers(cluster.scheduler_address, 1) as remote,
     ):
         assert collect(remote, twice, ["x"]) == {"x": "xx"}
+
+
+def test_a_scheduler_without_workers_is_given_up_in_one_line():
+    from distributed import LocalCluster
+
+    with (
+        LocalCluster(n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0") as cluster,
+        workers(cluster.scheduler_address, 1, patience=0.5) as remote,
+        pytest.raises(EngineError, match=r"no worker for 3 s: start `dask worker tcp://127.0.0.1:\d+`"),
+    ):
+        collect(remote, twice, ["x"])
+
+
+def test_a_scheduler_that_ends_is_no_fault_of_the_cases():
+    from distributed import LocalCluster
+
+    done, failed = [], []
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address="127.0.0.1:0"
+    ) as cluster:
+
+        def first(case, _):
+            done.append(case)
+            cluster.close()
+
+        with (
+            workers(cluster.scheduler_address, 1, patience=1.0) as remote,
+            pytest.raises(EngineError, match="it has ended: start it and this command again"),
+        ):
+            remote.each(slow, list("abcdef"), lambda case: (case,), first, lambda *of: failed.append(of))
+    assert len(done) == 1 and failed == []

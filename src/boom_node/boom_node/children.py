@@ -1,11 +1,13 @@
-"""Child processes that end with their parent, however it ends."""
+"""Child processes that end with their parent, however it ends, and leave a Ctrl-C to it."""
 
 from __future__ import annotations
 
 import ctypes
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
 
 _PR_SET_PDEATHSIG = 1
 _LIBC = ctypes.CDLL(None, use_errno=True)
@@ -21,3 +23,17 @@ def die_with_parent(parent: int) -> Callable[[], None]:
             os._exit(1)
 
     return run
+
+
+@contextmanager
+def without_ctrl_c() -> Iterator[None]:
+    """Processes of multiprocessing that are started in here never see a Ctrl-C, and their parent sees it once they are started.
+
+    One that still imports, or whose parent ends while it starts, would end in a traceback.
+    """
+    resource_tracker.ensure_running()  # here, because it lets the signal through once it has started
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import argparse
 import math
+import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -20,6 +22,8 @@ from boom_node import motion_action, qos
 from boom_node.stamps import seconds_to_ns, set_ns
 
 PATIENCE_S = 10.0
+REST_S = 3.0
+"""How long an interrupted program waits until the controller has taken its wish to rest."""
 JOINT = "inner_boom_joint"
 TOPIC, ACTION = "/boom/joint_trajectory", f"/boom_controller/{motion_action.NAME}"
 
@@ -33,6 +37,23 @@ def trajectory(angle: float, seconds: float) -> JointTrajectory:
     point = JointTrajectoryPoint(positions=[angle], velocities=[0.0], accelerations=[0.0])
     set_ns(point.time_from_start, seconds_to_ns(seconds))
     return JointTrajectory(joint_names=[JOINT], points=[point])
+
+
+@contextmanager
+def program(name: str) -> Iterator[Any]:
+    """A node of a program that Ctrl-C and SIGTERM end with KeyboardInterrupt: it can still bring to rest what it moves."""
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    node = rclpy.create_node(name)
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
 
 
 def until(node: Any, done: Callable[[], Any], patience: float, otherwise: str) -> None:
@@ -61,13 +82,15 @@ def by_topic(node: Any, wanted: JointTrajectory, patience: float) -> None:
         raise NotMovedError(f"the boom is stopped: {states[-1].reason}; call /boom_controller/resume first")
     states.clear()
     publisher.publish(wanted)
-    until(
-        node,
-        lambda: any(s.mode == "track" for s in states),
-        PATIENCE_S,
-        "the motion was refused: see the controller's log",
-    )
-    until(node, lambda: states[-1].mode != "track", patience, "the motion does not finish")
+    refused = "the motion was refused: see the controller's log"
+    try:
+        until(node, lambda: any(s.mode == "track" for s in states), PATIENCE_S, refused)
+        until(node, lambda: states[-1].mode != "track", patience, "the motion does not finish")
+    except BaseException:
+        publisher.publish(JointTrajectory(joint_names=[JOINT]))  # without points: come to rest and hold
+        with suppress(NotMovedError):
+            until(node, lambda: states[-1:] and states[-1].mode != "track", REST_S, "")
+        raise
     if states[-1].mode != "hold" or states[-1].reason:
         raise NotMovedError(f"{states[-1].mode}: {states[-1].reason}")
 
@@ -81,10 +104,24 @@ def by_action(node: Any, wanted: JointTrajectory, patience: float) -> None:
         f"no server of {ACTION}: is the controller running, and does it receive all sensors? Try ./boom sim --control"
     )
     until(node, client.server_is_ready, PATIENCE_S, nobody)
+    follow(node, client, wanted, patience)
+
+
+def follow(node: Any, client: Any, wanted: JointTrajectory, patience: float) -> None:
+    """Send a goal and wait for its result; whatever ends this early takes the goal back. Raises NotMovedError."""
     sent = client.send_goal_async(motion_action.MotionAction.Goal(trajectory=wanted))
-    until(node, sent.done, PATIENCE_S, "the controller does not answer")
-    answer = sent.result().get_result_async()
-    until(node, answer.done, patience, "the motion does not finish")
+    try:
+        until(node, sent.done, PATIENCE_S, "the controller does not answer")
+        if not sent.result().accepted:
+            raise NotMovedError("the controller does not take the motion")
+        answer = sent.result().get_result_async()
+        until(node, answer.done, patience, "the motion does not finish")
+    except BaseException:
+        with suppress(NotMovedError):
+            until(node, sent.done, REST_S, "")
+            if sent.result().accepted:
+                until(node, sent.result().cancel_goal_async().done, REST_S, "")
+        raise
     result = answer.result().result
     if result.error_code != result.SUCCESSFUL or result.error_string:
         raise NotMovedError(result.error_string)
@@ -101,21 +138,16 @@ def main() -> int:
     args = parser.parse_args()
     if not (math.isfinite(args.angle) and 0.0 < args.seconds <= 600.0):
         parser.error("give an angle in rad and a time of at most 600 s")
-    import rclpy
-
-    rclpy.init(args=[])
-    node = rclpy.create_node("boom_move")
     try:
-        move = by_topic if args.by == "topic" else by_action
-        move(node, trajectory(args.angle, args.seconds), args.seconds + PATIENCE_S)
+        with program("boom_move") as node:
+            move = by_topic if args.by == "topic" else by_action
+            move(node, trajectory(args.angle, args.seconds), args.seconds + PATIENCE_S)
     except NotMovedError as error:
         print(f"move: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
+        print("move: stopped; the boom comes to rest", file=sys.stderr)
         return 130
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
     print(f"the boom is at {args.angle:g} rad and held there")
     return 0
 

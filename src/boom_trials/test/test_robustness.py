@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 from math import nan
 from pathlib import Path
@@ -256,6 +258,24 @@ def test_workers_give_the_results_in_the_order_of_the_jobs() -> None:
     assert [r.job.bag for r in both] == [job.bag for job in jobs]
     assert len(told) == 3
     assert both[0].mae == both[2].mae == carry_out(jobs[:1])[0].mae
+
+
+def test_a_ctrl_c_while_workers_start_is_left_to_the_command() -> None:
+    code = (
+        "import multiprocessing, os, signal, threading\n"
+        "from boom_trials.robustness import study\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "def interrupt():\n"
+        "    while not multiprocessing.active_children(): threading.Event().wait(0.001)\n"
+        "    os.killpg(0, signal.SIGINT)\n"  # as a terminal does
+        "if __name__ == '__main__':\n"
+        "    threading.Thread(target=interrupt, daemon=True).start()\n"
+        "    try: study.carry_out([None] * 50, 2)\n"
+        "    except KeyboardInterrupt: print('stopped')\n"
+    )
+    command = [sys.executable, "-c", code]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=60, start_new_session=True, check=False)
+    assert (ended.stdout, ended.stderr) == ("stopped\n", "")
 
 
 def test_a_sample_begins_with_the_outputs_of_the_model_and_these_with_what_the_law_sees() -> None:

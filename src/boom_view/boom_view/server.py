@@ -81,6 +81,9 @@ class _PageHandler(BaseHTTPRequestHandler):
             self._answer(HTTPStatus.FORBIDDEN, b"only as http://127.0.0.1\n")
         elif self.path == "/":
             self._answer(HTTPStatus.OK, self.server.page, "text/html; charset=utf-8")
+        elif self.path == "/stream" and self.headers.get("Sec-Fetch-Site") == "cross-site":
+            # It could not read the stream, but would take the places of our pages.
+            self._answer(HTTPStatus.FORBIDDEN, b"not for another site\n")
         elif self.path == "/stream" and self.server.feed is not None:
             self._stream(self.server.feed)
         else:
@@ -136,9 +139,9 @@ class _Reader:
             feed.changed.wait_for(self._something, _ALIVE)
             if feed.run != self._run:
                 self._run, self._count, self._marks = feed.run, feed.count - len(feed.rows), ""
-            if feed.scene != self._scene:
-                self._scene = feed.scene
+            if feed.scene not in ("", self._scene):
                 events.append(("scene", feed.scene))
+            self._scene = feed.scene
             new = min(feed.count - self._count, len(feed.rows))
             rows = [feed.rows[i] for i in range(len(feed.rows) - new, len(feed.rows))]
             self._count = feed.count

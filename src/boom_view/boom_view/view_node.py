@@ -16,6 +16,7 @@ from rclpy.clock_type import ClockType
 from sensor_msgs.msg import FluidPressure, JointState
 
 from boom_input.channels import BY_NAME, SENSORS
+from boom_input.shown import quoted
 from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_model.errors import ModelError
 from boom_model.machine_file import load_machine, shipped_machine
@@ -65,7 +66,6 @@ class ViewNode(Node):
         self._feed = Feed()
         self._configuration: tuple[str, float, float, float] | None = None
         self._origin_ns: int | None = None
-        self._last = time.monotonic()
         sensor = qos.EVERY_SENSOR_SAMPLE
         self.create_subscription(JointState, channels.JOINT_STATES, self._on_joints, sensor)
         for channel in SENSORS:
@@ -102,17 +102,23 @@ class ViewNode(Node):
             machine = self._machine or shipped_machine(asked[0])
             self._feed.configure(machine, machine.pose(*asked[1:]))
         except ModelError as error:
-            said = f"The machine cannot be shown: {error}; give its file with --machine FILE."
-            self._feed.say(said)
+            said = f"The machine of /boom/machine_configuration cannot be shown: {error}."
+            self._feed.unknown(said)
             self.get_logger().error(said)
 
     def _on_joints(self, message: JointState) -> None:
-        if self._values.joint_name not in message.name:
-            return
-        k = list(message.name).index(self._values.joint_name)
-        if k < len(message.position):
+        joint, names = self._values.joint_name, list(message.name)
+        k = names.index(joint) if joint in names else len(names)
+        if k == len(names):
+            there = quoted(", ".join(names), 200) or "none"
+            self._feed.refused(
+                f"/joint_states has no joint {quoted(joint)} (there are: {there}): give its name with --joint"
+            )
+        elif k < len(message.position):
             rate = message.velocity[k] if k < len(message.velocity) else float("nan")
             self._add(message.header.stamp, angle=message.position[k], rate=rate)
+        else:
+            self._feed.refused(f"/joint_states has no position of {quoted(joint)}")
 
     def _on_pressure(self, name: str, message: FluidPressure) -> None:
         self._add(message.header.stamp, **{name: message.fluid_pressure})
@@ -124,14 +130,15 @@ class ViewNode(Node):
         nanoseconds = to_ns(stamp)
         if self._origin_ns is None:
             self._origin_ns = nanoseconds
-        self._last = time.monotonic()
         values = {name: value - BY_NAME[name].wire_offset for name, value in wire.items()}
         plausible = {name: v for name, v in values.items() if BY_NAME[name].low <= v <= BY_NAME[name].high}
+        if "angle" in values and "angle" not in plausible:
+            self._feed.refused(f"the angle in /joint_states is {values['angle']:.4g} rad, which no boom has")
         if plausible:
             self._feed.add(ns_to_seconds(nanoseconds - self._origin_ns), **plausible)
 
     def _on_timer(self) -> None:
-        self._feed.flush(time.monotonic() - self._last)
+        self._feed.flush(time.monotonic())
 
     def _health(self) -> Health:
         return Health(Level.OK if self._feed.scene else Level.WARN, self._feed.state)

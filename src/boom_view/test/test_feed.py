@@ -70,5 +70,58 @@ def test_a_page_gets_the_last_minute_and_is_told_when_nothing_comes_any_more():
         feed.add(k * 0.01, angle=0.3, rate=0.0)
         feed.flush(0.0)
     assert feed.rows[-1][0] - feed.rows[0][0] == pytest.approx(KEEP, abs=0.02)
-    feed.flush(4.0)
-    assert feed.state.startswith("No sample for 4 s")
+    feed.flush(1.0)
+    feed.flush(5.0)
+    assert feed.state.startswith("No angle for 4 s")
+
+
+def test_a_current_that_is_no_number_leaves_the_model_alone():
+    feed = configured()
+    for k in range(100):
+        feed.add(k * 0.01, **({"retract_current": 0.1} if k % 2 else {"extend_current": 0.1}))
+        feed.add(k * 0.01, angle=0.3, rate=0.0)
+        feed.flush(0.0)
+    assert feed.rows and feed.rows[-1][0] > 0.9
+
+
+def test_rows_are_in_order_and_a_fast_sensor_is_thinned_out_so_that_a_minute_of_it_stays():
+    feed = configured()
+    for k in range(40_000):
+        feed.add(
+            k * 5e-4 - (1.0 if k > 20_000 else 0.0), angle=0.3, rate=0.0
+        )  # somebody sets the clock back by a second
+    feed.flush(0.0)
+    apart = np.diff(columns(feed)[:, 0])
+    assert (apart > 0.0039).all() and len(feed.rows) < 20 / 0.0039
+
+
+def live(feed):
+    for now in (0.0, 1.0, 3.0):
+        feed.flush(now)
+    return feed.state
+
+
+def test_a_page_says_why_samples_that_arrive_are_not_shown():
+    feed = configured()
+    assert live(feed).startswith("Waiting for the machine")
+    feed.refused("/joint_states has no joint j")
+    assert "no joint j" in live(feed)
+    for k in range(10):
+        feed.add(k * 0.01, angle=0.3, rate=0.0)
+        feed.add(k * 0.01 - 500.0, retract_current=0.1, extend_current=0.1)
+    assert "500 s apart" in live(feed)
+    feed.add(0.0, angle=0.3)
+    feed.add(0.0, angle=0.3)
+    assert live(feed).startswith("Live")
+    feed.add(0.0, angle=0.3)
+    feed.flush(6.0)
+    assert "stand still" in feed.state
+
+
+def test_a_page_says_what_is_missing_where_no_machine_is_known_or_it_cannot_be_shown():
+    feed = Feed()
+    for k in range(10):
+        feed.add(k * 0.01, angle=0.3)
+    assert "no /boom/machine_configuration" in live(feed)
+    feed.unknown("The machine cannot be shown.")
+    assert live(feed) == "The machine cannot be shown."

@@ -44,6 +44,7 @@ def test_it_listens_on_the_loopback_and_answers_only_there(served):
     assert get(server, "/").read() == b"<p>page</p>"
     assert get(server, "/", Host="crane.example:80").status == 403
     assert get(server, "/../etc/passwd").status == 404
+    assert get(server, "/stream", **{"Sec-Fetch-Site": "cross-site"}).status == 403
     assert get(server, "/", Host="localhost:1").status == 200
 
 

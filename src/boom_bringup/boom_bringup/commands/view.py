@@ -115,7 +115,10 @@ def _page(args: argparse.Namespace) -> str:
         if shown.models
         else "no currents were recorded: no model beside it"
     )
-    return recording_page(drawing, shown, f"{stretch}; {model}")
+    damage = [f"damaged file: {warning}" for warning in recording.warnings]
+    for line in damage:
+        print(line, flush=True)
+    return recording_page(drawing, shown, "; ".join([stretch, model, *damage]))
 
 
 def _live(args: argparse.Namespace, opened: bool) -> int:

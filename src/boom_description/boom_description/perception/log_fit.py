@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 Points = NDArray[np.float64]
 LEAST_POINTS = 100
+FARTHEST = 100.0
+"""m. No crane reaches as far: what is beyond is a fault of the sensor, as is what is no number."""
 CLEARANCE = 0.06
 """m. Points lower above the ground belong to it: grass, noise."""
 _THICK = (0.03, 0.6)
@@ -46,9 +48,9 @@ def find_log(cloud: Points) -> SeenLog:
     Raises:
         PerceptionError: nothing stands out from the ground, or it is no log.
     """
-    cloud = cloud[np.isfinite(cloud).all(axis=1)]
+    cloud = cloud[(np.abs(cloud) < FARTHEST).all(axis=1)]
     if len(cloud) < LEAST_POINTS:
-        raise PerceptionError(f"the cloud has {len(cloud)} points: {LEAST_POINTS} are needed")
+        raise PerceptionError(f"the cloud has {len(cloud)} points within {FARTHEST:.0f} m: {LEAST_POINTS} are needed")
     above = cloud[cloud[:, 2] > _ground(cloud[:, 2]) + CLEARANCE]
     if len(above) < LEAST_POINTS:
         raise PerceptionError(f"no log in the cloud: {len(above)} points stand out from the ground")

@@ -18,7 +18,6 @@ import time
 from typing import Any
 
 import numpy as np
-import rclpy
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
@@ -32,7 +31,7 @@ from boom_description.perception.point_cloud import POINTS_TOPIC, unpacked
 from boom_description.perception.reach import Gripper, PlannedMotion, angle_at, grasp_point, motion
 from boom_description.tip_pose import TipKinematics, UrdfError
 from boom_node.motion_action import NAME, MotionAction
-from boom_node.move_node import NotMovedError, until
+from boom_node.move_node import NotMovedError, follow, program, until
 from boom_node.stamps import seconds_to_ns, set_ns
 
 JOINT = "inner_boom_joint"
@@ -99,15 +98,7 @@ class ReachLog:
         planned = motion(begin, end, self.rate, self.acceleration)
         duration = float(planned.times[-1])
         until(self.node, self.action.server_is_ready, PATIENCE_S, f"no server of {ACTION}: start ./boom sim --control")
-        sent = self.action.send_goal_async(MotionAction.Goal(trajectory=as_message(planned)))
-        until(self.node, sent.done, PATIENCE_S, "the controller does not answer")
-        if not sent.result().accepted:
-            raise NotMovedError("the controller does not take the motion")
-        answer = sent.result().get_result_async()
-        until(self.node, answer.done, duration + PATIENCE_S, "the motion does not finish")
-        result = answer.result().result
-        if result.error_code != result.SUCCESSFUL or result.error_string:
-            raise NotMovedError(result.error_string)
+        follow(self.node, self.action, as_message(planned), duration + PATIENCE_S)
 
     def grasp(self, close: bool) -> str:
         """Close or open the gripper. Raises NotMovedError."""
@@ -201,22 +192,19 @@ def main() -> int:
     args = parser.parse_args()
     if not all(0.0 < value < 100.0 for value in (args.depth, args.opening, args.rate, args.acceleration)):
         parser.error("give numbers above 0")
-    rclpy.init(args=[])
-    node = rclpy.create_node("reach_log")
     try:
-        stack = ReachLog(node, Gripper(args.depth, args.opening), args.rate, args.acceleration)
-        if args.release:
-            say(stack.grasp(False))
-        else:
-            run(stack)
+        with program("reach_log") as node:
+            stack = ReachLog(node, Gripper(args.depth, args.opening), args.rate, args.acceleration)
+            if args.release:
+                say(stack.grasp(False))
+            else:
+                run(stack)
     except (PerceptionError, NotMovedError, UrdfError) as error:
         print(f"reach_log: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
+        print("reach_log: stopped; the boom comes to rest", file=sys.stderr)
         return 130
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
     return 0
 
 

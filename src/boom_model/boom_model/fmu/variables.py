@@ -109,7 +109,8 @@ def _inputs(machine: Machine) -> list[FmuVariable]:
     rows = []
     for name in machine.structure.inputs:
         channel, key = BY_NAME[name], _SUPPLY.get(name, "")
-        start = machine.parameters[key].value[0] if key in machine.parameters else 0.0
+        # A machine without a constant supply never runs out of pressure; neither does an input that nobody connects.
+        start = machine.parameters[key].value[0] if key in machine.parameters else channel.high if key else 0.0
         low = max(channel.low, -1e5) if channel.is_pressure else 0.0
         rows.append(FmuVariable(name, "input", "continuous", channel.unit, _MEANINGS[name], start, low, channel.high))
     return rows

@@ -28,6 +28,7 @@ from boom_model.catalogue import EFFECTS, EffectParameter
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
+from boom_node.children import without_ctrl_c
 from boom_report.tracking.position_error import errors, piston_positions
 from boom_trials.robustness.crane import Grasp, History, TrialCrane, carried_out, start_state
 from boom_trials.robustness.oscillation import Oscillation, oscillation_of
@@ -139,15 +140,16 @@ def carry_out(
         return results
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([__name__])  # imported once for all workers
-    with ProcessPoolExecutor(count, mp_context=context) as pool:
-        try:
-            for result in pool.map(carry_out_one, jobs, chunksize=1):
-                results.append(result)
-                if told:
-                    told()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    pool = ProcessPoolExecutor(count, mp_context=context)
+    try:
+        with without_ctrl_c():
+            coming = pool.map(carry_out_one, jobs, chunksize=1)
+        for result in coming:
+            results.append(result)
+            if told:
+                told()
+    finally:
+        pool.shutdown(cancel_futures=True)
     return results
 
 
