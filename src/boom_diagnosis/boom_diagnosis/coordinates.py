@@ -97,7 +97,10 @@ def starts(effect: Effect, lasting: float, size: MachineSize = THESIS) -> list[d
         return [dict(zip(names, point, strict=True)) for point in effect.points]
     if effect.independent:  # one number after the other
         return [
-            {f"effects.{effect.id}.{r.name}": _SHARE * r.high if r is row else r.neutral for r in effect.parameters}
+            {
+                f"effects.{effect.id}.{r.name}": r.neutral + (_SHARE * (r.high - r.neutral) if r is row else 0.0)
+                for r in effect.parameters
+            }
             for row in effect.parameters
         ]
     base = {f"effects.{effect.id}.{row.name}": row.neutral for row in effect.parameters}

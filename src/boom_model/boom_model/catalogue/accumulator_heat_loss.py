@@ -42,7 +42,7 @@ EFFECT = Effect(
     ("the gas of the accumulators", "exchanges heat"), "slow relaxation of p_h after a fast charge",
     (
         parameter("inverse_tau", "1/s", 0.0, (1 / 40, 1 / 5), (0.0, 1e3), "1 / time constant of the heat exchange",
-                  starts=(1 / 30, 1 / 7, 1.0)),
+                  starts=(1 / 30, 1 / 7, 1.0), ordinary=0.01),  # any gas does so within minutes
     ),
     {"adiabat": _adiabat, "entropy_rate": lambda rate, own, at: rate + own.rates[f"accumulator_entropy_{at.number}"]},
     place=2, needs="accumulators", margin=12.0, watched=False, at_rest=_at_rest,
