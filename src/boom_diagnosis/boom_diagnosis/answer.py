@@ -498,4 +498,9 @@ def said_of_next(verdict: Verdict) -> str:
         return "Nothing: the model explains these recordings."
     if verdict == "unknown_physics":
         return "Record the motions in which it shows again, slower and faster, with rests between: a term is learnt from that."
+    if verdict == "ambiguous":  # those that were fitted show nothing
+        return (
+            "Nothing yet: fit the recordings that were held out, and hold out those that were fitted. What only the former show "
+            "is found there."
+        )
     return "A longer recording with full currents in both directions narrows the parameters that moved."
