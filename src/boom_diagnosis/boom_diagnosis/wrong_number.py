@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from boom_diagnosis.case import Case
-from boom_diagnosis.hypotheses import LOOSENESS, Fits, Nominal
+from boom_diagnosis.hypotheses import Fits, Nominal
 from boom_diagnosis.nuisances import LARGEST_Z, TWINS, Nuisance, masses, units
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.weighing import NEGLIGIBLE
@@ -52,11 +52,12 @@ def in_words(wrong: Sequence[str]) -> str:
 
 
 def _promising(every: Case) -> list[int]:
-    """Numbers whose being anything explains most of what the nominal machine leaves, by the linear look.
+    """Numbers whose being anything explains most of what the nominal machine leaves, by the linear look of its likeliest observer.
 
     Not those that an effect of the catalogue is a change of, nor those of which nothing is known anyway.
     """
-    nominal = Nominal(every.problem(np.zeros(len(every.nuisances)), {}, LOOSENESS[1]))
+    fits = Fits(every.machine, every.bags, every.select, every.nuisances)
+    nominal = Nominal(fits.likeliest(np.zeros(len(every.nuisances)), {}))
     known = [
         i for i, n in enumerate(every.nuisances)
         if not (n.shift or n.difference or n.tail) and n.name not in TWINS
