@@ -278,7 +278,6 @@ def _guarded(arguments: Sequence[str] | None) -> int:
 
 if __name__ == "__main__":
     done = main()
-    signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # what is done stays done: Python, while it ends, would die by the signal
+    # What is done stays done: Python, while it ends, would die by the signal.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     sys.exit(done)
