@@ -70,7 +70,7 @@ def coordinates(effect: Effect, size: MachineSize = THESIS) -> tuple[Coordinate,
 
 
 def _coordinate(effect: Effect, row: EffectParameter) -> Coordinate:
-    width, onset = row.high - row.low, row.name == effect.onset
+    width, onset = row.high - row.low, row.name in (effect.onset, effect.release)
     low, high = max(row.minimum, row.low - effect.margin * width), min(row.maximum, row.high + effect.margin * width)
     if row.neutral == 0.0 and row.low > 0.0 and not row.positive:
         low = -row.high if effect.load else 0.0

@@ -34,6 +34,11 @@ def onset_of(effect: str) -> str:
     return f"effects.{effect}.{EFFECTS[effect].onset}"
 
 
+def release_of(effect: str) -> str:
+    """Dotted name of the time at which it ends."""
+    return f"effects.{effect}.{EFFECTS[effect].release}"
+
+
 def steps_in(effects: Mapping[str, float]) -> list[tuple[str, str]]:
     """Dotted names of mass and stroke of each load among these effects that rests on the ground below a stroke."""
     names = [
@@ -61,8 +66,7 @@ def own(problem: Problem, z: Array, effects: Mapping[str, float]) -> dict[str, f
     beside = {**effects, **clock}
     if steps_in(effects):
         return clock | _lifted(problem, z, beside)
-    time = time_in(effects)
-    return clock | ({time: onset(problem, z, beside)} if time else {})
+    return clock | (_held(problem, z, beside) if time_in(effects) else {})
 
 
 def moments(problem: Problem, z: Array, effects: Mapping[str, float], which: Sequence[int]) -> Array:
@@ -129,27 +133,45 @@ def _share(without: Point, beside: Point) -> float:
     return -float(change @ (omega * without.w)) / max(float(change @ (omega * change)), 1e-9)
 
 
-def onset(problem: Problem, z: Array, effects: Mapping[str, float]) -> float:
-    """The likeliest time [s] of the load's change in the recording of ``problem``."""
+def _held(problem: Problem, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
+    """The likeliest times [s] at which a load comes, and goes where one goes, in the recording of ``problem``.
+
+    One may come as the other has not gone yet, and none go there.
+    """
+    begin = time_in(effects)
+    end = release_of(begin.split(".")[1])
+    never = neutral(end)
+    times = {begin: _when(problem, z, {**effects, end: never}, begin)}
+    if effects[end] == never:
+        return times
+    for name in (end, begin):
+        times[name] = _when(problem, z, {**effects, end: never, **times}, name)
+    without, beside = problem.points([(z, {**effects, **times, end: never}), (z, {**effects, **times})])
+    return {**times, end: never} if without.loss <= beside.loss else times
+
+
+def _when(problem: Problem, z: Array, effects: Mapping[str, float], name: str) -> float:
+    """The likeliest value [s] of one of these times."""
     lasting = max(bag.recording.duration for bag in problem.predictor.bags)
-    best = _best(problem, z, effects, np.arange(COARSE / 2, lasting, COARSE))
+    best = _best(problem, z, effects, name, np.arange(COARSE / 2, lasting, COARSE))
     span = COARSE
     for step in FINE:
-        best = _best(problem, z, effects, np.arange(max(0.0, best - span), best + span, step))
+        best = _best(problem, z, effects, name, np.arange(max(0.0, best - span), best + span, step))
         span = 2 * step
     return best
 
 
 def near_onset(problem: Problem, at: Point) -> Point:
-    """``at`` with the likeliest time of the load's change within ``NEAR`` of its own."""
-    time = time_in(at.effects)
-    moved = [
-        (at.z, {**at.effects, time: max(0.0, at.effects[time] + float(d))})
-        for d in np.arange(-NEAR, NEAR + 1e-9, FINE[1])
-    ]
-    return min([at, *problem.points(moved)], key=lambda p: p.loss)
+    """``at`` with the likeliest time of the load's change within ``NEAR`` of its own, and of its going again, where it goes."""
+    begin = time_in(at.effects)
+    end = release_of(begin.split(".")[1])
+    for name in (begin, end) if at.effects[end] != neutral(end) else (begin,):
+        near = at.effects[name] + np.arange(-NEAR, NEAR + 1e-9, FINE[1])
+        moved = [(at.z, {**at.effects, name: max(0.0, float(t))}) for t in near]
+        at = min([at, *problem.points(moved)], key=lambda p: p.loss)
+    return at
 
 
-def _best(problem: Problem, z: Array, effects: Mapping[str, float], times: Array) -> float:
-    points = problem.points([(z, {**effects, time_in(effects): float(t)}) for t in times])
+def _best(problem: Problem, z: Array, effects: Mapping[str, float], name: str, times: Array) -> float:
+    points = problem.points([(z, {**effects, name: float(t)}) for t in times])
     return float(times[int(np.argmin([p.loss for p in points]))])

@@ -140,7 +140,7 @@ def placed(machine: Machine, case: Proved, span: Span) -> Machine:
                 effects.setdefault(effect, {})[parameter] = value
     later = next((b.later for b in case.elsewhere if b.recording is span.recording), None)
     for effect, values in effects.items() if later else ():
-        if time := EFFECTS[effect].onset:
+        for time in {EFFECTS[effect].onset, EFFECTS[effect].release} & values.keys():
             values[time] = max(0.0, values[time] - (later or 0.0))
     return machine if effects == machine.effects else machine.with_effects(effects)
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.coordinates import Coordinate, coordinates, has_valleys, starts
 from boom_diagnosis.fitting import WHITE, Point, Problem, weights
-from boom_diagnosis.onset import near_onset, neutral, onset_of, steps_in, time_in
+from boom_diagnosis.onset import near_onset, neutral, onset_of, release_of, steps_in, time_in
 from boom_model.catalogue import CATALOGUE, EFFECTS, Effect
 
 Array = NDArray[np.float64]
@@ -36,6 +36,8 @@ NEARER = 0.5
 """Share of a probe below which it is taken once more."""
 LEAST_MISFIT = 50.0
 """Nats that there may always be to explain."""
+LEAST_HELD = 1.0
+"""s that a load hangs at least."""
 ONSET_STEP = 10
 """Intervals between the times at which an effect that begins is looked for."""
 
@@ -200,10 +202,13 @@ class Scanner:
         )
         return Candidate(effect, {**start, mass: size, place: at}, gain)
 
-    def _beyond(self, where: Sequence[Array], column: Array, mass: float, high: float) -> tuple[float, float, float]:
+    def _beyond(
+        self, where: Sequence[Array], column: Array, mass: float, high: float, held: float = 0.0
+    ) -> tuple[float, float, float]:
         """Best size, place and gain of what changes the innovations as ``mass`` does, ``column``, beyond a place and not before.
 
-        where: of each recording (n,) places, times or strokes. high: largest size. The observer forgets in a second.
+        where: of each recording (n,) places, times or strokes. high: largest size; held: mass that hangs there beside what was told
+        [kg], and may go, too. The observer forgets in a second.
         """
         places = np.concatenate(
             [np.broadcast_to(v[:, None], s.shape)[s] for v, s in zip(where, self.problem.rows, strict=True)]
@@ -220,7 +225,7 @@ class Scanner:
         projected = power[pick] - np.einsum("ij,jk,ik->i", c, self._factor, c)
         g = score[pick] - c @ self._factor @ self._score
         masses = -mass * g / np.maximum(projected, 1e-9)
-        outside = (masses < -self.load) | (masses > high)
+        outside = (masses < -self.load - held) | (masses > high)
         gains = np.where(outside, 0.0, 0.5 * g * g / np.maximum(projected, 1e-9))
         k = int(np.argmax(gains))
         return float(masses[k]), float(t[pick[k]]), float(gains[k])
@@ -239,6 +244,14 @@ class Scanner:
             where, here.w - self.at.w, values[first], coordinates(EFFECTS[effect], self.problem.size)[0].high
         )
         return {mass: size, stroke: at}
+
+    def release(self, effect: str, values: dict[str, float]) -> dict[str, float]:
+        """A load that comes at a time, ``values`` by dotted name, with the time at which it goes again; else none."""
+        mass, begin, end = coordinates(EFFECTS[effect])[0].name, onset_of(effect), release_of(effect)
+        here = self.problem.points([(self.at.z, {**self.at.effects, **lasting(effect, values)})])[0]
+        where = [bag.time for bag in self.problem.predictor.bags]
+        size, at, _ = self._beyond(where, here.w - self.at.w, values[mass], 0.0, max(0.0, 2.0 * values[mass]))
+        return {end: at} if size < 0.0 and at > values[begin] + LEAST_HELD else {}
 
     def follow(self, columns: Array, size: Array) -> Array:
         """z that the tolerances would take if the innovations changed by columns @ size."""
@@ -286,13 +299,18 @@ def refine(
 
 
 def _placed(problem: Problem, point: Point, jacobian: Array, names: Sequence[Coordinate]) -> tuple[Point, Array]:
-    """A load fitted on: from the likeliest time near by, as the loss over a time has many valleys, or with another step."""
-    count = len(point.z)
-    if not steps_in(point.effects):
-        return problem.fit(near_onset(problem, point), jacobian[:, :count], names, iterations=STEPS)
-    effect = time_in(point.effects).split(".")[1]
-    step = Scanner(problem, point, jacobian).next_step(effect, point.effects)
+    """A load fitted on: from the likeliest time near by, as its loss has many valleys, and until it goes; or with another step."""
+    count, effect = len(point.z), time_in(point.effects).split(".")[1]
+    if steps_in(point.effects):
+        step = Scanner(problem, point, jacobian).next_step(effect, point.effects)
+    else:
+        point, jacobian = problem.fit(near_onset(problem, point), jacobian[:, :count], names, iterations=STEPS)
+        step = Scanner(problem, point, jacobian).release(effect, point.effects)
+    if not step:
+        return point, jacobian
     start = problem.points([(point.z, {**point.effects, **step})])[0]
+    if not steps_in(start.effects):
+        start = near_onset(problem, start)
     further, own = problem.fit(start, jacobian[:, :count], names, iterations=STEPS, further=FURTHER)
     return (further, own) if point.loss - further.loss > TIMED else (point, jacobian)
 

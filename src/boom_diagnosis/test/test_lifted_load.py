@@ -1,6 +1,7 @@
 """A load that rests on the ground below a stroke is found with its mass and stroke, another one in each recording."""
 
 import numpy as np
+import pytest
 from diagnosis_samples import tz17
 from test_diagnosis import noisy
 
@@ -30,6 +31,22 @@ def test_a_load_that_leaves_the_ground_is_found_and_another_one_in_a_recording_o
     np.testing.assert_allclose(numbers["mass"].value, 500.0, rtol=0.1)
     np.testing.assert_allclose(numbers["s_g"].value, stroke, atol=0.01)
     assert document.fit.held_out_bags == ("made (2)",)
+    assert np.all(np.array(document.fit.held_out["explained"]) < 3.0 * np.array(document.fit.noise_floor))
+
+
+def test_a_load_that_is_dropped_again_is_found_with_both_times_and_at_other_times_in_a_recording_that_is_held_out() -> (
+    None
+):
+    machine = tz17()
+    first, second = (
+        noisy(machine.with_effects({"payload_change": {"mass": 300.0, "t_g": come, "t_r": gone}}), 24.0, seed)
+        for seed, come, gone in ((1, 6.5, 18.7), (2, 9.0, 20.0))
+    )
+    document = diagnose([first], machine, held_out=[second]).document
+    assert (document.verdict, [f.effect for f in document.findings]) == ("identified", ["payload_change"])
+    numbers = document.findings[0].parameters
+    assert [numbers[name].value for name in ("t_g", "t_r")] == pytest.approx([6.5, 18.7], abs=0.3)
+    assert numbers["mass"].value == pytest.approx(300.0, rel=0.1)
     assert np.all(np.array(document.fit.held_out["explained"]) < 3.0 * np.array(document.fit.noise_floor))
 
 

@@ -139,7 +139,7 @@ class Effect:
         delays: its first parameter is a dead time of what is said here.
         load: a load, which may be less than nothing: as much as was told to hang there. Of others that are plausible on one side
             of neutral there are none on the other.
-        onset: parameter that is the time at which it begins in a recording.
+        onset: parameter that is the time at which it begins in a recording. release: that at which it ends; neutral: never.
         steps: of a load each mass and the piston position below which that rests on the ground.
         lasting: effect that it is if it began before the recording, with parameters of the same names.
         margin: the prior reaches so far beyond the plausible range, in widths of it.
@@ -169,6 +169,7 @@ class Effect:
     delays: Literal["", "command", "pressures"] = ""
     load: bool = False
     onset: str = ""
+    release: str = ""
     steps: tuple[tuple[str, str], ...] = ()
     lasting: str = ""
     margin: float = 1.5

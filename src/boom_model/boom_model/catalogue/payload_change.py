@@ -1,7 +1,7 @@
 """A load that is grasped or released during the recording, at a time, or that leaves the ground at a stroke, in every cycle.
 
-At t_g it is attached within some 10 ms, at the tip's speed. Below the piston position s_g it rests on the ground; it may leave the
-ground in two steps.
+At t_g it is attached within some 10 ms, at the tip's speed, and dropped again at t_r. Below the piston position s_g it rests on the
+ground; it may leave the ground in two steps.
 """
 
 from typing import Any
@@ -13,13 +13,14 @@ from boom_model.state import ELAPSED_TIME
 
 
 def _load(mass: Expression, own: Any, at: Any) -> Expression:
-    first = own.mass * on_the_hook(own.time(), own.t_g, "time") * on_the_hook(at.position, own.s_g, "stroke")
+    held = on_the_hook(own.time(), own.t_g, "time") * (1 - on_the_hook(own.time(), own.t_r, "time"))
+    first = own.mass * held * on_the_hook(at.position, own.s_g, "stroke")
     return mass + first + own.mass_2 * on_the_hook(at.position, own.s_2, "stroke")
 
 
 EFFECT = Effect(
     "payload_change", "load", "5.39a",
-    "m (1 + tanh((t - t_g) / 0.01 s)) / 2 (1 + tanh((s_p - s_g) / 5 mm)) / 2 at the tip; so does m_2 from s_2 on",
+    "m (1 + tanh((t - t_g) / 0.01 s)) / 2 (1 + tanh((s_p - s_g) / 5 mm)) / 2 at the tip until t_r; so does m_2 from s_2 on",
     ("a load", "was grasped, released or lifted off the ground during the recording"),
     "static head pressure steps, with the lever arm",
     (
@@ -28,8 +29,9 @@ EFFECT = Effect(
         parameter("s_g", "m", -1.0, (0.0, 1.0), (-1.0, 10.0), "piston position below which it rests on the ground; -1: none"),
         parameter("mass_2", "kg", 0.0, (50.0, 2000.0), (-2000.0, 5000.0), "mass that leaves the ground at another stroke"),
         parameter("s_2", "m", 10.0, (0.0, 1.0), (-1.0, 10.0), "piston position below which that rests on the ground; 10: none"),
+        parameter("t_r", "s", 1e4, (5.0, 60.0), (-1e5, 1e5), "when the mass grasped is dropped again; 10000: never"),
     ),
     {"load_mass": _load},
-    place=2, states=(ELAPSED_TIME,), load=True, onset="t_g", lasting="payload", watched=False,
+    place=2, states=(ELAPSED_TIME,), load=True, onset="t_g", release="t_r", lasting="payload", watched=False,
     steps=(("mass", "s_g"), ("mass_2", "s_2")),
 )  # fmt: skip
