@@ -121,9 +121,9 @@ def joint_names(text: str) -> dict[str, str]:
     found = {}
     for entry in text.split(","):
         part, _, name = entry.partition("=")
-        if part.strip() not in JOINT_NAMES or not name.strip():
+        if part.strip() not in JOINT_NAMES or part.strip() in found or not name.strip():
             raise argparse.ArgumentTypeError(
-                f"{text}: give PART=NAME,PART=NAME with the parts {', '.join(JOINT_NAMES)}, e.g. outer_boom=arm_joint"
+                f"{text}: give PART=NAME,PART=NAME with the parts {', '.join(JOINT_NAMES)}, each once, e.g. outer_boom=arm_joint"
             )
         found[part.strip()] = name.strip()
     return found

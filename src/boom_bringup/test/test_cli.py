@@ -238,6 +238,7 @@ def test_a_command_may_replace_its_own_earlier_results(things, monkeypatch, caps
             "outer_boom=inner_boom_joint: this is the boom's own joint",
         ),
         ("validate mine --joint q --joints slewing=q", "slewing=q: this is the boom's own joint"),
+        ("chain mine --joints slewing=p,slewing=q", "each once"),
     ],
 )
 def test_one_recording_or_one_joint_cannot_stand_for_two(words, said, things, monkeypatch, capsys):
