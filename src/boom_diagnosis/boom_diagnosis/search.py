@@ -246,12 +246,13 @@ class Scanner:
         return {mass: size, stroke: at}
 
     def release(self, effect: str, values: dict[str, float]) -> dict[str, float]:
-        """A load that comes at a time, ``values`` by dotted name, with the time at which it goes again; else none."""
+        """A load that comes at a time, ``values`` by dotted name, or goes, with the time at which that ends again; else none."""
         mass, begin, end = coordinates(EFFECTS[effect])[0].name, onset_of(effect), release_of(effect)
         here = self.problem.points([(self.at.z, {**self.at.effects, **lasting(effect, values)})])[0]
         where = [bag.time for bag in self.problem.predictor.bags]
-        size, at, _ = self._beyond(where, here.w - self.at.w, values[mass], 0.0, max(0.0, 2.0 * values[mass]))
-        return {end: at} if size < 0.0 and at > values[begin] + LEAST_HELD else {}
+        twice = 2.0 * values[mass]
+        size, at, _ = self._beyond(where, here.w - self.at.w, values[mass], max(0.0, -twice), max(0.0, twice))
+        return {end: at} if size * twice < 0.0 and at > values[begin] + LEAST_HELD else {}
 
     def follow(self, columns: Array, size: Array) -> Array:
         """z that the tolerances would take if the innovations changed by columns @ size."""
@@ -306,8 +307,8 @@ def _placed(problem: Problem, point: Point, jacobian: Array, names: Sequence[Coo
     else:
         point, jacobian = problem.fit(near_onset(problem, point), jacobian[:, :count], names, iterations=STEPS)
         step = Scanner(problem, point, jacobian).release(effect, point.effects)
-    if not step:
-        return point, jacobian
+        if not step:
+            return point, jacobian
     start = problem.points([(point.z, {**point.effects, **step})])[0]
     if not steps_in(start.effects):
         start = near_onset(problem, start)
