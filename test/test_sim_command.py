@@ -215,7 +215,7 @@ def test_over_can_late_frames_before_the_first_motion_leave_it_enabled_and_later
         laws, ready, enabled = (
             stamp(both.lines, end) for end in ("not ready: preparing the control laws", "idle\n", "motion enabled")
         )
-        assert laws < ready < enabled
+        assert max(laws, ready) < enabled  # the first is told by the node that waits, when it hears of it
         both.says("boom_enable]: motion enabled")
         ecu, enable = (child(both.process.pid, name) for name in ("ecu_node", "enable_node"))
         again = both.count("boom_enable]: motion enabled") + 1

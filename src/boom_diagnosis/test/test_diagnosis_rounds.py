@@ -54,12 +54,13 @@ def test_effects_that_gain_nothing_beside_the_last_give_their_place_to_it(
     taken = [weighed(effect, 100.0, 100.0, 1000.0) for effect in before] + [
         weighed("pressure_bias", 400.0, 400.0, 800.0)
     ]
-    bias = {"effects.pressure_bias.hose": 1e6, "effects.pressure_bias.rod": 0.0}
+    bias = {f"effects.pressure_bias.{name}": value for name, value in
+            (("hose", 1e6), ("rod", 0.0), ("hose_gain", 1.0), ("rod_gain", 1.0))}  # fmt: skip
     taken[-1].fitted.point.effects.update({**bias, "effects.payload_change.mass": 5.0})
 
     class Fits:
         def points(self, wanted: Any) -> list[Point]:
-            return [replace(point(0.0 if len(e) == 3 else 1200.0), z=z, effects=dict(e)) for z, e in wanted]
+            return [replace(point(0.0 if len(e) == len(bias) + 1 else 1200.0), z=z, effects=dict(e)) for z, e in wanted]
 
         def nuisance_jacobian(self, at: Point) -> np.ndarray:
             return np.zeros((SAMPLES, 1))

@@ -266,6 +266,7 @@ def test_a_ctrl_c_while_workers_start_is_left_to_the_command() -> None:
         "from boom_trials.robustness import study\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "def interrupt():\n"
+        "    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})\n"  # the command has no thread that could take it
         "    while not multiprocessing.active_children(): threading.Event().wait(0.001)\n"
         "    os.killpg(0, signal.SIGINT)\n"  # as a terminal does
         "if __name__ == '__main__':\n"
