@@ -46,9 +46,6 @@ LITTLE = 0.25
 """Share of what the tolerances cannot take up that a first effect may leave without a second look at all others."""
 OUTDONE = 0.1
 """Share of what the best effect leaves that a term which is plain to see may leave, for no further effect to be looked for."""
-BESIDE_EFFECT = 30.0
-"""Nats of their prior from which on tolerances are doubted beside an effect that explains most: there they make up for what its
-form lacks, some 12 to 29 where it was the right one."""
 FIRST_LOOK = 0.6
 """Share of a round's time that is over before a second look, as the progress counts it."""
 FAR = 1.0
@@ -260,10 +257,8 @@ def _judge(case: Case, found: Round) -> bool:
 
 
 def _strained(case: Case) -> bool:
-    """Whether the tolerances have gone to improbable places: one effect may be likelier than ten numbers that are off together."""
-    if _explained(case):
-        return 0.5 * float(case.last.z @ case.last.z) > BESIDE_EFFECT
-    return strained(case.last, case.rounds[0].jacobian)
+    """Whether the tolerances have gone to improbable places: one effect may be likelier than so many numbers that are off."""
+    return strained(case.last, (case.taken[-1].fitted if case.taken else case.rounds[0]).jacobian)
 
 
 def _at_the_end(case: Case) -> bool:

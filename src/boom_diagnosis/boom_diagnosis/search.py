@@ -36,8 +36,6 @@ NEARER = 0.5
 """Share of a probe below which it is taken once more."""
 LEAST_MISFIT = 50.0
 """Nats that there may always be to explain."""
-LEAST_HELD = 1.0
-"""s that a load hangs at least."""
 ONSET_STEP = 10
 """Intervals between the times at which an effect that begins is looked for."""
 
@@ -252,7 +250,7 @@ class Scanner:
         where = [bag.time for bag in self.problem.predictor.bags]
         twice = 2.0 * values[mass]
         size, at, _ = self._beyond(where, here.w - self.at.w, values[mass], max(0.0, -twice), max(0.0, twice))
-        return {end: at} if size * twice < 0.0 and at > values[begin] + LEAST_HELD else {}
+        return {end: at} if size * twice < 0.0 and at > values[begin] else {}
 
     def follow(self, columns: Array, size: Array) -> Array:
         """z that the tolerances would take if the innovations changed by columns @ size."""
