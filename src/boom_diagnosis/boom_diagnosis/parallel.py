@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from os import cpu_count
 from typing import TypeVar
+
+from boom_model.cores import usable_cores
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -15,7 +16,7 @@ def in_parallel(function: Callable[[Item], Result], items: Sequence[Item]) -> li
     """``function`` of every item, on all cores, in the order of the items; the observers hold no lock of Python."""
     if len(items) < 2:
         return [function(item) for item in items]
-    pool = ThreadPoolExecutor(cpu_count() or 1)
+    pool = ThreadPoolExecutor(usable_cores())
     try:
         return list(pool.map(function, items))
     finally:

@@ -38,6 +38,8 @@ LEAST_MISFIT = 50.0
 """Nats that there may always be to explain."""
 ONSET_STEP = 10
 """Intervals between the times at which an effect that begins is looked for."""
+MOMENTS = 400
+"""Times, at most, of which one that begins and ends is looked for between any two."""
 
 
 @dataclass(frozen=True)
@@ -195,10 +197,14 @@ class Scanner:
             mass, place = own, stroke
         lifted = place != onset_of(effect)
         where = [bag.strokes(self.problem.predictor.machine) if lifted else bag.time for bag in bags]
-        size, at, gain = self._beyond(
-            where, column, start[mass], coordinates(EFFECTS[effect], self.problem.size)[0].high
-        )
-        return Candidate(effect, {**start, mass: size, place: at}, gain)
+        high = coordinates(EFFECTS[effect], self.problem.size)[0].high
+        size, at, gain = self._beyond(where, column, start[mass], high)
+        found = {**start, mass: size, place: at}
+        if not lifted:
+            held, begin, end, more = self._between(where, column, start[mass], high)
+            if more > gain + TIMED:
+                found, gain = {**start, mass: held, place: begin, release_of(effect): end}, more
+        return Candidate(effect, found, gain)
 
     def _beyond(
         self, where: Sequence[Array], column: Array, mass: float, high: float, held: float = 0.0
@@ -208,6 +214,27 @@ class Scanner:
         where: of each recording (n,) places, times or strokes. high: largest size; held: mass that hangs there beside what was told
         [kg], and may go, too. The observer forgets in a second.
         """
+        t, g, power, c = self._sums(where, column, 4 * ONSET_STEP)
+        projected = power - np.einsum("ij,jk,ik->i", c, self._factor, c)
+        masses, gains = self._sized(g, projected, mass, high, held)
+        k = int(np.argmax(gains))
+        return float(masses[k]), float(t[k]), float(gains[k])
+
+    def _between(
+        self, where: Sequence[Array], column: Array, mass: float, high: float
+    ) -> tuple[float, float, float, float]:
+        """Best size, beginning, end and gain of what does so between two times."""
+        rows = sum(len(t) * s.shape[1] for t, s in zip(where, self.problem.rows, strict=True))
+        t, g, power, c = self._sums(where, column, max(4 * ONSET_STEP, rows // MOMENTS))
+        mixed = c @ self._factor @ c.T
+        own = power - np.diag(mixed)
+        projected = np.tril(own - own[:, None] - 2.0 * (np.diag(mixed)[:, None] - mixed), -1)
+        masses, gains = self._sized(g - g[:, None], projected, mass, high, 0.0)
+        end, begin = np.unravel_index(int(np.argmax(gains)), gains.shape)
+        return float(masses[end, begin]), float(t[begin]), float(t[end]), float(gains[end, begin])
+
+    def _sums(self, where: Sequence[Array], column: Array, apart: int) -> tuple[Array, Array, Array, Array]:
+        """Places, every ``apart`` rows, and over all rows beyond each: score, power and (., free) product with the tolerances."""
         places = np.concatenate(
             [np.broadcast_to(v[:, None], s.shape)[s] for v, s in zip(where, self.problem.rows, strict=True)]
         )
@@ -218,15 +245,15 @@ class Scanner:
         score = np.cumsum((s * w)[::-1])[::-1]
         power = np.cumsum((omega * s * s)[::-1])[::-1]
         cross = np.cumsum((nw * s[:, None])[::-1], axis=0)[::-1]
-        pick = np.arange(0, len(t), 4 * ONSET_STEP)
+        pick = np.arange(0, len(t), apart)
         c = cross[pick]
-        projected = power[pick] - np.einsum("ij,jk,ik->i", c, self._factor, c)
-        g = score[pick] - c @ self._factor @ self._score
+        return t[pick], score[pick] - c @ self._factor @ self._score, power[pick], c
+
+    def _sized(self, g: Array, projected: Array, mass: float, high: float, held: float) -> tuple[Array, Array]:
+        """Best sizes and their gains; none beyond what may hang there."""
         masses = -mass * g / np.maximum(projected, 1e-9)
         outside = (masses < -self.load - held) | (masses > high)
-        gains = np.where(outside, 0.0, 0.5 * g * g / np.maximum(projected, 1e-9))
-        k = int(np.argmax(gains))
-        return float(masses[k]), float(t[pick[k]]), float(gains[k])
+        return masses, np.where(outside, 0.0, 0.5 * g * g / np.maximum(projected, 1e-9))
 
     def next_step(self, effect: str, values: dict[str, float]) -> dict[str, float]:
         """A load that leaves the ground, ``values`` by dotted name, with one step more where it has one left; else none."""

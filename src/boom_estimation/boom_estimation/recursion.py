@@ -14,7 +14,6 @@ from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
-from os import cpu_count
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 
 from boom_estimation.system import Columns, Model, Pass, Tangent
 from boom_model.codegen.compiled import load_c
+from boom_model.cores import usable_cores
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ MOST_HELD = 8
 @lru_cache(maxsize=1)
 def threads() -> ThreadPoolExecutor:
     """For what runs beside each other in C."""
-    return ThreadPoolExecutor(cpu_count() or 1)
+    return ThreadPoolExecutor(usable_cores())
 
 
 def rho(w: Array) -> float:

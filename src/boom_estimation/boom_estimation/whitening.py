@@ -18,13 +18,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from os import cpu_count
 
 import numpy as np
 from numpy.typing import NDArray
 
 from boom_estimation.experiment import PreparedRecording, Segment
 from boom_input.channels import PREDICTED
+from boom_model.cores import usable_cores
 from boom_model.observer import riccati
 from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS, SensorNoise
@@ -93,7 +93,7 @@ def gains(
         experiment, segment, parameters, states = run
         return _filtered(experiment.plant, _line(experiment, segment, parameters, states, level))
 
-    with ThreadPoolExecutor(cpu_count()) as pool:
+    with ThreadPoolExecutor(usable_cores()) as pool:
         return list(pool.map(one, runs))
 
 

@@ -20,6 +20,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, Protocol
 from uuid import uuid4
 
+from boom_model.cores import use_at_most
 from boom_node.children import die_with_parent, without_ctrl_c
 
 RETRIES = 2
@@ -72,11 +73,10 @@ def workers(scheduler: str | None, count: int, patience: float = 10.0) -> Iterat
 class _Worker:
     """A process that executes one call at a time."""
 
-    def __init__(self, number: int) -> None:
+    def __init__(self) -> None:
         context = get_context("spawn")
-        self.number = number
         self.pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, os.getpid(), number))
+        self._process = context.Process(target=_serve, args=(theirs, os.getpid()))
         with without_ctrl_c():  # it is for the command, which ends its workers
             self._process.start()
         theirs.close()
@@ -92,7 +92,6 @@ class _LocalWorkers:
     def __init__(self, count: int) -> None:
         self._count = count
         self._idle: list[_Worker] = []
-        self._numbers = list(range(count))
 
     def each(
         self, function: Callable[..., Any], cases: Sequence[str], arguments: Callable[[str], tuple[Any, ...]],
@@ -103,7 +102,7 @@ class _LocalWorkers:
         try:
             while waiting or busy:
                 while waiting and len(busy) < self._count:
-                    worker = self._idle.pop() if self._idle else self._another()
+                    worker = self._idle.pop() if self._idle else _Worker()
                     busy[worker.pipe] = worker, waiting[0]
                     with suppress(OSError):  # it has died: its pipe says so below
                         worker.pipe.send((function, arguments(waiting[0])))
@@ -116,7 +115,6 @@ class _LocalWorkers:
                         self._idle.append(worker)
                     except (EOFError, OSError):
                         worker.end()
-                        self._numbers.append(worker.number)
                         good, result = False, "its worker process ended"
                     if good:
                         done(case, result)
@@ -129,10 +127,6 @@ class _LocalWorkers:
         finally:
             for worker, _ in busy.values():
                 worker.end()
-                self._numbers.append(worker.number)
-
-    def _another(self) -> _Worker:
-        return _Worker(self._numbers.pop(0))
 
     def close(self) -> None:
         """End all workers."""
@@ -140,10 +134,9 @@ class _LocalWorkers:
             worker.end()
 
 
-def _serve(pipe: Connection, parent: int, number: int) -> None:
-    """Main loop of a local worker: executes calls until the pipe is closed, on a core of its own."""
-    cores = sorted(os.sched_getaffinity(0))
-    os.sched_setaffinity(0, {cores[number % len(cores)]})  # its threads do not take time from the other workers
+def _serve(pipe: Connection, parent: int) -> None:
+    """Main loop of a local worker: executes calls until the pipe is closed, with one thread."""
+    use_at_most(1)
     die_with_parent(parent)()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with suppress(EOFError, BrokenPipeError):

@@ -5,6 +5,8 @@ import signal
 import time
 from pathlib import Path
 
+from boom_model.cores import usable_cores
+
 
 def twice(name):
     return 2 * name
@@ -38,3 +40,8 @@ def slow(name):
     """The name, after a while."""
     time.sleep(1.0)
     return name
+
+
+def computes_on(name):
+    """Number of threads, and the cores on which they may run."""
+    return usable_cores(), os.sched_getaffinity(0)

@@ -1,5 +1,6 @@
 """Cases on worker processes: results as they come, a failure repeated, a lost worker made good."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from engine_cases import fails_always, fails_at_first, kills_its_worker_at_first, slow, twice
+from engine_cases import computes_on, fails_always, fails_at_first, kills_its_worker_at_first, slow, twice
 
 from boom_fleet.engine import RETRIES, EngineError, workers
 
@@ -26,6 +27,10 @@ def collect(engine, function, names, *arguments):
 
 def test_every_case_is_told_once(engine):
     assert collect(engine, twice, ["a", "b", "c"]) == {"a": "aa", "b": "bb", "c": "cc"}
+
+
+def test_a_worker_has_one_thread_and_every_core_is_open_to_it(engine):
+    assert collect(engine, computes_on, ["a", "b"]) == dict.fromkeys("ab", (1, os.sched_getaffinity(0)))
 
 
 def test_a_case_that_fails_is_repeated(engine, tmp_path):

@@ -9,11 +9,11 @@ import ctypes
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from os import cpu_count
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from boom_model.cores import usable_cores
 from boom_model.plant import Plant
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ def run_jobs(
 
     if len(jobs) == 1:
         return [one(jobs[0])]
-    with ThreadPoolExecutor(workers or cpu_count()) as pool:
+    with ThreadPoolExecutor(workers or usable_cores()) as pool:
         try:
             return list(pool.map(one, jobs))
         except BaseException:

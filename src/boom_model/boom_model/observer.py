@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import lru_cache
-from os import cpu_count
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 
 from boom_model.codegen.compiled import LANES
 from boom_model.compiled_model import pointer
+from boom_model.cores import usable_cores
 from boom_model.errors import SimulationError
 from boom_model.plant import PULLED, Plant
 from boom_model.sensors import OUTPUTS
@@ -141,7 +141,7 @@ def observe_groups(
     for group in groups:
         if len(group) >= WORTH_JOINING:
             compile_abreast(group[0][0])  # here, once, and not in every thread
-    return list(_pool(workers or cpu_count() or 1).map(lambda group: _together(group, tolerance), groups))
+    return list(_pool(workers or usable_cores()).map(lambda group: _together(group, tolerance), groups))
 
 
 def compile_abreast(plant: Plant) -> None:

@@ -26,6 +26,7 @@ from boom_bringup.arguments import command_line, positive
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import checked, held
 from boom_bringup.showing import progress
+from boom_model.cores import usable_cores
 
 if TYPE_CHECKING:
     from boom_fleet.run import FleetRun
@@ -55,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="dask scheduler that is running, e.g. tcp://127.0.0.1:8786 (default: own processes)",
     )
     parser.add_argument(
-        "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="own processes (default: one a core)"
+        "--workers", type=int, default=usable_cores(), metavar="N", help="own processes (default: one a core)"
     )
     parser.add_argument(
         "--false-alarms",

@@ -16,7 +16,6 @@ A measure that is not met is a result: the exit status is 0, or 1 with --strict.
 from __future__ import annotations
 
 import argparse
-import os
 import secrets
 import signal
 import sys
@@ -28,6 +27,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import checked, checked_json, held, json_text, write_text
+from boom_model.cores import usable_cores
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -82,7 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--workers",
         type=int,
         metavar="W",
-        default=os.cpu_count() or 1,
+        default=usable_cores(),
         help="local worker processes (default: one per core)",
     )
     parser.add_argument(

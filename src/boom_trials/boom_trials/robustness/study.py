@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import multiprocessing
-import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -25,6 +24,7 @@ from boom_controller.references.governor import Governor
 from boom_controller.references.polynomial import to_rest
 from boom_controller.types import Controller, Reference
 from boom_model.catalogue import EFFECTS, EffectParameter
+from boom_model.cores import usable_cores
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
@@ -130,7 +130,7 @@ def carry_out(
     Raises:
         RecordingError: a bag is missing or cannot be read. MachineError, ControlError: from the first run that raises it.
     """
-    count = min(workers or os.cpu_count() or 1, len(jobs))
+    count = min(workers or usable_cores(), len(jobs))
     results = []
     if count <= 1:
         for job in jobs:
