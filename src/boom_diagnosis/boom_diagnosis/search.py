@@ -206,17 +206,14 @@ class Scanner:
                 found, gain = {**start, mass: held, place: begin, release_of(effect): end}, more
         return Candidate(effect, found, gain)
 
-    def _beyond(
-        self, where: Sequence[Array], column: Array, mass: float, high: float, held: float = 0.0
-    ) -> tuple[float, float, float]:
+    def _beyond(self, where: Sequence[Array], column: Array, mass: float, high: float) -> tuple[float, float, float]:
         """Best size, place and gain of what changes the innovations as ``mass`` does, ``column``, beyond a place and not before.
 
-        where: of each recording (n,) places, times or strokes. high: largest size; held: mass that hangs there beside what was told
-        [kg], and may go, too. The observer forgets in a second.
+        where: of each recording (n,) places, times or strokes. high: largest size. The observer forgets in a second.
         """
         t, g, power, c = self._sums(where, column, 4 * ONSET_STEP)
         projected = power - np.einsum("ij,jk,ik->i", c, self._factor, c)
-        masses, gains = self._sized(g, projected, mass, high, held)
+        masses, gains = self._sized(g, projected, mass, high)
         k = int(np.argmax(gains))
         return float(masses[k]), float(t[k]), float(gains[k])
 
@@ -229,7 +226,7 @@ class Scanner:
         mixed = c @ self._factor @ c.T
         own = power - np.diag(mixed)
         projected = np.tril(own - own[:, None] - 2.0 * (np.diag(mixed)[:, None] - mixed), -1)
-        masses, gains = self._sized(g - g[:, None], projected, mass, high, 0.0)
+        masses, gains = self._sized(g - g[:, None], projected, mass, high)
         end, begin = np.unravel_index(int(np.argmax(gains)), gains.shape)
         return float(masses[end, begin]), float(t[begin]), float(t[end]), float(gains[end, begin])
 
@@ -249,10 +246,10 @@ class Scanner:
         c = cross[pick]
         return t[pick], score[pick] - c @ self._factor @ self._score, power[pick], c
 
-    def _sized(self, g: Array, projected: Array, mass: float, high: float, held: float) -> tuple[Array, Array]:
+    def _sized(self, g: Array, projected: Array, mass: float, high: float) -> tuple[Array, Array]:
         """Best sizes and their gains; none beyond what may hang there."""
         masses = -mass * g / np.maximum(projected, 1e-9)
-        outside = (masses < -self.load - held) | (masses > high)
+        outside = (masses < -self.load) | (masses > high)
         return masses, np.where(outside, 0.0, 0.5 * g * g / np.maximum(projected, 1e-9))
 
     def next_step(self, effect: str, values: dict[str, float]) -> dict[str, float]:
@@ -269,15 +266,6 @@ class Scanner:
             where, here.w - self.at.w, values[first], coordinates(EFFECTS[effect], self.problem.size)[0].high
         )
         return {mass: size, stroke: at}
-
-    def release(self, effect: str, values: dict[str, float]) -> dict[str, float]:
-        """A load that comes at a time, ``values`` by dotted name, or goes, with the time at which that ends again; else none."""
-        mass, begin, end = coordinates(EFFECTS[effect])[0].name, onset_of(effect), release_of(effect)
-        here = self.problem.points([(self.at.z, {**self.at.effects, **lasting(effect, values)})])[0]
-        where = [bag.time for bag in self.problem.predictor.bags]
-        twice = 2.0 * values[mass]
-        size, at, _ = self._beyond(where, here.w - self.at.w, values[mass], max(0.0, -twice), max(0.0, twice))
-        return {end: at} if size * twice < 0.0 and at > values[begin] else {}
 
     def follow(self, columns: Array, size: Array) -> Array:
         """z that the tolerances would take if the innovations changed by columns @ size."""
@@ -325,18 +313,12 @@ def refine(
 
 
 def _placed(problem: Problem, point: Point, jacobian: Array, names: Sequence[Coordinate]) -> tuple[Point, Array]:
-    """A load fitted on: from the likeliest time near by, as its loss has many valleys, and until it goes; or with another step."""
+    """A load fitted on: from the likeliest times near by, as its loss has many valleys; one by stroke with another step."""
     count, effect = len(point.z), time_in(point.effects).split(".")[1]
-    if steps_in(point.effects):
-        step = Scanner(problem, point, jacobian).next_step(effect, point.effects)
-    else:
-        point, jacobian = problem.fit(near_onset(problem, point), jacobian[:, :count], names, iterations=STEPS)
-        step = Scanner(problem, point, jacobian).release(effect, point.effects)
-        if not step:
-            return point, jacobian
+    if not steps_in(point.effects):
+        return problem.fit(near_onset(problem, point), jacobian[:, :count], names, iterations=STEPS)
+    step = Scanner(problem, point, jacobian).next_step(effect, point.effects)
     start = problem.points([(point.z, {**point.effects, **step})])[0]
-    if not steps_in(start.effects):
-        start = near_onset(problem, start)
     further, own = problem.fit(start, jacobian[:, :count], names, iterations=STEPS, further=FURTHER)
     return (further, own) if point.loss - further.loss > TIMED else (point, jacobian)
 
