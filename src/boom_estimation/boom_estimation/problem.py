@@ -6,8 +6,9 @@ All runs of a call, whichever recording and parameter set they belong to, are on
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,9 +59,19 @@ class EstimationProblem:
         outputs = run_jobs(jobs, tolerance=FREE_TOLERANCE, stop=self.stop)
         return [s.measured - s.at_nodes(y) for (_, s), y in zip(self.segments, outputs, strict=True)]
 
-    def observed(self, z: Array, gains: Sequence[PredictorGains], *, tolerance: float = FINE) -> list[Observed]:
-        """Innovations and states of the observers of all segments. Differences of them need 1e-6 or finer."""
-        return observe_all([self._job(i, z, g) for i, g in enumerate(gains)], tolerance=tolerance)
+    def observed(
+        self,
+        z: Array,
+        gains: Sequence[PredictorGains],
+        *,
+        tolerance: float = FINE,
+        others: Mapping[str, float] | None = None,
+    ) -> list[Observed]:
+        """Innovations and states of the observers of all segments. Differences of them need 1e-6 or finer.
+
+        others: values of further parameters of the plants, by name.
+        """
+        return observe_all([self._job(i, z, g, others or {}) for i, g in enumerate(gains)], tolerance=tolerance)
 
     def sensitivities(
         self,
@@ -108,8 +119,12 @@ class EstimationProblem:
         runs = [(e, s, self.parameters(e, z), x) for (e, s), x in zip(self.segments, states, strict=True)]
         return gains(runs, level=level)
 
-    def _job(self, index: int, z: Array, gain: PredictorGains) -> Job:
+    def _job(
+        self, index: int, z: Array, gain: PredictorGains, others: Mapping[str, float] = MappingProxyType({})
+    ) -> Job:
         experiment, segment = self.segments[index]
         p = self.parameters(experiment, z)
+        for name, value in others.items():
+            p[experiment.plant.parameter_names.index(name)] = value
         state = experiment.initial_state(segment, p)
         return experiment.plant, experiment.samples(segment, p), state, gain.gain, p

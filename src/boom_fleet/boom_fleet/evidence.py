@@ -19,7 +19,8 @@ every recording, as one motion shows it and another does not. Where that is like
 
 Decision: a machine is raised where P(nothing further changed) < ``false_alarms`` / number of machines, so that in one night no more
 than ``false_alarms`` machines are expected to be raised for nothing, and where the next recording shows it, too
-(``boom_fleet.judging``). That and the priors below are all that is assumed.
+(``boom_fleet.judging``). A change that matters to nobody raises nothing (``UNIMPORTANT``). That and the priors below are all that
+is assumed.
 """
 
 from __future__ import annotations
@@ -45,6 +46,8 @@ OUTSIDE = 0.05
 RATE = 1.0
 """Changes of a machine per year; half of them steps, half ramps."""
 MOST_CHANGES = 4
+UNIMPORTANT = 0.05
+"""Share of half of a quantity's plausible range below which a change matters to nobody: it is taken for granted, and not told."""
 YEAR = 365.25 * 86400.0
 ODD = 5.0
 """How much more of one effect than is usual a healthy machine may seem to have: always, or anew in every recording."""
@@ -88,7 +91,7 @@ class ChangeHistory:
     """What a machine's recordings up to one of them say.
 
     Attributes:
-        changes: in the order in which they explain most.
+        changes: that matter, in the order in which they explain most.
         unchanged: probability that nothing beyond them has changed.
         odds: logarithm of the odds for the first change against none.
     """
@@ -110,7 +113,10 @@ class MachinePosterior:
         self.times, self.directions = self._pasts[0].times, tuple(directions)
 
     def history(self, count: int, threshold: float) -> ChangeHistory:
-        """What the first ``count`` recordings say; changes are added as long as P(nothing further) < ``threshold``."""
+        """What the first ``count`` recordings say; changes are added as long as P(nothing further) < ``threshold``.
+
+        What matters to nobody is taken for granted, so that what matters is found beside it.
+        """
         accepted: list[_Candidate] = []
         found: list[Change] = []
         pasts: Sequence[MachinePast] = self._pasts
@@ -120,9 +126,11 @@ class MachinePosterior:
             unchanged = float(expit(-odds))
             if not accepted:
                 first = odds
-            if unchanged >= threshold or len(found) == MOST_CHANGES or not weighed:
+            if unchanged >= threshold or len(found) == MOST_CHANGES or len(accepted) == 2 * MOST_CHANGES or not weighed:
                 return ChangeHistory(tuple(found), unchanged, first)
-            found.append(self._told(weighed, count))
+            change = self._told(weighed, count)
+            if max(map(abs, change.interval)) > UNIMPORTANT:
+                found.append(change)
             accepted.append(max(weighed, key=lambda w: w.log_odds).candidate)
 
     def levels(self, direction: Direction) -> tuple[Array, Array]:

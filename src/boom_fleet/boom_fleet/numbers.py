@@ -1,12 +1,14 @@
 """The numbers in which a machine can differ from its file, in units of their priors: what the screen takes derivatives of.
 
 Numbers with a tolerance come first: z is standard normal (``boom_model.prior``). Then the leading number of each effect of the
-catalogue that the watch knows too, in units of half of its plausible range, zero where the effect is absent.
+catalogue that the watch knows too, in units of half of its plausible range, zero where the effect is absent. What is far from
+linear in its numbers, as an accumulator is that runs empty elsewhere with less gas, has a difference to each point of its own
+(``Effect.points``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +32,8 @@ _FOLLOWS = ("pilot_valves.b0_s", "main_valve_spool.A_s", "main_valve_spool.s_max
 _WORK = "load"
 """Subsystem that belongs to the work and not to the machine."""
 _OWN = "pose.load"
+BEYOND = 1.3
+"""How far beyond a point of an effect the difference to it is still taken for what it does."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +70,21 @@ class TrackedQuantity:
     def words(self) -> str:
         """For people."""
         where = SUBSYSTEM_NAMES.get(self.subsystem, self.subsystem)
-        said = effect_name(self.name) + (f" ({self.part.replace('_', ' ')})" if self.part else "")
+        said = effect_name(self.name) + (f" ({self.part})" if self.part else "")
         return f"{said}, {where}" if where not in said else said
 
     def size(self, z: float) -> float:
         """The size [unit] at z."""
         return self.neutral + self.scale * z
+
+
+@dataclass(frozen=True)
+class FarPoint:
+    """A point of an effect far from nothing: its name, the values of all numbers of the effect there, and its z."""
+
+    name: str
+    values: Mapping[str, float]
+    z: float
 
 
 @dataclass(frozen=True)
@@ -81,6 +94,7 @@ class Numbers:
     Attributes:
         machine: with the effects of the catalogue as good as absent, as the screen runs it.
         unknowns: tolerated ones first.
+        far: points that have a difference of their own, behind them.
         tolerated: how many of them have a tolerance.
         own: (k,) whether a number belongs to a recording (pose, load) and not to the machine.
         quantities: what a finding is called by.
@@ -88,14 +102,15 @@ class Numbers:
 
     machine: Machine
     unknowns: tuple[Unknown, ...]
+    far: tuple[FarPoint, ...]
     tolerated: int
     own: NDArray[np.bool_]
     quantities: tuple[TrackedQuantity, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the unknowns."""
-        return tuple(u.name for u in self.unknowns)
+        """Of the unknowns and the points."""
+        return (*(u.name for u in self.unknowns), *(point.name for point in self.far))
 
 
 def numbers_of(machine: Machine, pose: Pose, plant: Plant) -> Numbers:
@@ -126,8 +141,29 @@ def numbers_of(machine: Machine, pose: Pose, plant: Plant) -> Numbers:
                 sound=row.accuracy / 2.0 / s.scale,
             )
         )
-    own = np.array([u.name == _OWN for u in unknowns])
-    return Numbers(present(machine), tuple(unknowns), tolerated, own, tuple(quantities))
+    far = [_far(quantity, point) for quantity in quantities for point in _points(quantity)]
+    quantities += [quantity for _, quantity in far]
+    own = np.array([u.name == _OWN for u in unknowns] + [False] * len(far))
+    return Numbers(
+        present(machine), tuple(unknowns), tuple(point for point, _ in far), tolerated, own, tuple(quantities)
+    )
+
+
+def _points(quantity: TrackedQuantity) -> tuple[tuple[float, ...], ...]:
+    return EFFECTS[quantity.name].points if quantity.name in EFFECTS else ()
+
+
+def _far(quantity: TrackedQuantity, point: Sequence[float]) -> tuple[FarPoint, TrackedQuantity]:
+    """A point of an effect, and how far a machine may have gone towards it; its size is that of the first number that moves."""
+    effect = EFFECTS[quantity.name]
+    values = {row.name: value for row, value in zip(effect.parameters, point, strict=True) if value != row.neutral}
+    part = "towards " + ", ".join(f"{name} = {value:.2g}" for name, value in values.items())
+    z = (next(iter(values.values())) - quantity.neutral) / quantity.scale
+    name = f"effects.{effect.id}.{part}"
+    dotted = {f"effects.{effect.id}.{row.name}": value for row, value in zip(effect.parameters, point, strict=True)}
+    low, high = sorted((0.0, BEYOND * z))
+    there = replace(quantity, part=part, direction=((name, 1.0),), low=low, high=high)
+    return FarPoint(name, dotted, z), there
 
 
 def present(machine: Machine) -> Machine:

@@ -31,10 +31,11 @@ from boom_fleet.tasks import (
     screen_one,
     take_reference,
 )
+from boom_model.catalogue import CATALOGUE
 from boom_model.plant import Plant
 
-VERSION = "2"
-"""Of the screen: what an older one kept is not compared with what this one keeps."""
+VERSION = hashlib.sha256(repr(("2", [(e.id, e.term, e.parameters) for e in CATALOGUE])).encode()).hexdigest()
+"""Of the screen and its numbers: what an older one kept is not compared with what this one keeps."""
 Kind = TypeVar("Kind")
 Told = Callable[[str, int], None]
 """Called with what is being done and how many steps are done."""

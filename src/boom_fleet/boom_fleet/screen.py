@@ -104,7 +104,7 @@ def reference(recording: Recording, machine: Machine) -> tuple[tuple[str, ...], 
     if not moving:
         raise _nothing(recording)
     n = moving[0].numbers.tolerated
-    z = np.zeros(len(moving[0].numbers.unknowns))
+    z = np.zeros(len(moving[0].numbers.names))
     low, high = np.clip(np.array([u.bounds for u in moving[0].numbers.unknowns[:n]]).T, -FURTHEST, FURTHEST)
     best, least, damping = z, np.inf, 1.0
     for _ in range(MOST_STEPS):
@@ -186,8 +186,14 @@ class _PreparedBlock:
     def expanded(self, z: Array, count: int | None = None) -> Screening:
         """The expansion at z (k,), by the first ``count`` numbers; by all by default."""
         problem, k = self.problem, len(z) if count is None else count
-        gains = problem.gains(z, problem.first_gains(), level=LEVEL)
-        innovations, derivatives = problem.sensitivities(z, gains, range(k), steps=self.steps, tolerance=TOLERANCE)
+        at = z[: len(problem.unknowns)]
+        gains = problem.gains(at, problem.first_gains(), level=LEVEL)
+        own = range(min(k, len(at)))
+        innovations, derivatives = problem.sensitivities(at, gains, own, steps=self.steps, tolerance=TOLERANCE)
+        for point in self.numbers.far[: k - len(own)]:
+            there = problem.observed(at, gains, tolerance=TOLERANCE, others=point.values)
+            change = [np.nan_to_num((o.innovations - e) / point.z) for o, e in zip(there, innovations, strict=True)]
+            derivatives = [np.dstack([d, c]) for d, c in zip(derivatives, change, strict=True)]
         shape = (len(OUTPUTS), len(REGIMES))
         a, b, sums, counts = np.zeros((k, k)), np.zeros(k), np.zeros(shape), np.zeros(shape)
         moving = seconds = 0.0

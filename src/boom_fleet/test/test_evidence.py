@@ -112,6 +112,30 @@ def test_a_step_is_raised_at_once_and_dated_to_the_interval_in_which_it_came():
     assert change.interval[0] < 0.5 < change.interval[1]
 
 
+def told(evidence, form=0.002, wander=0.02):
+    return [c.quantity for c in posterior(evidence, KINDS, form, wander, (LEAK, WEAR)).history(12, THRESHOLD).changes]
+
+
+def test_a_change_that_matters_to_nobody_is_certain_and_not_told_and_another_is_found_beside_it():
+    def leaking(size):
+        rng = np.random.default_rng(8)
+        _, wander = spreads(KINDS, 0.002, 0.02)
+        result = []
+        for k in range(12):
+            rows = rng.standard_normal((4000, 3)) * 20.0
+            z = wander * rng.standard_normal(3) + np.array([0.0, 0.0, size * (k >= 6)])
+            result.append(Evidence(k / 12 * YEAR, rows.T @ rows, rows.T @ (rows @ z + rng.standard_normal(4000))))
+        return result
+
+    def worn(evidence):
+        return [replace(e, vector=e.vector + e.matrix @ [1.5 * (k >= 8), 0.0, 0.0]) for k, e in enumerate(evidence)]
+
+    assert told(leaking(0.06)) == ["leak"]
+    assert told(leaking(0.04)) == []
+    assert posterior(leaking(0.04), KINDS, 0.002, 0.02, (LEAK, WEAR)).history(12, THRESHOLD).odds > 10.0
+    assert told(worn(leaking(0.04))) == ["wear"]
+
+
 def test_recordings_of_the_same_time_are_of_the_same_machine():
     twins = recordings(np.random.default_rng(4), lambda share: 0.0, 4)
     twins[2] = replace(twins[2], time=twins[1].time)

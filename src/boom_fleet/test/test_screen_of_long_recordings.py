@@ -57,7 +57,7 @@ def test_differences_by_the_gas_reach_across_the_corner_at_which_an_accumulator_
     """The same gas in the file's numbers and in the effect: by the same share, less of it."""
     (block,) = pieces(recording, 10.0)
     one = screen._PreparedBlock.of(block, load_machine("tz17"))
-    steps = dict(zip(one.numbers.names, zip(one.steps, one.numbers.unknowns, strict=True), strict=True))
+    steps = {u.name: (step, u) for step, u in zip(one.steps, one.numbers.unknowns, strict=True)}
     shares = [
         u.value(step) / u.value(0.0) for name, (step, u) in steps.items() if "precharge" in name or "p_g0" in name
     ]
@@ -65,3 +65,26 @@ def test_differences_by_the_gas_reach_across_the_corner_at_which_an_accumulator_
     assert len(shares) == 3
     assert shares == pytest.approx([0.955] * 3)
     assert all(step > 0.0 for name, (step, _) in steps.items() if "precharge" not in name and "p_g0" not in name)
+
+
+def test_an_effect_far_from_linear_has_a_difference_to_each_of_its_points(recording):
+    """Less gas in the first accumulator alone is what it is in a machine whose file says so."""
+    (block,) = pieces(recording, 10.0)
+    machine = load_machine("tz17")
+    one = screen._PreparedBlock.of(block, machine)
+    point = next(p for p in one.numbers.far if p.name.endswith("precharge.towards r = 0.35, r_2 = 2.9"))
+    at = np.zeros(len(one.problem.unknowns))
+    gains = one.problem.gains(at, one.problem.first_gains(), level=screen.LEVEL)
+    (here,), (there,) = (one.problem.observed(at, gains, others=o) for o in ({}, point.values))
+    charge = machine.parameters["accumulators.p_g0_1"].value[0]
+    less = machine.with_values({"accumulators.p_g0_1": 0.35 * charge})
+    (said,) = screen._PreparedBlock.of(block, less).problem.observed(at, gains)
+
+    assert point.z == pytest.approx((0.35 - 1.0) / 0.45)
+    apart = np.nanmax(np.abs(there.innovations - said.innovations), axis=0)
+    assert (apart < 1e-3 * np.nanstd(said.innovations, axis=0)).all()
+    assert np.nanmax(np.abs(there.innovations - here.innovations)) > 1e4
+    expanded = one.expanded(np.zeros(len(one.numbers.names)))
+    k = one.numbers.names.index(point.name)
+    assert expanded.names == one.numbers.names
+    assert expanded.matrix[k, k] > 0.0
