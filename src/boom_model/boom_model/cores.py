@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 
-_most = 0
+VARIABLE = "BOOM_CORES"
+"""Of the environment, so that what a worker starts keeps to it, too; anything but a number above zero is no limit."""
 
 
 def usable_cores() -> int:
@@ -13,10 +14,10 @@ def usable_cores() -> int:
         cores = len(os.sched_getaffinity(0))
     except AttributeError:  # not Linux
         cores = os.cpu_count() or 1
-    return min(_most or cores, cores)
+    said = os.environ.get(VARIABLE, "")
+    return min(int(said), cores) if said.isdecimal() and int(said) > 0 else cores
 
 
 def use_at_most(count: int) -> None:
-    """From now on this process computes with ``count`` threads at most."""
-    global _most
-    _most = count
+    """From now on this process, and what it starts, computes with ``count`` threads at most."""
+    os.environ[VARIABLE] = str(count)
