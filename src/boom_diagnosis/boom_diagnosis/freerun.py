@@ -51,7 +51,7 @@ class Elsewhere:
 
 def free_run(recording: Recording, machine: Machine) -> FreeRun:
     """The full model's free run over a recording, moments at which the oil evaporates included: what lies behind is judged, too."""
-    return predict(recording, machine, "full", through_evaporation=True)
+    return predict(recording, machine, "full")
 
 
 def errors(span: Span, run: FreeRun) -> Errors:

@@ -18,13 +18,16 @@ from boom_input.channels import PREDICTED
 from boom_model.equations import Kind
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine
-from boom_model.plant import Plant, Trajectory
+from boom_model.plant import GAUGED, Plant, Trajectory
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-5
+BAR = 1e5
+VACUUM = -BAR
+"""Pa gauge."""
 STATISTICS: dict[str, Callable[[Array], float]] = {
     "mae": lambda e: float(np.mean(np.abs(e))),
     "rmse": lambda e: float(np.sqrt(np.mean(e**2))),
@@ -59,6 +62,7 @@ class FreeRun:
         values: channel -> (n,) at that channel's own stamps, NaN without a prediction.
         runs: one sentence for each free run: start, end, and how its initial state was found.
         stopped: why a run ended before its end, empty if none ended early.
+        evaporated: where oil would evaporate, which the model pulls at instead; empty where it does not.
     """
 
     label: str
@@ -66,24 +70,23 @@ class FreeRun:
     metrics: Metrics
     runs: tuple[str, ...] = ()
     stopped: str = ""
+    evaporated: str = ""
 
 
-def predict(recording: Recording, machine: Machine, kind: Kind, *, through_evaporation: bool = False) -> FreeRun:
+def predict(recording: Recording, machine: Machine, kind: Kind) -> FreeRun:
     """Free runs of one model over a recording, at the stamps of its channels; measured pressures and joints drive it, too.
 
-    through_evaporation: the runs continue where the oil of the head side would evaporate.
+    They go on where oil would evaporate.
 
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
-    plant = plant_for(recording, machine, kind)
-    if through_evaporation:
-        plant = plant.through_evaporation()
+    plant = plant_for(recording, machine, kind).through_evaporation()
     currents = held_inputs(recording, plant.machine)
     times = {name: recording.signals[name].time for name in OUTPUTS}
     values = {name: np.full(len(time), np.nan) for name, time in times.items()}
     runs: list[str] = []
-    stopped = ""
+    stopped = evaporated = ""
     for start, end in currents.stretches(recording.duration):
         begin = initial_state(recording, plant, currents, start, end)
         if begin is None:
@@ -95,12 +98,26 @@ def predict(recording: Recording, machine: Machine, kind: Kind, *, through_evapo
         stopped = stopped or reason
         if run is None:
             continue
+        evaporated = evaporated or _evaporated(run)
         for name, k in inside.items():
             where = np.searchsorted(run.time, times[name][k])
             known = where < len(run.time)
             values[name][k[known]] = run.output(name)[where[known]]
         runs.append(f"{start:.2f} s to {end:.2f} s: {begin.how}")
-    return FreeRun(kind, values, metrics(recording, values), tuple(runs), stopped)
+    return FreeRun(kind, values, metrics(recording, values), tuple(runs), stopped, evaporated)
+
+
+def _evaporated(run: Trajectory) -> str:
+    """Where a pressure is first below vacuum in a run, and which."""
+    below = {name: run.state(name) for name in GAUGED if name in run.state_names}
+    first = min(
+        ((run.time[np.argmax(p < VACUUM)], name) for name, p in below.items() if (p < VACUUM).any()), default=None
+    )
+    if first is None:
+        return ""
+    time, name = first
+    lowest = float(np.nanmin(below[name])) / BAR
+    return f"from {time:.1f} s on the model's {name.replace('_', ' ')} falls to {lowest:.3g} bar, where oil evaporates"
 
 
 def _run(plant: Plant, currents: HeldCurrents, sampled: Array, begin: InitialState) -> tuple[Trajectory | None, str]:

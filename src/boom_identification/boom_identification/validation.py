@@ -103,8 +103,8 @@ class BagValidation:
             "warnings": list(self.recording.warnings),
         }
         for prediction in (self.full, self.reduced):
-            if prediction.stopped:
-                result[prediction.label]["stopped"] = prediction.stopped
+            said = {"stopped": prediction.stopped, "evaporated": prediction.evaporated}
+            result[prediction.label] |= {key: words for key, words in said.items() if words}
         return result
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
@@ -138,6 +139,19 @@ def test_limits_are_one_milliradian_and_twice_the_noise_of_chapter_6_4():
     }  # fmt: skip
     assert noise_limits(tz17()).document() == expected
     assert pressure == pytest.approx(0.351e5, abs=50)
+
+
+def test_a_run_goes_on_where_oil_would_evaporate_and_says_from_when(monkeypatch):
+    """A load that falls onto a closed valve: the rod side opens up. Vacuum is put where that pressure comes to."""
+    recording = constant(6.0, angle=0.4, hose_pressure=2.7e6, rod_pressure=1e5)
+    loaded = tz17().with_effects({"payload_change": {"mass": 5000.0, "t_g": 2.0}})
+    assert validate(recording, loaded).full.evaporated == ""
+    monkeypatch.setattr(free_run, "VACUUM", 5e4)
+    bag = validate(recording, loaded)
+    said = r"from 2\.\d s on the model's rod pressure falls to -0\.0\d+ bar, where oil evaporates"
+    assert re.fullmatch(said, bag.full.evaporated)
+    assert bag.full.stopped == "" and np.isfinite(bag.full.values["angle"]).all()
+    assert bag.document()["full"]["evaporated"] == bag.full.evaporated
 
 
 def test_a_run_that_leaves_its_range_is_told_with_time_and_state_and_compared_up_to_there():

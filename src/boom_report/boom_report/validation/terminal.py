@@ -106,6 +106,8 @@ def _print_bag(bag: BagValidation, console: Console) -> None:
     console.print(Text.assemble((bag.recording.name, "bold"), ": ", (said.short, _STYLES[said.kind])))
     if bag.reduced.stopped:
         console.print(Text(f"  the reduced model stopped: {bag.reduced.stopped}", "red"))
+    if bag.full.evaporated:
+        console.print(Text(f"  {bag.full.evaporated}", "yellow"))
     for line in damage_lines(bag.recording):
         console.print(Text(f"  {line}", "yellow"))
     for line in events.summary(bag.recording.events):
