@@ -6,7 +6,7 @@ neither happens, the valve did not get it. The answer to be expected is the reco
     log odds of a stretch = sum over its seconds of log(1 + (v' / s)^2),  s^2 = (scatter v')^2 + (k dc)^2 + s_v^2
 
 v' the speed that the same command brings elsewhere in the recording, dc an uncertain dead zone; Cauchy's law, because speeds
-depend on loads as well.
+depend on loads as well. A command smaller than those that moved the boom elsewhere is within a dead zone, as far as anybody knows.
 
 Frozen: a log that repeats a command to the last bit while the boom comes to rest and then moves as that command does not move it.
 The same law with v - v' in the place of v', and the rule of succession: if the operator's command stood still in k seconds of n,
@@ -44,9 +44,13 @@ SHORTEST = 0.5
 """s. Spool and boom need that long to begin."""
 NOISE = 0.01
 """A. Below it a current is zero."""
+FEWEST = 0.05
+"""Share of the samples in motion whose commands may be smaller than what moves the boom: it runs out, and a valve closes late."""
 FASTEST_HAND = 0.2
 """s. Nobody and no boom turns round more often."""
 LEAST_REVERSALS = 6
+LATE = 0.2
+"""s, about, by which a boom follows its command."""
 _TOPIC = BY_NAME["extend_current"].topic
 
 
@@ -56,7 +60,7 @@ def latched_checks(series: EvenSeries, boom: Mechanics, supply: float) -> list[R
     A pump that follows the load is at its limit where the boom cannot move: the largest pressure seen then stands for it.
     """
     expected, spread = _expected(series, boom)
-    unanswered = _unanswered(series, supply) & (np.abs(expected) > 0.0)
+    unanswered = _unanswered(series, supply) & (np.abs(expected) > 0.0) & _moves_elsewhere(series)
     with np.errstate(divide="ignore", invalid="ignore"):
         odds = np.where(unanswered, np.log1p((expected / spread) ** 2), 0.0)
     intervals, total, kept = [], 0.0, np.zeros(len(series.time), bool)
@@ -132,6 +136,17 @@ def _expected(series: EvenSeries, boom: Mechanics) -> tuple[Array, Array]:
     zone = DEAD_ZONE * float(np.nanmax(np.abs(series.command), initial=0.0))
     uncertain = np.maximum(*(np.abs(answer.speed(series.command + shift) - expected) for shift in (-zone, zone)))
     return expected, np.sqrt((scatter * expected) ** 2 + uncertain**2 + (STILL * 0.3) ** 2)
+
+
+def _moves_elsewhere(series: EvenSeries) -> Flags:
+    """Where the command is at least as large as those of the same sign that moved the boom."""
+    late = series.command[np.maximum(0, np.arange(len(series.time)) - round(LATE / PERIOD))]
+    rate, result = series.smooth("rate"), np.zeros(len(series.time), bool)
+    for sign in (1.0, -1.0):
+        moved = sign * late[(sign * rate > STILL) & (sign * late > NOISE)]
+        if len(moved):
+            result |= sign * series.command >= np.quantile(moved, FEWEST)
+    return result
 
 
 def _unanswered(series: EvenSeries, supply: float) -> Flags:

@@ -95,6 +95,17 @@ def test_a_latched_command_is_found_where_it_was_put() -> None:
     assert not inside[~moved].any()
 
 
+def test_a_command_smaller_than_any_that_moves_the_boom_is_within_a_dead_zone_however_long_it_is_held() -> None:
+    """What the boom does elsewhere says nothing of it, though the law through larger ones does not end there."""
+    made, plain = FAULTS["latched command"][2](fast()), fast()
+    for name in ("extend_current", "retract_current"):
+        signal = made.signals[name]
+        moved = np.abs(signal.values - plain.signals[name].values) > 0.1
+        small = np.where(moved & (signal.values > 0.1), 0.36, signal.values)
+        made.signals[name] = replace(signal, values=small)
+    assert spoiling(made) == []
+
+
 def test_a_boom_pressed_against_a_stop_by_supply_pressure_got_its_command() -> None:
     made = FAULTS["latched command"][2](fast())
     largest = max(float(made.signals[name].values.max()) for name in ("hose_pressure", "rod_pressure"))
