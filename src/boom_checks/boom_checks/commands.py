@@ -44,7 +44,7 @@ SHORTEST = 0.5
 """s. Spool and boom need that long to begin."""
 NOISE = 0.01
 """A. Below it a current is zero."""
-FEWEST = 0.05
+FEWEST = 0.01
 """Share of the samples in motion whose commands may be smaller than what moves the boom: it runs out, and a valve closes late."""
 FASTEST_HAND = 0.2
 """s. Nobody and no boom turns round more often."""
