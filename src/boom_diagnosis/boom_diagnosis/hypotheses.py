@@ -29,7 +29,7 @@ from boom_model.machine import Machine
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-LOOSENESS = (1.0, 4.0, 15.0)
+LOOSENESS = (1.0, 4.0, 15.0, 60.0, 240.0)
 """Factors of the assumed disturbances that are tried; the likeliest is taken, and a machine that is like the model gets 1."""
 REFINED, LOOSELY, PROMISING = 4, 2, 0.25
 """Effects that are fitted in a round at most, those with the loosest observer, which sees little of them, and the share of the nats
