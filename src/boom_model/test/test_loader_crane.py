@@ -23,10 +23,11 @@ from boom_model.components import (
     second_order_spool,
 )
 from boom_model.components.payload import Step
+from boom_model.derived import quantities
 from boom_model.equations import namespace
 from boom_model.errors import MachineError, ModelError
 from boom_model.machine import Machine
-from boom_model.machine_file import machine_from
+from boom_model.machine_file import load_machine, machine_from
 from boom_model.plant import Plant
 from boom_model.prior import prior_of
 from boom_model.structure import DRIVING
@@ -492,3 +493,14 @@ def test_a_lagging_spool_is_the_machine_with_another_natural_frequency(loader: M
 def test_a_machine_with_pilot_valves_has_no_lag_of_its_own_spool(tz17: Machine) -> None:
     with pytest.raises(MachineError, match=r"effects\.spool_lag: this machine has pilot valves$"):
         tz17.with_effects({"spool_lag": {"r": 1.5}})
+
+
+def test_edges_through_which_a_boom_would_be_too_fast_for_any_crane_are_doubted() -> None:
+    machine = load_machine("triangle_direct")
+    wide = {key: 4.0 * p.value[0] for key, p in machine.parameters.items() if key.startswith("main_valve_orifices.A_s")}
+
+    def rates(machine: Machine) -> list[str]:
+        return [row.value for row in quantities(machine) if row.meaning in ("lift: boom", "lower: boom")]
+
+    assert [rate.endswith(" rad/s") for rate in rates(machine)] == [True, True]
+    assert all("too fast for a crane" in rate for rate in rates(machine.with_values(wide)))
