@@ -117,7 +117,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     cells = [regimes.classify(bag) for bag in case.bags]
     findings = _findings(case, odds, cells)
     ranked = ranking(case, odds, findings)
-    verdict = _verdict(case, findings, unknown, _moving(case), tight)
+    verdict = _verdict(case, findings, unknown, odds.tolerances, _moving(case), tight)
     wrong = verdict not in ("no_mismatch", "parameters_only")
     z = case.kept(0).z if case.learned else first.base.z
     equations, agreement, inputs = locate(
@@ -388,10 +388,14 @@ def _home(case: Case, equations: Sequence[EquationEvidence]) -> tuple[str, str]:
     return max(placed, key=lambda p: placed[p])
 
 
-def _verdict(case: Case, findings: Sequence[Finding], unknown: float, moved: float, tight: _Tight) -> Verdict:
+def _verdict(
+    case: Case, findings: Sequence[Finding], unknown: float, tolerances: float, moved: float, tight: _Tight
+) -> Verdict:
     if not findings:
         if unknown > 0.5 and tight.excess_before > 3 * NEGLIGIBLE:
             return "unknown_physics"
+        if tolerances < 0.5:  # nothing earned its place, and what did not is together likelier than nothing
+            return "ambiguous"
         return "parameters_only" if noticed(moved, len(case.nuisances)) else "no_mismatch"
     if unknown > findings[0].confidence:
         return "unknown_physics"

@@ -65,7 +65,19 @@ def test_physics_of_no_catalogue_is_the_verdict_where_it_is_likelier_than_what_w
 ) -> None:
     found: Any = SimpleNamespace(subsystem="supply", confidence=confidence)
     tight: Any = SimpleNamespace(excess_before=1.0)
-    assert answer._verdict(case, [found], unknown, 0.0, tight) == verdict
+    assert answer._verdict(case, [found], unknown, 1.0, 0.0, tight) == verdict
+
+
+@pytest.mark.parametrize(
+    ("tolerances", "moved", "verdict"),
+    [(0.2, 0.0, "ambiguous"), (0.2, 1e6, "ambiguous"), (0.6, 1e6, "parameters_only"), (0.6, 0.0, "no_mismatch")],
+)
+def test_tolerances_are_the_verdict_only_where_they_are_likelier_than_all_else_together(
+    tolerances: float, moved: float, verdict: str
+) -> None:
+    """A gyro with another gain in one direction was "the physics is right", as likely as four effects, 0.20 each."""
+    case: Any = SimpleNamespace(nuisances=[None] * 10)
+    assert answer._verdict(case, [], 0.0, tolerances, moved, SimpleNamespace(excess_before=1.0)) == verdict
 
 
 @pytest.mark.parametrize(("proved", "most"), [(True, 1.0), (False, weighing_of.UNPROVED)])

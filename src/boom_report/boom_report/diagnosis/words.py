@@ -148,6 +148,9 @@ def headline(result: DiagnosisResult) -> str:
     unproved = next((note for note in result.notes if note.startswith("unproved")), "")
     if not document.findings and unproved:
         return f"{unproved[0].upper()}{unproved[1:]}."
+    if not document.findings and kind == "ambiguous":
+        alike = [f"{row.label} {row.probability:.2f}" for row in document.ranking if row.probability >= RIVAL]
+        return f"None of what could explain the difference stands out: {', '.join(alike)}."
     if not document.findings:
         used = result.tolerances_used
         moved = ", ".join([name for name in used if name not in result.wrong][:3])
