@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import hypot, sqrt
 from typing import TYPE_CHECKING
@@ -94,8 +94,10 @@ class _Tight:
     """Of each measured channel: excess before, with tolerances only, and after."""
 
 
-def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
-    """The whole answer of a finished search."""
+def assemble(
+    case: Case, about: About, weak: Sequence[str], doubted: Callable[[Case], Case] = lambda case: case
+) -> DiagnosisResult:
+    """The whole answer of a finished search; ``doubted``: what becomes of one of which free runs took back all that was found."""
     first = case.rounds[0]
     tight = _tight(case)
     unknown = unknown_probability(tight.excess_before, tight.excess_after, tight.channels)
@@ -113,7 +115,7 @@ def assemble(case: Case, about: About, weak: Sequence[str]) -> DiagnosisResult:
     unproved_by = worse_channels(driven, floor) or far_channels(driven, floor, FAR_FROM_FLOOR) if case.taken else []
     odds = odds_of(case, unknown, proved=not unproved_by, spared=spared)
     if case.taken and spared > max(odds.effects[0].values()):
-        return assemble(case.without_effects(), about, weak)
+        return assemble(doubted(case.without_effects()), about, weak)
     cells = [regimes.classify(bag) for bag in case.bags]
     findings = _findings(case, odds, cells)
     ranked = ranking(case, odds, findings)

@@ -110,7 +110,7 @@ def _searched(parts: Stretches, machine: Machine, progress: Progress, about: Abo
     progress("free runs", 0.78)
     fit_to_free_runs(case)
     progress("locating", 0.8)
-    return answer.assemble(case, about, weak)
+    return answer.assemble(case, about, weak, partial(_doubted, progress=_share(progress, 0.8, 0.1)))
 
 
 def search(case: Case, progress: Progress) -> Case:
@@ -125,6 +125,17 @@ def search(case: Case, progress: Progress) -> Case:
         _rounds(case, progress)
     _finish(case)
     return case
+
+
+def _doubted(case: Case, progress: Progress) -> Case:
+    """A case of which free runs took back what was found, or that with the number free that is wrong in the machine file."""
+    other = with_wrong_number(case)
+    if other is None:
+        return case
+    _rounds(other, progress)
+    _finish(other)
+    fit_to_free_runs(other)
+    return other
 
 
 def _finish(case: Case) -> None:

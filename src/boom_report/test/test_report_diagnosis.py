@@ -119,7 +119,10 @@ def test_the_wording_fits_the_confidence(confidence, word):
         (lambda: cases.without_finding("no_mismatch"), "what differs is within sensor noise"),
         (lambda: cases.without_finding("not_enough_excitation"), "do not move the boom enough"),
         (lambda: cases.changed("parameters_only", ()), "Parameters within their tolerance explain"),
-        (lambda: cases.changed("ambiguous", ()), "None of what could explain the difference stands out: hose burst valve lag 0.9"),
+        (
+            lambda: cases.changed("ambiguous", ()),
+            "None of what could explain the difference stands out: hose burst valve lag 0.9",
+        ),
         (
             lambda: cases.changed("ambiguous", (cases.lag_finding(0.55),)),
             "hose burst valve lag or hose burst valve setting",
