@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from threading import Event
 from typing import Any
 
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -28,6 +29,9 @@ JOINT = "inner_boom_joint"
 TOPIC, ACTION = "/boom/joint_trajectory", f"/boom_controller/{motion_action.NAME}"
 
 
+_interrupted = Event()
+
+
 class NotMovedError(RuntimeError):
     """The boom was not moved; one line that says why."""
 
@@ -41,13 +45,13 @@ def trajectory(angle: float, seconds: float) -> JointTrajectory:
 
 @contextmanager
 def program(name: str) -> Iterator[Any]:
-    """A node of a program that Ctrl-C and SIGTERM end with KeyboardInterrupt: it can still bring to rest what it moves."""
+    """A node of a program that Ctrl-C and SIGTERM end with KeyboardInterrupt, in :func:`until`: it brings to rest what it moves."""
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.default_int_handler)
+        signal.signal(number, lambda *_: _interrupted.set())
     node = rclpy.create_node(name)
     try:
         yield node
@@ -61,11 +65,15 @@ def until(node: Any, done: Callable[[], Any], patience: float, otherwise: str) -
 
     Raises:
         NotMovedError: the condition did not hold within so many seconds.
+        KeyboardInterrupt: the program was asked to end. Raised from within rclpy it would be a RuntimeError of its C++ code.
     """
     import rclpy
 
     end = time.monotonic() + patience
     while not done():
+        if _interrupted.is_set():
+            _interrupted.clear()
+            raise KeyboardInterrupt
         if time.monotonic() > end:
             raise NotMovedError(otherwise)
         rclpy.spin_once(node, timeout_sec=0.05)
