@@ -49,8 +49,6 @@ FEWEST = 0.01
 FASTEST_HAND = 0.2
 """s. Nobody and no boom turns round more often."""
 LEAST_REVERSALS = 6
-LATE = 0.2
-"""s, about, by which a boom follows its command."""
 _TOPIC = BY_NAME["extend_current"].topic
 
 
@@ -59,8 +57,8 @@ def latched_checks(series: EvenSeries, boom: Mechanics, supply: float) -> list[R
 
     A pump that follows the load is at its limit where the boom cannot move: the largest pressure seen then stands for it.
     """
-    expected, spread = _expected(series, boom)
-    unanswered = _unanswered(series, supply) & (np.abs(expected) > 0.0) & _moves_elsewhere(series)
+    expected, spread, lag = _expected(series, boom)
+    unanswered = _unanswered(series, supply) & (np.abs(expected) > 0.0) & _moves_elsewhere(series, lag)
     with np.errstate(divide="ignore", invalid="ignore"):
         odds = np.where(unanswered, np.log1p((expected / spread) ** 2), 0.0)
     intervals, total, kept = [], 0.0, np.zeros(len(series.time), bool)
@@ -84,7 +82,7 @@ def latched_checks(series: EvenSeries, boom: Mechanics, supply: float) -> list[R
 def frozen_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
     """Stretches in which the log of the command stood still and the valve got another one."""
     command, still = series.command, np.abs(series.smooth("rate")) < STILL
-    expected, spread = _expected(series, boom)
+    expected, spread, _ = _expected(series, boom)
     speed = boom.lever(series.smooth("angle")) * series.smooth("rate")
     active = np.abs(command) > NOISE
     least = round(2.0 * SHORTEST / PERIOD)
@@ -124,8 +122,8 @@ def _within(flags: Flags, first: int, end: int) -> Flags:
     return result
 
 
-def _expected(series: EvenSeries, boom: Mechanics) -> tuple[Array, Array]:
-    """The speed (n,) that the command brings by the rest of the recording, and its spread (n,) [m/s]."""
+def _expected(series: EvenSeries, boom: Mechanics) -> tuple[Array, Array, int]:
+    """The speed (n,) that the command brings by the rest of the recording, its spread (n,) [m/s], and its lag [samples]."""
     speed = boom.lever(series.smooth("angle")) * series.smooth("rate")
     moving = np.abs(series.smooth("rate")) > STILL
     answer = response(np.where(moving, series.command, np.nan), speed)  # what may be latched must not weaken the answer
@@ -135,12 +133,12 @@ def _expected(series: EvenSeries, boom: Mechanics) -> tuple[Array, Array]:
     scatter = float(np.nanmedian(np.abs(speed[asked] / expected[asked] - 1.0))) / 0.6745 if asked.any() else 1.0
     zone = DEAD_ZONE * float(np.nanmax(np.abs(series.command), initial=0.0))
     uncertain = np.maximum(*(np.abs(answer.speed(series.command + shift) - expected) for shift in (-zone, zone)))
-    return expected, np.sqrt((scatter * expected) ** 2 + uncertain**2 + (STILL * 0.3) ** 2)
+    return expected, np.sqrt((scatter * expected) ** 2 + uncertain**2 + (STILL * 0.3) ** 2), answer.lag
 
 
-def _moves_elsewhere(series: EvenSeries) -> Flags:
-    """Where the command is at least as large as those of the same sign that moved the boom."""
-    late = series.command[np.maximum(0, np.arange(len(series.time)) - round(LATE / PERIOD))]
+def _moves_elsewhere(series: EvenSeries, lag: int) -> Flags:
+    """Where the command is at least as large as those of the same sign that moved the boom, which follows by ``lag`` [samples]."""
+    late = series.command[np.maximum(0, np.arange(len(series.time)) - lag)]
     rate, result = series.smooth("rate"), np.zeros(len(series.time), bool)
     for sign in (1.0, -1.0):
         moved = sign * late[(sign * rate > STILL) & (sign * late > NOISE)]

@@ -99,11 +99,11 @@ def test_a_latched_command_is_found_where_it_was_put() -> None:
 def test_what_a_command_brings_is_known_from_the_smallest_on_that_moves_the_boom_elsewhere() -> None:
     """Of a smaller one the law through the larger ones says nothing: held within a dead zone for 12 s it spoilt a recording."""
     series = even_series(load(BAGS / "healthy" / "folded_slow"))
-    known, size = commands._moves_elsewhere(series), np.abs(series.command)
+    known, size = commands._moves_elsewhere(series, 20), np.abs(series.command)
     assert not known[size < 0.2].any()
     assert known[size > 0.37].all()
     assert 0.2 < size[known].min() < 0.36
-    assert not commands._moves_elsewhere(series.with_columns({"rate": 0.0 * series.columns["rate"]})).any()
+    assert not commands._moves_elsewhere(series.with_columns({"rate": 0.0 * series.columns["rate"]}), 20).any()
 
 
 def test_a_boom_pressed_against_a_stop_by_supply_pressure_got_its_command() -> None:

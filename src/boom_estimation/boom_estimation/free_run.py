@@ -25,9 +25,7 @@ from boom_recording.recording import Recording
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-5
-BAR = 1e5
-VACUUM = -BAR
-"""Pa gauge."""
+_SHOWN = next(sensor.shown for sensor in PREDICTED if sensor.is_pressure)
 STATISTICS: dict[str, Callable[[Array], float]] = {
     "mae": lambda e: float(np.mean(np.abs(e))),
     "rmse": lambda e: float(np.sqrt(np.mean(e**2))),
@@ -81,7 +79,8 @@ def predict(recording: Recording, machine: Machine, kind: Kind) -> FreeRun:
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
-    plant = plant_for(recording, machine, kind).through_evaporation()
+    valid = plant_for(recording, machine, kind)
+    plant = valid.through_evaporation()
     currents = held_inputs(recording, plant.machine)
     times = {name: recording.signals[name].time for name in OUTPUTS}
     values = {name: np.full(len(time), np.nan) for name, time in times.items()}
@@ -98,7 +97,7 @@ def predict(recording: Recording, machine: Machine, kind: Kind) -> FreeRun:
         stopped = stopped or reason
         if run is None:
             continue
-        evaporated = evaporated or _evaporated(run)
+        evaporated = evaporated or _evaporated(run, valid.minimum)
         for name, k in inside.items():
             where = np.searchsorted(run.time, times[name][k])
             known = where < len(run.time)
@@ -107,17 +106,17 @@ def predict(recording: Recording, machine: Machine, kind: Kind) -> FreeRun:
     return FreeRun(kind, values, metrics(recording, values), tuple(runs), stopped, evaporated)
 
 
-def _evaporated(run: Trajectory) -> str:
-    """Where a pressure is first below vacuum in a run, and which."""
-    below = {name: run.state(name) for name in GAUGED if name in run.state_names}
+def _evaporated(run: Trajectory, minimum: Array) -> str:
+    """Where a pressure of a run is first below the model's range, ``minimum`` (NX,), where oil evaporates; and which."""
+    below = {name: run.state(name) < minimum[run.state_names.index(name)] for name in GAUGED if name in run.state_names}
     first = min(
-        ((run.time[np.argmax(p < VACUUM)], name) for name, p in below.items() if (p < VACUUM).any()), default=None
+        ((float(run.time[np.argmax(where)]), name) for name, where in below.items() if where.any()), default=None
     )
     if first is None:
         return ""
     time, name = first
-    lowest = float(np.nanmin(below[name])) / BAR
-    return f"from {time:.1f} s on the model's {name.replace('_', ' ')} falls to {lowest:.3g} bar, where oil evaporates"
+    lowest = f"{float(run.state(name).min()) * _SHOWN.scale:.3g} {_SHOWN.name}"
+    return f"from {time:.1f} s on the model's {name.replace('_', ' ')} falls to {lowest}, where oil evaporates"
 
 
 def _run(plant: Plant, currents: HeldCurrents, sampled: Array, begin: InitialState) -> tuple[Trajectory | None, str]:

@@ -59,19 +59,22 @@ class EstimationProblem:
         outputs = run_jobs(jobs, tolerance=FREE_TOLERANCE, stop=self.stop)
         return [s.measured - s.at_nodes(y) for (_, s), y in zip(self.segments, outputs, strict=True)]
 
-    def observed(
+    def observed(self, z: Array, gains: Sequence[PredictorGains], *, tolerance: float = FINE) -> list[Observed]:
+        """Innovations and states of the observers of all segments. Differences of them need 1e-6 or finer."""
+        return self.observed_with([{}], z, gains, tolerance=tolerance)[0]
+
+    def observed_with(
         self,
+        others: Sequence[Mapping[str, float]],
         z: Array,
         gains: Sequence[PredictorGains],
         *,
         tolerance: float = FINE,
-        others: Mapping[str, float] | None = None,
-    ) -> list[Observed]:
-        """Innovations and states of the observers of all segments. Differences of them need 1e-6 or finer.
-
-        others: values of further parameters of the plants, by name.
-        """
-        return observe_all([self._job(i, z, g, others or {}) for i, g in enumerate(gains)], tolerance=tolerance)
+    ) -> list[list[Observed]]:
+        """The same for each of several sets of values of further parameters of the plants, by name; all in one batch."""
+        jobs = [self._job(i, z, g, more) for more in others for i, g in enumerate(gains)]
+        observed = observe_all(jobs, tolerance=tolerance)
+        return [observed[k : k + len(gains)] for k in range(0, len(observed), len(gains))]
 
     def sensitivities(
         self,

@@ -190,10 +190,13 @@ class _PreparedBlock:
         gains = problem.gains(at, problem.first_gains(), level=LEVEL)
         own = range(min(k, len(at)))
         innovations, derivatives = problem.sensitivities(at, gains, own, steps=self.steps, tolerance=TOLERANCE)
-        for point in self.numbers.far[: k - len(own)]:
-            there = problem.observed(at, gains, tolerance=TOLERANCE, others=point.values)
-            change = [np.nan_to_num((o.innovations - e) / point.z) for o, e in zip(there, innovations, strict=True)]
-            derivatives = [np.dstack([d, c]) for d, c in zip(derivatives, change, strict=True)]
+        changes = [[d] for d in derivatives]
+        far = self.numbers.far[: k - len(own)]
+        seen = problem.observed_with([point.values for point in far], at, gains, tolerance=TOLERANCE)
+        for point, there in zip(far, seen, strict=True):
+            for columns, o, e in zip(changes, there, innovations, strict=True):
+                columns.append(np.nan_to_num((o.innovations - e) / point.z)[:, :, None])
+        derivatives = [np.concatenate(columns, axis=2) for columns in changes]
         shape = (len(OUTPUTS), len(REGIMES))
         a, b, sums, counts = np.zeros((k, k)), np.zeros(k), np.zeros(shape), np.zeros(shape)
         moving = seconds = 0.0

@@ -75,7 +75,7 @@ def test_an_effect_far_from_linear_has_a_difference_to_each_of_its_points(record
     point = next(p for p in one.numbers.far if p.name.endswith("precharge.towards r = 0.35, r_2 = 2.9"))
     at = np.zeros(len(one.problem.unknowns))
     gains = one.problem.gains(at, one.problem.first_gains(), level=screen.LEVEL)
-    (here,), (there,) = (one.problem.observed(at, gains, others=o) for o in ({}, point.values))
+    (here,), (there,) = one.problem.observed_with([{}, point.values], at, gains)
     charge = machine.parameters["accumulators.p_g0_1"].value[0]
     less = machine.with_values({"accumulators.p_g0_1": 0.35 * charge})
     (said,) = screen._PreparedBlock.of(block, less).problem.observed(at, gains)
