@@ -208,6 +208,8 @@ class ChainStudy:
         }  # fmt: skip
 
 
+INNER = ("piston_position", "hose_flow", "rod_flow", "jacobian")
+"""What the links of the ports take from the forced model."""
 HELD = "the machine file's valve holds the load: the hose pressure is not the cylinder's"
 
 
@@ -233,7 +235,7 @@ def chain_of_machine(recording: Recording, machine: Machine) -> RecordingChain:
             still = statics_of(repaired, boom)
             links.append(_mechanics(repaired, boom, still, machine))
         plant = Plant(machine, pose_of(recording, machine))
-        links += _ports(repaired, forced_run(repaired, plant), plant)
+        links += _ports(repaired, forced_run(repaired, plant, INNER), plant)
     else:
         why = f"motion, currents, hose and rod pressure are known together for less than {SHORTEST:g} s"
         missing += [(name, why) for name in ("mechanics", "head flow", "rod flow")]
@@ -312,7 +314,7 @@ def _ports(series: EvenSeries, run: ForcedRun, plant: Plant) -> list[ChainLink]:
     )
     links = []
     for channel, flow in flows.items():
-        short = (series.smooth(channel, 1) - run.rate(states[channel])) * volumes[channel] / p.fluid.beta
+        short = (series.smooth(channel, 1) - run.rates[states[channel]]) * volumes[channel] / p.fluid.beta
         needed = flow + _lasting(short)
         if not np.isfinite(flow).any():
             continue

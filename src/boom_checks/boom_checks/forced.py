@@ -5,6 +5,7 @@ What an equation of a forced state leaves unexplained is then the fault of its o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,23 +22,19 @@ STEPS = 2
 """Of the free states between two samples."""
 LEAST = 100
 """Samples of a stretch that is worth starting in."""
+BLOCK = 6000
+"""Samples whose inner quantities are made at once: of an hour all of them together would take a gigabyte."""
 
 
 @dataclass(frozen=True)
 class ForcedRun:
-    """States (n, NX), the measured ones forced; their derivatives by the model (n, NX) [unit/s]; inner quantities by name."""
+    """Derivatives of the forced states by the model (n,) [unit/s] and the inner quantities that were asked for (n,), by name."""
 
-    states: Array
-    rates: Array
+    rates: dict[str, Array]
     inner: dict[str, Array]
-    names: tuple[str, ...]
-
-    def rate(self, name: str) -> Array:
-        """The model's derivative of a state (n,)."""
-        return self.rates[:, self.names.index(name)]
 
 
-def forced_run(series: EvenSeries, plant: Plant) -> ForcedRun:
+def forced_run(series: EvenSeries, plant: Plant, wanted: Sequence[str]) -> ForcedRun:
     """Steps the model over the recording; NaN where a measurement is missing or the free states left their range."""
     names = plant.state_names
     given = {"head_pressure": "hose_pressure"} if not plant.machine.structure.hose_burst_valve.separates else {}
@@ -47,23 +44,25 @@ def forced_run(series: EvenSeries, plant: Plant) -> ForcedRun:
     inputs = np.column_stack((series.smooth("retract_current"), series.smooth("extend_current")))
     known = np.logical_and.reduce([np.isfinite(v) for _, v in forced]) & np.isfinite(inputs).all(axis=1)
     states = np.full((len(series.time), len(names)), np.nan)
-    rates = states.copy()
+    rates = {names[k]: np.full(len(states), np.nan) for k, _ in forced}
     where, values = [k for k, _ in forced], np.column_stack([v for _, v in forced])
     inputs = np.maximum(inputs, 0.0)
     for first, end in stretches(known):
         if end - first >= LEAST:
             _stretch(plant, first, end, where, values, inputs, states, rates)
-    reached = np.isfinite(states).all(axis=1)
-    inner = {name: np.full(len(states), np.nan) for name in plant.equations.auxiliary}
-    if reached.any():
-        for name, found in plant.auxiliary(states[reached], inputs[reached]).items():
-            inner[name][reached] = found
-    return ForcedRun(states, rates, inner, names)
+    inner = {name: np.full(len(states), np.nan) for name in wanted}
+    for reached in np.array_split(np.flatnonzero(np.isfinite(states).all(axis=1)), len(states) // BLOCK + 1):
+        if len(reached):
+            found = plant.auxiliary(states[reached], inputs[reached])
+            for name, values in inner.items():
+                values[reached] = found[name]
+    return ForcedRun(rates, inner)
 
 
 def _stretch(
-    plant: Plant, first: int, end: int, where: list[int], values: Array, inputs: Array, states: Array, rates: Array
-) -> None:
+    plant: Plant, first: int, end: int, where: list[int], values: Array, inputs: Array, states: Array,
+    rates: dict[str, Array],
+) -> None:  # fmt: skip
     """Linearly implicit Euler steps of the free states alone: a forced one must not move on its own between two samples."""
     names = plant.state_names
     begin = dict(zip((names[k] for k in where), values[first], strict=True))
@@ -76,7 +75,9 @@ def _stretch(
         for step in range(STEPS):
             rate, jacobian = plant.derivative(x, inputs[k])
             if step == 0:
-                states[k], rates[k] = x, rate
+                states[k] = x
+                for column, at in zip(rates.values(), where, strict=True):
+                    column[k] = rate[at]
             x[free] += np.linalg.solve(stiff - jacobian[block], rate[free])
             np.clip(x, plant.minimum, plant.maximum, out=x)
         if not np.isfinite(x).all():
