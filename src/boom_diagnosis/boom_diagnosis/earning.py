@@ -138,6 +138,8 @@ def numbers_of(case: Case, fitted: Fitted) -> dict[str, Estimate]:
 
 def given_up(case: Case) -> bool:
     """Gives the last effect up where it may do nothing and nothing clear is left without it; whether that was so."""
+    if not case.taken:
+        return False
     assert case.final is not None  # with all derivatives where the search ended
     k, last = len(case.taken) - 1, case.taken[-1]
     effect = last.fitted.effect

@@ -107,8 +107,6 @@ def _searched(parts: Stretches, machine: Machine, progress: Progress, about: Abo
     case = case_of(machine, bags, proving, about.seed)
     case.elsewhere = parts.elsewhere
     case = search(case, progress)
-    progress("free runs", 0.78)
-    fit_to_free_runs(case)
     progress("locating", 0.8)
     return answer.assemble(case, about, weak, partial(_doubted, progress=_share(progress, 0.8, 0.1)))
 
@@ -123,6 +121,7 @@ def search(case: Case, progress: Progress) -> Case:
     if other := with_wrong_number(case):
         case = other
         _rounds(case, progress)
+    progress("free runs", 0.78)
     _finish(case)
     return case
 
@@ -134,16 +133,18 @@ def _doubted(case: Case, progress: Progress) -> Case:
         return case
     _rounds(other, progress)
     _finish(other)
-    fit_to_free_runs(other)
     return other
 
 
 def _finish(case: Case) -> None:
-    """The last fit, with gains and all derivatives of the point that was reached; what it does not tell is given up."""
-    while case.taken:
-        case.final = _last_fit(case)
+    """The last fit, with gains and derivatives of the point reached, then to free runs; what they do not tell is given up."""
+    while True:
+        if case.taken:
+            case.final = _last_fit(case)
         if not given_up(case):
-            return
+            fit_to_free_runs(case)
+            if not given_up(case):  # free runs may leave so little of it that it may do nothing
+                return
         take(case)
 
 

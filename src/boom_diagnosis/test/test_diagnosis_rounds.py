@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rounds_cases import SAMPLES, point, weighed
 
-from boom_diagnosis import answer, hypotheses, run, search
+from boom_diagnosis import answer, earning, hypotheses, run, search
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.fitting import WHITE, Point
@@ -156,6 +156,26 @@ def test_tolerances_are_doubted_where_they_cost_more_than_those_that_are_told_ma
     one = weighed("payload", 700.0, 250.0, 1000.0)
     case.taken = [replace(one, fitted=replace(one.fitted, jacobian=told))] if explained else []
     assert run._strained(case) is doubted
+
+
+def test_what_free_runs_leave_so_little_of_that_it_may_do_nothing_is_no_finding(
+    monkeypatch: pytest.MonkeyPatch, case: Any
+) -> None:
+    """The one-step fit told it from nothing; so it was a finding of 0.49 beside parameters only of 0.51."""
+    found, done, told = weighed("payload", 50.0, 50.0, 400.0), list[str](), [True]
+    case.rounds[0].base, case.temperature = point(400.0), 3.0
+    case.taken, case.weighed, case.trained = [found], [[found]], [point(400.0), point(400.0)]
+
+    def to_free_runs(of: Any) -> None:
+        done.append(f"free runs with {', '.join(of.named) or 'tolerances'}")
+        told[0] = False
+
+    monkeypatch.setattr(run, "_last_fit", lambda of: found.fitted)
+    monkeypatch.setattr(run, "fit_to_free_runs", to_free_runs)
+    monkeypatch.setattr(earning, "told", lambda effect, numbers: told[0])
+    run._finish(case)
+    assert done == ["free runs with payload", "free runs with tolerances"]
+    assert (case.taken, case.final, case.disproved) == ([], None, [found])
 
 
 @pytest.mark.parametrize(
