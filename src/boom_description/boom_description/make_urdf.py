@@ -228,6 +228,8 @@ def _inertials(body: Mapping[str, Any]) -> dict[str, Inertial]:
 def _share_out_arm_cylinder(body: Mapping[str, Any], inertials: dict[str, Inertial]) -> None:
     """Add barrels to the inner boom and rods to the outer boom; see the module's docstring."""
     planar = entry(body, "rigid_body", "planar")
+    if "arm_cylinder" not in planar:
+        return
     cylinder = entry(planar, "rigid_body.planar", "arm_cylinder")
     placed = {part.name: part for part in place_bodies(body, LUMPED_AT, 0.0)}
     barrels, rods = placed["arm_cylinder_barrels"], placed["arm_cylinder_rods"]

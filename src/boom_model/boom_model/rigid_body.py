@@ -246,9 +246,12 @@ def scalar(value: Any, key: str) -> float:
 
 
 def _arm_cylinders(rigid_body: Mapping[str, Any], q3: Any) -> list[Body]:
-    """Barrels and rods lie on the line from the foot on the boom to the eye on the arm."""
+    """Barrels and rods lie on the line from the foot on the boom to the eye on the arm; none where the file has none."""
     key = "rigid_body.planar.arm_cylinder"
-    cylinder = entry(entry(rigid_body, "rigid_body", "planar"), "rigid_body.planar", "arm_cylinder")
+    planar = group(rigid_body, "rigid_body", "planar")
+    if "arm_cylinder" not in planar:
+        return []
+    cylinder = group(planar, "rigid_body.planar", "arm_cylinder")
     foot = _pair(entry(cylinder, key, "foot"), f"{key}.foot")
     eye = _arm_point(rigid_body, _pair(entry(cylinder, key, "eye"), f"{key}.eye"), q3)
     along_x, along_y = eye[0] - foot[0], eye[1] - foot[1]

@@ -75,6 +75,12 @@ def test_two_bodies_by_hand() -> None:
     assert pytest.approx(100 * 1 + 30 + 10 * 3.5**2 + 5 + 1 * 25) == body.D0
 
 
+def test_a_crane_whose_arm_cylinder_nobody_knows_is_one_without_its_mass() -> None:
+    known, unknown = two_bodies(), two_bodies()
+    del unknown["planar"]["arm_cylinder"]
+    assert locked_inertia(unknown, 0.7, 0.5) == locked_inertia(known, 0.7, 0.5)
+
+
 def test_arm_hangs_straight_down_at_zero() -> None:
     body = locked_inertia(two_bodies(), 0.0, 0.0)
     assert body.tip == pytest.approx((2.0, -2.0))
