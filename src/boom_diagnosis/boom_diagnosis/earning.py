@@ -137,13 +137,21 @@ def numbers_of(case: Case, fitted: Fitted) -> dict[str, Estimate]:
 
 
 def given_up(case: Case) -> bool:
-    """Gives the last effect up where it may do nothing and nothing clear is left without it; whether that was so."""
+    """Gives the last effect up where it may do nothing and is not needed; whether that was so.
+
+    Needed: something clear is left without it, and beside others free runs over data not used are clearly better with it: what is
+    left may be the form of those.
+    """
     if not case.taken:
         return False
     assert case.final is not None  # with all derivatives where the search ended
     k, last = len(case.taken) - 1, case.taken[-1]
     effect = last.fitted.effect
-    if told(effect, of_effect(numbers_of(case, case.final), effect)) or clear(case, case.rounds[k].base):
+    if told(effect, of_effect(numbers_of(case, case.final), effect)):
+        return False
+    if clear(case, case.rounds[k].base) and (
+        k == 0 or worsening(case, case.trained[k], case.trained[k + 1]) <= CLEARLY_BETTER
+    ):
         return False
     case.weighed[k].remove(last)
     if k == 0:

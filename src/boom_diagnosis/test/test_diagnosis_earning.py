@@ -260,6 +260,21 @@ def test_an_effect_that_may_do_nothing_is_given_up_where_parameters_leave_no_cle
     assert (case.taken, case.disproved, len(case.trained)) == (([found], [], 2) if kept else ([], [found], 1))
 
 
+@pytest.mark.parametrize(("free_runs", "kept"), [(0.62, True), (0.89, False)])
+def test_a_second_effect_that_may_do_nothing_stays_only_where_free_runs_are_clearly_better_with_it(
+    monkeypatch: pytest.MonkeyPatch, case: Any, free_runs: float, kept: bool
+) -> None:
+    """A load of 2.4 kg that comes and goes beside a boom that bends was a third finding."""
+    first, second = weighed("boom_flexibility", 900.0, 900.0, 900.0), weighed("payload", 50.0, 50.0, 600.0)
+    case.rounds, case.temperature = [SimpleNamespace(base=point(rest)) for rest in (2000.0, 900.0)], 3.0
+    case.taken, case.weighed, case.final = [first, second], [[first], [second]], second.fitted
+    case.trained = [point(2000.0), point(900.0), point(600.0)]
+    monkeypatch.setattr(earning, "told", lambda effect, numbers: False)
+    monkeypatch.setattr(earning, "worsening", lambda case, before, after: free_runs)
+    assert earning.given_up(case) is not kept
+    assert case.taken == ([first, second] if kept else [first])
+
+
 def test_an_effect_is_weighed_against_the_likeliest_of_all_sets_of_numbers_that_its_fit_leads_to(
     monkeypatch: pytest.MonkeyPatch, case: Any
 ) -> None:
