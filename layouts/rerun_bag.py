@@ -88,7 +88,8 @@ def _blueprint(recording: Recording, urdf: Path | None) -> object:
         for title, names in VIEWS.items()
         if any(name in recording.signals for name in names)
     ]
-    crane = [] if urdf is None else [rrb.Spatial3DView(origin="/", name="crane")]
+    beside = rrb.EyeControls3D(position=(4.0, -14.0, 4.0), look_target=(4.0, 0.0, 2.5), eye_up=(0.0, 0.0, 1.0))
+    crane = [] if urdf is None else [rrb.Spatial3DView(origin="/", name="crane", eye_controls=beside)]
     return rrb.Blueprint(rrb.Horizontal(*crane, rrb.Vertical(*plots)), collapse_panels=True)
 
 
