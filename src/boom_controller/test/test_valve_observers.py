@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from functools import cache
-from math import cos, exp, sin
+from math import cos, exp, log, sin
 
 import casadi as ca
 import pytest
@@ -18,7 +19,7 @@ from boom_controller.observers.dead_time_observer import DeadTimeState, observe_
 from boom_controller.observers.reach import ReachState, watch_reach
 from boom_controller.observers.spool_observer import SpoolSeen, SpoolState, deflection_sigma, observe_spool
 from boom_model.component_numbers import component_parameters
-from boom_model.machine_file import load_machine
+from boom_model.machine_file import load_machine, machine_from
 
 S = Settings()
 T = S.sample_time
@@ -111,6 +112,13 @@ def test_a_flow_that_compresses_oil_of_unknown_softness_says_little_of_the_spool
 def test_how_uncertain_a_deflection_is_follows_from_the_tolerances_of_the_file(name: str, sigma: float) -> None:
     machine = load_machine(name)
     assert deflection_sigma(machine, machine.pose(0.3, 2.0)) == pytest.approx(sigma, rel=0.01)
+
+
+def test_a_stroke_that_is_known_to_a_factor_makes_a_deflection_as_uncertain_as_that() -> None:
+    document = copy.deepcopy(dict(load_machine("loader_crane").document))
+    document["main_valve_spool"]["K_i"] |= {"tol": {"factor": 1.5}}
+    machine = machine_from(document)
+    assert deflection_sigma(machine, machine.pose(0.3, 2.0)) == pytest.approx(log(1.5) / 2, rel=0.05)
 
 
 def test_a_supply_that_gives_half_is_known_once_the_valve_was_wide_open_and_not_before() -> None:

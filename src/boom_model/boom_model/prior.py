@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import exp
 from typing import TYPE_CHECKING, Literal
 
 from boom_model.errors import MachineError, nearest
@@ -49,6 +50,10 @@ class Prior:
     low: float
     high: float
 
+    def away(self, value: float, z: float) -> float:
+        """The number that is ``z`` standard deviations from the ``value`` of the file."""
+        return value * exp(self.sigma * z) if self.kind == "log_normal" else value + self.sigma * z
+
 
 def prior_of(machine: Machine, name: str, pose: Pose | None = None) -> Prior:
     """Prior of a component of the parameter vector: ``fluid.beta``, ``pilot_valves.h.0``, ``pose.D0``, ``pose.load``.
@@ -74,6 +79,8 @@ def tolerance_of(parameter: Parameter) -> Tolerance:
     """The tolerance of a number: its ``tol``, else by its confidence."""
     if parameter.tol is not None:
         return parameter.tol
+    if parameter.specification.guessed:
+        return Tolerance("factor", (parameter.specification.guessed,))
     if parameter.specification.key.startswith("accumulators.p_g0") and not parameter.confidence:
         return Tolerance("relative", (PRECHARGE,))
     return Tolerance("relative", (parameter.tolerance,))

@@ -161,10 +161,9 @@ def _numbers(machine: Machine, rng: np.random.Generator) -> Machine:
             continue
         spec, z = parameter.specification, SPREAD * float(rng.standard_normal())
         prior = prior_of(machine, spec.components[0])
-        step = prior.sigma * z
-        moved = tuple(v * float(np.exp(step)) if prior.kind == "log_normal" else v + step for v in parameter.value)
         changed[key] = tuple(
-            float(np.clip(v, max(prior.low, spec.minimum), min(prior.high, spec.maximum))) for v in moved
+            float(np.clip(prior.away(v, z), max(prior.low, spec.minimum), min(prior.high, spec.maximum)))
+            for v in parameter.value
         )
     return machine.with_values(changed)
 

@@ -113,7 +113,7 @@ def deflection_sigma(machine: Machine, pose: Pose) -> float:
     for key, parameter in machine.parameters.items():
         for k, name in enumerate(parameter.specification.components if key.startswith(OF_THE_SPOOL) else ()):
             off = list(parameter.value)
-            off[k] += 0.1 * prior_of(machine, name).sigma
+            off[k] = prior_of(machine, name).away(off[k], 0.1)
             try:
                 variance += ((opening(key, tuple(off)) - opening(key, parameter.value)) / 0.1) ** 2
             except MachineError:  # a number at the end of its range

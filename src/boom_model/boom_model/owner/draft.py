@@ -183,7 +183,7 @@ def _friction(n: Mapping[str, float]) -> list[Entry]:
     return [
         *(Entry(key, n["seal_friction"], "N", "answered", {"factor": 6.0}, "seals") for key in ("F_C_pos", "F_C_neg")),
         *(Entry(key, damping, "N s/m", "assumed", {"factor": 4.0}) for key in ("d_pos", "d_neg")),
-        Entry("sigma_p", 2.0e-3, "m/s", "assumed", 0.3),
+        Entry("sigma_p", 2.0e-3, "m/s", "assumed", {"factor": 5.0}),
     ]
 
 
