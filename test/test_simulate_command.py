@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib import resources
 from pathlib import Path
 
+import numpy as np
 import pytest
+import yaml
 
 from boom_bringup import cli
 from boom_identification.validation import validate
 from boom_input.whole import one_writer
 from boom_model.errors import SimulationError
-from boom_model.machine_file import load_machine
+from boom_model.machine_file import load_machine, machine_from
+from boom_model.sensors import IDEAL
+from boom_recording import writing
 from boom_recording.loading import load
+from boom_recording.recording import Configuration
 from boom_report.tracking import position_error
-from boom_sim.simulated_crane import CraneSample, SimulatedCrane
+from boom_sim import offline
+from boom_sim.simulated_crane import CraneSample, CraneStart, SimulatedCrane
 
 BAGS = Path(__file__).parents[1] / "bags"
 
@@ -180,3 +187,29 @@ def test_wrong_input_is_one_line_and_status_2_and_leaves_nothing(
     assert len(result.stderr.strip().splitlines()) == 1
     assert message in result.stderr
     assert not (tmp_path / "x").exists()
+
+
+def test_what_was_measured_of_the_supply_and_the_loads_of_that_recording_act_as_in_validate(tmp_path: Path) -> None:
+    crane = yaml.safe_load((resources.files("boom_model") / "machines" / "loader_crane.yaml").read_text("utf-8"))
+    crane["payload"] = {"recordings": {"monday": [{"mass": 150.0, "time": 6.0}, {"mass": -150.0, "time": 14.0}]}}
+    file = tmp_path / "crane.yaml"
+    file.write_text(yaml.safe_dump(crane), encoding="utf-8")
+    time = np.arange(0.0, 20.0, 0.01)
+    lift, supply = 0.55 * (np.sin(0.7 * time) > 0.3), 1.9e7 + 1.5e6 * np.sin(0.9 * time)
+    lower = 0.5 * (np.sin(0.7 * time) < -0.5)
+    machine = machine_from(crane)
+    pose = machine.tabulated[0]
+    configuration = Configuration("loader_crane", pose.outer_boom_angle, pose.telescope_length, 0.0)
+    recorded = offline.simulate(
+        machine, configuration, CraneStart(0.3), time, np.column_stack((lower, lift)), noise=IDEAL, name="monday",
+        pressures={"supply_pressure": (time, supply)},
+    )  # fmt: skip
+    writing.write(tmp_path / "monday", recorded)
+    words = ("--machine", str(file), "--sensors", "ideal", "--output", "again")
+    result = boom("simulate", "monday", *words, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    again = load(tmp_path / "again")
+    angle, supplied = again.signals["angle"], again.signals["supply_pressure"]
+    assert np.abs(angle.values - recorded.signals["angle"].values[: len(angle.values)]).max() < 2e-4
+    assert np.abs(supplied.values - supply[: len(supplied.values)]).max() < 1.0
+    assert "payload.recordings.monday" in result.stdout  # under its new name they are not the bag's any more

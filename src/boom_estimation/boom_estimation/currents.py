@@ -15,7 +15,7 @@ from boom_model.errors import MachineError
 from boom_model.machine import Machine
 from boom_model.structure import CURRENTS, DRIVING
 from boom_recording.joint_motion import joint_motion
-from boom_recording.recording import Recording
+from boom_recording.recording import Recording, Signal
 
 Array = NDArray[np.float64]
 
@@ -107,14 +107,19 @@ def gap_of(time: Array) -> float:
     return max(GAP, 1.5 * float(np.median(np.diff(time)))) if len(time) > 1 else GAP
 
 
+def driving(recording: Recording) -> list[tuple[str, Signal]]:
+    """The pressures of a recording that drive the model: those that are known nearly throughout."""
+    known = [(name, recording.signals[name]) for name in DRIVING if name in recording.signals]
+    return [(name, signal) for name, signal in known if len(signal.time) and signal.valid.mean() > MEASURED]
+
+
 def driven(machine: Machine, recording: Recording) -> Machine:
     """The machine, driven by what a recording holds of its inputs: pressures nearly throughout, other joints where they move.
 
     Raises:
         MachineError: joints move, and the file does not tell the bodies.
     """
-    signals = recording.signals
-    machine = machine.driven_by([name for name in DRIVING if name in signals and signals[name].valid.mean() > MEASURED])
+    machine = machine.driven_by([name for name, _ in driving(recording)])
     if joint_motion(recording) is None:
         return machine
     if not other_joints.known(machine.document):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,7 @@ from boom_sim.simulated_crane import PERIOD, CraneStart, EndedEarlyError
 from boom_sim.work_cycle import measured as measured_joints
 
 Array = NDArray[np.float64]
+Series = tuple[Array, Array]
 
 JOINT_STEP = 0.002
 """s. Far finer than the recording, so that it does not share the error of the model that holds the joints for a period."""
@@ -39,6 +42,8 @@ def simulate(
     name: str = "simulated",
     tolerance: float = FINE,
     motion: JointMotion | None = None,
+    pressures: Mapping[str, Series] = MappingProxyType({}),
+    loads_of: str = "",
     period: float = PERIOD,
 ) -> Recording:
     """Run a model on held currents and measure periodically.
@@ -56,6 +61,9 @@ def simulate(
         name: of the recording.
         tolerance: relative, of the integration.
         motion: of the other joints; without, they are locked as configured.
+        pressures: supply and tank pressure by channel, time (k,) [s] and value (k,) [Pa gauge]: they drive the model instead of its
+            constants, between their samples by lines, and are in the recording as given.
+        loads_of: the recording whose steps of the load act (``payload.recordings``); default: ``name``.
         period: of the sensors [s].
 
     Raises:
@@ -64,11 +72,12 @@ def simulate(
     """
     load = 0.0 if math.isnan(configuration.load_mass) else configuration.load_mass
     pose = machine.pose(configuration.outer_boom_angle, configuration.telescope_length, load)
-    carrying = machine.carrying(name)
+    carrying = machine.carrying(loads_of or name).driven_by(pressures)
     plant = Plant(carrying if motion is None else carrying.with_moving_joints(), pose, kind)
     end = float(time[-1]) + period if duration is None else duration
     grid: Array = np.arange(math.floor(end / period + 1e-9) + 1, dtype=np.float64) * period
-    held, inputs = _inputs(machine, configuration, time, currents, motion, end)
+    driving = [pressures[channel] for channel in carrying.structure.driven]
+    held, inputs = _inputs(machine, configuration, time, currents, driving, motion, end)
     initial = start.state(plant, inputs[0])
     try:
         outputs, ended = plant.run(held, inputs, grid, initial, start=0.0, tolerance=tolerance).outputs, None
@@ -89,23 +98,30 @@ def simulate(
     shown = noise.currents(acting, rng)
     columns = {"retract_current": shown[:, 0], "extend_current": shown[:, 1]}
     result.signals |= writing.from_columns(name, shown_time, columns, configuration).signals
+    for channel, (sampled, values) in pressures.items():
+        seen = sampled <= grid[-1]
+        result.signals |= writing.from_columns(name, sampled[seen], {channel: values[seen]}, configuration).signals
     if ended is not None:
         raise EndedEarlyError(ended, result)
     return result
 
 
 def _inputs(
-    machine: Machine, configuration: Configuration, time: Array, currents: Array, motion: JointMotion | None, end: float
-) -> tuple[Array, Array]:
+    machine: Machine, configuration: Configuration, time: Array, currents: Array, driving: Sequence[Series],
+    motion: JointMotion | None, end: float,
+) -> tuple[Array, Array]:  # fmt: skip
     """From when each input acts, and the inputs of the plant; joints that move are held for ``JOINT_STEP``, as in its middle."""
-    if motion is None:
+    more = [sampled[(sampled > time[0]) & (sampled < end)] for sampled, _ in driving]
+    more += [np.arange(0.0, end, JOINT_STEP)] if motion is not None else []
+    if not more:
         return time, currents
-    held = np.unique(np.concatenate((time, np.arange(0.0, end, JOINT_STEP))))
-    ends = np.append(held[1:], held[-1])
-    pose = configuration.outer_boom_angle, configuration.telescope_length
-    moved = joint_motion.inputs(machine.document, pose, *motion.at(0.5 * (held + ends)))
+    held = np.unique(np.concatenate((time, *more)))
     acting = np.maximum(np.searchsorted(time, held + 1e-9, side="right") - 1, 0)
-    return held, np.column_stack((currents[acting], moved))
+    columns = [currents[acting], *(np.interp(held, sampled, values) for sampled, values in driving)]
+    if motion is not None:
+        pose, ends = (configuration.outer_boom_angle, configuration.telescope_length), np.append(held[1:], held[-1])
+        columns.append(joint_motion.inputs(machine.document, pose, *motion.at(0.5 * (held + ends))))
+    return held, np.column_stack(columns)
 
 
 def _current_times(time: Array, grid: Array, period: float) -> Array:

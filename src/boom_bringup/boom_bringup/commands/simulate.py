@@ -142,6 +142,11 @@ def run(args: argparse.Namespace) -> int:
         write_recording(made, result)
     following = arguments.command_line("validate", str(output), *arguments.option_words(args, "machine"))
     _show(result, machine, spent, output, following)
+    loaded = given.recording.name if given.recording and not args.reference else ""
+    if loaded in machine.payloads and loaded != output.name:
+        print(
+            f"its loads are payload.recordings.{loaded} of the machine file: to validate it, give it the name {loaded}"
+        )
     if args.reference:
         from boom_bringup.commands._simulate_reference import tracking_line
 
@@ -239,11 +244,20 @@ def _simulated(args: argparse.Namespace, given: _Given, machine: Machine, name: 
         )  # fmt: skip
     assert given.stamps is not None and given.currents is not None
     motion = _motion(args, given, machine, configuration)
+    loads_of = given.recording.name if given.recording else ""
     return simulate(
         machine, configuration, given.start, given.stamps, given.currents,
         noise=noise, seed=args.seed, kind=args.model, duration=args.duration, name=name, motion=motion,
-        tolerance=args.tolerance,
+        pressures=_pressures(given.recording), loads_of=loads_of, tolerance=args.tolerance,
     )  # fmt: skip
+
+
+def _pressures(recording: Recording | None) -> dict[str, tuple[Array, Array]]:
+    """Supply and tank pressure of a recording that has them, which drive the model as they do in validate."""
+    from boom_estimation.currents import driving
+
+    known = () if recording is None else driving(recording)
+    return {name: (signal.time[signal.valid], signal.values[signal.valid]) for name, signal in known}
 
 
 def _motion(
