@@ -154,6 +154,22 @@ def test_what_the_contract_names_is_not_asked(tmp_path: Path, capsys: pytest.Cap
     np.testing.assert_allclose(load(tmp_path / "made").signals["rod_pressure"].values, steps, atol=1.0)
 
 
+def test_a_pressure_that_nobody_recorded_is_no_question_and_what_is_left_out_is_named(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The smallest set of sensors of a loader crane: angle, hose pressure, currents."""
+    columns = {
+        "time [s]": original.t, "boom angle [deg]": np.degrees(original.q), "piston side [bar]": original.ph / 1e5,
+        "oil temperature [degC]": 40.0 + original.t / 60.0, "lift [mA]": 1e3 * original.ie, "lower [mA]": 1e3 * original.ir,
+    }  # fmt: skip
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(tmp_path / "run.csv", table, delimiter=",", header=",".join(columns), comments="", fmt="%.5f")
+    assert boom("import", "run.csv", "--yes", "--no-report", *POSE, "--machine", "tz17", "--output", "made") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "no column is the rod pressure" in said and "not used: 'oil temperature [degC]'" in said
+    assert not len(load(tmp_path / "made").signals["rod_pressure"].time)
+
+
 def test_the_bag_carries_the_name_of_its_machine_file(
     original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -43,6 +43,7 @@ from boom_diagnosis.odds import (
     ranking,
 )
 from boom_diagnosis.open_numbers import doubted_by_numbers
+from boom_diagnosis.own_loads import said_of_loads, told_by_recording
 from boom_diagnosis.prediction import beyond, gained
 from boom_diagnosis.proof import (
     as_noise_lets_it,
@@ -164,13 +165,14 @@ def assemble(
     named = verdict not in ("no_mismatch", "parameters_only")  # else one-step errors name nothing
     left_over = remaining(fit, tight.excess_before, left if named else 0.0)
     machine = _final_machine(case, verdict, learned)
+    handed_out = told_by_recording(case, machine)
     return DiagnosisResult(
-        document, case.machine, machine, bags,
+        document, case.machine, handed_out, bags,
         regimes.table(cells, case.select, tight.nominal, explained, case.healthy_squares), equations, agreement, proof.ladder,
         (learned.curve,) if learned else (), left_over, moved, experiment,
         (
-            *_said_of_wrong(case, moved), *unproved, *_said_of_limits(case, moved), *_said_of_less(case, machine), *proof.notes,
-            *notes_of(case.bags, case.proving, weak),
+            *_said_of_wrong(case, moved), *unproved, *_said_of_limits(case, moved), *_said_of_less(case, machine),
+            *said_of_loads(machine, handed_out), *proof.notes, *notes_of(case.bags, case.proving, weak),
         ),
         command=about.command, wrong=case.wrong,
     )  # fmt: skip

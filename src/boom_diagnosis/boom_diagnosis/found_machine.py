@@ -134,7 +134,8 @@ def write_machine(path: Path, machine: Machine, *, command: str) -> None:
     text = yaml.safe_dump(_plain(machine.document), sort_keys=False, allow_unicode=True, width=120)
     head = (
         f"# Diagnosed on {date.today().isoformat()} by: {command}\n"
-        "# What does not say 'identified', and 'effects' beside, is as it was.\n"
+        "# Found: what says 'identified', moments of mass of the recordings' pose, effects, loads of single recordings.\n"
+        "# All else is as it was.\n"
     )
     write_whole(path, head + text)
 

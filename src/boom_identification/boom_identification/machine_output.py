@@ -90,7 +90,12 @@ def document_with(machine: Machine, estimates: Iterable[Identified]) -> dict[str
             step["mass" if name == "mass" else machine.structure.steps[int(k)]] = value
             continue
         own = [e for name, e in found.items() if name == key or name.rpartition(".")[0] == key]
-        section, name = key.split(".")[:2]
+        section, name, *leaf = key.split(".")
+        if leaf:  # a group of plain numbers with one source
+            group = {k: v for k, v in document[section][name].items() if k != "tol"}
+            before = {"value": group.get(leaf[0]), "prov": group.get("prov", "not told")}
+            document[section][name] = {**group, leaf[0]: value, **_provenance(own, before)}
+            continue
         old = document[section].get(name, {"value": machine.parameters[key].value[0], "unit": own[0].unit})
         entry = dict(old) if isinstance(old, Mapping) else {"unit": own[0].unit}
         entry["value"] = list(value) if isinstance(value, tuple) else value

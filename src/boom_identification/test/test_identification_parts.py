@@ -228,3 +228,10 @@ class TestMachineOutput:
     def test_an_impossible_value_is_refused(self) -> None:
         with pytest.raises(MachineError, match=r"friction\.tau_C_pos"):
             document_with(tz17(), [Identified("friction.tau_C_pos", -5.0, "N m", (-6.0, -4.0), "")])
+
+    def test_a_number_of_a_group_goes_to_its_own_key(self) -> None:
+        """The area of the anti-cavitation valves was written beside itself, and no command read it."""
+        key = "main_valve_orifices.anti_cavitation.A_ac"
+        document = document_with(tz17(), [Identified(key, 2e-5, "m^2", (1e-5, 3e-5), "free run")])
+        assert machine_from(document).parameters[key].value == (2e-5,)
+        assert "value" not in document["main_valve_orifices"]["anti_cavitation"]

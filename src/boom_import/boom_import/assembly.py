@@ -32,6 +32,10 @@ _NAMED, _ALIKE = 5.0, 0.6
 _ABSOLUTE_WORDS, _GAUGE_WORDS = {"abs", "absolute", "absolut"}, {"gauge", "rel", "relative", "relativ", "ueberdruck"}
 
 
+MOST_NAMED = 6
+"""Columns that are left out, in a note."""
+
+
 @dataclass
 class Proposal:
     """A mapping with what an engineer wants to know about it.
@@ -64,6 +68,7 @@ def propose(source: Source, choice: TimeChoice | None = None, joint: str = "") -
     _ask_for_reference(proposal, found)
     _add_optional(proposal, found, source.columns)
     _note(proposal, found)
+    _note_unused(proposal, source.columns)
     return proposal
 
 
@@ -74,7 +79,9 @@ def _decide(proposal: Proposal, found: Found, signal: str, ratios: list[Column])
     proposal.options[signal] = made
     proposal.probability[signal] = probability
     candidate = choice.best
-    if candidate is None and signal != RATE:
+    if candidate is None and DIMENSION[signal] == units.PRESSURE and probability >= SURE:
+        proposal.notes.append(f"no column is the {signal.replace('_', ' ')}: it counts as not recorded")
+    elif candidate is None and signal != RATE:
         proposal.questions[signal] = "no column fits it" + _percent(signal, ratios)
         best = ASK
     elif probability < SURE:
@@ -219,6 +226,18 @@ def _add_optional(proposal: Proposal, found: Found, columns: list[Column]) -> No
             proposal.probability[signal] = weight[0] / sum(weight)
             proposal.why[signal] = f"name, follows {_PARTNER[signal].replace('_', ' ')}"
             free = [c for c in free if c.key != best.column.key]
+
+
+def _note_unused(proposal: Proposal, columns: list[Column]) -> None:
+    """A pump's pressure that nobody gives drives nothing."""
+    used = {e.column for e in proposal.mapping.signals.values() if isinstance(e, SignalMap)}
+    moving = [c.key for c in columns if c.key not in used and float(np.ptp(c.values)) > 0.0]
+    if moving:
+        said = ", ".join(f"'{quoted(key, 60)}'" for key in moving[:MOST_NAMED])
+        more = f" and {len(moving) - MOST_NAMED} more" if len(moving) > MOST_NAMED else ""
+        proposal.notes.append(
+            f"not used: {said}{more}; pump and tank pressures drive the model: give them as supply_pressure, tank_pressure"
+        )
 
 
 def _note(proposal: Proposal, found: Found) -> None:
