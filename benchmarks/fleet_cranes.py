@@ -265,7 +265,8 @@ def _at_work(
     operator, angle, pieces, starts = Operator(m, table, rng), start.angle, [], []
     count = max(1, round(seconds / PIECE))
     piece = seconds / count
-    for _ in range(count + ATTEMPTS):
+    most = count + max(ATTEMPTS, 4 * (count - 20))  # of an hour many a piece would end at a stop
+    for _ in range(most):
         try:
             currents, begins = operator.drive(piece, angle)
             end = run(m, table, InitialValues(angle, start.rod_pressure), per_millisecond(currents), steps=2)["angle"][
@@ -279,7 +280,7 @@ def _at_work(
         if len(pieces) == count:
             break
     else:
-        raise RunError(f"no {seconds:g} s of work within {count + ATTEMPTS} attempts")
+        raise RunError(f"no {seconds:g} s of work within {most} attempts")
     return DetectionSetting(specimen, pose, start, np.concatenate(pieces), np.concatenate(starts))
 
 
