@@ -11,6 +11,7 @@ from boom_diagnosis.document import Estimate, Finding, HypothesisRow, RankingRow
 from boom_diagnosis.earning import clear, needed, numbers_of
 from boom_diagnosis.fitting import SLOW
 from boom_diagnosis.must_keep import told
+from boom_diagnosis.onset import neutral
 from boom_diagnosis.proof import label_of
 from boom_diagnosis.weighing import Weighed, estimates, of_effect, probabilities
 from boom_model.catalogue import EFFECTS
@@ -119,6 +120,7 @@ def probability_of(odds: Odds, effect: str) -> float:
 
 
 def _inside(w: Weighed) -> bool:
+    """Whether the numbers that act are within their plausible ranges."""
     values = w.fitted.point.effects
     own = [c for c in w.fitted.coordinates if c.name.split(".")[1] == w.fitted.effect and not c.onset]
-    return all(c.plausible[0] <= values[c.name] <= c.plausible[1] for c in own)
+    return all(values[c.name] == neutral(c.name) or c.plausible[0] <= values[c.name] <= c.plausible[1] for c in own)

@@ -117,6 +117,20 @@ def test_an_effect_that_gains_less_than_is_needed_is_not_likelier_than_parameter
     assert odds.effects[0]["pilot_lag"] + odds.tolerances == pytest.approx(1.0, abs=2e-4)
 
 
+@pytest.mark.parametrize(
+    ("numbers", "inside"),
+    [({"mass": 188.0, "s_g": -1.0}, True), ({"mass": 188.0, "s_g": 1.5}, False), ({"mass": 5.0}, False)],
+)
+def test_a_number_that_does_not_act_is_not_outside_its_plausible_range(numbers: dict[str, float], inside: bool) -> None:
+    """A load that comes at a time was "outside its plausible range", as it leaves the ground at no stroke."""
+    found = weighed("payload_change", 50.0, 50.0, 400.0)
+    names = all_coordinates(["payload_change"])
+    neutral = {"mass_2": 0.0, "s_2": 10.0, "s_g": -1.0, "t_g": 20.0, "t_r": 1e4}
+    values = {f"effects.payload_change.{k}": v for k, v in {**neutral, **numbers}.items()}
+    at = replace(found.fitted.point, effects=values)
+    assert weighing_of._inside(replace(found, fitted=replace(found.fitted, point=at, coordinates=names))) is inside
+
+
 def test_what_is_near_unknown_physics_has_the_probability_of_the_ranking(
     monkeypatch: pytest.MonkeyPatch, case: Any
 ) -> None:

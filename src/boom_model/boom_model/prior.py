@@ -33,6 +33,8 @@ LOAD, LOAD_KG = 0.05, 20.0
 """Tolerance of a load: the larger one of a share and of kilograms."""
 LINKAGE = ("kinematics.", "cylinder.l_min")
 MOMENTS = ("D0", "Sx", "Sy")
+FEW = 4
+"""Numbers of one tolerance by ``conf`` that a table names; more are counted."""
 
 
 @dataclass(frozen=True)
@@ -119,17 +121,19 @@ def _prior(tolerance: Tolerance, value: float, low: float, high: float) -> Prior
 
 
 def summary(parameters: Iterable[Parameter]) -> list[tuple[str, str, str]]:
-    """Rows (meaning, value, source) for a table: how far the numbers may be off, those without a ``tol`` counted."""
-    told: dict[str, list[str]] = {}
-    counted: dict[str, int] = {}
+    """Rows (meaning, value, source) for a table: how far the numbers may be off, of many without a ``tol`` how many."""
+    rows: dict[tuple[str, str], list[str]] = {}
     for parameter in parameters:
-        said = str(tolerance_of(parameter))
-        if parameter.tol is None:
-            counted[said] = counted.get(said, 0) + 1
-        else:
-            told.setdefault(said, []).append(parameter.specification.key)
-    counts = sorted(counted.items(), key=lambda row: -row[1])
+        own, unit = tolerance_of(parameter), parameter.specification.unit
+        said = f"{own} {unit}" if own.word in ("abs", "range") and unit != "-" else str(own)
+        rows.setdefault(("prov, conf" if parameter.tol is None else "tol", said), []).append(
+            parameter.specification.key
+        )
     return [
-        *((f"tolerance {said}", f"{count} number{'s' if count > 1 else ''}", "prov, conf") for said, count in counts),
-        *((f"tolerance {said}", ", ".join(keys), "tol") for said, keys in told.items()),
+        (
+            f"tolerance {said}",
+            ", ".join(keys) if source == "tol" or len(keys) <= FEW else f"{len(keys)} numbers",
+            source,
+        )
+        for (source, said), keys in sorted(rows.items(), key=lambda row: (row[0][0] == "tol", -len(row[1])))
     ]
