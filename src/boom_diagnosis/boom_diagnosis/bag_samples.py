@@ -238,10 +238,10 @@ def _origin(recording: Recording) -> float:
     These then lie at the end of an interval, where a sample corrects the state; at its beginning it would correct it too late.
     """
     phases = []
-    for name in OUTPUTS:
-        signal = recording.signals[name]
-        turn = np.exp(2j * np.pi * signal.time[signal.valid] / PERIOD)
-        phases.append(float(np.angle(np.mean(turn)) / (2 * np.pi) % 1.0))
+    for signal in (recording.signals[name] for name in OUTPUTS):
+        if signal.valid.any():
+            turn = np.exp(2j * np.pi * signal.time[signal.valid] / PERIOD)
+            phases.append(float(np.angle(np.mean(turn)) / (2 * np.pi) % 1.0))
     around = np.sort(np.array(phases))
     gaps = np.diff(np.append(around, around[0] + 1.0))
     return (float(around[int(np.argmax(gaps))]) % 1.0 - 1.0) * PERIOD

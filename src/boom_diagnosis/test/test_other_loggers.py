@@ -54,6 +54,15 @@ def test_an_effect_is_found_in_channels_that_are_sampled_in_turn() -> None:
     assert found.findings[0].parameters["r"].value == pytest.approx(2.0, rel=0.1)
 
 
+def test_intervals_end_with_the_samples_that_belong_together_whichever_channel_is_missing() -> None:
+    """Of angle, rate and hose pressure at 6, 7 and 1 ms the pause before the angle is the longest: intervals end at 1 ms."""
+    made = noisy(tz17(), 3.0, 1)
+    late = {"angle": 6e-3, "rate": 7e-3, "hose_pressure": 1e-3}
+    signals = {n: replace(s, time=s.time + late.get(n, 0.0)) for n, s in made.signals.items()}
+    bag = prepare(without(replace(made, signals=signals), "rod_pressure"), tz17(), aligned=True)
+    assert bag is not None and bag.grid[0] == pytest.approx(-9e-3, abs=1e-6)
+
+
 def test_an_effect_is_found_without_gyro_and_what_only_that_shows_is_said_to_be_untold() -> None:
     made = noisy(tz17().with_effects({"pilot_lag": {"r": 2.0}}), 24.0, 1)
     result = diagnose([without(made, "rate")], tz17())
