@@ -201,9 +201,9 @@ def _own(machine: Machine, parameter: Parameter, name: str, value: float) -> Nui
         sigma = PRECHARGE / 2.0
     ends = sorted((prior.low / value, prior.high / value))
     together = next((row[1:] for row in ONE_FACTOR if key == row[0]), ())
-    factor = tolerance_of(parameter).word == "factor"
-    tail = TAIL if _guessed(parameter) and not factor else 0.0  # how far a factor may be off is no guess
-    return Nuisance(name, sigma, together=together, tail=tail, ends=(ends[0], ends[1]), factor=factor)
+    guess = _guessed(parameter)
+    factor = parameter.tol is not None and parameter.tol.word == "factor"
+    return Nuisance(name, sigma, together=together, tail=TAIL if guess else 0.0, ends=(ends[0], ends[1]), factor=factor)
 
 
 def _differences(machine: Machine) -> list[Nuisance]:

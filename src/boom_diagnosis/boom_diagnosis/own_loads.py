@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from boom_diagnosis.onset import neutral
 from boom_model.catalogue import EFFECTS
+from boom_model.components import payload
 from boom_model.errors import MachineError
 from boom_model.machine import Machine
 from boom_model.machine_file import machine_from
@@ -67,11 +68,11 @@ def load_steps(effect: str, values: Values) -> Steps:
 
 def _with_steps(machine: Machine, effect: str, steps: Mapping[str, Steps]) -> Machine:
     document: dict[str, Any] = dict(machine.document)
-    payload = dict(document.get("payload") or {})
-    recordings = dict(payload.get("recordings") or {})
+    section = dict(document.get(payload.NAME) or {})
+    recordings = dict(section.get("recordings") or {})
     for name, found in steps.items():
-        recordings[name] = [*(recordings.get(name) or payload.get("steps") or ()), *found]
-    document["payload"] = {**payload, "recordings": recordings}
+        recordings[name] = [*(recordings.get(name) or section.get("steps") or ()), *found]
+    document[payload.NAME] = {**section, "recordings": recordings}
     document["effects"] = {name: values for name, values in document["effects"].items() if name != effect}
     try:
         return machine_from(document)
@@ -82,5 +83,5 @@ def _with_steps(machine: Machine, effect: str, steps: Mapping[str, Steps]) -> Ma
 def said_of_loads(before: Machine, after: Machine) -> Iterable[str]:
     """That the file has them."""
     if after is not before:
-        names = ", ".join(after.document["payload"]["recordings"])
+        names = ", ".join(after.document[payload.NAME]["recordings"])
         yield f"machine.yaml tells the load of each recording, which has times of its own (payload.recordings: {names})"

@@ -55,15 +55,6 @@ def test_a_guess_may_be_off_by_a_factor_of_six_and_what_is_known_by_twice_its_to
     assert guess.value(1.0, 1.0) == pytest.approx(told.value(1.0, 1.0), rel=0.02)  # near the file both are the same
 
 
-@pytest.mark.parametrize(("said", "factor"), [({}, 5.0), ({"conf": "low"}, 5.0), ({"tol": {"factor": 2.0}}, 2.0)])
-def test_the_width_of_the_tanh_is_nobody_s_number_unless_its_owner_says_how_far_it_may_be_off(
-    said: dict[str, Any], factor: float
-) -> None:
-    own = by_name(changed("friction", "sigma", **said))["friction.sigma"]
-    assert own.value(0.01, 2.0) == pytest.approx(0.01 * factor)
-    assert own.limits[1] == 4.0
-
-
 def test_a_guess_at_four_edges_lets_each_edge_differ_and_a_known_one_does_not() -> None:
     known, guessed = by_name(load_machine("tz17")), by_name(changed("main_valve_orifices", "x0", conf="low"))
     differences = {n for n in guessed if guessed[n].difference and not guessed[n].label}

@@ -81,8 +81,6 @@ def tolerance_of(parameter: Parameter) -> Tolerance:
     """The tolerance of a number: its ``tol``, else by its confidence."""
     if parameter.tol is not None:
         return parameter.tol
-    if parameter.specification.guessed:
-        return Tolerance("factor", (parameter.specification.guessed,))
     if parameter.specification.key.startswith("accumulators.p_g0") and not parameter.confidence:
         return Tolerance("relative", (PRECHARGE,))
     return Tolerance("relative", (parameter.tolerance,))

@@ -22,7 +22,6 @@ class Specification:
         maximum: largest allowed value.
         equation: number of the equation in the thesis in which it stands.
         shape: scalar, pair or triple of numbers.
-        guessed: of what no data sheet has: factor by which it may be off where the file tells no tolerance; 0: as ``conf`` says.
         entry: makes ``{value: ..., unit: ...}`` of the section where the file writes it in another form; raises MachineError.
     """
 
@@ -34,7 +33,6 @@ class Specification:
     maximum: float
     equation: str
     shape: Shape = "scalar"
-    guessed: float = 0.0
     entry: Callable[[Mapping[str, Any], Specification], Mapping[str, Any]] | None = field(default=None, compare=False)
 
     @property

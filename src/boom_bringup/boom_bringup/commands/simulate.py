@@ -175,11 +175,7 @@ def _given(args: argparse.Namespace, source: Path) -> _Given:
     given = _from_reference(args, source) if args.reference else _with_currents(args, source)
     if args.angle is not None:
         given.start = CraneStart(args.angle)  # the measured pressures belong to the measured angle
-    pose = {
-        "outer_boom_angle": args.q3,
-        "telescope_length": args.q4,
-        "load_mass": args.load,
-    }
+    pose = {"outer_boom_angle": args.q3, "telescope_length": args.q4, "load_mass": args.load}
     changed = {key: value for key, value in pose.items() if value is not None}
     if changed:
         given.configuration = replace(given.configuration, **changed)
@@ -387,14 +383,8 @@ def _show(result: Recording, machine: Machine, spent: float, output: Path, next_
     table = Table(
         title=f"{result.name}: {machine.name}, q3 {c.outer_boom_angle:g} rad, q4 {c.telescope_length:g} m, load {c.load_mass:g} kg"
     )
-    for heading, side in (
-        ("channel", "left"),
-        ("unit", "left"),
-        ("first", "right"),
-        ("least", "right"),
-        ("most", "right"),
-    ):
-        table.add_column(heading, justify=side)  # type: ignore[arg-type]
+    for heading in ("channel", "unit", "first", "least", "most"):
+        table.add_column(heading, justify="left" if heading in ("channel", "unit") else "right")
     for signal in result.signals.values():
         bar = signal.unit == "Pa"
         values = signal.values[signal.valid] / (1e5 if bar else 1.0)

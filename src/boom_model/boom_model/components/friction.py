@@ -17,22 +17,19 @@ from boom_model.regularisation import Expression
 from boom_model.slots import Friction, register
 from boom_model.specification import Specification
 
-WIDTH = 5.0
-"""Factor. Seals and bearings start to slide at fractions of a millimetre a second or at centimetres; whoever writes a machine file
-chooses a width. As narrow as a data sheet's number it made a boom that simply sticks one whose friction gives way elastically."""
 SPECIFICATIONS = (
     Specification("friction.tau_C_pos", "tau_C+", "N m", "Coulomb friction, lifting", 0.0, 1e5, "3.7"),
     Specification("friction.tau_C_neg", "tau_C-", "N m", "Coulomb friction, lowering", 0.0, 1e5, "3.7"),
     Specification("friction.k_v_pos", "k_v+", "N m s/rad", "viscous friction, lifting", 0.0, 1e6, "3.7"),
     Specification("friction.k_v_neg", "k_v-", "N m s/rad", "viscous friction, lowering", 0.0, 1e6, "3.7"),
-    Specification("friction.sigma", "sigma", "rad/s", "width of the tanh", 1e-4, 1.0, "3.7", guessed=WIDTH),
+    Specification("friction.sigma", "sigma", "rad/s", "width of the tanh", 1e-4, 1.0, "3.7"),
 )
 AT_SEALS = (
     Specification("friction.F_C_pos", "F_C+", "N", "Coulomb friction of the seals, lifting", 0.0, 1e5, "-"),
     Specification("friction.F_C_neg", "F_C-", "N", "Coulomb friction of the seals, lowering", 0.0, 1e5, "-"),
     Specification("friction.d_pos", "d_+", "N s/m", "viscous friction of the seals, lifting", 0.0, 1e6, "-"),
     Specification("friction.d_neg", "d_-", "N s/m", "viscous friction of the seals, lowering", 0.0, 1e6, "-"),
-    Specification("friction.sigma_p", "sigma_p", "m/s", "width of the tanh", 1e-5, 1.0, "-", guessed=WIDTH),
+    Specification("friction.sigma_p", "sigma_p", "m/s", "width of the tanh", 1e-5, 1.0, "-"),
 )
 
 
