@@ -129,7 +129,7 @@ class MachinePosterior:
             if unchanged >= threshold or len(found) == MOST_CHANGES or len(accepted) == 2 * MOST_CHANGES or not weighed:
                 return ChangeHistory(tuple(found), unchanged, first)
             change = self._told(weighed, count)
-            if max(map(abs, change.interval)) > UNIMPORTANT:
+            if abs(change.size) > UNIMPORTANT:
                 found.append(change)
             accepted.append(max(weighed, key=lambda w: w.log_odds).candidate)
 
