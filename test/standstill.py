@@ -1,7 +1,7 @@
 """How long this computer stood still: a process that sleeps for milliseconds writes down when it slept longer.
 
 A virtual machine that its host pauses for 80 ms stops whatever moves in real time, as a controller is meant to. No test of a motion
-can tell then what it is about.
+can tell then what it is about. (``benchmarks/controller_timing.py`` measures core by core, and tells when it has ended.)
 """
 
 from __future__ import annotations

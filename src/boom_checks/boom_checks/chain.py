@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from boom_checks.check import IntervalValue, RecordingCheck
 from boom_checks.cylinder_valve import FOLLOWS, ValveData, ValveLaw, joined, valve_laws
-from boom_checks.doubts import ALL, checks_of
-from boom_checks.even_series import PERIOD, SHORTEST, EvenSeries, even_series
+from boom_checks.doubts import ALL, checks_of, lacking
+from boom_checks.even_series import PERIOD, EvenSeries, even_series
 from boom_checks.forced import ForcedRun, forced_run
 from boom_checks.mechanics import Mechanics, mechanics, piston_only
 from boom_checks.readings import Z_90
@@ -227,7 +227,7 @@ def chain_of_machine(recording: Recording, machine: Machine) -> RecordingChain:
     if repaired.known("angle", "rate"):
         links.append(_kinematics(repaired, machine))
     else:
-        missing.append(("kinematics", _lacking(repaired, ("angle", "rate"))))
+        missing.append(("kinematics", _why(recording, repaired, ("angle", "rate"))))
     if repaired.known(*ALL):
         if machine.structure.hose_burst_valve.holds:
             missing.append(("mechanics", HELD))
@@ -237,21 +237,13 @@ def chain_of_machine(recording: Recording, machine: Machine) -> RecordingChain:
         plant = Plant(machine, pose_of(recording, machine))
         links += _ports(repaired, forced_run(repaired, plant, INNER), plant)
     else:
-        missing += [(name, _lacking(repaired, ALL)) for name in ("mechanics", "head flow", "rod flow")]
+        missing += [(name, _why(recording, repaired, ALL)) for name in ("mechanics", "head flow", "rod flow")]
     return _chain(recording, repaired, boom, tuple(found), tuple(links), tuple(missing), still)
 
 
-def _lacking(series: EvenSeries, names: Sequence[str]) -> str:
+def _why(recording: Recording, series: EvenSeries, names: Sequence[str]) -> str:
     """Why what needs these signals cannot be driven."""
-    absent = [name for name in names if name not in series]
-    if absent:
-        return f"the {_listed(absent)} {'is' if len(absent) == 1 else 'are'} not recorded"
-    return f"{_listed(names)} are known together for less than {SHORTEST:g} s"
-
-
-def _listed(names: Sequence[str]) -> str:
-    said = [name.replace("_", " ") for name in names]
-    return " and ".join([", ".join(said[:-1]), said[-1]] if len(said) > 1 else said)
+    return f"it needs {lacking(recording, [n for n in names if not series.known(n)] or list(names))}"
 
 
 def chain_of_cylinder(recording: Recording, head_area: float, rod_area: float) -> RecordingChain:

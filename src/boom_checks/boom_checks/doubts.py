@@ -51,7 +51,7 @@ def first_look(recording: Recording, machine: Machine) -> FirstLook:
     if machine.structure.hose_burst_valve.holds:
         why = "no levels: the valve that holds the load stands between the hose pressure and the boom"
     elif missing := [name for name in ALL if not series.known(name)]:
-        why = f"no levels: they need {_lacking(recording, missing)}"
+        why = f"no levels: they need {lacking(recording, missing)}"
     return FirstLook(recording.name, tuple(found), None if why else statics_of(repaired, boom), why)
 
 
@@ -60,7 +60,7 @@ def _series(recording: Recording) -> EvenSeries:
     return even_series(independent(recording))
 
 
-def _lacking(recording: Recording, missing: list[str]) -> str:
+def lacking(recording: Recording, missing: list[str]) -> str:
     """What of these signals is not there, or not for long enough, in words."""
     absent = [name for name in missing if name not in recording.signals or not recording.signals[name].valid.any()]
     named = " and the ".join(name.replace("_", " ") for name in absent or missing)

@@ -17,7 +17,7 @@ from boom_model.machine import Machine
 from boom_model.machine_file import machine_from
 
 if TYPE_CHECKING:
-    from boom_diagnosis.case import Case
+    from boom_diagnosis.proof import Proved
 
 Values = Mapping[str, float]
 Steps = list[dict[str, float]]
@@ -26,7 +26,7 @@ ONE_OF_SEVERAL = re.compile(r"/| \(\d+\)$")
 """In names of recordings that are told apart by more than the names that they have when they are read alone."""
 
 
-def told_by_recording(case: Case, machine: Machine) -> Machine:
+def told_by_recording(case: Proved, machine: Machine) -> Machine:
     """The machine with ``payload.recordings`` where those held out have times or strokes of their own; else as it is."""
     recordings = [bag.recording.name for bag in (*case.bags, *case.proving)]
     if case.elsewhere or any(ONE_OF_SEVERAL.search(name) for name in recordings):

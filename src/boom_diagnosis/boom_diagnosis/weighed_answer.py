@@ -27,6 +27,7 @@ from boom_diagnosis.hypotheses import noticed
 from boom_diagnosis.learning import learn
 from boom_diagnosis.locating import links, locate
 from boom_diagnosis.must_keep import kept
+from boom_diagnosis.own_loads import said_of_loads, told_by_recording
 from boom_diagnosis.prediction import beyond, gained
 from boom_diagnosis.proof import (
     bag_result,
@@ -132,9 +133,11 @@ def assemble(case: WeighedCase, about: About, weak: Sequence[str]) -> DiagnosisR
     deviations = np.sqrt(np.diag(case.best.fit.covariance)[: len(case.nuisances)])
     final = learned.point if learned else case.last
     terms = (learned.term,) if learned else ()
-    explained_machine = case.machine if verdict == "no_mismatch" else final_machine(case, final, deviations, terms)
+    machine = case.machine if verdict == "no_mismatch" else final_machine(case, final, deviations, terms)
+    handed_out = told_by_recording(case, machine)
+    notes += said_of_loads(machine, handed_out)
     return DiagnosisResult(
-        document, case.machine, explained_machine, bags,
+        document, case.machine, handed_out, bags,
         regimes.table(cells, case.select, nominal, explained, case.healthy_squares), equations, agreement, proof.ladder,
         (learned.curve,) if learned else (), remaining(fit, before, after) if wrong else "",
         moved_tolerances(case, case.last, deviations) if verdict != "no_mismatch" else {}, experiment, tuple(notes),

@@ -231,13 +231,15 @@ def _add_optional(proposal: Proposal, found: Found, columns: list[Column]) -> No
 def _note_unused(proposal: Proposal, columns: list[Column]) -> None:
     """A pump's pressure that nobody gives drives nothing."""
     used = {e.column for e in proposal.mapping.signals.values() if isinstance(e, SignalMap)}
-    moving = [c.key for c in columns if c.key not in used and float(np.ptp(c.values)) > 0.0]
+    left = [c for c in columns if c.key not in used and float(np.ptp(c.values)) > 0.0]
+    moving = [c.key for c in left]
     if moving:
+        measures = [units.parse(c.unit).measure for c in left]
+        pressure = any(m is not None and m.dimension == units.PRESSURE for m in measures)
+        advice = "; pump and tank pressures drive the model: give them as supply_pressure, tank_pressure"
         said = ", ".join(f"'{quoted(key, 60)}'" for key in moving[:MOST_NAMED])
         more = f" and {len(moving) - MOST_NAMED} more" if len(moving) > MOST_NAMED else ""
-        proposal.notes.append(
-            f"not used: {said}{more}; pump and tank pressures drive the model: give them as supply_pressure, tank_pressure"
-        )
+        proposal.notes.append(f"not used: {said}{more}{advice if pressure else ''}")
 
 
 def _note(proposal: Proposal, found: Found) -> None:
