@@ -93,6 +93,8 @@ def test_a_lift_tells_the_lifting_edge_and_the_manoeuvre_that_is_proposed_tells_
     machine, faults = check_machine(file)
     assert machine is not None, faults
     assert machine.sensors["p_quant"] == pytest.approx(1e4)
+    written = yaml.safe_load(file.read_text())
+    assert (written["friction"]["F_C_pos"]["prov"], written["cylinder"]["A_a"]["prov"]) == ("assumed", "answered")
     for command in (
         ("check-machine", str(file)),
         ("validate", str(tmp_path / "lift"), "--machine", str(file), "--no-report"),

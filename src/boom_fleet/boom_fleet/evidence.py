@@ -6,7 +6,8 @@ Recording r of a machine has the numbers z_r = theta + eta_r + sum_c delta_c g_c
                                       healthy machine may seem to have one: its form is not the model's; and beside it what
                                       the catalogue says that a sound one has of it: a sensor's accuracy, a made part's
     eta_r ~ N(0, (wander s)^2)        what differs from day to day: temperature, work
-    delta_c ~ N(0, 1), in its range   a change of the quantity d_c: a step (g = 0, then 1) or a ramp (g grows by 1 in a year)
+    delta_c ~ N(0, 1), in its range   a change of the quantity d_c: a step (g = 0, then 1), a ramp (g grows by 1 in a year), or a
+                                      step that seems to be of another size in each recording (``boom_fleet.designs``)
 
 and log L_r(z_r) from the screen (``boom_fleet.screen``). All of it is linear and Gaussian, so the odds of "nothing changed" against
 "quantity c, this way, since then" are exact. A step at the first recording says that the machine was outside its file's
@@ -27,15 +28,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from math import log, sqrt
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit, logsumexp, ndtr, softmax
+from scipy.special import expit, logsumexp, softmax
 
-from boom_fleet.past import Direction, Evidence, MachinePast
+from boom_fleet.designs import Candidate, Design, Shape, Weighed, integrated
+from boom_fleet.past import YEAR, Direction, Evidence, MachinePast
 
 Array = NDArray[np.float64]
 
@@ -44,11 +45,10 @@ FALSE_ALARMS = 0.05
 OUTSIDE = 0.05
 """Probability that a machine is outside its file's tolerance when it is first seen."""
 RATE = 1.0
-"""Changes of a machine per year; half of them steps, half ramps."""
+"""Changes of a machine per year; as many of each shape."""
 MOST_CHANGES = 4
 UNIMPORTANT = 0.05
 """Share of half of a quantity's plausible range below which a change matters to nobody: it is taken for granted, and not told."""
-YEAR = 365.25 * 86400.0
 ODD = 5.0
 """How much more of one effect than is usual a healthy machine may seem to have: always, or anew in every recording."""
 ODDLY = 0.05
@@ -60,9 +60,6 @@ WANDERS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 FORM_SPREAD = 1.0
 """Standard deviation of ln(form) over the machines of a fleet."""
 _QUANTILE = 1.6448536269514722
-_HARDLY = -3.0
-"""Log odds of all that a quantity could have changed below which it is not asked whether it is restless."""
-Shape = Literal["step", "ramp"]
 
 
 @dataclass(frozen=True)
@@ -117,7 +114,7 @@ class MachinePosterior:
 
         What matters to nobody is taken for granted, so that what matters is found beside it.
         """
-        accepted: list[_Candidate] = []
+        accepted: list[Candidate] = []
         found: list[Change] = []
         pasts: Sequence[MachinePast] = self._pasts
         first = 0.0
@@ -140,69 +137,61 @@ class MachinePosterior:
         return likeliest.levels(direction)
 
     def _beside_odd(
-        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[_Candidate]
-    ) -> tuple[Sequence[MachinePast], list[_Weighed], float]:
+        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[Candidate]
+    ) -> tuple[Sequence[MachinePast], list[Weighed], float]:
         """The recordings of a machine as odd as it is likelier to be than to have changed; the odds of each change and of any."""
         for _ in range(MOST_ODD):
-            known, weighed = self._weigh(pasts, count, accepted)
-            odd = self._odd(pasts, count, accepted, known, weighed)
-            most = max((w.log_odds for w in weighed), default=0.0)
-            if not odd or odd[0].log_odds <= max(0.0, most):
+            known, designs = self._known(pasts, count, accepted)
+            weighed = self._weigh(count, ("step", "ramp"), known, designs)
+            odd = self._odd(count, known, designs)
+            if not odd or odd[0].log_odds <= max(0.0, *(w.log_odds for w in weighed)):
                 break
-            pasts = odd[0].pasts
+            uneven = self._weigh(count, ("uneven",), known, designs)
+            if max((w.log_odds for w in uneven), default=0.0) > odd[0].log_odds:
+                weighed = [*weighed, *uneven]
+                break
+            pasts = [odd[0].of(past) for past in pasts]
         healthy = logsumexp([0.0, *(o.log_odds for o in odd)])
         return pasts, weighed, float(logsumexp([-np.inf, *(w.log_odds for w in weighed)]) - healthy)
 
-    def _weigh(
-        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[_Candidate]
-    ) -> tuple[Array, list[_Weighed]]:
-        """Log evidence of every ``form``, and the odds of each candidate beside what is accepted."""
-        candidates = self._candidates(count)
-        known, designs = self._known(pasts, count, accepted)
-        return known, _integrated(candidates, np.array([d.weigh(candidates) for d in designs]), known)
-
     def _known(
-        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[_Candidate]
-    ) -> tuple[Array, list[_Design]]:
+        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[Candidate]
+    ) -> tuple[Array, list[Design]]:
         """Log evidence of every ``form`` with what is accepted."""
-        designs = [_Design(past, count, accepted) for past in pasts]
+        designs = [Design(past, count, accepted) for past in pasts]
         rows = zip(self._priors, pasts, designs, strict=True)
         return np.array([prior + past.constant(count) + design.log_evidence for prior, past, design in rows]), designs
 
-    def _odd(
-        self,
-        pasts: Sequence[MachinePast],
-        count: int,
-        accepted: Sequence[_Candidate],
-        known: Array,
-        weighed: Sequence[_Weighed],
-    ) -> list[_Odd]:
-        """What a healthy machine may seem to have instead of a change, the likeliest first; of what may have changed."""
+    def _weigh(self, count: int, shapes: Sequence[Shape], known: Array, designs: Sequence[Design]) -> list[Weighed]:
+        """The odds of each candidate beside what is accepted; none of one recording, or of several of one time."""
+        candidates = self._candidates(count, shapes)
+        return integrated(candidates, np.array([d.weigh(candidates) for d in designs]), known) if candidates else []
+
+    def _odd(self, count: int, known: Array, designs: Sequence[Design]) -> list[_Odd]:
+        """What a healthy machine may seem to have instead of a change, the likeliest first."""
         result = []
         for direction in (d for d in self.directions if d.usual):
-            own = [w.log_odds for w in weighed if w.candidate.direction is direction]
-            if logsumexp(own) < _HARDLY:
-                continue
-            size = ODD * direction.usual
-            for other in ([p.wide(direction, size) for p in pasts], [p.restless(direction, size) for p in pasts]):
-                gained = logsumexp(self._known(other, count, accepted)[0]) - logsumexp(known)
-                result.append(_Odd(float(gained) + log(ODDLY / len(self.directions)), other))
+            for restless in (False, True):
+                shape = np.eye(count) if restless else np.ones((count, count))
+                spread = (ODD * direction.usual) ** 2 * shape
+                gained = logsumexp(known + [d.supposed(direction, spread) for d in designs]) - logsumexp(known)
+                result.append(_Odd(float(gained) + log(ODDLY / len(self.directions)), direction, restless))
         return sorted(result, key=lambda o: -o.log_odds)
 
-    def _candidates(self, count: int) -> list[_Candidate]:
+    def _candidates(self, count: int, shapes: Sequence[Shape]) -> list[Candidate]:
         result = []
         each = 1.0 / len(self.directions)
         for direction in self.directions:
-            result.append(_Candidate(direction, "step", 0, OUTSIDE * each))
+            if "step" in shapes:
+                result.append(Candidate(direction, "step", 0, OUTSIDE * each))
             for k in range(1, count):
                 passed = RATE * (self.times[k] - self.times[k - 1]) / YEAR
                 if passed <= 0.0:  # two recordings of the same time: nothing can have changed between them
                     continue
-                result.append(_Candidate(direction, "step", k, 0.5 * passed * each))
-                result.append(_Candidate(direction, "ramp", k - 1, 0.5 * passed * each))
+                result += [Candidate(direction, shape, k - (shape == "ramp"), passed * each / 3.0) for shape in shapes]
         return result
 
-    def _told(self, weighed: Sequence[_Weighed], count: int) -> Change:
+    def _told(self, weighed: Sequence[Weighed], count: int) -> Change:
         best = max(weighed, key=lambda w: w.log_odds)
         probability = softmax([w.log_odds for w in weighed])
         shares: dict[str, float] = {}
@@ -219,7 +208,7 @@ class MachinePosterior:
             (size - _QUANTILE * deviation, size + _QUANTILE * deviation), shares[own], others,
         )  # fmt: skip
 
-    def _size(self, weighed: Sequence[_Weighed], count: int) -> tuple[float, float]:
+    def _size(self, weighed: Sequence[Weighed], count: int) -> tuple[float, float]:
         """Mean and standard deviation of the size at the last recording, over all beginnings and both shapes."""
         share = softmax([w.log_odds for w in weighed])
         last = np.array([w.candidate.course(self.times[:count])[-1] for w in weighed])
@@ -227,118 +216,33 @@ class MachinePosterior:
         mean = float(share @ means)
         return mean, sqrt(float(share @ (deviations**2 + (means - mean) ** 2)))
 
-    def _since(self, weighed: Sequence[_Weighed]) -> tuple[float, float]:
+    def _since(self, weighed: Sequence[Weighed]) -> tuple[float, float]:
         """Earliest and latest beginning: the shortest set of them that holds 90 %."""
         ordered = sorted(weighed, key=lambda w: -w.log_odds)
         held = np.cumsum(softmax([w.log_odds for w in ordered]))
         kept = [w.candidate for w in ordered[: int(np.searchsorted(held, 0.9)) + 1]]
-        early = [self.times[max(0, c.begin - 1)] if c.shape == "step" else self.times[c.begin] for c in kept]
-        late = [self.times[c.begin] if c.shape == "step" else self.times[c.begin + 1] for c in kept]
+        early = [self.times[c.begin if c.shape == "ramp" else max(0, c.begin - 1)] for c in kept]
+        late = [self.times[c.begin + (c.shape == "ramp")] for c in kept]
         return float(min(early)), float(max(late))
 
 
-@dataclass(frozen=True)
-class _Candidate:
-    direction: Direction
-    shape: Shape
-    begin: int
-    prior: float
-
-    def course(self, times: Array) -> Array:
-        """G at the times [s]."""
-        if self.shape == "step":
-            return np.asarray(np.arange(len(times)) >= self.begin, dtype=float)
-        return np.asarray(np.maximum(0.0, times - times[self.begin]) / YEAR)
-
-
-@dataclass(frozen=True)
-class _Weighed:
-    """A candidate, its log odds against nothing further, prior included; the change's mean and standard deviation."""
-
-    candidate: _Candidate
-    log_odds: float
-    mean: float
-    deviation: float
-
-
 class _Odd(NamedTuple):
-    """A machine that seems to have far more of an effect than is usual: log odds, and its recordings with every ``form``."""
+    """A machine that seems to have far more of an effect than is usual, always or anew in every recording: log odds of it."""
 
     log_odds: float
-    pasts: Sequence[MachinePast]
+    direction: Direction
+    restless: bool
 
-
-def _integrated(candidates: Sequence[_Candidate], rows: Array, known: Array) -> list[_Weighed]:
-    """The candidates under every ``form``: rows (forms, 3, c) of :meth:`_Design.weigh`.
-
-    known: (forms,) log evidence of each if nothing further had changed.
-    """
-    both = known[:, None] + rows[:, 0]
-    share = softmax(both, axis=0)
-    odds = logsumexp(both, axis=0) - logsumexp(known)
-    means = np.sum(share * rows[:, 1], axis=0)
-    deviations = np.sqrt(np.sum(share * (rows[:, 2] ** 2 + (rows[:, 1] - means) ** 2), axis=0))
-    return [
-        _Weighed(c, float(o), float(m), float(d))
-        for c, o, m, d in zip(candidates, odds, means, deviations, strict=True)
-    ]
-
-
-class _Design:
-    """The posterior of theta and of the accepted changes."""
-
-    def __init__(self, past: MachinePast, count: int, accepted: Sequence[_Candidate]) -> None:
-        self._past, self._count, self._accepted = past, count, accepted
-        t = len(past.precision)
-        matrices, vectors = past.matrices(count)
-        self._courses = [c.course(past.times[:count]) for c in accepted]
-        size = t + len(accepted)
-        a, b = np.diag(np.append(past.precision, np.ones(len(accepted)))), np.zeros(size)
-        a[:t, :t] += sum(matrices)
-        b[:t] = sum(vectors)
-        for k, (c, g) in enumerate(zip(accepted, self._courses, strict=True), t):
-            column, b[k] = past.sums(g, c.direction, count)
-            a[:t, k] = a[k, :t] = column
-            for j, (other, h) in enumerate(zip(accepted, self._courses, strict=True), t):
-                a[k, j] += past.sums(g * h, c.direction, count)[0] @ other.direction.along
-        self._inverse = np.linalg.inv(a)
-        self._mean = self._inverse @ b
-        self.log_evidence = 0.5 * float(
-            b @ self._mean - np.linalg.slogdet(a)[1] + np.sum(np.log(past.precision))
-        )  # fmt: skip
-
-    def weigh(self, candidates: Sequence[_Candidate]) -> Array:
-        """(3, c) of each candidate beside what is accepted: log odds, prior included; mean and standard deviation of its size.
-
-        Candidates of one quantity are next to one another.
-        """
-        return np.concatenate(
-            [self._weighed(list(own)) for _, own in groupby(candidates, key=lambda c: c.direction.id)], axis=1
-        )
-
-    def _weighed(self, own: Sequence[_Candidate]) -> Array:
-        """Candidates of one quantity."""
-        past, count, direction = self._past, self._count, own[0].direction
-        courses = np.array([c.course(past.times[:count]) for c in own])
-        columns, scores = past.sums(courses, direction, count)
-        squares = past.sums(courses**2, direction, count)[0] @ direction.along
-        cross = [past.sums(courses * h, direction, count)[0] @ a.direction.along
-                 for a, h in zip(self._accepted, self._courses, strict=True)]  # fmt: skip
-        shared = np.column_stack([columns, *cross])
-        information = np.maximum(0.0, squares - np.sum((shared @ self._inverse) * shared, axis=1))
-        scores = scores - shared @ self._mean
-        variances = 1.0 / (information + 1.0)
-        means, deviations = scores * variances, np.sqrt(variances)
-        one = np.ones(len(own))
-        inside = _mass(direction, courses[:, -1], means, deviations) / _mass(direction, courses[:, -1], 0.0 * one, one)
-        odds = 0.5 * scores * means + 0.5 * np.log(variances) + np.log(np.maximum(1e-300, inside))
-        return np.array([np.log([c.prior for c in own]) + odds, means, deviations])
+    def of(self, past: MachinePast) -> MachinePast:
+        """The recordings of such a machine."""
+        size = ODD * self.direction.usual
+        return past.restless(self.direction, size) if self.restless else past.wide(self.direction, size)
 
 
 def log_likelihood(past: MachinePast) -> float:
     """Of an unchanged machine, up to what depends on no hypothesis."""
     count = len(past.times)
-    return past.constant(count) + _Design(past, count, ()).log_evidence
+    return past.constant(count) + Design(past, count, ()).log_evidence
 
 
 def posterior(
@@ -370,10 +274,3 @@ def spreads(kinds: NumberKinds, form: float, wander: float) -> tuple[Array, Arra
     """``spread`` and ``wander`` (k,) of :class:`MachinePast`. What a sensor is off by does not differ from day to day."""
     spread = np.where(kinds.effects > 0.0, form * kinds.effects, np.where(kinds.own, 1e-3, 1.0))
     return np.hypot(spread, kinds.sound), np.where(kinds.own, 1.0, wander * spread)
-
-
-def _mass(direction: Direction, course: Array, mean: Array, deviation: Array) -> Array:
-    """Probability that the change at the last recording is in the quantity's range; 1 where it has not begun."""
-    begun = np.where(course > 0.0, course, 1.0)
-    low, high = (ndtr((x / begun - mean) / deviation) for x in (direction.low, direction.high))
-    return np.where(course > 0.0, high - low, 1.0)

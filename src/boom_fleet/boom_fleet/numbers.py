@@ -3,7 +3,7 @@
 Numbers with a tolerance come first: z is standard normal (``boom_model.prior``). Then the leading number of each effect of the
 catalogue that the watch knows too, in units of half of its plausible range, zero where the effect is absent. What is far from
 linear in its numbers, as an accumulator is that runs empty elsewhere with less gas, has a difference to each point of its own
-(``Effect.points``).
+(``Effect.points``, or ``starts`` of its leading number).
 """
 
 from __future__ import annotations
@@ -149,18 +149,30 @@ def numbers_of(machine: Machine, pose: Pose, plant: Plant) -> Numbers:
     )
 
 
-def _points(quantity: TrackedQuantity) -> tuple[tuple[float, ...], ...]:
-    return EFFECTS[quantity.name].points if quantity.name in EFFECTS else ()
+def _points(quantity: TrackedQuantity) -> tuple[Mapping[str, float], ...]:
+    """Values of an effect's numbers far from nothing, where a search tries it and the derivative at nothing says little.
+
+    Of a single number the starts that are more than half of its plausible range away.
+    """
+    effect = EFFECTS.get(quantity.name)
+    if effect is None or effect.reach:
+        return ()
+    if effect.points:
+        names = [row.name for row in effect.parameters]
+        return tuple(dict(zip(names, point, strict=True)) for point in effect.points)
+    row = effect.parameters[0]
+    return tuple({row.name: start} for start in row.starts if abs(start - row.neutral) > quantity.scale)
 
 
-def _far(quantity: TrackedQuantity, point: Sequence[float]) -> tuple[FarPoint, TrackedQuantity]:
+def _far(quantity: TrackedQuantity, point: Mapping[str, float]) -> tuple[FarPoint, TrackedQuantity]:
     """A point of an effect, and how far a machine may have gone towards it; its size is that of the first number that moves."""
     effect = EFFECTS[quantity.name]
-    values = {row.name: value for row, value in zip(effect.parameters, point, strict=True) if value != row.neutral}
+    neutral = {row.name: row.neutral for row in effect.parameters}
+    values = {name: value for name, value in point.items() if value != neutral[name]}
     part = "towards " + ", ".join(f"{name} = {value:.2g}" for name, value in values.items())
     z = (next(iter(values.values())) - quantity.neutral) / quantity.scale
     name = f"effects.{effect.id}.{part}"
-    dotted = {f"effects.{effect.id}.{row.name}": value for row, value in zip(effect.parameters, point, strict=True)}
+    dotted = {f"effects.{effect.id}.{name}": value for name, value in point.items()}
     low, high = sorted((0.0, BEYOND * z))
     there = replace(quantity, part=part, direction=((name, 1.0),), low=low, high=high)
     return FarPoint(name, dotted, z), there

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+YEAR = 365.25 * 86400.0
+"""s"""
+
 
 @dataclass(frozen=True)
 class Direction:
@@ -100,13 +103,13 @@ class MachinePast:
         mean = covariance @ b
         return np.append(0.0, mean[t:]), np.append(0.0, np.sqrt(np.diag(covariance)[t:]))
 
-    def sums(self, course: Array, direction: Direction, count: int) -> tuple[Array, Array]:
-        """Sum of g A d (.., k), and sum of g d'b (..), over the first ``count`` recordings; g (.., count): one or many."""
+    def along(self, direction: Direction, count: int) -> tuple[Array, Array]:
+        """A d (count, k) and d'b (count,) of the first recordings."""
         if direction.id not in self._along:
             rows = np.array([m @ direction.along for m in self._matrix])
             self._along[direction.id] = rows, np.array([direction.along @ v for v in self._vector])
-        columns, scores = self._along[direction.id]
-        return np.asarray(course @ columns[:count]), np.asarray(course @ scores[:count])
+        rows, scores = self._along[direction.id]
+        return rows[:count], scores[:count]
 
     def matrices(self, count: int) -> tuple[list[Array], list[Array]]:
         """A and b of the first recordings, what differs from day to day taken into account."""

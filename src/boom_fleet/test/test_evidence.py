@@ -102,6 +102,13 @@ def test_a_change_is_found_beside_an_effect_that_the_machine_seems_to_have_anew_
     assert odd_or_changed(worn, 0.01) == ["wear"]
 
 
+def test_a_change_that_seems_to_be_of_another_size_in_each_recording_is_one_and_no_restlessness():
+    """A lag of 80 ms, gas sunk by a third: far from nothing the size that a linear screen sees depends on the motion."""
+    uneven = [0.0, 0.0, 0.0, 0.0, 0.2, 0.5, 0.1, 0.4]
+    assert odd_or_changed(seeming(np.random.default_rng(5), uneven), 0.05) == ["effect_0"]
+    assert odd_or_changed(seeming(np.random.default_rng(5), [0.3, -0.1, 0.2, 0.0, 0.4, -0.2, 0.1, 0.3]), 0.05) == []
+
+
 def test_a_step_is_raised_at_once_and_dated_to_the_interval_in_which_it_came():
     evidence = recordings(np.random.default_rng(2), lambda share: 0.5 if share >= 0.5 else 0.0)
 

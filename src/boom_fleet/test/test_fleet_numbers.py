@@ -41,3 +41,12 @@ def test_tolerated_numbers_come_first_and_each_quantity_moves_numbers_that_are_t
     assert effects == [False] * numbers.tolerated + [True] * (len(effects) - numbers.tolerated)
     assert {name for q in numbers.quantities for name, _ in q.direction} <= set(numbers.names)
     assert len({q.id for q in numbers.quantities}) == len(numbers.quantities)
+
+
+def test_where_a_search_starts_beyond_half_of_an_effects_range_there_is_a_difference_to_it(numbers):
+    """A lag of 80 ms was restlessness: beside nothing its derivative says what 0.1 ms of it do."""
+    (lag,) = (point for point in numbers.far if "hose_burst_valve_lag" in point.name)
+    assert lag.values == {"effects.hose_burst_valve_lag.tau": 0.1}
+    quantity = next(q for q in numbers.quantities if q.id == "hose_burst_valve_lag.towards tau = 0.1")
+    assert quantity.size(lag.z) == pytest.approx(0.1)
+    assert not any("spring_rate.towards" in point.name for point in numbers.far)

@@ -87,10 +87,10 @@ def run(args: argparse.Namespace) -> int:
     from boom_bringup.commands import _new_machine
 
     recordings = _new_machine.read(args, answers)
-    _answer(answers, ask=not args.yes and _at_terminal())
+    proposed = _answer(answers, ask=not args.yes and _at_terminal())
     from boom_model.owner import draft
 
-    text = draft.text(answers, _body(args, answers), _new_machine.sensors(recordings.values()))
+    text = draft.text(answers, _body(args, answers), _new_machine.sensors(recordings.values()), proposed)
     machine = _new_machine.checked_machine(text, output)
     write_new_text(output, text)
     _new_machine.show_machine(output, machine)
@@ -132,8 +132,8 @@ def _at_terminal() -> bool:
     return sys.stdin.isatty() and sys.stdout.isatty()
 
 
-def _answer(answers: dict[str, Answer], *, ask: bool) -> None:
-    """Complete the answers, by asking or with the proposals.
+def _answer(answers: dict[str, Answer], *, ask: bool) -> set[str]:
+    """Complete the answers, by asking or with the proposals; the questions for which the proposal was taken.
 
     Raises:
         UsageError: questions without an answer and without a proposal.
@@ -143,9 +143,11 @@ def _answer(answers: dict[str, Answer], *, ask: bool) -> None:
         if missing:
             listed = "; ".join(f"{q.option} [{q.unit}]" for q in missing)
             raise UsageError(f"no answer to {listed}: give them as options, in --answers FILE, or answer on a terminal")
+    given = set(answers)
     while left := open_questions(answers):
         question = left[0]
         answers[question.key] = _asked(question.key) if ask else question.checked(question.proposal)
+    return {key for key in answers.keys() - given if answers[key] == BY_KEY[key].proposal}
 
 
 def _asked(key: str) -> Answer:

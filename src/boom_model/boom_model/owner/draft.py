@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from boom_input.shown import quoted
 from boom_model.errors import MachineError
-from boom_model.owner.questions import Answer
+from boom_model.owner.questions import BY_KEY, Answer
 from boom_model.rigid_body import LockedBody
 from boom_model.slots import NeutralPosition
 from boom_model.structure import structure
@@ -33,7 +33,7 @@ BODY = {"masses": 0.2, "urdf": 0.06, "numbers": 0.1}
 
 @dataclass(frozen=True)
 class Entry:
-    """One number of the file."""
+    """One number of the file; ``source``: a word of the file, or the key of the question whose answer it is."""
 
     key: str
     value: Any
@@ -42,24 +42,28 @@ class Entry:
     tol: Any
     note: str = ""
 
-    def line(self) -> str:
-        """As YAML."""
+    def line(self, proposed: Collection[str]) -> str:
+        """As YAML; ``proposed``: questions that were not answered."""
+        source = ("answered", "assumed")[self.source in proposed] if self.source in BY_KEY else self.source
         note = f', note: "{self.note}"' if self.note else ""
         tol = f", tol: {_flow(self.tol)}" if self.tol is not None else ""
         unit = f'"{self.unit}"' if self.unit == "-" else self.unit
-        return f"  {self.key}: {{value: {_flow(self.value)}, unit: {unit}, prov: {self.source}{tol}{note}}}"
+        return f"  {self.key}: {{value: {_flow(self.value)}, unit: {unit}, prov: {source}{tol}{note}}}"
 
 
 _SENSORS = {"Ts": "s", "q2_quant": "rad", "p_quant": "Pa", "p_noise_psd": "Pa^2/Hz"}
 
 
-def text(answers: Mapping[str, Answer], body: LockedBody, sensors: Mapping[str, float] | None = None) -> str:
+def text(
+    answers: Mapping[str, Answer], body: LockedBody, sensors: Mapping[str, float] | None = None, proposed: Collection[str] = ()
+) -> str:  # fmt: skip
     """The machine file.
 
     Args:
         answers: to all questions that are asked.
         body: the moments of what moves.
         sensors: section ``control``, where recordings tell it.
+        proposed: keys of the questions for which the proposal was taken: those numbers are assumed.
 
     Raises:
         MachineError: answers that cannot be true together.
@@ -91,7 +95,7 @@ def text(answers: Mapping[str, Answer], body: LockedBody, sensors: Mapping[str, 
             continue
         lines.append(f"{section}:")
         lines += [f"  type: {types[section]}"] if section in types else []
-        lines += [entry.line() for entry in entries]
+        lines += [entry.line(proposed) for entry in entries]
         if section == "main_valve_orifices":
             lines += [f"  neutral: {neutral.name}"] if neutral.vents else []
             lines.append(f"  compensator: {'true' if answers['compensator'] == 'yes' else 'false'}")
@@ -100,7 +104,7 @@ def text(answers: Mapping[str, Answer], body: LockedBody, sensors: Mapping[str, 
                 f"  anti_cavitation: {{enabled: true, A_ac: {_flow(area)}, unit: m^2, p_open: 0.0, prov: assumed}}"
             )
     measured = [Entry(key, value, _SENSORS[key], "recordings", None) for key, value in (sensors or {}).items()]
-    lines += ["control:", *(entry.line() for entry in measured)] if measured else []
+    lines += ["control:", *(entry.line(proposed) for entry in measured)] if measured else []
     return "\n".join([*lines, *_body(n, str(answers["moments"]), body)]) + "\n"
 
 
@@ -122,8 +126,8 @@ def _fluid(n: Mapping[str, float]) -> list[Entry]:
         Entry("rho", DENSITY, "kg/m^3", "literature", 0.04, "mineral oil"),
         Entry("beta", 1.2e9, "Pa", "literature", {"factor": 2.0}, "with hoses and a little air"),
         Entry("C_d", COEFFICIENT, "-", "literature", 0.05),
-        Entry("p_t", n["return_pressure"] * BAR, "Pa", "answered", {"abs": 3.0 * BAR}),
-        Entry("p_s", n["pump_pressure"] * BAR, "Pa", "answered", 0.1, "10 % is usual; recorded, it drives the model"),
+        Entry("p_t", n["return_pressure"] * BAR, "Pa", "return_pressure", {"abs": 3.0 * BAR}),
+        Entry("p_s", n["pump_pressure"] * BAR, "Pa", "pump_pressure", 0.1, "10 % is usual; recorded, it drives the model"),
     ]
 
 
@@ -137,10 +141,10 @@ def _cylinder(n: Mapping[str, float], *, holds: bool) -> list[Entry]:
     hose = math.pi / 4 * (n["hose_bore"] * MILLI) ** 2 * n["hose_length"]
     dead = 0.01 * piston * n["stroke"]
     return [
-        Entry("A_a", piston, "m^2", "answered", 0.01, f"piston {n['piston_diameter']:g} mm"),
-        Entry("A_b", piston - math.pi / 4 * rod**2, "m^2", "answered", 0.01, f"rod {n['rod_diameter']:g} mm"),
-        Entry("l_p", n["stroke"], "m", "answered", {"abs": 0.005}),
-        Entry("l_min", n["closed_length"], "m", "answered", {"abs": 0.01}),
+        Entry("A_a", piston, "m^2", "piston_diameter", 0.01, f"piston {n['piston_diameter']:g} mm"),
+        Entry("A_b", piston - math.pi / 4 * rod**2, "m^2", "rod_diameter", 0.01, f"rod {n['rod_diameter']:g} mm"),
+        Entry("l_p", n["stroke"], "m", "stroke", {"abs": 0.005}),
+        Entry("l_min", n["closed_length"], "m", "closed_length", {"abs": 0.01}),
         Entry(
             "V_0a",
             dead if holds else dead + 1e-5,
@@ -170,10 +174,10 @@ def _kinematics(n: Mapping[str, float]) -> list[Entry]:
             f"long, not {closed:g} m: measure the three lengths again"
         )
     return [
-        Entry("a", a, "m", "answered", {"abs": 0.01}),
-        Entry("b", b, "m", "answered", {"abs": 0.01}),
+        Entry("a", a, "m", "foot_distance", {"abs": 0.01}),
+        Entry("b", b, "m", "eye_distance", {"abs": 0.01}),
         Entry("phi0", begin - low, "rad", "derived", {"abs": 0.035}, "from the lowest angle, 2 deg"),
-        Entry("q2_stroke_min", low, "rad", "answered", None, "cylinder retracted"),
+        Entry("q2_stroke_min", low, "rad", "lowest_angle", None, "cylinder retracted"),
         Entry("q2_max", low + 0.999 * (end - begin), "rad", "derived", None, "cylinder extended"),
     ]
 
@@ -181,7 +185,7 @@ def _kinematics(n: Mapping[str, float]) -> list[Entry]:
 def _friction(n: Mapping[str, float]) -> list[Entry]:
     damping = 1.5e6 * math.pi / 4 * (n["piston_diameter"] * MILLI) ** 2
     return [
-        *(Entry(key, n["seal_friction"], "N", "answered", {"factor": 6.0}, "seals") for key in ("F_C_pos", "F_C_neg")),
+        *(Entry(key, n["seal_friction"], "N", "seal_friction", {"factor": 6.0}, "seals") for key in ("F_C_pos", "F_C_neg")),
         *(Entry(key, damping, "N s/m", "assumed", {"factor": 4.0}) for key in ("d_pos", "d_neg")),
         Entry("sigma_p", 2.0e-3, "m/s", "assumed", {"factor": 5.0}),
     ]
@@ -190,8 +194,8 @@ def _friction(n: Mapping[str, float]) -> list[Entry]:
 def _holding(n: Mapping[str, float]) -> list[Entry]:
     gain, conductance = LPM / BAR**1.5, LPM / BAR**0.5
     return [
-        Entry("p_set", n["set_pressure"] * BAR, "Pa", "answered", 0.15),
-        Entry("R", n["pilot_ratio"], "-", "answered", {"abs": 0.5}),
+        Entry("p_set", n["set_pressure"] * BAR, "Pa", "set_pressure", 0.15),
+        Entry("R", n["pilot_ratio"], "-", "pilot_ratio", {"abs": 0.5}),
         Entry("gain", 0.1 * gain, "m^3/s/Pa^1.5", "assumed", {"factor": 3.0}, "0.1 (l/min)/sqrt(bar) per bar"),
         Entry("G_max", 15 * conductance, "m^3/s/Pa^0.5", "assumed", {"factor": 3.0}, "15 (l/min)/sqrt(bar)"),
         Entry("play", 3 * BAR, "Pa", "assumed", {"factor": 1.5}, "2 to 4 bar"),
@@ -208,7 +212,7 @@ def _spool(n: Mapping[str, float]) -> list[Entry]:
     return [
         Entry("s_max", STROKE, "m", "assumed", 1e-4, "only shares of it act"),
         Entry("K_i", STROKE / n["full_current"], "m/A", "derived", 0.05, f"full stroke at {n['full_current']:g} A"),
-        Entry("T_s", n["response_time"] * MILLI, "s", "answered", {"factor": 2.0}),
+        Entry("T_s", n["response_time"] * MILLI, "s", "response_time", {"factor": 2.0}),
     ]
 
 
