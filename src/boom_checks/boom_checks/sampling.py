@@ -99,7 +99,9 @@ def _derived(angle: Signal, rate: Signal) -> RecordingCheck | None:
     measure = IntervalValue(
         "share of the rate's noise that the angle explains", share, "-", (share - spread, min(share + spread, 1.0))
     )
-    sentence = f"the rate is the derivative of the angle, there is no gyro: {100 * share:.0f} % of its noise is the angle's"
+    sentence = (
+        f"the rate is the derivative of the angle, there is no gyro: {100 * share:.0f} % of its noise is the angle's"
+    )
     return RecordingCheck("derived_rate", rate.topic, ((0.0, float(rate.time[-1])),), sentence, measure, odds)
 
 

@@ -127,7 +127,9 @@ def _fluid(n: Mapping[str, float]) -> list[Entry]:
         Entry("beta", 1.2e9, "Pa", "literature", {"factor": 2.0}, "with hoses and a little air"),
         Entry("C_d", COEFFICIENT, "-", "literature", 0.05),
         Entry("p_t", n["return_pressure"] * BAR, "Pa", "return_pressure", {"abs": 3.0 * BAR}),
-        Entry("p_s", n["pump_pressure"] * BAR, "Pa", "pump_pressure", 0.1, "10 % is usual; recorded, it drives the model"),
+        Entry(
+            "p_s", n["pump_pressure"] * BAR, "Pa", "pump_pressure", 0.1, "10 % is usual; recorded, it drives the model"
+        ),
     ]
 
 
@@ -185,7 +187,10 @@ def _kinematics(n: Mapping[str, float]) -> list[Entry]:
 def _friction(n: Mapping[str, float]) -> list[Entry]:
     damping = 1.5e6 * math.pi / 4 * (n["piston_diameter"] * MILLI) ** 2
     return [
-        *(Entry(key, n["seal_friction"], "N", "seal_friction", {"factor": 6.0}, "seals") for key in ("F_C_pos", "F_C_neg")),
+        *(
+            Entry(key, n["seal_friction"], "N", "seal_friction", {"factor": 6.0}, "seals")
+            for key in ("F_C_pos", "F_C_neg")
+        ),
         *(Entry(key, damping, "N s/m", "assumed", {"factor": 4.0}) for key in ("d_pos", "d_neg")),
         Entry("sigma_p", 2.0e-3, "m/s", "assumed", {"factor": 5.0}),
     ]
