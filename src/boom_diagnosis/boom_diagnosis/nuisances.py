@@ -12,6 +12,7 @@ from math import asinh, cosh, exp, inf, isfinite, log, sinh, sqrt
 
 import numpy as np
 
+from boom_diagnosis.sizes import size_of, sized
 from boom_estimation.currents import HeldCurrents
 from boom_model.catalogue import CATALOGUE
 from boom_model.machine import Machine, Parameter, Pose
@@ -222,6 +223,7 @@ def _differences(machine: Machine) -> list[Nuisance]:
 def _as_made(machine: Machine) -> list[Nuisance]:
     """What every sensor is off by, as its data sheet allows, and edges of a spool, as they are made; a guess allows more."""
     guesses = {p.specification.key for p in machine.parameters.values() if _guessed(p)}
+    size = size_of(machine)
     return [
         Nuisance(
             f"{_EFFECTS}{e.id}.{row.name}",
@@ -230,7 +232,7 @@ def _as_made(machine: Machine) -> list[Nuisance]:
             ends=(max(row.minimum - row.neutral, -row.accuracy), row.accuracy),
             label=row.meaning,
         )
-        for e in CATALOGUE
+        for e in (sized(e, size) for e in CATALOGUE)
         if e.id not in machine.effects and machine.structure.has(e.needs)
         for row in e.parameters
         if row.accuracy and row.within not in guesses

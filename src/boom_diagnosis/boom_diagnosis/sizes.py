@@ -50,7 +50,7 @@ def sized(effect: Effect, size: MachineSize) -> Effect:
 
 
 def _row(row: EffectParameter, size: MachineSize) -> EffectParameter:
-    factor = size.of(row.unit)
+    factor = size.of(row.unit) * size.flow**row.flow_power
 
     def inside(value: float) -> float:
         return min(max(value * factor, row.minimum), row.maximum)
@@ -59,7 +59,8 @@ def _row(row: EffectParameter, size: MachineSize) -> EffectParameter:
     if factor == 1.0 or not low < high:  # of a machine beyond what a file may say
         return row
     possible = row.possible[0] * factor, row.possible[1] * factor
-    return replace(row, low=low, high=high, starts=tuple(map(inside, row.starts)), possible=possible)
+    starts = tuple(map(inside, row.starts))
+    return replace(row, low=low, high=high, starts=starts, possible=possible, accuracy=row.accuracy * factor)
 
 
 def _scales(machine: Machine) -> tuple[float, float, float]:

@@ -81,6 +81,7 @@ class EffectParameter:
         swallows: a play of the spool over full stroke. As small as what the noise of measured currents makes of the spool it lets
             none of that noise through, and predicts better than the truth.
         acts: also where the leading number does nothing.
+        flow_power: with which power of a machine's flow it goes, beside what its unit says: a share at the thesis' full flow.
     """
 
     name: str
@@ -103,6 +104,7 @@ class EffectParameter:
     ordinary: float = 0.0
     swallows: bool = False
     acts: bool = False
+    flow_power: int = 0
 
 
 def parameter(

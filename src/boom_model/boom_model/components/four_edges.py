@@ -30,7 +30,7 @@ SPECIFICATIONS = (
         Specification(f"main_valve_orifices.A_{e}_max", f"A_{e}", "m^2", f"largest area {way}", 1e-8, 1e-2, "3.23")
         for e, way in EDGES.items()
     ),
-    Specification("main_valve_orifices.n", "n", "-", "exponent of the opening", 1.0, 4.0, "5.17"),
+    Specification("main_valve_orifices.n", "n", "-", "exponent of the opening", 0.8, 4.0, "5.17"),
     main_valve_orifices.PASSAGE,
     Specification("main_valve_orifices.x_n", "x_n", "-", "neutral off-centre, over full stroke, > 0: lowers", -0.3, 0.3, "-"),
 )  # fmt: skip

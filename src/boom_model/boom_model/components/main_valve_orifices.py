@@ -87,7 +87,7 @@ PASSAGE = Specification(
 
 SPECIFICATIONS = (
     Specification("main_valve_orifices.x0", "x_0", "-", "overlap (dead zone) over full stroke", 0.0, 0.9, "5.17"),
-    Specification("main_valve_orifices.n", "n", "-", "exponent of the opening", 1.0, 4.0, "5.17"),
+    Specification("main_valve_orifices.n", "n", "-", "exponent of the opening", 0.8, 4.0, "5.17"),
     Specification("main_valve_orifices.A_sa_max", "A_sa", "m^2", "largest area supply to a", 1e-8, 1e-2, "3.23"),
     Specification("main_valve_orifices.A_tb_max", "A_tb", "m^2", "largest area b to tank", 1e-8, 1e-2, "3.23"),
     Specification("main_valve_orifices.A_sb_max", "A_sb", "m^2", "largest area supply to b", 1e-8, 1e-2, "3.23"),
