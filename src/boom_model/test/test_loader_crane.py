@@ -121,7 +121,8 @@ def test_a_passage_in_series_adds_its_drop_to_that_of_the_edge(loader: Machine) 
 def test_a_file_without_a_passage_has_none_and_guessed_areas_leave_one_open(loader: Machine) -> None:
     area = loader.document["main_valve_orifices"]["A_sa_max"]
     known = guessed(loader, A_sa_max={"value": area["value"], "unit": "m^2", "tol": 0.1})
-    for machine, sigma in ((known, 0.0), (loader, 0.5)):  # the owner of the loader crane tells a factor
+    plain = guessed(loader, A_sa_max={"value": area["value"], "unit": "m^2"})
+    for machine, sigma in ((plain, 0.0), (known, 0.075), (loader, 0.5)):  # the owner of the loader crane tells a factor
         assert machine.parameters["main_valve_orifices.passage"].value == (0.0,)
         assert prior_of(machine, "main_valve_orifices.passage").sigma == sigma
     with pytest.raises(MachineError, match="passage: write"):

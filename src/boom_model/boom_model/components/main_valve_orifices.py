@@ -34,8 +34,10 @@ from boom_model.tolerance import check_tolerance
 Areas = Callable[[Expression, Any, Any], tuple[Expression, Expression]]
 LARGEST_OPENING = 1.2
 LARGEST_METER_OUT = 1.3
-LARGEST_PASSAGE = 1.0
-"""Tolerance of kappa where the areas are a guess: the passages take half of the drop at full opening."""
+LARGEST_PASSAGE, SOUND_PASSAGE = 1.0, 0.15
+"""Tolerance of kappa where the areas are a guess: the passages take half of the drop at full opening; and where the areas'
+``tol`` is told: passages are two and a half times as large as the edges.
+"""
 SMALLEST_OPENING = 1e-12
 """Keeps the logarithm of the exponentiation finite; the area in the dead zone itself is exactly zero."""
 _NUMBER = r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
@@ -68,7 +70,7 @@ def _meter_out(section: Mapping[str, Any], spec: Specification) -> dict[str, Any
 
 
 def _passage(section: Mapping[str, Any], spec: Specification) -> dict[str, Any]:
-    """Unless the file gives it: none, and where the areas are a guess that is one, too."""
+    """Unless the file gives it: next to none, and where the areas are a guess that is one, too."""
     entry = section.get("passage")
     if isinstance(entry, dict) and "value" in entry:
         return entry
@@ -77,6 +79,7 @@ def _passage(section: Mapping[str, Any], spec: Specification) -> dict[str, Any]:
     area = section.get("A_sa_max")
     guessed = isinstance(area, dict) and (area.get("conf") == "low" or "factor" in str(area.get("tol", "")))
     own = {"tol": {"abs": LARGEST_PASSAGE}, "conf": "low"} if guessed else {}
+    own = {"tol": {"abs": SOUND_PASSAGE}} if isinstance(area, dict) and "tol" in area and not guessed else own
     return {"value": 0.0, "unit": spec.unit, "prov": "assumed", **own}
 
 
