@@ -1,14 +1,17 @@
 """The posterior of a machine's numbers and of the changes that are accepted, and how likely a further one is beside them.
 
-A change of a quantity d is a step (g = 0, then 1), a ramp (g grows by 1 in a year), or uneven: a step whose size is another one in
-each recording, about a common one,
+A change of a quantity runs along its path (``boom_fleet.paths``) as a step (g = 0, then 1) or a ramp (g grows by 1 in a year). It
+is uneven where it is a step along one column of the path, whose size is another one in each recording, about a common one,
 
     delta_r = g_r (delta + e_r),    delta ~ N(0, 1),    e_r ~ N(0, UNEVEN^2)
 
-because far from nothing a quantity is not linear, and what it seems to be depends on what the boom did. With J and j the
+because between its corners a path is not straight, and what a quantity seems to be depends on what the boom did. With J and j the
 information and score of the sizes x of all recordings, theta and what is accepted integrated over, and K = g g' + UNEVEN^2 diag(g),
 
     ln odds = j'(K^-1 + J)^-1 j / 2 - ln det(1 + K J) / 2
+
+An accepted change is a vector for each recording, that of its size delta divided by it, times a coefficient N(0, 1); a further one
+of the same quantity goes on from where it has led.
 """
 
 from __future__ import annotations
@@ -20,14 +23,16 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp, ndtr, softmax
 
 from boom_fleet.past import YEAR, Direction, MachinePast
+from boom_fleet.paths import Path, along_path
 
 Array = NDArray[np.float64]
 
 UNEVEN = 0.5
 """How much the size of an uneven change differs between recordings, in z."""
+SMALL = 1e-6
+"""Size at which a change moves the numbers as it does next to nothing, in z."""
 Shape = Literal["step", "ramp", "uneven"]
 
 
@@ -35,7 +40,7 @@ Shape = Literal["step", "ramp", "uneven"]
 class Candidate:
     """A change that may have been: of a quantity, how, since when (see ``Change``), and how probable beforehand."""
 
-    direction: Direction
+    path: Path
     shape: Shape
     begin: int
     prior: float
@@ -49,35 +54,24 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Weighed:
-    """A candidate, its log odds against nothing further, prior included; the change's mean and standard deviation."""
+    """A candidate, its log odds against nothing further, prior included; the change's likeliest size, its standard deviation."""
 
     candidate: Candidate
     log_odds: float
-    mean: float
+    size: float
     deviation: float
 
 
 class _Column(NamedTuple):
-    """An unknown size of an accepted change: quantity, course over the recordings, and precision beforehand."""
+    """What of an accepted change is unknown: v (n, k) by which it moves the numbers in each recording, times N(0, 1 / precision).
 
-    direction: Direction
-    course: Array
-    precision: float
-
-
-def integrated(candidates: Sequence[Candidate], rows: Array, known: Array) -> list[Weighed]:
-    """The candidates under every ``form``: rows (forms, 3, c) of :meth:`Design.weigh`.
-
-    known: (forms,) log evidence of each if nothing further had changed.
+    pushed: (n, k) A v. scores: (n,) v'b.
     """
-    both = known[:, None] + rows[:, 0]
-    share = softmax(both, axis=0)
-    odds = logsumexp(both, axis=0) - logsumexp(known)
-    means = np.sum(share * rows[:, 1], axis=0)
-    deviations = np.sqrt(np.sum(share * (rows[:, 2] ** 2 + (rows[:, 1] - means) ** 2), axis=0))
-    return [
-        Weighed(c, float(o), float(m), float(d)) for c, o, m, d in zip(candidates, odds, means, deviations, strict=True)
-    ]
+
+    vectors: Array
+    pushed: Array
+    scores: Array
+    precision: float
 
 
 class Design:
@@ -87,86 +81,119 @@ class Design:
         log_evidence: up to what depends on no hypothesis.
     """
 
-    def __init__(self, past: MachinePast, count: int, accepted: Sequence[Candidate]) -> None:
+    def __init__(self, past: MachinePast, count: int, accepted: Sequence[Weighed]) -> None:
         self._past, self._count = past, count
-        self._columns = [column for c in accepted for column in _columns(c, past.times[:count])]
+        self.times = past.times[:count]
+        self._levels: dict[tuple[str, ...], Array] = {}
+        self._columns: list[_Column] = []
+        self._sizes: dict[tuple[str, ...], tuple[Array, Array]] = {}
+        for change in accepted:
+            self._accept(change)
         t, matrices, vectors = len(past.precision), *past.matrices(count)
         precision = np.append(past.precision, [column.precision for column in self._columns])
         a, b = np.diag(precision), np.zeros(len(precision))
         a[:t, :t] += sum(matrices)
         b[:t] = sum(vectors)
         for k, column in enumerate(self._columns, t):
-            rows, scores = past.along(column.direction, count)
-            a[:t, k] = a[k, :t] = column.course @ rows
-            b[k] = column.course @ scores
+            a[:t, k] = a[k, :t] = column.pushed.sum(axis=0)
+            b[k] = column.scores.sum()
             for j, other in enumerate(self._columns, t):
-                a[k, j] += (column.course * other.course) @ rows @ other.direction.along
+                a[k, j] += np.sum(column.pushed * other.vectors)
         self._inverse = np.linalg.inv(a)
         self._mean = self._inverse @ b
         self.log_evidence = 0.5 * float(b @ self._mean - np.linalg.slogdet(a)[1] + np.sum(np.log(precision)))
 
-    def weigh(self, candidates: Sequence[Candidate]) -> Array:
-        """(3, c) of each candidate beside what is accepted: log odds, prior included; mean and standard deviation of its size.
+    def start(self, path: Path) -> Array:
+        """Levels (n,) of a quantity by what is accepted."""
+        return self._levels.get(path.key, np.zeros(self._count))
 
-        Candidates of one quantity are next to one another; uneven ones are weighed alone.
-        """
-        return np.concatenate(
-            [self._weighed(list(own)) for _, own in groupby(candidates, key=lambda c: c.direction.id)], axis=1
-        )
+    def sizes(self, columns: Sequence[Direction]) -> tuple[Array, Array]:
+        """Information J (n, c, n, c) and score j (n, c) of the sizes of columns in all recordings, all else integrated over."""
+        key = tuple(column.id for column in columns)
+        if key not in self._sizes:
+            self._sizes[key] = self._sized(columns)
+        return self._sizes[key]
+
+    def _sized(self, columns: Sequence[Direction]) -> tuple[Array, Array]:
+        along = np.array([column.along for column in columns])
+        rows, scores = self._along(columns)
+        crossed = [np.sum(rows * column.vectors[:, None], axis=2)[..., None] for column in self._columns]
+        shared = np.concatenate([rows, *crossed], axis=2)
+        information = -np.tensordot(shared @ self._inverse, shared, (2, 2))
+        each = np.arange(self._count)
+        information[each, :, each] += rows @ along.T
+        return information, scores - shared @ self._mean
 
     def supposed(self, direction: Direction, spread: Array) -> float:
-        """Log evidence of sizes x (n,) of a quantity in the recordings that are N(0, spread), beside what is accepted."""
-        information, score = self._sizes(direction)
-        return _integrated_over(information, score, spread)[0]
+        """Log evidence of sizes x (n,) of a column in the recordings that are N(0, spread), beside what is accepted."""
+        information, score = self.sizes((direction,))
+        return float(_integrated_over(information[:, 0, :, 0], score[:, 0], spread)[0])
 
-    def _weighed(self, own: Sequence[Candidate]) -> Array:
-        """Candidates of one quantity."""
-        direction, one = own[0].direction, np.ones(len(own))
-        information, score = self._sizes(direction)
-        courses = np.array([c.course(self._past.times[: self._count]) for c in own])
-        if own[0].shape == "uneven":
-            each = [_uneven(g, information, score) for g in courses]
-        else:
-            each = [(0.0, information, score)] * len(own)
-        constants, informations, seen = (np.array(row) for row in zip(*each, strict=True))
-        squares = np.maximum(0.0, np.einsum("ci,cij,cj->c", courses, informations, courses))
-        scores = np.einsum("ci,ci->c", courses, seen)
-        variances = 1.0 / (squares + 1.0)
-        means, deviations = scores * variances, np.sqrt(variances)
-        inside = _mass(direction, courses[:, -1], means, deviations) / _mass(direction, courses[:, -1], 0.0 * one, one)
-        odds = constants + 0.5 * scores * means + 0.5 * np.log(variances) + np.log(np.maximum(1e-300, inside))
-        return np.array([np.log([c.prior for c in own]) + odds, means, deviations])
+    def _along(self, columns: Sequence[Direction]) -> tuple[Array, Array]:
+        """A d (n, c, k) and d'b (n, c) of columns."""
+        each = [self._past.along(column, self._count) for column in columns]
+        return np.stack([rows for rows, _ in each], axis=1), np.stack([scores for _, scores in each], axis=1)
 
-    def _sizes(self, direction: Direction) -> tuple[Array, Array]:
-        """Information J (n, n) and score j (n,) of the sizes of a quantity in all recordings, all else integrated over."""
-        rows, scores = self._past.along(direction, self._count)
-        along = rows @ direction.along
-        cross = [column.course * (rows @ column.direction.along) for column in self._columns]
-        shared = np.column_stack([rows, *cross])
-        return np.diag(along) - shared @ self._inverse @ shared.T, scores - shared @ self._mean
+    def _accept(self, change: Weighed) -> None:
+        path, course = change.candidate.path, change.candidate.course(self.times)
+        start = self.start(path)
+        size = change.size if abs(change.size) > SMALL else SMALL
+        x = (path.at(start + size * course) - path.at(start)) / size
+        self._levels[path.key] = start + change.size * course
+        unknown = [(x, 1.0)]
+        if change.candidate.shape == "uneven":
+            unknown += [(x * own[:, None], UNEVEN**-2) for own in np.eye(self._count)[course > 0.0]]
+        rows, scores = self._along(path.columns)
+        along = np.array([column.along for column in path.columns])
+        for shares, precision in unknown:
+            pushed = np.sum(rows * shares[..., None], axis=1)
+            self._columns.append(_Column(shares @ along, pushed, np.sum(scores * shares, axis=1), precision))
 
 
-def _columns(candidate: Candidate, times: Array) -> list[_Column]:
-    """What of an accepted change is unknown: its size, and of an uneven one how much each recording's differs from it."""
-    course = candidate.course(times)
-    each = [_Column(candidate.direction, row, UNEVEN**-2) for row in np.eye(len(times))[course > 0.0]]
-    return [_Column(candidate.direction, course, 1.0), *(each if candidate.shape == "uneven" else [])]
+def weigh(candidates: Sequence[Candidate], designs: Sequence[Design], known: Array) -> list[Weighed]:
+    """Each candidate beside what is accepted, integrated over ``form``.
+
+    Args:
+        candidates: those of one quantity next to one another, uneven ones apart from the others.
+        designs: (f,) under every ``form``.
+        known: (f,) log evidence of each ``form`` if nothing further had changed.
+    """
+    result = []
+    for _, group in groupby(candidates, key=lambda c: (c.path.key, c.shape == "uneven")):
+        own = list(group)
+        odds, sizes, deviations = _weighed(own, designs)
+        both = known[:, None] + odds + np.log([c.prior for c in own])
+        total = np.logaddexp.reduce(both, axis=0)
+        share = np.exp(both - total)
+        size = np.sum(share * sizes, axis=0)
+        deviation = np.sqrt(np.sum(share * (deviations**2 + (sizes - size) ** 2), axis=0))
+        table = np.array([total - np.logaddexp.reduce(known), size, deviation])
+        result += [Weighed(c, *row) for c, row in zip(own, table.T.tolist(), strict=True)]
+    return result
 
 
-def _uneven(course: Array, information: Array, score: Array) -> tuple[float, Array, Array]:
-    """What the recordings know of a common size: log evidence, information and score; integrated over how each one's differs."""
-    gained, factor = _integrated_over(information, score, UNEVEN**2 * np.diag(course))
-    return gained, factor @ information, factor @ score
+def _weighed(own: Sequence[Candidate], designs: Sequence[Design]) -> tuple[Array, Array, Array]:
+    """Log odds without the prior, likeliest size and its standard deviation (f, c) of candidates of one quantity."""
+    path = own[0].path
+    courses = np.array([c.course(designs[0].times) for c in own])
+    sizes = [design.sizes(path.columns) for design in designs]
+    information = np.array([j.reshape(s.size, s.size) for j, s in sizes])[:, None]
+    score = np.array([s.reshape(-1) for _, s in sizes])[:, None]
+    constant: Array | float = 0.0
+    if own[0].shape == "uneven":
+        constant, information, score = _uneven(courses, information, score)
+    odds, likeliest, deviations = along_path(path, designs[0].start(path), courses, information, score)
+    return constant + odds, likeliest, deviations
 
 
-def _integrated_over(information: Array, score: Array, spread: Array) -> tuple[float, Array]:
-    """Log evidence of sizes that are N(0, spread), and (1 + J spread)^-1."""
-    factor = np.asarray(np.linalg.inv(np.eye(len(score)) + information @ spread), dtype=np.float64)
-    return 0.5 * float(score @ spread @ factor @ score + np.linalg.slogdet(factor)[1]), factor
+def _uneven(courses: Array, information: Array, score: Array) -> tuple[Array, Array, Array]:
+    """What is known of a common size: log evidence (f, c), information and score; integrated over how each recording's differs."""
+    gained, factor = _integrated_over(information, score, UNEVEN**2 * courses[:, None] * np.eye(courses.shape[1]))
+    return gained, factor @ information, (factor @ score[..., None])[..., 0]
 
 
-def _mass(direction: Direction, course: Array, mean: Array, deviation: Array) -> Array:
-    """Probability that the change at the last recording is in the quantity's range; 1 where it has not begun."""
-    begun = np.where(course > 0.0, course, 1.0)
-    low, high = (ndtr((x / begun - mean) / deviation) for x in (direction.low, direction.high))
-    return np.where(course > 0.0, high - low, 1.0)
+def _integrated_over(information: Array, score: Array, spread: Array) -> tuple[Array, Array]:
+    """Log evidence (...) of sizes that are N(0, spread), and (1 + J spread)^-1; J (..., n, n), j (..., n)."""
+    factor = np.asarray(np.linalg.inv(np.eye(score.shape[-1]) + information @ spread), dtype=np.float64)
+    explained = np.sum(score * (spread @ factor @ score[..., None])[..., 0], axis=-1)
+    return 0.5 * (explained + np.linalg.slogdet(factor)[1]), factor

@@ -1,19 +1,20 @@
 """Whether a machine has changed: one posterior for the screen's decision and for the comparison of a machine with its past.
 
-Recording r of a machine has the numbers z_r = theta + eta_r + sum_c delta_c g_c(t_r) d_c, with
+Recording r of a machine has the numbers z_r = theta + eta_r + sum_c v_c(delta_c g_c(t_r)), with
 
     theta ~ N(0, s^2)                 the machine's own numbers: s = 1 where they have a tolerance, ``form`` for an effect, as a
                                       healthy machine may seem to have one: its form is not the model's; and beside it what
                                       the catalogue says that a sound one has of it: a sensor's accuracy, a made part's
     eta_r ~ N(0, (wander s)^2)        what differs from day to day: temperature, work
-    delta_c ~ N(0, 1), in its range   a change of the quantity d_c: a step (g = 0, then 1), a ramp (g grows by 1 in a year), or a
-                                      step that seems to be of another size in each recording (``boom_fleet.designs``)
+    delta_c ~ N(0, 1), in its range   a change of a quantity along its path v_c (``boom_fleet.paths``): a step (g = 0, then 1), a
+                                      ramp (g grows by 1 in a year), or a step that seems to be of another size in each recording
+                                      (``boom_fleet.designs``)
 
-and log L_r(z_r) from the screen (``boom_fleet.screen``). All of it is linear and Gaussian, so the odds of "nothing changed" against
-"quantity c, this way, since then" are exact. A step at the first recording says that the machine was outside its file's
-tolerance from the beginning. ``form``, of each effect, and ``wander`` are found from the fleet (``boom_fleet.habits``). ``wander``
-is the same for all; how little the model's form fits is each machine's own, so every probability is integrated over a factor of
-``form``, log-normal about the fleet's (``FORM_SPREAD``).
+and log L_r(z_r) from the screen (``boom_fleet.screen``). All of it is Gaussian and piecewise linear, so the odds of "nothing
+changed" against "quantity c, this way, since then" are exact. A step at the first recording says that the machine was outside its
+file's tolerance from the beginning. ``form``, of each effect, and ``wander`` are found from the fleet (``boom_fleet.habits``).
+``wander`` is the same for all; how little the model's form fits is each machine's own, so every probability is integrated over a
+factor of ``form``, log-normal about the fleet's (``FORM_SPREAD``).
 
 Of one effect a healthy machine may seem to have far more than is usual: five times (``ODD``), always alike, or another size in
 every recording, as one motion shows it and another does not. Where that is likelier than any change it is taken for granted.
@@ -35,8 +36,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logsumexp, softmax
 
-from boom_fleet.designs import Candidate, Design, Shape, Weighed, integrated
+from boom_fleet.designs import Candidate, Design, Shape, Weighed, weigh
 from boom_fleet.past import YEAR, Direction, Evidence, MachinePast
+from boom_fleet.paths import Path, likeliest_levels, straight
 
 Array = NDArray[np.float64]
 
@@ -102,19 +104,20 @@ class MachinePosterior:
     """What a machine's recordings say of its changes, integrated over how little the model's form fits it.
 
     Args:
-        pasts: ln of the prior of each ``form``, and the recordings as it has them. directions: of the quantities.
+        pasts: ln of the prior of each ``form``, and the recordings as it has them. paths: the quantities.
     """
 
-    def __init__(self, pasts: Sequence[tuple[float, MachinePast]], directions: Sequence[Direction]) -> None:
+    def __init__(self, pasts: Sequence[tuple[float, MachinePast]], paths: Sequence[Path]) -> None:
         self._priors, self._pasts = zip(*pasts, strict=True)
-        self.times, self.directions = self._pasts[0].times, tuple(directions)
+        self.times, self.paths = self._pasts[0].times, tuple(paths)
+        self._straight = tuple(straight(column, path.id) for path in paths for column in path.columns)
 
     def history(self, count: int, threshold: float) -> ChangeHistory:
         """What the first ``count`` recordings say; changes are added as long as P(nothing further) < ``threshold``.
 
         What matters to nobody is taken for granted, so that what matters is found beside it.
         """
-        accepted: list[Candidate] = []
+        accepted: list[Weighed] = []
         found: list[Change] = []
         pasts: Sequence[MachinePast] = self._pasts
         first = 0.0
@@ -128,16 +131,16 @@ class MachinePosterior:
             change = self._told(weighed, count)
             if abs(change.size) > UNIMPORTANT:
                 found.append(change)
-            accepted.append(max(weighed, key=lambda w: w.log_odds).candidate)
+            accepted.append(max(weighed, key=lambda w: w.log_odds))
 
-    def levels(self, direction: Direction) -> tuple[Array, Array]:
-        """Size (n,) of a quantity in each recording beyond the first, and its standard deviations, in z."""
+    def levels(self, path: Path) -> tuple[Array, Array]:
+        """Level (n,) of a quantity in each recording beyond the first, and its standard deviations, in z."""
         known = [prior + log_likelihood(past) for prior, past in zip(self._priors, self._pasts, strict=True)]
         likeliest: MachinePast = self._pasts[int(np.argmax(known))]
-        return likeliest.levels(direction)
+        return likeliest_levels(path, *Design(likeliest, len(self.times), ()).sizes(path.columns))
 
     def _beside_odd(
-        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[Candidate]
+        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[Weighed]
     ) -> tuple[Sequence[MachinePast], list[Weighed], float]:
         """The recordings of a machine as odd as it is likelier to be than to have changed; the odds of each change and of any."""
         for _ in range(MOST_ODD):
@@ -155,7 +158,7 @@ class MachinePosterior:
         return pasts, weighed, float(logsumexp([-np.inf, *(w.log_odds for w in weighed)]) - healthy)
 
     def _known(
-        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[Candidate]
+        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[Weighed]
     ) -> tuple[Array, list[Design]]:
         """Log evidence of every ``form`` with what is accepted."""
         designs = [Design(past, count, accepted) for past in pasts]
@@ -165,30 +168,31 @@ class MachinePosterior:
     def _weigh(self, count: int, shapes: Sequence[Shape], known: Array, designs: Sequence[Design]) -> list[Weighed]:
         """The odds of each candidate beside what is accepted; none of one recording, or of several of one time."""
         candidates = self._candidates(count, shapes)
-        return integrated(candidates, np.array([d.weigh(candidates) for d in designs]), known) if candidates else []
+        return weigh(candidates, designs, known) if candidates else []
 
     def _odd(self, count: int, known: Array, designs: Sequence[Design]) -> list[_Odd]:
         """What a healthy machine may seem to have instead of a change, the likeliest first."""
-        result = []
-        for direction in (d for d in self.directions if d.usual):
+        result, unchanged = [], np.logaddexp.reduce(known)
+        for direction in (column for path in self.paths for column in path.columns if column.usual):
             for restless in (False, True):
                 shape = np.eye(count) if restless else np.ones((count, count))
                 spread = (ODD * direction.usual) ** 2 * shape
-                gained = logsumexp(known + [d.supposed(direction, spread) for d in designs]) - logsumexp(known)
-                result.append(_Odd(float(gained) + log(ODDLY / len(self.directions)), direction, restless))
+                gained = np.logaddexp.reduce(known + [d.supposed(direction, spread) for d in designs])
+                result.append(_Odd(float(gained - unchanged) + log(ODDLY / len(self._straight)), direction, restless))
         return sorted(result, key=lambda o: -o.log_odds)
 
     def _candidates(self, count: int, shapes: Sequence[Shape]) -> list[Candidate]:
         result = []
-        each = 1.0 / len(self.directions)
-        for direction in self.directions:
+        paths = self._straight if "uneven" in shapes else self.paths
+        each = 1.0 / len(paths)
+        for path in paths:
             if "step" in shapes:
-                result.append(Candidate(direction, "step", 0, OUTSIDE * each))
+                result.append(Candidate(path, "step", 0, OUTSIDE * each))
             for k in range(1, count):
                 passed = RATE * (self.times[k] - self.times[k - 1]) / YEAR
                 if passed <= 0.0:  # two recordings of the same time: nothing can have changed between them
                     continue
-                result += [Candidate(direction, shape, k - (shape == "ramp"), passed * each / 3.0) for shape in shapes]
+                result += [Candidate(path, shape, k - (shape == "ramp"), passed * each / 3.0) for shape in shapes]
         return result
 
     def _told(self, weighed: Sequence[Weighed], count: int) -> Change:
@@ -196,12 +200,12 @@ class MachinePosterior:
         probability = softmax([w.log_odds for w in weighed])
         shares: dict[str, float] = {}
         for w, p in zip(weighed, probability, strict=True):
-            shares[w.candidate.direction.id] = shares.get(w.candidate.direction.id, 0.0) + float(p)
-        own = best.candidate.direction.id
+            shares[w.candidate.path.id] = shares.get(w.candidate.path.id, 0.0) + float(p)
+        own = best.candidate.path.id
         others = tuple(
             sorted(((k, s) for k, s in shares.items() if k != own and s > 0.01), key=lambda row: -row[1])[:4]
         )
-        same = [w for w in weighed if w.candidate.direction.id == own]
+        same = [w for w in weighed if w.candidate.path.id == own]
         size, deviation = self._size(same, count)
         return Change(
             own, best.candidate.shape, best.candidate.begin, self._since(same), size,
@@ -212,9 +216,9 @@ class MachinePosterior:
         """Mean and standard deviation of the size at the last recording, over all beginnings and both shapes."""
         share = softmax([w.log_odds for w in weighed])
         last = np.array([w.candidate.course(self.times[:count])[-1] for w in weighed])
-        means, deviations = (last * np.array([getattr(w, n) for w in weighed]) for n in ("mean", "deviation"))
-        mean = float(share @ means)
-        return mean, sqrt(float(share @ (deviations**2 + (means - mean) ** 2)))
+        sizes, deviations = (last * np.array([getattr(w, n) for w in weighed]) for n in ("size", "deviation"))
+        mean = float(share @ sizes)
+        return mean, sqrt(float(share @ (deviations**2 + (sizes - mean) ** 2)))
 
     def _since(self, weighed: Sequence[Weighed]) -> tuple[float, float]:
         """Earliest and latest beginning: the shortest set of them that holds 90 %."""
@@ -246,14 +250,14 @@ def log_likelihood(past: MachinePast) -> float:
 
 
 def posterior(
-    evidence: Sequence[Evidence], kinds: NumberKinds, form: float, wander: float, directions: Sequence[Direction]
+    evidence: Sequence[Evidence], kinds: NumberKinds, form: float, wander: float, paths: Sequence[Path]
 ) -> MachinePosterior:
     """Of a machine of a fleet with this ``form`` and ``wander``."""
     pasts = []
     for own_form in FORMS:
         prior = -0.5 * (log(own_form / form) / FORM_SPREAD) ** 2
         pasts.append((prior, MachinePast(evidence, *spreads(kinds, own_form, wander))))
-    return MachinePosterior(pasts, directions)
+    return MachinePosterior(pasts, paths)
 
 
 class NumberKinds(NamedTuple):

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from boom_fleet.evidence import Change, ChangeHistory, MachinePosterior, NumberKinds, posterior
 from boom_fleet.habits import apparent, likeliest, profile, usual
-from boom_fleet.numbers import TrackedQuantity
+from boom_fleet.numbers import QuantityColumn, TrackedQuantity
 from boom_fleet.past import Direction, Evidence
+from boom_fleet.paths import Path
 
 Array = NDArray[np.float64]
 
@@ -114,7 +115,7 @@ class _Frame:
         self.quantities = {q.id: q for q in quantities}
         self.names = tuple(dict.fromkeys(name for k in self.kept for name in k.names))
         self.evidence = [self._evidence(k) for k in self.kept]
-        sound = {name: q.sound for q in quantities for name, _ in q.direction}
+        sound = {name: q.sound for q in quantities for column in q.columns for name, _ in column.direction}
         self.kinds = NumberKinds(
             effects=np.array([float(name.startswith("effects.")) for name in self.names]),
             own=np.array([name == "pose.load" for name in self.names]),
@@ -127,27 +128,31 @@ class _Frame:
         matrix[np.ix_(at, at)], vector[at] = kept.matrix, kept.vector
         return Evidence(kept.time, matrix, vector)
 
-    def _direction(self, quantity: TrackedQuantity, form: float) -> Direction:
+    def _direction(self, column: QuantityColumn, form: float) -> Direction:
         along = np.zeros(len(self.names))
-        for name, share in quantity.direction:
+        for name, share in column.direction:
             along[self.names.index(name)] = share
-        return Direction(quantity.id, along, quantity.low, quantity.high, form * float(self.kinds.effects @ along))
+        usual = form * float(self.kinds.effects @ along)
+        return Direction(column.id, along, column.low, column.high, usual, column.node)
 
     def judged(self, machine: str, form: float, wander: float, threshold: float) -> Judgement:
-        directions = {q.id: self._direction(q, form) for q in self.quantities.values()}
-        past = posterior(self.evidence, self.kinds, form, wander, tuple(directions.values()))
+        paths = {
+            q.id: Path(q.id, tuple(self._direction(column, form) for column in q.columns))
+            for q in self.quantities.values()
+        }
+        past = posterior(self.evidence, self.kinds, form, wander, tuple(paths.values()))
         histories = confirmed([past.history(k + 1, threshold) for k in range(len(self.kept))])
         known = [0, *(len(h.changes) for h in histories)]
         raised = tuple(k.key for k, was, now in zip(self.kept, known[:-1], known[1:], strict=True) if now > was)
         changed = dict.fromkeys(c.quantity for h in histories for c in h.changes)
         return Judgement(
             machine, tuple(k.key for k in self.kept), tuple(k.time for k in self.kept), histories, raised,
-            {name: self._levels(past, directions[name], self.quantities[name]) for name in changed},
+            {name: self._levels(past, paths[name], self.quantities[name]) for name in changed},
         )  # fmt: skip
 
     @staticmethod
-    def _levels(past: MachinePosterior, direction: Direction, quantity: TrackedQuantity) -> tuple[TrendLevel, ...]:
-        mean, deviation = past.levels(direction)
+    def _levels(past: MachinePosterior, path: Path, quantity: TrackedQuantity) -> tuple[TrendLevel, ...]:
+        mean, deviation = past.levels(path)
         scale = quantity.scale
         return tuple(
             TrendLevel(scale * m, scale * (m - 1.645 * d), scale * (m + 1.645 * d))

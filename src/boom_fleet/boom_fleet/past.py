@@ -18,9 +18,10 @@ YEAR = 365.25 * 86400.0
 
 @dataclass(frozen=True)
 class Direction:
-    """A quantity: its id, its direction (k,) in z, and the range of its size in z.
+    """A column: its id, its direction (k,) in z, and the range of its size in z.
 
     usual: standard deviation of the size of an effect, as healthy machines seem to have it; 0 of what is none.
+    node: level of its quantity at which it is exact (``boom_fleet.paths``).
     """
 
     id: str
@@ -28,6 +29,7 @@ class Direction:
     low: float
     high: float
     usual: float = 0.0
+    node: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -83,25 +85,6 @@ class MachinePast:
     def constant(self, count: int) -> float:
         """What the first recordings say of how much the machine differs from day to day."""
         return sum(self._constants[:count])
-
-    def levels(self, direction: Direction) -> tuple[Array, Array]:
-        """Size (n,) of a quantity in each recording beyond the first, and its standard deviations, in z."""
-        n, t, along = len(self.times), len(self.precision), direction.along
-        size = t + n - 1
-        a, b = np.zeros((size, size)), np.zeros(size)
-        a[:t, :t] = np.diag(self.precision)
-        a[t:, t:] = np.eye(n - 1) * 1e-6
-        for r, (matrix, vector) in enumerate(zip(self._matrix, self._vector, strict=True)):
-            a[:t, :t] += matrix
-            b[:t] += vector
-            if r:
-                k, column = t + r - 1, matrix @ along
-                a[:t, k] = a[k, :t] = column
-                a[k, k] += along @ column
-                b[k] = along @ vector
-        covariance = np.linalg.inv(a)
-        mean = covariance @ b
-        return np.append(0.0, mean[t:]), np.append(0.0, np.sqrt(np.diag(covariance)[t:]))
 
     def along(self, direction: Direction, count: int) -> tuple[Array, Array]:
         """A d (count, k) and d'b (count,) of the first recordings."""

@@ -8,7 +8,7 @@ are right. With D = dw/dz of all numbers z (``boom_fleet.numbers``), at a point 
 z0 is where the machine's tolerated numbers were in its reference recording (:func:`reference`), the same for all its recordings.
 A and b are all that the comparison with other recordings needs (``boom_fleet.evidence``): 60 000 samples become one small matrix.
 Recordings are worked off in blocks, so that memory does not grow with their length; of long ones the liveliest, until one more says
-little. Differences D reach across the corner at which an accumulator runs empty (:func:`_steps`).
+little. Differences D reach across the corner at which an accumulator runs empty (``Numbers.steps``).
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
-from math import log1p
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,6 @@ from boom_estimation.problem import EstimationProblem
 from boom_fleet.evidence import NumberKinds, spreads
 from boom_fleet.habits import UNKNOWN
 from boom_fleet.numbers import Numbers, numbers_of, present
-from boom_model.catalogue import EFFECTS, accumulator_precharge
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import SHORTEST_BLOCK, Recording, blocks
@@ -48,7 +46,6 @@ FURTHEST = 2.5
 """Standard deviations of its prior by which a number is moved at most in a reference."""
 FITTED, MOST_STEPS, ENOUGH, LEAST_DAMPING = 1, 9, 20.0, 0.1
 """Blocks that a reference is fitted to, most steps, the gain [nats] below which a step was none, and where damping ends."""
-_GAS = accumulator_precharge.EFFECT
 LEVEL = 2.0
 """Noise of currents and model, in units of what ``boom_estimation.whitening`` assumes. With it the innovations of a crane that is
 another than the model, though healthy, are white (measured: their correlation from sample to sample falls from 0.36 to 0.11)."""
@@ -171,7 +168,6 @@ class _PreparedBlock:
     prepared: PreparedRecording
     numbers: Numbers
     problem: EstimationProblem
-    steps: Array
 
     @classmethod
     def of(cls, block: Recording, machine: Machine) -> _PreparedBlock | None:
@@ -181,7 +177,7 @@ class _PreparedBlock:
         if not prepared.segments:
             return None
         numbers = numbers_of(machine, prepared.plant.pose, prepared.plant)
-        return cls(prepared, numbers, EstimationProblem([prepared], numbers.unknowns), _steps(numbers))
+        return cls(prepared, numbers, EstimationProblem([prepared], numbers.unknowns))
 
     def expanded(self, z: Array, count: int | None = None) -> Screening:
         """The expansion at z (k,), by the first ``count`` numbers; by all by default."""
@@ -189,7 +185,7 @@ class _PreparedBlock:
         at = z[: len(problem.unknowns)]
         gains = problem.gains(at, problem.first_gains(), level=LEVEL)
         own = range(min(k, len(at)))
-        innovations, derivatives = problem.sensitivities(at, gains, own, steps=self.steps, tolerance=TOLERANCE)
+        innovations, derivatives = problem.sensitivities(at, gains, own, steps=self.numbers.steps, tolerance=TOLERANCE)
         changes = [[d] for d in derivatives]
         far = self.numbers.far[: k - len(own)]
         seen = problem.observed_with([point.values for point in far], at, gains, tolerance=TOLERANCE)
@@ -219,25 +215,6 @@ class _PreparedBlock:
             moving += float((regime > 0).sum()) * self.prepared.period
             seconds += segment.end - segment.start
         return Screening(self.numbers.names[:k], a, b + a @ z[:k], sums, counts, seconds, moving)
-
-
-def _steps(numbers: Numbers) -> Array:
-    """(k,) steps of the differences. Across a corner they reach as far as a healthy machine may be elsewhere, ``form``.
-
-    The derivative beside the corner would be that of a few samples: with less gas an accumulator runs empty elsewhere.
-    """
-    quantity = next((q for q in numbers.quantities if q.name == _GAS.id), None)
-    less = log1p(-UNKNOWN[0] * quantity.scale) if quantity is not None else 0.0
-    steps = []
-    for u in numbers.unknowns:
-        words = u.name.split(".")
-        step = max(u.step, EFFECTS[words[1]].reach) if words[0] == "effects" else u.step
-        if quantity is not None and words[1] == _GAS.id:
-            step = -UNKNOWN[0]
-        elif quantity is not None and u.name in _GAS.changes:
-            step = less / u.sigma
-        steps.append(step)
-    return np.array(steps)
 
 
 def _regime(rate: Array) -> NDArray[np.int64]:

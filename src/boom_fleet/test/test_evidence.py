@@ -4,14 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
+from boom_fleet.designs import Candidate, Design, weigh
 from boom_fleet.evidence import YEAR, NumberKinds, posterior, spreads
 from boom_fleet.habits import likeliest, profile, usual
-from boom_fleet.past import Direction, Evidence
+from boom_fleet.past import Direction, Evidence, MachinePast
+from boom_fleet.paths import Path, straight
 
 KINDS = NumberKinds(np.array([0.0, 0.0, 1.0]), np.zeros(3, dtype=bool), np.zeros(3))
-LEAK = Direction("leak", np.array([0.0, 0.0, 1.0]), 0.0, 2.0)
-WEAR = Direction("wear", np.array([1.0, 0.0, 0.0]), -2.0, 2.0)
+LEAK = straight(Direction("leak", np.array([0.0, 0.0, 1.0]), 0.0, 2.0))
+WEAR = straight(Direction("wear", np.array([1.0, 0.0, 0.0]), -2.0, 2.0))
 FORM, WANDER = 0.03, 0.1
 MACHINES = 20
 THRESHOLD = 0.05 / MACHINES
@@ -79,8 +82,8 @@ def seeming(rng, sizes):
 def odd_or_changed(evidence, usual):
     """What has changed in such a machine of a fleet in which ``usual`` is had of an effect."""
     kinds = NumberKinds(np.append(np.zeros(2), np.ones(12)), np.zeros(14, dtype=bool), np.zeros(14))
-    effects = [Direction(f"effect_{k}", np.eye(14)[k + 2], -2.0, 2.0, usual) for k in range(12)]
-    wear = Direction("wear", np.eye(14)[0], -2.0, 2.0)
+    effects = [straight(Direction(f"effect_{k}", np.eye(14)[k + 2], -2.0, 2.0, usual)) for k in range(12)]
+    wear = straight(Direction("wear", np.eye(14)[0], -2.0, 2.0))
     return [c.quantity for c in posterior(evidence, kinds, 0.01, 0.02, (*effects, wear)).history(8, THRESHOLD).changes]
 
 
@@ -107,6 +110,110 @@ def test_a_change_that_seems_to_be_of_another_size_in_each_recording_is_one_and_
     uneven = [0.0, 0.0, 0.0, 0.0, 0.2, 0.5, 0.1, 0.4]
     assert odd_or_changed(seeming(np.random.default_rng(5), uneven), 0.05) == ["effect_0"]
     assert odd_or_changed(seeming(np.random.default_rng(5), [0.3, -0.1, 0.2, 0.0, 0.4, -0.2, 0.1, 0.3]), 0.05) == []
+
+
+NEAR = Direction("near", np.eye(14)[2], 0.0, 2.0, 0.05, 0.1)
+FAR = Direction("far", np.eye(14)[3], 0.0, 2.0, 0.05, 0.7)
+BENT = Path("gas", (NEAR, FAR))
+
+
+def along_bent(levels, path=BENT):
+    """A machine that has gone along a path: so far in each recording."""
+    rng = np.random.default_rng(0)
+    result = []
+    for k, level in enumerate(levels):
+        rows = rng.standard_normal((200, 14)) * 20.0
+        z = path.at(np.array(float(level))) @ np.array([column.along for column in path.columns])
+        result.append(Evidence(k / len(levels) * YEAR, rows.T @ rows, rows.T @ (rows @ z + rng.standard_normal(200))))
+    return result
+
+
+def bent_posterior(evidence, *paths):
+    kinds = NumberKinds(np.append(np.zeros(2), np.ones(12)), np.zeros(14, dtype=bool), np.zeros(14))
+    others = [straight(Direction(f"effect_{k}", np.eye(14)[k], -2.0, 2.0, 0.05)) for k in range(4, 14)]
+    return posterior(evidence, kinds, 0.01, 0.02, (*paths, *others))
+
+
+DRIFT = [0.0, 0.0, 0.06, 0.15, 0.24, 0.33, 0.42, 0.51]
+
+
+def test_a_drift_along_a_bent_path_is_one_and_along_its_columns_alone_it_was_restlessness():
+    """Gas that sinks by 2.7, 6.7, 10.6 %: along no single column, and so it was raised three recordings late."""
+    machine = bent_posterior(along_bent(DRIFT), BENT)
+    for count in (4, 5, 6, 8):
+        (change,) = machine.history(count, THRESHOLD).changes
+        assert (change.quantity, change.shape, change.begin) == ("gas", "ramp", 1)
+        assert change.size == pytest.approx(DRIFT[count - 1], abs=0.02)
+
+    linear = bent_posterior(along_bent(DRIFT), straight(NEAR), straight(FAR))
+    assert [linear.history(count, THRESHOLD).changes for count in (4, 5, 6, 8)] == [()] * 4
+
+
+def test_the_level_along_a_bent_path_is_that_of_each_recording():
+    mean, deviation = bent_posterior(along_bent([0.0, 0.05, 0.4, 0.1, 0.9, 0.3]), BENT).levels(BENT)
+
+    assert np.all(np.abs(mean - [0.0, 0.05, 0.4, 0.1, 0.9, 0.3]) <= 4.0 * deviation)
+    assert np.all(deviation[1:] < 0.02) and np.all(deviation[1:] > 0.0)
+
+
+def test_what_goes_back_along_a_bent_path_is_a_second_change_that_takes_all_of_it_back():
+    """Where no machine seems to have another size of it in every recording."""
+    firm = Path("gas", tuple(replace(column, usual=0.0) for column in BENT.columns))
+    evidence = along_bent([0.0, 0.0, 0.0, 0.5, 0.5, 0.5, 0.0, 0.0])
+    first, second = bent_posterior(evidence, firm).history(8, 1e-6).changes
+
+    assert {(c.quantity, c.shape, c.begin) for c in (first, second)} == {("gas", "step", 3), ("gas", "step", 6)}
+    assert first.size + second.size == pytest.approx(0.0, abs=0.02)
+
+
+def bent_design(levels, accepted=()):
+    past = MachinePast(along_bent(levels), np.append(np.ones(2), np.full(12, 0.01)), np.full(14, 1e-3))
+    return past, Design(past, len(levels), accepted)
+
+
+def candidates(path, count):
+    return [Candidate(path, shape, begin, 0.1) for begin in range(1, count - 1) for shape in ("step", "ramp")]
+
+
+def test_with_columns_in_one_line_a_path_gives_what_one_column_gives():
+    """And that is the linear answer: score^2 / 2 precision - ln(precision) / 2, and how much of it is in the range."""
+    _, design = bent_design([0.0, 0.0, 0.05, 0.1, 0.15])
+    line = Path("gas", (NEAR, replace(FAR, along=NEAR.along)))
+    inline, single = (weigh(candidates(path, 5), [design], np.zeros(1)) for path in (line, straight(NEAR)))
+
+    for a, b in zip(inline, single, strict=True):
+        assert (a.log_odds, a.size, a.deviation) == pytest.approx((b.log_odds, b.size, b.deviation), abs=1e-6)
+    information, score = (array[..., 0] for array in design.sizes((NEAR,)))
+    for w in single:
+        course = w.candidate.course(design.times)
+        precision = 1.0 + course @ information[:, 0] @ course
+        mean, deviation = course @ score / precision, precision**-0.5
+        inside, before = (
+            np.diff(ndtr((np.array([0.0, 2.0 / course[-1]]) - m) / d)) for m, d in ((mean, deviation), (0, 1))
+        )
+        odds = np.log(0.1) + 0.5 * precision * mean**2 - 0.5 * np.log(precision) + np.log(inside / before)
+        assert w.log_odds == pytest.approx(float(odds[0]), abs=1e-6)
+        assert (w.size, w.deviation) == pytest.approx((max(0.0, mean), deviation))
+
+
+def test_the_odds_of_a_change_along_a_bent_path_are_the_integral_over_its_sizes():
+    """Summed over many sizes, each a hypothesis of its own, beside a change that was accepted."""
+    past, design = bent_design([0.0, 0.05, 0.05, 0.06, 0.08])
+    (first,) = weigh([Candidate(BENT, "step", 1, 0.1)], [design], np.zeros(1))
+    design = Design(past, 5, (first,))
+    start = first.size * np.array([0.0, 1.0, 1.0, 1.0, 1.0])
+    information, score = design.sizes(BENT.columns)
+
+    for w in weigh(candidates(BENT, 5), [design], np.zeros(1)):
+        course = w.candidate.course(design.times)
+        sizes, width = np.linspace(-start[-1] / course[-1], (2.0 - start[-1]) / course[-1], 400001, retstep=True)
+        x = BENT.at(start + sizes[:, None] * course) - BENT.at(start)
+        gains = np.einsum("grc,rc->g", x, score) - 0.5 * np.sum(
+            x.reshape(-1, 10) @ information.reshape(10, 10) * x.reshape(-1, 10), 1
+        )
+        prior = np.exp(-0.5 * sizes**2)
+        assert w.log_odds == pytest.approx(np.log(0.1) + np.log(np.exp(gains) @ prior / prior.sum()), abs=1e-3)
+        assert w.size == pytest.approx(sizes[np.argmax(gains - 0.5 * sizes**2)], abs=2 * width)
 
 
 def test_a_step_is_raised_at_once_and_dated_to_the_interval_in_which_it_came():

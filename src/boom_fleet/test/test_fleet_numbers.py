@@ -39,7 +39,9 @@ def test_every_number_with_a_tolerance_is_one_that_a_sound_crane_may_have_otherw
 def test_tolerated_numbers_come_first_and_each_quantity_moves_numbers_that_are_there(numbers):
     effects = [name.startswith("effects.") for name in numbers.names]
     assert effects == [False] * numbers.tolerated + [True] * (len(effects) - numbers.tolerated)
-    assert {name for q in numbers.quantities for name, _ in q.direction} <= set(numbers.names)
+    assert {name for q in numbers.quantities for column in q.columns for name, _ in column.direction} <= set(
+        numbers.names
+    )
     assert len({q.id for q in numbers.quantities}) == len(numbers.quantities)
 
 
@@ -47,6 +49,22 @@ def test_where_a_search_starts_beyond_half_of_an_effects_range_there_is_a_differ
     """A lag of 80 ms was restlessness: beside nothing its derivative says what 0.1 ms of it do."""
     (lag,) = (point for point in numbers.far if "hose_burst_valve_lag" in point.name)
     assert lag.values == {"effects.hose_burst_valve_lag.tau": 0.1}
-    quantity = next(q for q in numbers.quantities if q.id == "hose_burst_valve_lag.towards tau = 0.1")
+    quantity = next(q for q in numbers.quantities if q.id == "hose_burst_valve_lag")
     assert quantity.size(lag.z) == pytest.approx(0.1)
+    assert [column.id for column in quantity.columns] == ["effects.hose_burst_valve_lag.tau", lag.name]
     assert not any("spring_rate.towards" in point.name for point in numbers.far)
+
+
+def test_points_at_which_the_same_numbers_move_are_of_one_quantity_with_what_the_leading_one_does_beside_nothing(
+    numbers,
+):
+    nodes = {q.id: [q.size(c.node) for c in q.columns] for q in numbers.quantities if q.name == "accumulator_precharge"}
+    steps = dict(zip(numbers.names, numbers.steps, strict=False))
+
+    assert nodes == {
+        "accumulator_precharge": pytest.approx(
+            [0.35, 0.7, 1.0 + 0.45 * steps["effects.accumulator_precharge.r"], 1.08]
+        ),
+        "accumulator_precharge.r and r_2": pytest.approx([0.35, 0.7]),
+        "accumulator_precharge.r_2": pytest.approx([0.35, 0.7]),
+    }

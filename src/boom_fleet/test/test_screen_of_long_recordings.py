@@ -57,7 +57,7 @@ def test_differences_by_the_gas_reach_across_the_corner_at_which_an_accumulator_
     """The same gas in the file's numbers and in the effect: by the same share, less of it."""
     (block,) = pieces(recording, 10.0)
     one = screen._PreparedBlock.of(block, load_machine("tz17"))
-    steps = {u.name: (step, u) for step, u in zip(one.steps, one.numbers.unknowns, strict=True)}
+    steps = {u.name: (step, u) for step, u in zip(one.numbers.steps, one.numbers.unknowns, strict=True)}
     shares = [
         u.value(step) / u.value(0.0) for name, (step, u) in steps.items() if "precharge" in name or "p_g0" in name
     ]
