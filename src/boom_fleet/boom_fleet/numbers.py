@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import log1p
+from math import log1p, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -197,16 +197,41 @@ def _near(suspect: Suspect, part: str, step: float) -> TrackedQuantity:
 def _points(quantity: TrackedQuantity) -> tuple[Mapping[str, float], ...]:
     """Values of an effect's numbers far from nothing, where a search tries it and the derivative at nothing says little.
 
-    Of a single number the starts that are more than half of its plausible range away.
+    Of a single number the starts that are more than half of its plausible range away. Before what is more than a quarter away
+    stands one half way to it.
     """
     effect = EFFECTS.get(quantity.name)
     if effect is None or effect.reach:
         return ()
-    if effect.points:
-        names = [row.name for row in effect.parameters]
-        return tuple(dict(zip(names, point, strict=True)) for point in effect.points)
-    row = effect.parameters[0]
-    return tuple({row.name: start} for start in row.starts if abs(start - row.neutral) > quantity.scale)
+    row, names = effect.parameters[0], [row.name for row in effect.parameters]
+    starts = [{row.name: start} for start in row.starts if abs(start - row.neutral) > quantity.scale]
+    points = [dict(zip(names, point, strict=True)) for point in effect.points] or starts
+    result = list[Mapping[str, float]]()
+    for point in points:
+        half = _half(quantity, point)
+        nearer = any(
+            _away(quantity, other) <= _away(quantity, half) for other in points if _like(quantity, other, point)
+        )
+        result += [point] if nearer or _away(quantity, point) < 0.5 else [half, point]
+    return tuple(result)
+
+
+def _half(quantity: TrackedQuantity, point: Mapping[str, float]) -> dict[str, float]:
+    """Half way from nothing: of a factor in its logarithm."""
+    neutral = {row.name: row.neutral for row in EFFECTS[quantity.name].parameters}
+    return {n: sqrt(v * neutral[n]) if neutral[n] > 0.0 else 0.5 * (neutral[n] + v) for n, v in point.items()}
+
+
+def _away(quantity: TrackedQuantity, point: Mapping[str, float]) -> float:
+    """How far the first number that moves is from nothing, in halves of the range."""
+    far = _far(quantity, point)
+    return abs(far.z)
+
+
+def _like(quantity: TrackedQuantity, one: Mapping[str, float], other: Mapping[str, float]) -> bool:
+    """Whether both are on the same path and on the same side of nothing."""
+    a, b = _far(quantity, one), _far(quantity, other)
+    return a.moved == b.moved and a.z * b.z > 0.0
 
 
 def _far(quantity: TrackedQuantity, point: Mapping[str, float]) -> FarPoint:

@@ -34,7 +34,7 @@ from boom_fleet.tasks import (
 from boom_model.catalogue import CATALOGUE
 from boom_model.plant import Plant
 
-VERSION = hashlib.sha256(repr(("3", [(e.id, e.term, e.parameters) for e in CATALOGUE])).encode()).hexdigest()
+VERSION = hashlib.sha256(repr(("4", [(e.id, e.term, e.parameters) for e in CATALOGUE])).encode()).hexdigest()
 """Of the screen and its numbers: what an older one kept is not compared with what this one keeps."""
 Kind = TypeVar("Kind")
 Told = Callable[[str, int], None]
