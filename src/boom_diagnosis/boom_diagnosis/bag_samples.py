@@ -103,6 +103,12 @@ class Bag:
         return self.recording.name
 
     @property
+    def load_told(self) -> float:
+        """The load [kg] that its configuration tells."""
+        told = self.recording.configuration.load_mass
+        return 0.0 if isnan(told) else told
+
+    @property
     def pose_end(self) -> str:
         """With which the names of the numbers of its pose end."""
         return self.places["pose.D0"].removeprefix("pose.D0")
@@ -256,7 +262,7 @@ def by_pose(bags: Sequence[Bag]) -> list[Bag]:
     result = []
     for bag in bags:
         c = bag.recording.configuration
-        pose, load = (c.outer_boom_angle, c.telescope_length), 0.0 if isnan(c.load_mass) else c.load_mass
+        pose, load = (c.outer_boom_angle, c.telescope_length), bag.load_told
         for seen, own in ((poses, pose), (loads, load)):
             if own not in seen:
                 seen.append(own)

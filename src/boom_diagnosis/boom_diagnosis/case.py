@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import Bag, by_pose
 from boom_diagnosis.fitting import Point, Problem
+from boom_diagnosis.found_machine import TOLD
 from boom_diagnosis.freerun import Elsewhere
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, problem_at
 from boom_diagnosis.learning import Learned, Setting
@@ -104,16 +105,20 @@ class Case:
     def numbers(self, at: Point) -> dict[str, float]:
         """Components at a point, for a machine file: a load that is another than told is in the moments of mass of its pose.
 
+        Of several loads in one pose each is told by itself (``payload.told``).
+
         Moments of a pose that no fitted recording has are as the recordings held out tell them beside the rest.
         """
         result = self.values(self.everywhere(at), at.effects)
         known = {n.name: n.nominal for n in self.nuisances if n.nominal is not None}
-        carried: dict[str, set[str]] = {}
+        carried: dict[str, dict[str, float]] = {}
         for bag in (*self.bags, *self.proving):
-            carried.setdefault(bag.pose_end, set()).add(bag.places["pose.load"])
+            carried.setdefault(bag.pose_end, {})[bag.places["pose.load"]] = bag.load_told
+        several = {name: told for loads in carried.values() if len(loads) > 1 for name, told in loads.items()}
+        result |= {f"{TOLD}{told}": result[name] for name, told in several.items() if name in result}
         for end, loads in carried.items():
             load = min(loads)
-            if len(loads) > 1 or load not in result:  # moments of one pose do not tell two loads
+            if load in several or load not in result:  # moments of one pose do not tell two loads
                 continue
             more = result[load] - known[load]
             x, y = self.others.get(end, self.pose).tip

@@ -16,6 +16,7 @@ from boom_identification.estimate import Identified
 from boom_identification.machine_output import document_with, effects_with, fits
 from boom_input.whole import write_whole
 from boom_model.catalogue import CATALOGUE
+from boom_model.components import payload
 from boom_model.errors import MachineError
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine, Pose
@@ -40,7 +41,7 @@ def found_machine(
     Args:
         machine: as given.
         pose: in which the recordings were made.
-        numbers: component or ``effects.ID.NAME`` -> value.
+        numbers: component or ``effects.ID.NAME`` -> value; ``TOLD`` and a load that configurations tell -> load [kg].
         spreads: component -> half of its 90 % interval.
         learned: terms beside those that the machine has.
         others: end of the names of another pose's numbers -> that pose.
@@ -59,6 +60,8 @@ def found_machine(
     return _found(machine, {}, _less(numbers, 0.0), {}, learned)
 
 
+TOLD = "payload.told."
+"""Of names of loads where those of several recordings differ."""
 _SHARES = (1.0, 0.75, 0.5, 0.25)
 
 
@@ -94,6 +97,10 @@ def _found(
             name = pose.tabulated or _DIAGNOSED + end.replace(OTHER_POSE, "_")
             body["configs"].setdefault(name, _row(pose)).update(moments)
             document["rigid_body"] = body
+    told = {float(name.removeprefix(TOLD)): float(value) for name, value in numbers.items() if name.startswith(TOLD)}
+    if told:
+        section = document.get(payload.NAME) or {}
+        document[payload.NAME] = {**section, "told": {**(section.get("told") or {}), **told}}
     effects = effects_with(machine, numbers)
     if effects:
         document["effects"] = effects

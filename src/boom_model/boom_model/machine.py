@@ -83,6 +83,7 @@ class Machine:
         learned: terms learnt from data.
         load_tolerance: of the load that a configuration tells, if the file states one.
         payloads: steps of the load by name of the recording, those of every other recording under "".
+        loads: [kg] that a configuration tells -> that it is, where recordings told.
     """
 
     name: str
@@ -96,6 +97,7 @@ class Machine:
     learned: tuple[LearnedTerm, ...] = ()
     load_tolerance: Tolerance | None = None
     payloads: Mapping[str, tuple[Step, ...]] = field(default_factory=dict)
+    loads: Mapping[float, float] = field(default_factory=dict)
 
     def values(self, pose: Pose) -> dict[str, float]:
         """Every component of the parameter vector by name: machine, pose, effects."""
@@ -181,6 +183,7 @@ class Machine:
             raise MachineError(
                 f"pose: load of {load} kg: give a number of 0 .. 100000 kg (effect payload for an unknown one)"
             )
+        load = self.loads.get(load, load)
         for known_pose in self.tabulated:
             angle, length = known_pose.outer_boom_angle, known_pose.telescope_length
             if abs(angle - outer_boom_angle) < 1e-3 and abs(length - telescope_length) < 1e-3:

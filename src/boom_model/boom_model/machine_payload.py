@@ -14,15 +14,15 @@ MOST_STEPS = 8
 _FORM = "{mass: ..., time: ...} or {mass: ..., stroke: ...}"
 
 
-def check_payload(section: Any) -> tuple[Tolerance | None, Mapping[str, tuple[Step, ...]]]:
-    """Tolerance of the load of a configuration, and the steps by name of the recording ("": every other one).
+def check_payload(section: Any) -> tuple[Tolerance | None, Mapping[str, tuple[Step, ...]], Mapping[float, float]]:
+    """Tolerance of the load of a configuration; steps by name of the recording ("": every other one); load told -> load [kg].
 
     Raises:
         MachineError: names the first key that is missing, misspelt or impossible.
     """
-    known = ("tol", "steps", "recordings")
+    known = ("tol", "steps", "recordings", "told")
     if not isinstance(section, dict):
-        raise MachineError("payload: expected tol, steps or recordings below it")
+        raise MachineError("payload: expected tol, steps, recordings or told below it")
     for key in section:
         if key not in known:
             raise MachineError(f"payload.{key}: no such key{nearest(str(key), known)}")
@@ -33,7 +33,20 @@ def check_payload(section: Any) -> tuple[Tolerance | None, Mapping[str, tuple[St
     listed = {f"payload.recordings.{name}": (str(name), steps) for name, steps in recordings.items()}
     if "steps" in section:
         listed["payload.steps"] = ("", section["steps"])
-    return tolerance, {name: _steps(steps, where) for where, (name, steps) in listed.items()}
+    return (
+        tolerance,
+        {name: _steps(steps, where) for where, (name, steps) in listed.items()},
+        _told(section.get("told") or {}),
+    )
+
+
+def _told(given: Any) -> dict[float, float]:
+    pairs = [(number(load), number(value)) for load, value in given.items()] if isinstance(given, dict) else []
+    if not isinstance(given, dict) or not all(0.0 <= kg <= 1e5 for pair in pairs for kg in pair):
+        raise MachineError(
+            "payload.told: expected {load that a configuration tells: load that it is}, kg of 0 to 100000"
+        )
+    return dict(pairs)
 
 
 def _steps(given: Any, where: str) -> tuple[Step, ...]:
