@@ -130,6 +130,16 @@ def test_a_load_that_is_another_than_told_is_in_the_moments_of_the_machine_file(
     assert pytest.approx(true.D0 + 20.0 * (true.tip[0] ** 2 + true.tip[1] ** 2)) == moved.D0
 
 
+def test_a_recording_held_out_with_another_load_runs_with_the_load_that_it_tells() -> None:
+    """A crane whose load of 220 kg was 244 kg in the recording held out, and none in the fitted one, ran 3 bar off."""
+    bags = bags_of([recorded(tz17(), "a", FOLDED), recorded(tz17(), "b", FOLDED, load=320.0, told=300.0)])
+    case = seen(case_of(tz17(), bags[:1], bags[1:], 0))
+    found = machine_at(case, case.rounds[0].base)
+    assert found.pose(*FOLDED, 300.0).load == pytest.approx(320.0, abs=6.0)
+    assert found.pose(*FOLDED, 0.0).load == 0.0
+    assert machine_from(found.document).loads == found.loads
+
+
 def test_free_runs_in_a_motion_that_needs_a_number_which_nothing_tells_may_err_by_its_tolerance(
     two_poses: list[Bag], monkeypatch: pytest.MonkeyPatch
 ) -> None:
