@@ -86,7 +86,9 @@ def _proof(fit: Fit) -> list[tuple[str, tuple[float, ...]]]:
         return []
     columns = [("before" if "explained" in fit.held_out else "model", fit.held_out["nominal"])]
     if "explained" in fit.held_out:
-        columns += [("parameters only", fit.held_out[k]) for k in ("parameters_only",) if k in fit.held_out]
+        plain = fit.held_out.get("parameters_only")
+        if plain is not None and plain != fit.held_out["explained"]:
+            columns.append(("parameters only", plain))
         columns.append(("after", fit.held_out["explained"]))
     if len(fit.noise_floor) == len(PREDICTED):
         columns.append(("noise floor", fit.noise_floor))
