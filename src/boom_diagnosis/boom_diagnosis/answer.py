@@ -172,7 +172,7 @@ def assemble(
         (learned.curve,) if learned else (), left_over, moved, experiment,
         (
             *_said_of_wrong(case, moved), *unproved, *_said_of_limits(case, moved), *_said_of_less(case, machine),
-            *said_of_loads(machine, handed_out), *proof.notes, *notes_of(case.bags, case.proving, weak),
+            *said_of_loads(case.machine, machine, handed_out), *proof.notes, *notes_of(case.bags, case.proving, weak),
         ),
         command=about.command, wrong=case.wrong,
     )  # fmt: skip

@@ -80,8 +80,12 @@ def _with_steps(machine: Machine, effect: str, steps: Mapping[str, Steps]) -> Ma
         return machine
 
 
-def said_of_loads(before: Machine, after: Machine) -> Iterable[str]:
-    """That the file has them."""
+def said_of_loads(given: Machine, before: Machine, after: Machine) -> Iterable[str]:
+    """That the file has them, and loads that are others than told."""
     if after is not before:
         names = ", ".join(after.document[payload.NAME]["recordings"])
         yield f"machine.yaml tells the load of each recording, which has times of its own (payload.recordings: {names})"
+    found = {told: load for told, load in after.loads.items() if given.loads.get(told, told) != load}
+    if found:
+        said = ", ".join(f"{load:.4g} kg where {told:g} kg is told" for told, load in found.items())
+        yield f"loads as the recordings tell them, which machine.yaml has (payload.told): {said}"

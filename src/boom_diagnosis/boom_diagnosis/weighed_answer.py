@@ -135,7 +135,7 @@ def assemble(case: WeighedCase, about: About, weak: Sequence[str]) -> DiagnosisR
     terms = (learned.term,) if learned else ()
     machine = case.machine if verdict == "no_mismatch" else final_machine(case, final, deviations, terms)
     handed_out = told_by_recording(case, machine)
-    notes += said_of_loads(machine, handed_out)
+    notes += said_of_loads(case.machine, machine, handed_out)
     return DiagnosisResult(
         document, case.machine, handed_out, bags,
         regimes.table(cells, case.select, nominal, explained, case.healthy_squares), equations, agreement, proof.ladder,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import nan
 from typing import Any
 
 from boom_model.components.payload import By, Step
@@ -41,12 +42,16 @@ def check_payload(section: Any) -> tuple[Tolerance | None, Mapping[str, tuple[St
 
 
 def _told(given: Any) -> dict[float, float]:
-    pairs = [(number(load), number(value)) for load, value in given.items()] if isinstance(given, dict) else []
-    if not isinstance(given, dict) or not all(0.0 <= kg <= 1e5 for pair in pairs for kg in pair):
+    """Keys of YAML are read as texts."""
+    try:
+        pairs = {float(load): number(value) for load, value in given.items()}
+    except (AttributeError, TypeError, ValueError):
+        pairs = {nan: nan}  # outside of everything
+    if not all(0.0 <= kg <= 1e5 for pair in pairs.items() for kg in pair):
         raise MachineError(
             "payload.told: expected {load that a configuration tells: load that it is}, kg of 0 to 100000"
         )
-    return dict(pairs)
+    return pairs
 
 
 def _steps(given: Any, where: str) -> tuple[Step, ...]:
