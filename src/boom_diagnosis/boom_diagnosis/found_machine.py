@@ -60,7 +60,7 @@ def found_machine(
     return _found(machine, {}, _less(numbers, 0.0), {}, learned)
 
 
-TOLD = "payload.told."
+TOLD = f"{payload.NAME}.told."
 """Of names of loads where those of several recordings differ."""
 _SHARES = (1.0, 0.75, 0.5, 0.25)
 

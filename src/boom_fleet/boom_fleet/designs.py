@@ -37,7 +37,7 @@ Shape = Literal["step", "ramp", "uneven"]
 
 
 @dataclass(frozen=True)
-class Candidate:
+class ChangeCandidate:
     """A change that may have been: of a quantity, how, since when (see ``Change``), and how probable beforehand."""
 
     path: Path
@@ -53,16 +53,16 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Weighed:
+class WeighedChange:
     """A candidate, its log odds against nothing further, prior included; the change's likeliest size, its standard deviation."""
 
-    candidate: Candidate
+    candidate: ChangeCandidate
     log_odds: float
     size: float
     deviation: float
 
 
-class _Column(NamedTuple):
+class _SizeColumn(NamedTuple):
     """What of an accepted change is unknown: v (n, k) by which it moves the numbers in each recording, times N(0, 1 / precision).
 
     pushed: (n, k) A v. scores: (n,) v'b.
@@ -81,11 +81,11 @@ class Design:
         log_evidence: up to what depends on no hypothesis.
     """
 
-    def __init__(self, past: MachinePast, count: int, accepted: Sequence[Weighed]) -> None:
+    def __init__(self, past: MachinePast, count: int, accepted: Sequence[WeighedChange]) -> None:
         self._past, self._count = past, count
         self.times = past.times[:count]
         self._levels: dict[tuple[str, ...], Array] = {}
-        self._columns: list[_Column] = []
+        self._columns: list[_SizeColumn] = []
         self._sizes: dict[tuple[str, ...], tuple[Array, Array]] = {}
         for change in accepted:
             self._accept(change)
@@ -134,7 +134,7 @@ class Design:
         each = [self._past.along(column, self._count) for column in columns]
         return np.stack([rows for rows, _ in each], axis=1), np.stack([scores for _, scores in each], axis=1)
 
-    def _accept(self, change: Weighed) -> None:
+    def _accept(self, change: WeighedChange) -> None:
         path, course = change.candidate.path, change.candidate.course(self.times)
         start = self.start(path)
         size = change.size if abs(change.size) > SMALL else SMALL
@@ -147,10 +147,10 @@ class Design:
         along = np.array([column.along for column in path.columns])
         for shares, precision in unknown:
             pushed = np.sum(rows * shares[..., None], axis=1)
-            self._columns.append(_Column(shares @ along, pushed, np.sum(scores * shares, axis=1), precision))
+            self._columns.append(_SizeColumn(shares @ along, pushed, np.sum(scores * shares, axis=1), precision))
 
 
-def weigh(candidates: Sequence[Candidate], designs: Sequence[Design], known: Array) -> list[Weighed]:
+def weigh(candidates: Sequence[ChangeCandidate], designs: Sequence[Design], known: Array) -> list[WeighedChange]:
     """Each candidate beside what is accepted, integrated over ``form``.
 
     Args:
@@ -168,11 +168,11 @@ def weigh(candidates: Sequence[Candidate], designs: Sequence[Design], known: Arr
         size = np.sum(share * sizes, axis=0)
         deviation = np.sqrt(np.sum(share * (deviations**2 + (sizes - size) ** 2), axis=0))
         table = np.array([total - np.logaddexp.reduce(known), size, deviation])
-        result += [Weighed(c, *row) for c, row in zip(own, table.T.tolist(), strict=True)]
+        result += [WeighedChange(c, *row) for c, row in zip(own, table.T.tolist(), strict=True)]
     return result
 
 
-def _weighed(own: Sequence[Candidate], designs: Sequence[Design]) -> tuple[Array, Array, Array]:
+def _weighed(own: Sequence[ChangeCandidate], designs: Sequence[Design]) -> tuple[Array, Array, Array]:
     """Log odds without the prior, likeliest size and its standard deviation (f, c) of candidates of one quantity."""
     path = own[0].path
     courses = np.array([c.course(designs[0].times) for c in own])

@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logsumexp, softmax
 
-from boom_fleet.designs import Candidate, Design, Shape, Weighed, weigh
+from boom_fleet.designs import ChangeCandidate, Design, Shape, WeighedChange, weigh
 from boom_fleet.past import YEAR, Direction, Evidence, MachinePast
 from boom_fleet.paths import Path, likeliest_levels, straight
 
@@ -117,7 +117,7 @@ class MachinePosterior:
 
         What matters to nobody is taken for granted, so that what matters is found beside it.
         """
-        accepted: list[Weighed] = []
+        accepted: list[WeighedChange] = []
         found: list[Change] = []
         pasts: Sequence[MachinePast] = self._pasts
         first = 0.0
@@ -140,8 +140,8 @@ class MachinePosterior:
         return likeliest_levels(path, *Design(likeliest, len(self.times), ()).sizes(path.columns))
 
     def _beside_odd(
-        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[Weighed]
-    ) -> tuple[Sequence[MachinePast], list[Weighed], float]:
+        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[WeighedChange]
+    ) -> tuple[Sequence[MachinePast], list[WeighedChange], float]:
         """The recordings of a machine as odd as it is likelier to be than to have changed; the odds of each change and of any."""
         for _ in range(MOST_ODD):
             known, designs = self._known(pasts, count, accepted)
@@ -158,14 +158,16 @@ class MachinePosterior:
         return pasts, weighed, float(logsumexp([-np.inf, *(w.log_odds for w in weighed)]) - healthy)
 
     def _known(
-        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[Weighed]
+        self, pasts: Sequence[MachinePast], count: int, accepted: Sequence[WeighedChange]
     ) -> tuple[Array, list[Design]]:
         """Log evidence of every ``form`` with what is accepted."""
         designs = [Design(past, count, accepted) for past in pasts]
         rows = zip(self._priors, pasts, designs, strict=True)
         return np.array([prior + past.constant(count) + design.log_evidence for prior, past, design in rows]), designs
 
-    def _weigh(self, count: int, shapes: Sequence[Shape], known: Array, designs: Sequence[Design]) -> list[Weighed]:
+    def _weigh(
+        self, count: int, shapes: Sequence[Shape], known: Array, designs: Sequence[Design]
+    ) -> list[WeighedChange]:
         """The odds of each candidate beside what is accepted; none of one recording, or of several of one time."""
         candidates = self._candidates(count, shapes)
         return weigh(candidates, designs, known) if candidates else []
@@ -181,21 +183,21 @@ class MachinePosterior:
                 result.append(_Odd(float(gained - unchanged) + log(ODDLY / len(self._straight)), direction, restless))
         return sorted(result, key=lambda o: -o.log_odds)
 
-    def _candidates(self, count: int, shapes: Sequence[Shape]) -> list[Candidate]:
+    def _candidates(self, count: int, shapes: Sequence[Shape]) -> list[ChangeCandidate]:
         result = []
         paths = self._straight if "uneven" in shapes else self.paths
         each = 1.0 / len(paths)
         for path in paths:
             if "step" in shapes:
-                result.append(Candidate(path, "step", 0, OUTSIDE * each))
+                result.append(ChangeCandidate(path, "step", 0, OUTSIDE * each))
             for k in range(1, count):
                 passed = RATE * (self.times[k] - self.times[k - 1]) / YEAR
                 if passed <= 0.0:  # two recordings of the same time: nothing can have changed between them
                     continue
-                result += [Candidate(path, shape, k - (shape == "ramp"), passed * each / 3.0) for shape in shapes]
+                result += [ChangeCandidate(path, shape, k - (shape == "ramp"), passed * each / 3.0) for shape in shapes]
         return result
 
-    def _told(self, weighed: Sequence[Weighed], count: int) -> Change:
+    def _told(self, weighed: Sequence[WeighedChange], count: int) -> Change:
         best = max(weighed, key=lambda w: w.log_odds)
         probability = softmax([w.log_odds for w in weighed])
         shares: dict[str, float] = {}
@@ -212,7 +214,7 @@ class MachinePosterior:
             (size - _QUANTILE * deviation, size + _QUANTILE * deviation), shares[own], others,
         )  # fmt: skip
 
-    def _size(self, weighed: Sequence[Weighed], count: int) -> tuple[float, float]:
+    def _size(self, weighed: Sequence[WeighedChange], count: int) -> tuple[float, float]:
         """Mean and standard deviation of the size at the last recording, over all beginnings and both shapes."""
         share = softmax([w.log_odds for w in weighed])
         last = np.array([w.candidate.course(self.times[:count])[-1] for w in weighed])
@@ -220,7 +222,7 @@ class MachinePosterior:
         mean = float(share @ sizes)
         return mean, sqrt(float(share @ (deviations**2 + (sizes - mean) ** 2)))
 
-    def _since(self, weighed: Sequence[Weighed]) -> tuple[float, float]:
+    def _since(self, weighed: Sequence[WeighedChange]) -> tuple[float, float]:
         """Earliest and latest beginning: the shortest set of them that holds 90 %."""
         ordered = sorted(weighed, key=lambda w: -w.log_odds)
         held = np.cumsum(softmax([w.log_odds for w in ordered]))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from boom_fleet.designs import Candidate, Design, weigh
+from boom_fleet.designs import ChangeCandidate, Design, weigh
 from boom_fleet.evidence import YEAR, NumberKinds, posterior, spreads
 from boom_fleet.habits import likeliest, profile, usual
 from boom_fleet.past import Direction, Evidence, MachinePast
@@ -172,7 +172,7 @@ def bent_design(levels, accepted=()):
 
 
 def candidates(path, count):
-    return [Candidate(path, shape, begin, 0.1) for begin in range(1, count - 1) for shape in ("step", "ramp")]
+    return [ChangeCandidate(path, shape, begin, 0.1) for begin in range(1, count - 1) for shape in ("step", "ramp")]
 
 
 def test_with_columns_in_one_line_a_path_gives_what_one_column_gives():
@@ -199,7 +199,7 @@ def test_with_columns_in_one_line_a_path_gives_what_one_column_gives():
 def test_the_odds_of_a_change_along_a_bent_path_are_the_integral_over_its_sizes():
     """Summed over many sizes, each a hypothesis of its own, beside a change that was accepted."""
     past, design = bent_design([0.0, 0.05, 0.05, 0.06, 0.08])
-    (first,) = weigh([Candidate(BENT, "step", 1, 0.1)], [design], np.zeros(1))
+    (first,) = weigh([ChangeCandidate(BENT, "step", 1, 0.1)], [design], np.zeros(1))
     design = Design(past, 5, (first,))
     start = first.size * np.array([0.0, 1.0, 1.0, 1.0, 1.0])
     information, score = design.sizes(BENT.columns)
