@@ -81,14 +81,11 @@ def html(result: DiagnosisResult, recordings: Sequence[Recording] = ()) -> str:
 
 
 def _proof(fit: Fit) -> list[tuple[str, tuple[float, ...]]]:
-    """Held-out errors before, with parameters only, after and at the noise floor, by column; none where nothing was held out."""
+    """Held-out errors before, after and at the noise floor, by column; none where nothing was held out."""
     if "nominal" not in fit.held_out:
         return []
     columns = [("before" if "explained" in fit.held_out else "model", fit.held_out["nominal"])]
     if "explained" in fit.held_out:
-        plain = fit.held_out.get("parameters_only")
-        if plain is not None and plain != fit.held_out["explained"]:
-            columns.append(("parameters only", plain))
         columns.append(("after", fit.held_out["explained"]))
     if len(fit.noise_floor) == len(PREDICTED):
         columns.append(("noise floor", fit.noise_floor))
