@@ -126,8 +126,11 @@ def test_what_unpacks_or_reads_without_end_is_refused_within_2_s_and_300_mb(
     words = ("validate", name) if "mcap" in name else log
     told, seconds, megabytes = boom(*words, cwd=tmp_path)
     assert told.startswith(f"boom: {name}: ")
-    print(f"{seconds:.2f} s, {megabytes:.0f} MB")
-    assert seconds < 2.0, "processor time, so that other processes do not count"
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "empty" / name).touch()
+    _, start, _ = boom(*words, cwd=tmp_path / "empty")  # a slow computer starts slowly, too
+    print(f"{seconds:.2f} s, {megabytes:.0f} MB; {start:.2f} s for an empty file")
+    assert seconds < max(2.0, 4.0 * start), "processor time, so that other processes do not count"
     assert megabytes < 300
 
 
