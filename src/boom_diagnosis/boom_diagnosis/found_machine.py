@@ -97,7 +97,8 @@ def _found(
             name = pose.tabulated or _DIAGNOSED + end.replace(OTHER_POSE, "_")
             body["configs"].setdefault(name, _row(pose)).update(moments)
             document["rigid_body"] = body
-    told = {float(name.removeprefix(TOLD)): float(value) for name, value in numbers.items() if name.startswith(TOLD)}
+    loads = {float(name.removeprefix(TOLD)): value for name, value in numbers.items() if name.startswith(TOLD)}
+    told = {load: max(0.0, float(value)) for load, value in loads.items()}  # none lifts
     if told:
         section = document.get(payload.NAME) or {}
         document[payload.NAME] = {**section, "told": {**(section.get("told") or {}), **told}}

@@ -13,7 +13,7 @@ from diagnosis_samples import joystick, tz17
 from boom_diagnosis.bag_samples import Bag, by_pose, prepare
 from boom_diagnosis.case import Case, case_of
 from boom_diagnosis.fitting import Problem
-from boom_diagnosis.found_machine import write_machine
+from boom_diagnosis.found_machine import TOLD, found_machine, write_machine
 from boom_diagnosis.freerun import free_run
 from boom_diagnosis.hypotheses import Round, problem_at
 from boom_diagnosis.open_numbers import errors_of_all_fitted, number_spread
@@ -139,6 +139,7 @@ def test_a_recording_held_out_with_another_load_runs_with_the_load_that_it_tells
     found = machine_at(case, case.rounds[0].base)
     assert found.pose(*FOLDED, 300.0).load == pytest.approx(320.0, abs=6.0)
     assert found.pose(*FOLDED, 0.0).load == 0.0
+    assert found_machine(tz17(), case.pose, {f"{TOLD}15.0": -3.0}, {}).pose(*FOLDED, 15.0).load == 0.0
     write_machine(tmp_path / "found.yaml", found, command="")
     assert load_machine(tmp_path / "found.yaml").loads == found.loads
 

@@ -206,13 +206,11 @@ def _points(quantity: TrackedQuantity) -> tuple[Mapping[str, float], ...]:
     row, names = effect.parameters[0], [row.name for row in effect.parameters]
     starts = [{row.name: start} for start in row.starts if abs(start - row.neutral) > quantity.scale]
     points = [dict(zip(names, point, strict=True)) for point in effect.points] or starts
+    far = [_far(quantity, point) for point in points]
     result = list[Mapping[str, float]]()
-    for point in points:
-        half = _half(quantity, point)
-        nearer = any(
-            _away(quantity, other) <= _away(quantity, half) for other in points if _like(quantity, other, point)
-        )
-        result += [point] if nearer or _away(quantity, point) < 0.5 else [half, point]
+    for point, own in zip(points, far, strict=True):
+        nearest = min(abs(other.z) for other in far if other.moved == own.moved and other.z * own.z > 0.0)
+        result += [_half(quantity, point), point] if abs(own.z) == nearest >= 0.5 else [point]
     return tuple(result)
 
 
@@ -220,18 +218,6 @@ def _half(quantity: TrackedQuantity, point: Mapping[str, float]) -> dict[str, fl
     """Half way from nothing: of a factor in its logarithm."""
     neutral = {row.name: row.neutral for row in EFFECTS[quantity.name].parameters}
     return {n: sqrt(v * neutral[n]) if neutral[n] > 0.0 else 0.5 * (neutral[n] + v) for n, v in point.items()}
-
-
-def _away(quantity: TrackedQuantity, point: Mapping[str, float]) -> float:
-    """How far the first number that moves is from nothing, in halves of the range."""
-    far = _far(quantity, point)
-    return abs(far.z)
-
-
-def _like(quantity: TrackedQuantity, one: Mapping[str, float], other: Mapping[str, float]) -> bool:
-    """Whether both are on the same path and on the same side of nothing."""
-    a, b = _far(quantity, one), _far(quantity, other)
-    return a.moved == b.moved and a.z * b.z > 0.0
 
 
 def _far(quantity: TrackedQuantity, point: Mapping[str, float]) -> FarPoint:
