@@ -21,6 +21,9 @@ WINDOW = 0.15
 """s. Savitzky-Golay window: passes what a boom and its pressures do, and takes a third of the sensors' noise."""
 SHORTEST = 5.0
 """s. Less tells nothing: a motion lasts as long."""
+SLOW, WIDE = 0.05, 0.5
+"""Share of the largest rate that a boom which leans on a stop does not reach, and of the largest current that it does not follow:
+more than any dead zone."""
 GAP = 0.15
 """s. Longer stretches without a sample stay unknown; a topic of 10 Hz has none."""
 
@@ -56,6 +59,20 @@ class EvenSeries:
     def command(self) -> Array:
         """(n,) i_- - i_+ [A], smoothed: positive lifts."""
         return self.smooth("extend_current") - self.smooth("retract_current")
+
+    @property
+    def largest_current(self) -> float:
+        """Of both directions [A], as recorded and smoothed; 0 without a sample."""
+        return float(np.nanmax(np.abs(self.command), initial=0.0))
+
+    @property
+    def leaning(self) -> NDArray[np.bool_]:
+        """(n,) whether the boom stands against its command: it leans on a stop, which carries with the pressures."""
+        if not {"rate", "extend_current", "retract_current"} <= set(self.columns):
+            return np.zeros(len(self.time), dtype=bool)
+        rate = np.abs(self.smooth("rate"))
+        still = rate < SLOW * np.nanmax(rate, initial=0.0)
+        return np.asarray(still & (np.abs(self.command) > WIDE * self.largest_current))
 
     def known(self, *names: str) -> bool:
         """Whether these signals are known together for long enough to say something."""

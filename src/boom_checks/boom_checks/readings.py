@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from boom_checks.check import CheckKind, IntervalValue, RecordingCheck
 from boom_checks.even_series import PERIOD, EvenSeries
 from boom_checks.mechanics import Mechanics
-from boom_checks.relations import RELATIONS, largest_current
+from boom_checks.relations import RELATIONS
 from boom_identification.signals import stretches
 from boom_input.channels import AMBIENT_PRESSURE_PA, BY_NAME
 
@@ -115,7 +115,7 @@ def _level(name: str) -> Callable[[EvenSeries, Mechanics], IntervalValue]:
 
 
 def _largest(series: EvenSeries, _: Mechanics) -> IntervalValue:
-    top = largest_current(series)
+    top = series.largest_current
     return IntervalValue("largest current, as recorded", top, "A", (top, top))
 
 

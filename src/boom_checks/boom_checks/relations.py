@@ -33,6 +33,8 @@ ANGLE_FLOOR = 0.05
 """rad. An inclinometer's mounting and the linkage's numbers."""
 PRESSURE_FLOOR = 2.0e4
 """Pa. Noise and offset of a pressure transducer near zero."""
+LARGEST_PRESSURE = 1.0e8
+"""Pa. No valve, hose or cylinder of a crane bears 1000 bar."""
 FORCE_FLOOR = 2.0e5
 """Pa. Noise, acceleration and geometry in the force balance."""
 FORCE_PRIOR = np.array([5.0e5, 2.0e6, 0.3, 0.3])
@@ -63,12 +65,12 @@ def linkage(series: EvenSeries, boom: Mechanics) -> float:
     return _log_likelihood(angle - np.clip(angle, boom.angle[0], boom.angle[-1]), ANGLE_FLOOR)
 
 
-def vacuum(series: EvenSeries, _: Mechanics) -> float:
-    """No pressure is below vacuum; each second counts by itself, as a pressure is that low for short times only."""
+def pressure_range(series: EvenSeries, _: Mechanics) -> float:
+    """No pressure is below vacuum or bursts hoses; each second counts by itself, as a pressure is that low for short times only."""
     total = 0.0
     for name in ("hose_pressure", "rod_pressure"):
         known = series.columns[name][np.isfinite(series.columns[name])]
-        excess = np.minimum(known + AMBIENT_PRESSURE_PA, 0.0)
+        excess = known - np.clip(known, -AMBIENT_PRESSURE_PA, LARGEST_PRESSURE)
         total -= 0.5 * PERIOD * float(np.sum(np.log1p((excess / PRESSURE_FLOOR) ** 2)))
     return total
 
@@ -79,14 +81,9 @@ def command(series: EvenSeries, boom: Mechanics, lags: Sequence[int] = LAGS) -> 
     return _log_likelihood(response(series.command, speed, lags).error / _rms(speed), SPEED_FLOOR, _EVERY)
 
 
-def largest_current(series: EvenSeries) -> float:
-    """Of both directions [A], as recorded and smoothed; 0 without a sample."""
-    return float(np.nanmax(np.abs(series.command), initial=0.0))
-
-
 def drive(series: EvenSeries, boom: Mechanics) -> float:
     """The largest current is about what opens the valve fully: its logarithm is normal about that."""
-    top = largest_current(series)
+    top = series.largest_current
     if not (top > 0.0 and boom.full_current > 0.0):
         return 0.0
     return -0.5 * (math.log(top / boom.full_current) / LARGEST_CURRENT) ** 2
@@ -152,7 +149,8 @@ def force(series: EvenSeries, boom: Mechanics) -> float:
 
     p_h - p_b A_b / A_a = b + exp(m) (g + exp(d) D q_2'') / (J A_a) + f sign(q_2'), b, m, d, f normal about 0 (``FORCE_PRIOR``).
     The error counts relative to how much the pressures vary: in a smaller unit they vary less and are not carried better. Behind a
-    valve that holds the load the hose pressure is the cylinder's while the boom lifts steadily, and counts then.
+    valve that holds the load the hose pressure is the cylinder's while the boom lifts steadily, and counts then. A boom that stands
+    against its command leans on a stop, which carries with the pressures.
     """
     angle, rate = series.smooth("angle"), series.smooth("rate")
     measured = (series.smooth("hose_pressure") - series.smooth("rod_pressure") * boom.A_b / boom.A_a)[::_EVERY]
@@ -161,6 +159,7 @@ def force(series: EvenSeries, boom: Mechanics) -> float:
     loads = np.column_stack((carried, boom.dynamic_need(angle, acceleration)))[::_EVERY]
     plain = np.column_stack((np.ones(len(angle)), np.tanh(rate / TURNING)))[::_EVERY]
     known = np.isfinite(measured) & np.isfinite(loads).all(axis=1) & np.isfinite(plain).all(axis=1)
+    known &= ~series.leaning[::_EVERY]
     if boom.holds:
         known &= (rate > MOVING)[::_EVERY] & (np.abs(acceleration) < ACCELERATION)[::_EVERY]
     if not known.any():
@@ -209,7 +208,7 @@ MOTION, PRESSURES, CURRENTS = (
     {"retract_current", "extend_current"},
 )
 RELATIONS: tuple[tuple[Relation, set[str]], ...] = (
-    (kinematics, MOTION), (linkage, MOTION), (vacuum, PRESSURES), (command, MOTION | CURRENTS), (drive, CURRENTS),
+    (kinematics, MOTION), (linkage, MOTION), (pressure_range, PRESSURES), (command, MOTION | CURRENTS), (drive, CURRENTS),
     (force, MOTION | PRESSURES)
 )  # fmt: skip
 """Each with the signals that it looks at."""

@@ -169,7 +169,7 @@ def statics_of(series: EvenSeries, boom: Mechanics, pressure: str = "hose_pressu
     with np.errstate(invalid="ignore"):
         steady = np.isfinite(gap) & (np.abs(acceleration) < ACCELERATION)
         regimes = {
-            "at rest": steady & (np.abs(rate) < RESTING),
+            "at rest": steady & (np.abs(rate) < RESTING) & ~series.leaning,
             "while lifting": steady & (rate > MOVING),
             "while lowering": steady & (rate < -MOVING),
         }

@@ -15,7 +15,7 @@ from boom_checks.doubts import checks
 from boom_checks.even_series import even_series
 from boom_checks.mechanics import mechanics
 from boom_checks.readings import reading_checks
-from boom_checks.relations import changes, force, response
+from boom_checks.relations import changes, force, pressure_range, response
 from boom_checks.sampling import sampling_checks
 from boom_model.machine_file import load_machine
 from boom_recording import writing
@@ -247,6 +247,27 @@ def test_numbers_that_no_unit_makes_are_no_measurement_and_end_in_no_error(signa
     absurd = replace(made.signals[signal], values=factor * (1.0 + made.signals[signal].values),
                      valid=np.zeros_like(made.signals[signal].valid))  # fmt: skip
     assert checks(replace(made, signals={**made.signals, signal: absurd}), TZ17) is not None
+
+
+def test_a_boom_held_against_its_stop_at_supply_pressure_has_no_other_fault() -> None:
+    """Its rod pressure was "in bar", as its hose pressure carries no load there, or the two were swapped."""
+    series, boom = even_series(fast()), mechanics(TZ17, fast())
+    held = series.time > 20.0
+    columns = {
+        name: np.where(held, series.columns[name][2000], series.columns[name]) for name in ("angle", "rod_pressure")
+    }
+    columns |= {"rate": np.where(held, 0.0, series.columns["rate"])}
+    columns |= {"extend_current": np.where(held, 0.5, series.columns["extend_current"])}
+    columns |= {"retract_current": np.where(held, 0.0, series.columns["retract_current"])}
+    columns |= {"hose_pressure": np.where(held, 2.1e7, series.columns["hose_pressure"])}
+    assert reading_checks(series.with_columns(columns), boom)[0] == []
+
+
+@pytest.mark.parametrize("name", ["hose_pressure", "rod_pressure"])
+def test_no_pressure_is_larger_than_what_hydraulics_bear(name: str) -> None:
+    series, boom = even_series(fast()), mechanics(TZ17, fast())
+    larger = series.with_columns({name: 1e5 * series.columns[name]})
+    assert pressure_range(larger, boom) < pressure_range(series, boom) - 100.0
 
 
 def test_a_boom_that_rests_for_ten_minutes_has_no_unit_of_its_rate_to_be_told() -> None:
