@@ -46,6 +46,7 @@ def test_equations_let_every_quantity_of_the_catalogue_pass(monkeypatch: pytest.
     full_model(structure())
     full_model(structure(supply=False))
     full_model(structure(spool="direct", pilot_valves="none"))
+    full_model(structure(hose_burst_valve="pilot_opened"))
     assert passed == set(QUANTITIES)
 
 

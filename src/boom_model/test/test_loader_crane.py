@@ -493,6 +493,24 @@ def test_a_lagging_spool_is_the_machine_with_another_natural_frequency(loader: M
     assert np.abs(runs[0] - runs[2]).max() > 1e-4
 
 
+def test_a_slow_load_holding_valve_lets_the_boom_down_later_and_as_fast(loader: Machine) -> None:
+    time, currents = np.arange(0.0, 6.0, 0.01), np.tile((0.4, 0.0), (600, 1))
+    lowered = []
+    for effects in ({}, {"load_holding_valve_lag": {"tau": 0.15}}):
+        machine = loader.with_effects(effects)
+        plant = Plant(machine, machine.pose(*POSE))
+        lowered.append(plant.run(time, currents, time, plant.equilibrium(0.6)).output("angle"))
+    rate = (lowered[0][-1] - lowered[0][-200]) / 1.99
+    later = (lowered[1] - lowered[0]) / -rate
+    assert 0.01 < later[-1] < 0.15
+    assert np.ptp(later[-100:]) < 0.02
+
+
+def test_a_machine_without_load_holding_valve_has_no_lag_of_it(tz17: Machine) -> None:
+    with pytest.raises(MachineError, match=r"effects\.load_holding_valve_lag: "):
+        tz17.with_effects({"load_holding_valve_lag": {"tau": 0.1}})
+
+
 def test_a_machine_with_pilot_valves_has_no_lag_of_its_own_spool(tz17: Machine) -> None:
     with pytest.raises(MachineError, match=r"effects\.spool_lag: this machine has pilot valves$"):
         tz17.with_effects({"spool_lag": {"r": 1.5}})

@@ -11,6 +11,7 @@ EFFECT = Effect(
     ),
     {"precharge": lambda pressure, own, at: pressure * own.r * (own.r_2 if at.number == 2 else 1.0)},
     place=1, needs="accumulators", changes=("accumulators.p_g0_1", "accumulators.p_g0_2"),
+    alike=("accumulators.V_g0",),  # above the pre-charge all that acts is p_g0 V_g0^kappa
     # both alike, the first alone, the second alone
     points=((0.35, 1.0), (0.7, 1.0), (1.08, 1.0), (0.35, 1.0 / 0.35), (0.7, 1.0 / 0.7), (1.0, 0.35), (1.0, 0.7)),
 )  # fmt: skip

@@ -34,6 +34,7 @@ QUANTITIES: dict[str, str] = {
     "limited_flow": "a_21, a_30, a_31 of the hose burst valve",
     "limited_conductance": "q_a / (p_h - p_a) while it limits [m^3/s/Pa]",
     "valve_flow": "q_a through the valve between hose and head side [m^3/s]; at.hose, at.head, at.rod [Pa]",
+    "poppet_time": "time constant T of the load-holding valve's pilot [s]",
     "neutral_area": "from each port to the tank in neutral [m^2]; at.position of the spool, at.p",
     "overlap": "x_0 [-]; at.position of the spool, at.edge: supply or tank",
     "metering_position": "s_s at the metering edges [m]; at.p",
@@ -138,6 +139,7 @@ class Effect:
         needs: what the machine's structure must have, words like "hose_burst_valve"; "no_" before one: must not; empty if nothing.
         independent: each parameter is a term of its own; otherwise the first one leads, and without it there is no term.
         changes: components of the parameter vector that it is a change of: off by more than their tolerance they are this effect.
+        alike: components that do nearly what it does: no further off than their tolerance, unless they are wrong in the file.
         delays: its first parameter is a dead time of what is said here.
         load: a load, which may be less than nothing: as much as was told to hang there. Of others that are plausible on one side
             of neutral there are none on the other.
@@ -168,6 +170,7 @@ class Effect:
     needs: str = ""
     independent: bool = False
     changes: tuple[str, ...] = ()
+    alike: tuple[str, ...] = ()
     delays: Literal["", "command", "pressures"] = ""
     load: bool = False
     onset: str = ""

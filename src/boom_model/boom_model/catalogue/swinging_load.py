@@ -35,7 +35,7 @@ EFFECT = Effect(
     "swinging_load", "load", "5.39a", "pendulum of mass m and length l at the tip",
     ("the load", "swings as a pendulum"), "0.3 to 0.55 Hz ringing in both pressures after stops",
     (
-        parameter("mass", "kg", 0.0, (100.0, 1500.0), (0.0, 5000.0), "mass that hangs", almost_nothing=1.0),
+        parameter("mass", "kg", 0.0, (100.0, 1500.0), (0.0, 5000.0), "mass that hangs, beside the load told", almost_nothing=1.0),
         parameter("length", "m", 1.5, (0.8, 3.0), (0.1, 20.0), "length of the pendulum", positive=True,
                   starts=(0.8, 1.3, 2.0, 3.0)),
         parameter("zeta", "-", 0.02, (0.005, 0.1), (0.0, 2.0), "damping ratio of the pendulum", positive=True),

@@ -47,9 +47,9 @@ def excess(head: Expression, rod: Expression, v: Any) -> Expression:
     return head + v.R * rod - v.p_set
 
 
-def following(pilot: Expression, x: Expression, play: Expression) -> Expression:
-    """z' [Pa/s] of the pilot's state z [Pa], which follows x [Pa] with a play [Pa]."""
-    return (ca.fmax(x - play / 2 - pilot, 0.0) + ca.fmin(x + play / 2 - pilot, 0.0)) / PLAY_TIME
+def following(pilot: Expression, x: Expression, play: Expression, time: Expression = PLAY_TIME) -> Expression:
+    """z' [Pa/s] of the pilot's state z [Pa], which follows x [Pa] with a play [Pa] and a time constant [s]."""
+    return (ca.fmax(x - play / 2 - pilot, 0.0) + ca.fmin(x + play / 2 - pilot, 0.0)) / time
 
 
 def flow(hose: Expression, head: Expression, pilot: Expression, v: Any) -> Expression:
@@ -66,7 +66,9 @@ def flow(hose: Expression, head: Expression, pilot: Expression, v: Any) -> Expre
 def _flow(w: Wiring, hose: Expression, head: Expression, rod: Expression) -> Expression:
     v = w.p.hose_burst_valve
     pilot = w.add("holding_valve_pilot", "z", "Pa", 1e7)
-    w.rates["holding_valve_pilot"] = following(pilot, excess(head, rod, v), v.play)
+    w.rates["holding_valve_pilot"] = following(
+        pilot, excess(head, rod, v), v.play, w.e.through("poppet_time", PLAY_TIME)
+    )
     return flow(hose, head, pilot, v)
 
 
