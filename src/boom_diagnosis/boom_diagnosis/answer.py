@@ -103,11 +103,11 @@ def assemble(
     tight = _tight(case)
     unknown = unknown_probability(tight.excess_before, tight.excess_after, tight.channels)
     spans = spans_of(case)
-    stages = machines_of(case, "identified", None) if case.taken or unknown > UNTOLD else {}
+    stages = machines_of(case, "identified", None)
     if not case.taken:
         stages.pop("explained", None)  # the same as with parameters only
     done = [free_runs(m, case, spans) for m in stages.values()]
-    floors = noise_floors([*stages.values()][-1], case, spans) if stages else []
+    floors = noise_floors([*stages.values()][-1], case, spans)
     driven = held_out(dict(zip(stages, done, strict=True)), spans)
     unknown, spared = _doubts(case, unknown, driven, floors)
     if unknown > UNTOLD and as_noise_lets_it(done[-1], floors, spans):
@@ -184,7 +184,7 @@ def _doubts(
     """Probability of unknown physics, and what of it goes to parameters alone, by one step and by free runs (``driven``)."""
     if case.taken and worse_on_the_whole(driven):
         unknown = max(unknown, 1.0 - UNTOLD)
-    return by_free_runs(unknown, driven, median(floors)) if driven and 0.0 < unknown < 1.0 else (unknown, 0.0)
+    return by_free_runs(unknown, driven, median(floors)) if 0.0 < unknown < 1.0 else (unknown, 0.0)
 
 
 def _rivals(case: Case, ranked: Sequence[RankingRow]) -> list[tuple[str, Point]]:

@@ -53,6 +53,9 @@ class Case:
         spared: number of effects -> fit with nominal tolerances, where moving them gains nothing.
         final: all effects at the point that the machine file gets, with all derivatives taken there.
         sharpest: its point before it was fitted to free runs, if it was: what one-step errors it leaves.
+        likeliest: parameters only as the likeliest observer fits them, to all and to ``training``, where the first round was looked
+            at again with the observer that sees most.
+        plain: parameters only that are handed out, where they are not those of the first round; ``sharpest`` are those, then.
         learned: a term that is plain to see and explains far more than any effect.
         own: numbers that are those of the recordings held out, by dotted name; see ``onset.own``.
         wrong: number of the machine file of which nothing is taken for known, and those that share its factor (``wrong_number``).
@@ -81,6 +84,8 @@ class Case:
     spared: dict[int, Point] = field(default_factory=dict)
     final: Fitted | None = None
     sharpest: Point | None = None
+    likeliest: tuple[Point, Point] | None = None
+    plain: Point | None = None
     learned: Learned | None = None
     temperature: float = COLDEST
     own: dict[str, float] = field(default_factory=dict)
@@ -175,7 +180,7 @@ class Case:
     @property
     def last(self) -> Point:
         """The fit with everything that was found."""
-        return self.final.point if self.final else self.kept(len(self.taken))
+        return self.final.point if self.final else self.plain or self.kept(len(self.taken))
 
     def problem(self, z: Array, effects: Mapping[str, float], looseness: float) -> Problem:
         """Of all recordings that are fitted, with the observers' gains of this point."""

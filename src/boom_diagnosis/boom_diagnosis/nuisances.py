@@ -27,6 +27,8 @@ TAIL = 0.7
 """k of a guess: four standard deviations are a factor of six, as far as owners of real cranes were off."""
 TWINS = frozenset(name for effect in CATALOGUE for name in effect.changes)
 """Numbers that an effect of the catalogue multiplies, shifts or adds to."""
+ALIKE = TWINS.union(*(effect.alike for effect in CATALOGUE))
+"""These, and those that do nearly what an effect does."""
 TWIN_Z = 2.0
 """Standard deviations that such a number may move: its tolerance."""
 PRECHARGE = 0.05
@@ -90,7 +92,7 @@ class Nuisance:
         Where an effect of the catalogue is the number's being further off than its tolerance: as far as that. A guess is nobody's
         tolerance.
         """
-        twin = (self.name in TWINS and not self.tail) or self.difference
+        twin = (self.name in ALIKE and not self.tail) or self.difference
         most = TWIN_Z if twin else LARGEST_Z
         if self.shift or self.tail or self.factor:
             return -most, most

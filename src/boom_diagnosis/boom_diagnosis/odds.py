@@ -42,7 +42,7 @@ def odds_of(case: Case, unknown: float, *, proved: bool = True, spared: float = 
     noise floor, is not sure. What is not claimed of an effect is unknown physics, where tolerances alone leave a clear rest.
     spared: what one-step errors said of unknown physics and free runs took back: no effect explains that either.
     """
-    stated = round(min(MOST_CERTAIN, unknown), 4) if case.taken or unknown > 0.5 else 0.0
+    stated = round(min(MOST_CERTAIN, unknown), 4)
     spared = min(spared, 1.0 - stated) if case.taken else 0.0
     effects, tolerances, doubted = [], 1.0 - stated, 0.0
     for k, weighed in enumerate(case.weighed):

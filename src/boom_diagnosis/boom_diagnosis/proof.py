@@ -171,33 +171,32 @@ def spans_of(case: Proved) -> Spans:
     return Spans(training, judged, everything, others)
 
 
-def worsening(case: Proved, before: Point, after: Point) -> float:
+def worsening(case: Proved, before: Point, after: Point, fitted: bool = False) -> float:
     """Factor by which free runs over data not used err more at ``after`` than at ``before``: geometric mean of the channels.
 
-    A run that ends early counts as ``ENDED`` times one that does not.
+    A run that ends early counts as ``ENDED`` times one that does not. fitted: over the data for training instead.
     """
-    ratio = _ratios(case, before, after)
+    spans = spans_of(case)
+    ratio = _ratios(case, before, after, spans.training if fitted else spans.judged)
     known = ratio[np.isfinite(ratio)]
     return float(np.exp(np.mean(known))) if len(known) else 1.0
 
 
 def worst_channel(case: Proved, before: Point, after: Point) -> float:
     """The same factor of the channel that is worst, each the median over the recordings."""
-    ratio = _ratios(case, before, after)
+    ratio = _ratios(case, before, after, spans_of(case).judged)
     told = ratio[:, np.isfinite(ratio).any(axis=0)]
     return (
         float(np.exp(np.nanmax(np.nanmedian(np.where(np.isfinite(told), told, np.nan), axis=0)))) if told.size else 1.0
     )
 
 
-def _ratios(case: Proved, before: Point, after: Point) -> Array:
+def _ratios(case: Proved, before: Point, after: Point, spans: Sequence[Span]) -> Array:
     """(recordings, NY) logarithms of these factors; NaN of what is not told."""
 
     def erring(point: Point) -> Array:
         machine = machine_at(case, point)
-        return np.array([
-            errors(span, free_run(span.recording, placed(machine, case, span))) for span in spans_of(case).judged
-        ])  # fmt: skip
+        return np.array([errors(span, free_run(span.recording, placed(machine, case, span))) for span in spans])
 
     first, second = in_parallel(erring, (before, after))
     ratio = np.log(second / first)

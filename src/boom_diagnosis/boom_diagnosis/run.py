@@ -130,8 +130,9 @@ def _doubted(case: Case, progress: Progress) -> Case:
     """A case of which free runs took back what was found, or that with the number free that is wrong in the machine file."""
     other = with_wrong_number(case)
     if other is None:
-        return case
-    _rounds(other, progress)
+        other = case
+    else:
+        _rounds(other, progress)
     _finish(other)
     return other
 
@@ -298,6 +299,7 @@ def _look_again(case: Case, progress: Progress) -> bool:
     What the first look took stays where the second leaves more unexplained.
     """
     first = case.kept_back()
+    case.likeliest = case.kept(0), case.trained[0]
     wanted = [case.taken[0].fitted.effect] if case.taken else []
     case.taken.clear()
     case.spared.clear()

@@ -114,7 +114,15 @@ def test_an_effect_that_gains_less_than_is_needed_is_not_likelier_than_parameter
     monkeypatch.setattr(weighing_of, "needed", lambda case, w: w.net - net + 30.0)
     odds = weighing_of.odds_of(case, 0.02)
     assert (odds.effects[0]["pilot_lag"] > odds.tolerances) is likelier
-    assert odds.effects[0]["pilot_lag"] + odds.tolerances == pytest.approx(1.0, abs=2e-4)
+    assert odds.effects[0]["pilot_lag"] + odds.tolerances + odds.unknown == pytest.approx(1.0, abs=2e-4)
+
+
+@pytest.mark.parametrize("unknown", [0.02, 0.26, 0.49])
+def test_what_free_runs_leave_of_unknown_physics_is_not_parameters_only(case: Any, unknown: float) -> None:
+    """Gas lost by 40 % was "parameters only" with more than 0.99, unknown physics with 0.26 beside it was left out."""
+    case.weighed, case.taken, case.temperature = [[]], [], 3.0
+    odds = weighing_of.odds_of(case, unknown)
+    assert (odds.unknown, odds.tolerances) == pytest.approx((unknown, 1.0 - unknown))
 
 
 @pytest.mark.parametrize(

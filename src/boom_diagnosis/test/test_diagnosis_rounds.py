@@ -222,7 +222,9 @@ def test_what_only_a_loose_observer_takes_or_free_runs_disproved_comes_near_what
     nothing: Any = None
     problem: Any = SimpleNamespace(predictor=SimpleNamespace(looseness=1.0))
     rounds = [Round((), point(1000.0), np.zeros((SAMPLES, 1)), (), {}, problem)]
-    made = Case(nothing, nothing, [], [], [], [], [], (), 0, rounds=rounds, taken=[loose], disproved=[worse])
+    made = Case(
+        nothing, nothing, [], [], [], [], [], (), 0, rounds=rounds, taken=[loose], disproved=[worse], trained=[point(1000.0)]
+    )  # fmt: skip
     made.nominal = nothing
 
     def judged(of: Case, found: Round) -> bool:

@@ -12,7 +12,7 @@ import pytest
 import report_cases as cases
 from headless_browser import faults
 
-from boom_diagnosis.document import Alternative, Estimate
+from boom_diagnosis.document import Alternative, Estimate, RankingRow
 from boom_model.catalogue import EFFECTS
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Event
@@ -110,6 +110,15 @@ def test_the_headline_names_the_rivals_by_their_probability_parameters_only_amon
 def test_the_wording_fits_the_confidence(confidence, word):
     assert is_sure(confidence) == word
     assert statement(cases.lag_finding(confidence)).lower().startswith(word)
+
+
+@pytest.mark.parametrize(
+    ("sure", "said"), [(0.99, "the physics is right."), (0.71, "probably right (confidence 0.71).")]
+)
+def test_parameters_only_says_how_sure_it_is(sure, said):
+    made = cases.changed("parameters_only", ())
+    row = RankingRow("parameters within tolerance only", None, "parameters", "", sure, 0.0, 0.0, {})
+    assert headline(replace(made, document=replace(made.document, ranking=(row,)))).endswith(said)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from boom_diagnosis.assumptions import NEAR_FLOOR
+from boom_diagnosis.assumptions import NEAR_FLOOR, SURE
 from boom_diagnosis.document import DiagnosisResult, Estimate, Finding, Fit
 from boom_diagnosis.must_keep import far_channels
 from boom_diagnosis.wrong_number import in_words
@@ -158,7 +158,11 @@ def headline(result: DiagnosisResult) -> str:
             also = f", and parameters within their tolerance ({moved})" if moved else ""
             size = shown(used[result.wrong[0]]).text
             return f"{in_words(result.wrong)}: {size}. That explains the difference{also}: the physics is right."
-        return f"Parameters within their tolerance explain the difference{f' ({moved})' if moved else ''}: the physics is right."
+        said = (
+            f"Parameters within their tolerance explain the difference{f' ({moved})' if moved else ''}: the physics is"
+        )
+        p = max((row.probability for row in document.ranking if row.kind == "parameters"), default=1.0)
+        return f"{said} right." if p >= SURE else f"{said} {is_sure(p)} right (confidence {probability(p)})."
     first = document.findings[0]
     more = len(document.findings) - 1
     also = f" {_count(more)} further {'finding' if more == 1 else 'findings'} below." if more else ""
