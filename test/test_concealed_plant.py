@@ -76,6 +76,7 @@ NOT_CONCEALED = {
     "neutral_offset",
     "cavitation",
     "supply_variation",
+    "load_holding_valve_lag",
     "vented_neutral",
     "spool_lag",
 }
