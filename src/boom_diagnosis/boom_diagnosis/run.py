@@ -129,12 +129,10 @@ def search(case: Case, progress: Progress) -> Case:
 def _doubted(case: Case, progress: Progress) -> Case:
     """A case of which free runs took back what was found, or that with the number free that is wrong in the machine file."""
     other = with_wrong_number(case)
-    if other is None:
-        other = case
-    else:
+    if other:
         _rounds(other, progress)
-    _finish(other)
-    return other
+    _finish(other or case)
+    return other or case
 
 
 def _finish(case: Case) -> None:

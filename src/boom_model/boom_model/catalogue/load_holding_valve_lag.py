@@ -11,7 +11,7 @@ EFFECT = Effect(
     ("the poppet of the load-holding valve", "follows its pilot slowly"), "as lowering begins, and swinging while lowering",
     (
         parameter("tau", "s", 0.0, (0.03, 0.5), (0.0, 5.0), "further time constant of the load-holding valve's poppet",
-                  starts=(0.06, 0.2), possible=(0.0, 5.0), accuracy=0.025),  # 5 to 25 ms by data sheets
+                  starts=(0.06, 0.2), accuracy=0.025),  # 5 to 25 ms by data sheets
     ),
     {"poppet_time": lambda time, own, at: time + own.tau},
     place=4, needs="load_holding_valve",
