@@ -67,12 +67,18 @@ class EvenSeries:
 
     @property
     def leaning(self) -> NDArray[np.bool_]:
-        """(n,) whether the boom stands against its command: it leans on a stop, which carries with the pressures."""
+        """(n,) whether the boom stands against its command: it leans on a stop, which carries with the pressures.
+
+        What is shut in then keeps it there until it moves again.
+        """
         if not {"rate", "extend_current", "retract_current"} <= set(self.columns):
             return np.zeros(len(self.time), dtype=bool)
         rate = np.abs(self.smooth("rate"))
         still = rate < SLOW * np.nanmax(rate, initial=0.0)
-        return np.asarray(still & (np.abs(self.command) > WIDE * self.largest_current))
+        result = still & (np.abs(self.command) > WIDE * self.largest_current)
+        for first, end in stretches(still):
+            result[first:end] = np.logical_or.accumulate(result[first:end])
+        return np.asarray(result)
 
     def known(self, *names: str) -> bool:
         """Whether these signals are known together for long enough to say something."""

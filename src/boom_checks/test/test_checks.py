@@ -17,6 +17,7 @@ from boom_checks.mechanics import mechanics
 from boom_checks.readings import reading_checks
 from boom_checks.relations import changes, force, pressure_range, response
 from boom_checks.sampling import sampling_checks
+from boom_checks.statics import statics_of
 from boom_model.machine_file import load_machine
 from boom_recording import writing
 from boom_recording.loading import load
@@ -261,6 +262,12 @@ def test_a_boom_held_against_its_stop_at_supply_pressure_has_no_other_fault() ->
     columns |= {"retract_current": np.where(held, 0.0, series.columns["retract_current"])}
     columns |= {"hose_pressure": np.where(held, 2.1e7, series.columns["hose_pressure"])}
     assert reading_checks(series.with_columns(columns), boom)[0] == []
+    columns["extend_current"] = np.where(
+        series.time > 40.0, 0.0, columns["extend_current"]
+    )  # let go, the oil is shut in
+    pressed = series.with_columns(columns)
+    assert pressed.leaning[2500:-20].all() and not pressed.leaning[:1000].all()
+    assert statics_of(pressed, boom).steps == ()
 
 
 @pytest.mark.parametrize("name", ["hose_pressure", "rod_pressure"])
