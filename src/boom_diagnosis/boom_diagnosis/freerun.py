@@ -50,7 +50,7 @@ class Elsewhere:
 
 
 def free_run(recording: Recording, machine: Machine) -> FreeRun:
-    """The full model's free run over a recording, moments at which the oil evaporates included: what lies behind is judged, too."""
+    """The full model's free run over a recording."""
     return predict(recording, machine, "full")
 
 
@@ -73,7 +73,7 @@ def errors(span: Span, run: FreeRun) -> Errors:
 def noise_floor(span: Span, machine: Machine, seed: int) -> Errors:
     """The errors that the sensors' noise and that of the currents would leave if the model were exactly right."""
     recording = span.recording
-    plant = plant_for(recording, machine, "full").through_evaporation()
+    plant = plant_for(recording, machine, "full")
     currents = replace(held_inputs(recording, plant.machine), strays=span.strays)
     rng = np.random.default_rng(seed)
     first = {n: recording.signals[n].values[recording.signals[n].valid][:50] for n in OUTPUTS}

@@ -15,16 +15,18 @@ from numpy.typing import NDArray
 from boom_estimation.currents import HeldCurrents, driven, held_inputs
 from boom_estimation.initial_state import InitialState, initial_state
 from boom_input.channels import PREDICTED
+from boom_model.components.oil import AMBIENT_PRESSURE, VOID_PRESSURE
 from boom_model.equations import Kind
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine
-from boom_model.plant import GAUGED, Plant, Trajectory
+from boom_model.plant import Plant, Trajectory
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-5
+_OF_OIL = ("head_pressure", "hose_pressure", "rod_pressure")
 _SHOWN = next(sensor.shown for sensor in PREDICTED if sensor.is_pressure)
 STATISTICS: dict[str, Callable[[Array], float]] = {
     "mae": lambda e: float(np.mean(np.abs(e))),
@@ -60,7 +62,7 @@ class FreeRun:
         values: channel -> (n,) at that channel's own stamps, NaN without a prediction.
         runs: one sentence for each free run: start, end, and how its initial state was found.
         stopped: why a run ended before its end, empty if none ended early.
-        evaporated: where oil would evaporate, which the model pulls at instead; empty where it does not.
+        evaporated: where the model's oil leaves a void; empty where it does not.
     """
 
     label: str
@@ -74,13 +76,10 @@ class FreeRun:
 def predict(recording: Recording, machine: Machine, kind: Kind) -> FreeRun:
     """Free runs of one model over a recording, at the stamps of its channels; measured pressures and joints drive it, too.
 
-    They go on where oil would evaporate.
-
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
-    valid = plant_for(recording, machine, kind)
-    plant = valid.through_evaporation()
+    plant = plant_for(recording, machine, kind)
     currents = held_inputs(recording, plant.machine)
     times = {name: recording.signals[name].time for name in OUTPUTS}
     values = {name: np.full(len(time), np.nan) for name, time in times.items()}
@@ -97,7 +96,7 @@ def predict(recording: Recording, machine: Machine, kind: Kind) -> FreeRun:
         stopped = stopped or reason
         if run is None:
             continue
-        evaporated = evaporated or _evaporated(run, valid.minimum)
+        evaporated = evaporated or _evaporated(run)
         for name, k in inside.items():
             where = np.searchsorted(run.time, times[name][k])
             known = where < len(run.time)
@@ -106,9 +105,10 @@ def predict(recording: Recording, machine: Machine, kind: Kind) -> FreeRun:
     return FreeRun(kind, values, metrics(recording, values), tuple(runs), stopped, evaporated)
 
 
-def _evaporated(run: Trajectory, minimum: Array) -> str:
-    """Where a pressure of a run is first below the model's range, ``minimum`` (NX,), where oil evaporates; and which."""
-    below = {name: run.state(name) < minimum[run.state_names.index(name)] for name in GAUGED if name in run.state_names}
+def _evaporated(run: Trajectory) -> str:
+    """Where a pressure of a run is first so low that oil leaves a void; and which."""
+    pressures = [name for name in _OF_OIL if name in run.state_names]
+    below = {name: run.state(name) < VOID_PRESSURE - AMBIENT_PRESSURE for name in pressures}
     first = min(
         ((float(run.time[np.argmax(where)]), name) for name, where in below.items() if where.any()), default=None
     )

@@ -29,9 +29,9 @@ Kind = Literal["full", "reduced"]
 INPUTS = CURRENTS
 """u = (i_+, i_-) [A]; measured pressures that drive the model stand behind them (``Structure.inputs``)."""
 
-LOWEST_PRESSURE = -1.0e5
+LOWEST_PRESSURE = -oil.AMBIENT_PRESSURE
 HIGHEST_PRESSURE = 1.0e8
-"""Pa gauge: outside, a run ends with an error. Steel bursts long before the upper one; the fluid boils at the lower."""
+"""Pa gauge: outside, a run ends with an error. Steel bursts long before the upper one; below the lower is nothing."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from boom_model.codegen.compiled import LANES
 from boom_model.compiled_model import pointer
 from boom_model.cores import usable_cores
 from boom_model.errors import SimulationError
-from boom_model.plant import PULLED, Plant
+from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
@@ -199,7 +199,6 @@ def observer_ranges(plant: Plant) -> tuple[Array, Array]:
     """Limits (NX,) at which an observer holds the states."""
     minimum, maximum = plant.minimum.copy(), plant.maximum.copy()
     minimum[0], maximum[0] = minimum[0] - BEYOND_STOPS, maximum[0] + BEYOND_STOPS
-    minimum[plant.state_names.index("head_pressure")] = PULLED
     return minimum, maximum
 
 

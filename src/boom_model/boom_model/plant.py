@@ -38,8 +38,6 @@ FIRST_STEP = 1e-4
 """s."""
 FAST, FINE = 1e-4, 1e-6
 """Tolerances of the error control. Measured over a 60 s recording they give errors of about the same size."""
-GAUGED, PULLED = ("head_pressure", "hose_pressure", "rod_pressure"), -1.0e7
-"""Pa gauge, down to which a run continues on request, though oil evaporates at -1 bar: what comes then can still be compared."""
 LARGEST_SPOOL = 4.0
 """Times s_max: beyond, a run ends with an error. The spool has no end stop in the equations; 0.7 A push it to 1.6 s_max."""
 
@@ -98,13 +96,6 @@ class Plant(CompiledModel):
         other.minimum, other.maximum = self.minimum.copy(), self.maximum.copy()
         other.minimum[0], other.maximum[0] = machine.angle_limits
         other.command_delay, other.pressure_delay = np.maximum(other.delays(other.p), 0.0).tolist()
-        return other
-
-    def through_evaporation(self) -> Plant:
-        """The same, with runs that go on where the oil of the cylinder or hose would evaporate, as if it could be pulled at."""
-        other = copy(self)
-        other.minimum = self.minimum.copy()
-        other.minimum[[name in GAUGED for name in self.state_names]] = PULLED
         return other
 
     # ------------------------------------------------------------------------------------------------ initial states

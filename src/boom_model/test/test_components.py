@@ -139,7 +139,16 @@ def test_a_litre_per_second_raises_the_pressure_by_beta_over_volume() -> None:
 
 
 def test_oil_without_air_has_the_bulk_modulus_of_the_file(p: Any, effects: Any) -> None:
-    assert [float(oil.bulk_modulus(x, p, effects())) for x in (-9e4, 0.0, 3e7)] == [1.6e9] * 3
+    above_void = oil.VOID_PRESSURE - oil.AMBIENT_PRESSURE
+    assert [float(oil.bulk_modulus(x, p, effects())) for x in (above_void, 0.0, 3e7)] == [1.6e9] * 3
+
+
+def test_oil_pulled_apart_gives_way_and_never_reaches_vacuum(p: Any, effects: Any) -> None:
+    assert float(oil.bulk_modulus(-91_325.0, p, effects())) == pytest.approx(1.6e9 / (1 + 4**4))  # 0.1 bar absolute
+    pressure = 0.0
+    for _ in range(20_000):  # room that grows by a tenth without oil
+        pressure += cylinder.pressure_rate(float(oil.bulk_modulus(pressure, p, effects())), 1.0, -0.1) / 20_000
+    assert -oil.AMBIENT_PRESSURE + oil.VACUUM < pressure < -9e4
 
 
 # ---------------------------------------------------------------------------------------------------------- accumulator

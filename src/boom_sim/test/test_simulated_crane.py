@@ -160,6 +160,20 @@ def test_stroke_end_is_an_error_that_names_state_and_time_and_the_crane_stays(ma
     assert simulated.truth[1][0] < machine.angle_limits[1]
 
 
+@pytest.mark.parametrize(("load", "seed"), [(0.0, 0), (0.0, 4), (205.0, 3), (1500.0, 4)])
+def test_a_lever_thrown_to_and_fro_pulls_the_oil_apart_and_the_crane_goes_on(
+    machine: Machine, load: float, seed: int
+) -> None:
+    simulated, dice, lowest = crane(machine, load=load, angle=0.25), np.random.default_rng(seed), 0.0
+    for _ in range(100):
+        current = float(dice.choice([0.0, dice.uniform(-0.55, 0.55)], p=[0.4, 0.6]))
+        if abs(simulated.sample.angle) > 0.8:
+            current = -math.copysign(0.4, simulated.sample.angle)
+        simulated.command(max(current, 0.0), max(-current, 0.0))
+        lowest = min(lowest, *(s.rod_pressure for s in run(simulated, float(dice.uniform(0.03, 0.3)))))
+    assert -101_325.0 < lowest < -5e4
+
+
 def test_start_outside_the_stroke_is_refused(machine: Machine) -> None:
     with pytest.raises(ModelError, match="initial angle"):
         crane(machine, angle=2.0)

@@ -19,7 +19,7 @@ from boom_model.regularisation import Expression, power
 
 POLYTROPIC_EXPONENT = 1.4
 LOWEST_ABSOLUTE_PRESSURE = 5.0e3
-"""Pa. Below it the air law is frozen; the run itself ends at -1 bar gauge."""
+"""Pa. Below it the air law is frozen; there the oil leaves a void (oil.py)."""
 STIFFENED = 5.0e6
 """p_b [Pa]."""
 

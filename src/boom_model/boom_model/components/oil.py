@@ -1,14 +1,28 @@
-"""The oil, and its bulk modulus beta in (3.8): a number, as the thesis has it."""
+"""The oil, and its bulk modulus beta in (3.8): a number, as the thesis has it, where the oil is under pressure.
+
+Oil bears no tension: where a port is closed faster than the boom stops, gas fills the room. Below p_v
+
+    beta(p) = beta / (1 + (p_v / p_abs - 1)^4)
+
+so that no pressure reaches vacuum. Above p_v, which is 0.5 bar below ambient, it is exactly beta.
+"""
 
 from __future__ import annotations
 
 from typing import Any
+
+import casadi as ca
 
 from boom_model.regularisation import Expression
 from boom_model.specification import Specification
 
 AMBIENT_PRESSURE = 101_325.0
 """Pa, absolute. Pressures in the model are gauge."""
+
+VOID_PRESSURE = 5.0e4
+"""p_v [Pa], absolute. Below it dissolved air comes out of mineral oil within milliseconds."""
+VACUUM = 500.0
+"""Pa, absolute. Nearer to vacuum the law is frozen: beta is a few Pa there."""
 
 SPECIFICATIONS = (
     Specification("fluid.rho", "rho", "kg/m^3", "density of the oil", 600.0, 1200.0, "3.20"),
@@ -19,5 +33,6 @@ SPECIFICATIONS = (
 
 
 def bulk_modulus(pressure: Expression, p: Any, e: Any) -> Expression:
-    """beta [Pa] at the gauge pressure [Pa], which only effects look at."""
-    return e.through("bulk_modulus", p.fluid.beta, pressure=pressure)
+    """beta [Pa] at the gauge pressure [Pa], which effects and the void below p_v look at."""
+    void = ca.fmax(VOID_PRESSURE / ca.fmax(pressure + AMBIENT_PRESSURE, VACUUM) - 1, 0) ** 4
+    return e.through("bulk_modulus", p.fluid.beta, pressure=pressure) / (1 + void)

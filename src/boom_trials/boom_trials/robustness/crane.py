@@ -23,8 +23,6 @@ Array = NDArray[np.float64]
 
 DIVERGED = 0.1
 """m. A piston further than that from its reference is out of control: the run ends and counts as diverged."""
-LOWEST_PRESSURE = -1.0e8
-"""Pa."""
 SUBSTEP = 0.002
 """s. How often the supply's pressure limit is applied within a sample time."""
 INSIDE = ("angle", "spool_position")
@@ -96,7 +94,7 @@ class TrialCrane:
         grasp: Grasp | None = None,
     ) -> None:
         self.period, self._grasp = period, grasp
-        self._plant = plant = _tolerant(plant)
+        self._plant = plant
         self.machine = plant.machine
         self._stepper = plant.stepper(start)
         limited = not math.isinf(supply_pressure)
@@ -221,19 +219,6 @@ def _draws(noise: SensorNoise, rng: np.random.Generator, n: int) -> list[list[fl
     smooth = replace(noise, angle_quantum=0.0, pressure_quantum=0.0)
     draws: list[list[float]] = smooth.outputs(np.zeros((n, len(OUTPUTS))), rng).tolist()
     return draws
-
-
-def _tolerant(plant: Plant) -> Plant:
-    """The same plant without the lower limit of the pressures.
-
-    A heavy load that drops at the first instant sucks the rod side below -1 bar for some ms, anti-cavitation valve or not. The
-    thesis' model has no such limit, and the comparison with its Table 6.3 must not end there.
-    """
-    other = plant.with_numbers(plant.machine, plant.pose)
-    for i, name in enumerate(plant.state_names):
-        if name.endswith("pressure"):
-            other.minimum[i] = LOWEST_PRESSURE
-    return other
 
 
 def _position_scale(machine: Machine) -> float:
