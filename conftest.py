@@ -45,8 +45,11 @@ _watched: list[Standstill] = []
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """From the first motion in real time on it is known when the computer stands still."""
-    if item.get_closest_marker("process") and not _watched:
+    """What moves in real time goes before what computes, and from its first motion on it is known when the computer stands still."""
+    moves = item.get_closest_marker("process") is not None
+    with contextlib.suppress(PermissionError):  # not everybody may take back what he gave way
+        os.setpriority(os.PRIO_PROCESS, 0, 0 if moves else 10)
+    if moves and not _watched:
         _watched.append(Standstill())
 
 
