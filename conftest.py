@@ -45,7 +45,7 @@ _watched: list[Standstill] = []
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """What moves in real time goes before what computes, and from its first motion on it is known when the computer stands still."""
+    """What moves in real time goes before what computes; from its first motion on it is known when the computer stands still."""
     moves = item.get_closest_marker("process") is not None
     with contextlib.suppress(PermissionError):  # not everybody may take back what he gave way
         os.setpriority(os.PRIO_PROCESS, 0, 0 if moves else 10)

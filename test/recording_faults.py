@@ -47,6 +47,12 @@ def in_degrees(recording: Recording, *names: str) -> Recording:
     return changed(recording, **{name: np.rad2deg(recording.signals[name].values) for name in names})
 
 
+def counted(recording: Recording, zero: float, direction: float = 1.0) -> Recording:
+    """An angle that reads ``zero`` [rad] where the boom is horizontal, and rises or falls while it is lifted."""
+    angle, rate = (recording.signals[name].values for name in ("angle", "rate"))
+    return changed(recording, angle=zero + direction * angle, rate=direction * rate)
+
+
 def late(recording: Recording, seconds: float, *names: str) -> Recording:
     """Stamps of a clock that differs by this much [s]."""
     signals = dict(recording.signals)
@@ -82,6 +88,9 @@ FAULTS: dict[str, tuple[str, str, Callable[[Recording], Recording]]] = {
     "bar for Pa": ("units", "/boom/hose_pressure, /boom/rod_pressure", lambda r: in_bar(r, *PRESSURES)),
     "bar for Pa, hose only": ("units", "/boom/hose_pressure", lambda r: in_bar(r, "hose_pressure")),
     "degrees for rad": ("units", "/joint_states", lambda r: in_degrees(r, "angle", "rate")),
+    "angle from the vertical": ("units", "/joint_states", lambda r: counted(r, np.pi / 2, -1.0)),
+    "angle 90 degrees too large": ("units", "/joint_states", lambda r: counted(r, np.pi / 2)),
+    "angle 90 degrees too small": ("units", "/joint_states", lambda r: counted(r, -np.pi / 2)),
     "mA for A": (
         "units",
         "/boom/solenoid_currents",

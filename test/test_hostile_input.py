@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pty
 import shutil
@@ -118,3 +119,11 @@ def test_a_machine_file_is_checked_as_a_whole_and_its_numbers_are_explained(tmp_
     ):  # fmt: skip
         assert sum(words in line for line in refused.stderr.splitlines()) == 1, words
     assert all(line.startswith("boom: mine.yaml, line ") for line in refused.stderr.splitlines())
+
+
+def test_a_machine_file_that_cannot_be_read_has_its_fault_in_the_document_too(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("a: [1, 2")
+    refused = boom("check-machine", "mine.yaml", "--json", "mine.json", cwd=tmp_path)
+    assert refused.returncode == 2
+    (fault,) = json.loads((tmp_path / "mine.json").read_text())["faults"]
+    assert refused.stderr == f"boom: {fault}\n" and fault.startswith("mine.yaml, line 2: not readable as YAML")

@@ -170,6 +170,65 @@ def test_a_pressure_that_nobody_recorded_is_no_question_and_what_is_left_out_is_
     assert not len(load(tmp_path / "made").signals["rod_pressure"].time)
 
 
+def table_of(original: Data, tmp_path: Path, **changed: tuple[str, np.ndarray]) -> None:
+    """run.csv of a logger; ``changed``: heading and numbers of some columns."""
+    columns = {
+        "time": ("time [s]", original.t), "angle": ("boom angle [deg]", np.degrees(original.q)),
+        "hose": ("head pressure [bar]", original.ph / 1e5), "rod": ("rod pressure [bar]", original.pb / 1e5),
+        "lift": ("lift [mA]", 1e3 * original.ie), "lower": ("lower [mA]", 1e3 * original.ir),
+    } | changed  # fmt: skip
+    heading = ";".join(name for name, _ in columns.values())
+    table = np.column_stack([values for _, values in columns.values()])
+    np.savetxt(tmp_path / "run.csv", table, delimiter=";", header=heading, comments="", fmt="%.5f")
+
+
+def test_a_transmitter_in_milliamperes_is_asked_for_and_no_pressure_in_megapascals(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table_of(original, tmp_path, rod=("rod pressure transmitter [mA]", 4.0 + 16.0 * original.pb / 250e5))
+    assert boom("import", "run.csv", "--yes", "--no-report", *POSE, "--output", "made") == 2
+    said = capsys.readouterr().err
+    assert "is in mA: if it is its transmitter" in said and "scale R/16, offset -R/4" in said
+    written = mapping_of(tmp_path / "run.csv").read_text()
+    entry = 'rod_pressure: {column: "rod pressure transmitter [mA]", unit: "bar", scale: 15.625, offset: -62.5, reference: "gauge"}'
+    Path("m.yaml").write_text(written.replace("rod_pressure: ask", entry))
+    assert boom("import", "run.csv", "--mapping", "m.yaml", "--no-report", *POSE, "--output", "made") == 0
+    np.testing.assert_allclose(load(tmp_path / "made").signals["rod_pressure"].values, original.pb, atol=20.0)
+
+
+def test_a_unit_that_nobody_knows_is_asked_for(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table_of(original, tmp_path, hose=("head pressure [bar x10]", original.ph / 1e6))
+    assert boom("import", "run.csv", "--yes", "--no-report", *POSE, "--output", "made") == 2
+    assert "is in 'bar x10', which is no unit that is known" in capsys.readouterr().err
+
+
+def test_an_angle_in_hundredths_of_a_degree_from_the_vertical_is_one_from_the_horizontal(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table_of(original, tmp_path, angle=("boom from vertical [0.01 deg]", 9000.0 - 100.0 * np.degrees(original.q)))
+    assert boom("import", "run.csv", "--yes", "--no-report", *POSE, "--output", "made") == 0
+    assert "counts from the vertical" in capsys.readouterr().out
+    np.testing.assert_allclose(load(tmp_path / "made").signals["angle"].values, original.q, atol=1e-6)
+
+
+def test_a_piston_in_the_place_of_the_joint_is_shown_in_millimetres_and_sent_to_chain(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table_of(original, tmp_path, angle=("stroke [mm]", 100.0 + 300.0 * original.q))
+    lines = [f'{name}: {{column: "{column}", unit: "{unit}"{more}}}' for name, column, unit, more in (
+        ("angle", "stroke [mm]", "mm", ""), ("hose_pressure", "head pressure [bar]", "bar", ", reference: gauge"),
+        ("rod_pressure", "rod pressure [bar]", "bar", ", reference: gauge"), ("extend_current", "lift [mA]", "mA", ""),
+        ("retract_current", "lower [mA]", "mA", ""),
+    )]  # fmt: skip
+    Path("m.yaml").write_text("signals:\n  rate: derivative of angle\n" + "".join(f"  {line}\n" for line in lines))
+    assert boom("import", "run.csv", "--mapping", "m.yaml", "--no-report", "--output", "made") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"stroke \[mm\] │ mm │ \+ │ [\d.]+ \.\. [\d.]+ mm", said)
+    assert "./boom chain made --areas A_A A_B" in said and "validate" not in said
+
+
 def test_the_bag_carries_the_name_of_its_machine_file(
     original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -222,6 +222,7 @@ def test_masses_and_lengths_give_the_moments_of_rods() -> None:
         (("--urdf", URDF, *2 * ("--position", "telescope_joint=1")), "telescope_joint=1: its position is given twice"),
         (("--manoeuvre", "next.csv", "--no-manoeuvre"), "contradict each other"),
         (("nowhere",), "nowhere"),
+        (("--stroke", "1.9"), "stroke: 1.9 m is not possible in a cylinder that is 0.905 m long retracted"),
     ],
 )
 def test_an_answer_that_cannot_be_is_said_in_one_line_and_nothing_is_written(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from importlib import resources
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,16 @@ def test_currents_from_a_csv_file_move_the_boom(tmp_path: Path) -> None:
     assert validate(made, load_machine("tz17")).mismatches == []
 
 
+def test_currents_move_a_crane_of_another_make_in_the_first_pose_of_its_file(tmp_path: Path) -> None:
+    (tmp_path / "steps.csv").write_text("time_s,retract_a,extend_a\n0,0,0\n1,0,0.5\n2,0,0\n")
+    result = boom("simulate", "steps.csv", "--machine", "loader_crane", "--output", "made", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    told, first = load(tmp_path / "made").configuration, load_machine("loader_crane").tabulated[0]
+    assert (told.machine, told.outer_boom_angle, told.telescope_length) == (
+        "loader_crane", first.outer_boom_angle, first.telescope_length,
+    )  # fmt: skip
+
+
 def simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
     """The command inside this process: what it imports is imported once."""
     status = cli.main(["simulate", *words, "--output", str(tmp_path / "made")])
@@ -100,12 +111,21 @@ def test_what_ran_until_the_model_left_its_range_is_a_whole_bag_and_the_end_is_s
     assert sorted(p.name for p in (tmp_path / "made").iterdir()) == ["made_0.mcap", "metadata.yaml"]
 
 
-def test_a_closed_loop_that_diverges_keeps_what_ran(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_closed_loop_that_leaves_the_stroke_keeps_what_ran(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shorter = (
+        (files("boom_model") / "machines" / "tz17.yaml")
+        .read_text()
+        .replace("q2_max: {value: 1.563", "q2_max: {value: 0.6")
+    )
+    (tmp_path / "shorter.yaml").write_text(shorter)
     source = str(BAGS / "healthy" / "folded_fast")
-    status, told = simulate(tmp_path, capsys, source, "--reference", "--mode", "thesis", "--load", "900")
+    words = (source, "--reference", "--mode", "thesis", "--machine", str(tmp_path / "shorter.yaml"))
+    status, told = simulate(tmp_path, capsys, *words)
     assert status == 2 and "the simulation ended there" in told
     made = load(tmp_path / "made")
-    assert made.events == [] and made.duration > 10.0 and "reference_angle" in made.signals
+    assert made.events == [] and made.duration > 2.0 and "reference_angle" in made.signals
 
 
 def test_a_campaign_keeps_the_bags_and_what_ran_of_the_last(
@@ -173,6 +193,10 @@ def test_a_bag_that_another_command_is_making_is_refused_and_what_a_killed_one_l
             "extended: its configuration does not fit machine tz17: telescope length q4 is -5 m",
         ),
         (["bad.csv", "--output", "x"], "line 3: expected three numbers"),
+        (
+            ["good.csv", "--angle", "17", "--output", "x"],
+            "initial angle of 17 rad is outside the stroke, -1.054 .. 1.563 rad",
+        ),
         (["header.csv", "--output", "x"], "the first line must be time_s,retract_a,extend_a"),
     ],
 )
@@ -182,6 +206,7 @@ def test_wrong_input_is_one_line_and_status_2_and_leaves_nothing(
     (tmp_path / "there").mkdir()
     (tmp_path / "bad.csv").write_text("time_s,retract_a,extend_a\n0,0,0\n1,nan,0\n")
     (tmp_path / "header.csv").write_text("0,0,0\n")
+    (tmp_path / "good.csv").write_text("time_s,retract_a,extend_a\n0,0,0\n1,0,0\n")
     result = boom("simulate", *words, cwd=tmp_path)
     assert result.returncode == 2
     assert len(result.stderr.strip().splitlines()) == 1

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recording_faults import FAULTS
 
 from boom_bringup import cli
 from boom_recording.loading import load
@@ -107,6 +108,14 @@ def test_strict_tells_a_mismatch_by_the_exit_status(validate, tmp_path):
     assert validate(CHANGED, "--strict", "--no-report").returncode == 1
     assert validate(HEALTHY, "--strict", "--no-report").returncode == 0
     assert not (tmp_path / "output").exists()
+
+
+def test_a_recording_that_has_to_be_repaired_first_is_not_sent_to_the_diagnosis(validate, tmp_path):
+    recording = load(BAGS / "healthy" / "extended")
+    write(tmp_path / "turned", FAULTS["angle from the vertical"][2](recording))
+    said = " ".join(validate(tmp_path / "turned", "--no-report").stdout.split())
+    assert "repair first: /joint_states: the angle counts from the vertical" in said
+    assert "next: repair turned as said above" in said and "diagnose" not in said
 
 
 def test_a_bare_mcap_file_is_a_bag_and_the_report_goes_where_it_is_wanted(validate, tmp_path):

@@ -63,6 +63,13 @@ def _scaled(factor: float, *names: str) -> Callable[[EvenSeries], Mapping[str, A
     return lambda series: {name: factor * series.columns[name] for name in names}
 
 
+def _counted_from(zero: float, direction: float) -> Callable[[EvenSeries], Mapping[str, Array]]:
+    """Angle [rad] and rate of a sensor that reads ``zero`` where the boom is horizontal, and counts upwards (1) or downwards."""
+    return lambda series: {
+        "angle": direction * (series.columns["angle"] - zero), "rate": direction * series.columns["rate"]
+    }  # fmt: skip
+
+
 def _swapped(first: str, second: str) -> Callable[[EvenSeries], Mapping[str, Array]]:
     return lambda series: {first: series.columns[second], second: series.columns[first]}
 
@@ -133,6 +140,12 @@ READINGS: tuple[FaultReading, ...] = (
             _CURRENTS, _swapped(*_CURRENTS), _answer),
     FaultReading("sign", "angle and rate have the wrong sign: they fall where command and pressures lift the boom",
             _BOOM, _scaled(-1.0, *_BOOM), _answer),
+    FaultReading("units", "the angle counts from the vertical and falls while the boom is lifted, where 0 is horizontal",
+            _BOOM, _counted_from(math.pi / 2, -1.0), _level("angle")),
+    FaultReading("units", "the angle is 90 degrees too large, where 0 is horizontal",
+            _BOOM, _counted_from(math.pi / 2, 1.0), _level("angle")),
+    FaultReading("units", "the angle is 90 degrees too small, where 0 is horizontal",
+            _BOOM, _counted_from(-math.pi / 2, 1.0), _level("angle")),
     FaultReading("sign", "the angle has the wrong sign: its derivative is minus the measured rate",
             ("angle",), _scaled(-1.0, "angle"), _derivative),
     FaultReading("sign", "the rate has the wrong sign: it is minus the derivative of the measured angle",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from boom_import.candidates import (
     candidates,
     name_evidence,
     ratio_columns,
+    transmitters,
 )
 from boom_import.mapping import ASK, DERIVATIVE, NONE, Mapping, SignalMap
 from boom_import.proposal import SURE, Found, find
@@ -32,6 +33,23 @@ _NAMED, _ALIKE = 5.0, 0.6
 _ABSOLUTE_WORDS, _GAUGE_WORDS = {"abs", "absolute", "absolut"}, {"gauge", "rel", "relative", "relativ", "ueberdruck"}
 
 
+_VERTICAL = {
+    "vertical",
+    "vertikal",
+    "vertikale",
+    "vertikalen",
+    "lot",
+    "lotrecht",
+    "senkrecht",
+    "senkrechten",
+    "plumb",
+    "zenith",
+}
+_TRANSMITTED = {
+    units.PRESSURE: "unit: bar, scale: bar per unit, offset: bar",
+    units.ANGLE: "unit: deg, scale: degrees per unit, offset: degrees",
+    units.RATE: "unit: deg/s, scale: degrees per second per unit, offset: degrees per second",
+}
 MOST_NAMED = 6
 """Columns that are left out, in a note."""
 
@@ -64,6 +82,7 @@ def propose(source: Source, choice: TimeChoice | None = None, joint: str = "") -
     ratios = ratio_columns(source.columns)
     for signal in found.choices:
         _decide(proposal, found, signal, ratios)
+        _ask_for_unit(proposal, found.choices[signal].best, signal, source.columns)
     _ask_for_direction(proposal, found)
     _ask_for_reference(proposal, found)
     _add_optional(proposal, found, source.columns)
@@ -91,6 +110,23 @@ def _decide(proposal: Proposal, found: Found, signal: str, ratios: list[Column])
     proposal.why[signal] = _reasons(signal, candidate, found) if candidate is not None else ""
 
 
+def _ask_for_unit(proposal: Proposal, best: ColumnCandidate | None, signal: str, columns: list[Column]) -> None:
+    """Where what a column is in cannot be used as it stands."""
+    if best is not None and units.is_unknown(best.column.unit):
+        proposal.questions[signal] = (
+            f"'{quoted(best.column.key, 60)}' is in '{quoted(best.column.unit, 30)}', which is no unit that is known: "
+            "give one that is, with scale and offset"
+        )
+        proposal.mapping.signals[signal] = ASK
+    elif best is None and DIMENSION[signal] != units.CURRENT and (given := transmitters(columns, signal)):
+        proposal.notes = [n for n in proposal.notes if not n.startswith(f"no column is the {signal.replace('_', ' ')}")]
+        proposal.questions[signal] = (
+            f"'{quoted(given[0].key, 60)}' is in {quoted(given[0].unit, 10)}: if it is its transmitter, give it with "
+            f"{_TRANSMITTED[DIMENSION[signal]]} (4 to 20 mA over R: scale R/16, offset -R/4)"
+        )
+        proposal.mapping.signals[signal] = ASK
+
+
 def _percent(signal: str, ratios: list[Column]) -> str:
     """What to write where a command is in percent: how many amperes 100 % are is in no file."""
     if DIMENSION[signal] != units.CURRENT or not ratios:
@@ -107,7 +143,15 @@ def _entry(signal: str, candidate: ColumnCandidate | None, found: Found) -> Sign
     sign = {ANGLE: found.angle_sign, RATE: found.rate_sign}.get(signal, 1.0)
     sign = -1.0 if candidate.part == "negative" else sign
     reference = reference_of(candidate)[0] if DIMENSION[signal] == units.PRESSURE else ""
-    return SignalMap(candidate.column.key, candidate.unit, sign, reference=reference, part=candidate.part)
+    offset = -sign * math.pi / 2 / units.BY_NAME[candidate.unit].factor if _from_vertical(signal, candidate) else 0.0
+    return SignalMap(
+        candidate.column.key, candidate.unit, sign, candidate.scale, round(offset, 9), reference, candidate.part
+    )
+
+
+def _from_vertical(signal: str, candidate: ColumnCandidate) -> bool:
+    """Of an angle: whether its name says that it counts from the vertical, downwards from above or upwards from below."""
+    return signal == ANGLE and not _VERTICAL.isdisjoint(words.tokens(candidate.column.name))
 
 
 def _either(made: list[tuple[SignalMap | str, float]]) -> str:
@@ -150,7 +194,7 @@ def _ask_for_direction(proposal: Proposal, found: Found) -> None:
     )
     best = proposal.mapping.signals[ANGLE]
     assert isinstance(best, SignalMap)
-    turned = SignalMap(best.column, best.unit, -best.sign)
+    turned = replace(best, sign=-best.sign)
     proposal.options[ANGLE] = [(best, found.sign_probability), (turned, 1.0 - found.sign_probability)]
     proposal.mapping.signals[ANGLE] = ASK
 
@@ -193,7 +237,7 @@ def _ask_for_reference(proposal: Proposal, found: Found) -> None:
             proposal.questions[signal] = (
                 f"whether it is gauge or absolute cannot be told ({own} with {100 * sure:.0f} %)"
             )
-        made = SignalMap(entry.column, entry.unit, entry.sign, reference=ASK if sure < SURE else own)
+        made = replace(entry, reference=ASK if sure < SURE else own)
         proposal.mapping.signals[signal] = made
         if SURE <= sure < 0.97:
             proposal.notes.append(
@@ -222,7 +266,7 @@ def _add_optional(proposal: Proposal, found: Found, columns: list[Column]) -> No
         alike = float(np.corrcoef(a, b)[0, 1]) if np.std(a) > 0 and np.std(b) > 0 else 0.0
         sign = found.angle_sign if signal == "reference_angle" else 1.0
         if alike >= _ALIKE:
-            proposal.mapping.signals[signal] = SignalMap(best.column.key, best.unit, sign)
+            proposal.mapping.signals[signal] = SignalMap(best.column.key, best.unit, sign, best.scale)
             proposal.probability[signal] = weight[0] / sum(weight)
             proposal.why[signal] = f"name, follows {_PARTNER[signal].replace('_', ' ')}"
             free = [c for c in free if c.key != best.column.key]
@@ -250,9 +294,19 @@ def _note(proposal: Proposal, found: Found) -> None:
             notes.append(
                 f"{signal.replace('_', ' ')}: there is no measured current; the command '{quoted(best.column.key, 60)}' is taken"
             )
+    angle = found.choices[ANGLE].best
+    if angle is not None and _from_vertical(ANGLE, angle):
+        notes.append(
+            "the angle counts from the vertical, as its name says: it is turned by 90 degrees, as 0 is horizontal"
+        )
+    elif angle is not None and found.angle_sign < 0:
+        notes.append(
+            "the angle falls while the boom is lifted: its sign is turned, and its 0 taken for horizontal; "
+            "if it counts from the vertical, give it with offset: 90 degrees in its unit"
+        )
     rate = proposal.mapping.signals[RATE]
     if rate == DERIVATIVE:
         notes.append("no column is the angular rate: the derivative of the angle is taken, smoothed over 0.1 s")
-    elif isinstance(rate, SignalMap) and found.rate_sign != found.angle_sign:
+    elif isinstance(rate, SignalMap) and found.rate_sign < 0.0 < found.angle_sign:
         notes.append("the rate counts against the angle in the file: its sign is turned")
     proposal.notes = list(dict.fromkeys(notes))

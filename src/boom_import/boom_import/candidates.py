@@ -88,10 +88,12 @@ _SIZE = {
 }
 _LEAST_FIT, _IMPOSSIBLE = -6.0, -30.0
 _STATED_WRONG = {False: 0.01, True: 0.1}  # by its author; by the message's type, which not everyone keeps to
-_UNIT_PRIOR = {"bar": 0.45, "MPa": 0.2, "Pa": 0.15, "kPa": 0.05, "hPa": 0.02, "psi": 0.13, "deg": 0.5, "rad": 0.45, "mrad": 0.03,
-               "gon": 0.02, "rad/s": 0.5, "deg/s": 0.45, "mrad/s": 0.04, "rpm": 0.01, "A": 0.5, "mA": 0.5}  # fmt: skip
+_UNIT_PRIOR = {"bar": 0.45, "MPa": 0.2, "Pa": 0.15, "kPa": 0.05, "hPa": 0.02, "psi": 0.13, "kgf/cm2": 1e-4, "deg": 0.5,
+               "rad": 0.45, "mrad": 0.03, "gon": 0.02, "rad/s": 0.5, "deg/s": 0.45, "mrad/s": 0.04, "rpm": 0.01, "A": 0.5,
+               "mA": 0.5}  # fmt: skip
 _OTHER_DIMENSION = -8.0
 _MOST = 8
+_CALLED = 3.0
 _CONTRACT = 40.0  # more than all that dynamics and ranges can say together
 
 
@@ -105,6 +107,7 @@ class ColumnCandidate:
         part: "" all of it, "positive" or "negative" one half of a signed current.
         score: log-likelihood of names, unit and range.
         told: the unit is what the file states.
+        scale: how many of the unit the number one is.
     """
 
     column: Column
@@ -112,11 +115,12 @@ class ColumnCandidate:
     part: str
     score: float
     told: bool
+    scale: float = 1.0
 
     @property
     def values(self) -> Floats:
         """(n,) in SI, with the sign of the file; of a part the half that counts."""
-        values = self.column.values * units.BY_NAME[self.unit].factor
+        values = self.column.values * (self.scale * units.BY_NAME[self.unit].factor)
         if self.part:
             return np.asarray(np.maximum(values if self.part == "positive" else -values, 0.0))
         return values
@@ -149,8 +153,8 @@ def size(values: Floats, dimension: str) -> float:
 
 def unit_scores(column: Column, dimension: str) -> dict[str, float]:
     """Unit -> log-likelihood of range and stated unit."""
-    stated = units.parse(column.unit).measure
-    magnitude = size(column.values, dimension)
+    stated, _, scale = units.parse(column.unit)
+    magnitude = size(column.values, dimension) * scale
     if not magnitude > 0.0:
         return {}
     median, spread, limit = _SIZE[dimension]
@@ -158,7 +162,7 @@ def unit_scores(column: Column, dimension: str) -> dict[str, float]:
     for measure in units.OF_DIMENSION[dimension]:
         value = magnitude * measure.factor
         fit = max(-0.5 * (math.log(value / median) / spread) ** 2, _LEAST_FIT)
-        low = float(column.values.min()) * measure.factor
+        low = float(column.values.min()) * scale * measure.factor
         if value > limit or (dimension == units.PRESSURE and low < -30e5):
             fit = _IMPOSSIBLE
         scores[measure.name] = fit + _stated(stated, measure, dimension, column.by_type)
@@ -180,25 +184,37 @@ def candidates(columns: list[Column], signal: str) -> list[ColumnCandidate]:
     dimension = DIMENSION[signal]
     found: list[ColumnCandidate] = []
     for column in columns:
-        stated = units.parse(column.unit).measure
-        if stated is not None and stated.dimension in ("other", units.TIME, units.RATIO) and not column.by_type:
+        stated, _, scale = units.parse(column.unit)
+        if stated is not None and not column.by_type and _of_something_else(stated, dimension):
             continue
         names = name_evidence(column, signal)
         for unit, score in unit_scores(column, dimension).items():
             told = stated is not None and stated.name == unit
             if dimension != units.CURRENT:
-                found.append(ColumnCandidate(column, unit, "", names + score, told))
+                found.append(ColumnCandidate(column, unit, "", names + score, told, scale))
             elif _is_signed(column.values):
                 # The words of a signed current name both directions or none.
                 both = name_evidence(column, EXTEND if signal == RETRACT else RETRACT)
                 found += [
-                    ColumnCandidate(column, unit, part, min(names, both, 4.0) + score, told)
+                    ColumnCandidate(column, unit, part, min(names, both, 4.0) + score, told, scale)
                     for part in ("positive", "negative")
                 ]
             else:
-                found.append(ColumnCandidate(column, unit, "", names + score, told))
+                found.append(ColumnCandidate(column, unit, "", names + score, told, scale))
     found.sort(key=lambda c: -c.score)
     return [c for c in found[:_MOST] if c.score > found[0].score - 25.0]
+
+
+def _of_something_else(stated: units.UnitOfMeasure, dimension: str) -> bool:
+    """Whether a stated unit is none that somebody may have meant: a pressure is in no amperes, though its transmitter is."""
+    electrical = units.CURRENT in (stated.dimension, dimension)
+    return stated.dimension in ("other", units.TIME, units.RATIO) or (electrical and stated.dimension != dimension)
+
+
+def transmitters(columns: list[Column], signal: str) -> list[Column]:
+    """Columns in mA or V that are called like this signal: what the transmitter gives."""
+    named = [c for c in columns if not c.by_type and units.parse(c.unit).measure in units.ELECTRICAL]
+    return [c for c in named if name_evidence(c, signal) >= _CALLED]
 
 
 def _is_signed(values: Floats) -> bool:

@@ -77,6 +77,12 @@ class Mapping:
         ]
 
 
+def is_piston(mapping: Mapping) -> bool:
+    """Whether what stands in the place of the boom's angle is the position of a piston."""
+    angle = mapping.signals.get("angle")
+    return isinstance(angle, SignalMap) and units.BY_NAME[angle.unit].dimension == units.LENGTH
+
+
 def read(path: str | Path) -> Mapping:
     """The mapping in a YAML file.
 

@@ -6,11 +6,15 @@ import re
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import replace
 from io import StringIO
+from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
+
 from boom_import.errors import ImportingError
-from boom_import.source import Column, Source, unique
+from boom_import.source import Column, Source, unique, without_error_values
 from boom_import.timing import TimeChoice
 from boom_input.files import InputError, opened, read_text
 from boom_input.shown import quoted
@@ -52,8 +56,15 @@ def read(paths: list[Path], choice: TimeChoice | None = None, progress: Progress
     for i, path in enumerate(paths):
         begin = i / len(paths)
         sources.append(_one(path, choice or TimeChoice(), lambda part, b=begin: progress(b + part / len(paths))))  # type: ignore[misc]
-    if len(sources) == 1:
-        return sources[0]
+    source = sources[0] if len(sources) == 1 else _together(paths, sources)
+    without_error_values(source)
+    return source
+
+
+def _together(paths: list[Path], sources: list[Source]) -> Source:
+    """Files side by side, or one after the other where they have the same columns."""
+    if len({tuple((c.name, c.unit) for c in source.columns) for source in sources}) == 1:
+        return _one_after_the_other(paths, sources)
     if len({source.dated for source in sources}) > 1:
         raise ImportingError(
             f"{paths[0]}: of the files only some have dates in their times: give files of one clock, or one file"
@@ -76,6 +87,36 @@ def read(paths: list[Path], choice: TimeChoice | None = None, progress: Progress
     kinds = ", ".join(dict.fromkeys(source.kind for source in sources))
     notes = [f"{path.name}: {note}" for path, source in zip(paths, sources, strict=True) for note in source.notes]
     return Source(paths[0], kinds, columns, sources[0].dated, sources[0].time, notes)
+
+
+def _one_after_the_other(paths: list[Path], sources: list[Source]) -> Source:
+    """The parts of a log that rolls over, whatever their order.
+
+    Raises:
+        ImportingError: their times overlap.
+    """
+    spans = [
+        (min(int(c.stamps_ns[0]) for c in s.columns), max(int(c.stamps_ns[-1]) for c in s.columns)) for s in sources
+    ]
+    order = sorted(range(len(sources)), key=spans.__getitem__)
+    for before, after in pairwise(order):
+        if spans[after][0] <= spans[before][1] or sources[before].dated != sources[after].dated:
+            raise ImportingError(
+                f"{paths[after]}: it has the columns of {paths[before]} and does not begin where that ends: "
+                "import the files one by one"
+            )
+    parts = [sources[k] for k in order]
+    columns = [
+        replace(
+            own[0], stamps_ns=np.concatenate([c.stamps_ns for c in own]), values=np.concatenate([c.values for c in own])
+        )
+        for own in zip(*(source.columns for source in parts), strict=True)
+    ]
+    notes = [f"{paths[k].name}: {note}" for k in order for note in sources[k].notes]
+    joined = (
+        f"{len(parts)} files with the same columns are one after the other: {', '.join(paths[k].name for k in order)}"
+    )
+    return replace(parts[0], columns=columns, notes=[joined, *notes])
 
 
 def _one(path: Path, choice: TimeChoice, progress: Progress) -> Source:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_input.shown import quoted
 from boom_recording.recording import Configuration
 
 _LARGEST = 1e25  # what is larger is damage: even nanoseconds since 1970 are 2e18
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
+_FAR, _FEWEST = 5.0, 10
+"""How far from all others a value stands that says "no measurement", in units of their range; the fewest others."""
+_BEGINNINGS = 4
+"""Such values that are looked for in a column."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,32 @@ class Source:
     def by_key(self) -> dict[str, Column]:
         """The columns by their key."""
         return {column.key: column for column in self.columns}
+
+
+def without_error_values(source: Source) -> None:
+    """Leaves out what a sensor gives for "no measurement": one value, again and again, far beyond all others (-9999, 999)."""
+    for k, one in enumerate(source.columns):
+        values, missing = one.values, []
+        while len(missing) < _BEGINNINGS and (value := _error_value(values)) is not None:
+            missing.append(f"{int((values == value).sum())} times {value:g}")
+            values = values[values != value]
+        if missing:
+            kept = np.isin(one.values, values)
+            source.columns[k] = replace(one, values=one.values[kept], stamps_ns=one.stamps_ns[kept])
+            source.notes.append(
+                f"'{quoted(one.key, 60)}': {', '.join(missing)} is left out: so far from all others it is no measurement"
+            )
+
+
+def _error_value(values: Floats) -> float | None:
+    """The least or largest value, where it stands there several times and far from the others."""
+    for value in (float(values.min()), float(values.max())):
+        others = values[values != value]
+        if len(others) + 1 < len(values) and len(np.unique(others)) >= _FEWEST:
+            away = float(np.abs(others - value).min())
+            if away > _FAR * float(np.ptp(others)):
+                return value
+    return None
 
 
 def unique(key: str, taken: set[str]) -> str:

@@ -33,6 +33,8 @@ _LATE = 1.0  # s: a row that a logger wrote so late is put in its place
 _GAP, _GAP_PERIODS = 1.0, 20.0  # s, and in periods
 _HOUR, _ABOUT = 3600.0, 60.0  # s
 _LISTED = 3
+_SHARED, _UNEVEN = 0.5, 0.1
+"""Share of the rows that have the stamp of the row above where a clock is too coarse for them; spread of how many share one."""
 _SECONDS_2000, _SECONDS_2100 = 946_684_800.0, 4_102_444_800.0
 _HALF_A_DAY = 43_200.0
 _EXCEL_1970 = 25_569.0  # days from Excel's zero, 1899-12-30
@@ -186,7 +188,38 @@ def _of_column(column: RawColumn, unit: str, columns: list[RawColumn]) -> Axis:
     else:
         seconds, dated, what = _seconds(column.values[rows], unit or _unit(column))
         found = Axis(_stamps(seconds), dated, f"column '{column.key}' in {what}", column.key, rows)
-    return _in_order(found, len(column.values) - len(rows))
+    return _in_order(_spread(found, columns), len(column.values) - len(rows))
+
+
+def _spread(found: Axis, columns: list[RawColumn]) -> Axis:
+    """Rows that share their stamps, as a clock of whole seconds gives them, evenly over the time until the next stamp.
+
+    Raises:
+        ImportingError: they cannot be placed.
+    """
+    stamps, rows = found.stamps_ns, found.rows
+    steps = np.diff(stamps)
+    if not len(steps) or (steps < 0).any() or np.mean(steps == 0) < _SHARED:
+        return found
+    changed = [c.values[rows[1:]] != c.values[rows[:-1]] for c in columns if np.isfinite(c.values[rows]).all()]
+    if not np.any(np.array(changed)[:, steps == 0], axis=0).mean() > _SHARED:
+        return found  # the same row again and again
+    first = np.concatenate(([0], np.flatnonzero(steps) + 1))
+    counts, period = np.diff(np.append(first, len(rows))), float(np.median(steps[steps > 0]) if steps.any() else 0.0)
+    inner = counts[1:-1]
+    if not len(inner) or np.ptp(inner) > max(2.0, _UNEVEN * float(inner.mean())):
+        raise ImportingError(
+            f"up to {counts.max()} rows share a stamp of '{quoted(found.column, 60)}', not evenly many: give --sample-rate"
+        )
+    spacing = period / float(inner.mean())
+    result = stamps.astype(np.float64) - stamps[0]
+    for begin, count in zip(first, counts, strict=True):
+        late = counts[1] - count if begin == 0 else 0  # the first one began before the recording
+        own = period / count if 0 < begin < first[-1] else spacing
+        result[begin : begin + count] += (np.arange(count) + max(late, 0)) * own
+    note = f"{round(float(inner.mean()))} rows share each stamp: they are spread evenly until the next one"
+    placed = stamps[0] + np.rint(result).astype(np.int64)
+    return replace(found, stamps_ns=placed, notes=(*found.notes, note))
 
 
 def _in_order(found: Axis, lost: int) -> Axis:
@@ -195,7 +228,7 @@ def _in_order(found: Axis, lost: int) -> Axis:
     Raises:
         ImportingError: the times go back in a way that may have several reasons.
     """
-    rows, stamps, notes = found.rows, found.stamps_ns, []
+    rows, stamps, notes = found.rows, found.stamps_ns, [*found.notes]
     if lost:
         notes.append(f"rows without a time are left out: {lost}")
     steps = np.diff(stamps)

@@ -32,6 +32,7 @@ _TABLE: tuple[tuple[str, str, float, str], ...] = (
     ("MPa", PRESSURE, 1e6, "mpa n/mm2 n/mm^2"),
     ("bar", PRESSURE, 1e5, "bar bars"),
     ("psi", PRESSURE, 6894.757293, "psi lbf/in2 lb/in2"),
+    ("kgf/cm2", PRESSURE, 98066.5, "kgf/cm2 kgf/cm^2 kg/cm2 kg/cm^2 kp/cm2 kp/cm^2"),
     ("rad", ANGLE, 1.0, "rad radian radians"),
     ("mrad", ANGLE, 1e-3, "mrad"),
     ("deg", ANGLE, math.pi / 180, "deg degs degree degrees ° grad altgrad º"),
@@ -68,9 +69,15 @@ OF_DIMENSION = {
     dimension: tuple(m for m in BY_NAME.values() if m.dimension == dimension)
     for dimension in (PRESSURE, ANGLE, RATE, CURRENT, TIME, LENGTH, SPEED)
 }
+ELECTRICAL = tuple(_BY_TEXT[text] for text in ("a", "ma", "v", "mv"))
+"""What transmitters give."""
 
+_MULTIPLE = re.compile(r"^(\d*[.,]?\d+(?:e[+-]?\d+)?)\s*[*x·]?\s*(\D.*)$")
+"""A bus counts in multiples: "0.01 deg", "0.1 bar"."""
+_PREFIXES = {"m": 1e-3, "c": 1e-2, "d": 1e-1}
 _ABSOLUTE = re.compile(r"^(bar|psi|mpa|kpa|pa)[ _]?(a|\(a\)|abs\.?|absolut[e]?|\(abs\))$")
 _GAUGE = re.compile(r"^(bar|psi|mpa|kpa|pa)[ _]?(g|\(g\)|gauge|\(gauge\)|rel\.?|relativ[e]?|\(rel\)|ü|ue|\(ü\))$")
+_REFERRED = re.compile(r"^(.*?)[ _]*\b((?:bar|psi|mpa|kpa|pa) ?\((?:a|g|abs|rel|ü|gauge)\))$", re.IGNORECASE)
 _BRACKETS = re.compile(r"[\[({<]\s*([^\[\](){}<>]{1,20}(?:\((?:a|g|abs|rel|ü|gauge)\))?)\s*[\])}>]\s*$", re.IGNORECASE)
 _AFTER_SLASH = re.compile(r"^(.{1,}?)(?:\s+/\s*|\s*/\s+|\s+in\s+)(\S{1,12})$")
 _SUFFIX = re.compile(r"^(.+?)[_ .\-]((?:(?:m?rad|deg|grad|°)(?:_per_|/|_)s(?:ec)?)|[a-z°%µμ]+)$", re.IGNORECASE)
@@ -78,26 +85,57 @@ _WEAK = frozenset((*"adhkfmgtnvwlcs", "min", "rads", "grad"))
 
 
 class StatedUnit(NamedTuple):
-    """A unit that a text states; `measure` is None where it is not known, `reference` "gauge", "absolute" or ""."""
+    """A unit that a text states; `measure` is None where it is not known, `reference` "gauge", "absolute" or "".
+
+    scale: how many of it the number one is.
+    """
 
     measure: UnitOfMeasure | None
     reference: str = ""
+    scale: float = 1.0
 
 
 def parse(text: str) -> StatedUnit:
     """What a unit's text says."""
-    plain = text.strip().strip("[]()").strip().lower().replace("²", "2").replace("sek.", "sek")
+    plain = text.strip().lower().replace("²", "2").replace("sek.", "sek")
+    for opening, closing in ("[]", "()"):
+        if plain.startswith(opening):
+            plain = plain[1:].removesuffix(closing).strip()
     plain = re.sub(r"_per_|_(?=s(?:ec)?$)", "/", plain)
     for pattern, reference in ((_ABSOLUTE, "absolute"), (_GAUGE, "gauge")):
         match = pattern.match(plain)
         if match:
             return StatedUnit(_BY_TEXT[match[1]], reference)
-    return StatedUnit(_BY_TEXT.get(plain) or _BY_TEXT.get(plain.replace(" ", "")))
+    return _multiple(plain) if (found := _known(plain)) is None else StatedUnit(found)
+
+
+def _known(plain: str) -> UnitOfMeasure | None:
+    return _BY_TEXT.get(plain) or _BY_TEXT.get(plain.replace(" ", ""))
+
+
+def _multiple(plain: str) -> StatedUnit:
+    """Of a unit with a number or a prefix in front of it: "0.01 deg", "cdeg"."""
+    match = _MULTIPLE.match(plain)
+    if match:
+        one = parse(match[2])
+        scale = float(match[1].replace(",", "."))
+        return one._replace(scale=scale * one.scale) if one.measure and scale > 0.0 else StatedUnit(None)
+    one = StatedUnit(_BY_TEXT.get(plain[1:])) if plain[:1] in _PREFIXES and len(plain) > 3 else StatedUnit(None)
+    able = one.measure is not None and one.measure.dimension in (PRESSURE, ANGLE, RATE)
+    return one._replace(scale=_PREFIXES[plain[0]]) if able else StatedUnit(None)
+
+
+def is_unknown(text: str) -> bool:
+    """Whether a text states some unit, but not one that is known: "bar x10", "0.5 inHg"; a remark such as "filtered" is none."""
+    parts = re.split(r"[^a-zµ°%]+", text.lower())
+    return parse(text).measure is None and any(part in _BY_TEXT and part not in _WEAK for part in parts)
 
 
 def split(header: str) -> tuple[str, str]:
     """A header's name and unit: "Druck [bar]", "pressure (MPa)", "p / bar", "angle_deg"; the unit is "" where none is stated."""
     text = header.strip()
+    if (match := _REFERRED.match(text)) and match[1]:  # "p bar(a)"
+        return match[1].strip(), match[2]
     for pattern in (_BRACKETS, _AFTER_SLASH):
         match = pattern.search(text)
         if match:

@@ -227,7 +227,8 @@ def test_an_array_whose_time_goes_back_is_refused(tmp_path: Path) -> None:
         ("Druck Kolben [bar]", "Druck Kolben", "bar"), ("p_A (MPa)", "p_A", "MPa"), ("p / bar", "p", "bar"),
         ("angle_deg", "angle", "deg"), ("rate_deg_s", "rate", "deg_s"), ("p_a", "p_a", ""), ("p_head", "p_head", ""),
         ("extend_current_a", "extend_current", "a"), ("pressure in kPa", "pressure", "kPa"), ("boom (inner)", "boom (inner)", ""),
-        ("i_ext_mA", "i_ext", "mA"), ("p [bar(a)]", "p", "bar(a)"),
+        ("i_ext_mA", "i_ext", "mA"), ("p [bar(a)]", "p", "bar(a)"), ("p bar(a)", "p", "bar(a)"),
+        ("Boom angle [0.01 deg]", "Boom angle", "0.01 deg"), ("boom_angle_cdeg", "boom_angle", "cdeg"),
     ],
 )  # fmt: skip
 def test_a_header_is_split(header: str, name: str, unit: str) -> None:
@@ -238,11 +239,88 @@ def test_a_header_is_split(header: str, name: str, unit: str) -> None:
 @pytest.mark.parametrize(
     ("text", "name", "reference"),
     [("bar", "bar", ""), ("barg", "bar", "gauge"), ("bar abs", "bar", "absolute"), ("psia", "psi", "absolute"), ("MPA", "MPa", ""),
-     ("°/s", "deg/s", ""), ("mA", "mA", ""), ("N/mm²", "MPa", "")],
+     ("°/s", "deg/s", ""), ("mA", "mA", ""), ("N/mm²", "MPa", ""), ("[kPa(abs)]", "kPa", "absolute"), ("kgf/cm2", "kgf/cm2", "")],
 )  # fmt: skip
 def test_a_unit_is_known(text: str, name: str, reference: str) -> None:
     found = units.parse(text)
     assert found.measure is not None and (found.measure.name, found.reference) == (name, reference)
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "scale"),
+    [("0.01 deg", "deg", 0.01), ("0,1 bar", "bar", 0.1), ("cdeg/s", "deg/s", 0.01), ("mdeg", "deg", 1e-3), ("mbar", "hPa", 1.0)],
+)  # fmt: skip
+def test_a_multiple_of_a_unit_is_known(text: str, name: str, scale: float) -> None:
+    found = units.parse(text)
+    assert found.measure is not None and (found.measure.name, found.scale) == (name, scale)
+    assert not units.is_unknown(text)
+
+
+def test_a_unit_that_is_not_known_is_told_from_a_remark() -> None:
+    assert units.is_unknown("bar x10") and units.is_unknown("raw deg")
+    assert not any(map(units.is_unknown, ("", "filtered", "IMU 2", "-")))
+
+
+@pytest.mark.parametrize(("missing", "count"), [(6553.5, 50), (-9999.0, 300), (65535.0, 2)])
+def test_a_value_that_says_no_measurement_is_left_out_and_said(missing: float, count: int, tmp_path: Path) -> None:
+    values = 100.0 + 50.0 * np.sin(np.arange(1000) / 40.0)
+    values[200 : 200 + count] = missing
+    lines = "".join(f"{k / 100:.2f},{value:.1f}\n" for k, value in enumerate(values))
+    source = reading.read([made(tmp_path, "time [s],p [bar]\n" + lines)])
+    assert len(source.columns[0].values) == 1000 - count and source.columns[0].values.max() < 151.0
+    assert source.notes == [
+        f"'p [bar]': {count} times {missing:g} is left out: so far from all others it is no measurement"
+    ]
+
+
+def test_a_current_that_is_either_off_or_on_keeps_both_values(tmp_path: Path) -> None:
+    lines = "".join(f"{k / 100:.2f},{0.5 * (k // 100 % 2):.1f}\n" for k in range(1000))
+    assert len(reading.read([made(tmp_path, "time [s],i [A]\n" + lines)]).columns[0].values) == 1000
+
+
+def test_rows_that_share_whole_seconds_are_spread_and_the_first_second_may_be_cut(tmp_path: Path) -> None:
+    first = datetime(2026, 10, 25, 13, 0, tzinfo=UTC)
+    rows = [f"{first + timedelta(seconds=(k + 60) // 100):%Y-%m-%d %H:%M:%S},{k}\n" for k in range(1000)]
+    source = reading.read([made(tmp_path, "time,p [bar]\n" + "".join(rows))])
+    np.testing.assert_array_equal(np.diff(source.columns[0].stamps_ns), 10_000_000)
+    assert source.columns[0].stamps_ns[40] == round(first.timestamp() + 1) * 10**9
+    assert source.notes == ["100 rows share each stamp: they are spread evenly until the next one"]
+
+
+def test_rows_that_share_stamps_unevenly_ask_for_the_rate(tmp_path: Path) -> None:
+    rows = [f"{k},{value}\n" for k, count in enumerate((100, 40, 100, 7, 100)) for value in range(count)]
+    with pytest.raises(ImportingError, match=r"up to 100 rows share a stamp of 'time.*--sample-rate"):
+        reading.read([made(tmp_path, "time [s],p [bar]\n" + "".join(rows))])
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_log_that_rolls_over_is_one_recording_whatever_the_order_of_its_files(turned: bool, tmp_path: Path) -> None:
+    whole = [f"{k / 100:.2f},{k}\n" for k in range(200)]
+    files = [tmp_path / name for name in ("1.csv", "2.csv")]
+    for file, part in zip(files, (whole[:120], whole[120:]), strict=True):
+        file.write_text("time [s],p [bar]\n" + "".join(part))
+    source = reading.read(files[::-1] if turned else files)
+    (column,) = source.columns
+    np.testing.assert_array_equal(column.values, np.arange(200))
+    np.testing.assert_array_equal(np.diff(column.stamps_ns), 10_000_000)
+    assert source.notes[0] == "2 files with the same columns are one after the other: 1.csv, 2.csv"
+
+
+def test_files_with_the_same_columns_and_times_are_two_recordings(tmp_path: Path) -> None:
+    for name in ("1.csv", "2.csv"):
+        (tmp_path / name).write_text("time [s],p [bar]\n" + rows())
+    with pytest.raises(ImportingError, match=r"2.csv: it has the columns of .*1.csv .*one by one"):
+        reading.read([tmp_path / "1.csv", tmp_path / "2.csv"])
+
+
+def test_a_struct_of_each_signal_may_call_its_time_t(tmp_path: Path) -> None:
+    t = np.arange(50) / 100
+    signals = {"angle": {"t": t, "v": 2 * t, "unit": "deg"}, "p_A": {"t": t[::5], "v": 3 * t[::5], "unit": "bar"}}
+    scipy.io.savemat(tmp_path / "out.mat", signals)
+    found = reading.read([tmp_path / "out.mat"]).columns
+    assert {c.unit: (len(c.values), int(c.stamps_ns[-1])) for c in found} == {
+        "deg": (50, 490_000_000), "bar": (10, 450_000_000),
+    }  # fmt: skip
 
 
 def test_a_structure_with_time_is_read(tmp_path: Path) -> None:
@@ -265,6 +343,7 @@ def test_a_structure_with_time_is_read(tmp_path: Path) -> None:
         ("a.blf", b"LOGGrest", "import-can"),
         ("a.csv", b"", "empty"),
         ("a.csv", b"no table at all\n", "no table of numbers"),
+        ("a.csv", b"time [s],angle [deg],p [bar]\n", "below its header there are 0 rows of numbers"),
         ("a.mat", b"MATLAB 5.0 MAT-file" + b"\0" * 300, "export it again"),
         ("a.mat", b"no such thing" * 30, "it is called .mat, but is no MAT file"),
         ("a.mf4", b"MDF     4.10" + b"\xff" * 300, "export it again"),

@@ -55,7 +55,14 @@ class CraneStart:
     rod_pressure: float = math.nan
 
     def state(self, plant: Plant, inputs: Array | None = None) -> Array:
-        """The state (NX,) of ``plant`` at this rest, where the inputs (NU,) tell that the other joints stand elsewhere."""
+        """The state (NX,) of ``plant`` at this rest, where the inputs (NU,) tell that the other joints stand elsewhere.
+
+        Raises:
+            ModelError: an angle outside the stroke.
+        """
+        low, high = plant.machine.angle_limits
+        if not low <= self.angle <= high:
+            raise ModelError(f"initial angle of {self.angle:g} rad is outside the stroke, {low:.3f} .. {high:.3f} rad")
         rod = self.rod_pressure if math.isfinite(self.rod_pressure) else 1.0e6
         if math.isfinite(self.hose_pressure):
             return plant.rest_state(self.angle, self.hose_pressure, rod, inputs=inputs)
@@ -114,9 +121,6 @@ class SimulatedCrane:
     period = PERIOD
 
     def __init__(self, machine: Machine, pose: Pose, start: CraneStart, noise: SensorNoise, seed: int = 0) -> None:
-        low, high = machine.angle_limits
-        if not low <= start.angle <= high:
-            raise ModelError(f"initial angle of {start.angle:g} rad is outside the stroke, {low:.3f} .. {high:.3f} rad")
         self.machine = machine
         self._first_pose, self._start, self._noise, self._seed = pose, start, noise, seed
         self.reset()

@@ -27,11 +27,15 @@ def run(args: argparse.Namespace) -> int:
 
     from boom_bringup.outputs import checked_json, write_json
     from boom_model.derived import quantities
+    from boom_model.errors import MachineError
     from boom_model.machine_file import check_machine
     from boom_report.console import console_for
 
     path = checked_json(args.json, "faults", "quantities")
-    machine, faults = check_machine(args.file)
+    try:
+        machine, faults = check_machine(args.file)
+    except MachineError as error:  # not to be read at all: a fault like others
+        machine, faults = None, [str(error)]
     rows = quantities(machine) if machine else []
     if path:
         listed = [{"meaning": row.meaning, "value": row.value, "source": row.source} for row in rows]

@@ -242,6 +242,7 @@ def _write_mapping(proposal: Proposal, path: Path, args: argparse.Namespace) -> 
 
 def _convert(args: argparse.Namespace, source: Source, proposal: Proposal) -> int:
     from boom_import.conversion import convert
+    from boom_import.mapping import is_piston
     from boom_input.channels import ESSENTIAL
     from boom_report.console import console_for
 
@@ -260,7 +261,11 @@ def _convert(args: argparse.Namespace, source: Source, proposal: Proposal) -> in
         if missed:
             console.print(f"note: without {', '.join(missed)}: {said}", soft_wrap=True)
     console.print(f"{recording.duration:.1f} s imported; the bag is {output}", soft_wrap=True)
-    if not any(name in ESSENTIAL for name in missing):
+    if is_piston(proposal.mapping):
+        console.print("the joint is the piston of a cylinder: only its hydraulics can be examined")
+        areas = f"./boom chain {typable(str(output))} --areas A_A A_B"
+        console.print(f"do so with its areas in m^2, head and rod side: {areas}", soft_wrap=True)
+    elif not any(name in ESSENTIAL for name in missing):
         for line in _next(args.machine, recording, output):
             console.print(line, soft_wrap=True)
     return 0

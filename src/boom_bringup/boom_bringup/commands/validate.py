@@ -104,6 +104,13 @@ def run(args: argparse.Namespace) -> int:
             "the file's numbers as they are; whether tolerances explain this, or physics is left out:",
             markup=False, soft_wrap=True,
         )  # fmt: skip
+    spoilt = [look for look in looks if any(check.spoils for check in look.checks)]
+    if differing and spoilt:
+        console.print(
+            f"next: repair {spoilt[0].name} as said above (./boom import with a mapping), before any physics is looked for",
+            markup=False, soft_wrap=True,
+        )  # fmt: skip
+        return 1 if args.strict else 0
     for line in diagnose_next(differing, args.machine, arguments.configuration_words(args)):
         console.print(line, markup=False, soft_wrap=True)
     return 1 if args.strict and differing else 0

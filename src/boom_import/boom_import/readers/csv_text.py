@@ -24,6 +24,7 @@ from boom_input.files import opened
 
 _SEPARATORS = (";", ",", "\t", "|", " ")
 _HEAD_BYTES, _HEAD_LINES = 200_000, 300
+_TOO_FEW = 2
 _ROWS = 50_000
 _MOST_COLUMNS = 2000
 _EMPTY = frozenset(("", "nan", "n/a", "na", "null", "none", "-", "--", "inf", "-inf", "#n/a"))
@@ -108,6 +109,8 @@ def sniff(head: bytes) -> Dialect:
             if first >= 0 and (best is None or score > best[0]):
                 best = score, separator, decimal, rows, first
     if best is None or best[0] <= 0:
+        if 0 < len(lines) <= _TOO_FEW and any(len(_cells(lines[0], separator)) > 2 for separator in _SEPARATORS[:-1]):
+            raise ImportingError(f"below its header there are {len(lines) - 1} rows of numbers: nothing was recorded")
         raise ImportingError("there is no table of numbers in its beginning: is it a CSV file?")
     _, separator, decimal, rows, first = best
     width = max(len(row) for row in rows[first : first + 20])

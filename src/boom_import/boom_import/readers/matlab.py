@@ -192,7 +192,7 @@ def _tables(struct: _Struct) -> Iterator[list[timing.RawColumn]]:
             # "p_A.data": what the struct is called says more than what its field is called.
             full = words if names else f"{struct.path} {words}" if array.ndim == 1 else f"{key} {i + 1}"
             shown = f"{own} {names[i]}" if names and array.ndim == 2 else own
-            time = any(part in words.lower() for part in ("time", "zeit"))
+            time = words.lower() in ("t", "ts") or any(part in words.lower() for part in ("time", "zeit"))
             values = np.asarray(table[:, i], np.float64)
             raw = timing.RawColumn(shown, words if time else full, unit if not stated or time else stated[i], values)
             by_length.setdefault(len(raw.values), []).append(raw)

@@ -164,6 +164,12 @@ def _kinematics(n: Mapping[str, float]) -> list[Entry]:
     """a^2 + b^2 - 2 a b cos(q_2 + phi_0) = (l_min + s_p)^2, with the cylinder retracted at the lowest angle."""
     a, b, closed, low = n["foot_distance"], n["eye_distance"], n["closed_length"], math.radians(n["lowest_angle"])
 
+    if n["stroke"] >= closed:
+        raise MachineError(
+            f"stroke: {n['stroke']:g} m is not possible in a cylinder that is {closed:g} m long retracted, pin to pin "
+            "(closed_length): measure both again"
+        )
+
     def between(length: float) -> float:
         """Angle between a and b [rad]; NaN: no such triangle."""
         cosine = (a * a + b * b - length * length) / (2 * a * b)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from boom_import import units
 from boom_import.assembly import Proposal
 from boom_import.conversion import to_si
 from boom_import.mapping import ASK, SignalMap
@@ -71,10 +72,17 @@ def rows(source: Source, proposal: Proposal) -> list[tuple[str, ...]]:
     return result
 
 
+def _shown(signal: str, given: SignalMap) -> Unit:
+    """In which it is shown; of a piston that stands in the place of the joint in mm."""
+    if units.BY_NAME[given.unit].dimension in (units.LENGTH, units.SPEED):
+        return Unit("mm" if units.BY_NAME[given.unit].dimension == units.LENGTH else "mm/s", 1e3)
+    return _UNITS.get(BY_NAME[signal].unit, Unit(BY_NAME[signal].unit, 1.0))
+
+
 def _range(signal: str, given: SignalMap, column: Column | None) -> str:
     if column is None:
         return ""
-    unit = _UNITS.get(BY_NAME[signal].unit, Unit(BY_NAME[signal].unit, 1.0))
+    unit = _shown(signal, given)
     values = to_si(given, column.values) * unit.scale
     return f"{values.min():.4g} .. {values.max():.4g} {unit.name}"
 
@@ -92,7 +100,7 @@ def figure(source: Source, proposal: Proposal) -> Json:
         if not isinstance(best, SignalMap) or best.column not in columns:
             continue
         column = columns[best.column]
-        unit = _UNITS.get(BY_NAME[signal].unit, Unit(BY_NAME[signal].unit, 1.0))
+        unit = _shown(signal, best)
         n = panels.add(signal, _HEIGHT, _GAP)
         said = f"<b>{signal.replace('_', ' ').capitalize()}</b> [{unit.name}] from {_html(best.column, 14)}"
         title(panels, signal, said + (" ?" if given == ASK else ""))
