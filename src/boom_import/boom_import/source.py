@@ -86,10 +86,10 @@ def without_error_values(source: Source) -> None:
 
 
 def _error_value(values: Floats) -> float | None:
-    """The least or largest value, where it stands there several times and far from the others."""
+    """The least or largest value, where it stands there several times and far from the others; a pump that is off has 0 bar."""
     for value in (float(values.min()), float(values.max())):
         others = values[values != value]
-        if len(others) + 1 < len(values) and len(np.unique(others)) >= _FEWEST:
+        if value != 0.0 and len(others) + 1 < len(values) and len(np.unique(others)) >= _FEWEST:
             away = float(np.abs(others - value).min())
             if away > _FAR * float(np.ptp(others)):
                 return value

@@ -201,8 +201,8 @@ def _spread(found: Axis, columns: list[RawColumn]) -> Axis:
     steps = np.diff(stamps)
     if not len(steps) or (steps < 0).any() or np.mean(steps == 0) < _SHARED:
         return found
-    changed = [c.values[rows[1:]] != c.values[rows[:-1]] for c in columns if np.isfinite(c.values[rows]).all()]
-    if not np.any(np.array(changed)[:, steps == 0], axis=0).mean() > _SHARED:
+    table = np.column_stack([np.nan_to_num(c.values[rows]) for c in columns])
+    if not (table[1:] != table[:-1])[steps == 0].any(axis=1).mean() > _SHARED:
         return found  # the same row again and again
     first = np.concatenate(([0], np.flatnonzero(steps) + 1))
     counts, period = np.diff(np.append(first, len(rows))), float(np.median(steps[steps > 0]) if steps.any() else 0.0)

@@ -119,7 +119,7 @@ def _multiple(plain: str) -> StatedUnit:
     if match:
         one = parse(match[2])
         scale = float(match[1].replace(",", "."))
-        return one._replace(scale=scale * one.scale) if one.measure and scale > 0.0 else StatedUnit(None)
+        return one._replace(scale=scale * one.scale) if one.measure and 0.0 < scale < math.inf else StatedUnit(None)
     one = StatedUnit(_BY_TEXT.get(plain[1:])) if plain[:1] in _PREFIXES and len(plain) > 3 else StatedUnit(None)
     able = one.measure is not None and one.measure.dimension in (PRESSURE, ANGLE, RATE)
     return one._replace(scale=_PREFIXES[plain[0]]) if able else StatedUnit(None)

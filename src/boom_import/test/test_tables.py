@@ -278,6 +278,11 @@ def test_a_current_that_is_either_off_or_on_keeps_both_values(tmp_path: Path) ->
     assert len(reading.read([made(tmp_path, "time [s],i [A]\n" + lines)]).columns[0].values) == 1000
 
 
+def test_a_pump_that_is_off_has_no_pressure_and_keeps_it(tmp_path: Path) -> None:
+    lines = "".join(f"{k / 100:.2f},{0.0 if k < 300 else 200.0 + k % 17:.1f}\n" for k in range(1000))
+    assert reading.read([made(tmp_path, "time [s],p [bar]\n" + lines)]).columns[0].values.min() == 0.0
+
+
 def test_rows_that_share_whole_seconds_are_spread_and_the_first_second_may_be_cut(tmp_path: Path) -> None:
     first = datetime(2026, 10, 25, 13, 0, tzinfo=UTC)
     rows = [f"{first + timedelta(seconds=(k + 60) // 100):%Y-%m-%d %H:%M:%S},{k}\n" for k in range(1000)]
