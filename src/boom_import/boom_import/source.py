@@ -73,7 +73,7 @@ class Source:
 def without_error_values(source: Source) -> None:
     """Leaves out what a sensor gives for "no measurement": one value, again and again, far beyond all others (-9999, 999)."""
     for k, one in enumerate(source.columns):
-        values, missing = one.values, []
+        values, missing = one.values, list[str]()
         while len(missing) < _BEGINNINGS and (value := _error_value(values)) is not None:
             missing.append(f"{int((values == value).sum())} times {value:g}")
             values = values[values != value]

@@ -1,6 +1,8 @@
 """What is said of a fleet as a whole."""
 
-from boom_report.fleet.words import sums
+from datetime import datetime
+
+from boom_report.fleet.words import change_sentence, machines, sums
 
 ROW = {"machine": "north", "recording": "a", "duration_s": 600.0, "screened_s": 240.0, "screen_processor_s": 14.0}
 
@@ -13,3 +15,26 @@ def test_what_was_screened_of_long_recordings_is_said():
 def test_nothing_is_said_of_recordings_that_are_screened_whole_or_not_at_all():
     assert "checked whole" not in sums([{**ROW, "screened_s": 598.0}])
     assert "checked whole" not in sums([{**ROW, "screened_s": None}])
+
+
+def change(**given: object) -> dict[str, object]:
+    begin, end = datetime(2026, 1, 1), datetime(2026, 2, 1)
+    return {
+        "quantity": "return_line_pressure", "shape": "step", "since_earliest": begin, "since_latest": end, "unit": "Pa s^2/m^6",
+        "change": 3.6e11, "change_low": 3.24e11, "change_high": 3.96e11, "probability": 0.95, "alternatives": [],
+    } | given  # fmt: skip
+
+
+def test_a_change_is_told_in_the_unit_in_which_people_think_of_it_with_its_interval():
+    assert change_sentence(change()).endswith(
+        "between 2026-01-01 and 2026-02-01: +10 bar at 100 l/min (+9 to +11, 90 %), probability 95 %"
+    )
+
+
+def test_a_machine_of_which_only_what_matters_to_nobody_has_changed_is_likely_unchanged():
+    """Its table said so, and beside it that the probability of that was below 0.001."""
+    judged = {**ROW, "log_odds_changed": 40.0, "unchanged": 0.97, "changes": [], "levels": []}
+    other = {**judged, "machine": "south", "unchanged": 0.5}
+    assert [(m.name, m.status, m.unchanged) for m in machines([judged, other])] == [
+        ("south", "unchanged", 0.5), ("north", "unchanged", 0.97),
+    ]  # fmt: skip

@@ -23,7 +23,7 @@ VERDICTS = {
     "not_enough_excitation": "not enough excitation",
 }
 
-_SCALES = {
+SCALES = {
     "Pa": (1e-5, "bar"),
     "m^2": (1e6, "mm^2"),
     "rad": (1e3, "mrad"),
@@ -71,7 +71,7 @@ class Shown:
 def shown(estimate: Estimate) -> Shown:
     """An estimate in the unit that people use, with as many digits as its interval deserves."""
     low, high = estimate.interval_90
-    scale, unit = _SCALES.get(estimate.unit, (1.0, "" if estimate.unit == "-" else estimate.unit))
+    scale, unit = SCALES.get(estimate.unit, (1.0, "" if estimate.unit == "-" else estimate.unit))
     if estimate.unit == "s" and max(abs(estimate.value), abs(high)) < 1.0:
         scale, unit = 1e3, "ms"
     value, low, high = (v * scale for v in (estimate.value, low, high))

@@ -9,11 +9,12 @@ from math import exp
 from typing import Any
 
 from boom_model.catalogue import EFFECTS, SUBSYSTEM_NAMES, effect_name
+from boom_report.diagnosis.words import SCALES
 
 Row = Mapping[str, Any]
 _WHOLE = 0.9
 """Share of the recordings from which on they are as good as screened whole: gaps and short ends are not."""
-_UNITS = {"-": ("%", 1e2), "Pa": ("bar", 1e-5), "m^3/s/Pa": ("l/min per bar", 6e9), "s": ("ms", 1e3)}
+_UNITS = {unit: (name, scale) for unit, (scale, name) in SCALES.items()} | {"-": ("%", 1e2), "s": ("ms", 1e3)}
 
 
 @dataclass(frozen=True)
@@ -27,9 +28,13 @@ class FleetMachine:
 
     @property
     def unchanged(self) -> float | None:
-        """Probability that nothing has changed since its first recording."""
-        judged = [row["log_odds_changed"] for row in self.rows if row.get("log_odds_changed") is not None]
-        return 1.0 / (1.0 + exp(min(judged[-1], 700.0))) if judged else None
+        """Probability that nothing that matters has changed since its first recording."""
+        judged = [row for row in self.rows if row.get("log_odds_changed") is not None]
+        if not judged:
+            return None
+        return (
+            1.0 / (1.0 + exp(min(judged[-1]["log_odds_changed"], 700.0))) if self.changes else judged[-1]["unchanged"]
+        )
 
     @property
     def status(self) -> str:
@@ -47,12 +52,15 @@ def machines(rows: Sequence[Row]) -> list[FleetMachine]:
     for row in rows:
         by_name.setdefault(row["machine"], []).append(row)
     found = [_machine(name, own) for name, own in by_name.items()]
-    return sorted(found, key=lambda m: (m.status == "unchanged", not m.changes, -_surest(m), m.name))
+    return sorted(found, key=lambda m: (m.status == "unchanged", not m.changes, *_surest(m), m.name))
 
 
-def _surest(machine: FleetMachine) -> float:
-    return max(
-        (row["log_odds_changed"] for row in machine.rows if row.get("log_odds_changed") is not None), default=0.0
+def _surest(machine: FleetMachine) -> tuple[float, float]:
+    """Where it stands among those of its state: the surest change first, or what is least sure not to have changed."""
+    known = (row["log_odds_changed"] for row in machine.rows if row.get("log_odds_changed") is not None)
+    return (
+        -max(known, default=0.0) if machine.changes else 0.0,
+        machine.unchanged if machine.unchanged is not None else 1.0,
     )
 
 
@@ -83,6 +91,13 @@ def shown(value: float, unit: str) -> str:
     return f"{scale * value:+.3g} {name}".rstrip()
 
 
+def _with_interval(numbers: Sequence[float], unit: str) -> str:
+    """A value with the ends of its interval of 90 %."""
+    scale = unit_of(unit)[1]
+    value, low, high = numbers
+    return f"{shown(value, unit)} ({scale * low:+.3g} to {scale * high:+.3g}, 90 %)"
+
+
 def _sure(probability: float) -> str:
     """Never quite certain."""
     return "above 99 %" if probability > 0.99 else f"{100 * probability:.0f} %"
@@ -99,14 +114,14 @@ def _between(early: datetime, late: datetime) -> str:
 def change_sentence(change: Mapping[str, Any]) -> str:
     """What changed, how far, since when."""
     early, late = change["since_earliest"], change["since_latest"]
-    low, high = (shown(change[k], change["unit"]) for k in ("change_low", "change_high"))
     how = "has been drifting since" if change["shape"] == "ramp" else "changed"
     when = _between(early, late)
     if change["shape"] == "step" and early == late:
         how, when = "has been outside the tolerance of the machine file from", f"the first recording, {early:%Y-%m-%d}"
     others = ", ".join(f"{quantity_words(a['quantity'])} {_sure(a['probability'])}" for a in change["alternatives"])
     return (
-        f"{quantity_words(change['quantity'])} {how} {when}: {shown(change['change'], change['unit'])} ({low} to {high}, 90 %), "
+        f"{quantity_words(change['quantity'])} {how} {when}: "
+        f"{_with_interval([change[k] for k in ('change', 'change_low', 'change_high')], change['unit'])}, "
         f"probability {_sure(change['probability'])}" + (f"; else {others}" if others else "")
     )
 
@@ -114,11 +129,10 @@ def change_sentence(change: Mapping[str, Any]) -> str:
 def _several(changes: Sequence[Mapping[str, Any]], level: Mapping[str, Any]) -> str:
     """Several changes of one quantity: when they began, and where it is now against the first recording."""
     early, late = (min(change[k] for change in changes) for k in ("since_earliest", "since_latest"))
-    value, low, high = (shown(level[k], level["unit"]) for k in ("level", "level_low", "level_high"))
     return (
         f"{quantity_words(level['quantity'])} has changed {len(changes)} times, "
         f"first {_between(early, late)}: "
-        f"now {value} ({low} to {high}, 90 %) against the first recording"
+        f"now {_with_interval([level[k] for k in ('level', 'level_low', 'level_high')], level['unit'])} against the first recording"
     )
 
 
