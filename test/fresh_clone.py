@@ -17,7 +17,7 @@ import pytest
 from boom_model.codegen.compiled import cache_folder
 
 ROOT = Path(__file__).resolve().parents[1]
-PATIENCE = 300.0
+PATIENCE, SET_UP = 300.0, 900.0
 
 
 class Clone:
@@ -42,7 +42,7 @@ class Clone:
             k: v for k, v in os.environ.items() if k.startswith(("PIP_", "UV_", "SSL_")) or k.lower().endswith("_proxy")
         }
         installer |= {"HOME": os.environ.get("HOME", "/")}
-        self.run("setup", **installer)
+        ended_well(self.begin("setup", **installer), patience=SET_UP)
 
     def run(self, *words: str | Path, status: int = 0, **variables: str) -> str:
         """Run ``./boom WORDS`` to its end; its output. Fails on another exit status or a traceback."""
@@ -56,10 +56,10 @@ class Clone:
         )  # fmt: skip
 
 
-def ended_well(process: subprocess.Popen[str], status: int = 0) -> str:
+def ended_well(process: subprocess.Popen[str], status: int = 0, patience: float = PATIENCE) -> str:
     """The output of a process that ends by itself. Fails on another exit status or a traceback."""
     try:
-        out, err = process.communicate(timeout=PATIENCE)
+        out, err = process.communicate(timeout=patience)
     finally:
         process.kill()
     assert process.returncode == status, f"{process.args}: {process.returncode}\n{out[-2000:]}{err[-2000:]}"
