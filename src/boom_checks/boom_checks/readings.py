@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from boom_checks.check import CheckKind, IntervalValue, RecordingCheck
 from boom_checks.even_series import PERIOD, EvenSeries
 from boom_checks.mechanics import Mechanics
-from boom_checks.relations import RELATIONS
+from boom_checks.relations import RELATIONS, linkage
 from boom_identification.signals import stretches
 from boom_input.channels import AMBIENT_PRESSURE_PA, BY_NAME
 
@@ -44,6 +44,7 @@ class FaultReading:
         measured: (series, boom) -> the number that shows it.
         shrinks: factor on the angle. A density grows by its inverse, so a reading is charged log(shrinks) a second: else
             every angle would be told as degrees, because a boom that hardly moves needs nothing of its pressures.
+        by_forces: the linkage's range does not tell it: that is a number of the file, which may be wrong.
     """
 
     kind: CheckKind
@@ -52,6 +53,7 @@ class FaultReading:
     repair: Callable[[EvenSeries], Mapping[str, Array]]
     measured: Callable[[EvenSeries, Mechanics], IntervalValue]
     shrinks: float = 1.0
+    by_forces: bool = False
 
     @property
     def topic(self) -> str:
@@ -141,11 +143,11 @@ READINGS: tuple[FaultReading, ...] = (
     FaultReading("sign", "angle and rate have the wrong sign: they fall where command and pressures lift the boom",
             _BOOM, _scaled(-1.0, *_BOOM), _answer),
     FaultReading("units", "the angle counts from the vertical and falls while the boom is lifted, where 0 is horizontal",
-            _BOOM, _counted_from(math.pi / 2, -1.0), _level("angle")),
+            _BOOM, _counted_from(math.pi / 2, -1.0), _level("angle"), by_forces=True),
     FaultReading("units", "the angle is 90 degrees too large, where 0 is horizontal",
-            _BOOM, _counted_from(math.pi / 2, 1.0), _level("angle")),
+            _BOOM, _counted_from(math.pi / 2, 1.0), _level("angle"), by_forces=True),
     FaultReading("units", "the angle is 90 degrees too small, where 0 is horizontal",
-            _BOOM, _counted_from(-math.pi / 2, 1.0), _level("angle")),
+            _BOOM, _counted_from(-math.pi / 2, 1.0), _level("angle"), by_forces=True),
     FaultReading("sign", "the angle has the wrong sign: its derivative is minus the measured rate",
             ("angle",), _scaled(-1.0, "angle"), _derivative),
     FaultReading("sign", "the rate has the wrong sign: it is minus the derivative of the measured angle",
@@ -201,7 +203,7 @@ def _gain(reading: FaultReading, series: EvenSeries, boom: Mechanics, as_read: l
     return sum(
         relation(repaired, boom) - before
         for (relation, channels), before in zip(RELATIONS, as_read, strict=True)
-        if channels & touched
+        if channels & touched and not (reading.by_forces and relation is linkage)
     )
 
 

@@ -56,6 +56,12 @@ def test_physics_and_lost_samples_are_no_fault_of_the_recording(bag: str) -> Non
     assert checks(load(BAGS / bag), TZ17) == []
 
 
+@pytest.mark.parametrize("limits", [(-1.05, 0.6), (0.5, 1.5)])
+def test_a_range_that_is_wrong_in_the_file_is_no_other_zero_of_the_angle(limits: tuple[float, float]) -> None:
+    """The recording's angles go from 0.17 to 0.82 rad; the pressures carry the boom at these."""
+    assert [check for check in checks(fast(), replace(TZ17, angle_limits=limits)) if check.spoils] == []
+
+
 def test_two_faults_are_found_one_behind_the_other() -> None:
     both = FAULTS["swapped pressures"][2](FAULTS["command's sign"][2](fast()))
     found, _ = reading_checks(even_series(both), mechanics(TZ17, both))

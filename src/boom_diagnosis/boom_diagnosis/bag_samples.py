@@ -31,7 +31,7 @@ OTHER_POSE = "@"
 SETTLING = 1.5
 """s. Behind a gap in the currents the observer needs so long to find the state again."""
 CAVITATES, RARELY = 0.5e5, 0.1
-"""Pa gauge: hose pressure below which the head side's oil evaporates, and the model ends (p_a >= -1 bar). Share of the samples
+"""Pa gauge: hose pressure below which the head side's oil evaporates. Share of the samples
 above which so low a pressure is no cavitation."""
 MOVING = 0.02
 """rad/s."""

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,10 @@ from boom_estimation.free_run import metrics, plant_for
 from boom_estimation.initial_state import InitialState, initial_state
 from boom_identification.validation import from_bag, noise_limits, validate
 from boom_model.errors import SimulationError
+from boom_recording.loading import load
 from boom_recording.writing import from_columns
+
+FAST = Path(__file__).parents[3] / "bags" / "healthy" / "folded_fast"
 
 HEALTHY = ("extended", "extended_log", "folded_fast", "folded_slow")
 EXPLAINED = ("hose_burst_valve_lag_a", "hose_burst_valve_lag_b", "payload_change_a", "payload_change_b")
@@ -153,6 +157,17 @@ def test_a_run_goes_on_where_oil_evaporates_and_says_from_when():
     assert re.fullmatch(said, bag.full.evaporated)
     assert bag.full.stopped == "" and np.isfinite(bag.full.values["angle"]).all()
     assert bag.document()["full"]["evaporated"] == bag.full.evaporated
+
+
+@pytest.mark.parametrize("offset", [-0.97e5, -1.02e5, -1.6e5])
+def test_a_transducer_that_reads_vacuum_at_rest_costs_the_free_run_nothing(offset):
+    """Oil at rest leaves no void: the run begins with as little pressure as oil may have."""
+    recording = load(FAST)
+    signal = recording.signals["rod_pressure"]
+    rest = float(np.mean(signal.values[signal.valid][:50]))
+    recording.signals["rod_pressure"] = dataclasses.replace(signal, values=signal.values - rest + offset)
+    bag = validate(recording, tz17())
+    assert bag.full.stopped == "" and bag.full.metrics["angle_rmse_rad"] < 2e-3
 
 
 def test_a_run_that_leaves_its_range_is_told_with_time_and_state_and_compared_up_to_there():

@@ -143,14 +143,15 @@ def _entry(signal: str, candidate: ColumnCandidate | None, found: Found) -> Sign
     sign = {ANGLE: found.angle_sign, RATE: found.rate_sign}.get(signal, 1.0)
     sign = -1.0 if candidate.part == "negative" else sign
     reference = reference_of(candidate)[0] if DIMENSION[signal] == units.PRESSURE else ""
-    offset = -sign * math.pi / 2 / units.BY_NAME[candidate.unit].factor if _from_vertical(signal, candidate) else 0.0
+    quarter = math.pi / 2 / units.BY_NAME[candidate.unit].factor
+    offset = quarter if _from_vertical(signal, candidate) and sign < 0.0 else 0.0
     return SignalMap(
         candidate.column.key, candidate.unit, sign, candidate.scale, round(offset, 9), reference, candidate.part
     )
 
 
 def _from_vertical(signal: str, candidate: ColumnCandidate) -> bool:
-    """Of an angle: whether its name says that it counts from the vertical, downwards from above or upwards from below."""
+    """Of an angle that falls while the boom is lifted: whether its name says that it counts from the vertical."""
     return signal == ANGLE and not _VERTICAL.isdisjoint(words.tokens(candidate.column.name))
 
 
@@ -295,7 +296,7 @@ def _note(proposal: Proposal, found: Found) -> None:
                 f"{signal.replace('_', ' ')}: there is no measured current; the command '{quoted(best.column.key, 60)}' is taken"
             )
     angle = found.choices[ANGLE].best
-    if angle is not None and _from_vertical(ANGLE, angle):
+    if angle is not None and found.angle_sign < 0 and _from_vertical(ANGLE, angle):
         notes.append(
             "the angle counts from the vertical, as its name says: it is turned by 90 degrees, as 0 is horizontal"
         )

@@ -36,6 +36,8 @@ _REFUSED = {
     b"LOGG": "it is a CAN log: ./boom import-can turns it into a bag",
     b"#ROSBAG V1": "it is a ROS bag of the old format 1: convert it with ROS 1's rosbag fix",
 }
+_ROLLED_NS = 10_000_000_000
+"""A log that rolls over goes on within seconds."""
 _MAT_4 = "MAT file v4"
 _NOTHING = "copy it again from its source, or export it again"
 
@@ -63,8 +65,9 @@ def read(paths: list[Path], choice: TimeChoice | None = None, progress: Progress
 
 def _together(paths: list[Path], sources: list[Source]) -> Source:
     """Files side by side, or one after the other where they have the same columns."""
-    if len({tuple((c.name, c.unit) for c in source.columns) for source in sources}) == 1:
-        return _one_after_the_other(paths, sources)
+    order = _in_succession(sources)
+    if order:
+        return _one_after_the_other([paths[k] for k in order], [sources[k] for k in order])
     if len({source.dated for source in sources}) > 1:
         raise ImportingError(
             f"{paths[0]}: of the files only some have dates in their times: give files of one clock, or one file"
@@ -89,32 +92,36 @@ def _together(paths: list[Path], sources: list[Source]) -> Source:
     return Source(paths[0], kinds, columns, sources[0].dated, sources[0].time, notes)
 
 
-def _one_after_the_other(paths: list[Path], sources: list[Source]) -> Source:
-    """The parts of a log that rolls over, whatever their order.
+def _in_succession(sources: list[Source]) -> list[int]:
+    """The order of the parts of a log that rolls over; [] where they are none.
 
-    Raises:
-        ImportingError: their times overlap.
+    They have the same columns and configuration, and each begins where another one ends.
     """
+    first = sources[0]
+    alike = all(
+        [(c.name, c.unit) for c in s.columns] == [(c.name, c.unit) for c in first.columns]
+        and (s.dated, s.configuration) == (first.dated, first.configuration)
+        for s in sources
+    )
     spans = [
         (min(int(c.stamps_ns[0]) for c in s.columns), max(int(c.stamps_ns[-1]) for c in s.columns)) for s in sources
     ]
     order = sorted(range(len(sources)), key=spans.__getitem__)
-    for before, after in pairwise(order):
-        if spans[after][0] <= spans[before][1] or sources[before].dated != sources[after].dated:
-            raise ImportingError(
-                f"{paths[after]}: it has the columns of {paths[before]} and does not begin where that ends: "
-                "import the files one by one"
-            )
-    parts = [sources[k] for k in order]
+    pauses = [spans[b][0] - spans[a][1] for a, b in pairwise(order)]
+    return order if alike and all(0 < pause < _ROLLED_NS for pause in pauses) else []
+
+
+def _one_after_the_other(paths: list[Path], parts: list[Source]) -> Source:
+    """Parts with the same columns as one source."""
     columns = [
         replace(
             own[0], stamps_ns=np.concatenate([c.stamps_ns for c in own]), values=np.concatenate([c.values for c in own])
         )
         for own in zip(*(source.columns for source in parts), strict=True)
     ]
-    notes = [f"{paths[k].name}: {note}" for k in order for note in sources[k].notes]
+    notes = [f"{path.name}: {note}" for path, part in zip(paths, parts, strict=True) for note in part.notes]
     joined = (
-        f"{len(parts)} files with the same columns are one after the other: {', '.join(paths[k].name for k in order)}"
+        f"{len(parts)} files with the same columns are one after the other: {', '.join(path.name for path in paths)}"
     )
     return replace(parts[0], columns=columns, notes=[joined, *notes])
 

@@ -14,10 +14,13 @@ from boom_recording.recording import Configuration
 _LARGEST = 1e25  # what is larger is damage: even nanoseconds since 1970 are 2e18
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
-_FAR, _FEWEST = 5.0, 10
-"""How far from all others a value stands that says "no measurement", in units of their range; the fewest others."""
-_BEGINNINGS = 4
-"""Such values that are looked for in a column."""
+_CODES = tuple(
+    sign * number / scale
+    for number in (999, 9999, 99999, 32767, 32768, 65534, 65535) for scale in (1, 10, 100, 1000) for sign in (1, -1)
+)  # fmt: skip
+"""What loggers and buses give for "no measurement", and its tenths, hundredths and thousandths."""
+_ONE, _MOST = 5e-10, 0.5
+"""How close a number is to a code, over the number; the share of a column from which on it is no code."""
 
 
 @dataclass(frozen=True)
@@ -71,14 +74,14 @@ class Source:
 
 
 def without_error_values(source: Source) -> None:
-    """Leaves out what a sensor gives for "no measurement": one value, again and again, far beyond all others (-9999, 999)."""
+    """Leaves out what a sensor gives for "no measurement": -9999, 6553.5, 999, the same again and again, far from all others."""
     for k, one in enumerate(source.columns):
-        values, missing = one.values, list[str]()
-        while len(missing) < _BEGINNINGS and (value := _error_value(values)) is not None:
-            missing.append(f"{int((values == value).sum())} times {value:g}")
-            values = values[values != value]
+        kept, missing = np.ones(len(one.values), dtype=bool), list[str]()
+        while (value := _error_value(one.values[kept] if missing else one.values)) is not None:
+            there = one.values == value
+            missing.append(f"{int(there.sum())} times {value:g}")
+            kept &= ~there
         if missing:
-            kept = np.isin(one.values, values)
             source.columns[k] = replace(one, values=one.values[kept], stamps_ns=one.stamps_ns[kept])
             source.notes.append(
                 f"'{quoted(one.key, 60)}': {', '.join(missing)} is left out: so far from all others it is no measurement"
@@ -86,12 +89,14 @@ def without_error_values(source: Source) -> None:
 
 
 def _error_value(values: Floats) -> float | None:
-    """The least or largest value, where it stands there several times and far from the others; a pump that is off has 0 bar."""
+    """The least or largest value, where it is a code that stands there several times, beyond all that the others span."""
     for value in (float(values.min()), float(values.max())):
+        if not any(abs(value - code) <= _ONE * abs(code) for code in _CODES):
+            continue
         others = values[values != value]
-        if value != 0.0 and len(others) + 1 < len(values) and len(np.unique(others)) >= _FEWEST:
-            away = float(np.abs(others - value).min())
-            if away > _FAR * float(np.ptp(others)):
+        if 1 < len(values) - len(others) < _MOST * len(values):
+            low, high = float(others.min()), float(others.max())
+            if max(low - value, value - high) > high - low:
                 return value
     return None
 

@@ -33,8 +33,9 @@ _LATE = 1.0  # s: a row that a logger wrote so late is put in its place
 _GAP, _GAP_PERIODS = 1.0, 20.0  # s, and in periods
 _HOUR, _ABOUT = 3600.0, 60.0  # s
 _LISTED = 3
-_SHARED, _UNEVEN = 0.5, 0.1
-"""Share of the rows that have the stamp of the row above where a clock is too coarse for them; spread of how many share one."""
+_SHARED, _SECONDS, _PAUSE = 0.5, 4, 1.5
+"""Share of the rows that have the stamp of the row above where a clock is too coarse for them; stamps that there are at least; a
+pause, over the time between two stamps."""
 _SECONDS_2000, _SECONDS_2100 = 946_684_800.0, 4_102_444_800.0
 _HALF_A_DAY = 43_200.0
 _EXCEL_1970 = 25_569.0  # days from Excel's zero, 1899-12-30
@@ -186,40 +187,45 @@ def _of_column(column: RawColumn, unit: str, columns: list[RawColumn]) -> Axis:
     if column.clock:
         found = _of_clock(column, rows, columns)
     else:
+        stated = units.parse(column.unit)
+        if not unit and stated.measure is not None and stated.measure.dimension == units.TIME:  # "[10 us]"
+            column = replace(column, values=column.values * stated.scale, unit=stated.measure.name)
         seconds, dated, what = _seconds(column.values[rows], unit or _unit(column))
         found = Axis(_stamps(seconds), dated, f"column '{column.key}' in {what}", column.key, rows)
     return _in_order(_spread(found, columns), len(column.values) - len(rows))
 
 
 def _spread(found: Axis, columns: list[RawColumn]) -> Axis:
-    """Rows that share their stamps, as a clock of whole seconds gives them, evenly over the time until the next stamp.
-
-    Raises:
-        ImportingError: they cannot be placed.
-    """
+    """Rows that share their stamps, as a clock of whole seconds gives them, evenly over the time until the next stamp."""
     stamps, rows = found.stamps_ns, found.rows
     steps = np.diff(stamps)
-    if not len(steps) or (steps < 0).any() or np.mean(steps == 0) < _SHARED:
+    same = steps == 0
+    if not len(steps) or (steps < 0).any() or same.mean() < _SHARED or not _changes(columns, rows, same):
         return found
-    table = np.column_stack([np.nan_to_num(c.values[rows]) for c in columns])
-    if not (table[1:] != table[:-1])[steps == 0].any(axis=1).mean() > _SHARED:
-        return found  # the same row again and again
     first = np.concatenate(([0], np.flatnonzero(steps) + 1))
-    counts, period = np.diff(np.append(first, len(rows))), float(np.median(steps[steps > 0]) if steps.any() else 0.0)
-    inner = counts[1:-1]
-    if not len(inner) or np.ptp(inner) > max(2.0, _UNEVEN * float(inner.mean())):
-        raise ImportingError(
-            f"up to {counts.max()} rows share a stamp of '{quoted(found.column, 60)}', not evenly many: give --sample-rate"
-        )
-    spacing = period / float(inner.mean())
-    result = stamps.astype(np.float64) - stamps[0]
-    for begin, count in zip(first, counts, strict=True):
-        late = counts[1] - count if begin == 0 else 0  # the first one began before the recording
-        own = period / count if 0 < begin < first[-1] else spacing
-        result[begin : begin + count] += (np.arange(count) + max(late, 0)) * own
-    note = f"{round(float(inner.mean()))} rows share each stamp: they are spread evenly until the next one"
-    placed = stamps[0] + np.rint(result).astype(np.int64)
+    counts = np.diff(np.append(first, len(rows)))
+    if len(first) < _SECONDS:
+        return found
+    lasting, usual = np.diff(stamps[first]).astype(np.float64), float(np.median(counts[1:-1]))
+    period = float(np.median(lasting))
+    spacing = np.append(lasting, np.inf) / counts
+    spacing[np.append(lasting, np.inf) > _PAUSE * period] = period / usual  # nothing follows at once
+    late = np.zeros(len(first))
+    late[0] = max(usual - counts[0], 0.0)  # the first second began before the recording
+    spacing[0] = period / max(usual, counts[0])
+    inside = np.arange(len(rows)) - np.repeat(first, counts) + np.repeat(late, counts)
+    placed = stamps + np.rint(inside * np.repeat(spacing, counts)).astype(np.int64)
+    note = f"{usual:.0f} rows share each stamp: they are spread evenly until the next one"
     return replace(found, stamps_ns=placed, notes=(*found.notes, note))
+
+
+def _changes(columns: list[RawColumn], rows: NDArray[np.intp], same: NDArray[np.bool_]) -> bool:
+    """Whether some column has numbers in most rows that share a stamp, and other ones there than in the row above."""
+    for column in columns:
+        before, after = column.values[rows[:-1]][same], column.values[rows[1:]][same]
+        if float(np.mean(np.isfinite(before) & np.isfinite(after) & (before != after))) > _SHARED:
+            return True
+    return False
 
 
 def _in_order(found: Axis, lost: int) -> Axis:

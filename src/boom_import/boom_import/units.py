@@ -77,10 +77,17 @@ _MULTIPLE = re.compile(r"^(\d*[.,]?\d+(?:e[+-]?\d+)?)\s*[*x·]?\s*(\D.*)$")
 _PREFIXES = {"m": 1e-3, "c": 1e-2, "d": 1e-1}
 _ABSOLUTE = re.compile(r"^(bar|psi|mpa|kpa|pa)[ _]?(a|\(a\)|abs\.?|absolut[e]?|\(abs\))$")
 _GAUGE = re.compile(r"^(bar|psi|mpa|kpa|pa)[ _]?(g|\(g\)|gauge|\(gauge\)|rel\.?|relativ[e]?|\(rel\)|ü|ue|\(ü\))$")
-_REFERRED = re.compile(r"^(.*?)[ _]*\b((?:bar|psi|mpa|kpa|pa) ?\((?:a|g|abs|rel|ü|gauge)\))$", re.IGNORECASE)
+_RANGE = re.compile(r"^[+-]?\d[\d.,]*\s*(?:-|–|\.{2,3}|to|bis)\s*[+-]?\d[\d.,]*\s*([a-z°%].*)$")
+"""A remark: "0-250 bar"."""
+_LONGEST = 120
+"""Characters of a header or a unit; what is longer is neither."""
+_REFERRED = re.compile(r"^(.*?)(?<![a-z])((?:bar|psi|mpa|kpa|pa) ?\((?:a|g|abs|rel|ü|gauge)\))$", re.IGNORECASE)
 _BRACKETS = re.compile(r"[\[({<]\s*([^\[\](){}<>]{1,20}(?:\((?:a|g|abs|rel|ü|gauge)\))?)\s*[\])}>]\s*$", re.IGNORECASE)
-_AFTER_SLASH = re.compile(r"^(.{1,}?)(?:\s+/\s*|\s*/\s+|\s+in\s+)(\S{1,12})$")
-_SUFFIX = re.compile(r"^(.+?)[_ .\-]((?:(?:m?rad|deg|grad|°)(?:_per_|/|_)s(?:ec)?)|[a-z°%µμ]+)$", re.IGNORECASE)
+_AFTER_SLASH = re.compile(r"^(.{1,}?)(?:\s+/\s*|\s*/\s+|\s+in\s+)((?:\d*[.,]\d+ ?)?\S{1,12})$")
+_SUFFIX = re.compile(
+    r"^(.+?)[_ .\-]((?:\d*[.,]\d+ ?)?(?:(?:m?rad|deg|grad|°)(?:_per_|/|_)s(?:ec)?)|(?:\d*[.,]\d+ ?)?[a-z°%µμ]+)$",
+    re.IGNORECASE,
+)
 _WEAK = frozenset((*"adhkfmgtnvwlcs", "min", "rads", "grad"))
 
 
@@ -97,32 +104,32 @@ class StatedUnit(NamedTuple):
 
 def parse(text: str) -> StatedUnit:
     """What a unit's text says."""
-    plain = text.strip().lower().replace("²", "2").replace("sek.", "sek")
+    plain = text[:_LONGEST].strip().lower().replace("²", "2").replace("sek.", "sek")
     for opening, closing in ("[]", "()"):
         if plain.startswith(opening):
             plain = plain[1:].removesuffix(closing).strip()
     plain = re.sub(r"_per_|_(?=s(?:ec)?$)", "/", plain)
+    if ranged := _RANGE.match(plain):
+        plain = ranged[1]
+    found = _known(plain)
+    match = None if found.measure else _MULTIPLE.match(plain)
+    if not match:
+        return found
+    found, scale = _known(match[2]), float(match[1].replace(",", "."))
+    return found._replace(scale=scale * found.scale) if found.measure and 0.0 < scale < math.inf else StatedUnit(None)
+
+
+def _known(plain: str) -> StatedUnit:
+    """Of a unit without a number in front of it; with a prefix: "cdeg"."""
     for pattern, reference in ((_ABSOLUTE, "absolute"), (_GAUGE, "gauge")):
-        match = pattern.match(plain)
-        if match:
+        if match := pattern.match(plain):
             return StatedUnit(_BY_TEXT[match[1]], reference)
-    return _multiple(plain) if (found := _known(plain)) is None else StatedUnit(found)
-
-
-def _known(plain: str) -> UnitOfMeasure | None:
-    return _BY_TEXT.get(plain) or _BY_TEXT.get(plain.replace(" ", ""))
-
-
-def _multiple(plain: str) -> StatedUnit:
-    """Of a unit with a number or a prefix in front of it: "0.01 deg", "cdeg"."""
-    match = _MULTIPLE.match(plain)
-    if match:
-        one = parse(match[2])
-        scale = float(match[1].replace(",", "."))
-        return one._replace(scale=scale * one.scale) if one.measure and 0.0 < scale < math.inf else StatedUnit(None)
-    one = StatedUnit(_BY_TEXT.get(plain[1:])) if plain[:1] in _PREFIXES and len(plain) > 3 else StatedUnit(None)
-    able = one.measure is not None and one.measure.dimension in (PRESSURE, ANGLE, RATE)
-    return one._replace(scale=_PREFIXES[plain[0]]) if able else StatedUnit(None)
+    found = _BY_TEXT.get(plain) or _BY_TEXT.get(plain.replace(" ", ""))
+    if found is None and plain[:1] in _PREFIXES and len(plain) > 3:
+        one = _BY_TEXT.get(plain[1:])
+        if one is not None and one.dimension in (PRESSURE, ANGLE, RATE):
+            return StatedUnit(one, scale=_PREFIXES[plain[0]])
+    return StatedUnit(found)
 
 
 def is_unknown(text: str) -> bool:
@@ -134,8 +141,10 @@ def is_unknown(text: str) -> bool:
 def split(header: str) -> tuple[str, str]:
     """A header's name and unit: "Druck [bar]", "pressure (MPa)", "p / bar", "angle_deg"; the unit is "" where none is stated."""
     text = header.strip()
+    if len(text) > _LONGEST:
+        return text, ""
     if (match := _REFERRED.match(text)) and match[1]:  # "p bar(a)"
-        return match[1].strip(), match[2]
+        return match[1].rstrip("_ "), match[2]
     for pattern in (_BRACKETS, _AFTER_SLASH):
         match = pattern.search(text)
         if match:

@@ -228,7 +228,9 @@ def test_an_array_whose_time_goes_back_is_refused(tmp_path: Path) -> None:
         ("angle_deg", "angle", "deg"), ("rate_deg_s", "rate", "deg_s"), ("p_a", "p_a", ""), ("p_head", "p_head", ""),
         ("extend_current_a", "extend_current", "a"), ("pressure in kPa", "pressure", "kPa"), ("boom (inner)", "boom (inner)", ""),
         ("i_ext_mA", "i_ext", "mA"), ("p [bar(a)]", "p", "bar(a)"), ("p bar(a)", "p", "bar(a)"),
+        ("p_head_bar(a)", "p_head", "bar(a)"),
         ("Boom angle [0.01 deg]", "Boom angle", "0.01 deg"), ("boom_angle_cdeg", "boom_angle", "cdeg"),
+        ("boom angle 0.01 deg", "boom angle", "0.01 deg"), ("head pressure / 0.1 bar", "head pressure", "0.1 bar"),
     ],
 )  # fmt: skip
 def test_a_header_is_split(header: str, name: str, unit: str) -> None:
@@ -239,7 +241,8 @@ def test_a_header_is_split(header: str, name: str, unit: str) -> None:
 @pytest.mark.parametrize(
     ("text", "name", "reference"),
     [("bar", "bar", ""), ("barg", "bar", "gauge"), ("bar abs", "bar", "absolute"), ("psia", "psi", "absolute"), ("MPA", "MPa", ""),
-     ("°/s", "deg/s", ""), ("mA", "mA", ""), ("N/mm²", "MPa", ""), ("[kPa(abs)]", "kPa", "absolute"), ("kgf/cm2", "kgf/cm2", "")],
+     ("°/s", "deg/s", ""), ("mA", "mA", ""), ("N/mm²", "MPa", ""), ("[kPa(abs)]", "kPa", "absolute"), ("0-250 bar", "bar", ""),
+     ("kgf/cm2", "kgf/cm2", "")],
 )  # fmt: skip
 def test_a_unit_is_known(text: str, name: str, reference: str) -> None:
     found = units.parse(text)
@@ -259,6 +262,7 @@ def test_a_multiple_of_a_unit_is_known(text: str, name: str, scale: float) -> No
 def test_a_unit_that_is_not_known_is_told_from_a_remark() -> None:
     assert units.is_unknown("bar x10") and units.is_unknown("raw deg")
     assert not any(map(units.is_unknown, ("", "filtered", "IMU 2", "-")))
+    assert units.parse("1 2 3 bar").measure is None and units.parse("1 " * 5000 + "bar").measure is None
 
 
 @pytest.mark.parametrize(("missing", "count"), [(6553.5, 50), (-9999.0, 300), (65535.0, 2)])
@@ -271,6 +275,21 @@ def test_a_value_that_says_no_measurement_is_left_out_and_said(missing: float, c
     assert source.notes == [
         f"'p [bar]': {count} times {missing:g} is left out: so far from all others it is no measurement"
     ]
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.where(np.arange(1000) % 7 < 2, 0.8, 0.01), np.where(np.arange(1000) < 800, 20.0, 200.0 + np.arange(1000) % 17),
+        np.where(np.arange(1000) > 900, 250.0, 30.0 + np.arange(1000) % 3), np.where(np.arange(1000) < 500, -12.5, 41.0),
+        np.where(np.arange(1000) < 700, 999.0, 20.0), 990.0 + np.arange(1000) % 10,
+    ],
+    ids=["lever", "standby", "transducer at its end", "parked", "mostly there", "a code in between"],
+)  # fmt: skip
+def test_what_a_machine_may_do_is_no_missing_measurement(values: np.ndarray, tmp_path: Path) -> None:
+    lines = "".join(f"{k / 100:.2f},{value:.3f}\n" for k, value in enumerate(values))
+    source = reading.read([made(tmp_path, "time [s],x\n" + lines)])
+    assert (len(source.columns[0].values), source.notes) == (1000, [])
 
 
 def test_a_current_that_is_either_off_or_on_keeps_both_values(tmp_path: Path) -> None:
@@ -292,10 +311,26 @@ def test_rows_that_share_whole_seconds_are_spread_and_the_first_second_may_be_cu
     assert source.notes == ["100 rows share each stamp: they are spread evenly until the next one"]
 
 
-def test_rows_that_share_stamps_unevenly_ask_for_the_rate(tmp_path: Path) -> None:
-    rows = [f"{k},{value}\n" for k, count in enumerate((100, 40, 100, 7, 100)) for value in range(count)]
-    with pytest.raises(ImportingError, match=r"up to 100 rows share a stamp of 'time.*--sample-rate"):
-        reading.read([made(tmp_path, "time [s],p [bar]\n" + "".join(rows))])
+def test_a_second_with_lost_rows_and_a_pause_cost_only_themselves(tmp_path: Path) -> None:
+    seconds = [*range(10), *range(70, 80)]
+    rows = [f"{second},{row}\n" for second in seconds for row in range(60 if second == 5 else 100)]
+    (column,) = reading.read([made(tmp_path, "time [s],p [bar]\n" + "".join(rows))]).columns
+    time = column.stamps_ns / 1e9
+    assert np.diff(time).max() == pytest.approx(60.01)
+    assert (np.diff(time) > 0).all() and np.median(np.diff(time)) == pytest.approx(0.01)
+
+
+def test_rows_of_one_signal_each_keep_the_stamp_that_they_share(tmp_path: Path) -> None:
+    rows = "".join(f"{k / 10:.1f},{k},,\n{k / 10:.1f},,{2 * k},\n{k / 10:.1f},,,{3 * k}\n" for k in range(200))
+    columns = reading.read([made(tmp_path, "time [s],angle [deg],p [bar],i [A]\n" + rows)]).columns
+    assert [int(c.stamps_ns[0]) for c in columns] == [0, 0, 0]
+
+
+@pytest.mark.parametrize(("unit", "step"), [("10 us", 1000), ("0.01 s", 1), ("0.1 ms", 100)])
+def test_a_time_may_count_in_multiples_of_its_unit(unit: str, step: int, tmp_path: Path) -> None:
+    rows = "".join(f"{step * k},{k}\n" for k in range(1000))
+    (column,) = reading.read([made(tmp_path, f"time [{unit}],p [bar]\n" + rows)], TimeChoice("time")).columns
+    np.testing.assert_array_equal(np.diff(column.stamps_ns), 10_000_000)
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -311,11 +346,15 @@ def test_a_log_that_rolls_over_is_one_recording_whatever_the_order_of_its_files(
     assert source.notes[0] == "2 files with the same columns are one after the other: 1.csv, 2.csv"
 
 
-def test_files_with_the_same_columns_and_times_are_two_recordings(tmp_path: Path) -> None:
-    for name in ("1.csv", "2.csv"):
-        (tmp_path / name).write_text("time [s],p [bar]\n" + rows())
-    with pytest.raises(ImportingError, match=r"2.csv: it has the columns of .*1.csv .*one by one"):
-        reading.read([tmp_path / "1.csv", tmp_path / "2.csv"])
+@pytest.mark.parametrize("later", [0.0, 3600.0])
+def test_files_with_the_same_columns_that_do_not_follow_on_another_stand_side_by_side(
+    later: float, tmp_path: Path
+) -> None:
+    for name, begin in (("angle.csv", 0.0), ("hose.csv", later)):
+        lines = "".join(f"{begin + k / 100:.2f},{k}\n" for k in range(30))
+        (tmp_path / name).write_text("time [s],value\n" + lines)
+    source = reading.read([tmp_path / "angle.csv", tmp_path / "hose.csv"])
+    assert [c.key for c in source.columns] == ["angle/value", "hose/value"]
 
 
 def test_a_struct_of_each_signal_may_call_its_time_t(tmp_path: Path) -> None:

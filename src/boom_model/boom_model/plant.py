@@ -23,8 +23,9 @@ from boom_model.catalogue import EFFECTS
 from boom_model.catalogue.terms import Terms
 from boom_model.compiled_model import CompiledModel, pointer
 from boom_model.component_numbers import components_of
+from boom_model.components import oil
 from boom_model.delayed import delayed
-from boom_model.equations import Kind
+from boom_model.equations import LOWEST_PRESSURE, Kind
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine, Pose
 from boom_model.sensors import OUTPUTS, PRESSURES
@@ -97,6 +98,12 @@ class Plant(CompiledModel):
         other.minimum[0], other.maximum[0] = machine.angle_limits
         other.command_delay, other.pressure_delay = np.maximum(other.delays(other.p), 0.0).tolist()
         return other
+
+    @property
+    def lowest_corrected(self) -> Array:
+        """(NX,) Least states to which an observer may correct: ``minimum``, of pressures so high that they come back at once."""
+        least = oil.LOWEST_CORRECTED - oil.AMBIENT_PRESSURE
+        return np.where(self.minimum == LOWEST_PRESSURE, least, self.minimum)
 
     # ------------------------------------------------------------------------------------------------ initial states
 

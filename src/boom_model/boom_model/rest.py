@@ -12,7 +12,7 @@ import casadi as ca
 from boom_model.catalogue import EFFECTS
 from boom_model.catalogue.terms import Terms
 from boom_model.component_numbers import components_of
-from boom_model.components import equation_of_motion, payload
+from boom_model.components import equation_of_motion, oil, payload
 from boom_model.equations import Equations
 from boom_model.regularisation import Expression
 
@@ -35,6 +35,12 @@ def settled(m: Equations, values: dict[str, Expression], p: Any, e: Terms) -> li
         e: the terms of its active effects.
     """
     values = dict(values)
+    for name in (
+        "hose_pressure",
+        "head_pressure",
+        "rod_pressure",
+    ):  # a transducer may read vacuum; oil at rest leaves no void
+        values[name] = ca.fmax(values[name], oil.VOID_PRESSURE - oil.AMBIENT_PRESSURE)
     for component in m.structure:
         values |= component.rest(values, p, e)
     position = m.structure.linkage.piston_position(values["angle"], p)

@@ -4,7 +4,7 @@ Oil bears no tension: where a port is closed faster than the boom stops, gas fil
 
     beta(p) = beta / (1 + (p_v / p_abs - 1)^4)
 
-so that no pressure reaches vacuum. Above p_v, which is 0.5 bar below ambient, it is exactly beta.
+so that no pressure falls to vacuum. Above p_v, which is 0.5 bar below ambient, it is exactly beta.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ AMBIENT_PRESSURE = 101_325.0
 VOID_PRESSURE = 5.0e4
 """p_v [Pa], absolute. Below it dissolved air comes out of mineral oil within milliseconds."""
 VACUUM = 500.0
-"""Pa, absolute. Nearer to vacuum the law is frozen: beta is a few Pa there."""
+"""Pa, absolute. Nearer to vacuum the law is frozen: beta is 17 Pa there, and no pressure comes back within seconds."""
+LOWEST_CORRECTED = 1.0e4
+"""Pa, absolute, to which observers correct at the lowest: a void that is a thousandth of the volume, and gone within 10 ms."""
 
 SPECIFICATIONS = (
     Specification("fluid.rho", "rho", "kg/m^3", "density of the oil", 600.0, 1200.0, "3.20"),
