@@ -160,18 +160,19 @@ def test_stroke_end_is_an_error_that_names_state_and_time_and_the_crane_stays(ma
     assert simulated.truth[1][0] < machine.angle_limits[1]
 
 
-@pytest.mark.parametrize(("load", "seed"), [(0.0, 0), (0.0, 4), (205.0, 3), (1500.0, 4)])
-def test_a_lever_thrown_to_and_fro_pulls_the_oil_apart_and_the_crane_goes_on(
-    machine: Machine, load: float, seed: int
+@pytest.mark.parametrize("load", [0.0, 205.0, 1500.0])
+def test_a_boom_that_is_let_go_while_it_falls_pulls_the_oil_apart_and_the_crane_goes_on(
+    machine: Machine, load: float
 ) -> None:
-    simulated, dice, lowest = crane(machine, load=load, angle=0.25), np.random.default_rng(seed), 0.0
-    for _ in range(100):
-        current = float(dice.choice([0.0, dice.uniform(-0.55, 0.55)], p=[0.4, 0.6]))
-        if abs(simulated.sample.angle) > 0.8:
-            current = -math.copysign(0.4, simulated.sample.angle)
-        simulated.command(max(current, 0.0), max(-current, 0.0))
-        lowest = min(lowest, *(s.rod_pressure for s in run(simulated, float(dice.uniform(0.03, 0.3)))))
-    assert -101_325.0 < lowest < -5e4
+    """It stood within seconds of a lever thrown to and fro, as the rod side fell below vacuum."""
+    simulated = crane(machine, load=load, angle=0.6)
+    lowest = 0.0
+    for _ in range(10):
+        simulated.command(0.55, 0.0)
+        falling = run(simulated, 0.3)
+        simulated.command(0.0, 0.0)
+        lowest = min(lowest, *(s.rod_pressure for s in (*falling, *run(simulated, 0.7))))
+    assert -101_325.0 < lowest < -7e4
 
 
 def test_start_outside_the_stroke_is_refused(machine: Machine) -> None:
