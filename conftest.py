@@ -4,6 +4,7 @@ import contextlib
 import os
 import sys
 from collections.abc import Generator, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -69,14 +70,20 @@ def pytest_runtest_makereport(
 class Together(LoadScopeScheduling):
     """Each test goes to the process that is free, except where those of a file share what is slow to make.
 
-    ``xdist_group`` would say the same, but pytest 9.2 ignores what xdist 3.8 writes into a test's name.
+    What moves in real time goes to one process, so that the other one only computes, and gives way. ``xdist_group`` would say the
+    same, but pytest 9.2 ignores what xdist 3.8 writes into a test's name.
     """
 
     def _split_scope(self, nodeid: str) -> str:
         file = nodeid.split("::")[0]
         if "unseen_plant" in file or file.endswith("test_blind_plants.py"):
             return "unseen_plant"  # one process compiles it, and not two at once
-        return file if file in ("test/test_front_door.py", "test/test_can_chain.py") else nodeid
+        return "process" if _moves(file) else nodeid
+
+
+@cache
+def _moves(file: str) -> bool:
+    return "pytest.mark.process" in (Path(__file__).parent / file).read_text(encoding="utf-8")
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> LoadScopeScheduling:

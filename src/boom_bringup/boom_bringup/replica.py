@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from boom_input.shown import quoted
@@ -102,6 +103,20 @@ def misfit(bag: str, machine: Machine, told: Configuration, why: object) -> str:
     other = told.machine not in ("", machine.name)
     whose = f"; the bag was recorded on machine '{quoted(told.machine, 60)}': give its file" if other else ""
     return f"{bag}: its configuration does not fit machine {machine.name}: {why}{whose}"
+
+
+def pose_of(machine: Machine) -> Configuration:
+    """Without a load, extended; of a crane that has no such pose the first of its file."""
+    from boom_model.errors import MachineError
+    from boom_recording.recording import Configuration
+
+    extended = Configuration(machine.name, 0.28, 2.2, 0.0)
+    try:
+        machine.pose(extended.outer_boom_angle, extended.telescope_length)
+    except MachineError:
+        first = machine.tabulated[0]
+        return replace(extended, outer_boom_angle=first.outer_boom_angle, telescope_length=first.telescope_length)
+    return extended
 
 
 def check_pose(bag: str, machine: Machine, told: Configuration) -> None:

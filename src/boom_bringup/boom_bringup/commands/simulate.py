@@ -101,19 +101,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="initial boom angle [rad] (default: the input's, csv: 0.3)",
     )
     parser.add_argument(
-        "--q3",
-        "--outer-boom-angle",
-        type=arguments.finite,
-        metavar="RAD",
+        "--q3", "--outer-boom-angle", type=arguments.finite, metavar="RAD",
         help="q3 [rad] (default: the input's, csv: 0.28, or the first pose of the file)",
-    )
+    )  # fmt: skip
     parser.add_argument(
-        "--q4",
-        "--telescope-length",
-        type=arguments.finite,
-        metavar="M",
+        "--q4", "--telescope-length", type=arguments.finite, metavar="M",
         help="q4 [m] (default: the input's, csv: 2.2, or the first pose of the file)",
-    )
+    )  # fmt: skip
     parser.add_argument(
         "--load", type=arguments.finite, metavar="KG", help="load at the tip [kg] (default: the input's, csv: 0)"
     )
@@ -213,7 +207,7 @@ def _with_currents(args: argparse.Namespace, source: Path) -> _Given:
     if source.suffix == ".csv":
         stamps, currents = csv_currents.read(source)
         machine = load_machine("tz17" if args.machine is None else args.machine)
-        return _Given(machine, _pose_of(machine), CraneStart(0.3), stamps, currents)
+        return _Given(machine, replica.pose_of(machine), CraneStart(0.3), stamps, currents)
     recording, stamps, currents = _from_bag(source, args)
     machine, _ = replica.machine_of({args.input: recording}, args.machine)
     start = CraneStart(0.0)
@@ -223,20 +217,6 @@ def _with_currents(args: argparse.Namespace, source: Path) -> _Given:
     if args.duration is None:
         args.duration = recording.duration
     return _Given(machine, recording.configuration, start, stamps, currents, recording)
-
-
-def _pose_of(machine: Machine) -> Configuration:
-    """Without a load, extended; of a crane that has no such pose the first of its file."""
-    from boom_model.errors import MachineError
-    from boom_recording.recording import Configuration
-
-    extended = Configuration(machine.name, 0.28, 2.2, 0.0)
-    try:
-        machine.pose(extended.outer_boom_angle, extended.telescope_length)
-    except MachineError:
-        first = machine.tabulated[0]
-        return replace(extended, outer_boom_angle=first.outer_boom_angle, telescope_length=first.telescope_length)
-    return extended
 
 
 def _simulated(args: argparse.Namespace, given: _Given, machine: Machine, name: str) -> Recording:
