@@ -30,7 +30,6 @@ from boom_checks.statics import Statics, statics_of
 from boom_identification.stationary import pose_of
 from boom_model.component_numbers import component_parameters
 from boom_model.components import cylinder
-from boom_model.components.oil import AMBIENT_PRESSURE, VOID_PRESSURE
 from boom_model.machine import Machine
 from boom_model.plant import Plant
 from boom_recording.recording import Recording
@@ -320,7 +319,6 @@ def _ports(series: EvenSeries, run: ForcedRun, plant: Plant) -> list[ChainLink]:
     links = []
     for channel, flow in flows.items():
         short = (series.smooth(channel, 1) - run.rates[states[channel]]) * volumes[channel] / p.fluid.beta
-        short[series.smooth(channel) < VOID_PRESSURE - AMBIENT_PRESSURE] = np.nan  # a void takes any flow
         needed = flow + _lasting(short)
         if not np.isfinite(flow).any():
             continue

@@ -79,6 +79,6 @@ def _stretch(
                 for column, at in zip(rates.values(), where, strict=True):
                     column[k] = rate[at]
             x[free] += np.linalg.solve(stiff - jacobian[block], rate[free])
-            np.clip(x, plant.minimum, plant.maximum, out=x)
+            np.clip(x, plant.lowest_corrected, plant.maximum, out=x)
         if not np.isfinite(x).all():
             return
