@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from boom_checks.even_series import PERIOD, EvenSeries
 from boom_identification.signals import stretches
+from boom_model.components.oil import AMBIENT_PRESSURE, VOID_PRESSURE
 from boom_model.plant import Plant
 
 Array = NDArray[np.float64]
@@ -69,6 +70,8 @@ def _stretch(
     pressure = begin.get("hose_pressure", begin.get("head_pressure", 0.0))
     x = plant.rest_state(begin["angle"], pressure, begin["rod_pressure"])
     free = np.setdiff1d(np.arange(len(names)), where)
+    # no linear step leads out of a void
+    lowest = np.where(plant.lowest_corrected > plant.minimum, VOID_PRESSURE - AMBIENT_PRESSURE, plant.minimum)
     block, stiff = np.ix_(free, free), np.eye(len(free)) * STEPS / PERIOD
     for k in range(first, end):
         x[where] = values[k]
@@ -79,6 +82,6 @@ def _stretch(
                 for column, at in zip(rates.values(), where, strict=True):
                     column[k] = rate[at]
             x[free] += np.linalg.solve(stiff - jacobian[block], rate[free])
-            np.clip(x, plant.lowest_corrected, plant.maximum, out=x)
+            np.clip(x, lowest, plant.maximum, out=x)
         if not np.isfinite(x).all():
             return

@@ -101,8 +101,8 @@ class Plant(CompiledModel):
 
     @property
     def lowest_corrected(self) -> Array:
-        """(NX,) Least states to which an observer may correct: ``minimum``, and no void, which no linear step leads out of."""
-        least = oil.VOID_PRESSURE - oil.AMBIENT_PRESSURE
+        """(NX,) Least states to which an observer may correct: ``minimum``, of pressures so high that they come back at once."""
+        least = oil.LOWEST_CORRECTED - oil.AMBIENT_PRESSURE
         return np.where(self.minimum == LOWEST_PRESSURE, least, self.minimum)
 
     # ------------------------------------------------------------------------------------------------ initial states
