@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from boom_checks.even_series import PERIOD, EvenSeries
 from boom_identification.signals import stretches
-from boom_model.components.oil import AMBIENT_PRESSURE, VOID_PRESSURE
+from boom_model.components.oil import VOID
 from boom_model.plant import Plant
 
 Array = NDArray[np.float64]
@@ -70,8 +70,7 @@ def _stretch(
     pressure = begin.get("hose_pressure", begin.get("head_pressure", 0.0))
     x = plant.rest_state(begin["angle"], pressure, begin["rod_pressure"])
     free = np.setdiff1d(np.arange(len(names)), where)
-    # no linear step leads out of a void
-    lowest = np.where(plant.lowest_corrected > plant.minimum, VOID_PRESSURE - AMBIENT_PRESSURE, plant.minimum)
+    lowest = plant.lowest(VOID)  # no linear step leads out of a void
     block, stiff = np.ix_(free, free), np.eye(len(free)) * STEPS / PERIOD
     for k in range(first, end):
         x[where] = values[k]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from boom_estimation.currents import HeldCurrents, driven, held_inputs
 from boom_estimation.initial_state import InitialState, initial_state
 from boom_input.channels import PREDICTED
-from boom_model.components.oil import AMBIENT_PRESSURE, VOID_PRESSURE
+from boom_model.components.oil import VOID
 from boom_model.equations import Kind
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine
@@ -108,7 +108,7 @@ def predict(recording: Recording, machine: Machine, kind: Kind) -> FreeRun:
 def _evaporated(run: Trajectory) -> str:
     """Where a pressure of a run is first so low that oil leaves a void; and which."""
     pressures = [name for name in _OF_OIL if name in run.state_names]
-    below = {name: run.state(name) < VOID_PRESSURE - AMBIENT_PRESSURE for name in pressures}
+    below = {name: run.state(name) < VOID for name in pressures}
     first = min(
         ((float(run.time[np.argmax(where)]), name) for name, where in below.items() if where.any()), default=None
     )

@@ -79,10 +79,8 @@ def propose(source: Source, choice: TimeChoice | None = None, joint: str = "") -
     """The most probable mapping of a source."""
     found = find(source.columns, joint=joint)
     proposal = Proposal(Mapping(time=choice or TimeChoice(), joint=joint))
-    ratios = ratio_columns(source.columns)
     for signal in found.choices:
-        _decide(proposal, found, signal, ratios)
-        _ask_for_unit(proposal, found.choices[signal].best, signal, source.columns)
+        _decide(proposal, found, signal, source.columns)
     _ask_for_direction(proposal, found)
     _ask_for_reference(proposal, found)
     _add_optional(proposal, found, source.columns)
@@ -91,17 +89,20 @@ def propose(source: Source, choice: TimeChoice | None = None, joint: str = "") -
     return proposal
 
 
-def _decide(proposal: Proposal, found: Found, signal: str, ratios: list[Column]) -> None:
+def _decide(proposal: Proposal, found: Found, signal: str, columns: list[Column]) -> None:
     choice = found.choices[signal]
     made = [(_entry(signal, candidate, found), p) for candidate, p in choice.options]
     best, probability = made[0]
     proposal.options[signal] = made
     proposal.probability[signal] = probability
     candidate = choice.best
-    if candidate is None and DIMENSION[signal] == units.PRESSURE and probability >= SURE:
+    if question := _unit_question(candidate, signal, columns):
+        proposal.questions[signal] = question
+        best = ASK
+    elif candidate is None and DIMENSION[signal] == units.PRESSURE and probability >= SURE:
         proposal.notes.append(f"no column is the {signal.replace('_', ' ')}: it counts as not recorded")
     elif candidate is None and signal != RATE:
-        proposal.questions[signal] = "no column fits it" + _percent(signal, ratios)
+        proposal.questions[signal] = "no column fits it" + _percent(signal, ratio_columns(columns))
         best = ASK
     elif probability < SURE:
         proposal.questions[signal] = "it may be " + _either(made)
@@ -110,21 +111,21 @@ def _decide(proposal: Proposal, found: Found, signal: str, ratios: list[Column])
     proposal.why[signal] = _reasons(signal, candidate, found) if candidate is not None else ""
 
 
-def _ask_for_unit(proposal: Proposal, best: ColumnCandidate | None, signal: str, columns: list[Column]) -> None:
-    """Where what a column is in cannot be used as it stands."""
+def _unit_question(best: ColumnCandidate | None, signal: str, columns: list[Column]) -> str:
+    """What is open where the unit that a column has cannot be used as it stands, else empty."""
     if best is not None and units.is_unknown(best.column.unit):
-        proposal.questions[signal] = (
-            f"'{quoted(best.column.key, 60)}' is in '{quoted(best.column.unit, 30)}', which is no unit that is known: "
+        unit = quoted(best.column.unit, 30)
+        return (
+            f"'{quoted(best.column.key, 60)}' is in '{unit}', which is no unit that is known: "
             "give one that is, with scale and offset"
         )
-        proposal.mapping.signals[signal] = ASK
-    elif best is None and DIMENSION[signal] != units.CURRENT and (given := transmitters(columns, signal)):
-        proposal.notes = [n for n in proposal.notes if not n.startswith(f"no column is the {signal.replace('_', ' ')}")]
-        proposal.questions[signal] = (
-            f"'{quoted(given[0].key, 60)}' is in {quoted(given[0].unit, 10)}: if it is its transmitter, give it with "
-            f"{_TRANSMITTED[DIMENSION[signal]]} (4 to 20 mA over R: scale R/16, offset -R/4)"
-        )
-        proposal.mapping.signals[signal] = ASK
+    given = transmitters(columns, signal) if best is None and DIMENSION[signal] != units.CURRENT else []
+    if not given:
+        return ""
+    return (
+        f"'{quoted(given[0].key, 60)}' is in {quoted(given[0].unit, 10)}: if it is its transmitter, give it with "
+        f"{_TRANSMITTED[DIMENSION[signal]]} (4 to 20 mA over R: scale R/16, offset -R/4)"
+    )
 
 
 def _percent(signal: str, ratios: list[Column]) -> str:

@@ -197,7 +197,7 @@ def _side_by_side(group: Sequence[Job], tolerance: float) -> list[Observed] | No
 
 def observer_ranges(plant: Plant) -> tuple[Array, Array]:
     """Limits (NX,) at which an observer holds the states."""
-    minimum, maximum = plant.lowest_corrected, plant.maximum.copy()
+    minimum, maximum = plant.lowest(), plant.maximum.copy()
     minimum[0], maximum[0] = minimum[0] - BEYOND_STOPS, maximum[0] + BEYOND_STOPS
     return minimum, maximum
 

@@ -99,11 +99,15 @@ class Plant(CompiledModel):
         other.command_delay, other.pressure_delay = np.maximum(other.delays(other.p), 0.0).tolist()
         return other
 
-    @property
-    def lowest_corrected(self) -> Array:
-        """(NX,) Least states to which an observer may correct: ``minimum``, of pressures so high that they come back at once."""
-        least = oil.LOWEST_CORRECTED - oil.AMBIENT_PRESSURE
-        return np.where(self.minimum == LOWEST_PRESSURE, least, self.minimum)
+    def lowest(self, pressure: float = oil.LOWEST_CORRECTED) -> Array:
+        """(NX,) Least states to which somebody may correct: ``minimum``, and of pressures ``pressure`` [Pa gauge]."""
+        return np.where(self.minimum == LOWEST_PRESSURE, pressure, self.minimum)
+
+    def check_angle(self, angle: float) -> None:
+        """Raises ModelError: an angle [rad] at the start that is outside the stroke."""
+        low, high = self.machine.angle_limits
+        if not low <= angle <= high:
+            raise ModelError(f"initial angle of {angle:g} rad is outside the stroke, {low:.3f} .. {high:.3f} rad")
 
     # ------------------------------------------------------------------------------------------------ initial states
 

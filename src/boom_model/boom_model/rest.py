@@ -40,7 +40,7 @@ def settled(m: Equations, values: dict[str, Expression], p: Any, e: Terms) -> li
         "head_pressure",
         "rod_pressure",
     ):  # a transducer may read vacuum; oil at rest leaves no void
-        values[name] = ca.fmax(values[name], oil.VOID_PRESSURE - oil.AMBIENT_PRESSURE)
+        values[name] = ca.fmax(values[name], oil.VOID)
     for component in m.structure:
         values |= component.rest(values, p, e)
     position = m.structure.linkage.piston_position(values["angle"], p)

@@ -151,6 +151,6 @@ class WatchFilter:
         self._effect -= gain @ sensitivity
         self._covariance -= gain @ (h @ self._covariance)
         plant = self._model.plant
-        corrected = np.clip(self.state + gain @ e, plant.lowest_corrected, plant.maximum)
+        corrected = np.clip(self.state + gain @ e, plant.lowest(), plant.maximum)
         self._output += point.y_x @ (corrected - self.state)  # the outputs are linear in the states
         self._stepper.state[:] = corrected

@@ -213,7 +213,7 @@ class Watch:
             state = stationary_guess(plant, means, (current[-1][1], current[-1][2]))
         else:
             state = plant.rest_state_measured(means["angle"], means["hose_pressure"], means["rod_pressure"])
-        state = np.clip(state, plant.lowest_corrected, plant.maximum)
+        state = np.clip(state, plant.lowest(), plant.maximum)
         self._filter = WatchFilter(self._model, self._noise, state, end, moving=moving, memory=self.settings.memory)
         self._from = end + _SETTLING
         if not self._guessed_again:

@@ -60,9 +60,7 @@ class CraneStart:
         Raises:
             ModelError: an angle outside the stroke.
         """
-        low, high = plant.machine.angle_limits
-        if not low <= self.angle <= high:
-            raise ModelError(f"initial angle of {self.angle:g} rad is outside the stroke, {low:.3f} .. {high:.3f} rad")
+        plant.check_angle(self.angle)
         rod = self.rod_pressure if math.isfinite(self.rod_pressure) else 1.0e6
         if math.isfinite(self.hose_pressure):
             return plant.rest_state(self.angle, self.hose_pressure, rod, inputs=inputs)

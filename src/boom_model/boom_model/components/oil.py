@@ -23,8 +23,10 @@ VOID_PRESSURE = 5.0e4
 """p_v [Pa], absolute. Below it dissolved air comes out of mineral oil within milliseconds."""
 VACUUM = 500.0
 """Pa, absolute. Nearer to vacuum the law is frozen: beta is 17 Pa there, and no pressure comes back within seconds."""
-LOWEST_CORRECTED = 1.0e4
-"""Pa, absolute, to which observers correct at the lowest: a void that is a thousandth of the volume, and gone within 10 ms."""
+VOID = VOID_PRESSURE - AMBIENT_PRESSURE
+"""Pa, gauge: p_v as the model's pressures count. Oil at rest is at least there; below, one linear step leads nowhere."""
+LOWEST_CORRECTED = 1.0e4 - AMBIENT_PRESSURE
+"""Pa, gauge, to which observers correct at the lowest: a void that is a thousandth of the volume, and gone within 10 ms."""
 
 SPECIFICATIONS = (
     Specification("fluid.rho", "rho", "kg/m^3", "density of the oil", 600.0, 1200.0, "3.20"),

@@ -57,9 +57,7 @@ def export(plant: Plant, angle: float, *, version: int = 3, program: str = "") -
         BuildError: no C compiler.
         ModelError: an angle outside the stroke, or a platform that FMI does not know.
     """
-    low, high = plant.machine.angle_limits
-    if not low <= angle <= high:
-        raise ModelError(f"initial angle of {angle:g} rad is outside the stroke, {low:.3f} .. {high:.3f} rad")
+    plant.check_angle(angle)
     folder, suffix = platform_folder(version)
     rows = variables(plant, angle)
     about = FmuTitle(plant.machine.name, meaning(plant), program)
