@@ -362,11 +362,8 @@ class Stepper:
         self.plant = plant
         self.state = np.ascontiguousarray(state)
         self.time = 0.0
-        self._u, self._y, self._report = (
-            np.zeros(len(plant.machine.structure.inputs)),
-            np.empty(len(OUTPUTS)),
-            np.zeros(8),
-        )
+        self._u = np.zeros(len(plant.machine.structure.inputs))
+        self._y, self._report = np.empty(len(OUTPUTS)), np.zeros(8)
         self._c = np.empty(max(1, plant._library.boom_sizes(4)))
         self._h = np.array([FIRST_STEP])
         self._tolerance = ctypes.c_double(tolerance)
