@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from boom_controller.controller import Settings
@@ -242,6 +243,47 @@ def test_every_fault_in_motion_ends_with_zero_currents_in_time_and_its_reason(bo
     assert fault.split()[0] in boom.last.reason
     boom.run(0.3)
     assert (boom.last.state, boom.last.retract, boom.last.extend) == (MotionState.STOPPED, 0.0, 0.0)
+
+
+def noisy(boom: Boom) -> None:
+    """A gyro with noise, seen for a second."""
+    rng = np.random.default_rng(5)
+    boom.shown = lambda angle, rate: (angle, rate + float(rng.normal(0.0, 1.5e-3)))
+    boom.run(1.0)
+
+
+def frozen(boom: Boom) -> None:
+    """From now on angle and rate of this moment, with stamps that go on."""
+    held = boom.shown(boom.angle, boom.rate)
+    boom.shown = lambda angle, rate: held
+
+
+def test_a_sensor_of_angle_and_rate_that_is_stuck_in_motion_stops_the_boom_within_a_fifth_of_a_second(boom: Boom) -> None:
+    noisy(boom)
+    lifting(boom)
+    frozen(boom)
+    assert boom.until(MotionState.STOPPING) < 0.2
+    boom.until(MotionState.STOPPED)
+    assert boom.last.reason.startswith("sensor_stuck: the rate repeats ")
+
+
+def test_one_that_is_stuck_at_rest_lets_no_motion_begin(boom: Boom) -> None:
+    noisy(boom)
+    frozen(boom)
+    boom.run(0.5)
+    with pytest.raises(TrajectoryError, match="not ready: the rate repeats"):
+        boom.loop.start([TrajectoryPoint(1.0, 0.32)], boom.now)
+    noisy(boom)
+    boom.loop.start([TrajectoryPoint(1.0, 0.32)], boom.now)
+    boom.until(MotionState.HOLD)
+
+
+def test_one_without_noise_that_is_stuck_at_rest_is_found_by_the_valve_that_opens_for_nothing(boom: Boom) -> None:
+    frozen(boom)
+    boom.loop.law.controller.gain = 80.0  # type: ignore[union-attr]
+    boom.loop.start([TrajectoryPoint(0.3, 0.32)], boom.now)
+    boom.until(MotionState.STOPPED)
+    assert boom.last.reason == "no_motion: the valve has been wide open for 1 s, and the angle stays at 0.300 rad"
 
 
 def test_speed_beyond_the_limit_stops(boom: Boom) -> None:

@@ -101,7 +101,7 @@ def seen(measurement: Measurement, reference: Reference, output: ControlOutput =
     """The reason that is found within some time."""
     watch = MotionWatch(SETTINGS, (0.0, 1.5))
     for k in range(round(100 * seconds) + 1):
-        finding = watch.motion(measurement, reference, output, 0.01 * k)
+        finding = watch.motion(measurement, reference, output, 0.01 * k, 0.6)
         if finding is not None:
             return finding.reason
     return ""
@@ -124,11 +124,25 @@ def test_each_limit_has_its_reason(measurement: Measurement, output: ControlOutp
     assert seen(measurement, Reference(0.4), output) == reason
 
 
+@pytest.mark.parametrize(
+    ("current", "rate", "reason"), [(0.6, 0.0, "no_motion"), (0.6, 0.01, ""), (0.4, 0.0, "")],
+)  # fmt: skip
+def test_a_valve_that_is_wide_open_for_a_second_moves_the_boom(current: float, rate: float, reason: str) -> None:
+    watch, found = MotionWatch(SETTINGS, (0.0, 1.5)), ""
+    for k in range(150):
+        time = 0.01 * k
+        moving = STILL._replace(angle=0.4 + rate * time + 0.5e-3 * (k % 2))
+        finding = watch.motion(moving, Reference(0.4), ControlOutput(0.0, current), time, 0.6)
+        found = found or (finding.reason if finding else "")
+        assert not found or time >= SETTINGS.longest_stall
+    assert found == reason
+
+
 def test_a_single_sample_beyond_a_limit_of_speed_is_no_reason() -> None:
     watch = MotionWatch(SETTINGS, (0.0, 1.5))
     for k in range(50):
         rate = 0.8 if k % 4 == 0 else 0.1
-        assert watch.motion(STILL._replace(rate=rate), Reference(0.4), CALM, 0.01 * k) is None
+        assert watch.motion(STILL._replace(rate=rate), Reference(0.4), CALM, 0.01 * k, 0.6) is None
 
 
 def test_beyond_an_angle_limit_only_the_way_out_stops() -> None:

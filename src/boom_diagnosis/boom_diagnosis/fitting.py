@@ -291,11 +291,9 @@ class Problem:
         between passes they differ by some. Where the step begins is predicted with the others, therefore, and so are points
         beside its end, for derivatives there.
         """
-        step = gauss_newton(at, jacobian, names, self.limits)
+        step, *damped = gauss_newton(at, jacobian, names, self.limits, (0.0, *DAMPED))
         ends = [self._moved(at, step, names, size) for size in SIZES]
-        ends[1:1] = [
-            self._moved(at, gauss_newton(at, jacobian, names, self.limits, damping), names, 1.0) for damping in DAMPED
-        ]
+        ends[1:1] = [self._moved(at, shorter, names, 1.0) for shorter in damped]
         (z, effects), begin = ends[0], (at.z, at.effects)
         c = names[0] if len(names) == 1 and not names[0].delay else None
         values = _around(c, effects[c.name], True)[:2] if c else []
@@ -343,25 +341,29 @@ def _around(c: Coordinate, here: float, several: bool) -> list[float]:
     return values if several else values[-1:]
 
 
-def gauss_newton(at: Point, jacobian: Array, names: Sequence[Coordinate], limits: Array, damping: float = 0.0) -> Array:
-    """Step of all unknowns (z, inner coordinates) from ``at``; those that would leave their limits stay there.
+def gauss_newton(
+    at: Point, jacobian: Array, names: Sequence[Coordinate], limits: Array, dampings: Sequence[float] = (0.0,)
+) -> list[Array]:
+    """Steps of all unknowns (z, inner coordinates) from ``at``, one for each share of ``dampings``; those that would leave their
+    limits stay there.
 
     jacobian: (rows, unknowns), limits: (2, number of tolerances).
     """
-    m = len(at.z)
-    omega = weights(at)
-    root = np.sqrt(omega)
+    m, root = len(at.z), np.sqrt(weights(at))
     scaled = jacobian * root[:, None]
     normal = scaled.T @ scaled
     gradient = scaled.T @ (root * at.w)
     normal[np.arange(m), np.arange(m)] += 1.0
-    normal[np.diag_indices_from(normal)] *= 1.0 + damping
     gradient[:m] += at.z
-    own = [at.effects[c.name] for c in names]
-    low = np.array([*limits[0], *(c.low for c in names)])
-    high = np.array([*limits[1], *(c.high for c in names)])
-    lowest = np.array([*at.z, *own]) <= low
-    highest = np.array([*at.z, *own]) >= high
+    here = np.array([*at.z, *(at.effects[c.name] for c in names)])
+    lowest = here <= np.array([*limits[0], *(c.low for c in names)])
+    highest = here >= np.array([*limits[1], *(c.high for c in names)])
+    diagonal = np.diag(np.diag(normal))
+    return [_inside(normal + damping * diagonal, gradient, lowest, highest) for damping in dampings]
+
+
+def _inside(normal: Array, gradient: Array, lowest: NDArray[np.bool_], highest: NDArray[np.bool_]) -> Array:
+    """The step that solves the normal equations with those unknowns fixed that it would take out of their limits."""
     free = np.ones(len(gradient), dtype=bool)
     step = np.zeros(len(gradient))
     for _ in range(len(gradient)):

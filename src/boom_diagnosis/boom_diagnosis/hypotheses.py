@@ -390,7 +390,7 @@ def _made_up(problem: Problem, f: Fitted) -> Array:
             here, there = f.point.effects[c.name], neutral[c.name]
             # of what vanishes at 0 the logarithm is far from linear: x dw/dx is dw/d(log x)
             w += column * (-1.0 if c.positive and there == 0.0 else c.inner(there) - c.inner(here))
-    step = gauss_newton(replace(f.point, w=w), f.jacobian[:, :count], (), problem.limits)
+    (step,) = gauss_newton(replace(f.point, w=w), f.jacobian[:, :count], (), problem.limits)
     return np.asarray(np.clip(f.point.z + step, *problem.limits))
 
 

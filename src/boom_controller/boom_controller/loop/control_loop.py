@@ -135,7 +135,7 @@ class ControlLoop:
 
     def joint(self, angle: float, rate: float, stamp: float, measured: float) -> None:
         """Accept angle [rad] and rate [rad/s] with stamp [s] and time of measurement on the supervising clock [s]."""
-        self.sensors.take_joint(angle, rate, stamp, measured)
+        self.sensors.take_joint(angle, rate, stamp, measured, at_rest=not self.supervision.moving)
 
     def hose_pressure(self, pressure: float, stamp: float, measured: float) -> None:
         """p_h [Pa gauge], like ``joint``."""
@@ -323,7 +323,7 @@ class ControlLoop:
         reference = self.references.advance(self._time, now - measurement.age)
         output = self.law.step(reference, measurement)
         self.references.governor.allow(output)
-        finding = watch.motion(measurement, reference, output, now)
+        finding = watch.motion(measurement, reference, output, now, self.law.settings.largest_current)
         if finding is None:
             seen = self.sensors.measured_currents(now, self.supervision.settings.sensor_timeout)
             finding = watch.currents(self._last_output, seen, now)

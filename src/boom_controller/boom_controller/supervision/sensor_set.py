@@ -8,12 +8,14 @@ from boom_controller.supervision.reasons import StopCause
 from boom_controller.supervision.sensors import Agreement, Range, SupervisedSensor
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.types import Measurement
+from boom_input.repeats import Repeats
 
 _BEYOND = (
     0.3  # rad. An IMU may be mounted askew by that much; what is further outside the stroke is no angle of this boom
 )
 _RATE = Range("rate", "rad/s", -3.0, 3.0)
 _PRESSURE = (-2.02e5, 6.0e7)  # Pa. Vacuum, to the accuracy of a transducer of 0 to 400 bar
+_NO_CHANGE = 1e-6  # rad/s
 _CURRENT = Range("current", "A", -0.05, 10.0)
 
 
@@ -32,22 +34,25 @@ class SensorSet:
         self.rod = SupervisedSensor("rod pressure", (Range("rod pressure", "Pa", *_PRESSURE),))
         self.currents = SupervisedSensor("currents", (_CURRENT, _CURRENT))
         self._agreement = Agreement()
+        self._gyro = Repeats(_NO_CHANGE)
         self._age = 0.0
 
     def set_stroke(self, low: float, high: float) -> None:
         """Set the range of the boom's angles, ``low`` to ``high`` [rad]. Forgets the samples of the angle."""
         self.joint = SupervisedSensor("angle", (Range("angle", "rad", low - _BEYOND, high + _BEYOND), _RATE))
 
-    def take_joint(self, angle: float, rate: float, stamp: float, measured: float) -> None:
-        """Accept angle [rad] and rate [rad/s]."""
+    def take_joint(self, angle: float, rate: float, stamp: float, measured: float, *, at_rest: bool = False) -> None:
+        """Accept angle [rad] and rate [rad/s]. at_rest: the valve is closed; what the gyro does then tells its noise."""
         if self.joint.take((angle, rate), stamp, measured):
             self._agreement.update(stamp, angle, rate)
+            self._gyro.take(rate, stamp, at_rest)
 
     def forget(self) -> None:
         """Start again: accept the next samples whatever their stamps."""
         for sensor in (self.joint, self.hose, self.rod, self.currents):
             sensor.forget()
         self._agreement.reset()
+        self._gyro = Repeats(_NO_CHANGE)
 
     def complete(self, most_apart: float) -> bool:
         """True once each has delivered a new sample since :meth:`use`, all within ``most_apart`` [s].
@@ -87,6 +92,9 @@ class SensorSet:
         for sensor in (self.joint, self.hose, self.rod):
             if now - sensor.measured > s.sensor_timeout or sensor.bad >= s.bad_samples:
                 return sensor.finding(now, s.sensor_timeout, s.bad_samples)
+        if stuck := self._gyro.stuck:  # and the angle of the same message with it: at rest both agree
+            text = f"the rate repeats {self.joint.values[1]:.4g} rad/s for {1e3 * stuck[0]:.0f} ms, by its noise at most "
+            return StopCause("sensor_stuck", f"{text}{1e3 * stuck[1]:.0f} ms: is the sensor of angle and rate stuck?")
         apart = self._agreement.apart
         if abs(apart) > s.largest_disagreement:
             return StopCause("sensors_disagree", f"angle and integrated rate have drifted apart by {apart:.3f} rad")

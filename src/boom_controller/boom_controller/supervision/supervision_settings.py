@@ -30,6 +30,7 @@ class SupervisionSettings(Tunables):
     largest_disagreement: float = tunable(0.05, "rad", 0.005, 1.0, "angle against integrated rate, within about 1 s")
     largest_angle_error: float = tunable(0.2, "rad", 0.01, 1.5, "distance from the reference that counts as divergence")
     persistence: float = tunable(0.05, "s", 0.0, 1.0, "how long a limit of speed or pressure must be exceeded")
+    longest_stall: float = tunable(1.0, "s", 0.2, 10.0, "how long the valve may be wide open while the boom stands")
     longest_cycle: float = tunable(0.05, "s", 0.02, 1.0, "time between two cycles from which a deadline was missed")
     most_missed: int = tunable(20, "", 1, 100, "periods without a cycle within one second that stop the boom")
     current_error: float = tunable(0.15, "A", 0.01, 3.0, "measured against commanded current: largest difference")

@@ -10,6 +10,8 @@ from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.types import ControlOutput, Measurement, Reference
 
 _OUTWARD_RATE = 0.02  # rad/s. Ten times the noise of the gyro: the boom really moves
+_WIDE_OPEN = 0.8  # of the largest current
+_UNMOVED = 2e-3  # rad. What the angle's noise and steps may make of a boom that stands
 
 
 class _Lasting:
@@ -44,6 +46,7 @@ class MotionWatch:
         """Start again."""
         self._fast, self._pressed, self._unlike = _Lasting(), _Lasting(), _Lasting()
         self._missed: deque[float] = deque()
+        self._opened: deque[tuple[float, float]] = deque()
 
     def cycle(self, gap: float, period: float, now: float) -> StopCause | None:
         """Check a cycle that comes `gap` [s] after the last one; cycles are due every `period` [s]."""
@@ -61,9 +64,9 @@ class MotionWatch:
         return None
 
     def motion(
-        self, measurement: Measurement, reference: Reference, output: ControlOutput, now: float
+        self, measurement: Measurement, reference: Reference, output: ControlOutput, now: float, full: float
     ) -> StopCause | None:
-        """Check whether the motion is within its limits and near its reference."""
+        """Check whether the motion is within its limits and near its reference. full: the largest current [A]."""
         s, m = self.settings, measurement
         if not (math.isfinite(output.retract) and math.isfinite(output.extend)):
             return StopCause("divergence", "the control law gave a current that is not a number")
@@ -81,10 +84,26 @@ class MotionWatch:
         error = reference.angle - m.angle
         if abs(error) > s.largest_angle_error:
             return StopCause("divergence", f"the boom is {error:.2f} rad away from its reference")
+        if self._stands(m.angle, max(output.retract, output.extend) > _WIDE_OPEN * full, now):
+            return StopCause(
+                "no_motion", f"the valve has been wide open for {s.longest_stall:g} s, and the angle stays at {m.angle:.3f} rad"
+            )
         low, high = self.angles
         if (m.angle > high and m.rate > _OUTWARD_RATE) or (m.angle < low and m.rate < -_OUTWARD_RATE):
             return StopCause("angle_limit", f"the boom is at {m.angle:.3f} rad, outside {low:.3f} .. {high:.3f} rad")
         return None
+
+    def _stands(self, angle: float, wide: bool, now: float) -> bool:
+        """Whether the valve has been ``wide`` open for ``longest_stall`` and the angle [rad] has not moved."""
+        if not wide:
+            self._opened.clear()
+            return False
+        self._opened.append((now, angle))
+        if now - self._opened[0][0] < self.settings.longest_stall:
+            return False
+        seen = [a for _, a in self._opened]
+        self._opened.popleft()
+        return max(seen) - min(seen) < _UNMOVED
 
     def currents(
         self, commanded: tuple[float, float], measured: tuple[float, ...] | None, now: float
