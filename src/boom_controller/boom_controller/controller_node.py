@@ -379,8 +379,9 @@ class ControllerNode(LifecycleNode):
             "computation of the last cycle [us]": f"{1e6 * last.duration:.0f}",
             "estimated load [kg]": f"{last.load:.0f}",
         }
-        moved = self._others.moved(self._loop.configuration)
-        return Health(max(_LEVEL[last.status], Level(bool(moved))), last.reason or moved or last.state.value, values)
+        beside = [said for said in (self._others.moved(self._loop.configuration), self._configuring.foreign) if said]
+        said = "; ".join([last.reason, *beside] if last.reason else beside)
+        return Health(max(_LEVEL[last.status], Level(bool(beside))), said or last.state.value, values)
 
 
 def main() -> int:

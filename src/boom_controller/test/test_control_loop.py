@@ -258,7 +258,9 @@ def frozen(boom: Boom) -> None:
     boom.shown = lambda angle, rate: held
 
 
-def test_a_sensor_of_angle_and_rate_that_is_stuck_in_motion_stops_the_boom_within_a_fifth_of_a_second(boom: Boom) -> None:
+def test_a_sensor_of_angle_and_rate_that_is_stuck_in_motion_stops_the_boom_within_a_fifth_of_a_second(
+    boom: Boom,
+) -> None:
     noisy(boom)
     lifting(boom)
     frozen(boom)

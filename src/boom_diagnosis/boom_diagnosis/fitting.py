@@ -344,10 +344,9 @@ def _around(c: Coordinate, here: float, several: bool) -> list[float]:
 def gauss_newton(
     at: Point, jacobian: Array, names: Sequence[Coordinate], limits: Array, dampings: Sequence[float] = (0.0,)
 ) -> list[Array]:
-    """Steps of all unknowns (z, inner coordinates) from ``at``, one for each share of ``dampings``; those that would leave their
-    limits stay there.
+    """Steps of all unknowns (z, inner coordinates) from ``at``, one for each of ``dampings``.
 
-    jacobian: (rows, unknowns), limits: (2, number of tolerances).
+    Those that would leave their limits stay there. jacobian: (rows, unknowns), limits: (2, number of tolerances).
     """
     m, root = len(at.z), np.sqrt(weights(at))
     scaled = jacobian * root[:, None]

@@ -59,6 +59,8 @@ MOST_ODD = 4
 FORMS = (0.003, 0.006, 0.012, 0.025, 0.05, 0.1, 0.2)
 WANDERS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 """Values of ``form`` and ``wander`` that are compared."""
+ROUGH = 0.1
+"""Standard deviation of a size over the size: what a change does is taken for linear between the points of its path."""
 FORM_SPREAD = 1.0
 """Standard deviation of ln(form) over the machines of a fleet."""
 _QUANTILE = 1.6448536269514722
@@ -168,7 +170,7 @@ class MachinePosterior:
     def _weigh(
         self, count: int, shapes: Sequence[Shape], known: Array, designs: Sequence[Design]
     ) -> list[WeighedChange]:
-        """The odds of each candidate beside what is accepted; none of one recording, or of several of one time."""
+        """The odds of each candidate beside what is accepted; none of one recording."""
         candidates = self._candidates(count, shapes)
         return weigh(candidates, designs, known) if candidates else []
 
@@ -192,8 +194,6 @@ class MachinePosterior:
                 result.append(ChangeCandidate(path, "step", 0, OUTSIDE * each))
             for k in range(1, count):
                 passed = RATE * (self.times[k] - self.times[k - 1]) / YEAR
-                if passed <= 0.0:  # two recordings of the same time: nothing can have changed between them
-                    continue
                 result += [ChangeCandidate(path, shape, k - (shape == "ramp"), passed * each / 3.0) for shape in shapes]
         return result
 
@@ -220,7 +220,7 @@ class MachinePosterior:
         last = np.array([w.candidate.course(self.times[:count])[-1] for w in weighed])
         sizes, deviations = (last * np.array([getattr(w, n) for w in weighed]) for n in ("size", "deviation"))
         mean = float(share @ sizes)
-        return mean, sqrt(float(share @ (deviations**2 + (sizes - mean) ** 2)))
+        return mean, sqrt(float(share @ (deviations**2 + (sizes - mean) ** 2)) + (ROUGH * mean) ** 2)
 
     def _since(self, weighed: Sequence[WeighedChange]) -> tuple[float, float]:
         """Earliest and latest beginning: the shortest set of them that holds 90 %."""

@@ -8,13 +8,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_fleet.evidence import Change, ChangeHistory, MachinePosterior, NumberKinds, posterior
+from boom_fleet.evidence import ROUGH, Change, ChangeHistory, MachinePosterior, NumberKinds, posterior
 from boom_fleet.habits import apparent, likeliest, profile, usual
 from boom_fleet.numbers import QuantityColumn, TrackedQuantity
-from boom_fleet.past import Direction, Evidence
+from boom_fleet.past import YEAR, Direction, Evidence
 from boom_fleet.paths import Path
 
 Array = NDArray[np.float64]
+
+
+SAME_TIME = 10.0
+"""s. No machine is recorded twice within: where two recordings begin so near, their clock tells nothing."""
+UNDATED = YEAR / 12.0
+"""s that are taken to lie between them then."""
+
+
+def dated(times: Sequence[float]) -> Array:
+    """Times [s] of a machine's recordings in their order, ascending, with ``UNDATED`` between those whose clock tells nothing."""
+    apart = np.diff(np.asarray(times, dtype=float))
+    return np.concatenate([times[:1], times[0] + np.cumsum(np.where(apart < SAME_TIME, UNDATED, apart))])
 
 
 @dataclass(frozen=True)
@@ -114,7 +126,8 @@ class _Frame:
         self.kept = sorted(kept, key=lambda k: k.time)  # of equal time as given
         self.quantities = {q.id: q for q in quantities}
         self.names = tuple(dict.fromkeys(name for k in self.kept for name in k.names))
-        self.evidence = [self._evidence(k) for k in self.kept]
+        self.times = dated([k.time for k in self.kept])
+        self.evidence = [self._evidence(k, float(at)) for k, at in zip(self.kept, self.times, strict=True)]
         sound = {name: q.sound for q in quantities for column in q.columns for name, _ in column.direction}
         self.kinds = NumberKinds(
             effects=np.array([float(name.startswith("effects.")) for name in self.names]),
@@ -122,11 +135,11 @@ class _Frame:
             sound=np.array([sound.get(name, 0.0) for name in self.names]),
         )
 
-    def _evidence(self, kept: Kept) -> Evidence:
+    def _evidence(self, kept: Kept, time: float) -> Evidence:
         at = [self.names.index(name) for name in kept.names]
         matrix, vector = np.zeros((len(self.names),) * 2), np.zeros(len(self.names))
         matrix[np.ix_(at, at)], vector[at] = kept.matrix, kept.vector
-        return Evidence(kept.time, matrix, vector)
+        return Evidence(time, matrix, vector)
 
     def _direction(self, column: QuantityColumn, form: float) -> Direction:
         along = np.zeros(len(self.names))
@@ -146,13 +159,23 @@ class _Frame:
         raised = tuple(k.key for k, was, now in zip(self.kept, known[:-1], known[1:], strict=True) if now > was)
         changed = dict.fromkeys(c.quantity for h in histories for c in h.changes)
         return Judgement(
-            machine, tuple(k.key for k in self.kept), tuple(k.time for k in self.kept), histories, raised,
+            machine, tuple(k.key for k in self.kept), tuple(k.time for k in self.kept), self._told(histories), raised,
             {name: self._levels(past, paths[name], self.quantities[name]) for name in changed},
         )  # fmt: skip
 
+    def _told(self, histories: Sequence[ChangeHistory]) -> tuple[ChangeHistory, ...]:
+        """With changes since the times that the recordings have, apart by what tells them in their order."""
+        clock = {at: k.time + 1e-6 * n for n, (at, k) in enumerate(zip(self.times.tolist(), self.kept, strict=True))}
+
+        def told(change: Change) -> Change:
+            return replace(change, since=(clock[change.since[0]], clock[change.since[1]]))
+
+        return tuple(replace(h, changes=tuple(told(c) for c in h.changes)) for h in histories)
+
     @staticmethod
     def _levels(past: MachinePosterior, path: Path, quantity: TrackedQuantity) -> tuple[TrendLevel, ...]:
-        mean, deviation = past.levels(path)
+        mean, known = past.levels(path)
+        deviation = np.hypot(known, ROUGH * mean)
         scale = quantity.scale
         return tuple(
             TrendLevel(scale * m, scale * (m - 1.645 * d), scale * (m + 1.645 * d))

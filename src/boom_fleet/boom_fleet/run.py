@@ -94,8 +94,13 @@ class Night:
             found = screened[key]
             columns[key] = dict(found.columns)
             kept = machines.setdefault(task.bag.machine, [])
-            if found.matrix is not None and found.vector is not None:
-                kept.append(Kept(key, found.columns["time_ns"] / 1e9, found.names, found.matrix, found.vector))
+            if found.matrix is None or found.vector is None:
+                continue
+            own = Kept(key, found.columns["time_ns"] / 1e9, found.names, found.matrix, found.vector)
+            if against := self._against(own, kept, columns):
+                columns[key] |= {"refused": against}
+            else:
+                kept.append(own)
         self._told("comparing each machine with its own past", 0)
         quantities = {m: self._quantities(m, columns) for m, kept in machines.items() if kept}
         judgements = judge(
@@ -110,6 +115,19 @@ class Night:
             self._tasks, key=lambda k: (self._tasks[k].bag.machine, columns[k].get("time_ns") or 0, *self._name(k))
         )
         return FleetRun({k: self._tasks[k] for k in order}, columns, judgements, quantities)
+
+    def _against(self, own: Kept, kept: Sequence[Kept], columns: Mapping[str, Mapping[str, Any]]) -> str:
+        """Why a recording is not compared with those of its machine: it is of another one, or one of them again; empty: it is."""
+        for other in kept:
+            name = self._tasks[other.key].bag.recording
+            if columns[other.key]["model"] != columns[own.key]["model"]:
+                return (
+                    f"is of a {columns[own.key]['model']}, {name} beside it of a {columns[other.key]['model']}: two machines in one "
+                    "folder cannot be compared; give each a folder of its own"
+                )
+            if own.time == other.time and np.array_equal(own.vector, other.vector):
+                return f"is the same recording as {name}, and would count twice: take one of them away"
+        return ""
 
     def _references(self) -> dict[str, MachineReference | None]:
         """Of every machine with one machine file: its first sound recording by name."""

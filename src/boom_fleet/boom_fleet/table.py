@@ -5,13 +5,12 @@ from __future__ import annotations
 import hashlib
 import io
 import re
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
 from boom_fleet import __version__
-from boom_fleet.judging import Judgement
+from boom_fleet.judging import SAME_TIME, Judgement
 from boom_fleet.numbers import TrackedQuantity
 from boom_fleet.run import FleetRun
 from boom_fleet.screen import REGIMES
@@ -20,7 +19,10 @@ from boom_input.channels import PREDICTED
 from boom_input.shown import printable
 
 FOLDER = "recordings"
-EQUAL_TIME = "another recording of the machine has the same time: they are compared in the order of their names"
+EQUAL_TIME = (
+    "another recording of the machine has the same time, so its clock tells nothing: they are compared in the order of their names, "
+    "as if a month had passed"
+)
 _PLAIN = re.compile(r"[A-Za-z0-9][\w.-]{0,99}", re.ASCII)
 Row = dict[str, Any]
 
@@ -28,7 +30,10 @@ Row = dict[str, Any]
 def rows(run: FleetRun) -> list[Row]:
     """One row a recording, machine by machine in the order of time."""
     result = []
-    times = Counter((run.tasks[key].bag.machine, columns.get("time_ns")) for key, columns in run.columns.items())
+    begun: dict[str, list[float]] = {}
+    for key, columns in run.columns.items():
+        if columns.get("time_ns"):
+            begun.setdefault(run.tasks[key].bag.machine, []).append(columns["time_ns"] / 1e9)
     for key, task in run.tasks.items():
         columns, bag = run.columns[key], task.bag
         row: Row = {
@@ -37,7 +42,7 @@ def rows(run: FleetRun) -> list[Row]:
             "time": _time(columns["time_ns"] / 1e9) if columns.get("time_ns") else None,
         }  # fmt: skip
         row |= {name: value for name, value in columns.items() if name not in ("time_ns", "pose")}
-        if row["time"] and times[bag.machine, columns["time_ns"]] > 1:
+        if row["time"] and sum(abs(t - columns["time_ns"] / 1e9) < SAME_TIME for t in begun[bag.machine]) > 1:
             row["warnings"] = [*row.get("warnings", []), EQUAL_TIME]
         judgement = run.judgements.get(bag.machine)
         if judgement is not None and key in judgement.keys:

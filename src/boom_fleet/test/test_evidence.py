@@ -250,12 +250,6 @@ def test_a_change_that_matters_to_nobody_is_certain_and_not_told_and_another_is_
     assert told(worn(leaking(0.04))) == ["wear"]
 
 
-def test_recordings_of_the_same_time_are_of_the_same_machine():
-    twins = recordings(np.random.default_rng(4), lambda share: 0.0, 4)
-    twins[2] = replace(twins[2], time=twins[1].time)
-    assert past(twins).history(4, 1e-3).changes == ()
-
-
 def test_a_drift_is_told_as_a_drift_with_its_size_at_the_end():
     evidence = recordings(np.random.default_rng(3), lambda share: max(0.0, share - 0.25))
 

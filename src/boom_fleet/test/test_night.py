@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+import boom_fleet.run
 from boom_fleet import table
 from boom_fleet.run import FleetRun, Night
 from boom_fleet.store import FoundBag, Store
@@ -101,3 +102,32 @@ def test_the_file_of_every_machine_is_read_by_every_reader(tmp_path, machine):
     assert dataset.dataset(tmp_path / "recordings").count_rows() == 1
     assert table.file_of(machine).isascii() and table.file_of(machine) != table.file_of(machine + "-")
     assert table.file_of("north") == "recordings/north.parquet"
+
+
+class EachItsOwn(FakeEngine):
+    """Screens every recording to the answer of its own name."""
+
+    def each(self, function, cases, arguments, done, failed=None):
+        for case in cases:
+            task = arguments(case)[0]
+            done(case, self.answers[task.bag.recording] if function is screen_one else self.answers[function])
+
+
+def screened(model, size, at):
+    columns = {"time_ns": 10**18 + at * 10**15, "model": model, "pose": [0.28, 2.2, 0.0], "warnings": []}
+    return Screened(columns, ("fluid.beta",), np.eye(1), np.array([size]))
+
+
+def test_a_copy_counts_once_and_a_recording_of_another_machine_not_at_all(tmp_path, monkeypatch):
+    compared = []
+    monkeypatch.setattr(boom_fleet.run, "judge", lambda fleet, *_: compared.extend(fleet["m"]) or {})
+    answers = ANSWERS | {
+        "a": screened("tz17", 1.0, 0), "b": screened("tz17", 2.0, 1), "c": screened("tz17", 2.0, 1),
+        "d": screened("loader_crane", 2.0, 2),
+    }  # fmt: skip
+    night = Night(tasks("a", "b", "c", "d"), Store(str(tmp_path)), EachItsOwn(answers), lambda *_: None, 0.05, False)
+    rows = {row["recording"]: row for row in table.rows(night.run())}
+    assert [kept.key for kept in compared] == [rows[name]["key"] for name in ("a", "b")]
+    assert rows["c"]["refused"] == "is the same recording as b, and would count twice: take one of them away"
+    assert rows["d"]["refused"].startswith("is of a loader_crane, a beside it of a tz17: two machines in one folder")
+    assert "refused" not in rows["a"] and "refused" not in rows["b"]

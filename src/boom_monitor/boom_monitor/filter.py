@@ -25,6 +25,7 @@ TOLERANCE = 1e-5
 # White noise on the derivatives, unit/s sqrt(s): what keeps the filter awake; below what the sensors resolve.
 _DISTURBANCE = {"rate": 2e-3, "head_pressure": 1e4, "rod_pressure": 1e4, "hose_pressure": 1e4}
 _AT_REST = 0.2  # share of the uncertainty of a state in motion
+_UNKNOWN_CURRENT = 0.2  # A, where a current is not known
 _JITTER = 2e-5  # rad: the angle's quantum divides by its own noise, which is not independent from sample to sample
 
 
@@ -53,7 +54,8 @@ class WatchFilter:
         memory: time constant of the forgetting [s].
 
     Attributes:
-        gain: (n, NY) of the last correction. whitening: (NY, NY) W, W e has unit variance; zero where nothing was measured.
+        gain: (n, NY) of the last correction. whitening: (NY, NY) W, W e has unit variance; zero where nothing was measured, or nothing
+            of it counts.
     """
 
     def __init__(
@@ -86,7 +88,15 @@ class WatchFilter:
         """Drop what the innovations so far have told; the state stays."""
         self.information = Information(np.zeros((self._causes, self._causes)), np.zeros(self._causes))
 
-    def advance(self, end: float, currents: list[tuple[float, float, float]], measured: Array, share: Array) -> None:
+    def advance(
+        self,
+        end: float,
+        currents: list[tuple[float, float, float]],
+        measured: Array,
+        share: Array,
+        *,
+        blind: bool = False,
+    ) -> None:
         """Predict to ``end`` [s] and correct there.
 
         Args:
@@ -94,12 +104,13 @@ class WatchFilter:
             currents: (from when [s], retract, extend [A]), ascending; the first acts from the beginning on.
             measured: (NY,) [SI], NaN where nothing was measured.
             share: (NY,) when in the interval each was measured, 0 = beginning .. 1 = end.
+            blind: the currents are not known: the state follows the sensors, and what they show counts for nothing.
 
         Raises:
             SimulationError: the state left its range.
         """
         begin, step = self.time, end - self.time
-        self._propagate(step)
+        self._propagate(step, _UNKNOWN_CURRENT**2 if blind else self._current_variance)
         for k, (_, retract, extend) in enumerate(currents):
             start = begin if k == 0 else currents[k][0]
             until = currents[k + 1][0] if k + 1 < len(currents) else end
@@ -109,9 +120,9 @@ class WatchFilter:
         self._point = self._model.at(self.state, currents[-1][1:])
         before, after = self._output, self._point.y
         self._output = after.copy()
-        self._correct(measured - (before + share * (after - before)), step)
+        self._correct(measured - (before + share * (after - before)), step, 0.0 if blind else 1.0)
 
-    def _propagate(self, step: float) -> None:
+    def _propagate(self, step: float, current_variance: float) -> None:
         """Covariance and effects of the causes over one step: exp(J h) by its (0, 2) Pade approximant, L-stable."""
         point = self._point
         eye = np.eye(len(point.f_x))
@@ -120,11 +131,11 @@ class WatchFilter:
         held = transition @ (eye - 0.5 * z) * step  # integral of exp(J s) over the step
         drive = held @ point.f_u
         self._effect = transition @ self._effect + held @ point.f_c
-        covariance = transition @ self._covariance @ transition.T + drive @ drive.T * self._current_variance
+        covariance = transition @ self._covariance @ transition.T + drive @ drive.T * current_variance
         covariance[np.diag_indices_from(covariance)] += self._disturbance * step
         self._covariance = 0.5 * (covariance + covariance.T)
 
-    def _correct(self, innovation: Array, step: float) -> None:
+    def _correct(self, innovation: Array, step: float, counts: float) -> None:
         fade = math.exp(-step / self._memory)
         info = self.information
         info.matrix *= fade
@@ -141,13 +152,13 @@ class WatchFilter:
         inverse = np.linalg.inv(spread)
         gain = self._covariance @ h.T @ inverse
         self.gain[:, known] = gain
-        self.whitening[np.ix_(known, known)] = np.linalg.inv(np.linalg.cholesky(spread))
+        self.whitening[np.ix_(known, known)] = counts * np.linalg.inv(np.linalg.cholesky(spread))
         sensitivity = h @ self._effect + point.y_c[known]
-        weighted = sensitivity.T @ inverse
+        weighted = counts * (sensitivity.T @ inverse)
         info.matrix += weighted @ sensitivity
         info.vector += weighted @ e
-        info.square += float(e @ inverse @ e)
-        info.count += len(e)
+        info.square += counts * float(e @ inverse @ e)
+        info.count += counts * len(e)
         self._effect -= gain @ sensitivity
         self._covariance -= gain @ (h @ self._covariance)
         plant = self._model.plant

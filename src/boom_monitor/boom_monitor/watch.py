@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from boom_estimation.currents import GAP, gap_of
 from boom_estimation.initial_state import CLOSED_CURRENT, RESTING_RATE, stationary_guess
 from boom_input import channels
+from boom_input.repeats import Repeats
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine, Pose
 from boom_model.sensors import OUTPUTS
@@ -24,6 +25,7 @@ from boom_monitor import naming
 from boom_monitor.filter import Information, WatchFilter
 from boom_monitor.model import Suspect, WatchModel
 from boom_monitor.naming import Interval
+from boom_monitor.status import Alarm, Status, WatchSettings
 
 Array = NDArray[np.float64]
 
@@ -47,62 +49,17 @@ _NAMED_AFTER = (
 )  # s of an alarm, after which the cause is sought; later the mismatch itself bends the answer
 _KEPT = 400  # periods that are kept for that
 _LONGEST_SILENCE = 0.5  # s without a sensor, after which the state is guessed anew
+_LONGEST_GAP = 0.15  # s without a current, after which it is, too
+_BLIND = 1.0  # s behind a shorter gap in which a current changed: what the valve did meanwhile still shows
+_SAME = 0.02  # A. Currents at both ends of a gap that differ by less did not change in it
+_LATELY = 60.0  # s over which such times are summed up
+_AT_REST = 1.0  # s that the valve has been closed: what a sensor does then is its noise
 _START = 0.1  # s of samples from which a start is made
 _ABSENT = 5.0  # s of the others, after which a channel that never came is not there
 _PRIOR = 0.2  # information on a suspect's size before anything was measured: two of its units
 _BUFFER = 1000  # samples of a channel that are kept at most
 _EARLIER = 1e-9
-
-
-@dataclass(frozen=True)
-class WatchSettings:
-    """Settings of the watch.
-
-    Attributes:
-        threshold: score above which the machine has left the tolerance.
-        memory: time constant of the score [s].
-        hold: how long the score must be below the threshold for the alarm to end [s].
-        delay: how long the watch waits for late samples [s].
-    """
-
-    threshold: float = 1.35
-    memory: float = 2.0
-    hold: float = 10.0
-    delay: float = 0.1
-
-
-@dataclass(frozen=True)
-class Alarm:
-    """The machine has left the model's tolerance.
-
-    Attributes:
-        begin: [s]. subsystem: the located one. effect: the one that explains most.
-        share: subsystem -> its share of what the suspects explain, the largest first.
-        size: estimated size of the effect, in ``unit``; rough, for orientation only.
-    """
-
-    begin: float
-    subsystem: str
-    effect: str
-    share: Mapping[str, float]
-    size: float
-    unit: str
-
-
-@dataclass(frozen=True)
-class Status:
-    """Present status: whether the watch is active (``watching``), time [s], score, and the alarm, if any.
-
-    absent: channels that the machine does not have.
-    """
-
-    watching: bool
-    time: float
-    score: float
-    alarm: Alarm | None
-    alarms: int
-    waits_for: str = ""
-    absent: tuple[str, ...] = ()
+_NO_CHANGE = {"angle": 1e-6, "rate": 1e-6, "hose_pressure": 10.0, "rod_pressure": 10.0}  # rad, rad/s, Pa
 
 
 @dataclass
@@ -146,6 +103,11 @@ class Watch:
         self._newest = -math.inf
         self._since = math.nan
         self._absent: tuple[str, ...] = ()
+        self._repeats = {name: Repeats(_NO_CHANGE[name]) for name in OUTPUTS}
+        self._stuck: tuple[str, ...] = ()
+        self._closed_since = math.inf
+        self._unknown: deque[tuple[float, float]] = deque()
+        self._blind: deque[float] = deque(maxlen=round(_LATELY / PERIOD))
 
     def add(self, channel: str, time: float, value: float) -> bool:
         """One valid sample: channel of ``OUTPUTS`` or ``CURRENTS``, its stamp [s], its value [SI, gauge].
@@ -159,6 +121,8 @@ class Watch:
             passed = max(passed, self._filter.time)
         if not (math.isfinite(value) and passed < time < math.inf):
             return False
+        if channel in CURRENTS:
+            self._gap_closed(channel, time, value)
         self._samples[channel].append((time, value))
         self._last[channel] = time
         self._newest = max(self._newest, time)
@@ -184,7 +148,10 @@ class Watch:
         missing = "" if self._filter is not None else ", ".join(self._awaited())
         if self._too_seldom:
             missing = "the currents at least every 30 ms: they may change unseen between those that come"
-        return Status(watching, time, self._score, self._alarm, self._alarms, missing, self._absent)
+        lately = sum(at > time - _LATELY for at in self._blind) * PERIOD / _LATELY
+        return Status(
+            watching, time, self._score, self._alarm, self._alarms, missing, self._absent, self._stuck, lately
+        )
 
     # ---------------------------------------------------------------------------------------------------------- running
 
@@ -259,15 +226,18 @@ class Watch:
     def _step(self, filter_: WatchFilter) -> None:
         begin, end = filter_.time, filter_.time + PERIOD
         currents = self._acting(begin, end)
-        if begin - currents[0][0] > self._gap:
+        silent = begin - min(self._last[name] for name in CURRENTS)
+        if silent > max(self._gap, _LONGEST_GAP):
             self._lose(end)
             return
-        measured, share = np.full(len(OUTPUTS), np.nan), np.ones(len(OUTPUTS))
-        for i, name in enumerate(OUTPUTS):
-            samples = self._samples[name]
-            while samples and samples[0][0] <= end:
-                time, measured[i] = samples.popleft()
-                share[i] = (time - begin) / PERIOD
+        while self._unknown and self._unknown[0][1] + _BLIND < begin:
+            self._unknown.popleft()
+        blind = silent > self._gap or any(since < end for since, _ in self._unknown)
+        if blind:
+            self._blind.append(end)
+        if blind or max(max(current[1:]) for current in currents) > CLOSED_CURRENT:
+            self._closed_since = end
+        measured, share = self._arrived(begin, end)
         if np.isfinite(measured).any():
             self._heard = end
         elif end - self._heard > _LONGEST_SILENCE:
@@ -275,7 +245,7 @@ class Watch:
             return
         state = filter_.state.copy()
         try:
-            filter_.advance(end, currents, measured, share)
+            filter_.advance(end, currents, measured, share, blind=blind)
         except SimulationError:  # the machine is so far from the model that it cannot be followed: from here anew
             self._lose(end)
             return
@@ -285,6 +255,27 @@ class Watch:
         if end >= self._from + _GATHERING and end - self._judged >= _JUDGED_EVERY - _EARLIER:
             self._judged = end
             self._judge(filter_.information, end)
+
+    def _gap_closed(self, channel: str, time: float, value: float) -> None:
+        """Where a current changed in a gap that ends at ``time`` [s]: it is taken to have done so half-way."""
+        samples, since = self._samples[channel], self._last[channel]
+        if not samples or time - since <= self._gap or abs(value - samples[-1][1]) <= _SAME:
+            return
+        self._unknown.append((since, time))
+        samples.append((0.5 * (since + time), value))
+
+    def _arrived(self, begin: float, end: float) -> tuple[Array, Array]:
+        """(NY,) what was measured between two times [s], NaN where nothing was, and when in the interval; it tells who is stuck, too."""
+        measured, share = np.full(len(OUTPUTS), np.nan), np.ones(len(OUTPUTS))
+        at_rest = end - self._closed_since > _AT_REST
+        for i, name in enumerate(OUTPUTS):
+            samples = self._samples[name]
+            while samples and samples[0][0] <= end:
+                time, measured[i] = samples.popleft()
+                share[i] = (time - begin) / PERIOD
+                self._repeats[name].take(float(measured[i]), time, at_rest)
+        self._stuck = tuple(name for name in OUTPUTS if self._repeats[name].stuck)
+        return measured, share
 
     def _acting(self, begin: float, end: float | None = None) -> list[tuple[float, float, float]]:
         """(from when, retract, extend) of the currents that act from ``begin`` to ``end`` [s]; older ones are dropped."""
@@ -316,6 +307,10 @@ class Watch:
     # ---------------------------------------------------------------------------------------------------------- judging
 
     def _judge(self, info: Information, now: float) -> None:
+        if self._stuck:
+            self._evidence = self._alarm = None
+            self._lose(now)
+            return
         score, gains, sizes = judged(info, self._model.suspects)
         self._score = score
         beyond = score > self.settings.threshold
@@ -351,7 +346,9 @@ class Watch:
         k = int(np.argmax(gains))
         share = {name: best[name] / total for name in sorted(best, key=lambda n: -best[n])}
         size = float(sizes[k]) * suspects[k].scale
-        return Alarm(now, suspects[k].subsystem, suspects[k].effect, share, size, suspects[k].unit)
+        return Alarm(
+            now, suspects[k].subsystem, suspects[k].effect, share, size, suspects[k].unit, suspects[k].parameter
+        )
 
     def _name(self, begin: float) -> None:
         """Name the cause from shortly before the alarm; the previous name stays if nothing explains the mismatch."""
@@ -359,7 +356,7 @@ class Watch:
         named = naming.name(self._model, intervals) if intervals else None
         if named is not None:
             s = named.suspect
-            self._alarm = Alarm(begin, s.subsystem, s.effect, named.share, named.size, s.unit)
+            self._alarm = Alarm(begin, s.subsystem, s.effect, named.share, named.size, s.unit, s.parameter)
 
 
 def judged(info: Information, suspects: Sequence[Suspect]) -> tuple[float, Array, Array]:

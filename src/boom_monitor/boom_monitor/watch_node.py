@@ -14,8 +14,10 @@ from rclpy.clock_type import ClockType
 from sensor_msgs.msg import FluidPressure, JointState
 
 from boom_monitor import watch, words
+from boom_monitor.status import Alarm, WatchSettings
 from boom_monitor.configuration import Configuration, ToldConfiguration, in_words
 from boom_input.channels import BY_NAME, MEASURED_TOPICS, PREDICTED
+from boom_input.shown import quoted
 from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_model.errors import ModelError
 from boom_model.machine_file import load_machine, shipped_machine
@@ -30,7 +32,7 @@ from boom_node.publishers import SolePublishers
 from boom_node.stamps import far, ns_to_seconds, to_ns
 from boom_recording import channels
 
-_DEFAULT = watch.WatchSettings()
+_DEFAULT = WatchSettings()
 PARAMETERS = (
     ParameterSpec(
         "machine", "", "machine file, shipped name or path; empty: the machine that the configuration names", read_only=True
@@ -61,7 +63,7 @@ class WatchNode(Node):
     def __init__(self) -> None:
         super().__init__("boom_diagnosis_watch")
         self._values = values = declare(self, PARAMETERS)
-        self._settings = watch.WatchSettings(values.threshold, values.memory, values.hold, values.delay)
+        self._settings = WatchSettings(values.threshold, values.memory, values.hold, values.delay)
         self._machine = None
         if values.machine:
             try:
@@ -72,13 +74,13 @@ class WatchNode(Node):
         self._configuration: Configuration | None = None
         self._told_configuration = ToldConfiguration()
         self._sole = SolePublishers(self, MEASURED_TOPICS, values.shared_topics)
-        self._failure = self._conflict = ""
+        self._failure = self._conflict = self._foreign = ""
         self._stamps: dict[str, int] = {}
         self._origin_ns: int | None = None
         self._newest_ns = 0
         self._strange = self._overtaken = 0
         self._refused = 0
-        self._told: watch.Alarm | None = None
+        self._told: Alarm | None = None
         self._heard: dict[str, InputWatch] = {}
         self._silent = ""
         self._input = InputWatch(
@@ -130,6 +132,11 @@ class WatchNode(Node):
             self._watch = watch.Watch(machine, machine.pose(*asked[1:]), self._settings)
             self._heard = {name: InputWatch("", time.monotonic()) for name in watch.CHANNELS}
             self.get_logger().info(f"watching {in_words((machine.name, *asked[1:]))}")
+            self._foreign = (
+                "" if machine.name == asked[0] else f"the crane is a {quoted(asked[0])}, the model {machine.name}"
+            )
+            if self._foreign:
+                self.get_logger().warning(f"{self._foreign}: is it the right file?")
         except ModelError as error:
             self._failure = f"the machine cannot be watched: {error}; give its file with the parameter 'machine'"
             self.get_logger().error(self._failure)
@@ -221,17 +228,17 @@ class WatchNode(Node):
         self._diagnostics.update()
 
     def _look_for_silence(self) -> None:
-        """Say once that samples stay away, and that they are back: without them nothing is watched."""
-        now = time.monotonic()
-        absent = self._watch.status.absent if self._watch is not None else ()
-        silent = words.silence(
-            [name for name, heard in self._heard.items() if name not in absent and heard.missing(now)]
-        )
+        """Say once that samples stay away or repeat themselves, and that they are back: without them nothing is watched."""
+        if self._watch is None:
+            return
+        now, status = time.monotonic(), self._watch.status
+        missing = [name for name, heard in self._heard.items() if name not in status.absent and heard.missing(now)]
+        silent = words.silence(missing) or words.stuck(status.stuck)
         if silent != self._silent:
             if silent:
                 self.get_logger().warning(silent)
             else:
-                self.get_logger().info("samples of all channels arrive again")
+                self.get_logger().info("samples of all channels arrive again, and change")
         self._silent = silent
 
     def _health(self) -> Health:
@@ -241,8 +248,10 @@ class WatchNode(Node):
             return Health(Level.WARN, "waits for /boom/machine_configuration")
         status = self._watch.status
         values = {**words.values(status), "samples out of range": self._refused}
-        level = Level.OK if status.alarm is None and status.watching and not self._silent else Level.WARN
-        return Health(level, words.message(status, self._silent), values)
+        fine = status.alarm is None and status.watching and not (self._silent or self._foreign)
+        level = Level.OK if fine and status.blind <= words.OFTEN else Level.WARN
+        said = words.message(status, self._silent)
+        return Health(level, f"{said}; {self._foreign}" if self._foreign else said, values)
 
 
 def main() -> int:

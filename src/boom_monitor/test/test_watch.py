@@ -11,7 +11,8 @@ from diagnosis_samples import BAGS, simulated, tz17
 from boom_model.sensors import OUTPUTS
 from boom_monitor.filter import Information
 from boom_monitor.model import Suspect, WatchModel
-from boom_monitor.watch import CHANNELS, CURRENTS, Alarm, Status, Watch, WatchSettings, judged
+from boom_monitor.status import Alarm, Status, WatchSettings
+from boom_monitor.watch import CHANNELS, CURRENTS, Watch, judged
 from boom_monitor.words import message, silence, values
 from boom_recording.loading import load
 from boom_recording.recording import Recording
@@ -207,13 +208,44 @@ def test_a_sample_that_comes_after_its_time_was_passed_is_left_out_and_not_put_w
     assert watch.status.watching and watch.status.score < 1.2
 
 
+def gapped(recording: Recording, names: tuple[str, ...], every: float, gap: float) -> Recording:
+    """The recording without samples of some channels for ``gap`` [s] every ``every`` [s]."""
+    for name in names:
+        signal = recording.signals[name]
+        recording.signals[name] = dataclasses.replace(signal, valid=signal.valid & (signal.time % every >= gap))
+    return recording
+
+
+@pytest.mark.parametrize("every", [1.0, 6.0])
+def test_currents_with_short_gaps_hide_no_fault_and_make_none(every):
+    lost = gapped(load(BAGS / "explained" / "hose_burst_valve_lag_b"), CURRENTS, every, 0.07)
+    alarms = [s.alarm for s in watched(lost, until=24.0)[1] if s.alarm is not None]
+    assert 15.0 < alarms[0].begin < 20.0 and alarms[-1].subsystem == "hose_burst_valve"
+    watch, said = watched(gapped(load(BAGS / "healthy" / "extended"), CURRENTS, every, 0.07))
+    assert said[-1].alarms == 0
+    assert (said[-1].blind > 0.0) == (every == 1.0) and said[-1].blind < 0.4
+    assert ("the currents have gaps" in message(watch.status)) == (said[-1].blind > 0.1)
+
+
+@pytest.mark.parametrize("name", ["rate", "hose_pressure", "rod_pressure"])
+def test_a_channel_that_repeats_its_value_is_told_and_named_as_no_physics(name):
+    recording = load(BAGS / "healthy" / "extended")
+    signal = recording.signals[name]
+    held = np.where(signal.time > 20.0, signal.values[np.searchsorted(signal.time, 20.0)], signal.values)
+    recording.signals[name] = dataclasses.replace(signal, values=held)
+    watch, said = watched(recording, until=40.0)
+    assert said[-1].alarm is None and said[-1].stuck == (name,)
+    assert all(s.stuck == (name,) or not s.watching for s in said if s.time > 21.0)
+    assert message(watch.status).startswith(f"nothing is judged: {name} repeats its value")
+
+
 def test_silent_channels_are_named_whatever_else_is_said():
     assert silence([]) == ""
     said = silence(["rod_pressure"])
     assert said.startswith("no samples of rod_pressure:")
     fine = Status(True, 20.0, 1.0, None, 0)
     assert message(fine, said) == said
-    alarm = Alarm(17.6, "load", "payload", {"load": 1.0}, 100.0, "kg")
+    alarm = Alarm(17.6, "load", "payload", {"load": 1.0}, 100.0, "kg", "mass")
     assert message(Status(True, 20.0, 1.7, alarm, 1), said).endswith(f"; {said}")
 
 
@@ -237,8 +269,10 @@ def test_what_is_within_its_tolerance_is_taken_out_of_the_score_and_the_cause_ge
 
 def test_the_message_names_the_subsystem_and_what_else_it_could_be():
     share = {"hose_burst_valve": 0.7, "load": 0.25, "sensors": 0.05}
-    alarm = Alarm(17.6, "hose_burst_valve", "hose_burst_valve_lag", share, 0.05, "s")
+    alarm = Alarm(17.6, "hose_burst_valve", "hose_burst_valve_lag", share, 0.05, "s", "tau")
     status = Status(True, 20.0, 1.7, alarm, 1)
     assert message(status).startswith("the machine has left the tolerance of its model: hose burst valve, else load;")
     told = values(status)
-    assert told["subsystem"] == "hose_burst_valve" and told["of about [s]"] == "0.05" and told["since [s]"] == "17.60"
+    assert (
+        told["subsystem"] == "hose_burst_valve" and told["tau of about [s]"] == "0.05" and told["since [s]"] == "17.60"
+    )

@@ -104,6 +104,11 @@ def part(everything: list[ReplaySample], start_s: float, duration_s: float) -> l
     return chosen
 
 
+def apart(chosen: list[ReplaySample]) -> float:
+    """Median time [s] between samples; 0 of a single one."""
+    return float(np.median(np.diff([sample.stamp_ns for sample in chosen]))) / 1e9 if len(chosen) > 1 else 0.0
+
+
 @dataclass
 class ReplayLockstep:
     """Answers the ticks of the simulation; see the docstring of the module.

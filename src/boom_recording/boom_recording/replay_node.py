@@ -27,6 +27,7 @@ from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
 from boom_node.node import Node
 from boom_node.parameters import ParameterSpec, declare
+from boom_node.commands import LONGEST_SILENCE_S
 from boom_node.publishers import SolePublishers
 from boom_recording import replay
 from boom_recording.channels import CURRENT_COMMAND, DEFAULT_JOINT, JOINT_STATES, REFERENCE, SOLENOID_CURRENTS
@@ -44,7 +45,13 @@ PARAMETERS = (
         read_only=True,
     ),
     ParameterSpec(
-        "rate", 1.0, "how many times faster than recorded; without effect in lockstep", "", 1e-3, 1e3, read_only=True
+        "rate",
+        1.0,
+        "how many times faster than recorded, at least so fast that samples go out 90 ms apart; without effect in lockstep",
+        "",
+        1e-3,
+        1e3,
+        read_only=True,
     ),
     ParameterSpec("start", 0.0, "start within the recording", "s", 0.0, 1e6, read_only=True),
     ParameterSpec("duration", 0.0, "duration to replay, 0 = to the end", "s", 0.0, 1e6, read_only=True),
@@ -83,6 +90,7 @@ PARAMETERS = (
     ParameterSpec("joint", DEFAULT_JOINT, "name of the boom's joint", read_only=True),
 )
 _CHECK_PERIOD_S = 0.05
+_MOST_APART_S = 0.9 * LONGEST_SILENCE_S
 _TOLD_EVERY = 500  # messages; some 5 s of a recording
 _SETTLE_S = 0.2  # the two ends of a connection learn of each other one after the other
 _ACKNOWLEDGE_S = 1.0
@@ -105,6 +113,12 @@ class ReplayNode(Node):
             self._samples = replay.part(replay.samples(recording, values.what), values.start, values.duration)
         except RecordingError as error:
             raise StartError(str(error)) from None
+        if not values.lockstep and (apart := replay.apart(self._samples) / values.rate) > _MOST_APART_S:
+            least = values.rate * apart / _MOST_APART_S
+            raise StartError(
+                f"at a rate of {values.rate:g} samples go out {1e3 * apart:.0f} ms apart, and a valve is closed after "
+                f"{1e3 * LONGEST_SILENCE_S:.0f} ms without one: give a rate of at least {least:.2g}"
+            )
         for warning in recording.warnings:
             self.get_logger().warning(f"{values.bag}: {warning}")
         self._duration_s = (self._samples[-1].stamp_ns + replay.PERIOD_NS) / 1e9

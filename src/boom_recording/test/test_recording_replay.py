@@ -49,6 +49,12 @@ def test_a_recording_without_valid_currents_is_refused() -> None:
         replay.samples(made, "commands")
 
 
+def test_samples_are_as_far_apart_as_most_of_them() -> None:
+    everything = replay.samples(recording(), "commands")
+    assert replay.apart([*everything[:300], *everything[400:]]) == pytest.approx(0.01)
+    assert replay.apart(everything[:1]) == 0.0
+
+
 def test_a_part_begins_with_what_acted_then() -> None:
     everything = replay.samples(recording(), "commands")
     chosen = replay.part(everything, 1.0, 0.5)

@@ -29,11 +29,13 @@ class Configuring:
 
     Attributes:
         told: the newest message; None before it.
+        foreign: that the laws are for another machine than the crane says it is, in words; usually empty.
     """
 
     def __init__(self, given: str, aside: bool, log: Any, refuse: Callable[[str, str, str], Any]) -> None:
         self._given, self._aside, self._log, self._refuse = given, aside, log, refuse
         self.told: MachineConfiguration | None = None
+        self.foreign = ""
         self._waits = False
         self._preparation: Preparation[list[PreparedLaws]] | None = None
 
@@ -82,8 +84,10 @@ class Configuring:
         assert message is not None  # otherwise nothing waits
         try:
             machine = load_machine(self._given) if self._given else shipped_machine(message.machine)
-            if machine.name != message.machine:
-                self._log.warning(f"the crane is a {quoted(message.machine)}, the laws are for {machine.name}")
+            same = machine.name == message.machine
+            self.foreign = "" if same else f"the crane is a {quoted(message.machine)}, the laws are for {machine.name}"
+            if self.foreign:
+                self._log.warning(f"{self.foreign}: is it the right file?")
             _, *numbers = _said(message)
             pose = machine.pose(*numbers)
         except (ControlError, ModelError) as error:

@@ -93,7 +93,9 @@ class SensorSet:
             if now - sensor.measured > s.sensor_timeout or sensor.bad >= s.bad_samples:
                 return sensor.finding(now, s.sensor_timeout, s.bad_samples)
         if stuck := self._gyro.stuck:  # and the angle of the same message with it: at rest both agree
-            text = f"the rate repeats {self.joint.values[1]:.4g} rad/s for {1e3 * stuck[0]:.0f} ms, by its noise at most "
+            text = (
+                f"the rate repeats {self.joint.values[1]:.4g} rad/s for {1e3 * stuck[0]:.0f} ms, by its noise at most "
+            )
             return StopCause("sensor_stuck", f"{text}{1e3 * stuck[1]:.0f} ms: is the sensor of angle and rate stuck?")
         apart = self._agreement.apart
         if abs(apart) > s.largest_disagreement:

@@ -86,7 +86,8 @@ class MotionWatch:
             return StopCause("divergence", f"the boom is {error:.2f} rad away from its reference")
         if self._stands(m.angle, max(output.retract, output.extend) > _WIDE_OPEN * full, now):
             return StopCause(
-                "no_motion", f"the valve has been wide open for {s.longest_stall:g} s, and the angle stays at {m.angle:.3f} rad"
+                "no_motion",
+                f"the valve has been wide open for {s.longest_stall:g} s, and the angle stays at {m.angle:.3f} rad",
             )
         low, high = self.angles
         if (m.angle > high and m.rate > _OUTWARD_RATE) or (m.angle < low and m.rate < -_OUTWARD_RATE):

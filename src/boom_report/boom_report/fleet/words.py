@@ -108,7 +108,8 @@ def _number(count: int, word: str) -> str:
 
 
 def _between(early: datetime, late: datetime) -> str:
-    return f"at {early:%Y-%m-%d}" if early == late else f"between {early:%Y-%m-%d} and {late:%Y-%m-%d}"
+    first, last = f"{early:%Y-%m-%d}", f"{late:%Y-%m-%d}"
+    return f"on {first}" if first == last else f"between {first} and {last}"
 
 
 def change_sentence(change: Mapping[str, Any]) -> str:

@@ -16,17 +16,17 @@ class Watched:
 
     Args:
         law: that commands.
-        machine: whose stroke limits the angle.
+        machine: whose stroke limits the angle. full: the largest current that it commands [A].
 
     Attributes:
         mode: of the law. seconds: [s] that each step of the law took.
     """
 
-    def __init__(self, law: Controller, machine: Machine, *, supervised: bool) -> None:
+    def __init__(self, law: Controller, machine: Machine, full: float, *, supervised: bool) -> None:
         self.mode = law.mode
         self.seconds: list[float] = []
         settings = SupervisionSettings()
-        self._law = law
+        self._law, self._full = law, full
         self._watch = MotionWatch(settings, settings.angles(machine.angle_limits)) if supervised else None
 
     def reset(self, measurement: Measurement) -> None:
@@ -39,7 +39,7 @@ class Watched:
         begin = perf_counter()
         output = self._law.step(reference, measurement)
         self.seconds.append(perf_counter() - begin)
-        found = self._watch and self._watch.motion(measurement, reference, output, measurement.time)
+        found = self._watch and self._watch.motion(measurement, reference, output, measurement.time, self._full)
         return output._replace(reason=f"{found.reason}: {found.text}", cause=found.reason) if found else output
 
     def change(self, settings: Any) -> None:
