@@ -58,8 +58,9 @@ from boom_diagnosis.proof import (
     proving_result,
     spans_of,
 )
+from boom_diagnosis.search import Fitted
 from boom_diagnosis.unsearched import About
-from boom_diagnosis.weighing import FORM, NEGLIGIBLE, Z90, Weighed, estimates, of_effect, posterior, unknown_probability
+from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, of_effect, of_tolerances, unknown_probability
 from boom_diagnosis.wrong_number import in_words
 from boom_model.catalogue import CATALOGUE, EFFECTS
 from boom_model.components import equation_of_motion
@@ -197,12 +198,15 @@ def _rivals(case: Case, ranked: Sequence[RankingRow]) -> list[tuple[str, Point]]
 def _final_machine(case: Case, verdict: Verdict, learned: Learned | None) -> Machine:
     if verdict == "no_mismatch":
         return case.machine
-    jacobian = case.final.jacobian if case.final else case.rounds[0].jacobian
-    covariance = posterior(case.last, jacobian, len(case.last.z))
-    deviations = np.sqrt(np.diag(covariance)[: len(case.nuisances)])
-    ended = [n.ended(float(z)) for n, z in zip(case.nuisances, case.last.z, strict=True)]
-    deviations = np.where(ended, 1.0, deviations)  # beyond its tolerance nothing is known of a number
-    return final_machine(case, learned.point if learned else case.last, deviations, (learned.term,) if learned else ())
+    covariance = _covariance(case, case.final)
+    return final_machine(case, learned.point if learned else case.last, covariance, (learned.term,) if learned else ())
+
+
+def _covariance(case: Case, fitted: Fitted | None) -> Array:
+    """Of the tolerances' z, at the end of the search; ``fitted``: with the effects that were taken, None where none was."""
+    jacobian, names = (fitted.jacobian, fitted.coordinates) if fitted else (case.rounds[0].jacobian, ())
+    ended = np.array([n.ended(float(z)) for n, z in zip(case.nuisances, case.last.z, strict=True)])
+    return of_tolerances(case.last, jacobian, names, case.temperature, ended)
 
 
 def notes_of(bags: Sequence[Bag], proving: Sequence[Bag], weak: Sequence[str]) -> tuple[str, ...]:
@@ -460,9 +464,8 @@ def _moved(case: Case, verdict: Verdict) -> dict[str, Estimate]:
     """Numbers that the last fit moved, where that is told."""
     if verdict != "parameters_only" and not (case.taken or case.wrong):
         return {}
-    jacobian, point = case.taken[-1].fitted.jacobian if case.taken else case.rounds[0].jacobian, case.last
-    deviations = np.sqrt(np.diag(posterior(point, jacobian, len(point.z))))
-    return moved_tolerances(case, point, deviations, case.wrong)
+    covariance = _covariance(case, case.taken[-1].fitted if case.taken else None)
+    return moved_tolerances(case, case.last, np.sqrt(np.diag(covariance)), case.wrong)
 
 
 def moved_tolerances(
@@ -487,7 +490,7 @@ def moved_tolerances(
         spread = Z90 * float(deviations[i]) * nuisance.deviation(nominal.get(nuisance.name, 0.0), float(point.z[i]))
         unit = units.get(nuisance.name, "-")
         if told:  # no better than one that was looked up, and others make up for a wrong one in some other way, too
-            spread = hypot(FORM * spread, Z90 * _looked_up(case, nuisance.name, value))
+            spread = hypot(spread, Z90 * _looked_up(case, nuisance.name, value))
         result[nuisance.name if told else nuisance.label or nuisance.name] = Estimate(
             value, unit, (value - spread, value + spread)
         )

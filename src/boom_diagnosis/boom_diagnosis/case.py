@@ -189,7 +189,8 @@ class Case:
     @cached_property
     def nominal(self) -> Nominal:
         """What is seen from the nominal machine."""
-        return Nominal(self.problem(np.zeros(len(self.nuisances)), {}, LOOSENESS[1]))
+        wrong = [i for i, n in enumerate(self.nuisances) if n.components == self.wrong]
+        return Nominal(self.problem(np.zeros(len(self.nuisances)), {}, LOOSENESS[1]), wrong=wrong)
 
     def rest(self, at: Point) -> float:
         """Loss per innovation [nats] over that of a healthy machine, seen by the observer that is right for one."""

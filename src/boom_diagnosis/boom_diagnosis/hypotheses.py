@@ -283,11 +283,11 @@ class Nominal:
     """What is seen from the nominal machine: derivatives, the tolerances fitted from there, the linear look at effects.
 
     problem: observers of the nominal machine that bear with one that is far from right. values: effects that it has already.
-    What was looked for once is known from then on.
+    wrong: of the numbers, those that are known to be wrong. What was looked for once is known from then on.
     """
 
-    def __init__(self, problem: Problem, values: Mapping[str, float] | None = None) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, values: Mapping[str, float] | None = None, wrong: Sequence[int] = ()) -> None:
+        self.problem, self._wrong = problem, list(wrong)
         self.kept = all_coordinates(effects_of(values or {}), problem.size)
         self.at = problem.points([(np.zeros(len(problem.nuisances)), values or {})])[0]
         self.jacobian = problem.nuisance_jacobian(self.at)
@@ -299,8 +299,14 @@ class Nominal:
 
     @cached_property
     def tolerances(self) -> Point:
-        """The fit without any further effect."""
-        point, _ = self.problem.fit(self.at, self.jacobian, self.kept, further=FURTHER)
+        """The fit without any further effect; what is wrong in the file comes first, as all others may be right."""
+        start, jacobian = self.at, self.jacobian
+        if self._wrong:
+            alone = np.zeros_like(jacobian)
+            alone[:, self._wrong] = jacobian[:, self._wrong]
+            start, _ = self.problem.fit(start, alone, self.kept, further=FURTHER)
+            jacobian = self.problem.nuisance_jacobian(start)
+        point, _ = self.problem.fit(start, jacobian, self.kept, further=FURTHER)
         if point.excess(WHITE) > STUCK:
             point, _ = self.problem.fit(point, self.problem.nuisance_jacobian(point), self.kept)
         return point

@@ -15,7 +15,7 @@ from boom_diagnosis import regimes
 from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, NEAR_FLOOR
 from boom_diagnosis.bag_samples import Bag
 from boom_diagnosis.document import STAGES, BagResult, ChannelFit, Fit, LadderStep, Verdict
-from boom_diagnosis.fitting import Point
+from boom_diagnosis.fitting import Z_STEP, Point
 from boom_diagnosis.found_machine import found_machine
 from boom_diagnosis.freerun import Elsewhere, Errors, Span, errors, free_run, median, noise_floor
 from boom_diagnosis.learning import Learned
@@ -95,14 +95,17 @@ def machines_of(case: Proved, verdict: Verdict, learned: Learned | None) -> dict
     return steps
 
 
-def final_machine(case: Proved, point: Point, deviations: Array, terms: tuple[LearnedTerm, ...]) -> Machine:
-    """The machine with everything that was found, fitted to all of the recordings; deviations: (count,) of the tolerances' z."""
-    nominal = case.machine.values(case.pose)
-    spreads = {
-        n.name: Z90 * float(d) * n.deviation(nominal.get(n.name, 0.0), float(z))
-        for n, d, z in zip(case.nuisances, deviations, point.z, strict=True)
-    }
-    return machine_at(case, point, spreads, terms)
+def final_machine(case: Proved, point: Point, covariance: Array, terms: tuple[LearnedTerm, ...]) -> Machine:
+    """The machine with everything that was found, fitted to all of the recordings; covariance: (count, count) of z.
+
+    Half of the 90 % interval of a number v(z), of one that follows from others, too: Z90 sqrt(J C J'), J = dv/dz by differences.
+    """
+    here = case.numbers(point)
+    names = list(here)
+    moved = (case.numbers(replace(point, z=point.z + Z_STEP * unit)) for unit in np.eye(len(point.z)))
+    derivative = np.array([[there.get(n, here[n]) - here[n] for n in names] for there in moved]) / Z_STEP
+    half = Z90 * np.sqrt(np.maximum(np.einsum("ik,ij,jk->k", derivative, covariance, derivative), 0.0))
+    return machine_at(case, point, dict(zip(names, half.tolist(), strict=True)), terms)
 
 
 def machine_at(

@@ -130,17 +130,19 @@ def assemble(case: WeighedCase, about: About, weak: Sequence[str]) -> DiagnosisR
     )
     before = min(case.base.excess(case.floor), case.nominal.excess(case.floor))
     after = learned.point.excess(case.floor) if learned else case.last.excess(case.floor)
-    deviations = np.sqrt(np.diag(case.best.fit.covariance)[: len(case.nuisances)])
+    count = len(case.nuisances)
+    covariance = case.best.fit.covariance[:count, :count]
+    moved = moved_tolerances(case, case.last, np.sqrt(np.diag(covariance))) if verdict != "no_mismatch" else {}
     final = learned.point if learned else case.last
     terms = (learned.term,) if learned else ()
-    machine = case.machine if verdict == "no_mismatch" else final_machine(case, final, deviations, terms)
+    machine = case.machine if verdict == "no_mismatch" else final_machine(case, final, covariance, terms)
     handed_out = told_by_recording(case, machine)
     notes += said_of_loads(case.machine, machine, handed_out)
     return DiagnosisResult(
         document, case.machine, handed_out, bags,
         regimes.table(cells, case.select, nominal, explained, case.healthy_squares), equations, agreement, proof.ladder,
         (learned.curve,) if learned else (), remaining(fit, before, after) if wrong else "",
-        moved_tolerances(case, case.last, deviations) if verdict != "no_mismatch" else {}, experiment, tuple(notes),
+        moved, experiment, tuple(notes),
         command=about.command,
     )  # fmt: skip
 

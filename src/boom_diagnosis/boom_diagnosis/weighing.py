@@ -199,6 +199,26 @@ def trusted(point: Point, jacobian: Array, count: int, prior: Sequence[float], d
     return np.asarray(np.linalg.inv(told / np.outer(scale, scale)) / np.outer(scale, scale))
 
 
+def of_tolerances(
+    point: Point, jacobian: Array, names: Sequence[Coordinate], temperature: float, ended: NDArray[np.bool_]
+) -> Array:
+    """Covariance (count, count) of z as the stated intervals have it: posterior or scatter, whichever is wider, up to the prior's.
+
+    What the recordings tell counts ``FORM`` times less sharply, as of an effect's numbers, and less where much stays unexplained.
+    Where a number has ``ended`` (count,) at its tolerance it is known no better than that: its interval reaches to the file's.
+
+    jacobian: (rows, z then ``names``).
+    """
+    count = len(point.z)
+    discount = max(1.0, temperature / COLDEST) * FORM**2
+    covariance = trusted(point, jacobian, count, [c.precision for c in names], discount)[:count, :count]
+    known = np.sqrt(np.diag(covariance))
+    scattered = FORM * np.sqrt(np.maximum(np.diag(scatter(point, jacobian, count))[:count], 0.0))
+    wider = np.minimum(np.maximum(scattered, known), np.maximum(known, 1.0))
+    wider = np.where(ended, np.maximum(1.0, np.abs(point.z) / Z90), wider) / known
+    return np.asarray(covariance * np.outer(wider, wider))
+
+
 def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
     """Numbers of all its effects with 90 % intervals, dotted names: the wider of two, posterior and scatter.
 

@@ -1,8 +1,9 @@
 """One number of the machine file that is wrong: a bore mistyped, the data sheet of another cylinder.
 
-Its tolerance is right for what the owner meant. Where neither tolerances nor effects explain the recordings, each number is looked
-at as if nothing were known of it: linearly from the nominal machine, and the most promising are fitted beside all tolerances. One
-is taken where it explains nearly all that the tolerances leave, and more than the effects that were found: it is simpler than they.
+Its tolerance is right for what the owner meant. Where neither tolerances nor effects explain the recordings, or only with several
+numbers of effects beside tolerances that stand at their ends, each number is looked at as if nothing were known of it: linearly
+from the nominal machine, and the most promising are fitted beside all tolerances. One is taken where it explains nearly all that
+the tolerances leave, and more than the effects that were found, or as much: it is simpler than they.
 
 Of numbers that are wrong together the moments of mass are looked at, by one factor: tape measure and density make them all.
 """
@@ -18,7 +19,7 @@ from boom_diagnosis.case import Case
 from boom_diagnosis.hypotheses import Fits, Nominal
 from boom_diagnosis.nuisances import LARGEST_Z, TWINS, Nuisance, masses, units
 from boom_diagnosis.parallel import in_parallel
-from boom_diagnosis.weighing import NEGLIGIBLE
+from boom_diagnosis.weighing import NEGLIGIBLE, TOO_SMALL
 
 ANYTHING = 0.4
 """Standard deviation of the logarithm of a number of which nothing is known: off by a factor of 1.5, and up to one of five."""
@@ -30,9 +31,11 @@ NEARLY_ALL = 0.1
 def with_wrong_number(case: Case) -> Case | None:
     """The case from its beginning with the number free that is wrong in the machine file; None where none explains enough."""
     left = case.rest(case.last)
-    if case.learned or left < NEGLIGIBLE:
+    if case.learned or (left < NEGLIGIBLE and not _laboured(case)):
         return None
     most = min(left, max(NEGLIGIBLE, NEARLY_ALL * case.rest(case.kept(0))))
+    if left < NEGLIGIBLE:
+        most = left + TOO_SMALL
     every = replace(case, nuisances=(*case.nuisances, *units(case.machine, case.pose), *masses(case.nuisances)))
     tried = [(every.nuisances[i], _opened(case, every.nuisances[i])) for i in _promising(every)]
     found = in_parallel(lambda pair: _fitted(pair[1], case.floor), tried)
@@ -41,6 +44,12 @@ def with_wrong_number(case: Case) -> Case | None:
         if rest < most and abs(away) > LARGEST_Z * own.sigma
     ]  # fmt: skip
     return tried[min(able)[1]][1] if able else None
+
+
+def _laboured(case: Case) -> bool:
+    """Whether what explains all has several numbers of effects, and tolerances at their ends beside them."""
+    ended = any(n.ended(float(z)) for n, z in zip(case.nuisances, case.last.z, strict=True))
+    return bool(case.taken) and len(case.taken[-1].fitted.coordinates) > 1 and ended
 
 
 def in_words(wrong: Sequence[str]) -> str:

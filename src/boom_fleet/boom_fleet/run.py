@@ -122,8 +122,8 @@ class Night:
             name = self._tasks[other.key].bag.recording
             if columns[other.key]["model"] != columns[own.key]["model"]:
                 return (
-                    f"is of a {columns[own.key]['model']}, {name} beside it of a {columns[other.key]['model']}: two machines in one "
-                    "folder cannot be compared; give each a folder of its own"
+                    f"is of a {columns[own.key]['model']}, {name} beside it of a {columns[other.key]['model']}: two machines in "
+                    "one folder cannot be compared; give each a folder of its own"
                 )
             if own.time == other.time and np.array_equal(own.vector, other.vector):
                 return f"is the same recording as {name}, and would count twice: take one of them away"

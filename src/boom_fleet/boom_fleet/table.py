@@ -20,8 +20,8 @@ from boom_input.shown import printable
 
 FOLDER = "recordings"
 EQUAL_TIME = (
-    "another recording of the machine has the same time, so its clock tells nothing: they are compared in the order of their names, "
-    "as if a month had passed"
+    "another recording of the machine has the same time, so its clock tells nothing: they are compared in the order of their "
+    "names, as if a month had passed"
 )
 _PLAIN = re.compile(r"[A-Za-z0-9][\w.-]{0,99}", re.ASCII)
 Row = dict[str, Any]

@@ -20,8 +20,8 @@ SHORTEST = 0.1
 class Repeats:
     """Whether a channel repeats its value for longer than its noise ever let it at rest; in motion it changes more, not less.
 
-    A sensor that is quiet at rest is never told: an encoder, a rate computed from it, a pressure of coarse steps. Neither is a value
-    of exactly 0, at which transducers end and computed rates stay.
+    A sensor that is quiet at rest is never told: an encoder, a rate computed from it, a pressure of coarse steps. Neither is a
+    value of exactly 0, at which transducers end and computed rates stay.
 
     Args:
         least: what counts as no change at all, in the channel's unit.

@@ -116,8 +116,11 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
     from boom_diagnosis.found_machine import write_machine
     from boom_report.console import console_for
     from boom_report.diagnosis.terminal import print_diagnosis, print_hypotheses
+    from boom_report.diagnosis.words import headline
 
-    document = json_text(result.document.document())
+    said = {"headline": headline(result), "notes": list(result.notes), "remaining": result.remaining}
+    moved = {name: number.document() for name, number in result.tolerances_used.items()}
+    document = json_text({**result.document.document(), **said, "moved_parameters": moved})
     for path in [folder / "diagnosis.json", *([json_path] if json_path else [])]:
         write_text(path, document)
     machine_path = folder / "machine.yaml"
