@@ -20,6 +20,10 @@ RETURN_PRESSURE = 10e5
 """Pa gauge in the rod side, assumed where a flow depends on it (valves without compensator)."""
 FASTEST = 0.8
 """rad/s. No crane lifts faster in every position: flow and pressure drop of an edge do not belong together then."""
+LARGEST_PRESSURE = 500e5
+"""Pa gauge. No crane's cylinder holds more."""
+HEAVIEST = 50e3
+"""kg. No boom is as heavy: D_0 and S do not belong together then."""
 STEPS = 100
 _STEP = 1e-4  # rad, for the lever arm
 
@@ -76,9 +80,13 @@ def quantities(machine: Machine) -> list[Quantity]:
         where = f"rigid_body.configs.{pose.tabulated}"
         posed = namespace(machine.values(pose))
         pressure = _torque(posed, angles[level], 0.0) / levers[level] / a
+        much = ": more than any cylinder holds; are Sx and Sy in kg m?" if abs(pressure) > LARGEST_PRESSURE else ""
+        least = (pose.Sx**2 + pose.Sy**2) / pose.D0  # of a mass m at r: S = m r, D_0 >= m r^2
+        heavy = ": too heavy for a boom; are D0 in kg m^2 and Sx, Sy in kg m?" if least > HEAVIEST else ""
         rows += [
+            Quantity(f"{pose.tabulated}: mass, at least", f"{least:.0f} kg{heavy}", where),
             Quantity(f"{pose.tabulated}: reach", f"{math.hypot(*pose.tip):.2f} m", f"{where}.tip"),
-            Quantity(f"{pose.tabulated}: held level by", f"{pressure / BAR:.0f} bar", where),
+            Quantity(f"{pose.tabulated}: held level by", f"{pressure / BAR:.0f} bar{much}", where),
             Quantity(
                 f"{pose.tabulated}: {LOAD_PRESSURE / BAR:.0f} bar hold level",
                 _load(posed, angles[level : level + 1], levers[level : level + 1]),

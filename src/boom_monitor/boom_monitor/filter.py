@@ -54,8 +54,8 @@ class WatchFilter:
         memory: time constant of the forgetting [s].
 
     Attributes:
-        gain: (n, NY) of the last correction. whitening: (NY, NY) W, W e has unit variance; zero where nothing was measured, or nothing
-            of it counts.
+        gain: (n, NY) of the last correction. whitening: (NY, NY) W, W e has unit variance; zero where nothing was measured or
+            nothing of it counts.
     """
 
     def __init__(

@@ -265,7 +265,7 @@ class Watch:
         samples.append((0.5 * (since + time), value))
 
     def _arrived(self, begin: float, end: float) -> tuple[Array, Array]:
-        """(NY,) what was measured between two times [s], NaN where nothing was, and when in the interval; it tells who is stuck, too."""
+        """(NY,) what was measured between two times [s], NaN where nothing was, and when in the interval; tells who is stuck."""
         measured, share = np.full(len(OUTPUTS), np.nan), np.ones(len(OUTPUTS))
         at_rest = end - self._closed_since > _AT_REST
         for i, name in enumerate(OUTPUTS):

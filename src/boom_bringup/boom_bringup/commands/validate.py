@@ -47,12 +47,12 @@ def run(args: argparse.Namespace) -> int:
     json_path = checked_json(args.json, "machine", "bags")
     report = None if args.no_report else checked(args.report, "--report", PAGE) or default_report("validate", args.bags)
 
-    from boom_bringup.given import load_all, load_given
+    from boom_bringup.given import load_all
 
     with progress(len(args.bags)) as step:
         # All are read before the first is run: a misspelt name is told at once, not after minutes.
         recordings = load_all(args.bags, args, lambda text: step(text, 0))
-        simulated = load_given(args.simulated, args) if args.simulated else None
+        simulated = _simulated(args, recordings[0]) if args.simulated else None
 
         from boom_checks.doubts import first_look
         from boom_identification.validation import Validation, validate
@@ -114,6 +114,25 @@ def run(args: argparse.Namespace) -> int:
     for line in diagnose_next(differing, args.machine, arguments.configuration_words(args)):
         console.print(line, markup=False, soft_wrap=True)
     return 1 if args.strict and differing else 0
+
+
+def _simulated(args: argparse.Namespace, recording: Recording) -> Recording:
+    """The simulation that is compared with a recording. Raises UsageError: it is of another pose."""
+    from boom_bringup.given import load_given
+
+    simulated = load_given(args.simulated, args)
+    wanted, given = _pose(recording), _pose(simulated)
+    if given != wanted:
+        raise UsageError(
+            f"{args.simulated} was simulated with {given}, {args.bags[0]} recorded with {wanted}: simulate that one"
+        )
+    return simulated
+
+
+def _pose(recording: Recording) -> str:
+    """Where the other joints stand."""
+    c = recording.configuration
+    return f"q3 = {c.outer_boom_angle:.3g} rad, q4 = {c.telescope_length:.3g} m"
 
 
 def _notes(recordings: list[Recording], machine: str) -> list[str]:
