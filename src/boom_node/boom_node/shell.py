@@ -15,6 +15,7 @@ import contextlib
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from types import FrameType
 from typing import TYPE_CHECKING, Any
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
 EXECUTOR_VARIABLE = "BOOM_EXECUTOR"  # "events" (default) or "single"
 SPIN_TIMEOUT_S = 0.2  # how long a signal may wait for the executor to return to Python
+
+CLOCK_PATIENCE_S = 3.0  # s until a node that wants /clock says that nobody publishes it
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -171,13 +174,25 @@ def _made(make_node: Callable[[], "Node | LifecycleNode"]) -> "Node | LifecycleN
 
 def _spin(executor: Any, node: "Node | LifecycleNode") -> None:
     """Until a signal or `finish` asks for the end; a StartError ends it too, any other exception is the guard's."""
+    clock_due = time.monotonic() + CLOCK_PATIENCE_S
     while not _state.stop:
         try:
             executor.spin_once(timeout_sec=SPIN_TIMEOUT_S)
+            if clock_due <= time.monotonic():
+                clock_due = float("inf")
+                _look_for_clock(node)
         except StartError:
             raise
         except Exception as error:
             node.guard.caught("the executor", error)
+
+
+def _look_for_clock(node: "Node | LifecycleNode") -> None:
+    """Say once that a node waits for a clock that nobody publishes: its own stands at 0, and every stamp seems to be ahead."""
+    if node.get_parameter("use_sim_time").value and not node.count_publishers("/clock"):
+        node.get_logger().error(
+            "use_sim_time is set, and nothing publishes /clock: start what does, or leave use_sim_time out"
+        )
 
 
 def _close(node: "Node | LifecycleNode", executor: Any) -> None:

@@ -146,6 +146,12 @@ def test_the_fall_back_executor_runs_the_node_too(tiny) -> None:
     assert "closed" in node.printed
 
 
+def test_a_node_that_waits_for_a_clock_says_that_nobody_publishes_one(tiny) -> None:
+    node = tiny("-p", "use_sim_time:=true")
+    assert node.process.stderr is not None
+    assert any("use_sim_time is set, and nothing publishes /clock" in line for line in node.process.stderr)
+
+
 @pytest.mark.parametrize("moment", ["finish", "raise"])
 def test_a_node_may_end_itself_with_one_line_and_is_closed(tiny, moment: str) -> None:
     node = tiny(block_at=moment)
