@@ -280,6 +280,17 @@ def test_one_that_is_stuck_at_rest_lets_no_motion_begin(boom: Boom) -> None:
     boom.until(MotionState.HOLD)
 
 
+def test_a_pressure_that_is_stuck_is_told_and_the_motion_goes_on(boom: Boom) -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(100):
+        boom.hose = 8e6 + float(rng.normal(0.0, 2e4))
+        boom.period()
+    lifting(boom)
+    boom.run(0.5)
+    assert (boom.last.status, boom.last.state) == ("warning", MotionState.TRACK)
+    assert boom.last.reason.startswith("the hose pressure repeats its value for ")
+
+
 def test_one_without_noise_that_is_stuck_at_rest_is_found_by_the_valve_that_opens_for_nothing(boom: Boom) -> None:
     frozen(boom)
     boom.loop.law.controller.gain = 80.0  # type: ignore[union-attr]

@@ -139,11 +139,11 @@ class ControlLoop:
 
     def hose_pressure(self, pressure: float, stamp: float, measured: float) -> None:
         """p_h [Pa gauge], like ``joint``."""
-        self.sensors.hose.take((pressure,), stamp, measured)
+        self.sensors.take_hose(pressure, stamp, measured, at_rest=not self.supervision.moving)
 
     def rod_pressure(self, pressure: float, stamp: float, measured: float) -> None:
         """p_b [Pa gauge], like ``joint``."""
-        self.sensors.rod.take((pressure,), stamp, measured)
+        self.sensors.take_rod(pressure, stamp, measured, at_rest=not self.supervision.moving)
 
     def currents(self, retract: float, extend: float, stamp: float, measured: float) -> None:
         """Measured currents [A], like ``joint``; optional."""
@@ -384,7 +384,8 @@ class ControlLoop:
                 return "warning", missing
             if self._refused_stream and now - self._last_reference > 1.0:
                 self._refused_stream = self._note = ""
-        note = self._note or (self.supervision.closed_loop and (self.law.note or self.references.slowed))
+        slowed = self.supervision.closed_loop and (self.law.note or self.references.slowed)
+        note = self._note or (self.supervision.closed_loop and self.sensors.doubt) or slowed
         return ("warning", note) if note else ("ok", "")
 
     def pop_endings(self) -> list[tuple[int, Ending]]:

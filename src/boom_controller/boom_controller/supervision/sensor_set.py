@@ -16,6 +16,7 @@ _BEYOND = (
 _RATE = Range("rate", "rad/s", -3.0, 3.0)
 _PRESSURE = (-2.02e5, 6.0e7)  # Pa. Vacuum, to the accuracy of a transducer of 0 to 400 bar
 _NO_CHANGE = 1e-6  # rad/s
+_NO_CHANGE_OF_PRESSURE = 10.0  # Pa
 _CURRENT = Range("current", "A", -0.05, 10.0)
 
 
@@ -34,8 +35,8 @@ class SensorSet:
         self.rod = SupervisedSensor("rod pressure", (Range("rod pressure", "Pa", *_PRESSURE),))
         self.currents = SupervisedSensor("currents", (_CURRENT, _CURRENT))
         self._agreement = Agreement()
-        self._gyro = Repeats(_NO_CHANGE)
         self._age = 0.0
+        self._watch_repeats()
 
     def set_stroke(self, low: float, high: float) -> None:
         """Set the range of the boom's angles, ``low`` to ``high`` [rad]. Forgets the samples of the angle."""
@@ -47,12 +48,26 @@ class SensorSet:
             self._agreement.update(stamp, angle, rate)
             self._gyro.take(rate, stamp, at_rest)
 
+    def take_hose(self, pressure: float, stamp: float, measured: float, *, at_rest: bool = False) -> None:
+        """Accept p_h [Pa gauge], like :meth:`take_joint`."""
+        if self.hose.take((pressure,), stamp, measured):
+            self._pressures["hose"].take(pressure, stamp, at_rest)
+
+    def take_rod(self, pressure: float, stamp: float, measured: float, *, at_rest: bool = False) -> None:
+        """Accept p_b [Pa gauge], like :meth:`take_joint`."""
+        if self.rod.take((pressure,), stamp, measured):
+            self._pressures["rod"].take(pressure, stamp, at_rest)
+
+    def _watch_repeats(self) -> None:
+        self._gyro = Repeats(_NO_CHANGE)
+        self._pressures = {side: Repeats(_NO_CHANGE_OF_PRESSURE) for side in ("hose", "rod")}
+
     def forget(self) -> None:
         """Start again: accept the next samples whatever their stamps."""
         for sensor in (self.joint, self.hose, self.rod, self.currents):
             sensor.forget()
         self._agreement.reset()
-        self._gyro = Repeats(_NO_CHANGE)
+        self._watch_repeats()
 
     def complete(self, most_apart: float) -> bool:
         """True once each has delivered a new sample since :meth:`use`, all within ``most_apart`` [s].
@@ -86,6 +101,17 @@ class SensorSet:
     def measured_currents(self, now: float, timeout: float) -> tuple[float, ...] | None:
         """(i_+, i_-) [A], or None if they are not measured."""
         return self.currents.values if now - self.currents.measured < timeout else None
+
+    @property
+    def doubt(self) -> str:
+        """What is to be told of a sensor though the boom may move: a pressure that repeats its value; empty: nothing.
+
+        No reason to stop, as what a transducer does at rest is also the pump's doing, which may have been switched off.
+        """
+        for side, repeats in self._pressures.items():
+            if stuck := repeats.stuck:
+                return f"the {side} pressure repeats its value for {1e3 * stuck[0]:.0f} ms: is the sensor stuck?"
+        return ""
 
     def finding(self, now: float, s: SupervisionSettings) -> StopCause | None:
         """The fault of the sensors at the time ``now`` [s], or None."""
