@@ -31,6 +31,7 @@ from boom_fleet.tasks import (
     screen_one,
     take_reference,
 )
+from boom_input.shown import quoted
 from boom_model.catalogue import CATALOGUE
 from boom_model.plant import Plant
 
@@ -187,7 +188,7 @@ class Night:
         def told(key: str, result: Screened) -> None:
             found[key] = result
             bag = self._tasks[key].bag
-            self._told(f"screened {bag.machine}/{bag.recording}", 1)
+            self._told(quoted(f"screened {bag.machine}/{bag.recording}"), 1)
 
         def arguments(key: str) -> tuple[Any, ...]:
             return self._tasks[key], references[_group(self._tasks[key])]
@@ -209,7 +210,7 @@ class Night:
         def told(key: str, *result: Any) -> None:
             found[key] = verdict_columns(*result)
             bag = self._tasks[key].bag
-            self._told(f"diagnosed {bag.machine}/{bag.recording}", 0)
+            self._told(quoted(f"diagnosed {bag.machine}/{bag.recording}"), 0)
 
         missing = [key for key in raised if key not in found]
         self._engine.each(

@@ -183,6 +183,7 @@ class Watch:
         state = np.clip(state, plant.lowest(), plant.maximum)
         self._filter = WatchFilter(self._model, self._noise, state, end, moving=moving, memory=self.settings.memory)
         self._from = end + _SETTLING
+        self._closed_since = end
         if not self._guessed_again:
             self._doubted = end + _DOUBTED
         self._heard = end
