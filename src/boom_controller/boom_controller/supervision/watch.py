@@ -10,6 +10,9 @@ from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.types import ControlOutput, Measurement, Reference
 
 _OUTWARD_RATE = 0.02  # rad/s. Ten times the noise of the gyro: the boom really moves
+_STAYS = (
+    3.0  # times the persistence of a pressure's limit, after which bringing the boom to rest by the loop is of no use
+)
 _WIDE_OPEN = 0.8  # of the largest current
 _UNMOVED = 2e-3  # rad. What the angle's noise and steps may make of a boom that stands
 
@@ -44,7 +47,7 @@ class MotionWatch:
 
     def reset(self) -> None:
         """Start again."""
-        self._fast, self._pressed, self._unlike = _Lasting(), _Lasting(), _Lasting()
+        self._fast, self._pressed, self._stays, self._unlike = _Lasting(), _Lasting(), _Lasting(), _Lasting()
         self._missed: deque[float] = deque()
         self._opened: deque[tuple[float, float]] = deque()
 
@@ -75,10 +78,12 @@ class MotionWatch:
         if self._fast(abs(m.rate) > s.largest_rate, now, s.persistence):
             return StopCause("speed_limit", f"{m.rate:.2f} rad/s, allowed is {s.largest_rate:g} rad/s")
         pressure = max(m.hose_pressure, m.rod_pressure)
-        if self._pressed(pressure > s.largest_pressure, now, s.persistence):
+        beyond = pressure > s.largest_pressure
+        stays = self._stays(beyond, now, _STAYS * s.persistence)
+        if self._pressed(beyond, now, s.persistence):
             side = "hose" if m.hose_pressure >= m.rod_pressure else "rod"
             return StopCause(
-                "pressure_limit",
+                "pressure_stays" if stays else "pressure_limit",
                 f"{pressure / 1e5:.0f} bar on the {side} side, allowed are {s.largest_pressure / 1e5:.0f} bar",
             )
         error = reference.angle - m.angle
