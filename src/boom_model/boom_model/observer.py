@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from boom_model.codegen.compiled import LANES
 from boom_model.compiled_model import pointer
-from boom_model.components.oil import VOID
 from boom_model.cores import usable_cores
 from boom_model.errors import SimulationError
 from boom_model.plant import Plant
@@ -231,13 +230,8 @@ def _pool(workers: int) -> ThreadPoolExecutor:
 
 
 def linearise(plant: Plant, states: Array, currents: Array, parameters: Array | None = None) -> tuple[Array, Array]:
-    """X' (n, NX) and J = dx'/dx (n, NX, NX) along states (n, NX) with currents (n, 2).
-
-    Where a pressure is below p_v it is that of full lines at p_v: a void's stiffness changes by orders within a sample, so its
-    derivative, 10^9 in a transition of 10 ms, holds nowhere.
-    """
-    x = np.ascontiguousarray(np.maximum(states, plant.lowest(VOID)))
-    u = np.ascontiguousarray(currents, dtype=float)
+    """X' (n, NX) and J = dx'/dx (n, NX, NX) along states (n, NX) with currents (n, 2)."""
+    x, u = np.ascontiguousarray(states, dtype=float), np.ascontiguousarray(currents, dtype=float)
     n, nx = x.shape
     p = plant.p if parameters is None else np.ascontiguousarray(parameters, dtype=float)
     f, jacobian = np.empty((n, nx)), np.empty((n, nx, nx))

@@ -108,7 +108,7 @@ void boom_derivatives(const double *p, const double *x, const double *u, long n,
    gain [n][NX][NY] and innovation [n][NY][NY], the covariance of the innovations. Channels that were not measured get no gain. */
 void boom_riccati(long n, const double *transition, const double *process, const double *output, const unsigned char *valid,
                   const double *variance, double *covariance, double *gain, double *innovation) {
-  double M[NX * NX], H[NY][NX], PH[NX][NY], S[NY][NY], V[NY][NY];
+  double M[NX * NX], H[NY][NX], PH[NX][NY], MH[NX][NY], S[NY][NY], V[NY][NY];
   double *P = covariance;
   for (long k = 0; k < n; k++) {
     const double *A = transition + k * NX * NX, *Q = process + k * NX * NX;
@@ -155,11 +155,24 @@ void boom_riccati(long n, const double *transition, const double *process, const
         for (int b = 0; b < NY; b++) sum += PH[i][b] * V[b][a];
         g[i * NY + a] = sum;
       }
+    /* Joseph's form, (I - K H) P (I - K H)' + K R K': what grows by orders in a void keeps the covariance positive */
+    for (int i = 0; i < NX; i++)
+      for (int j = 0; j < NX; j++) {
+        double sum = P[i * NX + j];
+        for (int a = 0; a < NY; a++) sum -= g[i * NY + a] * PH[j][a];
+        M[i * NX + j] = sum;
+      }
+    for (int i = 0; i < NX; i++)
+      for (int a = 0; a < NY; a++) {
+        double sum = 0.0;
+        for (int l = 0; l < NX; l++) sum += M[i * NX + l] * H[a][l];
+        MH[i][a] = sum - g[i * NY + a] * variance[k * NY + a];
+      }
     for (int i = 0; i < NX; i++)
       for (int j = 0; j <= i; j++) {
-        double sum = 0.0;
-        for (int a = 0; a < NY; a++) sum += 0.5 * (g[i * NY + a] * PH[j][a] + g[j * NY + a] * PH[i][a]);
-        P[i * NX + j] = P[j * NX + i] = P[i * NX + j] - sum;
+        double sum = 0.5 * (M[i * NX + j] + M[j * NX + i]);
+        for (int a = 0; a < NY; a++) sum -= 0.5 * (MH[i][a] * g[j * NY + a] + MH[j][a] * g[i * NY + a]);
+        P[i * NX + j] = P[j * NX + i] = sum;
       }
   }
 }
