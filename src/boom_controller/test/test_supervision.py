@@ -99,9 +99,9 @@ def test_deactivation_keeps_a_stop_that_stands() -> None:
 
 def seen(measurement: Measurement, reference: Reference, output: ControlOutput = CALM, seconds: float = 0.2) -> str:
     """The reason that is found within some time."""
-    watch = MotionWatch(SETTINGS, (0.0, 1.5))
+    watch = MotionWatch(SETTINGS, (0.0, 1.5), (0.2, 0.6))
     for k in range(round(100 * seconds) + 1):
-        finding = watch.motion(measurement, reference, output, 0.01 * k, 0.6)
+        finding = watch.motion(measurement, reference, output, 0.01 * k)
         if finding is not None:
             return finding.reason
     return ""
@@ -125,24 +125,24 @@ def test_each_limit_has_its_reason(measurement: Measurement, output: ControlOutp
 
 
 @pytest.mark.parametrize(
-    ("current", "rate", "reason"), [(0.6, 0.0, "no_motion"), (0.6, 0.01, ""), (0.4, 0.0, "")],
+    ("current", "rate", "reason"), [(0.6, 0.0, "no_motion"), (0.6, 0.01, ""), (0.5, 0.0, "")],
 )  # fmt: skip
 def test_a_valve_that_is_wide_open_for_a_second_moves_the_boom(current: float, rate: float, reason: str) -> None:
-    watch, found = MotionWatch(SETTINGS, (0.0, 1.5)), ""
+    watch, found = MotionWatch(SETTINGS, (0.0, 1.5), (0.2, 0.6)), ""
     for k in range(150):
         time = 0.01 * k
         moving = STILL._replace(angle=0.4 + rate * time + 0.5e-3 * (k % 2))
-        finding = watch.motion(moving, Reference(0.4), ControlOutput(0.0, current), time, 0.6)
+        finding = watch.motion(moving, Reference(0.4), ControlOutput(0.0, current), time)
         found = found or (finding.reason if finding else "")
         assert not found or time >= SETTINGS.longest_stall
     assert found == reason
 
 
 def test_a_single_sample_beyond_a_limit_of_speed_is_no_reason() -> None:
-    watch = MotionWatch(SETTINGS, (0.0, 1.5))
+    watch = MotionWatch(SETTINGS, (0.0, 1.5), (0.2, 0.6))
     for k in range(50):
         rate = 0.8 if k % 4 == 0 else 0.1
-        assert watch.motion(STILL._replace(rate=rate), Reference(0.4), CALM, 0.01 * k, 0.6) is None
+        assert watch.motion(STILL._replace(rate=rate), Reference(0.4), CALM, 0.01 * k) is None
 
 
 def test_beyond_an_angle_limit_only_the_way_out_stops() -> None:
@@ -153,23 +153,23 @@ def test_beyond_an_angle_limit_only_the_way_out_stops() -> None:
 
 
 def test_late_cycles_are_counted_and_a_long_gap_stops_at_once() -> None:
-    watch = MotionWatch(SETTINGS, (0.0, 1.5))
+    watch = MotionWatch(SETTINGS, (0.0, 1.5), (0.2, 0.6))
     assert watch.cycle(0.012, 0.01, 0.0) is None
     finding = watch.cycle(0.06, 0.01, 0.1)
     assert finding is not None and finding.reason == "missed_deadlines"
-    slow = MotionWatch(SETTINGS, (0.0, 1.5))
+    slow = MotionWatch(SETTINGS, (0.0, 1.5), (0.2, 0.6))
     found = [slow.cycle(0.021, 0.01, 0.021 * k) for k in range(40)]
     assert found[10] is None
     assert found[-1] is not None and found[-1].reason == "missed_deadlines"
 
 
 def test_a_few_missed_cycles_are_forgotten_after_a_second() -> None:
-    watch = MotionWatch(SETTINGS, (0.0, 1.5))
+    watch = MotionWatch(SETTINGS, (0.0, 1.5), (0.2, 0.6))
     assert all(watch.cycle(0.03 if k % 20 == 0 else 0.01, 0.01, 0.01 * k) is None for k in range(2000))
 
 
 def test_currents_that_do_not_follow_are_found_and_those_nobody_measures_are_not() -> None:
-    watch = MotionWatch(SETTINGS, (0.0, 1.5))
+    watch = MotionWatch(SETTINGS, (0.0, 1.5), (0.2, 0.6))
     found = [watch.currents((0.0, 0.4), (0.0, 0.0), 0.01 * k) for k in range(60)]
     assert found[40] is None
     assert found[-1] is not None and found[-1].reason == "currents_not_followed"

@@ -66,7 +66,12 @@ def quantities(machine: Machine) -> list[Quantity]:
         ),
     ]  # fmt: skip
     rows += [Quantity(*row, part.key[0]) for part in machine.structure for row in part.data(p)]
-    rows.append(Quantity("current: the valve opens .. is open", _currents(machine, p, e), "pilot_valves, main_valve_*"))
+    opened = valve_currents(machine)
+    rows.append(
+        Quantity(
+            "current: the valve opens .. is open", "{:.2f} .. {:.2f} A".format(*opened), "pilot_valves, main_valve_*"
+        )
+    )
     for name, sign, area in (("lift", -1.0, a), ("lower", 1.0, b)):
         flow = _supply(machine, p, e, sign, _torque(p, angles[level], 0.0) / levers[level] / a)
         rates = [flow / area / lever for lever in levers]
@@ -132,11 +137,13 @@ def _supply(machine: Machine, p: Any, e: Any, sign: float, head_pressure: float)
     return float(p.fluid.C_d * area * math.sqrt(2.0 / p.fluid.rho * max(drop, 0.0)))
 
 
-def _currents(machine: Machine, p: Any, e: Any) -> str:
+def valve_currents(machine: Machine) -> tuple[float, float]:
+    """Currents [A] at which the main valve opens, and is open, without effects."""
+    p, e = component_parameters(machine.with_effects({}), machine.tabulated[0])
     s, stroke = machine.structure, p.main_valve_spool.s_max
     overlap = float(s.metering.overlap(-stroke, p, e))
-    first, last = (s.spool.current(x * stroke, p, s.pilot_valves) for x in (overlap, 1.0))
-    return f"{first:.2f} .. {last:.2f} A"
+    first, last = (float(s.spool.current(x * stroke, p, s.pilot_valves)) for x in (overlap, 1.0))
+    return first, last
 
 
 def _diameter(area: float) -> float:

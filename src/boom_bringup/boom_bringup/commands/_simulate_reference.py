@@ -71,6 +71,7 @@ def simulate_reference(
     from boom_controller.controller import Settings, make_controller
     from boom_controller.references.governor import Governor
     from boom_controller.references.trajectory_generator import TrajectoryGenerator
+    from boom_model.derived import valve_currents
     from boom_report.console import console_for
     from boom_sim.simulated_crane import PERIOD, CraneStart, SimulatedCrane
     from boom_trials.closed_loop import follow, wanted_angles
@@ -80,7 +81,8 @@ def simulate_reference(
         angles = angles[: max(round(duration / PERIOD), 1)]
     load = 0.0 if math.isnan(configuration.load_mass) else configuration.load_mass
     place = (configuration.outer_boom_angle, configuration.telescope_length, load)
-    settings = Settings(sample_time=PERIOD)
+    opened, largest = valve_currents(law.told)[1], Settings().largest_current
+    settings = Settings(sample_time=PERIOD, largest_current=min(max(largest, opened), 1.5))  # its range's end
     controller = make_controller(law.mode, law.told, law.told.pose(*place), settings)
     generator = TrajectoryGenerator(settings.generator_pole, PERIOD)
     start = CraneStart(float(angles[0]) if angle is None else angle)

@@ -27,6 +27,7 @@ from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.supervision.tracking_goal import Ending, Goals, Tolerances, TrackingGoal
 from boom_controller.supervision.watch import MotionWatch
 from boom_controller.types import ControlOutput, Measurement, Reference
+from boom_model.derived import valve_currents
 from boom_model.machine import Machine, Pose
 from boom_node.commands import LONGEST_SILENCE_S
 
@@ -86,7 +87,7 @@ class ControlLoop:
         machine, _ = laws.configuration
         self._note = unused_in_words(machine)
         self.sensors.set_stroke(*machine.angle_limits)
-        self._watch = MotionWatch(self.supervision.settings, machine.angle_limits)
+        self._watch = MotionWatch(self.supervision.settings, machine.angle_limits, valve_currents(machine))
         self._use_supervision(self.supervision.settings)
 
     def configuration_changes(self, now: float) -> None:
@@ -323,7 +324,7 @@ class ControlLoop:
         reference = self.references.advance(self._time, now - measurement.age)
         output = self.law.step(reference, measurement)
         self.references.governor.allow(output)
-        finding = watch.motion(measurement, reference, output, now, self.law.settings.largest_current)
+        finding = watch.motion(measurement, reference, output, now)
         if finding is None:
             seen = self.sensors.measured_currents(now, self.supervision.settings.sensor_timeout)
             finding = watch.currents(self._last_output, seen, now)

@@ -12,6 +12,7 @@ from boom_controller.loop.preparation import Preparation
 from boom_controller.loop.rehearsal import Rehearsal
 from boom_input.shown import quoted
 from boom_interfaces.msg import MachineConfiguration
+from boom_model.derived import valve_currents
 from boom_model.errors import ModelError
 from boom_model.machine_file import load_machine, shipped_machine
 
@@ -88,6 +89,12 @@ class Configuring:
             self.foreign = "" if same else f"the crane is a {quoted(message.machine)}, the laws are for {machine.name}"
             if self.foreign:
                 self._log.warning(f"{self.foreign}: is it the right file?")
+            opened, largest = valve_currents(machine)[1], loops[0].law.settings.largest_current
+            if opened > largest:
+                self._log.warning(
+                    f"the valve of {machine.name} is open at {opened:.2f} A, and largest_current is {largest:g} A: set it higher "
+                    "for full speed"
+                )
             _, *numbers = _said(message)
             pose = machine.pose(*numbers)
         except (ControlError, ModelError) as error:

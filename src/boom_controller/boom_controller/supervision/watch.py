@@ -13,7 +13,7 @@ _OUTWARD_RATE = 0.02  # rad/s. Ten times the noise of the gyro: the boom really 
 _STAYS = (
     3.0  # times the persistence of a pressure's limit, after which bringing the boom to rest by the loop is of no use
 )
-_WIDE_OPEN = 0.8  # of the largest current
+_WIDE_OPEN = 0.8  # of the way from where the valve opens to where it is open
 _UNMOVED = 2e-3  # rad. What the angle's noise and steps may make of a boom that stands
 
 
@@ -38,11 +38,13 @@ class MotionWatch:
     Args:
         settings: the limits.
         angles: lowest and highest angle of the machine [rad].
+        valve: currents at which its valve opens, and is open [A].
     """
 
-    def __init__(self, settings: SupervisionSettings, angles: tuple[float, float]) -> None:
+    def __init__(self, settings: SupervisionSettings, angles: tuple[float, float], valve: tuple[float, float]) -> None:
         self.settings = settings
         self.angles = angles
+        self._wide = valve[0] + _WIDE_OPEN * (valve[1] - valve[0])
         self.reset()
 
     def reset(self) -> None:
@@ -67,9 +69,9 @@ class MotionWatch:
         return None
 
     def motion(
-        self, measurement: Measurement, reference: Reference, output: ControlOutput, now: float, full: float
+        self, measurement: Measurement, reference: Reference, output: ControlOutput, now: float
     ) -> StopCause | None:
-        """Check whether the motion is within its limits and near its reference. full: the largest current [A]."""
+        """Check whether the motion is within its limits and near its reference."""
         s, m = self.settings, measurement
         if not (math.isfinite(output.retract) and math.isfinite(output.extend)):
             return StopCause("divergence", "the control law gave a current that is not a number")
@@ -89,7 +91,7 @@ class MotionWatch:
         error = reference.angle - m.angle
         if abs(error) > s.largest_angle_error:
             return StopCause("divergence", f"the boom is {error:.2f} rad away from its reference")
-        if self._stands(m.angle, max(output.retract, output.extend) > _WIDE_OPEN * full, now):
+        if self._stands(m.angle, max(output.retract, output.extend) > self._wide, now):
             return StopCause(
                 "no_motion",
                 f"the valve has been wide open for {s.longest_stall:g} s, and the angle stays at {m.angle:.3f} rad",

@@ -8,6 +8,7 @@ from typing import Any
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.supervision.watch import MotionWatch
 from boom_controller.types import Controller, ControlOutput, Measurement, Reference
+from boom_model.derived import valve_currents
 from boom_model.machine import Machine
 
 
@@ -16,18 +17,18 @@ class Watched:
 
     Args:
         law: that commands.
-        machine: whose stroke limits the angle. full: the largest current that it commands [A].
+        machine: whose stroke limits the angle.
 
     Attributes:
         mode: of the law. seconds: [s] that each step of the law took.
     """
 
-    def __init__(self, law: Controller, machine: Machine, full: float, *, supervised: bool) -> None:
+    def __init__(self, law: Controller, machine: Machine, *, supervised: bool) -> None:
         self.mode = law.mode
         self.seconds: list[float] = []
         settings = SupervisionSettings()
-        self._law, self._full = law, full
-        self._watch = MotionWatch(settings, settings.angles(machine.angle_limits)) if supervised else None
+        self._law = law
+        self._watch = _watch(settings, machine) if supervised else None
 
     def reset(self, measurement: Measurement) -> None:
         """As the law."""
@@ -39,9 +40,13 @@ class Watched:
         begin = perf_counter()
         output = self._law.step(reference, measurement)
         self.seconds.append(perf_counter() - begin)
-        found = self._watch and self._watch.motion(measurement, reference, output, measurement.time, self._full)
+        found = self._watch and self._watch.motion(measurement, reference, output, measurement.time)
         return output._replace(reason=f"{found.reason}: {found.text}", cause=found.reason) if found else output
 
     def change(self, settings: Any) -> None:
         """As the law."""
         self._law.change(settings)
+
+
+def _watch(settings: SupervisionSettings, machine: Machine) -> MotionWatch:
+    return MotionWatch(settings, settings.angles(machine.angle_limits), valve_currents(machine))
