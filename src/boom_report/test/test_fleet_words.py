@@ -38,3 +38,19 @@ def test_a_machine_of_which_only_what_matters_to_nobody_has_changed_is_likely_un
     assert [(m.name, m.status, m.unchanged) for m in machines([judged, other])] == [
         ("south", "unchanged", 0.5), ("north", "unchanged", 0.97),
     ]  # fmt: skip
+
+
+def test_a_machine_whose_file_does_not_describe_its_first_recording_is_not_judged():
+    """Of such a one every later fault was taken for how restless it is: unchanged, P above 0.99."""
+    rows = [
+        {**ROW, "recording": name, "log_odds_changed": -30.0, "unchanged": 1.0, "changes": [], "levels": [],
+         "nats_rate_extending": 0.1, "nats_hose_pressure_extending": nats}
+        for name, nats in (("a", 40.0), ("b", 270.0))
+    ]  # fmt: skip
+    (machine,) = machines(rows)
+    assert (machine.status, machine.unchanged) == ("not judged", None)
+    assert machine.sentences[0].startswith(
+        "its file does not describe it (hose pressure extending: errors from sample to sample 9 times the sensor's noise)"
+    )
+    later = [{**rows[0], "nats_hose_pressure_extending": 0.2}, rows[1]]
+    assert machines(later)[0].status == "unchanged"

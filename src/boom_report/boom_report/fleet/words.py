@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from math import exp
 from typing import Any
@@ -14,6 +14,9 @@ from boom_report.diagnosis.words import SCALES
 Row = Mapping[str, Any]
 _WHOLE = 0.9
 """Share of the recordings from which on they are as good as screened whole: gaps and short ends are not."""
+_FAR = 5.0
+"""nats per innovation beyond noise, errors from sample to sample of more than three times the sensors' noise, that a machine's file
+may leave of its first recording for changes of it to be judged at all."""
 _UNITS = {unit: (name, scale) for unit, (scale, name) in SCALES.items()} | {"-": ("%", 1e2), "s": ("ms", 1e3)}
 
 
@@ -30,17 +33,33 @@ class FleetMachine:
     def unchanged(self) -> float | None:
         """Probability that nothing that matters has changed since its first recording."""
         judged = [row for row in self.rows if row.get("log_odds_changed") is not None]
-        if not judged:
+        if not judged or (self.far and not self.changes):
             return None
         return (
             1.0 / (1.0 + exp(min(judged[-1]["log_odds_changed"], 700.0))) if self.changes else judged[-1]["unchanged"]
         )
 
     @property
+    def far(self) -> str:
+        """Where its file does not describe its first screened recording, and by how much; empty where it does."""
+        first = next((row for row in self.rows if row.get("screened_s")), {})
+        left = {name: value for name, value in first.items() if name.startswith("nats_") and value is not None}
+        worst = max(left, key=lambda name: left[name], default="")
+        if not worst or left[worst] < _FAR:
+            return ""
+        channel, _, regime = worst.removeprefix("nats_").rpartition("_")
+        times = (1.0 + 2.0 * left[worst]) ** 0.5
+        return (
+            f"{channel.replace('_', ' ')} {regime}: errors from sample to sample {times:.0f} times the sensor's noise"
+        )
+
+    @property
     def status(self) -> str:
-        """changed, refused, failed or unchanged."""
+        """changed, refused, failed, far from its file, or unchanged."""
         if self.changes:
             return "changed"
+        if self.far:
+            return "not judged"
         if not any(row.get("screened_s") for row in self.rows):
             return "not screened"
         return "spoilt" if self.rows[-1].get("refused") else "unchanged"
@@ -74,7 +93,11 @@ def _machine(name: str, rows: Sequence[Row]) -> FleetMachine:
         said.append(change_sentence(own[0]) if len(own) == 1 else _several(own, levels[quantity]))
     said += [verdict_sentence(row) for row in rows if row.get("raised") and row.get("verdict")]
     said += [f"{row['recording']}: {row['refused']}" for row in rows if row.get("refused")]
-    return FleetMachine(name, tuple(rows), changes, tuple(said))
+    found = FleetMachine(name, tuple(rows), changes, tuple(said))
+    if found.status == "not judged":
+        doubt = f"its file does not describe it ({found.far}), so that no change can be judged: diagnose the first recording"
+        found = replace(found, sentences=(doubt, *said))
+    return found
 
 
 def quantity_words(quantity: str) -> str:
@@ -154,10 +177,11 @@ def sums(rows: Sequence[Row]) -> str:
     found = machines(rows)
     hours = sum(row.get("duration_s") or 0.0 for row in rows) / 3600
     seconds = sum((row.get("screen_processor_s") or 0.0) for row in rows)
+    unjudged = sum(m.status == "not judged" for m in found)
     diagnosed = [row["diagnosis_processor_s"] for row in rows if row.get("diagnosis_processor_s")]
     return (
         f"{_number(len(found), 'machine')}, {_number(len(rows), 'recording')}, {hours:.2g} h{_screened(rows)}: "
-        f"{sum(bool(m.changes) for m in found)} changed; "
+        f"{sum(bool(m.changes) for m in found)} changed{f', {unjudged} not judged' if unjudged else ''}; "
         f"{_number(sum(bool(r.get('failure')) for r in rows), 'recording')} failed, "
         f"{sum(bool(r.get('refused')) for r in rows)} refused; processor time: screen {seconds:.0f} s "
         f"({seconds / hours if hours else 0:.0f} s a recorded hour), "
