@@ -81,6 +81,10 @@ DOUBTFUL = 0.1
 """Share of the excess that stays from which on the tolerances alone are fitted once more, by the observer that sees most."""
 
 
+PLAINLY = (
+    "the machine file that is handed out has parameters only: with what was found free runs over data not used err more "
+    "on the whole"
+)
 _OF_THE_RATE = next(effect for effect in CATALOGUE if set(effect.terms) == {"measured_rate"})
 
 
@@ -165,14 +169,16 @@ def assemble(
     left = plain.point.excess(case.floor) if plain else tight.excess_after
     named = verdict not in ("no_mismatch", "parameters_only")  # else one-step errors name nothing
     left_over = remaining(fit, tight.excess_before, left if named else 0.0)
-    machine = _final_machine(case, verdict, learned)
+    plainly = not learned and bool(case.taken) and worse_on_the_whole(driven)
+    machine = _plain_machine(case) if plainly else _final_machine(case, verdict, learned)
     handed_out = told_by_recording(case, machine)
     return DiagnosisResult(
         document, case.machine, handed_out, bags,
         regimes.table(cells, case.select, tight.nominal, explained, case.healthy_squares), equations, agreement, proof.ladder,
         (learned.curve,) if learned else (), left_over, moved, experiment,
         (
-            *_said_of_wrong(case, moved), *unproved, *_said_of_limits(case, moved), *_said_of_less(case, machine),
+            *_said_of_wrong(case, moved), *unproved, *_said_of_limits(case, moved),
+            *([PLAINLY] if plainly else _said_of_less(case, machine)),
             *said_of_loads(case.machine, machine, handed_out), *proof.notes, *notes_of(case.bags, case.proving, weak),
         ),
         command=about.command, wrong=case.wrong,
@@ -200,6 +206,13 @@ def _final_machine(case: Case, verdict: Verdict, learned: Learned | None) -> Mac
         return case.machine
     covariance = _covariance(case, case.final)
     return final_machine(case, learned.point if learned else case.last, covariance, (learned.term,) if learned else ())
+
+
+def _plain_machine(case: Case) -> Machine:
+    """With parameters only: what was found makes free runs over data not used worse."""
+    at = case.kept(0)
+    ended = np.array([n.ended(float(z)) for n, z in zip(case.nuisances, at.z, strict=True)])
+    return final_machine(case, at, of_tolerances(at, case.rounds[0].jacobian, (), case.temperature, ended), ())
 
 
 def _covariance(case: Case, fitted: Fitted | None) -> Array:

@@ -13,7 +13,7 @@ import pytest
 from diagnosis_samples import BAGS, FOLDED, simulated, tz17
 from rich.console import Console
 
-from boom_diagnosis import regimes
+from boom_diagnosis import answer, regimes
 from boom_diagnosis.bag_samples import prepare
 from boom_diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.document import DiagnosisResult
@@ -108,6 +108,14 @@ def test_every_probability_on_the_terminal_and_in_the_report_is_the_document_s()
 def test_the_same_recording_and_seed_give_the_same_document() -> None:
     again = diagnose([noisy(tz17().with_effects({"pilot_lag": {"r": 2.0}}), 24.0, 1)], tz17())
     assert again.document.document() == lagging().document.document()
+
+
+def test_what_makes_free_runs_worse_is_not_in_the_machine_file_that_is_handed_out(monkeypatch: Any) -> None:
+    made = noisy(tz17().with_effects({"pilot_lag": {"r": 2.0}}), 24.0, 1)
+    monkeypatch.setattr(answer, "worse_on_the_whole", lambda driven: True)
+    result = diagnose([made], tz17())
+    assert result.document.findings and answer.PLAINLY in result.notes
+    assert "pilot_lag" not in result.explained.effects and result.explained.document != tz17().document
 
 
 def test_a_healthy_machine_has_no_mismatch() -> None:
