@@ -87,6 +87,12 @@ class EvenSeries:
         together = np.logical_and.reduce([np.isfinite(self.smooth(name)) for name in names])
         return bool(together.sum() * PERIOD >= SHORTEST)
 
+    def without(self, name: str) -> EvenSeries:
+        """The same without a signal."""
+        return EvenSeries(
+            self.time, {key: value for key, value in self.columns.items() if key != name}, {**self._cache}
+        )
+
     def with_columns(self, changed: Mapping[str, Array]) -> EvenSeries:
         """The same with other values of some signals."""
         kept = {key: value for key, value in self._cache.items() if key[0] not in changed}
