@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import shutil
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -98,12 +99,13 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
         from boom_diagnosis.run import diagnose
         from boom_model.errors import MachineError
 
-        done = 0
+        done, begin = 0, time.monotonic()
 
         def show(text: str, share: float) -> None:
             nonlocal done
-            step(text, max(0, round(share * _STEPS) - done))
-            done = max(done, round(share * _STEPS))
+            more = max(0, round(share * _STEPS) - done)
+            done += more
+            step(f"{text} ({100 * done / _STEPS:.0f} %, {time.monotonic() - begin:.0f} s)", more)
 
         try:
             result = diagnose(
