@@ -80,9 +80,9 @@ class MotionWatch:
         if self._fast(abs(m.rate) > s.largest_rate, now, s.persistence):
             return StopCause("speed_limit", f"{m.rate:.2f} rad/s, allowed is {s.largest_rate:g} rad/s")
         pressure = max(m.hose_pressure, m.rod_pressure)
-        beyond = pressure > s.largest_pressure
-        stays = self._stays(beyond, now, _STAYS * s.persistence)
-        if self._pressed(beyond, now, s.persistence):
+        pressed = self._pressed(pressure > s.largest_pressure, now, s.persistence)
+        stays = self._stays(pressed, now, _STAYS * s.persistence)
+        if pressed:
             side = "hose" if m.hose_pressure >= m.rod_pressure else "rod"
             return StopCause(
                 "pressure_stays" if stays else "pressure_limit",
