@@ -10,9 +10,7 @@ from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.types import ControlOutput, Measurement, Reference
 
 _OUTWARD_RATE = 0.02  # rad/s. Ten times the noise of the gyro: the boom really moves
-_STAYS = (
-    3.0  # times the persistence of a pressure's limit, after which bringing the boom to rest by the loop is of no use
-)
+_STAYS = 0.1  # s that a pressure stays beyond its limit once that was told: bringing the boom to rest by the loop is of no use
 _WIDE_OPEN = 0.8  # of the way from where the valve opens to where it is open
 _UNMOVED = 2e-3  # rad. What the angle's noise and steps may make of a boom that stands
 
@@ -81,7 +79,7 @@ class MotionWatch:
             return StopCause("speed_limit", f"{m.rate:.2f} rad/s, allowed is {s.largest_rate:g} rad/s")
         pressure = max(m.hose_pressure, m.rod_pressure)
         pressed = self._pressed(pressure > s.largest_pressure, now, s.persistence)
-        stays = self._stays(pressed, now, _STAYS * s.persistence)
+        stays = self._stays(pressed, now, _STAYS)
         if pressed:
             side = "hose" if m.hose_pressure >= m.rod_pressure else "rod"
             return StopCause(
