@@ -37,7 +37,7 @@ def test_what_was_not_late_is_not_a_standstill() -> None:
 
 
 def test_the_words_are_those_of_the_controller() -> None:
-    cause = MotionWatch(SupervisionSettings(), (-1.0, 1.0)).cycle(0.08, 0.01, 1.0)
+    cause = MotionWatch(SupervisionSettings(), (-1.0, 1.0), (0.2, 0.6)).cycle(0.08, 0.01, 1.0)
     assert cause is not None and LATE[0] in cause.text
 
 
