@@ -204,22 +204,19 @@ def _rivals(case: Case, ranked: Sequence[RankingRow]) -> list[tuple[str, Point]]
 def _final_machine(case: Case, verdict: Verdict, learned: Learned | None) -> Machine:
     if verdict == "no_mismatch":
         return case.machine
-    covariance = _covariance(case, case.final)
+    covariance = _covariance(case, case.last, case.final)
     return final_machine(case, learned.point if learned else case.last, covariance, (learned.term,) if learned else ())
 
 
 def _plain_machine(case: Case) -> Machine:
     """With parameters only: what was found makes free runs over data not used worse."""
-    at = case.kept(0)
-    ended = np.array([n.ended(float(z)) for n, z in zip(case.nuisances, at.z, strict=True)])
-    return final_machine(case, at, of_tolerances(at, case.rounds[0].jacobian, (), case.temperature, ended), ())
+    return final_machine(case, case.kept(0), _covariance(case, case.kept(0), None), ())
 
 
-def _covariance(case: Case, fitted: Fitted | None) -> Array:
-    """Of the tolerances' z, at the end of the search; ``fitted``: with the effects that were taken, None where none was."""
+def _covariance(case: Case, at: Point, fitted: Fitted | None) -> Array:
+    """Of the tolerances' z at a point; ``fitted``: with the effects that were taken, None where none was."""
     jacobian, names = (fitted.jacobian, fitted.coordinates) if fitted else (case.rounds[0].jacobian, ())
-    ended = np.array([n.ended(float(z)) for n, z in zip(case.nuisances, case.last.z, strict=True)])
-    return of_tolerances(case.last, jacobian, names, case.temperature, ended)
+    return of_tolerances(at, jacobian, names, case.temperature, case.ended(at))
 
 
 def notes_of(bags: Sequence[Bag], proving: Sequence[Bag], weak: Sequence[str]) -> tuple[str, ...]:
@@ -477,7 +474,7 @@ def _moved(case: Case, verdict: Verdict) -> dict[str, Estimate]:
     """Numbers that the last fit moved, where that is told."""
     if verdict != "parameters_only" and not (case.taken or case.wrong):
         return {}
-    covariance = _covariance(case, case.taken[-1].fitted if case.taken else None)
+    covariance = _covariance(case, case.last, case.taken[-1].fitted if case.taken else None)
     return moved_tolerances(case, case.last, np.sqrt(np.diag(covariance)), case.wrong)
 
 

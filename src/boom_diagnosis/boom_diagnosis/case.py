@@ -192,6 +192,10 @@ class Case:
         wrong = [i for i, n in enumerate(self.nuisances) if n.components == self.wrong]
         return Nominal(self.problem(np.zeros(len(self.nuisances)), {}, LOOSENESS[1]), wrong=wrong)
 
+    def ended(self, at: Point) -> Flags:
+        """(count,) which tolerances stand at their ends."""
+        return np.array([n.ended(float(z)) for n, z in zip(self.nuisances, at.z, strict=True)], dtype=bool)
+
     def rest(self, at: Point) -> float:
         """Loss per innovation [nats] over that of a healthy machine, seen by the observer that is right for one."""
         return self.problem(at.z, at.effects, LOOSENESS[0]).points([(at.z, at.effects)])[0].excess(self.floor)

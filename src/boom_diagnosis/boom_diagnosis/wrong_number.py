@@ -48,8 +48,8 @@ def with_wrong_number(case: Case) -> Case | None:
 
 def _laboured(case: Case) -> bool:
     """Whether what explains all has several numbers of effects, and tolerances at their ends beside them."""
-    ended = any(n.ended(float(z)) for n, z in zip(case.nuisances, case.last.z, strict=True))
-    return bool(case.taken) and len(case.taken[-1].fitted.coordinates) > 1 and ended
+    several = bool(case.taken) and len(case.taken[-1].fitted.coordinates) > 1
+    return several and bool(case.ended(case.last).any())
 
 
 def in_words(wrong: Sequence[str]) -> str:
