@@ -346,9 +346,18 @@ def stamped(rig: Rig, seconds: int) -> None:
     rig.joints.publish(message)
 
 
+def reference(angle: float, sec: int) -> JointState:
+    message = JointState(name=[JOINT], position=[angle])
+    message.header.stamp.sec = sec
+    return message
+
+
 HOSTILE: dict[str, tuple[Callable[[Rig], Any], str]] = {
     "the last stamp": (lambda rig: stamped(rig, 2**31 - 1), "/joint_states, stamp far from now"),
     "no stamp": (lambda rig: stamped(rig, 0), "/joint_states, stamp far from now"),
+    "a reference of another day": (
+        lambda rig: rig.reference.publish(reference(0.9, sec=86_400)), "/boom/reference, stamp far from now"
+    ),
     "10 000 joints": (lambda rig: rig.joints.publish(JointState(name=["x"] * 10_000)), "/joint_states, larger than 65 kB"),
     "10 000 points": (
         lambda rig: rig.trajectory.publish(path([(0.01 * k, 0.3) for k in range(1, 10_001)])),

@@ -340,11 +340,14 @@ class ControllerNode(LifecycleNode):
         joint = self._values["joint_name"]
         if self._loop is None or not self._active or joint not in message.name:
             return
-        k = list(message.name).index(joint)
+        k, stamp_ns = list(message.name).index(joint), to_ns(message.header.stamp)
+        if not self._lockstep and stamp_ns and (wrong := far(stamp_ns, self._times.now_ns())):  # without a stamp: of now
+            self.guard.refuse("/boom/reference", "stamp far from now", f"{wrong}: synchronise the clocks")
+            return
         if k < len(message.position):
             self._loop.stream(message.position[k], self._times.now())
             if self._lockstep:
-                self._arrived("reference", to_ns(message.header.stamp))
+                self._arrived("reference", stamp_ns)
 
     def _on_emergency(self, message: Bool) -> None:
         self._emergency = bool(message.data)

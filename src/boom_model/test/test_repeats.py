@@ -57,3 +57,18 @@ def test_what_it_does_in_motion_tells_nothing_of_its_noise() -> None:
     for k, value in enumerate([*NOISE, *np.full(100, 0.1)]):
         made.take(float(value), 0.01 * k, at_rest=False)
     assert made.stuck is None
+
+
+def test_an_encoder_that_stands_is_stuck_where_the_gyro_carries_the_boom_on() -> None:
+    made = Repeats(1e-6)
+    angles = np.round(0.3 + 1e-3 * np.arange(100), 3)  # 0.1 rad/s
+    for k, angle in enumerate([*angles, *np.full(40, angles[-1])]):
+        made.take(float(angle), 0.01 * k, at_rest=False, carried=1.5e-3)
+        assert (made.stuck is not None) == (k > 99 + 13), k  # 0.02 rad
+
+
+def test_a_gyro_that_turns_at_rest_carries_nothing() -> None:
+    made = Repeats(1e-6)
+    for k in range(3000):
+        made.take(0.3, 0.01 * k, at_rest=True, carried=1e-4)
+    assert made.stuck is None

@@ -104,6 +104,7 @@ class Watch:
         self._since = math.nan
         self._absent: tuple[str, ...] = ()
         self._repeats = {name: Repeats(_NO_CHANGE[name]) for name in OUTPUTS}
+        self._turning, self._turned = 0.0, math.nan
         self._stuck: tuple[str, ...] = ()
         self._closed_since = math.inf
         self._unknown: deque[tuple[float, float]] = deque()
@@ -274,7 +275,11 @@ class Watch:
             while samples and samples[0][0] <= end:
                 time, measured[i] = samples.popleft()
                 share[i] = (time - begin) / PERIOD
-                self._repeats[name].take(float(measured[i]), time, at_rest)
+                # the boom's rate carries its angle; of pressures nothing tells how far they went
+                carried = self._turning * (time - self._turned) if name == "angle" else 0.0
+                self._repeats[name].take(float(measured[i]), time, at_rest, carried)
+                self._turned = time if name == "angle" else self._turned
+                self._turning = float(measured[i]) if name == "rate" else self._turning
         self._stuck = tuple(name for name in OUTPUTS if self._repeats[name].stuck)
         return measured, share
 

@@ -239,6 +239,18 @@ def test_a_channel_that_repeats_its_value_is_told_and_named_as_no_physics(name):
     assert message(watch.status).startswith(f"nothing is judged: {name} repeats its value")
 
 
+@pytest.mark.parametrize("step", [0.0, 2e-4])
+def test_an_angle_alone_that_stands_while_the_gyro_turns_is_told_as_stuck_an_encoder_too(step):
+    recording = load(BAGS / "healthy" / "extended")
+    signal = recording.signals["angle"]
+    shown = np.round(signal.values / step) * step if step else signal.values
+    held = np.where(signal.time > 20.0, shown[np.searchsorted(signal.time, 20.0)], shown)
+    for values, stuck in ((held, ("angle",)), (shown, ())):
+        recording.signals["angle"] = dataclasses.replace(signal, values=values)
+        _, said = watched(recording, until=40.0)
+        assert not any(s.alarm for s in said) and said[-1].stuck == stuck
+
+
 def test_silent_channels_are_named_whatever_else_is_said():
     assert silence([]) == ""
     said = silence(["rod_pressure"])
