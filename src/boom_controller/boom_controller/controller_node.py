@@ -341,7 +341,10 @@ class ControllerNode(LifecycleNode):
         if self._loop is None or not self._active or joint not in message.name:
             return
         k, stamp_ns = list(message.name).index(joint), to_ns(message.header.stamp)
-        if not self._lockstep and stamp_ns and (wrong := far(stamp_ns, self._times.now_ns())):  # without a stamp: of now
+        wrong = (
+            far(stamp_ns, self._times.now_ns()) if stamp_ns and not self._lockstep else ""
+        )  # without a stamp: of now
+        if wrong:
             self.guard.refuse("/boom/reference", "stamp far from now", f"{wrong}: synchronise the clocks")
             return
         if k < len(message.position):

@@ -1,8 +1,8 @@
 """Maximum a posteriori fit of the tolerances and of the numbers of a hypothesis, on whitened innovations.
 
 Minimised is  1/2 sum rho(w) + 1/2 |z|^2 : rho is Huber's function, z the machine's own numbers in standard deviations of
-their tolerance. Numbers of effects have a flat prior between limits. The Jacobian of z costs a run per number, so it is
-kept and improved by Broyden's rank-one updates while only the few columns of the effect are computed anew.
+their tolerance. Numbers of effects have a flat prior between limits. The Jacobian of z costs some passes, so it is kept and
+improved by Broyden's rank-one updates while only the few columns of the effect are computed anew.
 """
 
 from __future__ import annotations
@@ -43,6 +43,8 @@ CLOSED = 64
 """Sets of tolerances whose closed linkage is remembered: the hypotheses of a pass share most of theirs."""
 Z_STEP = 0.1
 """Standard deviations of a tolerance: step of the differences."""
+SMALL = 1e-3
+"""The same where the numbers and the initial state alone are differenced."""
 
 
 def rho(w: Array) -> float:
@@ -58,8 +60,7 @@ class Point:
     Attributes:
         z: standard deviations of the tolerances. effects: values of its effects by dotted name.
         w: (rows,) whitened innovations, used: (rows,) which of them are fitted; the others are held out.
-        loss: of the rows used, and of the tolerances' prior.
-        parts: (n, NY) whitened innovations, states: (n, NX), per recording.
+        loss: of the rows used, and of the tolerances' prior. parts: (n, NY) whitened innovations, states: (n, NX), per recording.
     """
 
     z: Array
@@ -162,11 +163,10 @@ class Problem:
         predicted = self.predictor.predict([self.values(z, e) for z, e in wanted])
         result = []
         for (z, e), rows in zip(wanted, predicted, strict=True):
-            w = np.concatenate([self._row([r.whitened for r in rows]), self._unlikely(e)])
+            parts = [r.whitened for r in rows]
+            w = np.concatenate([self._row(parts), self._unlikely(e)])
             loss = rho(w[self.used]) + 0.5 * float(z @ z)
-            result.append(
-                Point(z.copy(), dict(e), w, self.used, loss, [r.whitened for r in rows], [r.states for r in rows])
-            )
+            result.append(Point(z.copy(), dict(e), w, self.used, loss, parts, [r.states for r in rows]))
         return result
 
     def _changes(self, at: Point, moved: Sequence[tuple[Array, Mapping[str, float]]]) -> list[Array]:
@@ -202,10 +202,18 @@ class Problem:
         return Problem(Predictor(p.machine, p.bags, p.tuned, looseness, boost), self.nuisances, self.select)
 
     def nuisance_jacobian(self, at: Point, which: Sequence[int] | None = None) -> Array:
-        """dw/dz (rows, number of tolerances) by differences; ``which``: of these alone."""
-        units = np.eye(len(self.nuisances))
-        moved = [(at.z + Z_STEP * unit, at.effects) for unit in (units if which is None else units[list(which)])]
-        return np.stack([change / Z_STEP for change in self._changes(at, moved)], axis=-1)
+        """dw/dz (rows, number of tolerances); ``which``: of these alone. By differences where a derivative tells little."""
+        units = np.eye(len(self.nuisances))[slice(None) if which is None else list(which)]
+        told = np.array([self.nuisances[int(i)].smooth for i in np.argmax(units, axis=1)])
+        base, *near = (self.values(at.z + SMALL * unit, at.effects) for unit in (0.0, *units[told]))
+        jacobian = np.zeros((len(at.w), len(units)))
+        parts = self.predictor.derivatives(base, near, SMALL) if near else None
+        told &= parts is not None
+        jacobian[: len(at.w) - len(self.shapes), told] = self._row(parts) if parts else 0.0
+        moved = [(at.z + Z_STEP * unit, at.effects) for unit in units[~told]]
+        if moved:
+            jacobian[:, ~told] = np.stack(self._changes(at, moved), axis=-1) / Z_STEP
+        return jacobian
 
     def effect_jacobian(self, at: Point, names: Sequence[Coordinate], *, exact: bool = False) -> Array:
         """dw/d(inner coordinate) (rows, number of coordinates) by differences; ``exact``: of each row the median of three.
@@ -216,8 +224,8 @@ class Problem:
         if not names:
             return np.zeros((len(at.w), 0))
         values = [_around(c, at.effects[c.name], exact or len(names) == 1) for c in names]
-        moved = [{**at.effects, c.name: there} for c, own in zip(names, values, strict=True) for there in own]
-        changes = iter(self._changes(at, [(at.z, effects) for effects in moved]))
+        moved = [(at.z, {**at.effects, c.name: v}) for c, own in zip(names, values, strict=True) for v in own]
+        changes = iter(self._changes(at, moved))
         columns = []
         for c, own in zip(names, values, strict=True):
             here = c.inner(at.effects[c.name])

@@ -86,6 +86,11 @@ class Nuisance:
         return self.name.startswith((_EFFECTS, CLOCKS))
 
     @property
+    def smooth(self) -> bool:
+        """Whether its derivative tells what a part of its tolerance does: not of what cannot be less than nothing, at nothing."""
+        return not (self.shift and 0.0 in self.ends)
+
+    @property
     def tolerated(self) -> tuple[float, float]:
         """Least and largest z as far as ``LARGEST_Z`` standard deviations go, counted straight.
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import OTHER_POSE, Bag
+from boom_diagnosis.directions import directions
 from boom_diagnosis.nuisances import CLOCKS, clocks_in
 from boom_estimation.free_run import plant_for
 from boom_input.channels import PREDICTED
@@ -36,6 +37,7 @@ from boom_model.observer import (
     observe_groups,
 )
 from boom_model.plant import Plant
+from boom_model.sensitivities import sensitivities_of
 from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
@@ -171,10 +173,34 @@ class Predictor:
                 result[part * width + j].append(w - first)
         return result
 
-    def _prediction(self, i: int, job: Job, observed: Observed) -> Prediction:
+    def derivatives(self, base: Values, moved: Sequence[Values], step: float) -> list[Array] | None:
+        """(n, NY, M) of every recording: the derivatives of the whitened innovations towards each of ``moved``, ``step`` away.
+
+        By the sensitivities of the model. None where the run fails.
+        """
+        wanted = []
+        for i, bag in enumerate(self.bags):
+            job = self.job(i, base)
+            numbers = [self.parameters(i, job[0], values) for values in moved]
+            clocks = [clocks_in(values) for values in (base, *moved)]
+            wanted.append((job, directions(bag, job, numbers, clocks, step)))
+        result = []
+        for i, (observed, changes) in enumerate(sensitivities_of(wanted, tolerance=TOLERANCE)):
+            if not (observed.complete and np.isfinite(changes).all()):
+                return None
+            w, late = self._prediction(i, wanted[i][0], observed).whitened, self._late(i, wanted[i][0])
+            turned = np.einsum("nij,njm->nim", self.gains[i].whitening, _back(changes, late))
+            turned[~self.bags[i].counted | (np.abs(w) >= LARGEST)] = 0.0
+            result.append(turned)
+        return result
+
+    def _late(self, i: int, job: Job) -> tuple[int, ...]:
+        """(NY,) intervals by which the samples of recording ``i`` arrive late in a pass."""
         plant, _, _, _, p = job
-        late = self.bags[i].pressure_shift(plant.delays(p)[1])
-        return Prediction(_whiten(observed, self.gains[i], self.bags[i], late), observed.states)
+        return self.bags[i].pressure_shift(plant.delays(p)[1])
+
+    def _prediction(self, i: int, job: Job, observed: Observed) -> Prediction:
+        return Prediction(_whiten(observed, self.gains[i], self.bags[i], self._late(i, job)), observed.states)
 
     def job(self, i: int, values: Values) -> Job:
         """The observer's pass over recording ``i`` with these values."""
@@ -348,12 +374,17 @@ def _moved(gain: Array, late: Sequence[int]) -> Array:
     return moved
 
 
-def _whiten(observed: Observed, gains: KalmanGains, bag: Bag, late: Sequence[int]) -> Array:
-    """Whitened innovations; those of pressures that arrive ``late`` intervals go back to the interval of their stamp."""
-    e = np.where(np.isfinite(observed.innovations), observed.innovations, 0.0)
+def _back(e: Array, late: Sequence[int]) -> Array:
+    """What tells of pressures that arrive ``late`` intervals, (n, NY) or (n, NY, M), in the interval of their stamp."""
     for j, shift in enumerate(late):
         if shift:
             e[shift:, j] = e[:-shift, j].copy()
+    return e
+
+
+def _whiten(observed: Observed, gains: KalmanGains, bag: Bag, late: Sequence[int]) -> Array:
+    """Whitened innovations; those of pressures that arrive ``late`` intervals go back to the interval of their stamp."""
+    e = _back(np.where(np.isfinite(observed.innovations), observed.innovations, 0.0), late)
     w: Array = np.einsum("nij,nj->ni", gains.whitening, e)
     if not observed.complete:
         failed = ~np.isfinite(observed.states).all(axis=1)

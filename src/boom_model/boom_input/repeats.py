@@ -16,7 +16,7 @@ LONGER = 5.0
 SHORTEST = 0.1
 """s. No shorter run is told."""
 CARRIED, STEPS = 0.02, 5.0
-"""rad, and times the largest change between two samples: by so much another sensor has carried it on while it repeated its value."""
+"""rad, and times the largest change between two samples: so far another sensor has carried it on while it repeated its value."""
 
 
 class Repeats:
@@ -38,7 +38,7 @@ class Repeats:
         self._carried = self._largest = 0.0
 
     def take(self, value: float, time: float, at_rest: bool, carried: float = 0.0) -> None:
-        """A sample and its time [s], while the valve is closed (``at_rest``) or not; ``carried``: how far it went since, by another."""
+        """A sample and its time [s], the valve closed (``at_rest``) or not; ``carried``: how far it went since, by another one."""
         change = value - self._value
         if abs(change) <= self._least:
             self._last, self._rested = time, self._rested and at_rest

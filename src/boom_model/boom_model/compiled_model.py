@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from boom_model.codegen.compiled import LANES, build
+from boom_model.codegen.compiled import LANES, build, build_sensitive
 from boom_model.equations import Equations, Kind, full_model, reduced_model
 from boom_model.errors import ModelError
 from boom_model.learned import LearnedTerm
@@ -84,6 +84,11 @@ class CompiledModel:
         """The observer for ``LANES`` parameter vectors at once, compiled on first use."""
         effects = tuple(sorted(self.machine.effects))
         return _catalogued_abreast(self.machine.structure, effects, self._kind, self._discrepancies)
+
+    @cached_property
+    def sensitive(self) -> CDLL:
+        """The observer with derivatives of its innovations, compiled on first use."""
+        return build_sensitive(self.equations)
 
     @cached_property
     def _auxiliary_function(self) -> Any:

@@ -109,7 +109,7 @@ def observe(
     innovations, states, report = np.full((n, len(OUTPUTS)), np.nan), np.full((n, nx), np.nan), np.zeros(8)
     g = np.ascontiguousarray(gain)
     plant._library.boom_observe(
-        *_arguments(plant, samples, p, x, _sampled(samples), g, innovations, states, tolerance, report)
+        *arguments(plant, samples, p, x, sampled(samples), g, innovations, states, tolerance, report)
     )
     return Observed(innovations, states, int(report[0]) == 0)
 
@@ -141,7 +141,7 @@ def observe_groups(
     for group in groups:
         if len(group) >= WORTH_JOINING:
             compile_abreast(group[0][0])  # here, once, and not in every thread
-    return list(_pool(workers or usable_cores()).map(lambda group: _together(group, tolerance), groups))
+    return list(pool(workers or usable_cores()).map(lambda group: _together(group, tolerance), groups))
 
 
 def compile_abreast(plant: Plant) -> None:
@@ -186,10 +186,10 @@ def _side_by_side(group: Sequence[Job], tolerance: float) -> list[Observed] | No
     x = np.stack([job[2] for job in lanes], axis=-1)
     plant.set_time(x, samples.grid[0])
     p = np.stack([job[4] for job in lanes], axis=-1)
-    own = [np.stack(arrays, axis=-1) for arrays in zip(*(_sampled(job[1]) for job in lanes), strict=True)]
+    own = [np.stack(arrays, axis=-1) for arrays in zip(*(sampled(job[1]) for job in lanes), strict=True)]
     innovations, states = np.full((n, len(OUTPUTS), LANES), np.nan), np.empty((n, nx, LANES))
     report = np.zeros(8)
-    plant.abreast.boom_observe(*_arguments(plant, samples, p, x, own, gain, innovations, states, tolerance, report))
+    plant.abreast.boom_observe(*arguments(plant, samples, p, x, own, gain, innovations, states, tolerance, report))
     if int(report[0]) != 0:
         return None
     return [Observed(innovations[..., i], states[..., i], True) for i in range(len(group))]
@@ -202,12 +202,12 @@ def observer_ranges(plant: Plant) -> tuple[Array, Array]:
     return minimum, maximum
 
 
-def _sampled(samples: Samples) -> tuple[Array, Array, Array]:
+def sampled(samples: Samples) -> tuple[Array, Array, Array]:
     """What passes side by side may have each for itself: currents, and when and what was measured."""
     return samples.currents, samples.share, samples.measured
 
 
-def _arguments(
+def arguments(
     plant: Plant, samples: Samples, p: Array, x: Array, sampled: Sequence[Array], gain: Array, innovations: Array,
     states: Array, tolerance: float, report: Array,
 ) -> tuple[Any, ...]:  # fmt: skip
@@ -224,7 +224,7 @@ def _arguments(
 
 
 @lru_cache(maxsize=4)
-def _pool(workers: int) -> ThreadPoolExecutor:
+def pool(workers: int) -> ThreadPoolExecutor:
     """Persistent threads: starting them would cost as much as a short pass."""
     return ThreadPoolExecutor(workers)
 

@@ -245,8 +245,8 @@ def test_an_angle_alone_that_stands_while_the_gyro_turns_is_told_as_stuck_an_enc
     signal = recording.signals["angle"]
     shown = np.round(signal.values / step) * step if step else signal.values
     held = np.where(signal.time > 20.0, shown[np.searchsorted(signal.time, 20.0)], shown)
-    for values, stuck in ((held, ("angle",)), (shown, ())):
-        recording.signals["angle"] = dataclasses.replace(signal, values=values)
+    for seen, stuck in ((held, ("angle",)), (shown, ())):
+        recording.signals["angle"] = dataclasses.replace(signal, values=seen)
         _, said = watched(recording, until=40.0)
         assert not any(s.alarm for s in said) and said[-1].stuck == stuck
 

@@ -57,7 +57,7 @@ def read(path: Path) -> tuple[Array, Array]:
         raise SimulationSettingError(f"{path}, line {head}: no currents, only a header")
     if table[-1, 0] <= 0.0:
         raise SimulationSettingError(
-            f"{path}: the last time, {table[-1, 0]:g} s, is not after the beginning of the run at 0 s: end with a line of its last time"
+            f"{path}: the last time, {table[-1, 0]:g} s, is not after the beginning of the run at 0 s: add a line with its end"
         )
     return table[:, 0], table[:, 1:]
 

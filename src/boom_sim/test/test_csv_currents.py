@@ -58,7 +58,7 @@ def test_what_spreadsheets_write_is_read(content: str | bytes, tmp_path: Path) -
         ("time_s,retract_a,extend_a\n0,0,0\n0,0,0\n", "line 3: time 0 s: times must increase"),
         ("time_s,retract_a,extend_a\n1e9,0,0\n", "line 2: time 1e\\+09 s: .* up to 3600 s"),
         ("time_s,retract_a,extend_a\n-5,0,0\n", "the last time, -5 s"),
-        ("time_s,retract_a,extend_a\n0,0.4,0\n", "the last time, 0 s, is not after .* end with a line"),
+        ("time_s,retract_a,extend_a\n0,0.4,0\n", "the last time, 0 s, is not after .* add a line"),
         ("time_s,retract_a,extend_a\n0,\x1b[2J\0" + "x" * 300_000 + ",0\n", "line 2: expected three numbers"),
         ('time_s,retract_a,extend_a\n0,"' + "x" * 300_000 + '",0\n', "line 2: expected three numbers"),
         (b"\xff\xfe\x00\xd8", "not a text file"),

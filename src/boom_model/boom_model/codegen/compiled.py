@@ -15,7 +15,7 @@ from pathlib import Path
 
 from boom_input.cache import cache_folder, is_whole, keep
 from boom_input.files import InputError
-from boom_model.codegen.source import Further, generate
+from boom_model.codegen.source import Further, derivatives, generate
 from boom_model.equations import Equations
 from boom_model.errors import BuildError
 
@@ -107,6 +107,17 @@ def build(equations: Equations, lanes: int = 1) -> ctypes.CDLL:
         BuildError: no compiler, or the cache folder is not writable.
     """
     return load_c(model_source(equations, lanes) + c_text("integrator.c") + c_text("runs.c") + c_text("observer.c"))
+
+
+def build_sensitive(equations: Equations) -> ctypes.CDLL:
+    """The compiled observer of a model with its derivatives, from the cache if it is there.
+
+    Raises:
+        BuildError: no compiler, or the cache folder is not writable.
+    """
+    places, functions = derivatives(equations)
+    parts = (c_text(name) for name in ("sensitivity.c", "integrator.c", "observer.c"))
+    return load_c(model_source(equations, further=functions) + places + "".join(parts))
 
 
 def c_text(name: str) -> str:

@@ -47,6 +47,7 @@ typedef struct {
   double first;    /* step size that suits the beginning of the last interval */
   int hold;        /* a state that would leave its range is held at its limit instead */
   long most;       /* steps for one interval at most, 0: any number */
+  struct sensitivity *sense; /* 0: none; see sensitivity.c */
 } run_t;
 
 #if LANES == 1
@@ -86,7 +87,14 @@ interval_with(const method_t *m, run_t *r, real *x, const real *u, const real *c
     int last = 0;
     if (t + step * 1.0001 >= length) { step = length - t; last = 1; }
     else if (t + 2 * step > length) step = 0.5 * (length - t);
-    if (!have) { model_fj(x, u, c, f0, J); have = 1; r->evaluations++; }
+    if (!have) {
+      model_fj(x, u, c, f0, J);
+      have = 1;
+      r->evaluations++;
+#ifdef SENSITIVE
+      if (r->sense) driven(r->sense, x, u, c);
+#endif
+    }
     model_factor(J, 1.0 / (m->gamma * step), W);
     const double inverse = 1.0 / step;
     for (int s = 0; s < m->stages; s++) {
@@ -161,6 +169,14 @@ interval_with(const method_t *m, run_t *r, real *x, const real *u, const real *c
 #endif
     rejected = 0;
     have = 0;
+#ifdef SENSITIVE
+    if (r->sense) {
+      sensed(r->sense, step, x, u, c, f0, J);
+      for (int i = 0; i < NX; i++) if (x[i] != y[i]) held_still(r->sense, i);
+      have = 1; /* f0 and J are those of the end of the step, where the next one begins */
+      r->evaluations++;
+    }
+#endif
     if (!last || factor < 1.0) *h = step * factor;
     else if (step * factor > *h) *h = step * factor;
     if (last) return OK;

@@ -12,12 +12,12 @@
    report as in boom_run; report[7]: intervals done.
    With lanes p, x, u, theta, measured, innovation and states have one more dimension of LANES numbers, the last; where one lane fails,
    all end. */
-int boom_observe(const double *p, double *x, const double *grid, long n, const double *t_in, const double *u, long n_in,
-                 const double *theta, const double *measured, const double *gain, double *innovation, double *states,
-                 double tolerance, int order, const double *scale, const double *minimum, const double *maximum, double h,
-                 double *report) {
+static int observe(const double *p, double *x, const double *grid, long n, const double *t_in, const double *u, long n_in,
+                   const double *theta, const double *measured, const double *gain, double *innovation, double *states,
+                   double tolerance, int order, const double *scale, const double *minimum, const double *maximum, double h,
+                   double *report, struct sensitivity *sense) {
   real c[NC > 0 ? NC : 1], before[NY], after[NY], number[NP], state[NX], held[NU];
-  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 1, MOST_STEPS};
+  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 1, MOST_STEPS, sense};
   long k, next = 0, i_in = 0;
   int status = OK;
   for (int i = 0; i < NP; i++) number[i] = boom_load(p + i * LANES);
@@ -30,6 +30,12 @@ int boom_observe(const double *p, double *x, const double *grid, long n, const d
     for (int i = 0; i < NU; i++) held[i] = boom_load(u + (i_in * NU + i) * LANES);
     if (r.first > 0.0) h = r.first; /* a correction and a step of the input are like those before, not like the end of an interval */
     model_y(state, held, c, before);
+#ifdef SENSITIVE
+    if (sense) {
+      sense->input = sense->inputs + i_in * NU;
+      shown(sense, state, held, c, sense->before);
+    }
+#endif
     for (;;) {
       const int steps_in = i_in + 1 < n_in && t_in[i_in + 1] < grid[k + 1];
       const double end = steps_in ? t_in[i_in + 1] : grid[k + 1];
@@ -38,10 +44,19 @@ int boom_observe(const double *p, double *x, const double *grid, long n, const d
       t = end;
       i_in++;
       for (int i = 0; i < NU; i++) held[i] = boom_load(u + (i_in * NU + i) * LANES);
+#ifdef SENSITIVE
+      if (sense) sense->input = sense->inputs + i_in * NU;
+#endif
     }
     if (status != OK) break;
     model_y(state, held, c, after);
     const double *g = gain + k * NX * NY;
+#ifdef SENSITIVE
+    if (sense) {
+      shown(sense, state, held, c, sense->after);
+      corrected(sense, k, theta + k * NY, measured + k * NY, g, before, after);
+    }
+#endif
     for (int j = 0; j < NY; j++) {
       const long at = (k * NY + j) * LANES;
       const real y = boom_load(measured + at);
@@ -50,6 +65,9 @@ int boom_observe(const double *p, double *x, const double *grid, long n, const d
       const real known = boom_choose(y - y == R(0.0), e, R(0.0)); /* NaN: not measured */
       for (int i = 0; i < NX; i++) state[i] += R(g[i * NY + j]) * known;
     }
+#ifdef SENSITIVE
+    if (sense) for (int i = 0; i < NX; i++) if (state[i] < minimum[i] || state[i] > maximum[i]) held_still(sense, i);
+#endif
     for (int i = 0; i < NX; i++) state[i] = boom_min(boom_max(state[i], R(minimum[i])), R(maximum[i]));
   }
   for (int i = 0; i < NX; i++) boom_store(x + i * LANES, state[i]);
@@ -58,6 +76,30 @@ int boom_observe(const double *p, double *x, const double *grid, long n, const d
   return status;
 }
 
+int boom_observe(const double *p, double *x, const double *grid, long n, const double *t_in, const double *u, long n_in,
+                 const double *theta, const double *measured, const double *gain, double *innovation, double *states,
+                 double tolerance, int order, const double *scale, const double *minimum, const double *maximum, double h,
+                 double *report) {
+  return observe(p, x, grid, n, t_in, u, n_in, theta, measured, gain, innovation, states, tolerance, order, scale, minimum,
+                 maximum, h, report, 0);
+}
+
+#ifdef SENSITIVE
+/* The same with derivatives in the directions of struct sensitivity, whose work is (4 NX + 2 NY) m doubles. */
+int boom_sensitivity(const double *p, double *x, const double *grid, long n, const double *t_in, const double *u, long n_in,
+                     const double *theta, const double *measured, const double *gain, double *innovation, double *states,
+                     double tolerance, int order, const double *scale, const double *minimum, const double *maximum, double h,
+                     double *report, long m, const int *first, const int *column, const double *size, long moved,
+                     const double *inputs, const int *timed, const double *share, const double *value, double *s, double *d,
+                     double *work) {
+  double *const w = work;
+  struct sensitivity sense = {m, first, column, size, moved, inputs, timed, share, value, s, d, inputs, w, w + NX * m,
+                              w + 2 * NX * m, w + 3 * NX * m, w + 4 * NX * m, w + (4 * NX + NY) * m};
+  return observe(p, x, grid, n, t_in, u, n_in, theta, measured, gain, innovation, states, tolerance, order, scale, minimum,
+                 maximum, h, report, &sense);
+}
+#endif
+
 /* From x[n][NX] at the beginning of each interval to its end, each interval for itself, with inputs as in boom_observe:
    end[n][NX], before[n][NY] and after[n][NY]. Of lanes each has its own numbers and its own move[NX] of the beginning, and all share
    the steps, so that differences between them are good derivatives. Returns 0, or 1 + the interval that failed. */
@@ -65,7 +107,7 @@ long boom_intervals(const double *p, const double *x, const double *move, const 
                     const double *u, long n_in, double tolerance, int order, const double *scale, const double *minimum,
                     const double *maximum, double h, double *end, double *before, double *after) {
   real c[NC > 0 ? NC : 1], seen[NY], number[NP], state[NX], held[NU], off[NX];
-  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 1, MOST_STEPS};
+  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 1, MOST_STEPS, 0};
   long next = 0, i_in = 0;
   for (int i = 0; i < NP; i++) number[i] = boom_load(p + i * LANES);
   for (int i = 0; i < NX; i++) off[i] = boom_load(move + i * LANES);
@@ -126,26 +168,32 @@ void boom_riccati(long n, const double *transition, const double *process, const
       }
     for (int a = 0; a < NY; a++)
       for (int i = 0; i < NX; i++) H[a][i] = valid[k * NY + a] ? output[a * NX + i] : 0.0;
-    for (int i = 0; i < NX; i++)
-      for (int a = 0; a < NY; a++) {
-        double sum = 0.0;
-        for (int l = 0; l < NX; l++) sum += P[i * NX + l] * H[a][l];
-        PH[i][a] = sum;
-      }
-    for (int a = 0; a < NY; a++)
-      for (int b = 0; b < NY; b++) {
-        double sum = a == b ? variance[k * NY + a] : 0.0;
-        for (int l = 0; l < NX; l++) sum += H[a][l] * PH[l][b];
-        S[a][b] = innovation[(k * NY + a) * NY + b] = sum;
-        V[a][b] = a == b;
-      }
-    for (int a = 0; a < NY; a++) { /* Gauss-Jordan; S is positive definite */
-      const double pivot = 1.0 / S[a][a];
-      for (int b = 0; b < NY; b++) { S[a][b] *= pivot; V[a][b] *= pivot; }
-      for (int r = 0; r < NY; r++) {
-        if (r == a) continue;
-        const double factor = S[r][a];
-        for (int b = 0; b < NY; b++) { S[r][b] -= factor * S[a][b]; V[r][b] -= factor * V[a][b]; }
+    /* Where what grows by orders in a void has cost the covariance its positivity, the variances alone are kept. */
+    for (int positive = 0, again = 0; !positive && again < 2; again++) {
+      if (again) for (int i = 0; i < NX * NX; i++) P[i] = i % (NX + 1) ? 0.0 : fabs(P[i]);
+      for (int i = 0; i < NX; i++)
+        for (int a = 0; a < NY; a++) {
+          double sum = 0.0;
+          for (int l = 0; l < NX; l++) sum += P[i * NX + l] * H[a][l];
+          PH[i][a] = sum;
+        }
+      for (int a = 0; a < NY; a++)
+        for (int b = 0; b < NY; b++) {
+          double sum = a == b ? variance[k * NY + a] : 0.0;
+          for (int l = 0; l < NX; l++) sum += H[a][l] * PH[l][b];
+          S[a][b] = innovation[(k * NY + a) * NY + b] = sum;
+          V[a][b] = a == b;
+        }
+      positive = 1;
+      for (int a = 0; a < NY; a++) { /* Gauss-Jordan */
+        positive &= S[a][a] > 0.0;
+        const double pivot = 1.0 / S[a][a];
+        for (int b = 0; b < NY; b++) { S[a][b] *= pivot; V[a][b] *= pivot; }
+        for (int r = 0; r < NY; r++) {
+          if (r == a) continue;
+          const double factor = S[r][a];
+          for (int b = 0; b < NY; b++) { S[r][b] -= factor * S[a][b]; V[r][b] -= factor * V[a][b]; }
+        }
       }
     }
     double *g = gain + k * NX * NY;

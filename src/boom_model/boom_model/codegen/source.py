@@ -45,6 +45,22 @@ class Further:
     value: Any
 
 
+def derivatives(m: Equations) -> tuple[str, tuple[Further, ...]]:
+    """What sensitivity.c needs of a model: C of where df/dp, df/du, dy/dx, dy/dp are not zero, and functions that give them."""
+    places, functions = ["#define SENSITIVE"], []
+    for name, jacobian in (
+        ("fp", ca.jacobian(m.derivative, m.p)), ("fu", ca.jacobian(m.derivative, m.u)),
+        ("yx", ca.jacobian(m.outputs, m.x)), ("yp", ca.jacobian(m.outputs, m.p)),
+    ):  # fmt: skip
+        rows, columns = jacobian.sparsity().get_triplet()
+        places.append(f"#define N{name.upper()} {len(rows)}")
+        for what, numbers in (("ROW", rows), ("COLUMN", columns)):
+            listed = ", ".join(map(str, numbers)) or "0"
+            places.append(f"static const int {name.upper()}_{what}[] = {{{listed}}};")
+        functions.append(Further(name, m.x, ca.vertcat(*jacobian.nonzeros()) if rows else ca.SX(0.0)))
+    return "\n".join(places) + "\n", tuple(functions)
+
+
 class _Emitter:
     """Walks CasADi functions and collects instructions; shares the prepared part between functions."""
 
