@@ -60,17 +60,17 @@ def test_of_the_numbers_and_the_initial_state_they_are_those_of_small_difference
     for k, name in enumerate(NUMBERS):
         i = plant.parameter_names.index(name)
         numbers[i, k] = p[i]
-    states = np.diag(plant.scale)[:, :4]  # angle, rate and the two pressures of the cylinder
+    states = np.diag(plant.scale)[:, [0, 2, 3]]  # not the rate: friction has a kink where the boom stands
     along = Directions(
-        np.hstack((numbers, np.zeros((len(p), 4)))), np.hstack((np.zeros((len(states), len(NUMBERS))), states))
+        np.hstack((numbers, np.zeros((len(p), 3)))), np.hstack((np.zeros((len(states), len(NUMBERS))), states))
     )
     observed, found = sensitivities(job, along, tolerance=1e-7)
-    assert observed.complete and found.shape == (299, 4, len(NUMBERS) + 4)
+    assert observed.complete and found.shape == (299, 4, len(NUMBERS) + 3)
 
     def moved(k: int) -> Any:
         return lambda j, by: (j[0], j[1], j[2] + by * along.state[:, k], j[3], j[4] + by * along.numbers[:, k])
 
-    for k, name in enumerate((*NUMBERS, "angle", "rate", "head pressure", "rod pressure")):
+    for k, name in enumerate((*NUMBERS, "angle", "head pressure", "rod pressure")):
         assert share_of_error(found[..., k], central(job, moved(k), 1e-4)) < 0.02, name
 
 
