@@ -4,13 +4,14 @@
 
 Processor time of one pass of the full model, least of several, all in one run. Passes differ by 1 % in one number each. With the
 corner: the check valve opens at once (``hose_burst_valve.OPENING`` at a millipascal), as (5.28) is printed. Also how exact
-derivatives by differences of the tolerances are, against those at a tolerance of 1e-8.
+derivatives by the tolerances are and what they cost, by the model's sensitivities and by differences, against differences at a
+tolerance of 1e-8.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import process_time
@@ -22,7 +23,7 @@ import boom_diagnosis.prediction as prediction
 from boom_diagnosis.bag_samples import Bag, prepare
 from boom_diagnosis.fitting import Problem
 from boom_diagnosis.nuisances import tolerances
-from boom_diagnosis.prediction import Predictor
+from boom_diagnosis.prediction import Predictor, Values
 from boom_model.codegen.compiled import LANES
 from boom_model.compiled_model import _catalogued
 from boom_model.components import hose_burst_valve
@@ -64,12 +65,20 @@ def together(passes: list[Job]) -> None:
     observe_groups([passes], tolerance=prediction.TOLERANCE, workers=1)
 
 
-def derivatives(bag: Bag, tolerance: float) -> tuple[Array, float]:
+class ByDifferences(Predictor):
+    """One without sensitivities."""
+
+    def derivatives(self, base: Values, moved: Sequence[Values], step: float) -> None:
+        """None: differences instead."""
+
+
+def derivatives(bag: Bag, tolerance: float, kind: type[Predictor] = ByDifferences) -> tuple[Array, float]:
     """Of the innovations by the tolerances (rows, numbers), and the processor time [s] they took."""
     machine = load_machine("tz17")
-    predictor = Predictor(machine, [bag])
+    predictor = kind(machine, [bag])
     problem = Problem(predictor, tolerances(machine, predictor.base[0].pose), [bag.counted])
     at = problem.points([(np.zeros(len(problem.nuisances)), {})])[0]
+    problem.nuisance_jacobian(at)  # what is to be compiled is
     kept, prediction.TOLERANCE = prediction.TOLERANCE, tolerance
     begin = process_time()
     try:
@@ -107,12 +116,12 @@ def main() -> None:
     exact, _ = derivatives(bag, 1e-8)
     size = np.linalg.norm(exact, axis=0)
     print("derivatives of the tolerances: relative error, median and nine of ten [%], processor time [s]")
-    for tolerance in (1e-5, 2e-5, 1e-4):
-        found, seconds = derivatives(bag, tolerance)
+    for kind, tolerance in ((Predictor, 2e-5), (ByDifferences, 1e-5), (ByDifferences, 2e-5), (ByDifferences, 1e-4)):
+        found, seconds = derivatives(bag, tolerance, kind)
         error = (np.linalg.norm(found - exact, axis=0) / np.maximum(size, 1e-9))[size > 1.0]
-        print(
-            f"  at {tolerance:.0e}: {100 * np.median(error):6.1f} {100 * np.quantile(error, 0.9):6.1f} {seconds:6.2f}"
-        )
+        how = "sensitivities" if kind is Predictor else "differences"
+        numbers = f"{100 * np.median(error):6.1f} {100 * np.quantile(error, 0.9):6.1f} {seconds:6.2f}"
+        print(f"  by {how} at {tolerance:.0e}: {numbers}")
 
 
 if __name__ == "__main__":
