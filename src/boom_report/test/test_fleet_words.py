@@ -1,7 +1,8 @@
 """What is said of a fleet as a whole."""
 
-from datetime import datetime
+from datetime import datetime, timedelta
 
+from boom_report.fleet.report import _glance
 from boom_report.fleet.words import change_sentence, machines, sums
 
 ROW = {"machine": "north", "recording": "a", "duration_s": 600.0, "screened_s": 240.0, "screen_processor_s": 14.0}
@@ -54,3 +55,19 @@ def test_a_machine_whose_file_does_not_describe_its_first_recording_is_not_judge
     )
     later = [{**rows[0], "nats_hose_pressure_extending": 0.2}, rows[1]]
     assert machines(later)[0].status == "unchanged"
+
+
+def test_recordings_whose_clock_tells_nothing_are_drawn_side_by_side_in_their_order():
+    begun = datetime(2026, 1, 1)
+
+    def drawn(apart: float) -> tuple[list[object], str]:
+        rows = [
+            {**ROW, "recording": name, "time": begun + k * timedelta(seconds=apart), "unchanged": 0.9}
+            for k, name in enumerate("abc")
+        ]
+        figure = _glance(machines(rows))
+        unchanged = next(trace for trace in figure["data"] if trace["name"] == "unchanged")
+        return unchanged["x"], figure["layout"]["xaxis"]["title"]["text"]
+
+    assert drawn(0.0) == ([1, 2, 3], "number of the machine's recording")
+    assert drawn(86_400.0) == (["2026-01-01 00:00", "2026-01-02 00:00", "2026-01-03 00:00"], "date of the recording")

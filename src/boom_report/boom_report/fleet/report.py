@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime
+from itertools import pairwise
 from typing import Any
 
 from boom_report import __version__
@@ -15,6 +16,8 @@ from boom_report.xy import note, xy
 
 Row = Mapping[str, Any]
 _COLOURS = (OTHER, RETRACT, EXTEND, QUIET)
+APART = 10.0
+"""s. Recordings of a machine that are closer than this in time are drawn in their order: their clock tells nothing."""
 
 
 def page_of(rows: Sequence[Row], command: str = "") -> str:
@@ -44,27 +47,44 @@ def _glance(found: Sequence[words.FleetMachine]) -> dict[str, Any]:
     }  # fmt: skip
     traces = []
     names = [m.name for m in reversed(found)]
+    dated = all(_dated(m.rows) for m in found)
     for state, (colour, symbol) in states.items():
         points = [
-            (row["time"], m.name, row["recording"])
+            (_when(row["time"]) if dated else k, m.name, row["recording"])
             for m in found
-            for row in m.rows
+            for k, row in enumerate(m.rows, 1)
             if row.get("time") and _state(row) == state
         ]
         traces.append({
-            "type": "scatter", "mode": "markers", "name": state, "x": [f"{t:%Y-%m-%d %H:%M}" for t, _, _ in points],
+            "type": "scatter", "mode": "markers", "name": state, "x": [x for x, _, _ in points],
             "y": [name for _, name, _ in points], "text": [text for _, _, text in points],
             "marker": {"color": colour, "symbol": symbol, "size": 10}, "hovertemplate": "%{y} %{text}",
         })  # fmt: skip
-    result = xy(traces, "date of the recording", "", height=120 + 22 * len(names))
+    title = "date of the recording" if dated else "number of the machine's recording"
+    result = xy(traces, title, "", height=120 + 22 * len(names))
     result["layout"]["yaxis"] |= {
         "type": "category",
         "categoryorder": "array",
         "categoryarray": names,
         "dtick": 1,
     }
-    result["layout"]["xaxis"] |= {"type": "date"}
+    result["layout"]["xaxis"] |= {"type": "date"} if dated else {"dtick": 1}
     return result
+
+
+def _when(time: datetime) -> str:
+    return f"{time:%Y-%m-%d %H:%M}"
+
+
+def _dated(rows: Sequence[Row]) -> bool:
+    """Whether the times of a machine's recordings, in their order, tell them apart."""
+    times = [row["time"] for row in rows if row.get("time")]
+    return all((b - a).total_seconds() >= APART for a, b in pairwise(times))
+
+
+def _place(row: Row, dated: bool) -> str:
+    """On the axis of a machine's recordings."""
+    return _when(row["time"]) if dated else str(row["recording"])
 
 
 def _state(row: Row) -> str:
@@ -77,7 +97,7 @@ def _state(row: Row) -> str:
 
 def _trends(machine: words.FleetMachine) -> list[Any]:
     """A chart for each quantity of a machine that changed: its size in each recording against the first, 90 % intervals."""
-    charts = []
+    charts, dated = [], _dated(machine.rows)
     for k, name in enumerate(dict.fromkeys(c["quantity"] for c in machine.changes)):
         points = [
             (row, level) for row in machine.rows for level in row.get("levels") or [] if level["quantity"] == name
@@ -87,7 +107,7 @@ def _trends(machine: words.FleetMachine) -> list[Any]:
         unit, scale = words.unit_of(points[0][1]["unit"])
         trace = {
             "type": "scatter", "mode": "lines+markers", "name": name, "showlegend": False,
-            "x": [f"{row['time']:%Y-%m-%d %H:%M}" for row, _ in points], "y": [scale * level["level"] for _, level in points],
+            "x": [_place(row, dated) for row, _ in points], "y": [scale * level["level"] for _, level in points],
             "error_y": {
                 "type": "data", "symmetric": False, "thickness": 1.5,
                 "array": [scale * (level["level_high"] - level["level"]) for _, level in points],
@@ -95,15 +115,17 @@ def _trends(machine: words.FleetMachine) -> list[Any]:
             },
             "line": {"color": _COLOURS[k % len(_COLOURS)], "width": 1.5}, "marker": {"size": 7}, "hovertemplate": "%{y:.4g}",
         }  # fmt: skip
-        figure = xy([trace], "date of the recording", f"change [{unit}]", height=280)
-        figure["layout"]["xaxis"] |= {"type": "date"}
+        figure = xy(
+            [trace], "date of the recording" if dated else "recording, in order", f"change [{unit}]", height=280
+        )
+        figure["layout"]["xaxis"] |= {"type": "date" if dated else "category"}
         figure["layout"]["annotations"] = [
             note(f"<b>{words.quantity_words(name)}</b>", y=1.0, yanchor="bottom", font={"size": 13, "color": INK})
         ]
         raised = [row for row, _ in points if row.get("raised")]
         figure["layout"]["shapes"] = [
-            {"type": "line", "xref": "x", "yref": "paper", "x0": f"{row['time']:%Y-%m-%d %H:%M}",
-             "x1": f"{row['time']:%Y-%m-%d %H:%M}", "y0": 0, "y1": 1, "line": {"color": RED, "width": 1, "dash": "dot"}}
+            {"type": "line", "xref": "x", "yref": "paper", "x0": _place(row, dated), "x1": _place(row, dated),
+             "y0": 0, "y1": 1, "line": {"color": RED, "width": 1, "dash": "dot"}}
             for row in raised
         ]  # fmt: skip
         charts.append(chart(figure))
