@@ -8,7 +8,7 @@ int boom_run(const double *p, double *x, double t_begin, double t_end, const dou
              const double *scale, const double *minimum, const double *maximum, double h, volatile const int *stop,
              double *report) {
   double c[NC > 0 ? NC : 1];
-  run_t r = {scale, minimum, maximum, tolerance, stop, 0, 0, 0, 0.0, -1, 0.0, 0, 0};
+  run_t r = {scale, minimum, maximum, tolerance, stop, 0, 0, 0, 0.0, -1, 0.0, 0, 0, 0};
   long next = 0, k = 0;
   int status = OK;
   model_prepare(p, c);
@@ -36,7 +36,7 @@ int boom_run(const double *p, double *x, double t_begin, double t_end, const dou
 /* One step of length dt with u held: x in place, y the outputs at its end, h the step size to begin with, updated. */
 int boom_step(const double *c, double *x, const double *u, double dt, double *y, double tolerance, int order,
               const double *scale, const double *minimum, const double *maximum, double *h, double *report) {
-  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 0, 0};
+  run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 0, 0, 0};
   long next = 0;
   const int status = interval(order, &r, x, u, c, 0.0, dt, h, 0, 0, &next, 0, 0);
   model_y(x, u, c, y);

@@ -112,7 +112,7 @@ static long acting(const machine_t *m, double time) {
 }
 
 static int advance(machine_t *m, course_t *course, double until, double dead_time) {
-  run_t run = {X_SCALE, m->minimum, m->maximum, m->tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 0, 0};
+  run_t run = {X_SCALE, m->minimum, m->maximum, m->tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 0, 0, 0};
   const int order = m->tolerance > ORDER_3_ABOVE ? 3 : 4;
   long next = 0;
   while (course->time < until) {
