@@ -20,7 +20,8 @@ def directions(
 ) -> Directions:
     """From the pass ``job`` towards each of M sets of ``numbers`` (NP,), ``step`` away.
 
-    clocks: how late each channel is (NY,) [s], or nothing where none is; of the pass, then of each set.
+    clocks: how late each channel is (NY,) [s], or nothing where none is; of the pass, then of each set. Of dead times that of the
+    command is told; one of the pressures takes samples to other intervals, and no tolerance is one.
     """
     plant, samples, x0, _, p = job
     states = [bag.initial_state(plant, there) for there in numbers]
@@ -28,7 +29,7 @@ def directions(
     timed, share, measured = [*found.timed], np.zeros_like(samples.share), np.zeros_like(samples.share)
     late = [np.array(row or np.zeros(len(timed))) for row in clocks]
     for k, there in enumerate(numbers):
-        delayed, own = plant.delays(there) != plant.delays(p), np.flatnonzero(late[k + 1] - late[0])
+        delayed, own = plant.delays(there)[0] != plant.delays(p)[0], np.flatnonzero(late[k + 1] - late[0])
         if not (delayed or len(own)):
             continue
         moved = bag.samples(*plant.delays(there), clocks[k + 1])
