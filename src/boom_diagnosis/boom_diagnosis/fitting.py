@@ -44,7 +44,7 @@ CLOSED = 64
 Z_STEP = 0.1
 """Standard deviations of a tolerance: step of the differences."""
 SMALL = 1e-3
-"""The same where numbers, initial state, inputs and times alone are differenced: their rounding and curvature are far below 1 %."""
+"""The same for numbers and times alone: a tenth or ten times it changes 0.1 %, and of the currents' clock, which has kinks, 12 %."""
 
 
 def rho(w: Array) -> float:
