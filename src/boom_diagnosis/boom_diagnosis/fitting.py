@@ -44,7 +44,7 @@ CLOSED = 64
 Z_STEP = 0.1
 """Standard deviations of a tolerance: step of the differences."""
 SMALL = 1e-3
-"""The same for numbers and times alone: a tenth or ten times it changes 0.1 %, and of the currents' clock, which has kinks, 12 %."""
+"""The same for numbers and times alone. A tenth or ten times of it change 0.1 %; of the currents' clock, which has kinks, 12 %."""
 
 
 def rho(w: Array) -> float:
