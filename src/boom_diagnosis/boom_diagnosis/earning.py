@@ -22,6 +22,7 @@ from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.prediction import CURRENT_NOISE
 from boom_diagnosis.proof import worsening
 from boom_diagnosis.search import Fitted, lasting
+from boom_diagnosis.sizes import sized
 from boom_diagnosis.weighing import (
     ENOUGH,
     OTHER_FORM,
@@ -259,8 +260,10 @@ def _early(case: Case, f: Fitted) -> bool:
 
 def _hardly_beyond(case: Case, f: Fitted) -> bool:
     """Whether an effect is what sound machines have, too, or numbers' being further off than their tolerance by next to nothing."""
-    effect = EFFECTS[f.effect]
-    sizes = [(abs(f.point.effects[f"effects.{f.effect}.{row.name}"]), row.ordinary) for row in effect.leading]
+    effect = sized(EFFECTS[f.effect], case.size)
+    further = [row for row in effect.parameters if row.name in dict(effect.steps) and row not in effect.leading]
+    values = [f.point.effects.get(f"effects.{f.effect}.{row.name}", row.neutral) for row in (*effect.leading, *further)]
+    sizes = [(abs(v), row.ordinary) for v, row in zip(values, (*effect.leading, *further), strict=True)]
     if all(size <= ordinary for size, ordinary in sizes):
         return True
     factors = [row for row in effect.parameters if row.acts or row in effect.leading]

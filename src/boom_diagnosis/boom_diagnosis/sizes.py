@@ -60,7 +60,8 @@ def _row(row: EffectParameter, size: MachineSize) -> EffectParameter:
         return row
     possible = row.possible[0] * factor, row.possible[1] * factor
     starts = tuple(map(inside, row.starts))
-    return replace(row, low=low, high=high, starts=starts, possible=possible, accuracy=row.accuracy * factor)
+    accuracy, ordinary = row.accuracy * factor, row.ordinary * factor
+    return replace(row, low=low, high=high, starts=starts, possible=possible, accuracy=accuracy, ordinary=ordinary)
 
 
 def _scales(machine: Machine) -> tuple[float, float, float]:

@@ -172,7 +172,7 @@ def test_a_load_that_comes_before_the_boom_has_moved_was_there_all_along(
         weighed("payload_change", 300.0, 300.0, 1000.0).fitted,
         weighed("payload", 290.0, 300.0, 1000.0).fitted,
     )
-    change.point.effects.update({"effects.payload_change.mass": 5.0, "effects.payload_change.t_g": onset})
+    change.point.effects.update({"effects.payload_change.mass": 50.0, "effects.payload_change.t_g": onset})
     load.point.effects["effects.payload.mass"] = 5.0
     found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (change, load), {}, Any)
     assert [w.fitted.effect for w in earning.weigh(moving, found)] == kept
@@ -183,7 +183,7 @@ def test_a_load_that_was_there_all_along_is_fitted_where_only_one_that_comes_so_
     moving: Any, onset: float, kept: list[str]
 ) -> None:
     change = weighed("payload_change", 300.0, 300.0, 1000.0).fitted
-    change.point.effects.update({"effects.payload_change.mass": 5.0, "effects.payload_change.t_g": onset})
+    change.point.effects.update({"effects.payload_change.mass": 50.0, "effects.payload_change.t_g": onset})
 
     class Fits:
         def points(self, wanted: Any) -> list[Point]:
@@ -231,14 +231,15 @@ def test_a_play_that_swallows_no_more_than_the_noise_of_the_currents_is_none(
 @pytest.mark.parametrize(
     ("number", "size", "ordinary"),
     [("valve_hysteresis.h", 0.0024, True), ("valve_hysteresis.h", 0.0026, False),
-     ("pressure_delay.T", 0.0074, True), ("pressure_delay.T", 0.0076, False)],
+     ("pressure_delay.T", 0.0074, True), ("pressure_delay.T", 0.0076, False),
+     ("payload_change.mass", -4.9, True), ("payload_change.mass", 5.1, False)],
 )  # fmt: skip
 def test_what_every_sound_machine_has_of_an_effect_is_none_whatever_it_gains(
     monkeypatch: pytest.MonkeyPatch, case: Any, number: str, size: float, ordinary: bool
 ) -> None:
     case.machine, case.pose = tz17(), tz17().pose(0.28, 2.2, 300.0)
     fitted = weighed(number.split(".")[0], 50.0, 50.0, 1000.0).fitted
-    fitted.point.effects |= {"effects.valve_hysteresis.travel": 0.0, f"effects.{number}": size}
+    fitted.point.effects |= {"effects.valve_hysteresis.travel": 0.0, "effects.payload_change.t_g": 20.0, f"effects.{number}": size}
     found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (fitted,), {}, Any)
     monkeypatch.setattr(earning, "_split", lambda case, hypotheses, names: [(500.0, 500.0), (450.0, 450.0)])
     assert [w.fitted for w in earning.weigh(case, found)] == ([] if ordinary else [fitted])

@@ -11,6 +11,9 @@ from boom_model.components.payload import on_the_hook
 from boom_model.regularisation import Expression
 from boom_model.state import ELAPSED_TIME
 
+MUD = 5.0
+"""kg, on the grapple of the crane of the thesis: so much bark, snow and water come and go, and oil in the hoses of other cylinders."""
+
 
 def _load(mass: Expression, own: Any, at: Any) -> Expression:
     held = on_the_hook(own.time(), own.t_g, "time") * (1 - on_the_hook(own.time(), own.t_r, "time"))
@@ -24,10 +27,12 @@ EFFECT = Effect(
     ("a load", "was grasped, released or lifted off the ground during the recording"),
     "static head pressure steps, with the lever arm",
     (
-        parameter("mass", "kg", 0.0, (50.0, 2000.0), (-2000.0, 5000.0), "mass grasped (released: negative)"),
+        parameter("mass", "kg", 0.0, (50.0, 2000.0), (-2000.0, 5000.0), "mass grasped (released: negative)",
+                  ordinary=MUD),
         parameter("t_g", "s", 20.0, (5.0, 50.0), (-1e5, 1e5), "when, since the start of the run"),
         parameter("s_g", "m", -1.0, (0.0, 1.0), (-1.0, 10.0), "piston position below which it rests on the ground; -1: none"),
-        parameter("mass_2", "kg", 0.0, (50.0, 2000.0), (-2000.0, 5000.0), "mass that leaves the ground at another stroke"),
+        parameter("mass_2", "kg", 0.0, (50.0, 2000.0), (-2000.0, 5000.0), "mass that leaves the ground at another stroke",
+                  ordinary=MUD),
         parameter("s_2", "m", 10.0, (0.0, 1.0), (-1.0, 10.0), "piston position below which that rests on the ground; 10: none"),
         parameter("t_r", "s", 1e4, (5.0, 60.0), (-1e5, 1e5), "when the mass grasped is dropped again; 10000: never"),
     ),
