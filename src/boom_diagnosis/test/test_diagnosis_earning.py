@@ -235,14 +235,15 @@ def test_a_play_that_swallows_no_more_than_the_noise_of_the_currents_is_none(
      ("payload_change.mass", -4.9, True), ("payload_change.mass", 5.1, False)],
 )  # fmt: skip
 def test_what_every_sound_machine_has_of_an_effect_is_none_whatever_it_gains(
-    monkeypatch: pytest.MonkeyPatch, case: Any, number: str, size: float, ordinary: bool
+    monkeypatch: pytest.MonkeyPatch, moving: Any, number: str, size: float, ordinary: bool
 ) -> None:
-    case.machine, case.pose = tz17(), tz17().pose(0.28, 2.2, 300.0)
+    moving.machine, moving.pose = tz17(), tz17().pose(0.28, 2.2, 300.0)
     fitted = weighed(number.split(".")[0], 50.0, 50.0, 1000.0).fitted
-    fitted.point.effects |= {"effects.valve_hysteresis.travel": 0.0, "effects.payload_change.t_g": 20.0, f"effects.{number}": size}
+    beside = {"effects.valve_hysteresis.travel": 0.0, "effects.payload_change.t_g": 20.0}
+    fitted.point.effects |= {**beside, f"effects.{number}": size}
     found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (fitted,), {}, Any)
     monkeypatch.setattr(earning, "_split", lambda case, hypotheses, names: [(500.0, 500.0), (450.0, 450.0)])
-    assert [w.fitted for w in earning.weigh(case, found)] == ([] if ordinary else [fitted])
+    assert [w.fitted for w in earning.weigh(moving, found)] == ([] if ordinary else [fitted])
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from boom_model.regularisation import Expression
 from boom_model.state import ELAPSED_TIME
 
 MUD = 5.0
-"""kg, on the grapple of the crane of the thesis: so much bark, snow and water come and go, and oil in the hoses of other cylinders."""
+"""kg, on the grapple of the crane of the thesis: so much bark, snow and water come and go, and oil in other cylinders."""
 
 
 def _load(mass: Expression, own: Any, at: Any) -> Expression:
