@@ -39,6 +39,7 @@ from boom_diagnosis.odds import (
     final_numbers,
     hypothesis_rows,
     odds_of,
+    own_name,
     probability_of,
     ranking,
 )
@@ -145,7 +146,7 @@ def assemble(
     if verdict in ("no_mismatch", "parameters_only") and far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR):
         fit = doubted_by_numbers(case, spans, fit)
     plain = case.learned if learned else None
-    if verdict == "unknown_physics":  # which is likelier than what was found: that is not taken for granted, then
+    if verdict == "unknown_physics" and not (findings and findings[0].like and findings[0].confidence >= unknown):
         rest_equations = equations
         findings = [_unknown_finding(case, odds, cells, tight, rest_equations, plain, fit), *findings]
     if verdict == "no_mismatch":
@@ -315,18 +316,21 @@ def _findings(case: Case, odds: Odds, cells: list[NDArray[np.int64]]) -> list[Fi
     for k, w in enumerate(case.taken):
         effect = w.fitted.effect
         others = sorted(((p, e) for e, p in odds.effects[k].items() if e != effect), reverse=True)
-        alternatives = (*(Alternative(e, p) for p, e in others[:3] if p > 0.005), Alternative(None, odds.unknown))
+        alternatives = (
+            *(Alternative(own_name(e), p) for p, e in others[:3] if p > 0.005),
+            Alternative(None, odds.unknown),
+        )
         before = case.rounds[k].base
         place = regimes.where(cells, gained(before.parts, w.fitted.point.parts))
         row = EFFECTS[effect]
         numbers = of_effect(final_numbers(case), effect)
         result.append(
             Finding(
-                effect, row.subsystem, row.equation, odds.effects[k][effect], numbers, place.text, place.intervals,
-                alternatives, _evidence(w, row.term, place.text),
+                own_name(effect), row.subsystem, row.equation, odds.effects[k][effect], numbers, place.text, place.intervals,
+                alternatives, _evidence(w, row.term, place.text), effect if row.foreign else "",
             )
         )  # fmt: skip
-    return result
+    return sorted(result, key=lambda finding: not finding.like)
 
 
 def _evidence(w: Weighed, term: str, where: str) -> str:
@@ -364,7 +368,7 @@ def _unknown_finding(
         home, equation, where = "sensors", _OF_THE_RATE.equation, "of the rate, which angle and pressures do not show"
     return Finding(
         None, home, equation, odds.unknown, {}, place.text, place.intervals,
-        tuple(Alternative(w.fitted.effect, probability_of(odds, w.fitted.effect)) for w in near[:2]),
+        tuple(Alternative(own_name(w.fitted.effect), probability_of(odds, w.fitted.effect)) for w in near[:2]),
         f"No effect of the catalogue explains the mismatch {where}{nearest}.{said}",
     )  # fmt: skip
 
@@ -415,7 +419,7 @@ def _verdict(
         if tolerances < 0.5:  # nothing earned its place, and what did not is together likelier than nothing
             return "ambiguous"
         return "parameters_only" if noticed(moved, len(case.nuisances)) else "no_mismatch"
-    if unknown > findings[0].confidence:
+    if unknown > findings[0].confidence or (findings[0].like and findings[0].confidence >= NAMED_FROM):
         return "unknown_physics"
     if all(f.subsystem == "sensors" for f in findings):
         return "sensor_or_clock"

@@ -205,6 +205,12 @@ class Bag:
         """(n,) Whether the boom moves."""
         return np.asarray(np.abs(self.speed()[0]) > MOVING)
 
+    @cached_property
+    def angles(self) -> tuple[float, float]:
+        """Least and largest angle measured [rad]."""
+        angle = self.samples().measured[:, OUTPUTS.index("angle")]
+        return float(np.nanmin(angle)), float(np.nanmax(angle))
+
     def strokes(self, machine: Machine) -> Array:
         """(n,) piston position [m] at the measured angle, between its samples by lines."""
         angle = self.samples().measured[:, OUTPUTS.index("angle")]
@@ -251,6 +257,12 @@ def _origin(recording: Recording) -> float:
     around = np.sort(np.array(phases))
     gaps = np.diff(np.append(around, around[0] + 1.0))
     return (float(around[int(np.argmax(gaps))]) % 1.0 - 1.0) * PERIOD
+
+
+def visited(bags: Sequence[Bag]) -> tuple[float, float]:
+    """Least and largest angle [rad] of all recordings."""
+    least, largest = zip(*(bag.angles for bag in bags), strict=True)
+    return min(least), max(largest)
 
 
 def by_pose(bags: Sequence[Bag]) -> list[Bag]:

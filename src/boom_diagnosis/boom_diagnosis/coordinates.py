@@ -88,8 +88,13 @@ def _coordinate(effect: Effect, row: EffectParameter) -> Coordinate:
     )
 
 
-def starts(effect: Effect, lasting: float, size: MachineSize = THESIS) -> list[dict[str, float]]:
-    """Values from which an effect is tried: one dictionary a run. ``lasting``: duration of the recording [s]."""
+def starts(
+    effect: Effect, lasting: float, size: MachineSize = THESIS, angles: tuple[float, float] = (0.0, 1.0)
+) -> list[dict[str, float]]:
+    """Values from which an effect is tried: one dictionary a run.
+
+    lasting: duration of the recording [s]. angles: least and largest in it [rad].
+    """
     effect = sized(effect, size)
     first = effect.parameters[0]
     if effect.points:
@@ -113,7 +118,9 @@ def starts(effect: Effect, lasting: float, size: MachineSize = THESIS) -> list[d
             name, time = (f"effects.{effect.id}.{own}" for own in (row.name, effect.onset))
             result += [{**point, name: 0.5 * (row.low + row.high), time: BEFORE} for point in result]
         elif row.starts:
-            result = [{**point, f"effects.{effect.id}.{row.name}": v} for point in result for v in row.starts]
+            low, span = (angles[0], angles[1] - angles[0]) if row.visited else (0.0, 1.0)
+            tried = [low + span * v for v in row.starts]
+            result = [{**point, f"effects.{effect.id}.{row.name}": v} for point in result for v in tried]
     return result
 
 

@@ -309,7 +309,7 @@ def catalogue_effects(machine: Machine, duration: float, log_odds: float) -> tup
     """The catalogue's effects that a machine can have and does not have yet; ``duration`` of the longest recording [s]."""
     return tuple(
         _search_effect(effect.id, duration, log_odds) for effect in CATALOGUE
-        if machine.structure.has(effect.needs) and effect.id not in machine.effects
+        if machine.structure.has(effect.needs) and effect.id not in machine.effects and not effect.foreign
     )  # fmt: skip
 
 

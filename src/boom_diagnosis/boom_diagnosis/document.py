@@ -66,6 +66,7 @@ class Finding:
         regime: when it shows, in words.
         intervals_s: (start, end) [s] in the first recording given, where it shows most.
         evidence: one sentence for an engineer.
+        like: id of the catalogue's term that acts as it does, where that is no part of the crane; ``machine.yaml`` has it.
     """
 
     effect: str | None
@@ -77,6 +78,7 @@ class Finding:
     intervals_s: tuple[tuple[float, float], ...]
     alternatives: tuple[Alternative, ...]
     evidence: str
+    like: str = ""
 
     def document(self) -> dict[str, Any]:
         """As in ``diagnosis.json``."""
@@ -90,6 +92,7 @@ class Finding:
             "intervals_s": [list(pair) for pair in self.intervals_s],
             "alternatives": [{"effect": a.effect, "confidence": a.confidence} for a in self.alternatives],
             "evidence": self.evidence,
+            **({"like": self.like} if self.like else {}),
         }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from boom_diagnosis.assumptions import MOST_CERTAIN, UNPROVED
 from boom_diagnosis.case import Case
@@ -16,6 +17,8 @@ from boom_diagnosis.proof import label_of
 from boom_diagnosis.weighing import Weighed, estimates, of_effect, probabilities
 from boom_model.catalogue import EFFECTS
 
+TORQUE = "torque"
+"""The equation in which what is no part of the crane acts."""
 UNTOLD = 0.49
 """At most this is claimed of an effect whose numbers' intervals all contain that it does nothing."""
 
@@ -73,7 +76,8 @@ def hypothesis_rows(case: Case, odds: Odds, place: str) -> tuple[HypothesisRow, 
     ]
     for w in (*(case.weighed[0] if case.weighed else ()), *case.disproved):
         effect, gain = w.fitted.effect, w.gain + w.held_out_gain
-        rows.append(HypothesisRow((effect,), (), gain, w.cost, 0.0, probability_of(odds, effect)))
+        effects, places = ((), (TORQUE,)) if EFFECTS[effect].foreign else ((effect,), ())
+        rows.append(HypothesisRow(effects, places, gain, w.cost, 0.0, probability_of(odds, effect)))
     total = sum(row.posterior for row in rows)
     rows = [replace(row, posterior=row.posterior / total) for row in rows]
     return tuple(sorted(rows, key=lambda row: -row.posterior))
@@ -105,7 +109,7 @@ def ranking(case: Case, odds: Odds, findings: Sequence[Finding]) -> list[Ranking
         numbers = found.get(effect) or of_effect(estimates(w.fitted, case.temperature), effect)
         rows.append(
             RankingRow(
-                label_of(effect), effect, "sensors" if subsystem == "sensors" else "effect", subsystem,
+                label_of(effect), effect, _kind(effect), subsystem,
                 probability_of(odds, effect), w.gain, w.held_out_gain, numbers, _inside(w),
             )
         )  # fmt: skip
@@ -117,6 +121,17 @@ def ranking(case: Case, odds: Odds, findings: Sequence[Finding]) -> list[Ranking
 def probability_of(odds: Odds, effect: str) -> float:
     """That the effect is what the first round looked for; zero for what free runs disproved."""
     return odds.effects[0].get(effect, 0.0) if odds.effects else 0.0
+
+
+def own_name(effect: str) -> str | None:
+    """The id by which others know an effect; None of what is no part of the crane: unknown physics, to them."""
+    return None if EFFECTS[effect].foreign else effect
+
+
+def _kind(effect: str) -> Literal["sensors", "effect", "unknown"]:
+    if EFFECTS[effect].foreign:
+        return "unknown"
+    return "sensors" if EFFECTS[effect].subsystem == "sensors" else "effect"
 
 
 def _inside(w: Weighed) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_diagnosis.bag_samples import visited
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import Coordinate, coordinates, has_valleys, starts
 from boom_diagnosis.earning import settle
@@ -41,7 +42,9 @@ def other_valley(case: Case) -> Fitted | None:
     problem = max(here, key=lambda p: p.likelihood_at(taken.point.z, taken.point.effects))
     looseness = problem.predictor.looseness
     zero = np.zeros(len(case.nuisances))
-    begun = in_parallel(lambda values: _fit(case, zero, values, names, looseness), starts(effect, 0.0, case.size))
+    begun = in_parallel(
+        lambda values: _fit(case, zero, values, names, looseness), starts(effect, 0.0, case.size, visited(case.bags))
+    )
     begun.append(_fit(case, taken.point.z, taken.point.effects, names, looseness))
     ahead = sorted(begun, key=_likelihood)[-FOLLOWED:]
     settled = in_parallel(lambda f: _fit(case, f[1].z, f[1].effects, names, looseness), ahead)

@@ -13,6 +13,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_diagnosis.bag_samples import visited
 from boom_diagnosis.coordinates import Coordinate, coordinates, has_valleys, starts
 from boom_diagnosis.fitting import WHITE, Point, Problem, weights
 from boom_diagnosis.onset import near_onset, neutral, onset_of, release_of, steps_in, time_in
@@ -129,7 +130,8 @@ class Scanner:
         more, in proportion.
         """
         duration = max(bag.recording.duration for bag in self.problem.predictor.bags)
-        tried = [(effect, start) for effect in wanted for start in starts(EFFECTS[effect], duration, self.problem.size)]
+        size, angles = self.problem.size, visited(self.problem.predictor.bags)
+        tried = [(effect, start) for effect in wanted for start in starts(EFFECTS[effect], duration, size, angles)]
         tried = side_by_side(tried)
         seen = self._probed(tried)
         misfit = max(self.at.over(WHITE), LEAST_MISFIT)

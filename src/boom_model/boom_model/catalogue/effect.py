@@ -76,6 +76,7 @@ class EffectParameter:
         gains: value at which the gains of an observer are computed where nothing is known of it yet.
         within: key of the machine file that stands for two numbers whose difference this is: where it is a guess, each has its
             tolerance, and a difference that they allow is no physics.
+        visited: its starts are shares of the range of angles that the boom visits.
         accuracy: tolerance of a sensor, or of how a part is made, two standard deviations [unit]: a sound one is off by as much.
         ordinary: size that a sound machine may have of what cannot be a tolerance: as little is no effect, as that explains what
             other small things do. From data sheets.
@@ -101,6 +102,7 @@ class EffectParameter:
     almost_nothing: float | None = None
     gains: float | None = None
     within: str = ""
+    visited: bool = False
     accuracy: float = 0.0
     ordinary: float = 0.0
     swallows: bool = False
@@ -151,6 +153,7 @@ class Effect:
         points: values of all its parameters from which a search tries it, where single starts say too little.
         watched: whether the watch suspects it: not what acts on the times of inputs and samples, begins at a time, or brings fast
             states of its own.
+        foreign: what acts is no part of the crane, and in nobody's list: it is told as unknown physics, with its numbers.
         reach: halves of the range over which the watch takes a difference, where the derivative at nothing says little.
     """
 
@@ -181,6 +184,7 @@ class Effect:
     sets_in: tuple[float, ...] = (1.0,)
     points: tuple[tuple[float, ...], ...] = ()
     watched: bool = True
+    foreign: bool = False
     reach: float = 0.0
 
     def __post_init__(self) -> None:

@@ -182,13 +182,16 @@ def statement(finding: Finding, kind: str = "identified", parameters_only: float
     sure, p = is_sure(finding.confidence), probability(finding.confidence)
     subsystem = SUBSYSTEM_NAMES[finding.subsystem]
     where = f", seen: {finding.regime}" if finding.regime else ""
+    numbers = ", ".join(f"{name} = {shown(e).text}" for name, e in finding.parameters.items())
     if finding.effect is None:
         adjective = next(word for least, _, word in _SURE if finding.confidence >= least)
+        said = ""
+        if finding.like:
+            said = f": {' '.join(what_it_is(finding.like))}, {numbers}"
         return (
-            f"Unmodelled physics acts on the {subsystem} (equation {finding.equation}){where}; this is "
+            f"Unmodelled physics acts on the {subsystem} (equation {finding.equation}){said}{where}; this is "
             f"{adjective} (confidence {p})."
         )
-    numbers = ", ".join(f"{name} = {shown(e).text}" for name, e in finding.parameters.items())
     if kind == "ambiguous":
         rivals = [(a.confidence, effect_name(a.effect)) for a in finding.alternatives]
         rivals += [(parameters_only, "parameters within tolerance only")]
@@ -208,7 +211,7 @@ def _proof(result: DiagnosisResult) -> str:
     best, said = best_channel(fit), ""
     if best is not None and best[1] > best[2]:
         name, before, explained = best
-        what = "it" if findings[0].effect is not None or result.learned else "what else was found"
+        what = "it" if findings[0].effect is not None or findings[0].like or result.learned else "what else was found"
         said = (
             f" With {what} the {name}'s held-out error falls from {percent(before)} with parameters only to "
             f"{percent(explained)} of the signal"

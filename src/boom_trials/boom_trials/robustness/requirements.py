@@ -145,7 +145,7 @@ def _plant_rows(bags: Sequence[str]) -> list[Requirement]:
         *(
             Requirement(f"{effect.id}, told", {"over nominal": (1.5, "")}, [nominal, *_told([_of(effect)])], _ratio, bags,
                 others={"governed": True})  # as shipped: droop and pump leave less speed than the paths ask for
-            for effect in CATALOGUE
+            for effect in CATALOGUE if not effect.foreign
         ),
         Requirement("pump limit of 50 l/min, told, off the slowed path", {"worst pose": (3.0, "mm"), "MAXE": (3.0, "mm")},
             _told([_case("pump", PUMP)]), _worst_case, bags, others={"governed": True}),
