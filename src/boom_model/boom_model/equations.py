@@ -227,7 +227,7 @@ class _Wiring:
         self.rates["angle"] = self.rate
         self.rates["rate"] = e.through(
             "angular_acceleration", torque / inertia,
-            angle=self.angle, rate=self.rate, inertia=inertia, torque=torque, p=p,
+            angle=self.angle, rate=self.rate, inertia=inertia, torque=torque, drive=self.jacobian * self.force, p=p,
         )  # fmt: skip
         self.seen_angle = e.through("seen_angle", self.angle)
         self.seen_rate = e.through("seen_rate", self.rate)

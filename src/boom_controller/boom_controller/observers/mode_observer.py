@@ -21,6 +21,7 @@ from scipy.linalg import solve_continuous_are
 
 from boom_model.catalogue import EFFECTS
 from boom_model.catalogue.terms import Terms
+from boom_model.components.equation_of_motion import gravity_torque
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
 from boom_model.state import State
@@ -79,9 +80,11 @@ class Modes:
     def _built(self, effects: Mapping[str, Mapping[str, float]], states: _States, p: Any) -> Any:
         angle, rate, inertia, torque, missing = self._inputs
         e = Terms(effects, states)
+        drive = torque + gravity_torque(angle, p.pose.load, p, e)
         acceleration = missing + e.through(
-            "angular_acceleration", torque / inertia, angle=angle, rate=rate, inertia=inertia, torque=torque, p=p
-        )
+            "angular_acceleration", torque / inertia,
+            angle=angle, rate=rate, inertia=inertia, torque=torque, drive=drive, p=p,
+        )  # fmt: skip
         seen_angle = e.through("seen_angle", angle)
         seen_rate = e.through("seen_rate", rate)
         z = ca.vertcat(ca.SX(0, 1), *states.symbols.values())

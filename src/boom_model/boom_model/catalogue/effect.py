@@ -20,7 +20,7 @@ QUANTITIES: dict[str, str] = {
     "coulomb_friction": "tau_C, its size without direction [N m]; at.angle, at.rate",
     "sliding_friction": "tau_C tanh(w / sigma) [N m]; at.rate, at.coulomb",
     "friction_torque": "tau_f [N m]; at.angle, at.rate",
-    "angular_acceleration": "q_2'' [rad/s^2]; at.angle, at.rate, at.inertia, at.torque, at.p",
+    "angular_acceleration": "q_2'' [rad/s^2]; at.angle, at.rate, at.inertia, at.torque, at.drive of the cylinder, at.p",
     "seen_angle": "q_2 where the angle is measured [rad]",
     "seen_rate": "q_2' where it is measured [rad/s]",
     "leakage": "q_l from the head to the rod side [m^3/s]; at.head_pressure, at.rod_pressure",
