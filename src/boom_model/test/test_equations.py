@@ -72,6 +72,7 @@ def random_points(plant: Plant, count: int) -> list[tuple[Any, Any]]:
         "pilot_retract": (0.0, 0.03), "pilot_extend": (0.0, 0.03), "hose_burst_valve_conductance": (1e-10, 1.4e-9),
         "accumulator_pressure_1": (3e6, 2e7), "accumulator_pressure_2": (3e6, 2e7), "elapsed_time": (0.0, 60.0),
         "swing_angle": (-0.3, 0.3), "swing_rate": (-0.5, 0.5), "bend": (-0.01, 0.01), "bend_rate": (-0.1, 0.1),
+        "tilt": (-0.01, 0.01), "tilt_rate": (-0.1, 0.1),
         "bristle_torque": (-4e3, 4e3), "metering_position": (-9e-3, 9e-3), "accumulator_entropy_1": (-0.1, 0.1),
         "accumulator_entropy_2": (-0.1, 0.1), "accumulator_ambient_1": (0.9, 1.3), "accumulator_ambient_2": (0.9, 1.3),
     }  # fmt: skip

@@ -367,7 +367,43 @@ def test_cushion_raises_the_rod_pressure_near_the_end_of_stroke(tz17: Machine) -
     assert at_the_end(0.95) > at_the_end(0.3) + 1e6
 
 
-NOT_REACHED = ("end_cushioning", "cavitation", "supply_variation", "load_holding_valve", "load_holding_valve_lag", "vented_neutral",
+@pytest.mark.parametrize(("contact", "solenoid", "side"), [("ground_contact", 0, -1.0), ("mechanical_stop", 1, 1.0)])
+def test_a_boom_that_is_driven_against_something_is_carried_by_it_or_held(
+    tz17: Machine, contact: str, solenoid: int, side: float
+) -> None:
+    """At rest against it, J f_p = g(q_2) - c max(0, q_0 - q_2), or g(q_2) + c max(0, q_2 - q_0)."""
+    c, q_0 = 3e5, 0.4 + 0.05 * side
+    plant = Plant(tz17.with_effects({contact: {"c": c, "q_0": q_0}}), tz17.pose(0.28, 2.2))
+    time = np.arange(800) * 0.01
+    currents = np.zeros((800, 2))
+    currents[100:500, solenoid] = 0.35
+    run = plant.run(time, currents, time, plant.equilibrium(0.4))
+    touched = side * (run.output("angle")[-1] - q_0)
+    assert touched > 5e-3
+    assert abs(run.output("rate")[-1]) < 1e-4
+    inner = plant.auxiliary(run.states[-1:], np.zeros((1, 2)))
+    free = Plant(tz17, plant.pose).auxiliary(run.states[-1:], np.zeros((1, 2)))
+    carried = inner["gravity_torque"][0] - free["gravity_torque"][0]
+    assert carried == pytest.approx(side * c * touched, rel=0.1)
+    torque = inner["force"][0] * inner["jacobian"][0]
+    assert torque == pytest.approx(inner["gravity_torque"][0], abs=3e3)  # but for friction
+
+
+def test_a_boom_on_a_base_that_gives_is_seen_lower_where_the_cylinder_pushes_more(tz17: Machine) -> None:
+    """x = -C (g(q_2) - g(0)) at rest."""
+    C, pose = 5e-8, tz17.pose(0.28, 2.2)
+    firm, soft = Plant(tz17, pose), Plant(tz17.with_effects({"giving_base": {"C": C}}), pose)
+    state = soft.equilibrium(0.8)
+    tilt = state[soft.state_names.index("tilt")]
+    assert soft.outputs(state)[0] - state[0] == pytest.approx(tilt)
+    g = tz17.parameters["constants.g"].value[0]
+    weight = g * (pose.Sx * np.cos(state[0]) - pose.Sy * np.sin(state[0]))
+    assert tilt == pytest.approx(-C * (weight - g * pose.Sx), rel=1e-6)
+    assert abs(tilt) > 1e-4
+    assert "tilt" not in firm.state_names
+
+
+NOT_REACHED = ("end_cushioning", "ground_contact", "mechanical_stop", "cavitation", "supply_variation", "load_holding_valve", "load_holding_valve_lag", "vented_neutral",
                "spool_lag")  # fmt: skip
 """The exercise of tz17 stays clear of the ends and of cavitation, and tz17 has a compensator, a burst valve and a pilot stage; they
 have tests of their own."""
@@ -378,7 +414,7 @@ def test_effect_shows_at_both_ends_of_its_range(tz17: Machine, exercise: Any, ef
     nominal_plant, time, currents, nominal = exercise
     start = nominal_plant.outputs(nominal_plant.equilibrium(0.2))
     for end in ("low", "high"):
-        shape = {"w_s", "q_c", "width", "t_g", "s_g", "T", "f", "zeta", "length", "eta"} - {
+        shape = {"w_s", "q_c", "width", "t_g", "s_g", "T", "f", "zeta", "length", "eta", "q_0"} - {
             row.name for row in effect.parameters[:1]
         }  # say where a term acts, not how strongly: kept
         values = {row.name: row.neutral if row.name in shape else getattr(row, end) for row in effect.parameters}
