@@ -405,8 +405,8 @@ def test_a_boom_on_a_base_that_gives_is_seen_lower_where_the_cylinder_pushes_mor
 
 NOT_REACHED = ("end_cushioning", "cavitation", "supply_variation", "load_holding_valve", "load_holding_valve_lag", "vented_neutral",
                "spool_lag", "ground_contact", "mechanical_stop")  # fmt: skip
-"""The exercise of tz17 stays clear of the ends and of cavitation and touches nothing, and tz17 has a compensator, a burst valve and a
-pilot stage; they have tests of their own."""
+"""The exercise of tz17 stays clear of the ends and of cavitation and touches nothing, and tz17 has a compensator, a burst valve
+and a pilot stage; they have tests of their own."""
 
 
 @pytest.mark.parametrize("effect", [e for e in CATALOGUE if e.id not in NOT_REACHED], ids=lambda e: e.id)
