@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from boom_checks.check import CheckKind, IntervalValue, RecordingCheck
 from boom_checks.even_series import PERIOD, EvenSeries
 from boom_checks.mechanics import Mechanics
-from boom_checks.relations import RELATIONS, linkage
+from boom_checks.relations import MOTION, PRESSURES, RELATIONS, force, linkage, touched
 from boom_identification.signals import stretches
 from boom_input.channels import AMBIENT_PRESSURE_PA, BY_NAME
 
@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 PRIOR = -math.log(1000.0)
 """A recording in a thousand has a given fault."""
+WEIGHED = MOTION | PRESSURES
+"""What the force balance looks at."""
 MOST_FAULTS = 3
 ALIKE = math.log(20.0)
 """Readings closer than that are not told apart."""
@@ -186,6 +188,8 @@ def reading_checks(series: EvenSeries, boom: Mechanics) -> tuple[list[RecordingC
         best = int(np.argmax(gains))
         if not gains[best] > 0.0:
             break
+        if set(readings[best].channels) & WEIGHED and gains[best] <= _contact(series, boom):
+            break
         alike = [k for k in np.argsort(gains)[::-1] if k != best and gains[k] > gains[best] - ALIKE]
         found.append(_told(readings[best], [readings[k] for k in alike], series, boom, gains[best]))
         series = series.with_columns(readings[best].repair(series))
@@ -195,6 +199,11 @@ def reading_checks(series: EvenSeries, boom: Mechanics) -> tuple[list[RecordingC
 def _moves(series: EvenSeries) -> bool:
     angle = series.smooth("angle")
     return float(np.nanmax(angle, initial=-np.inf) - np.nanmin(angle, initial=np.inf)) > STILL
+
+
+def _contact(series: EvenSeries, boom: Mechanics) -> float:
+    """By how much the force balance holds better if the boom leans on something, which is no fault of the recording."""
+    return touched(series, boom) - force(series, boom) + PRIOR
 
 
 def _gain(reading: FaultReading, series: EvenSeries, boom: Mechanics, as_read: list[float]) -> float:

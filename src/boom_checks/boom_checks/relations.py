@@ -40,6 +40,10 @@ FORCE_FLOOR = 2.0e5
 FORCE_PRIOR = np.array([5.0e5, 2.0e6, 0.3, 0.3])
 """Deviations in the force balance: offset [Pa], what follows the motion's sign (friction, a valve at the cylinder) [Pa], and the
 logarithms of the factors on all loads and on the inertia [-]. A load may be a third more, but gravity does not vanish."""
+CONTACT = 2.0e7
+"""Pa. Deviation of what something that the boom leans on asks of the head side at most."""
+CONTACTS = (0.1, 0.25, 0.5, 0.75, 0.9)
+"""Quantiles of the angles at which such a contact may begin."""
 CHANGE_FLOOR = 0.3
 """Deviations of a pressure's rate of change that do not follow the motion in any case."""
 LARGEST_CURRENT = math.log(3.0)
@@ -152,35 +156,58 @@ def force(series: EvenSeries, boom: Mechanics) -> float:
     valve that holds the load the hose pressure is the cylinder's while the boom lifts steadily, and counts then. A boom that stands
     against its command leans on a stop, which carries with the pressures.
     """
+    return _balance(series, boom)[0]
+
+
+def touched(series: EvenSeries, boom: Mechanics) -> float:
+    """The same of a boom that something carries below an angle, or holds above one, like a spring: the likeliest such contact.
+
+    A machine's affair, but a force balance that is far off may be that as well as a fault of the recording.
+    """
+    angle = series.smooth("angle")
+    known = angle[np.isfinite(angle)]
+    arm = boom.lever(angle) * boom.A_a
+    found = [force(series, boom)]
+    for place in np.quantile(known, CONTACTS) if len(known) else ():
+        for side in (1.0, -1.0):
+            depth = np.maximum(side * (angle - place), 0.0) / arm
+            likelihood, strength = _balance(series, boom, side * depth / max(float(np.nanmax(depth)), 1e-12))
+            found += [likelihood] if strength > 0.0 else []
+    return max(found)
+
+
+def _balance(series: EvenSeries, boom: Mechanics, contact: Array | None = None) -> tuple[float, float]:
+    """Log-likelihood of the force balance, and the most that a ``contact``, (n,) up to 1, asks of the head side [Pa]."""
     angle, rate = series.smooth("angle"), series.smooth("rate")
     measured = (series.smooth("hose_pressure") - series.smooth("rod_pressure") * boom.A_b / boom.A_a)[::_EVERY]
     acceleration = series.smooth("rate", 1)
     carried = boom.static_need(angle) + boom.joints_need(series.time, angle, rate, acceleration)
     loads = np.column_stack((carried, boom.dynamic_need(angle, acceleration)))[::_EVERY]
-    plain = np.column_stack((np.ones(len(angle)), np.tanh(rate / TURNING)))[::_EVERY]
+    beside = [] if contact is None else [contact]
+    plain = np.column_stack((np.ones(len(angle)), np.tanh(rate / TURNING), *beside))[::_EVERY]
+    k, prior = plain.shape[1], np.array([*FORCE_PRIOR[:2], *[CONTACT] * len(beside), *FORCE_PRIOR[2:]])
     known = np.isfinite(measured) & np.isfinite(loads).all(axis=1) & np.isfinite(plain).all(axis=1)
     known &= ~series.leaning[::_EVERY]
     if boom.holds:
         known &= (rate > MOVING)[::_EVERY] & (np.abs(acceleration) < ACCELERATION)[::_EVERY]
     if not known.any():
-        return 0.0
+        return 0.0, 0.0
     extent = PRESSURE_FLOOR**2 + sum(
         float(np.var(series.smooth(name)[::_EVERY][known])) for name in ("hose_pressure", "rod_pressure")
     )
     y, loads, plain = measured[known], loads[known], plain[known]
     seconds = len(y) * _EVERY * PERIOD
-    z = np.zeros(4)
+    z = np.zeros(k + 2)
     for _ in range(25):  # Gauss-Newton, with the error's size at its best in each step
-        carried = loads @ np.exp(np.array([z[2], z[2] + z[3]]))
-        error = y - plain @ z[:2] - carried
+        carried = loads @ np.exp(np.array([z[k], z[k] + z[k + 1]]))
+        error = y - plain @ z[:k] - carried
         square = float(np.mean(error**2)) + FORCE_FLOOR**2
-        slope = np.column_stack((plain, carried, loads[:, 1] * np.exp(z[2] + z[3])))
+        slope = np.column_stack((plain, carried, loads[:, 1] * np.exp(z[k] + z[k + 1])))
         weight = seconds / len(y) / square
-        step = np.linalg.solve(
-            weight * slope.T @ slope + np.diag(FORCE_PRIOR**-2.0), weight * slope.T @ error - z / FORCE_PRIOR**2
-        )
-        z = z + np.clip(step, -FORCE_PRIOR, FORCE_PRIOR)
-    return -0.5 * seconds * float(np.log(square / extent)) - 0.5 * float(np.sum((z / FORCE_PRIOR) ** 2))
+        step = np.linalg.solve(weight * slope.T @ slope + np.diag(prior**-2.0), weight * slope.T @ error - z / prior**2)
+        z = z + np.clip(step, -prior, prior)
+    likelihood = -0.5 * seconds * float(np.log(square / extent)) - 0.5 * float(np.sum((z / prior) ** 2))
+    return likelihood, float(z[2]) if beside else 0.0
 
 
 def changes(series: EvenSeries, _: Mechanics) -> float:

@@ -15,7 +15,7 @@ from boom_checks.doubts import checks
 from boom_checks.even_series import even_series
 from boom_checks.mechanics import mechanics
 from boom_checks.readings import reading_checks
-from boom_checks.relations import changes, force, pressure_range, response
+from boom_checks.relations import changes, force, pressure_range, response, touched
 from boom_checks.sampling import sampling_checks
 from boom_checks.statics import statics_of
 from boom_model.machine_file import load_machine
@@ -274,6 +274,17 @@ def test_a_boom_held_against_its_stop_at_supply_pressure_has_no_other_fault() ->
     pressed = series.with_columns(columns)
     assert pressed.leaning[2500:-20].all() and not pressed.leaning[:1000].all()
     assert statics_of(pressed, boom).steps == ()
+
+
+def test_a_boom_that_is_driven_into_something_soft_again_and_again_has_no_other_zero_of_its_angle() -> None:
+    """Its pressures were told as swapped, and another one's angle as 90 degrees too large with 1e10 to 1."""
+    series, boom = even_series(fast()), mechanics(TZ17, fast())
+    angle = series.smooth("angle")
+    deep = np.maximum(angle - np.nanquantile(angle, 0.3), 0.0) / boom.lever(angle)
+    pushed = series.columns["hose_pressure"] + 3.5e7 * deep / np.nanmax(deep)
+    into = series.with_columns({"hose_pressure": pushed})
+    assert touched(into, boom) > force(into, boom) + 20.0
+    assert [check.sentence for check in reading_checks(into, boom)[0]] == []
 
 
 @pytest.mark.parametrize("name", ["hose_pressure", "rod_pressure"])
