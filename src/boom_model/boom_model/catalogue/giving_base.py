@@ -38,7 +38,7 @@ EFFECT = Effect(
     "giving_base", "structure", "5.39a", "y = q_2 + x, x'' + 2 zeta omega x' + omega^2 x = -omega^2 C (J f_p - g(0))",
     ("the base", "gives way under the cylinder's torque, and the boom tilts with it"), "sways after starts and stops",
     (
-        parameter("C", "rad/(N m)", 0.0, (1e-8, 1e-7), (0.0, 1e-4), "compliance of the base", positive=True, starts=(1e-8,)),
+        parameter("C", "rad/(N m)", 0.0, (1e-8, 1e-7), (0.0, 1e-4), "compliance of the base", positive=True),
         parameter("f", "Hz", 1.0, (0.5, 2.0), (0.1, 3.0), "frequency at which it sways", positive=True,
                   starts=(0.5, 0.7, 0.9, 1.2, 1.6, 2.2)),
         parameter("zeta", "-", 0.06, (0.02, 0.2), (0.0, 2.0), "damping ratio of that", positive=True),

@@ -12,8 +12,7 @@ ROUNDED = 2e-3
 def numbers(*shares: float) -> tuple[EffectParameter, ...]:
     """Stiffness and place of a contact; ``shares`` of the angles visited at which it is looked for."""
     return (
-        parameter("c", "N m/rad", 0.0, (5e3, 3e6), (0.0, 1e9), "stiffness of what is touched", positive=True,
-                  starts=(2e4, 1e6)),
+        parameter("c", "N m/rad", 0.0, (5e3, 3e6), (0.0, 1e9), "stiffness of what is touched", positive=True),
         parameter("q_0", "rad", 0.5, (0.0, 1.0), (-3.2, 3.2), "where it is touched", starts=shares, visited=True),
     )  # fmt: skip
 
