@@ -330,7 +330,7 @@ def _findings(case: Case, odds: Odds, cells: list[NDArray[np.int64]]) -> list[Fi
                 alternatives, _evidence(w, row.term, place.text), effect if row.foreign else "",
             )
         )  # fmt: skip
-    return sorted(result, key=lambda finding: not finding.like)
+    return result
 
 
 def _evidence(w: Weighed, term: str, where: str) -> str:

@@ -13,6 +13,7 @@ from boom_model.catalogue import SUBSYSTEM_NAMES, effect_name
 from boom_report.channels import probability
 from boom_report.diagnosis.words import (
     VERDICTS,
+    finding_name,
     headline,
     intervals_text,
     percent,
@@ -72,7 +73,7 @@ def findings_table(result: DiagnosisResult) -> Table:
         for name, estimate in finding.parameters.items():
             said = shown(estimate)
             numbers.append(f"{name} {said.value} {said.unit} [{said.interval}]".replace(" [", " [", 1))
-        what = f"{effect_name(finding.effect)} ({SUBSYSTEM_NAMES.get(finding.subsystem, finding.subsystem)})"
+        what = f"{finding_name(finding)} ({SUBSYSTEM_NAMES.get(finding.subsystem, finding.subsystem)})"
         times = intervals_text(finding.intervals_s, 2)
         when = f"{finding.regime}{f'; {times}' if times else ''}"
         table.add_row(Text(what), Text("\n".join(numbers)), Text(when), Text(probability(finding.confidence)))

@@ -94,6 +94,11 @@ def meaning(effect: str | None, name: str) -> str:
     return next((f" {row.meaning}" for row in rows if row.name == name), "")
 
 
+def finding_name(finding: Finding) -> str:
+    """Name of a finding in a table; of unmodelled physics with what it acts like, where that is known."""
+    return effect_name(finding.effect) + (f": {effect_name(finding.like)}" if finding.like else "")
+
+
 def signed(value: float, digits: int = 3) -> str:
     """A number with a proper minus sign; an en dash where there is none."""
     return "\N{EN DASH}" if not math.isfinite(value) else number(value, digits).replace("-", _MINUS)
@@ -111,7 +116,7 @@ def others_text(finding: Finding) -> list[str]:
 
 def ranking_title(result: DiagnosisResult) -> str:
     """The heading of the ranking; beside a first finding a further one has a probability of its own."""
-    several = sum(finding.effect is not None for finding in result.document.findings) > 1
+    several = sum(bool(finding.effect or finding.like) for finding in result.document.findings) > 1
     return "Ranking: what the first finding could be" if several else "Ranking of the hypotheses"
 
 
@@ -197,7 +202,8 @@ def statement(finding: Finding, kind: str = "identified", parameters_only: float
         rivals += [(parameters_only, "parameters within tolerance only")]
         ranked = sorted(rivals, key=lambda rival: -rival[0])
         others = [name for p, name in ranked if p >= RIVAL] or [name for _, name in ranked[:1]]
-        either = f"{effect_name(finding.effect)} or {' or '.join(others)}" if others else effect_name(finding.effect)
+        name = finding_name(finding)
+        either = f"{name} or {' or '.join(others)}" if others else name
         return f"It cannot be told apart from these recordings: {either}{where}. The first has a confidence of {p}."
     if finding.effect not in EFFECTS:
         return f"{sure.capitalize()} the {subsystem}: {finding.effect}{f', {numbers}' if numbers else ''} (confidence {p})."
