@@ -35,6 +35,7 @@ from boom_recording.writing import from_columns
 from boom_report.channels import probability
 from boom_report.diagnosis.report import html
 from boom_report.diagnosis.terminal import print_diagnosis
+from boom_report.diagnosis.words import headline
 
 OUTPUTS = ("angle", "rate", "hose_pressure", "rod_pressure")
 
@@ -116,6 +117,22 @@ def test_what_makes_free_runs_worse_is_not_in_the_machine_file_that_is_handed_ou
     result = diagnose([made], tz17())
     assert result.document.findings and answer.PLAINLY in result.notes
     assert "pilot_lag" not in result.explained.effects and result.explained.document != tz17().document
+
+
+def test_a_boom_that_something_carries_is_unknown_physics_of_the_structure_with_what_carries_it() -> None:
+    """No part of the crane, and in nobody's list: it had been a load that leaves the ground at a stroke."""
+    contact = {"c": 1e5, "q_0": 0.45}
+    result = diagnose([noisy(tz17().with_effects({"ground_contact": contact}), 24.0, 1)], tz17())
+    found = result.document.findings[0]
+    assert (result.document.verdict, found.effect, found.subsystem) == ("unknown_physics", None, "structure")
+    assert found.document()["like"] == "ground_contact"
+    for name, true in contact.items():
+        low, high = found.parameters[name].interval_90
+        assert low <= true <= high
+    assert result.explained.effects["ground_contact"]["c"] == pytest.approx(contact["c"], rel=0.1)
+    assert "something carries the boom below an angle" in headline(result)
+    assert sum(row.posterior for row in result.document.hypotheses if row.unknown) > 0.9
+    assert "Unmodelled physics: ground contact" in html(result)
 
 
 def test_a_healthy_machine_has_no_mismatch() -> None:

@@ -57,13 +57,14 @@ def test_an_effect_that_no_boom_can_have_is_not_weighed_but_said(monkeypatch: py
 
 
 @pytest.mark.parametrize(
-    ("unknown", "confidence", "verdict"),
-    [(0.48, 0.18, "unknown_physics"), (0.45, 0.5, "ambiguous"), (0.1, 0.9, "identified")],
-)
+    ("unknown", "confidence", "like", "verdict"),
+    [(0.48, 0.18, "", "unknown_physics"), (0.45, 0.5, "", "ambiguous"), (0.1, 0.9, "", "identified"),
+     (0.1, 0.9, "ground_contact", "unknown_physics"), (0.1, 0.5, "ground_contact", "ambiguous")],
+)  # fmt: skip
 def test_physics_of_no_catalogue_is_the_verdict_where_it_is_likelier_than_what_was_found(
-    case: Any, unknown: float, confidence: float, verdict: str
+    case: Any, unknown: float, confidence: float, like: str, verdict: str
 ) -> None:
-    found: Any = SimpleNamespace(subsystem="supply", confidence=confidence)
+    found: Any = SimpleNamespace(subsystem="supply", confidence=confidence, like=like)
     tight: Any = SimpleNamespace(excess_before=1.0)
     assert answer._verdict(case, [found], unknown, 1.0, 0.0, tight) == verdict
 
