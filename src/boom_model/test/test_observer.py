@@ -12,7 +12,7 @@ import pytest
 
 from boom_model.codegen.compiled import LANES
 from boom_model.machine import Machine
-from boom_model.observer import Job, Observed, Samples, observe, observe_all, observe_groups
+from boom_model.observer import Job, Observed, Samples, observe, observe_all, observe_groups, output_jacobian, riccati
 from boom_model.plant import Plant
 
 SENSORS = np.array([3.8e-4, 1.5e-3, 2e4, 2e4])  # angle, rate, pressures: what the machine's sensors resolve
@@ -131,3 +131,21 @@ def test_every_effect_of_the_catalogue_is_the_same_side_by_side(tz17: Machine, p
     for o in observe_groups([[one] * LANES])[0]:
         assert o.complete
         assert np.abs(o.innovations - exact.innovations).max(axis=0) / SENSORS == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_covariances_of_innovations_can_be_decomposed_wherever_the_state_grows_by_orders(
+    folded: Plant, seed: int
+) -> None:
+    """In a void a transition grows by 1e9: rounding costs the covariance its positivity, and gains are wanted all the same."""
+    rng, nx = np.random.default_rng(seed), len(folded.state_names)
+    transition = np.tile(0.9 * np.eye(nx), (60, 1, 1))
+    transition[20:24] += 10.0 ** rng.uniform(3.0, 9.0) * np.outer(rng.standard_normal(nx), rng.standard_normal(nx))
+    output = output_jacobian(folded, folded.equilibrium(0.4))
+    scale = np.abs(output).max(axis=1)
+    variance = np.tile((1e-3 * scale) ** 2, (60, 1))
+    process = np.tile(1e-6 * np.eye(nx), (60, 1, 1))
+    valid = np.ones(variance.shape, dtype=bool)
+    gain, innovation = riccati(folded, transition, process, output, valid, variance, np.eye(nx))
+    assert np.isfinite(gain).all()
+    np.linalg.cholesky(innovation)

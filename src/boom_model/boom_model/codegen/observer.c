@@ -168,7 +168,8 @@ void boom_riccati(long n, const double *transition, const double *process, const
       }
     for (int a = 0; a < NY; a++)
       for (int i = 0; i < NX; i++) H[a][i] = valid[k * NY + a] ? output[a * NX + i] : 0.0;
-    /* Where what grows by orders in a void has cost the covariance its positivity, the variances alone are kept. */
+    /* Where what grows by orders in a void has cost the covariance its positivity, the variances alone are kept: already
+       where rounding decides, or a Cholesky decomposition may judge otherwise than the pivots here. */
     for (int positive = 0, again = 0; !positive && again < 2; again++) {
       if (again) for (int i = 0; i < NX * NX; i++) P[i] = i % (NX + 1) ? 0.0 : fabs(P[i]);
       for (int i = 0; i < NX; i++)
@@ -186,7 +187,7 @@ void boom_riccati(long n, const double *transition, const double *process, const
         }
       positive = 1;
       for (int a = 0; a < NY; a++) { /* Gauss-Jordan */
-        positive &= S[a][a] > 0.0;
+        positive &= S[a][a] > 1e-12 * innovation[(k * NY + a) * NY + a];
         const double pivot = 1.0 / S[a][a];
         for (int b = 0; b < NY; b++) { S[a][b] *= pivot; V[a][b] *= pivot; }
         for (int r = 0; r < NY; r++) {
