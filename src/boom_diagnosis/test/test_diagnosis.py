@@ -119,12 +119,12 @@ def test_what_makes_free_runs_worse_is_not_in_the_machine_file_that_is_handed_ou
     assert "pilot_lag" not in result.explained.effects and result.explained.document != tz17().document
 
 
-def test_a_boom_that_something_carries_is_unknown_physics_of_the_structure_with_what_carries_it() -> None:
+def test_a_boom_that_something_carries_is_unknown_physics_at_the_load_with_what_carries_it() -> None:
     """No part of the crane, and in nobody's list: it had been a load that leaves the ground at a stroke."""
-    contact = {"c": 1e5, "q_0": 0.45}
+    contact = {"c": 1e5, "q_0": 0.45, "d": 1e4}
     result = diagnose([noisy(tz17().with_effects({"ground_contact": contact}), 24.0, 1)], tz17())
     found = result.document.findings[0]
-    assert (result.document.verdict, found.effect, found.subsystem) == ("unknown_physics", None, "structure")
+    assert (result.document.verdict, found.effect, found.subsystem) == ("unknown_physics", None, "load")
     assert found.document()["like"] == "ground_contact"
     for name, true in contact.items():
         low, high = found.parameters[name].interval_90

@@ -139,13 +139,16 @@ def test_a_healthy_machine_has_no_unknown_input_that_is_plain_to_see() -> None:
     assert learnt(tz17()) is None
 
 
-def test_physics_of_no_catalogue_is_said_to_be_that_and_its_term_brings_free_runs_to_the_noise() -> None:
+def test_what_touches_the_boom_is_physics_of_no_catalogue_and_brings_free_runs_to_the_noise() -> None:
     result = diagnose([recorded(touching())], tz17())
     document = result.document
     assert document.verdict == "unknown_physics"
     assert (document.findings[0].effect, document.findings[0].subsystem) == (None, "load")
     assert [f.effect for f in document.findings] == [None]
-    assert "touched" in result.learned[0].reading
+    found = document.findings[0]
+    assert found.like == "ground_contact" and not result.learned
+    assert found.parameters["c"].value == pytest.approx(STIFFNESS, rel=0.05)
+    assert found.parameters["q_0"].value == pytest.approx(CORNER, abs=0.003)
     held = {stage: np.array(values) for stage, values in document.fit.held_out.items()}
     assert np.all(held["explained"] < 1.5 * np.array(document.fit.noise_floor))
     assert np.all(held["explained"][2:] < 0.2 * held["nominal"][2:])
