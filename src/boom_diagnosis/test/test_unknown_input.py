@@ -143,11 +143,11 @@ def test_what_touches_the_boom_is_physics_of_no_catalogue_and_brings_free_runs_t
     result = diagnose([recorded(touching())], tz17())
     document = result.document
     assert document.verdict == "unknown_physics"
-    assert (document.findings[0].effect, document.findings[0].subsystem) == (None, "load")
+    assert (document.findings[0].effect, document.findings[0].subsystem) == (None, "structure")
     assert [f.effect for f in document.findings] == [None]
     found = document.findings[0]
-    assert found.like == "ground_contact" and not result.learned
-    assert found.parameters["c"].value == pytest.approx(STIFFNESS, rel=0.05)
+    assert found.like == "mechanical_stop" and not result.learned
+    assert found.parameters["c"].value == pytest.approx(1e4 * STIFFNESS, rel=0.05)  # a term counts in 10 kN m
     assert found.parameters["q_0"].value == pytest.approx(CORNER, abs=0.003)
     held = {stage: np.array(values) for stage, values in document.fit.held_out.items()}
     assert np.all(held["explained"] < 1.5 * np.array(document.fit.noise_floor))
