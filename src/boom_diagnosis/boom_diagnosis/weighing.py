@@ -320,13 +320,15 @@ def possible(fitted: Fitted, load: float, size: MachineSize = THESIS) -> bool:
     """Whether a boom of this size, with a ``load`` [kg] told, can have an effect as fitted; else it stands in for something else.
 
     A load that lifts is none; of others the catalogue says what a machine can have. An effect whose size is as large as any that is
-    looked for, far beyond what is plausible, would have to be larger still.
+    looked for, far beyond what is plausible, would have to be larger still; but what is touched may be as hard as it will.
     """
     effect, own = sized(EFFECTS[fitted.effect], size), f"effects.{fitted.effect}."
     if effect.load:
         return fitted.point.effects[own + effect.parameters[0].name] >= -load
     sizes = {own + row.name for row in effect.leading}
-    if any(c.name in sizes and fitted.point.effects[c.name] >= c.high for c in fitted.coordinates):
+    if not effect.foreign and any(
+        c.name in sizes and fitted.point.effects[c.name] >= c.high for c in fitted.coordinates
+    ):
         return False
     intervals = estimates(fitted, 1.0) if any(row.surely for row in effect.parameters) else {}
     for row in effect.parameters:

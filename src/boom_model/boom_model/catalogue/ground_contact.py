@@ -14,7 +14,7 @@ SETS_IN = 1e-3
 def numbers(*shares: float) -> tuple[EffectParameter, ...]:
     """Stiffness, damping and place of a contact; ``shares`` of the angles visited at which it is looked for."""
     return (
-        parameter("c", "N m/rad", 0.0, (5e3, 3e6), (0.0, 1e9), "stiffness of what is touched", positive=True),
+        parameter("c", "N m/rad", 0.0, (5e3, 1e7), (0.0, 1e9), "stiffness of what is touched", positive=True),
         parameter("q_0", "rad", 0.5, (0.0, 1.0), (-3.2, 3.2), "where it is touched", starts=shares, visited=True),
         parameter("d", "N m s/rad", 0.0, (0.0, 2e4), (0.0, 1e8), "damping while it is touched"),
     )  # fmt: skip

@@ -10,7 +10,7 @@ EFFECT = Effect(
     (
         parameter("b", "-", 0.0, (0.2, 2.0), (-0.9, 20.0), "height of the tight spot over tau_C"),
         parameter("q_c", "rad", 0.5, (0.0, 1.0), (-2.0, 2.0), "where it is", starts=(0.1, 0.3, 0.5, 0.7, 0.9),
-                  visited=True,                  form=0.02),  # the outline of a spot is not known
+                  visited=True, form=0.02),  # the outline of a spot is not known
         parameter("width", "rad", 0.1, (0.03, 0.3), (1e-3, 2.0), "how wide it is", positive=True, starts=(0.06, 0.2)),
     ),
     {"coulomb_friction": lambda size, own, at: size * (1 + own.b * ca.exp(-(((at.angle - own.q_c) / own.width) ** 2)))},
