@@ -35,6 +35,8 @@ SCALES = {
     "Pa s/m^3": (1e-5 / 6e4, "bar/(l/min)"),
     "Pa s^2/m^6": (1e-5 * (100 / 6e4) ** 2, "bar at 100 l/min"),
     "rad/(N m)": (1e9, "nrad/(N m)"),
+    "N m/rad": (1e-3, "kN m/rad"),
+    "N m s/rad": (1e-3, "kN m s/rad"),
 }
 _SURE = (
     (0.95, "almost certainly", "almost certain"), (0.85, "very probably", "very probable"),
