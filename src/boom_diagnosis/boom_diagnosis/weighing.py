@@ -285,7 +285,10 @@ def is_none(name: str, value: float) -> bool:
     effect, parameter = name.split(".")[1:]
     row = next(row for row in EFFECTS[effect].parameters if row.name == parameter)
     elsewhere = not row.low <= row.neutral <= row.high
-    return elsewhere and abs(value - row.neutral) < NONE * (row.high - row.low)
+    near = (
+        row.low if row.positive else row.high - row.low
+    )  # what is sought by its logarithm may be small beside its range
+    return elsewhere and abs(value - row.neutral) < NONE * near
 
 
 def probabilities(nets: Sequence[float], temperature: float) -> list[float]:

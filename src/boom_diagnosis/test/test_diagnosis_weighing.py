@@ -10,6 +10,7 @@ from boom_diagnosis.search import Fitted
 from boom_diagnosis.weighing import (
     BLOCK,
     estimates,
+    is_none,
     possible,
     posterior,
     predictive_loss,
@@ -153,3 +154,9 @@ def test_what_another_shape_could_do_as_well_is_known_better_given_the_shape() -
     fitted, gain = Fitted("boom_flexibility", point, own, columns, 0.0, ()), own[0].name
     alone = weighing._variances(fitted, 3.0, given=[c.name for c in own[1:]])[gain]
     assert alone < 0.12 * weighing._variances(fitted, 3.0)[gain]
+
+
+@pytest.mark.parametrize(("size", "none"), [(0.0, True), (3.6e3, False), (1e7, False)])
+def test_a_size_that_is_sought_by_its_logarithm_may_be_small_beside_its_range(size: float, none: bool) -> None:
+    """A soft support of 3.6 kN m/rad was none beside one of 10 MN m/rad, and nothing was told of it."""
+    assert is_none("effects.ground_contact.c", size) is none
