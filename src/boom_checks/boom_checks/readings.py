@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from boom_checks.check import CheckKind, IntervalValue, RecordingCheck
 from boom_checks.even_series import PERIOD, EvenSeries
 from boom_checks.mechanics import Mechanics
-from boom_checks.relations import MOTION, PRESSURES, RELATIONS, force, linkage, touched
+from boom_checks.relations import MOTION, PRESSURES, RELATIONS, contact_gain, linkage
 from boom_identification.signals import stretches
 from boom_input.channels import AMBIENT_PRESSURE_PA, BY_NAME
 
@@ -188,7 +188,7 @@ def reading_checks(series: EvenSeries, boom: Mechanics) -> tuple[list[RecordingC
         best = int(np.argmax(gains))
         if not gains[best] > 0.0:
             break
-        if set(readings[best].channels) & WEIGHED and gains[best] <= _contact(series, boom):
+        if set(readings[best].channels) & WEIGHED and gains[best] <= contact_gain(series, boom) + PRIOR:
             break
         alike = [k for k in np.argsort(gains)[::-1] if k != best and gains[k] > gains[best] - ALIKE]
         found.append(_told(readings[best], [readings[k] for k in alike], series, boom, gains[best]))
@@ -199,11 +199,6 @@ def reading_checks(series: EvenSeries, boom: Mechanics) -> tuple[list[RecordingC
 def _moves(series: EvenSeries) -> bool:
     angle = series.smooth("angle")
     return float(np.nanmax(angle, initial=-np.inf) - np.nanmin(angle, initial=np.inf)) > STILL
-
-
-def _contact(series: EvenSeries, boom: Mechanics) -> float:
-    """By how much the force balance holds better if the boom leans on something, which is no fault of the recording."""
-    return touched(series, boom) - force(series, boom) + PRIOR
 
 
 def _gain(reading: FaultReading, series: EvenSeries, boom: Mechanics, as_read: list[float]) -> float:

@@ -159,21 +159,21 @@ def force(series: EvenSeries, boom: Mechanics) -> float:
     return _balance(series, boom)[0]
 
 
-def touched(series: EvenSeries, boom: Mechanics) -> float:
-    """The same of a boom that something carries below an angle, or holds above one, like a spring: the likeliest such contact.
+def contact_gain(series: EvenSeries, boom: Mechanics) -> float:
+    """By how much the force balance holds better [nats] if something carries the boom below an angle, or holds it above one.
 
-    A machine's affair, but a force balance that is far off may be that as well as a fault of the recording.
+    Like a spring; of the likeliest such contact. That is no fault of the recording, but its force balance is as far off.
     """
     angle = series.smooth("angle")
     known = angle[np.isfinite(angle)]
     arm = boom.lever(angle) * boom.A_a
-    found = [force(series, boom)]
+    found = [_balance(series, boom)[0]]
     for place in np.quantile(known, CONTACTS) if len(known) else ():
         for side in (1.0, -1.0):
             depth = np.maximum(side * (angle - place), 0.0) / arm
             likelihood, strength = _balance(series, boom, side * depth / max(float(np.nanmax(depth)), 1e-12))
             found += [likelihood] if strength > 0.0 else []
-    return max(found)
+    return max(found) - found[0]
 
 
 def _balance(series: EvenSeries, boom: Mechanics, contact: Array | None = None) -> tuple[float, float]:

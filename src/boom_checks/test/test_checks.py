@@ -15,7 +15,7 @@ from boom_checks.doubts import checks
 from boom_checks.even_series import even_series
 from boom_checks.mechanics import mechanics
 from boom_checks.readings import reading_checks
-from boom_checks.relations import changes, force, pressure_range, response, touched
+from boom_checks.relations import changes, contact_gain, force, pressure_range, response
 from boom_checks.sampling import sampling_checks
 from boom_checks.statics import statics_of
 from boom_model.machine_file import load_machine
@@ -283,7 +283,7 @@ def test_a_boom_that_is_driven_into_something_soft_again_and_again_has_no_other_
     deep = np.maximum(angle - np.nanquantile(angle, 0.3), 0.0) / boom.lever(angle)
     pushed = series.columns["hose_pressure"] + 3.5e7 * deep / np.nanmax(deep)
     into = series.with_columns({"hose_pressure": pushed})
-    assert touched(into, boom) > force(into, boom) + 20.0
+    assert contact_gain(into, boom) > 20.0
     assert [check.sentence for check in reading_checks(into, boom)[0]] == []
 
 

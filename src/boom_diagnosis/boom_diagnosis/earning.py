@@ -261,10 +261,8 @@ def _early(case: Case, f: Fitted) -> bool:
 def _hardly_beyond(case: Case, f: Fitted) -> bool:
     """Whether an effect is what sound machines have, too, or numbers' being further off than their tolerance by next to nothing."""
     effect = sized(EFFECTS[f.effect], case.size)
-    further = [row for row in effect.parameters if row.name in dict(effect.steps) and row not in effect.leading]
-    values = [f.point.effects.get(f"effects.{f.effect}.{row.name}", row.neutral) for row in (*effect.leading, *further)]
-    sizes = [(abs(v), row.ordinary) for v, row in zip(values, (*effect.leading, *further), strict=True)]
-    if all(size <= ordinary for size, ordinary in sizes):
+    here = {row: f.point.effects.get(f"effects.{f.effect}.{row.name}", row.neutral) for row in effect.sizes}
+    if all(abs(size) <= row.ordinary for row, size in here.items()):
         return True
     factors = [row for row in effect.parameters if row.acts or row in effect.leading]
     if not effect.changes or effect.parameters[0].neutral != 1.0 or f.gain > CLEARLY * chance(case):

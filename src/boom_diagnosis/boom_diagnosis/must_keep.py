@@ -18,9 +18,7 @@ Array = NDArray[np.float64]
 
 def told(effect: str, numbers: Mapping[str, Estimate]) -> bool:
     """Whether one of an effect's ``numbers`` (its own names) differs from doing nothing by more than its 90 % interval."""
-    rows = {row.name: row for row in EFFECTS[effect].parameters}
-    sizes = [row.name for row in EFFECTS[effect].leading] + [mass for mass, _ in EFFECTS[effect].steps]
-    for row in (rows[name] for name in sizes):
+    for row in EFFECTS[effect].sizes:
         estimate = numbers.get(row.name)
         if estimate is not None and not estimate.interval_90[0] <= row.neutral <= estimate.interval_90[1]:
             return True

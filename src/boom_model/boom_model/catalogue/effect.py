@@ -199,6 +199,12 @@ class Effect:
         return self.parameters if self.independent else self.parameters[:1]
 
     @property
+    def sizes(self) -> tuple[EffectParameter, ...]:
+        """How much of it there is: the leading parameters, and each mass of a load in steps."""
+        masses = {mass for mass, _ in self.steps}
+        return tuple(row for row in self.parameters if row in self.leading or row.name in masses)
+
+    @property
     def lacking(self) -> str:
         """What a machine that cannot have it has: "no pilot valves", "a valve at the cylinder"."""
         words = []
