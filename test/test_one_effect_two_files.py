@@ -128,8 +128,8 @@ def test_the_watch_suspects_the_new_effect(grown):
 
 def test_the_report_has_words_for_the_new_effect(grown):
     assert grown["statement"] == (
-        "Almost certainly the hose bundle across the joint pulls the boom back: k = 4000 N m/rad "
-        "(90 % interval 3000 to 5000 N m/rad) (confidence 0.97)."
+        "Almost certainly the hose bundle across the joint pulls the boom back: k = 4.0 kN m/rad "
+        "(90 % interval 3.0 to 5.0 kN m/rad) (confidence 0.97)."
     )
 
 

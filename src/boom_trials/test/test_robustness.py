@@ -107,7 +107,7 @@ def test_every_plant_of_the_requirements_can_be_built() -> None:
     found = rows(2, 0)
     told = {row.name for row in found if row.name.endswith(", told")}
     assert {f"{e.id}, told" for e in CATALOGUE} - told == {
-        f"{e.id}, told" for e in CATALOGUE if not nominal.structure.has(e.needs)
+        f"{e.id}, told" for e in CATALOGUE if e.foreign or not nominal.structure.has(e.needs)
     }
     for row in found:
         for case in row.cases:
