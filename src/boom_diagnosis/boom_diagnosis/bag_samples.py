@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from boom_diagnosis.recent import Recent
 from boom_estimation.currents import HeldCurrents, driven, held_currents, held_inputs
 from boom_estimation.initial_state import resting_start, stationary_guess
+from boom_estimation.runs import evaporating
 from boom_model.machine import Machine
 from boom_model.observer import KalmanGains, Linearised, Samples
 from boom_model.plant import Plant
@@ -30,9 +31,6 @@ OTHER_POSE = "@"
 """Between the component and the number of another pose or load, in the name of a value that is that one's own."""
 SETTLING = 1.5
 """s. Behind a gap in the currents the observer needs so long to find the state again."""
-CAVITATES, RARELY = 0.5e5, 0.1
-"""Pa gauge: hose pressure below which the head side's oil evaporates. Share of the samples
-above which so low a pressure is no cavitation."""
 MOVING = 0.02
 """rad/s."""
 GAINS, TRAJECTORIES = 16, 3
@@ -329,12 +327,9 @@ def _first(signal: Signal) -> float:
 
 def _cavitating(recording: Recording, time: Array) -> Flags:
     """(n,) Whether the head side's oil evaporates in an interval, or did up to ``SETTLING`` before."""
-    signal = recording.signals["hose_pressure"]
-    low = signal.time[signal.valid][signal.values[signal.valid] < CAVITATES]
     result = np.zeros(len(time), dtype=bool)
-    if len(low) <= RARELY * np.sum(signal.valid):
-        for t in low:
-            result[(time > t - PERIOD) & (time < t + SETTLING)] = True
+    for first, last in evaporating(recording):
+        result[(time > first - PERIOD) & (time < last + SETTLING)] = True
     return result
 
 

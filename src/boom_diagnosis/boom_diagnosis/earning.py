@@ -24,9 +24,11 @@ from boom_diagnosis.proof import worsening
 from boom_diagnosis.search import Fitted, lasting
 from boom_diagnosis.sizes import sized
 from boom_diagnosis.weighing import (
+    COLDEST,
     ENOUGH,
     OTHER_FORM,
     TOO_SMALL,
+    UNEXPLAINED_WEIGHT,
     Weighed,
     estimates,
     forgotten,
@@ -137,6 +139,11 @@ def numbers_of(case: Case, fitted: Fitted) -> dict[str, Estimate]:
     return estimates(fitted, max(1.0, case.temperature / 3.0))
 
 
+def temperature(case: Case, at: Point) -> float:
+    """By which losses are divided: what stays unexplained at a point makes all that is told less sure."""
+    return COLDEST + UNEXPLAINED_WEIGHT * max(0.0, at.over(case.floor))
+
+
 def given_up(case: Case) -> bool:
     """Gives the last effect up where it may do nothing and is not needed; whether that was so.
 
@@ -201,7 +208,8 @@ def weigh(case: Case, found: Round) -> list[Weighed]:
     accepted = set(found.accepted)
     able, impossible = list[Fitted](), list[Fitted]()
     for f in _lasting(case, found):
-        (able if possible(f, case.pose.load, case.size) else impossible).append(f)
+        discount = temperature(case, f.point) / COLDEST
+        (able if possible(f, case.pose.load, case.size, discount) else impossible).append(f)
     if not accepted:
         case.impossible = impossible
     counted = [f for f in able if not (_hardly_beyond(case, f) or _filters_noise(case, f))]

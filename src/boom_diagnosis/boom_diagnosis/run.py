@@ -17,7 +17,7 @@ from boom_diagnosis.calibration import calibrate
 from boom_diagnosis.case import Case, case_of
 from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.document import DiagnosisResult
-from boom_diagnosis.earning import chance, clear, given_up, least, placed_by_itself, settle, take, weigh
+from boom_diagnosis.earning import chance, clear, given_up, least, placed_by_itself, settle, take, temperature, weigh
 from boom_diagnosis.fitting import Point, Problem, strained
 from boom_diagnosis.free_fit import fit_to_free_runs
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, rebased, run_round
@@ -29,7 +29,7 @@ from boom_diagnosis.straying import strayed
 from boom_diagnosis.stretches import Stretches, excited, stretches
 from boom_diagnosis.unsearched import About, not_enough_excitation, spoilt
 from boom_diagnosis.weighed_case import searched, weighed_case_of
-from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, OTHER_FORM, UNEXPLAINED_WEIGHT
+from boom_diagnosis.weighing import NEGLIGIBLE, OTHER_FORM
 from boom_diagnosis.wrong_number import with_wrong_number
 from boom_estimation.sensor_noise import with_measured_noise
 from boom_model.catalogue import EFFECTS
@@ -263,7 +263,7 @@ def _judge(case: Case, found: Round) -> bool:
     case.weighed[k:] = [weigh(case, found)]
     taken = take(case)
     best = case.weighed[k][0].fitted.point if case.weighed[k] else found.base
-    case.temperature = COLDEST + UNEXPLAINED_WEIGHT * max(0.0, best.over(case.floor))
+    case.temperature = temperature(case, best)
     return taken
 
 

@@ -1,6 +1,6 @@
 """A recording prepared for estimation: stretches for free runs, their initial states, and the samples that count.
 
-A run does not cross a gap in the currents; it restarts after it. Samples are assigned to nodes, the stamps of the
+Runs end and restart where ``boom_estimation.runs`` says. Samples are assigned to nodes, the stamps of the
 currents, at which the noise is propagated (``whitening``); the model is sampled at the samples' own stamps.
 """
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from boom_estimation.currents import HeldCurrents, held_inputs
 from boom_estimation.free_run import plant_for
 from boom_estimation.initial_state import UNCERTAINTY, initial_state, means_at_rest, rest_end
+from boom_estimation.runs import free_stretches
 from boom_model.batch import Job
 from boom_model.machine import Machine
 from boom_model.observer import Samples
@@ -33,7 +34,7 @@ SHORTEST = 2.0
 
 @dataclass(frozen=True)
 class Segment:
-    """One stretch of a recording without a gap in the currents.
+    """One stretch of a recording for a free run.
 
     Attributes:
         start, end: [s].
@@ -173,7 +174,7 @@ def prepare(
     currents = held_inputs(recording, plant.machine)
     period = float(np.median(np.diff(currents.time))) if len(currents.time) > 1 else 0.01
     segments = []
-    for start, end in currents.stretches(recording.duration):
+    for start, end in free_stretches(recording, currents):
         if end - start < SHORTEST:
             continue
         segment = _segment(recording, plant, currents, start, end, period, held_out)

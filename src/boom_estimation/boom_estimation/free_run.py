@@ -1,6 +1,6 @@
 """Free runs of the model over a recording, from the currents and the initial state only; ch. 5.6.
 
-A run does not cross a gap in the currents; it restarts after it. Masked samples are not used. MAE is (5.48).
+Runs end and restart where ``boom_estimation.runs`` says. Masked samples are not used. MAE is (5.48).
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from boom_estimation.currents import HeldCurrents, driven, held_inputs
 from boom_estimation.initial_state import InitialState, initial_state
+from boom_estimation.runs import free_stretches
 from boom_input.channels import PREDICTED
 from boom_model.components.oil import VOID
 from boom_model.equations import Kind
@@ -85,7 +86,7 @@ def predict(recording: Recording, machine: Machine, kind: Kind) -> FreeRun:
     values = {name: np.full(len(time), np.nan) for name, time in times.items()}
     runs: list[str] = []
     stopped = evaporated = ""
-    for start, end in currents.stretches(recording.duration):
+    for start, end in free_stretches(recording, currents):
         begin = initial_state(recording, plant, currents, start, end)
         if begin is None:
             runs.append(f"{start:.2f} s to {end:.2f} s: not run, a channel has no valid sample to begin with")
