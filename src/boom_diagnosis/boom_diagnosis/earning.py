@@ -26,6 +26,7 @@ from boom_diagnosis.sizes import sized
 from boom_diagnosis.weighing import (
     COLDEST,
     ENOUGH,
+    NEGLIGIBLE,
     OTHER_FORM,
     TOO_SMALL,
     UNEXPLAINED_WEIGHT,
@@ -208,8 +209,8 @@ def weigh(case: Case, found: Round) -> list[Weighed]:
     accepted = set(found.accepted)
     able, impossible = list[Fitted](), list[Fitted]()
     for f in _lasting(case, found):
-        discount = temperature(case, f.point) / COLDEST
-        (able if possible(f, case.pose.load, case.size, discount) else impossible).append(f)
+        discount, whole = temperature(case, f.point) / COLDEST, f.point.excess(case.floor) < NEGLIGIBLE
+        (able if possible(f, case.pose.load, case.size, discount, whole) else impossible).append(f)
     if not accepted:
         case.impossible = impossible
     counted = [f for f in able if not (_hardly_beyond(case, f) or _filters_noise(case, f))]

@@ -51,7 +51,8 @@ def odds_of(case: Case, unknown: float, *, proved: bool = True, spared: float = 
     for k, weighed in enumerate(case.weighed):
         left = k == len(case.taken)  # what was not taken for gaining less than is needed is not likelier than nothing
         untold = SLOW * max(0.0, case.rounds[k].base.over(case.floor))  # fits end where a step gains less
-        nets = [w.net - (needed(case, w) if left else 0.0) for w in weighed]
+        costs = [w.cost * untold / case.temperature for w in weighed]  # what numbers cost is told all the same
+        nets = [w.net - (needed(case, w) if left else 0.0) - cost for w, cost in zip(weighed, costs, strict=True)]
         *shares, none = (round(p * (1.0 - stated - spared), 4) for p in probabilities(nets, case.temperature + untold))
         row = {w.fitted.effect: p for w, p in zip(weighed, shares, strict=True)}
         lost = 0.0

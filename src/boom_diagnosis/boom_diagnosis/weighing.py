@@ -319,10 +319,13 @@ def _unexplained(before: float, after: float) -> float:
     return float(before / (before + SLIGHT) / (1.0 + (UNKNOWN_FROM / max(share, 1e-6)) ** UNKNOWN_STEEPNESS))
 
 
-def possible(fitted: Fitted, load: float, size: MachineSize = THESIS, discount: float = 1.0) -> bool:
+def possible(
+    fitted: Fitted, load: float, size: MachineSize = THESIS, discount: float = 1.0, whole: bool = False
+) -> bool:
     """Whether a boom of this size, with a ``load`` [kg] told, can have an effect as fitted; else it stands in for something else.
 
-    discount: of what the recordings tell, by what stays unexplained beside the effect.
+    discount: of what the recordings tell, by what stays unexplained beside the effect. whole: nothing does; what explains all
+    stands in for nothing where the limit is a usual one (``surely``).
 
     A load that lifts is none; of others the catalogue says what a machine can have. An effect whose size is as large as any that is
     looked for, far beyond what is plausible, would have to be larger still; but what is touched may be as hard as it will.
@@ -336,7 +339,7 @@ def possible(fitted: Fitted, load: float, size: MachineSize = THESIS, discount: 
     ):
         return False
     intervals = estimates(fitted, discount) if any(row.surely for row in effect.parameters) else {}
-    for row in effect.parameters:
+    for row in (row for row in effect.parameters if not (row.surely and whole)):
         value = fitted.point.effects[own + row.name]
         low, high = intervals[own + row.name].interval_90 if row.surely else (value, value)
         if high < row.possible[0] or low > row.possible[1]:

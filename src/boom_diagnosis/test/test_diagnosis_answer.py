@@ -118,6 +118,18 @@ def test_an_effect_that_gains_less_than_is_needed_is_not_likelier_than_parameter
     assert odds.effects[0]["pilot_lag"] + odds.tolerances + odds.unknown == pytest.approx(1.0, abs=2e-4)
 
 
+def test_of_two_effects_that_explain_the_same_the_one_with_fewer_numbers_is_it_however_much_that_is(
+    monkeypatch: pytest.MonkeyPatch, case: Any
+) -> None:
+    """A load that hangs all the time was as likely as one grasped before the recording began: both explained 300 000 nats."""
+    costs = {"payload": 5.0, "payload_change": 31.0}
+    fewer, more = (replace(weighed(name, 1e5, 2e5, 2000.0), cost=cost) for name, cost in costs.items())
+    case.weighed, case.taken, case.temperature = [[fewer, more]], [fewer], 3.0
+    case.rounds[0].base = replace(case.rounds[0].base, loss=3e5)
+    monkeypatch.setattr(weighing_of, "_told", lambda *given: True)
+    assert weighing_of.odds_of(case, 0.02).effects[0]["payload_change"] < 0.01
+
+
 @pytest.mark.parametrize("unknown", [0.02, 0.26, 0.49])
 def test_what_free_runs_leave_of_unknown_physics_is_not_parameters_only(case: Any, unknown: float) -> None:
     """Gas lost by 40 % was "parameters only" with more than 0.99, unknown physics with 0.26 beside it was left out."""
