@@ -328,14 +328,15 @@ def possible(
     stands in for nothing where the limit is a usual one (``surely``).
 
     A load that lifts is none; of others the catalogue says what a machine can have. An effect whose size is as large as any that is
-    looked for, far beyond what is plausible, would have to be larger still; but what is touched may be as hard as it will.
+    looked for, far beyond what is plausible, would have to be larger still; but what is touched may be as hard as it will, and a
+    cushion takes all of the passage at most.
     """
     effect, own = sized(EFFECTS[fitted.effect], size), f"effects.{fitted.effect}."
     if effect.load:
         return fitted.point.effects[own + effect.parameters[0].name] >= -load
-    sizes = {own + row.name for row in effect.leading}
+    limits = {own + row.name: row.maximum for row in effect.leading}
     if not effect.foreign and any(
-        c.name in sizes and fitted.point.effects[c.name] >= c.high for c in fitted.coordinates
+        fitted.point.effects[c.name] >= c.high and c.high < limits.get(c.name, -inf) for c in fitted.coordinates
     ):
         return False
     intervals = estimates(fitted, discount) if any(row.surely for row in effect.parameters) else {}
