@@ -1,6 +1,6 @@
 """The numbers of all recordings of the repository as a committed table: a change of behaviour is a visible difference.
 
-`python src/boom_diagnosis/test/test_validation_results.py` writes the table anew; look at the difference before
+`python src/boom_identification/test/test_validation_results.py` writes the table anew; look at the difference before
 committing it.
 """
 
