@@ -137,7 +137,7 @@ def _bearable(case: Case, best: Weighed) -> float:
 
 def numbers_of(case: Case, fitted: Fitted) -> dict[str, Estimate]:
     """What is stated of all numbers of a fit's effects, dotted names."""
-    return estimates(fitted, max(1.0, case.temperature / 3.0))
+    return estimates(fitted, max(1.0, case.temperature / COLDEST))
 
 
 def temperature(case: Case, at: Point) -> float:

@@ -28,7 +28,7 @@ from boom_diagnosis.freerun import Errors, median
 from boom_diagnosis.hypotheses import LOOSENESS, problem_at
 from boom_diagnosis.must_keep import far_channels, open_channels
 from boom_diagnosis.proof import Spans, free_runs, held_out, machine_at
-from boom_diagnosis.weighing import FORM, trusted
+from boom_diagnosis.weighing import COLDEST, FORM, trusted
 from boom_model.errors import SimulationError
 from boom_model.sensors import OUTPUTS
 
@@ -47,7 +47,7 @@ def number_spread(case: Case) -> Errors:
     """s (NY,), median over the recordings; empty where a free run ends early."""
     point, jacobian = case.last, case.final.jacobian if case.final else case.rounds[0].jacobian
     names = case.final.coordinates if case.final else ()
-    discount = max(1.0, case.temperature / 3.0) * FORM**2
+    discount = max(1.0, case.temperature / COLDEST) * FORM**2
     covariance = trusted(point, jacobian, len(point.z), [c.precision for c in names], discount)
     own = case.of_held_out_alone()
     covariance[own], covariance[:, own] = 0.0, 0.0  # fitted to what is not used

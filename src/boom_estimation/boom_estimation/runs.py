@@ -29,10 +29,10 @@ def evaporating(recording: Recording) -> list[tuple[float, float]]:
     return [(float(t[0]), float(t[-1])) for t in np.split(low, np.flatnonzero(np.diff(low) > REFILLED) + 1)]
 
 
-def free_stretches(recording: Recording, currents: HeldCurrents) -> list[tuple[float, float]]:
-    """(start, end) [s] of the free runs, in order."""
+def free_stretches(recording: Recording, currents: HeldCurrents, holds: bool) -> list[tuple[float, float]]:
+    """(start, end) [s] of the free runs, in order; ``holds``: behind a valve that holds the load the hose tells of no void."""
     result = []
-    voids = evaporating(recording)
+    voids = [] if holds else evaporating(recording)
     for start, end in currents.stretches(recording.duration):
         inside = [(first, last + REFILLED) for first, last in voids if start < last + REFILLED and first < end]
         begins, ends = [start, *(refilled for _, refilled in inside)], [*(first for first, _ in inside), end]

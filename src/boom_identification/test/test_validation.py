@@ -13,6 +13,7 @@ from boom_estimation import free_run
 from boom_estimation.currents import HeldCurrents, held_currents
 from boom_estimation.free_run import metrics, plant_for
 from boom_estimation.initial_state import InitialState, initial_state
+from boom_estimation.runs import free_stretches
 from boom_identification.validation import from_bag, noise_limits, validate
 from boom_model.errors import SimulationError
 from boom_recording.loading import load
@@ -102,6 +103,9 @@ def test_a_run_ends_where_the_oil_evaporates_and_starts_again_behind_it():
     first, second = bag.full.runs
     assert first.startswith("0.00 s to 6.53 s: at rest") and second.startswith("7.60 s to 59.99 s: in motion")
     assert bag.mismatches == []
+    assert (
+        len(free_stretches(bag.recording, held_currents(bag.recording), True)) == 1
+    )  # such a hose is not the head side
 
 
 def test_behind_a_gap_at_rest_the_state_is_that_of_a_resting_boom():
