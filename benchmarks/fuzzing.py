@@ -28,7 +28,7 @@ from random import Random
 from typing import Any
 
 SECONDS = 5.0
-"""A case that takes longer counts as a hang; after twice that time it is ended."""
+"""Processor time beyond which a case counts as a hang; after twice that time by the clock it is ended."""
 MEMORY_BYTES = 1.5e9
 """Peak of the resident memory that counts as too much; a process beyond twice of it is ended."""
 _LOOK_S = 0.02
@@ -207,13 +207,19 @@ def _work(case: Case, seed: int, folder: Path, pipe: Connection, near: Connectio
         except EOFError:
             return
         _forget_peak()
-        begin = time.perf_counter()
+        begin = _computed_s()
         result: Outcome | str
         try:
             result = one(case, seed, number, folder)
         except Exception as error:
             result = _signature(error)
-        pipe.send((result, time.perf_counter() - begin, _peak_bytes("self")))
+        pipe.send((result, _computed_s() - begin, _peak_bytes("self")))
+
+
+def _computed_s() -> float:
+    """Processor time of this process and of the children that it waited for."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
 
 
 def one(case: Case, seed: int, number: int, folder: Path) -> Outcome:
