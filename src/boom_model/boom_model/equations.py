@@ -192,9 +192,9 @@ class _Wiring:
         self.quantities["spool"] = spool / p.main_valve_spool.s_max
         s = self.structure
         metering = e.through("metering_position", spool + s.metering.neutral(p), p=p)
-        passage = e.through("rod_passage", 1.0, distance=p.cylinder.l_p - self.position)
+        cushions = cylinder.cushions_at_the_valve(self.position, p, e)
         vent = e.through("neutral_area", s.neutral.area(metering, p), position=metering, p=p)
-        flows = s.metering.flows(metering, hose_pressure, rod_pressure, p, e, s.supply, passage)
+        flows = s.metering.flows(metering, hose_pressure, rod_pressure, p, e, s.supply, cushions)
         before = len(self.states)
         s.spool.motion(self, spool, flows.force)
         own = [state.name for state in self.states[before:] if state.name not in self.memories]
@@ -236,7 +236,9 @@ class _Wiring:
         """q_a [m^3/s] from the hose into the head side at p_h, p_a, p_b [Pa]."""
         flow = self.structure.hose_burst_valve.flow(self, hose, head, rod)
         flow = self.e.through("valve_flow", flow, hose=hose, head=head, rod=rod)
-        return self.e.through("head_flow", flow, position=self.position)
+        cushion = self.e.through("cushion", 0.0, distance=self.position, way="a")
+        whole = self.structure.metering.areas(-self.p.main_valve_spool.s_max, self.p, self.e)[1]
+        return cylinder.cushioned(flow, hose - head, cushion, whole, self.p)
 
     def _time(self) -> Any:
         self.rates[ELAPSED_TIME.name] = 1.0

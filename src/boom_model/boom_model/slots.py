@@ -269,8 +269,8 @@ class Metering(Component):
     """Edges of the spool: s_s < 0 opens supply to a and b to tank, s_s > 0 supply to b and a to tank.
 
     Attributes:
-        flows: flows and closing force at s_s [m], p_h, p_b [Pa], for (s_s, p_h, p_b, p, e, supply, share of the rod side's
-            return passage that is open).
+        flows: flows and closing force at s_s [m], p_h, p_b [Pa], for (s_s, p_h, p_b, p, e, supply, cushions in the ways back of
+            the rod side and the hose).
         areas: (supply, tank) [m^2] of the edges that are open at s_s [m], for (s_s, p, e).
         overlap: dead zone over full stroke on the side of s_s [m], for (s_s, p, e).
         largest_opening: |s_s| over full stroke beyond which no area grows.
@@ -280,7 +280,7 @@ class Metering(Component):
     """
 
     slot, key, default = "metering", ("main_valve_orifices", "type"), "common_overlap"
-    flows: Callable[[Expression, Expression, Expression, Any, Any, Supply, Expression], ValveFlows]
+    flows: Callable[[Expression, Expression, Expression, Any, Any, Supply, tuple[Expression, Expression]], ValveFlows]
     areas: Callable[[Expression, Any, Any], tuple[Expression, Expression]]
     overlap: Callable[[Expression, Any, Any], Expression]
     largest_opening: float

@@ -11,8 +11,17 @@ import pytest
 from boom_model.catalogue import CATALOGUE, beginning
 from boom_model.catalogue.effect import QUANTITIES, SUBSYSTEM_NAMES, Effect
 from boom_model.catalogue.terms import Terms
-from boom_model.components import cylinder, equation_of_motion, friction, hose_burst_valve, oil, pilot_valve
+from boom_model.components import (
+    cylinder,
+    equation_of_motion,
+    friction,
+    hose_burst_valve,
+    main_valve_orifices,
+    oil,
+    pilot_valve,
+)
 from boom_model.equations import full_model, namespace
+from boom_model.slots import Supply, component
 from boom_model.structure import structure
 
 BAR = 1e5
@@ -182,14 +191,31 @@ def test_piston_leakage_flows_from_the_higher_pressure(p: Any, effects: Any) -> 
     assert cylinder.leakage(1e7, 1e6, effects()) == 0.0
 
 
-def test_cushion_leaves_the_passage_open_but_for_the_last_stretch(effects: Any) -> None:
-    e = effects(end_cushioning={"k": 0.8, "length": 0.05})
-    distances, expected = (0.5, 0.05, 0.025, 0.0, -0.01), [1.0, 1.0, 0.6, 0.2, 0.2]
-    assert [float(e.through("rod_passage", 1.0, distance=d)) for d in distances] == pytest.approx(expected)
-    assert [float(e.through("head_flow", -2.0, position=d)) for d in distances] == pytest.approx(
-        [-2 * x for x in expected]
+def test_cushion_is_a_throttle_in_series_over_the_last_stretch(p: Any, effects: Any) -> None:
+    e = effects(end_cushioning={"kappa_b": 4.0, "length": 0.05})
+    distances, expected = (0.5, 0.05, 0.025, 0.0, -0.01), [0.0, 0.0, 4.0, 16.0, 16.0]
+    assert [float(e.through("cushion", 0.0, distance=d, way="b")) for d in distances] == pytest.approx(
+        expected, abs=1e-9
     )
-    assert float(e.through("head_flow", 2.0, position=0.0)) == 2.0
+    assert float(e.through("cushion", 0.0, distance=0.0, way="a")) == 0.0
+    edge, drop = 1e-5, 9e5
+    alone = float(p.fluid.C_d * edge * np.sqrt(2 / p.fluid.rho) * np.sqrt(drop))  # of an orifice as large as the edge
+    assert float(cylinder.cushioned(-alone, -drop, 24.0, edge, p)) == pytest.approx(-0.2 * alone)  # 1 / sqrt(1 + 24)
+    assert float(cylinder.cushioned(-alone / 100, -drop, 24.0, edge, p)) == pytest.approx(-alone / 100, rel=2e-3)
+    assert float(cylinder.cushioned(alone, drop, 24.0, edge, p)) == alone
+
+
+def test_return_edge_that_is_hardly_open_is_hardly_narrowed_by_the_cushion(p: Any, effects: Any) -> None:
+    def kept(stroke: float) -> float:
+        supply, e = component(Supply, True), effects()
+        open_, narrow = (
+            main_valve_orifices.flows(-stroke * p.main_valve_spool.s_max, 1e7, 1e7, p, e, supply, cushion).rod
+            for cushion in (0.0, 24.0)
+        )
+        return float(narrow / open_)
+
+    assert kept(1.0) == pytest.approx(0.2)
+    assert kept(0.35) > 0.98
 
 
 def test_air_softens_oil_at_low_pressure_and_is_pressed_away_at_high(p: Any, effects: Any) -> None:

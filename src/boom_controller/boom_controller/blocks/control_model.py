@@ -53,7 +53,7 @@ class ModelQuantities(NamedTuple):
         reference_position, reference_jacobian, reference_gravity, reference_friction: s_p(q_2*), J(q_2*), g(q_2*), tau~_f(*).
         feedforward_force, feedforward_force_rate: f_p^f of (6.2) [N] and its time derivative along the reference [N/s].
         tip_gravity: dg/dm at q_2 [N m/kg]; tip_inertia: dD/dm [m^2].
-        leakage: q_l [m^3/s]; rod_passage: share of the rod side's return passage that is open [-].
+        leakage: q_l [m^3/s]; rod_cushion, hose_cushion: (A_tb / A_c)^2 of throttles in their returns [-].
         sliding: tau_f(q_2, q_2') [N m] of the machine file.
     """
 
@@ -80,7 +80,8 @@ class ModelQuantities(NamedTuple):
     tip_gravity: float
     tip_inertia: float
     leakage: float
-    rod_passage: float
+    rod_cushion: float
+    hose_cushion: float
     sliding: float
 
 
@@ -177,6 +178,7 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
     compliance = sum(gas, cylinder.head_volume(position, p) / oil.bulk_modulus(v.hose_pressure, p, e))
     stiffness_rod = oil.bulk_modulus(v.rod_pressure, p, e) / cylinder.rod_volume(position, p)
     extend, retract = (_flow_per_area(structure, side, v, p, e) for side in (-1.0, 1.0))
+    rod_cushion, hose_cushion = cylinder.cushions_at_the_valve(position, p, e)
     values = ModelQuantities(
         force=cylinder.force(v.hose_pressure, v.rod_pressure, p),
         position=position,
@@ -202,7 +204,8 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
         tip_inertia=ca.jacobian(inertia, further),
         leakage=cylinder.leakage(v.hose_pressure, v.rod_pressure, e),
         sliding=structure.friction.torque(v.angle, v.rate, jacobian, p, e),
-        rod_passage=e.through("rod_passage", 1.0, distance=p.cylinder.l_p - position),
+        rod_cushion=rod_cushion,
+        hose_cushion=hose_cushion,
     )
     coming = Coming(reference_position, reference_jacobian, wanted, wanted_rate)
     return (

@@ -50,14 +50,14 @@ class ValveMap:
         agree = ca.if_else(speed > 0, spool < 0, spool >= 0)
         return ca.if_else(agree, spool, edge) * share
 
-    def flows(self, hose_pressure: Expression, rod_pressure: Expression, rod_passage: Expression) -> FlowsNow:
-        """What flows at each node under these pressures [Pa]; ``rod_passage``: share of the rod side's return that is open."""
+    def flows(self, hose_pressure: Expression, rod_pressure: Expression, cushions: tuple[Any, Any]) -> FlowsNow:
+        """What flows at each node under these pressures [Pa]; ``cushions``: of rod side and hose."""
         p, e, metering, supply = self._p, self._e, self._structure.metering, self._structure.supply
         sides = []
         for sign, nodes in ((-1.0, self.extend), (1.0, self.retract)):
             rows = []
             for position, *_ in nodes:
-                flows = metering.flows(sign * position, hose_pressure, rod_pressure, p, e, supply, rod_passage)
+                flows = metering.flows(sign * position, hose_pressure, rod_pressure, p, e, supply, cushions)
                 rows.append((position, flows.head, flows.rod, flows.force))
             sides.append(rows)
         return FlowsNow(*sides)

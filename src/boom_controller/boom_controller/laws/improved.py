@@ -224,9 +224,9 @@ class Improved:
         load = self._load.step(x.load, q, m, safe, s)
         rub = observe_friction(x.friction, q, load.load, s.sample_time)
         velocity = q.jacobian * m.rate
-        flows = self._map.flows(m.hose_pressure, m.rod_pressure, q.rod_passage)
+        flows = self._map.flows(m.hose_pressure, m.rod_pressure, (q.rod_cushion, q.hose_cushion))
         smooth = x.smooth.towards(m.hose_pressure, m.rod_pressure, s.inverse_smoothing, s.sample_time)
-        inverse = self._map.flows(smooth.hose, smooth.rod, q.rod_passage)
+        inverse = self._map.flows(smooth.hose, smooth.rod, (q.rod_cushion, q.hose_cushion))
         position = x.past.position(dead, s.sample_time)
         head_flow, rod_flow, _ = flows.at(position)
         supplied = head_flow / self._area_a, rod_flow / self._area_b

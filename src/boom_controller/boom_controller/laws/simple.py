@@ -97,7 +97,7 @@ class Simple:
         wanted = self._model.coming(ahead, 0.0).jacobian * ahead.rate - s.simple_gain * error
         a, b = self._area_a * q.stiffness_line, self._area_b * q.stiffness_rod
         sigma = (a * self._area_a + b * self._area_b) * wanted
-        flows = self._map.flows(m.hose_pressure, m.rod_pressure, q.rod_passage)
+        flows = self._map.flows(m.hose_pressure, m.rod_pressure, (q.rod_cushion, q.hose_cushion))
         spool = flows.spool(sigma, a, b, s.largest_spool_position * self._stroke)
         spool = self._map.through_dead_zone(spool, wanted, s.simple_dead_zone_speed)
         plus, minus = self._pilot.split(self._pilot.stiffness * spool, s.neutral_pressure)

@@ -1,6 +1,10 @@
-"""Within ``length`` of an end of stroke the outflow of the chamber that shrinks passes a throttle.
+"""Within ``length`` of an end of stroke the chamber that shrinks empties through a throttle, in series with what follows it.
 
-It takes up to the share k of the outflow's passage.
+    A_e = A / sqrt(1 + (A / A_c)^2),   A_c = A_tb / (kappa ramp(distance / length)^shape)
+
+A: of the passage that follows, A_tb: return edge of the rod side, fully open. An edge that is hardly open is hardly narrowed. The
+piston comes back through check valves. Of the head side the throttle is the cylinder's, ahead of the valve at it (kappa_a), or the main
+valve narrows the way back of the hose (kappa_h), as where a crane brakes before its stops; of the rod side both are one (kappa_b).
 """
 
 from typing import Any
@@ -8,25 +12,32 @@ from typing import Any
 import casadi as ca
 
 from boom_model.catalogue.effect import Effect, parameter
-from boom_model.regularisation import Expression
+from boom_model.regularisation import Expression, power
+
+_TIP = 1e-6
+"""Depth of a spear that is outside; a power needs one."""
 
 
-def left_open(distance: Expression, own: Any) -> Expression:
-    """Share of the passage [-] that is left for the outflow, ``distance`` [m] before the end of stroke."""
-    return 1 - own.k * ca.fmin(ca.fmax(1 - distance / own.length, 0.0), 1.0)
+def _narrowing(cushion: Expression, own: Any, at: Any) -> Expression:
+    """(A_tb / A_c)^2 [-]."""
+    kappa = {"a": own.kappa_a, "b": own.kappa_b, "h": own.kappa_h}[at.way]
+    depth = ca.fmin(ca.fmax(1 - at.distance / own.length, _TIP), 1.0)
+    return cushion + kappa**2 * power(depth, 2 * own.shape)
 
+
+_OVER = "A_tb over the throttle's area at the end of stroke, "
 
 EFFECT = Effect(
-    "end_cushioning", "cylinder", "5.39f,m", "outflow passage (1 - k ramp(distance / length)) before the end of stroke",
+    "end_cushioning", "cylinder", "5.39f,l,m", "throttle in series with the way out, A_tb / A_c = kappa ramp(distance / length)^shape",
     ("the cylinder", "is cushioned near the end of its stroke"), "near the ends of stroke: p_b rises, the boom slows",
     (
-        parameter("k", "-", 0.0, (0.3, 0.95), (0.0, 0.999), "share of the passage that is taken at the end"),
-        parameter("length", "m", 0.05, (0.02, 0.1), (1e-3, 1.0), "stroke over which the cushion acts", positive=True,
-                  starts=(0.03, 0.08)),
+        parameter("kappa_b", "-", 0.0, (1.0, 41.0), (0.0, 100.0), _OVER + "rod side"),
+        parameter("kappa_a", "-", 0.0, (1.0, 41.0), (0.0, 100.0), _OVER + "head side, in the cylinder", acts=True),
+        parameter("kappa_h", "-", 0.0, (1.0, 41.0), (0.0, 100.0), _OVER + "head side, at the main valve", acts=True),
+        parameter("length", "m", 0.05, (0.02, 0.1), (1e-3, 1.0), "stroke over which the cushion acts", positive=True),
+        parameter("shape", "-", 1.0, (0.5, 2.0), (0.2, 5.0), "of the spear: exponent of its depth", positive=True),
     ),
-    {
-        "rod_passage": lambda passage, own, at: passage * left_open(at.distance, own),
-        "head_flow": lambda flow, own, at: ca.if_else(flow < 0, flow * left_open(at.position, own), flow),
-    },
+    {"cushion": _narrowing},
+    points=tuple((k, *head, length, 1.0) for k in (3.0, 12.0) for head in ((k, 0.0), (0.0, k)) for length in (0.03, 0.08)),
     place=2,
 )  # fmt: skip

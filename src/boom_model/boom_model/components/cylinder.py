@@ -12,7 +12,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from boom_model.regularisation import Expression
+import casadi as ca
+
+from boom_model.regularisation import PRESSURE_EPSILON, Expression
 from boom_model.specification import Specification
 
 SPECIFICATIONS = (
@@ -37,6 +39,24 @@ def rod_volume(position: Expression, p: Any) -> Expression:
 def pressure_rate(bulk_modulus: Expression, volume: Expression, net_flow: Expression) -> Expression:
     """p' [Pa/s] of a volume [m^3] into which net_flow [m^3/s] is pressed, (3.8)."""
     return bulk_modulus / volume * net_flow
+
+
+def cushioned(flow: Expression, drop: Expression, cushion: Expression, edge: Expression, p: Any) -> Expression:
+    """q_a [m^3/s] where what flows out goes through a throttle, too: q / sqrt(1 + (q / q_c)^2), both as orifices in series.
+
+    q_c = C_d A_c sqrt(2 / rho) sqrt(-dp), kappa^2 = (A / A_c)^2 = ``cushion``, A [m^2] = ``edge``.
+
+    flow: without the throttle at the ``drop`` [Pa] towards the head side; what flows in goes through a check valve.
+    """
+    out, orifice = ca.fmin(flow, 0.0), p.fluid.C_d**2 * edge**2 * 2 / p.fluid.rho
+    return flow / ca.sqrt(1 + cushion * out**2 / (orifice * ca.fmax(-drop, PRESSURE_EPSILON)))
+
+
+def cushions_at_the_valve(position: Expression, p: Any, e: Any) -> tuple[Expression, Expression]:
+    """(A_tb / A_c)^2 [-] of the throttles in the ways back of the rod side and of the hose at the piston position s_p [m]."""
+    ahead = {"b": p.cylinder.l_p - position, "h": position}
+    rod, hose = (e.through("cushion", 0.0, distance=distance, way=way) for way, distance in ahead.items())
+    return rod, hose
 
 
 def force(head_pressure: Expression, rod_pressure: Expression, p: Any) -> Expression:

@@ -139,13 +139,13 @@ def flows(
     p: Any,
     e: Any,
     supply_drop: Supply,
-    rod_passage: Expression = 1.0,
+    cushions: tuple[Expression, Expression] = (0.0, 0.0),
     edges: Areas = areas,
 ) -> ValveFlows:
     """Flows and closing force at the spool position s_s [m], p_h and p_b [Pa].
 
-    supply_drop: over the edge from the supply. rod_passage: share of the rod side's return passage that is left open. edges: areas
-    of the edges that are open, as :func:`areas`.
+    supply_drop: over the edge from the supply. cushions: (A_tb / A_c)^2 of throttles in series with the return edges, of the rod side
+    and of the hose. edges: areas of the edges that are open, as :func:`areas`.
     """
     f = p.fluid
     gain = f.C_d * ca.sqrt(2 / f.rho)
@@ -156,7 +156,9 @@ def flows(
     conducted = gain * supply_area
     supply = e.through("supply_flow", conducted * supply_root, conductance=conducted, pressure=port_pressure)
     tank_drop = ca.if_else(extend, rod_pressure, hose_pressure) - f.p_t
-    conductance = gain * ca.if_else(extend, tank_area * rod_passage, tank_area)
+    whole = edges(-p.main_valve_spool.s_max, p, e)[1]
+    narrowed = ca.if_else(extend, *cushions)
+    conductance = gain * tank_area / ca.sqrt(1 + narrowed * (tank_area / whole) ** 2)
     tank = e.through("tank_flow", conductance * signed_sqrt(tank_drop), conductance=conductance)
     size = ca.fabs(supply * supply_root) + ca.fabs(tank * signed_sqrt(tank_drop))
     return ValveFlows(
