@@ -9,6 +9,7 @@ from boom_controller.blocks.valve_map import ValveMap
 from boom_model.component_numbers import component_parameters
 from boom_model.components import main_valve_orifices
 from boom_model.machine_file import load_machine
+from boom_model.slots import NO_CUSHIONS
 
 MACHINE = load_machine("tz17")
 P, E = component_parameters(MACHINE, MACHINE.pose(0.28, 2.2))
@@ -35,7 +36,7 @@ def test_the_position_is_that_of_a_numeric_root_of_the_areas(share: float) -> No
 
 @pytest.mark.parametrize("share", [-0.9, -0.05, 0.001, 0.05, 0.4, 0.99])
 def test_the_spool_gives_the_flows_that_are_wanted_of_it(share: float) -> None:
-    flows = MAP.flows(8e6, 1.5e6, 1.0)
+    flows = MAP.flows(8e6, 1.5e6, NO_CUSHIONS)
     a, b = PSI, OMEGA
     head, rod, _ = flows.at(-STROKE if share > 0 else STROKE)
     wanted = abs(share) * (a * head - b * rod)
@@ -49,11 +50,11 @@ def test_the_flows_are_those_of_the_model_with_its_effects() -> None:
     there = ValveMap(other.structure, p, e)
     position = -there.extend[9][0]
     metering = other.structure.metering
-    exact = metering.flows(position, 8e6, 1.5e6, p, e, other.structure.supply, 1.0)
-    at = there.flows(8e6, 1.5e6, 1.0).at(position)
+    exact = metering.flows(position, 8e6, 1.5e6, p, e, other.structure.supply, NO_CUSHIONS)
+    at = there.flows(8e6, 1.5e6, NO_CUSHIONS).at(position)
     assert [float(v) for v in at] == pytest.approx([float(exact.head), float(exact.rod), float(exact.force)])
     assert float(at[2]) < 0.0  # it pushes a spool that extends towards the middle
-    assert float(at[0]) < float(MAP.flows(8e6, 1.5e6, 1.0).at(position)[0])
+    assert float(at[0]) < float(MAP.flows(8e6, 1.5e6, NO_CUSHIONS).at(position)[0])
 
 
 def test_nothing_wanted_is_the_edge_of_the_dead_zone_and_too_much_the_largest_opening() -> None:
@@ -61,5 +62,5 @@ def test_nothing_wanted_is_the_edge_of_the_dead_zone_and_too_much_the_largest_op
     assert MAP.retracting(0.0, -PSI, -OMEGA) == pytest.approx(P.main_valve_orifices.x0 * STROKE)
     assert MAP.extending(1e9, PSI, OMEGA) == pytest.approx(MAP.extend[-1][0])
     assert STROKE < MAP.extend[-1][0] <= main_valve_orifices.LARGEST_OPENING * STROKE
-    inside = MAP.flows(8e6, 1.5e6, 1.0).at(0.5 * P.main_valve_orifices.x0 * STROKE)
+    inside = MAP.flows(8e6, 1.5e6, NO_CUSHIONS).at(0.5 * P.main_valve_orifices.x0 * STROKE)
     assert [float(v) for v in inside] == [0.0, 0.0, 0.0]

@@ -330,8 +330,9 @@ def _start(scanner: Scanner, candidate: Candidate) -> Point:
     at = scanner.at
     leading = {name for name, value in candidate.values.items() if value != neutral(name)}
     if not EFFECTS[candidate.effect].independent:
-        rows = EFFECTS[candidate.effect].parameters[1:]
-        leading -= {f"effects.{candidate.effect}.{row.name}" for row in rows if not row.acts}
+        entry = EFFECTS[candidate.effect]
+        shape = [row for row in entry.parameters if not (row.acts or row in entry.leading)]
+        leading -= {f"effects.{candidate.effect}.{row.name}" for row in shape}
     wanted = []
     for share in STARTS:
         values = {

@@ -80,7 +80,11 @@ def test_unknown_physics_is_likely_where_much_of_the_mismatch_stays() -> None:
         ({"rate_scale": {"a": 0.9}}, 0.0, True),
         ({"hose_burst_valve_lag": {"tau": 0.44}}, 0.0, True),
         ({"hose_burst_valve_lag": {"tau": 0.46}}, 0.0, False),  # as large as any that is looked for
-        ({"end_cushioning": {"k": 0.999, "length": 0.05}}, 0.0, True),  # there is no larger one
+        (
+            {"end_cushioning": {"kappa_b": 100.0, "kappa_a": 0.0, "kappa_h": 0.0, "length": 0.05, "shape": 1.0}},
+            0.0,
+            True,
+        ),  # there is no larger one
     ],
 )
 def test_an_effect_that_no_boom_can_have_is_no_explanation(

@@ -24,7 +24,7 @@ from boom_identification.splines import PSpline
 from boom_identification.stationary import Points
 from boom_model.component_numbers import component_parameters
 from boom_model.machine import Machine, Pose
-from boom_model.slots import Supply
+from boom_model.slots import NO_CUSHIONS, Supply
 from boom_model.specification import number
 
 Array = NDArray[np.float64]
@@ -283,7 +283,7 @@ def _predicted(points: Points, machine: Machine, pose: Pose) -> Callable[[dict[s
     _set(p.main_valve_orifices, symbols)
     spool, hose, rod = (ca.SX.sym(name) for name in ("s", "p_h", "p_b"))
     s = machine.structure
-    flows = s.metering.flows(spool * p.main_valve_spool.s_max, hose, rod, p, e, s.supply, 1.0)
+    flows = s.metering.flows(spool * p.main_valve_spool.s_max, hose, rod, p, e, s.supply, NO_CUSHIONS)
     order = list(LAW)
     function = ca.Function("flows", [spool, hose, rod, *(symbols[key] for key in order)], [flows.head, flows.rod])
     inputs = [points.spool[None, :], points.hose_pressure[None, :], points.rod_pressure[None, :]]
@@ -303,7 +303,7 @@ def _law_area(x: Array, port: str, values: dict[str, float], machine: Machine, p
     _set(p.main_valve_orifices, values)
     pressure = p.fluid.p_t + 1e6
     s = machine.structure
-    flows = s.metering.flows(x * p.main_valve_spool.s_max, pressure, pressure, p, e, s.supply, 1.0)
+    flows = s.metering.flows(x * p.main_valve_spool.s_max, pressure, pressure, p, e, s.supply, NO_CUSHIONS)
     flow = np.abs(np.asarray(flows.head if port == "a" else flows.rod, float).ravel())
     drop = np.where((x > 0) == (port == "a"), 1e6, s.supply.drop(pressure, p))
     return np.asarray(flow / (p.fluid.C_d * np.sqrt(2.0 / p.fluid.rho * drop)), np.float64)

@@ -255,6 +255,10 @@ class NeutralPosition(Component):
     vents: bool = False
 
 
+NO_CUSHIONS = (0.0, 0.0)
+"""Of the ways back of rod side and hose."""
+
+
 @dataclass(frozen=True)
 class ValveFlows:
     """Flows out of the valve into the hose of port a and into port b [m^3/s], closing force on the spool [N]."""

@@ -209,7 +209,7 @@ def test_return_edge_that_is_hardly_open_is_hardly_narrowed_by_the_cushion(p: An
     def kept(stroke: float) -> float:
         supply, e = component(Supply, True), effects()
         open_, narrow = (
-            main_valve_orifices.flows(-stroke * p.main_valve_spool.s_max, 1e7, 1e7, p, e, supply, cushion).rod
+            main_valve_orifices.flows(-stroke * p.main_valve_spool.s_max, 1e7, 1e7, p, e, supply, (cushion, 0.0)).rod
             for cushion in (0.0, 24.0)
         )
         return float(narrow / open_)

@@ -18,6 +18,7 @@ from boom_model.component_numbers import component_parameters
 from boom_model.components import cylinder, equation_of_motion, oil
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
+from boom_model.slots import NO_CUSHIONS
 from boom_model.structure import Structure
 
 
@@ -218,6 +219,6 @@ def _flow_per_area(structure: Structure, side: float, v: OperatingPoint, p: Any,
     """Flow per area [m/s] of the supply and of the tank edge at the ports' pressures; side -1 extends, 1 retracts."""
     full = side * p.main_valve_spool.s_max
     supply_area, tank_area = structure.metering.areas(full, p, e)
-    flows = structure.metering.flows(full, v.hose_pressure, v.rod_pressure, p, e, structure.supply, 1.0)
+    flows = structure.metering.flows(full, v.hose_pressure, v.rod_pressure, p, e, structure.supply, NO_CUSHIONS)
     supply, tank = (flows.head, flows.rod) if side < 0 else (flows.rod, flows.head)
     return supply / supply_area, tank / tank_area

@@ -81,7 +81,7 @@ class EffectParameter:
             other small things do. From data sheets.
         swallows: a play of the spool over full stroke. As small as what the noise of measured currents makes of the spool it lets
             none of that noise through, and predicts better than the truth.
-        acts: also where the leading number does nothing.
+        acts: also where the leading number does nothing. leads: it does so as another size of the effect, beside the first one.
         flow_power: with which power of a machine's flow it goes, beside what its unit says: a share at the thesis' full flow.
     """
 
@@ -106,6 +106,7 @@ class EffectParameter:
     ordinary: float = 0.0
     swallows: bool = False
     acts: bool = False
+    leads: bool = False
     flow_power: int = 0
 
 
@@ -195,7 +196,7 @@ class Effect:
     @property
     def leading(self) -> tuple[EffectParameter, ...]:
         """The parameters at whose neutral values the term vanishes."""
-        return self.parameters if self.independent else self.parameters[:1]
+        return tuple(row for k, row in enumerate(self.parameters) if self.independent or row.leads or k == 0)
 
     @property
     def sizes(self) -> tuple[EffectParameter, ...]:

@@ -3,8 +3,8 @@
     A_e = A / sqrt(1 + (A / A_c)^2),   A_c = A_tb / (kappa ramp(distance / length)^shape)
 
 A: of the passage that follows, A_tb: return edge of the rod side, fully open. An edge that is hardly open is hardly narrowed. The
-piston comes back through check valves. Of the head side the throttle is the cylinder's, ahead of the valve at it (kappa_a), or the main
-valve narrows the way back of the hose (kappa_h), as where a crane brakes before its stops; of the rod side both are one (kappa_b).
+piston comes back through check valves. On the head side the throttle is the cylinder's, ahead of the valve at it (kappa_a), or the
+main valve narrows the way back of the hose (kappa_h), as where a crane brakes before its stops; on the rod side both are kappa_b.
 """
 
 from typing import Any
@@ -28,16 +28,18 @@ def _narrowing(cushion: Expression, own: Any, at: Any) -> Expression:
 _OVER = "A_tb over the throttle's area at the end of stroke, "
 
 EFFECT = Effect(
-    "end_cushioning", "cylinder", "5.39f,l,m", "throttle in series with the way out, A_tb / A_c = kappa ramp(distance / length)^shape",
+    "end_cushioning", "cylinder", "5.39f,l,m", "throttle in the way out, A_tb / A_c = kappa ramp(distance / length)^shape",
     ("the cylinder", "is cushioned near the end of its stroke"), "near the ends of stroke: p_b rises, the boom slows",
     (
         parameter("kappa_b", "-", 0.0, (1.0, 41.0), (0.0, 100.0), _OVER + "rod side"),
-        parameter("kappa_a", "-", 0.0, (1.0, 41.0), (0.0, 100.0), _OVER + "head side, in the cylinder", acts=True),
-        parameter("kappa_h", "-", 0.0, (1.0, 41.0), (0.0, 100.0), _OVER + "head side, at the main valve", acts=True),
+        parameter("kappa_a", "-", 0.0, (1.0, 41.0), (0.0, 100.0), _OVER + "head side, in the cylinder", leads=True),
+        parameter("kappa_h", "-", 0.0, (1.0, 41.0), (0.0, 100.0), _OVER + "head side, at the main valve", leads=True),
         parameter("length", "m", 0.05, (0.02, 0.1), (1e-3, 1.0), "stroke over which the cushion acts", positive=True),
         parameter("shape", "-", 1.0, (0.5, 2.0), (0.2, 5.0), "of the spear: exponent of its depth", positive=True),
     ),
     {"cushion": _narrowing},
-    points=tuple((k, *head, length, 1.0) for k in (3.0, 12.0) for head in ((k, 0.0), (0.0, k)) for length in (0.03, 0.08)),
+    points=tuple(
+        (k, *head, length, 1.0) for k in (3.0, 12.0) for head in ((k, 0.0), (0.0, k)) for length in (0.03, 0.08)
+    ),
     place=2,
 )  # fmt: skip

@@ -27,7 +27,7 @@ import casadi as ca
 
 from boom_model.errors import MachineError
 from boom_model.regularisation import Expression, power, signed_sqrt
-from boom_model.slots import Metering, Supply, ValveFlows, register
+from boom_model.slots import NO_CUSHIONS, Metering, Supply, ValveFlows, register
 from boom_model.specification import Specification
 from boom_model.tolerance import check_tolerance
 
@@ -139,13 +139,13 @@ def flows(
     p: Any,
     e: Any,
     supply_drop: Supply,
-    cushions: tuple[Expression, Expression] = (0.0, 0.0),
+    cushions: tuple[Expression, Expression] = NO_CUSHIONS,
     edges: Areas = areas,
 ) -> ValveFlows:
     """Flows and closing force at the spool position s_s [m], p_h and p_b [Pa].
 
-    supply_drop: over the edge from the supply. cushions: (A_tb / A_c)^2 of throttles in series with the return edges, of the rod side
-    and of the hose. edges: areas of the edges that are open, as :func:`areas`.
+    supply_drop: over the edge from the supply. cushions: (A_tb / A_c)^2 of throttles in series with the return edges, of the rod
+    side and of the hose. edges: areas of the edges that are open, as :func:`areas`.
     """
     f = p.fluid
     gain = f.C_d * ca.sqrt(2 / f.rho)
