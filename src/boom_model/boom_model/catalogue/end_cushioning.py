@@ -41,5 +41,5 @@ EFFECT = Effect(
     points=tuple(
         (k, *head, length, 1.0) for k in (3.0, 12.0) for head in ((k, 0.0), (0.0, k)) for length in (0.03, 0.08)
     ),
-    place=2,
+    place=2, reach=0.25,
 )  # fmt: skip
