@@ -71,15 +71,15 @@ def take(case: Case) -> bool:
     """Takes the first effect of the last round that earns its place; whether there is one.
 
     What free runs over data not used disprove is no alternative any more; nor is what gains there alone, and on the data fitted
-    costs more than chance.
+    costs more than chance. One that makes them worse is borne with only where no other explains most, too, and does not.
     """
     k = len(case.taken)
     weighed = case.weighed[k]
     while weighed and weighed[0].net > needed(case, weighed[0]):
-        trained = _proved(case, k, weighed[0])
-        if trained is not None:
+        proved = _proved(case, k, weighed[0])
+        if proved and not (proved[1] > WORSE and _borne_for_nothing(case, k)):
             case.taken.append(weighed[0])
-            case.trained.append(trained)
+            case.trained.append(proved[0])
             return True
         disproved = weighed.pop(0)
         if k == 0:
@@ -87,15 +87,28 @@ def take(case: Case) -> bool:
     return False
 
 
-def _proved(case: Case, k: int, best: Weighed) -> Point | None:
-    """The fit to the data for training of an effect beside ``k`` others that proves itself on data not used."""
+def _borne_for_nothing(case: Case, k: int) -> bool:
+    """Whether another effect of the last round explains most, too, and makes free runs no worse."""
+    kept = dict(case.spared)
+    others = [w for w in case.weighed[k][1:] if _share_explained(case, w) > BEARABLE[0][0]]
+    proved = [_proved(case, k, w) for w in others]
+    case.spared.clear()
+    case.spared.update(kept)
+    return any(found and found[1] <= LATER for found in proved)
+
+
+def _proved(case: Case, k: int, best: Weighed) -> tuple[Point, float] | None:
+    """The fit to the data for training of an effect beside ``k`` others that proves itself on data not used.
+
+    With it the factor by which free runs over that data err more.
+    """
     if best.gain <= -chance(case):
         return None
     fitted = best.fitted
     trained = settle(case, k + 1, case.rounds[k].problem, fitted.point, fitted.jacobian, fitted.coordinates)
     factor = worsening(case, case.trained[k], trained)
     if factor <= _bearable(case, best) and (best.held_out_gain > 0.0 or factor <= CLEARLY_BETTER):
-        return trained
+        return trained, factor
     case.spared.pop(k + 1, None)
     return None
 
