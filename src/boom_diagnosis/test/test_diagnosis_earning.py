@@ -34,6 +34,20 @@ def test_an_effect_that_free_runs_disprove_gives_way_to_the_next(case: Any, free
     assert (case.taken, case.disproved, case.weighed[0]) == ([second], [first], [second])
 
 
+@pytest.mark.parametrize(("other", "factor", "first"), [(900.0, 0.5, False), (900.0, 1.05, True), (500.0, 0.5, True)])
+def test_worse_free_runs_are_borne_with_only_where_no_other_effect_explains_most_without(
+    case: Any, free_runs: dict[float, float], other: float, factor: float, first: bool
+) -> None:
+    worse, rival = (
+        weighed("presliding_friction", 700.0, 250.0, 1000.0),
+        weighed("payload_change", other / 2, other / 2, 1000.0),
+    )
+    case.weighed[0] = [worse, rival]
+    free_runs |= {worse.fitted.point.loss: 2.3, rival.fitted.point.loss: factor}
+    assert earning.take(case)
+    assert case.taken == [worse if first else rival]
+
+
 @pytest.mark.parametrize(("gain", "taken"), [(-20.0, True), (-100.0, False)])
 def test_an_effect_that_costs_on_the_data_fitted_what_it_gains_elsewhere_is_not_taken(
     case: Any, free_runs: dict[float, float], gain: float, taken: bool

@@ -17,9 +17,9 @@ EFFECT = Effect(
     ("the pump", "cannot deliver the flow that the valve asks for"), "speed saturates",
     (
         parameter("inverse_q_max", "s/m^3", 0.0, (60_000 / 120, 60_000 / 50), (0.0, 60_000.0),
-                  "1 / largest flow of the pump", almost_nothing=60_000 / 400,
-                  starts=tuple(60_000 / q for q in (120, 100, 85, 70, 60, 50, 42, 35))),
+                  "1 / largest flow of the pump that is left for the boom", almost_nothing=60_000 / 400,
+                  starts=tuple(60_000 / q for q in (120, 100, 85, 70, 60, 50, 42, 35, 28, 22, 17, 13))),
     ),
     {"supply_flow": _supply},
-    place=1, sets_in=(1.0, 0.96, 0.92, 0.88, 0.84), reach=2.0,
+    place=1, sets_in=(1.0, 0.96, 0.92, 0.88, 0.84), reach=2.0, margin=12.0,  # other functions take their share
 )  # fmt: skip
