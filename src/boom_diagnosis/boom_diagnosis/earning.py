@@ -14,6 +14,7 @@ from boom_diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.document import Estimate
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.hypotheses import WEIGHED, Round, noticed, problem_at
+from boom_diagnosis.locating import disturbed, links
 from boom_diagnosis.must_keep import told
 from boom_diagnosis.nuisances import TWIN_Z
 from boom_diagnosis.onset import onset_of, steps_in
@@ -226,7 +227,7 @@ def weigh(case: Case, found: Round) -> list[Weighed]:
         (able if possible(f, case.pose.load, case.size, discount, whole) else impossible).append(f)
     if not accepted:
         case.impossible = impossible
-    counted = [f for f in able if not (_hardly_beyond(case, f) or _filters_noise(case, f))]
+    counted = [f for f in able if not (_hardly_beyond(case, f) or _filters_noise(case, f) or _follows(case, found, f))]
     if not counted:
         return []
     found = replace(found, fitted=tuple(counted))
@@ -292,6 +293,17 @@ def _hardly_beyond(case: Case, f: Fitted) -> bool:
     known = [n.sigma for n in case.nuisances if n.name in effect.changes]
     away = [abs(log(f.point.effects[f"effects.{f.effect}.{row.name}"])) for row in factors]
     return max(away) < BEYOND * TWIN_Z * min(known, default=0.0)
+
+
+def _follows(case: Case, found: Round, f: Fitted) -> bool:
+    """Whether an effect with a state that the observer corrects is no likelier than disturbances: bristles follow any torque."""
+    effect = EFFECTS[f.effect]
+    if not any(state.corrected for state in effect.states):
+        return False
+    at, loose = found.base, found.problem.predictor.looseness
+    own = case.problem(f.point.z, f.point.effects, loose).likelihood_at(f.point.z, f.point.effects)
+    among = [link for link in links(case.machine) if effect.subsystem in link.subsystems]
+    return own <= disturbed(case.problem(at.z, at.effects, loose), at, among)
 
 
 def _filters_noise(case: Case, f: Fitted) -> bool:

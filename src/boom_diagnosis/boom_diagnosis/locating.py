@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import Bag
 from boom_diagnosis.document import EquationEvidence
-from boom_diagnosis.fitting import Problem
-from boom_diagnosis.hypotheses import problem_at
+from boom_diagnosis.fitting import Point, Problem
+from boom_diagnosis.hypotheses import LOOSENESS, problem_at
 from boom_diagnosis.nuisances import Nuisance
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.prediction import Predictor
@@ -113,6 +113,14 @@ def _statistical(base: Problem, z: Array, values: Mapping[str, float]) -> dict[s
     found = in_parallel(raised, [(link, size) for link in own for size in SIZES])
     best = [max(0.0, *found[k : k + len(SIZES)]) for k in range(0, len(found), len(SIZES))]
     return _shares(dict(zip((link.key for link in own), best, strict=True)))
+
+
+def disturbed(base: Problem, at: Point, among: Sequence[Link]) -> float:
+    """Log-likelihood [nats] at a point of the likeliest observer that sees disturbances: of all equations, or of one ``among``."""
+    loose = base.predictor.looseness
+    seeing = [(looseness, dict[str, float]()) for looseness in LOOSENESS if looseness > loose]
+    seeing += [(loose, {link.state: size}) for link in among for size in SIZES]
+    return max(in_parallel(lambda observer: base.bearing_with(*observer).likelihood_at(at.z, at.effects), seeing))
 
 
 def _chain(

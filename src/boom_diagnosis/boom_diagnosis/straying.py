@@ -15,8 +15,7 @@ from boom_diagnosis.case import Case, Flags
 from boom_diagnosis.earning import chance
 from boom_diagnosis.fitting import Point
 from boom_diagnosis.hypotheses import LOOSENESS, problem_at
-from boom_diagnosis.locating import SIZES, links
-from boom_diagnosis.parallel import in_parallel
+from boom_diagnosis.locating import disturbed, links
 
 SHARES = (0.25, 0.125, 0.5)
 """Of the time between two samples: standard deviations that are tried. One sample late in half of all cases is the most."""
@@ -31,7 +30,8 @@ def strayed(case: Case) -> tuple[list[Bag], list[Bag]] | None:
     at = case.last
     fitted = [_likeliest(case, bag, select, at, {}) for bag, select in zip(case.bags, case.select, strict=True)]
     gained = sum(gain for _, gain in fitted) - chance(case)
-    if gained < 0.0 or gained < _disturbed(case, at):
+    base = case.problem(at.z, at.effects, LOOSENESS[0])
+    if gained < 0.0 or gained < disturbed(base, at, links(case.machine)) - base.likelihood_at(at.z, at.effects):
         return None
     return [bag for bag, _ in fitted], [
         _likeliest(case, bag, bag.counted, at, case.own_beside(at))[0] for bag in case.proving
@@ -59,15 +59,3 @@ def _likeliest(case: Case, bag: Bag, select: Flags, at: Point, own: Mapping[str,
         elif best is bag:  # the middle one gains nothing
             break
     return best, most
-
-
-def _disturbed(case: Case, at: Point) -> float:
-    """The most that an observer which sees a disturbance, anywhere or of one equation, gains over a healthy machine's [nats]."""
-    base = case.problem(at.z, at.effects, LOOSENESS[0])
-    seeing = [(looseness, dict[str, float]()) for looseness in LOOSENESS[1:]]
-    seeing += [(LOOSENESS[0], {link.state: size}) for link in links(case.machine) for size in SIZES]
-
-    def likelihood(observer: tuple[float, dict[str, float]]) -> float:
-        return base.bearing_with(*observer).likelihood_at(at.z, at.effects)
-
-    return max(in_parallel(likelihood, seeing)) - base.likelihood_at(at.z, at.effects)

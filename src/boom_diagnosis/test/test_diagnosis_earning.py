@@ -304,3 +304,20 @@ def test_an_effect_is_weighed_against_the_likeliest_of_all_sets_of_numbers_that_
     monkeypatch.setattr(earning, "_held_out", lambda case, found, hypotheses, names: losses)
     (told,) = earning.weigh(case, found)
     assert (told.gain, told.held_out_gain) == (51.0, 10.0)
+
+
+@pytest.mark.parametrize(("effect", "likelihood", "follows"), [
+    ("presliding_friction", 900.0, True), ("presliding_friction", 1100.0, False), ("payload", 900.0, False),
+])  # fmt: skip
+def test_bristles_that_are_no_likelier_than_a_disturbance_of_the_torque_follow_it(
+    case: Any, monkeypatch: pytest.MonkeyPatch, effect: str, likelihood: float, follows: bool
+) -> None:
+    given = SimpleNamespace(likelihood_at=lambda z, effects: likelihood)
+    monkeypatch.setattr(Case, "problem", lambda *_: given)
+    asked = list[str]()
+    monkeypatch.setattr(
+        earning, "disturbed", lambda base, at, among: asked.extend(link.key for link in among) or 1000.0
+    )
+    found: Any = SimpleNamespace(base=point(1000.0), problem=SimpleNamespace(predictor=SimpleNamespace(looseness=1.0)))
+    assert earning._follows(case, found, weighed(effect, 500.0, 300.0, 1000.0).fitted) is follows
+    assert asked == (["torque"] if effect == "presliding_friction" else [])
