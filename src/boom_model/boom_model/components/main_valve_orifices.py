@@ -122,6 +122,11 @@ def in_series(area: Expression, p: Any) -> Expression:
     return area / ca.sqrt(1 + o.passage * (area / o.A_sa_max) ** 2)
 
 
+def behind_cushion(area: Expression, whole: Expression, cushion: Expression) -> Expression:
+    """Area [m^2] of a return edge with the throttle A_c ahead of it; ``cushion``: (A_tb / A_c)^2, ``whole``: A_tb [m^2]."""
+    return area / ca.sqrt(1 + cushion * (area / whole) ** 2)
+
+
 def areas(position: Expression, p: Any, e: Any) -> tuple[Expression, Expression]:
     """(A_sa, A_tb) [m^2] at s_s < 0, (A_sb, A_ta) at s_s >= 0 [m]: from the supply to one port, from the other to the tank."""
     o = p.main_valve_orifices
@@ -157,8 +162,7 @@ def flows(
     supply = e.through("supply_flow", conducted * supply_root, conductance=conducted, pressure=port_pressure)
     tank_drop = ca.if_else(extend, rod_pressure, hose_pressure) - f.p_t
     whole = edges(-p.main_valve_spool.s_max, p, e)[1]
-    narrowed = ca.if_else(extend, *cushions)
-    conductance = gain * tank_area / ca.sqrt(1 + narrowed * (tank_area / whole) ** 2)
+    conductance = gain * behind_cushion(tank_area, whole, ca.if_else(extend, *cushions))
     tank = e.through("tank_flow", conductance * signed_sqrt(tank_drop), conductance=conductance)
     size = ca.fabs(supply * supply_root) + ca.fabs(tank * signed_sqrt(tank_drop))
     return ValveFlows(
