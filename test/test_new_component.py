@@ -69,7 +69,7 @@ EDGES = '''"""Four edges that open in proportion to the spool, those of port a e
 
 import casadi as ca
 
-from boom_model.components.main_valve_orifices import behind_cushion
+from boom_model.components.main_valve_orifices import behind_throttle
 from boom_model.regularisation import signed_sqrt
 from boom_model.slots import Metering, ValveFlows, register
 from boom_model.specification import Specification
@@ -94,7 +94,7 @@ def areas(position, p, e):
 def flows(position, hose, rod, p, e, supply, cushions):
     gain, extend = p.fluid.C_d * ca.sqrt(2 / p.fluid.rho), position < 0
     inlet, outlet = areas(position, p, e)
-    outlet = behind_cushion(outlet, p.main_valve_orifices.A_b, ca.if_else(extend, *cushions))
+    outlet = behind_throttle(outlet, p.main_valve_orifices.A_b, ca.if_else(extend, *cushions))
     into = gain * inlet * supply.root(ca.if_else(extend, hose, rod), p)
     out = gain * outlet * signed_sqrt(ca.if_else(extend, rod, hose) - p.fluid.p_t)
     return ValveFlows(head=ca.if_else(extend, into, -out), rod=ca.if_else(extend, -out, into), force=0.0)

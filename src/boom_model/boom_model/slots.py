@@ -274,7 +274,7 @@ class Metering(Component):
 
     Attributes:
         flows: flows and closing force at s_s [m], p_h, p_b [Pa], for (s_s, p_h, p_b, p, e, supply, cushions in the ways back of
-            the rod side and the hose, ``main_valve_orifices.behind_cushion``).
+            the rod side and the hose, ``main_valve_orifices.behind_throttle``).
         areas: (supply, tank) [m^2] of the edges that are open at s_s [m], for (s_s, p, e).
         overlap: dead zone over full stroke on the side of s_s [m], for (s_s, p, e).
         largest_opening: |s_s| over full stroke beyond which no area grows.

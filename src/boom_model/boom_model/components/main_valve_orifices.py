@@ -116,15 +116,15 @@ def opening(position: Expression, x0: Expression, p: Any) -> Expression:
     return ca.if_else(u > 0, power(ca.fmax(u, SMALLEST_OPENING), p.main_valve_orifices.n), 0.0)
 
 
+def behind_throttle(area: Expression, whole: Expression, throttle: Expression) -> Expression:
+    """Area [m^2] of two orifices in series: ``area`` and a throttle A_c, (``whole`` / A_c)^2 = ``throttle``, ``whole`` [m^2]."""
+    return area / ca.sqrt(1 + throttle * (area / whole) ** 2)
+
+
 def in_series(area: Expression, p: Any) -> Expression:
     """Area [m^2] of an edge with the passages that its flow goes through."""
     o = p.main_valve_orifices
-    return area / ca.sqrt(1 + o.passage * (area / o.A_sa_max) ** 2)
-
-
-def behind_cushion(area: Expression, whole: Expression, cushion: Expression) -> Expression:
-    """Area [m^2] of a return edge with the throttle A_c ahead of it; ``cushion``: (A_tb / A_c)^2, ``whole``: A_tb [m^2]."""
-    return area / ca.sqrt(1 + cushion * (area / whole) ** 2)
+    return behind_throttle(area, o.A_sa_max, o.passage)
 
 
 def areas(position: Expression, p: Any, e: Any) -> tuple[Expression, Expression]:
@@ -162,7 +162,7 @@ def flows(
     supply = e.through("supply_flow", conducted * supply_root, conductance=conducted, pressure=port_pressure)
     tank_drop = ca.if_else(extend, rod_pressure, hose_pressure) - f.p_t
     whole = edges(-p.main_valve_spool.s_max, p, e)[1]
-    conductance = gain * behind_cushion(tank_area, whole, ca.if_else(extend, *cushions))
+    conductance = gain * behind_throttle(tank_area, whole, ca.if_else(extend, *cushions))
     tank = e.through("tank_flow", conductance * signed_sqrt(tank_drop), conductance=conductance)
     size = ca.fabs(supply * supply_root) + ca.fabs(tank * signed_sqrt(tank_drop))
     return ValveFlows(
