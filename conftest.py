@@ -17,9 +17,12 @@ sys.path[:0] = [str(Path(__file__).parent / folder) for folder in ("src/boom_bri
 import headless_browser
 from standstill import Standstill
 
-from boom_bringup import environment
+from boom_bringup import environment, showing
 
 environment.apply()
+
+# What a command says does not depend on how busy the machine is; what is tested as a process of its own may tell steps.
+showing.QUIET = float("inf")
 
 # A failure by chance tells nothing about the change that was tested. To look for new cases: --hypothesis-profile explore
 settings.register_profile("repeatable", derandomize=True)

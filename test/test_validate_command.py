@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recording_faults import FAULTS
+from refusals import refusal
 
 from boom_bringup import cli
 from boom_recording.loading import load
@@ -75,9 +76,7 @@ def refused(result):
     """The one line on stderr of a run that ended with status 2 and printed nothing else."""
     assert result.returncode == 2, result.stderr
     assert result.stdout == ""
-    lines = result.stderr.splitlines()
-    assert len(lines) == 1 and lines[0].startswith("boom: "), result.stderr
-    return lines[0]
+    return refusal(result.stderr)
 
 
 def test_tables_verdicts_document_and_report_of_several_recordings(tmp_path):

@@ -19,7 +19,7 @@ def diagnose_next(bags: Sequence[str], machine: str | None, configuration: Seque
     return [f"next: {typable(program, 'diagnose', str(bag), *words)}" for bag in bags[:1]]
 
 
-_QUIET = 2.0  # s: so long nothing is said in a log file
+QUIET = 2.0  # s: so long nothing is said in a log file
 
 
 @contextmanager
@@ -29,7 +29,7 @@ def progress(total: int) -> Iterator[Callable[[str, int], None]]:
         begin = time.monotonic()
 
         def say(text: str, _: int) -> None:
-            if text and time.monotonic() - begin > _QUIET:
+            if text and time.monotonic() - begin > QUIET:
                 print(f"boom: {text}", file=sys.stderr, flush=True)
 
         yield say

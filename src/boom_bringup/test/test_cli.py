@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from boom_bringup import __version__, cli
+from boom_bringup import __version__, cli, showing
 
 ROOT = Path(__file__).resolve().parents[3]
 BAG = ROOT / "bags" / "healthy" / "extended"
@@ -317,3 +317,13 @@ def test_a_ctrl_c_after_the_work_is_done_does_not_make_a_failure_of_it() -> None
     )
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
     assert (ended.returncode, ended.stderr) == (0, "")
+
+
+def test_steps_are_told_in_a_log_only_where_a_command_takes_longer_than_2_s(monkeypatch, capsys):
+    now = iter([0.0, 1.9, 2.1])
+    monkeypatch.setattr(showing, "QUIET", 2.0)
+    monkeypatch.setattr(showing.time, "monotonic", lambda: next(now))
+    with showing.progress(2) as step:
+        step("reading a", 1)
+        step("reading b", 1)
+    assert capsys.readouterr().err == "boom: reading b\n"
