@@ -112,7 +112,7 @@ def drive(
     """The operator works the crane: currents (n, 2) [A] and states (n, STATES).
 
     Raises:
-        OutOfRangeError: the crane leaves its linkage all the same.
+        OutOfRangeError: the crane leaves its linkage all the same, or jumps so that it cannot be integrated.
     """
     count, every = round(duration / STEP), 2
     c, u, states = m.c, m.inputs(count), np.empty((count, len(start)))
@@ -128,7 +128,7 @@ def drive(
             u[rows, U_OUT if stick > 0.0 else U_IN] = begin + min(abs(stick), 1.0) * (full - begin)
         part, done = integrate(y, u[rows], m.e, c, m.own, SCALE, STEP, TOLERANCE)
         if done < len(part):
-            raise OutOfRangeError(f"the boom left its linkage at {t:.1f} s")
+            raise OutOfRangeError(f"the boom left its linkage or jumps, at {t:.1f} s")
         states[rows] = part
         y = part[-1]
     return u[:, [U_IN, U_OUT]], states

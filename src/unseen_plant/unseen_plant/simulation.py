@@ -20,6 +20,8 @@ from unseen_plant.valve import flows
 Floats = np.ndarray
 SMALLEST = 1.0 / 256.0
 """Smallest step over that of the grid: it is taken whatever its error."""
+MOST_STEPS = 20_000
+"""For one row: what jumps however small the step is would take for ever."""
 
 
 @compiled
@@ -147,6 +149,8 @@ def integrate(
 ) -> tuple[Floats, int]:
     """States (n, STATES) at the end of each of the n rows of ``courses``, and how many rows were reached inside the linkage.
 
+    None is reached that takes over ``MOST_STEPS``.
+
     y: state at the start. own: indices of the states that move. scale: what counts as little of each state.
     """
     count, n = len(courses), len(own)
@@ -158,8 +162,11 @@ def integrate(
     near = 1e-2 * scale
     h = period
     for k in range(count):
-        u, done = courses[k], 0.0
+        u, done, steps = courses[k], 0.0, 0
         while done < period * (1.0 - 1e-9):
+            steps += 1
+            if steps > MOST_STEPS:
+                return states, k
             h = min(h, period - done)
             rates(y, u, e, c, f)
             _jacobian(y, u, e, c, own, near, f, g, J)
