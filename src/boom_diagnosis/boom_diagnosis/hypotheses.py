@@ -433,7 +433,7 @@ def afresh(found: Round, first: Nominal, wanted: Sequence[str], floor: float) ->
     count = int(found.base.used.sum())
     left = found.base.over(floor) - max((f.gain for f in found.fitted), default=0.0)
     least = min(max(OUTSTANDING * found.base.over(floor), NEGLIGIBLE * count), FAR_OFF * count)
-    if left > least and not found.accepted:
+    if left > least:
         first.glance(GLANCED)
     glanced = [f.effect for f in first.best[:AFRESH]]
     effects = list(dict.fromkeys([*glanced, *list(first.seen)[:AFRESH], *(e for e in wanted if e in first.seen)]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -13,44 +13,28 @@ from boom_checks.doubts import first_look
 from boom_checks.sampling import independent
 from boom_diagnosis import answer, weighed_answer
 from boom_diagnosis.bag_samples import prepare
-from boom_diagnosis.calibration import calibrate
 from boom_diagnosis.case import Case, case_of
-from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.document import DiagnosisResult
-from boom_diagnosis.earning import chance, clear, given_up, least, placed_by_itself, settle, take, temperature, weigh
-from boom_diagnosis.fitting import Point, Problem, strained
+from boom_diagnosis.earning import given_up, take
 from boom_diagnosis.free_fit import fit_to_free_runs
-from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, rebased, run_round
-from boom_diagnosis.learning import learn_plainly
 from boom_diagnosis.onset import near_onset, time_in
-from boom_diagnosis.restarts import in_deepest_valley, other_valley
+from boom_diagnosis.restarts import in_deepest_valley
+from boom_diagnosis.rounds import begun_elsewhere, rounds, share
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.straying import strayed
 from boom_diagnosis.stretches import Stretches, excited, stretches
 from boom_diagnosis.unsearched import About, not_enough_excitation, spoilt
 from boom_diagnosis.weighed_case import searched, weighed_case_of
-from boom_diagnosis.weighing import NEGLIGIBLE, OTHER_FORM
+from boom_diagnosis.weighing import NEGLIGIBLE
 from boom_diagnosis.wrong_number import with_wrong_number
 from boom_estimation.sensor_noise import with_measured_noise
 from boom_model.catalogue import EFFECTS
-from boom_model.learned import PLACES
 from boom_model.machine import Machine
 from boom_recording.recording import Recording, told_apart
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Progress = Callable[[str, float], None]
-
-MOST_EFFECTS = 3
-LITTLE = 0.25
-"""Share of what the tolerances cannot take up that a first effect may leave without a second look at all others."""
-OUTDONE = 0.1
-"""Share of what the best effect leaves that a term which is plain to see may leave, for no further effect to be looked for."""
-FIRST_LOOK = 0.6
-"""Share of a round's time that is over before a second look, as the progress counts it."""
-FAR = 1.0
-"""Loss per innovation over that of a healthy machine from which on the likeliest observer is looked for again; below, the one
-that is right for a healthy machine sees what is left best."""
 
 
 def diagnose(
@@ -108,19 +92,21 @@ def _searched(parts: Stretches, machine: Machine, progress: Progress, about: Abo
     case.elsewhere = parts.elsewhere
     case = search(case, progress)
     progress("locating", 0.8)
-    return answer.assemble(case, about, weak, partial(_doubted, progress=_share(progress, 0.8, 0.1)))
+    return answer.assemble(case, about, weak, partial(_doubted, progress=share(progress, 0.8, 0.1)))
 
 
 def search(case: Case, progress: Progress) -> Case:
     """Round after round: what explains most is taken, all is computed anew, until nothing earns its place; the case as it ends."""
-    _rounds(case, progress)
+    rounds(case, progress)
     if not case.learned and case.rest(case.last) > NEGLIGIBLE and (bags := strayed(case)):
         case = case.with_bags(*bags)
-        _rounds(case, progress)
+        rounds(case, progress)
     progress("doubting the machine file", 0.75)
     if other := with_wrong_number(case):
         case = other
-        _rounds(case, progress)
+        rounds(case, progress)
+    elif not case.learned:
+        begun_elsewhere(case, progress)
     progress("free runs", 0.78)
     _finish(case)
     return case
@@ -130,7 +116,7 @@ def _doubted(case: Case, progress: Progress) -> Case:
     """A case of which free runs took back what was found, or that with the number free that is wrong in the machine file."""
     other = with_wrong_number(case)
     if other:
-        _rounds(other, progress)
+        rounds(other, progress)
     _finish(other or case)
     return other or case
 
@@ -170,226 +156,3 @@ def _last_fit(case: Case) -> Fitted:
         exact = problem.effect_jacobian(point, names, exact=True)
         jacobian = np.concatenate([reached[:, : len(at.z)], exact], axis=1)
     return replace(fitted, point=point, jacobian=jacobian)
-
-
-def _rounds(case: Case, progress: Progress) -> None:
-    near, k = False, 0
-    alone = set[int]()  # of two and of three, once each: what takes the place of those before may bring them back
-    while k < MOST_EFFECTS:
-        look = _share(progress, 0.8 * k / MOST_EFFECTS, 0.8 / MOST_EFFECTS)
-        taken = _look(case, _share(look, 0.0, FIRST_LOOK), near)
-        if k == 0:
-            taken = _first_doubted(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), taken)
-            if case.learned:
-                return
-        elif not taken and k > 0 and not near and _followed(case):
-            before = case.kept_back()
-            taken = _look(case, _share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), True)
-            if not taken:
-                case.go_back(before)
-        if not taken:
-            return
-        if len(case.taken) > 1 and len(case.taken) not in alone:
-            alone.add(len(case.taken))
-            _without_those_before(case)
-            if len(case.taken) == 2 and _at_the_end(case):
-                _without_stand_in(case, look)
-        k = len(case.taken)
-        left = case.rest(case.last)
-        if left < NEGLIGIBLE:
-            return
-        near = left < FAR
-
-
-def _first_doubted(case: Case, progress: Progress, taken: bool) -> bool:
-    """What the first round took, looked at again where that does not satisfy, and from other starts; whether anything is taken."""
-    if not _satisfied(case) or _strained(case) or _at_the_end(case):
-        taken = _look_again(case, progress)
-        if not _satisfied(case) and _plain(case):
-            return taken
-    _restarted(case)
-    return taken
-
-
-def _followed(case: Case) -> bool:
-    """Whether the last round's observer was so loose that it follows what the tight one sees."""
-    found = case.rounds[-1]
-    return found.problem.predictor.looseness > LOOSENESS[0] and not clear(case, found.base)
-
-
-def _share(progress: Progress, begin: float, size: float) -> Progress:
-    """Progress of a part that begins at a share of the whole and has a size of it."""
-    return lambda text, share: progress(text, begin + size * share)
-
-
-def _look(case: Case, progress: Progress, tight: bool) -> bool:
-    """One round: whether an effect was found that earns its place."""
-    z, values = (case.last.z, case.last.effects) if case.taken else (np.zeros(len(case.nuisances)), {})
-    found = run_round(
-        case.machine, case.bags, case.select, case.nuisances, z, values, progress,
-        nominal=None if case.taken else case.nominal, tight=tight, least=partial(least, case),
-    )  # fmt: skip
-    if case.taken and _dissatisfied(case, found):
-        found = _beside_nominal(case, found)
-    return _judge(case, found)
-
-
-def _dissatisfied(case: Case, found: Round) -> bool:
-    """Whether a round beside other effects begins with a clear rest, and its best effect leaves much of it."""
-    best = found.fitted[0].gain if found.fitted else 0.0
-    return clear(case, found.base) and best < (1.0 - LITTLE) * found.base.over(case.floor)
-
-
-def _beside_nominal(case: Case, found: Round) -> Round:
-    """The round with effects that are seen where the tolerances are nominal: those fitted may have bent to do what they do."""
-    zero, names = np.zeros(len(case.nuisances)), all_coordinates(found.accepted, case.size)
-    loose = case.problem(zero, found.base.effects, LOOSENESS[1])
-    values = loose.fit_nominal(found.base.effects, names).effects
-    problem = case.problem(zero, values, LOOSENESS[1])
-    return afresh(found, Nominal(problem, values), [f.effect for f in found.fitted[:1]], case.floor)
-
-
-def _judge(case: Case, found: Round) -> bool:
-    """Weighs what a round found, in the place of a round before that nothing was taken from; whether the best is taken."""
-    k = len(case.taken)
-    found = rebased(found)
-    case.rounds[k:] = [found]
-    if k == 0:
-        if not case.healthy:
-            calibrate(case, found)
-        if case.proving:
-            case.own = placed_by_itself(case, found)
-        case.trained[:] = [settle(case, 0, found.problem, found.base, found.jacobian, ())]
-    case.weighed[k:] = [weigh(case, found)]
-    taken = take(case)
-    best = case.weighed[k][0].fitted.point if case.weighed[k] else found.base
-    case.temperature = temperature(case, best)
-    return taken
-
-
-def _strained(case: Case) -> bool:
-    """Whether the tolerances have gone to improbable places: one effect may be likelier than so many numbers that are off."""
-    return strained(case.last, (case.taken[-1].fitted if case.taken else case.rounds[0]).jacobian)
-
-
-def _at_the_end(case: Case) -> bool:
-    """Whether what was taken lies at the end of a range: it may stand in for something else."""
-    if not case.taken:
-        return False
-    found = case.taken[0].fitted
-    values = found.point.effects
-    return any(c.high <= values[c.name] or (c.positive and values[c.name] <= c.low) for c in found.coordinates)
-
-
-def _explained(case: Case) -> bool:
-    """Whether an effect leaves little of what the tolerances cannot take up."""
-    return bool(case.taken) and case.rest(case.last) < LITTLE * case.rest(case.kept(0))
-
-
-def _satisfied(case: Case) -> bool:
-    """Whether the first round leaves next to nothing, or little of what the tolerances cannot take up."""
-    return case.rest(case.last) < NEGLIGIBLE or _explained(case)
-
-
-def _look_again(case: Case, progress: Progress) -> bool:
-    """The first round once more, with the observer that sees most, and with what the nominal machine shows.
-
-    What the first look took stays where the second leaves more unexplained.
-    """
-    first = case.kept_back()
-    case.likeliest = case.kept(0), case.trained[0]
-    wanted = [case.taken[0].fitted.effect] if case.taken else []
-    case.taken.clear()
-    case.spared.clear()
-    case.disproved.clear()
-    found = case.rounds[0]
-    if found.problem.predictor.looseness > LOOSENESS[0]:
-        found = run_round(
-            case.machine, case.bags, case.select, case.nuisances, found.base.z, {}, progress, tight=True,
-            least=partial(least, case),
-        )  # fmt: skip
-    found = afresh(found, case.nominal, [*wanted, *(f.effect for f in found.fitted[:1])], case.floor)
-    taken = _judge(case, found)
-    known = {w.fitted.effect for w in (*case.weighed[0], *case.disproved)}
-    case.disproved += [w for w in (*first.taken, *first.disproved) if w.fitted.effect not in known]
-    if not first.taken:
-        return taken
-    left, before = (c.rest(c.last) for c in (case, first))
-    if left <= before + NEGLIGIBLE:
-        return taken
-    case.go_back(first)
-    return True
-
-
-def _without_those_before(case: Case) -> None:
-    """The last effect takes the place of those before where they gain nothing beside it: they stood in for it."""
-    last, others, alone = case.taken[-1], len(case.taken) - 1, _last_alone(case)
-    together = alone.problem.points([(last.fitted.point.z, last.fitted.point.effects)])[0]
-    if alone.point.loss - together.loss <= others * chance(case) + OTHER_FORM * last.net:
-        before = case.kept_back()
-        if not _taken_anew(case, alone):
-            case.go_back(before)
-
-
-def _without_stand_in(case: Case, progress: Progress) -> None:
-    """Where the first effect lies at the end of a range: the second one, and what is found beside it, if they leave less."""
-    before, left = case.kept_back(), case.rest(case.last)
-    if _taken_anew(case, _last_alone(case)):
-        _look(case, progress, case.rest(case.last) < FAR)
-        if case.rest(case.last) < left:
-            return
-    case.go_back(before)
-
-
-@dataclass(frozen=True)
-class _Alone:
-    """An effect fitted without any other. jacobian: (rows, z then coordinates) at the point."""
-
-    effect: str
-    problem: Problem
-    point: Point
-    jacobian: Array
-
-
-def _last_alone(case: Case) -> _Alone:
-    """The last effect without those before it."""
-    last, looseness = case.taken[-1].fitted, case.rounds[len(case.taken) - 1].problem.predictor.looseness
-    names = all_coordinates([last.effect], case.size)
-    values = {c.name: last.point.effects[c.name] for c in names}
-    problem = case.problem(last.point.z, values, looseness)
-    zero = np.zeros(len(case.nuisances))
-    start = min(problem.points([(last.point.z, values), (zero, values)]), key=lambda p: p.loss)
-    return _Alone(last.effect, problem, *problem.fit(start, problem.nuisance_jacobian(start), names))
-
-
-def _restarted(case: Case) -> None:
-    """The first effect from another start, where the likeliest observer finds a better valley there."""
-    found = other_valley(case) if case.taken and case.rest(case.last) > NEGLIGIBLE else None
-    if found is None:
-        return
-    before = case.kept_back()
-    if not _taken_anew(case, _Alone(case.taken[0].fitted.effect, *found)):
-        case.go_back(before)
-
-
-def _taken_anew(case: Case, alone: _Alone) -> bool:
-    """The search begun again, as if this effect had been all that the first round found; whether it is taken."""
-    first, problem, point = case.rounds[0], alone.problem, alone.point
-    base, columns = problem.fit(problem.points([(first.base.z, {})])[0], alone.jacobian[:, : len(point.z)])
-    names, gain = all_coordinates([alone.effect], case.size), base.loss - point.loss
-    fitted = Fitted(alone.effect, point, names, alone.jacobian, gain, (point.loss,))
-    for part in (case.taken, case.spared, case.disproved):
-        part.clear()
-    return _judge(case, replace(first, base=base, jacobian=columns, fitted=(fitted,), problem=problem))
-
-
-def _plain(case: Case) -> bool:
-    """Whether a term that is plain to see explains what no effect does; it is kept then, and no effect is."""
-    learned = learn_plainly(case.setting, case.trained[0], list(PLACES))
-    if not learned or learned.point.excess(case.floor) > OUTDONE * case.rest(case.last):
-        return False
-    case.learned = learned
-    case.taken.clear()
-    case.spared = {k: v for k, v in case.spared.items() if k == 0}
-    del case.trained[1:]
-    return True

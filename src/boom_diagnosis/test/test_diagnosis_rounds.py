@@ -9,6 +9,7 @@ import pytest
 from rounds_cases import SAMPLES, point, weighed
 
 from boom_diagnosis import answer, earning, hypotheses, run, search
+from boom_diagnosis import rounds as searching
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.fitting import WHITE, Point
@@ -38,9 +39,9 @@ def test_what_a_loose_observer_follows_beside_an_effect_is_looked_for_with_the_t
         return len(seen) == 1
 
     for name, answer_ in {"_look": look, "_satisfied": lambda of: True, "_strained": lambda of: False}.items():
-        monkeypatch.setattr(run, name, answer_)
+        monkeypatch.setattr(searching, name, answer_)
     monkeypatch.setattr(Case, "rest", lambda self, at: left)
-    run._rounds(made, lambda text, share: None)
+    searching.rounds(made, lambda text, share: None)
     assert seen == looks
     assert made.temperature == 2.0  # of the second look: a tight one that finds nothing leaves nothing behind
 
@@ -78,8 +79,8 @@ def test_effects_that_gain_nothing_beside_the_last_give_their_place_to_it(
     made = Case(nothing, nothing, [], [], case.select, [], [], (nothing,), 0, floor=WHITE, rounds=rounds, taken=taken)
     made.size = THESIS
     monkeypatch.setattr(Case, "problem", lambda *given: Fits())
-    monkeypatch.setattr(run, "_judge", judged)
-    run._without_those_before(made)
+    monkeypatch.setattr(searching, "_judge", judged)
+    searching._without_those_before(made)
     assert [w.fitted.effect for w in made.taken] == [*([] if gives_way else before), "pressure_bias"]
 
 
@@ -104,12 +105,12 @@ def test_what_stands_in_for_something_gives_way_if_the_second_and_what_is_beside
     def rest(of: Case, at: Any) -> float:
         return {"presliding_friction": 0.3}.get(of.taken[0].fitted.effect, left)
 
-    monkeypatch.setattr(run, "_last_alone", lambda of: (None, None))
-    monkeypatch.setattr(run, "_taken_anew", anew)
-    monkeypatch.setattr(run, "_look", look)
+    monkeypatch.setattr(searching, "_last_alone", lambda of: (None, None))
+    monkeypatch.setattr(searching, "_taken_anew", anew)
+    monkeypatch.setattr(searching, "_look", look)
     monkeypatch.setattr(Case, "last", None)
     monkeypatch.setattr(Case, "rest", rest)
-    run._without_stand_in(made, lambda text, share: None)
+    searching._without_stand_in(made, lambda text, share: None)
     assert [w.fitted.effect for w in made.taken] == names
 
 
@@ -155,7 +156,7 @@ def test_tolerances_are_doubted_where_they_cost_more_than_those_that_are_told_ma
     case.spared, case.final = {int(explained): bent}, None
     one = weighed("payload", 700.0, 250.0, 1000.0)
     case.taken = [replace(one, fitted=replace(one.fitted, jacobian=told))] if explained else []
-    assert run._strained(case) is doubted
+    assert searching._strained(case) is doubted
 
 
 def test_what_free_runs_leave_so_little_of_that_it_may_do_nothing_is_no_finding(
@@ -202,12 +203,12 @@ def test_what_lies_at_the_end_of_its_range_is_looked_at_again(
         looks.append("again")
         return True
 
-    monkeypatch.setattr(run, "_look", look)
-    monkeypatch.setattr(run, "_look_again", again)
-    monkeypatch.setattr(run, "_strained", lambda of: False)
+    monkeypatch.setattr(searching, "_look", look)
+    monkeypatch.setattr(searching, "_look_again", again)
+    monkeypatch.setattr(searching, "_strained", lambda of: False)
     monkeypatch.setattr(Case, "rest", lambda self, at: 0.0)
     case.final = None
-    run._rounds(case, lambda text, share: None)
+    searching.rounds(case, lambda text, share: None)
     assert looks == (["look", "again"] if doubted else ["look"])
 
 
@@ -231,11 +232,11 @@ def test_what_only_a_loose_observer_takes_or_free_runs_disproved_comes_near_what
         of.weighed = [[little]]
         return False
 
-    monkeypatch.setattr(run, "afresh", lambda found, *given: found)
-    monkeypatch.setattr(run, "_judge", judged)
+    monkeypatch.setattr(searching, "afresh", lambda found, *given: found)
+    monkeypatch.setattr(searching, "_judge", judged)
     monkeypatch.setattr(Case, "last", None)
     monkeypatch.setattr(Case, "rest", lambda self, at: 0.2)
-    assert not run._look_again(made, lambda text, share: None)
+    assert not searching._look_again(made, lambda text, share: None)
     assert (made.taken, answer._near(made)) == ([], [worse, loose, little])
     made.taken = [little]
     assert answer._near(made) == [little, worse, loose]

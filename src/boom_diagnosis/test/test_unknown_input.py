@@ -9,7 +9,7 @@ import pytest
 from diagnosis_samples import BAGS, PERIOD, constant, tz17
 from test_diagnosis import noisy
 
-from boom_diagnosis import run
+from boom_diagnosis import rounds
 from boom_diagnosis.bag_samples import SETTLING, prepare
 from boom_diagnosis.fitting import WHITE
 from boom_diagnosis.learning import Learned, Setting, learn_plainly, reading
@@ -163,8 +163,8 @@ def test_a_term_takes_the_place_of_effects_only_if_it_leaves_far_less(
         setting=None, trained=["alone", "with"], taken=["effect"], spared={0: "a", 1: "b"}, floor=WHITE, learned=None,
         last=SimpleNamespace(z=None, effects=None), rest=lambda at: 1.0,
     )  # fmt: skip
-    monkeypatch.setattr(run, "learn_plainly", lambda *_: learned)
-    assert run._plain(case) is kept
+    monkeypatch.setattr(rounds, "learn_plainly", lambda *_: learned)
+    assert rounds._plain(case) is kept
     assert (case.learned is learned, case.taken, case.trained, case.spared) == (
         (True, [], ["alone"], {0: "a"}) if kept else (False, ["effect"], ["alone", "with"], {0: "a", 1: "b"})
     )

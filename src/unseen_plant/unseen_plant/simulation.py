@@ -162,11 +162,9 @@ def integrate(
     near = 1e-2 * scale
     h = period
     for k in range(count):
-        u, done, steps = courses[k], 0.0, 0
+        u, done, left = courses[k], 0.0, MOST_STEPS
         while done < period * (1.0 - 1e-9):
-            steps += 1
-            if steps > MOST_STEPS:
-                return states, k
+            left -= 1
             h = min(h, period - done)
             rates(y, u, e, c, f)
             _jacobian(y, u, e, c, own, near, f, g, J)
@@ -186,7 +184,7 @@ def integrate(
                 if error <= 1.0 or h <= SMALLEST * period:
                     break
                 h = max(h * max(0.2, 0.8 / error ** (1.0 / 3.0)), SMALLEST * period)
-            if not math.isfinite(error):
+            if not (left and math.isfinite(error)):
                 return states, k
             for i in range(n):
                 y[own[i]] = one[own[i]]

@@ -1,0 +1,364 @@
+"""Rounds of a search: what explains most is taken, all is computed anew, and what was found is doubted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from math import log
+
+import numpy as np
+from numpy.typing import NDArray
+
+from boom_diagnosis.calibration import calibrate
+from boom_diagnosis.case import Case
+from boom_diagnosis.coordinates import all_coordinates
+from boom_diagnosis.earning import WORSE, chance, clear, least, placed_by_itself, settle, take, temperature, weigh
+from boom_diagnosis.fitting import Point, Problem, strained
+from boom_diagnosis.hypotheses import GLANCED, LOOSENESS, Nominal, Round, afresh, rebased, run_round
+from boom_diagnosis.learning import learn_plainly
+from boom_diagnosis.parallel import in_parallel
+from boom_diagnosis.proof import worsening
+from boom_diagnosis.restarts import other_valley
+from boom_diagnosis.search import Fitted
+from boom_diagnosis.weighing import NEGLIGIBLE, OTHER_FORM
+from boom_model.learned import PLACES
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+MOST_EFFECTS = 3
+BEGUN = 3
+"""Effects that the search is begun with anew where what was found leaves much."""
+LITTLE = 0.25
+"""Share of what the tolerances cannot take up that a first effect may leave without a second look at all others."""
+OUTDONE = 0.1
+"""Share of what the best effect leaves that a term which is plain to see may leave, for no further effect to be looked for."""
+FIRST_LOOK = 0.6
+"""Share of a round's time that is over before a second look, as the progress counts it."""
+FAR = 1.0
+"""Loss per innovation over that of a healthy machine from which on the likeliest observer is looked for again; below, the one
+that is right for a healthy machine sees what is left best."""
+
+
+def rounds(case: Case, progress: Progress, begun: bool = False) -> None:
+    """Round after round until nothing earns its place, or ``MOST_EFFECTS`` have; the case is changed.
+
+    begun: with what the case has taken already.
+    """
+    near, k = False, len(case.taken) if begun else 0
+    alone = set[int]()  # of two and of three, once each: what takes the place of those before may bring them back
+    while k < MOST_EFFECTS:
+        look = share(progress, 0.8 * k / MOST_EFFECTS, 0.8 / MOST_EFFECTS)
+        taken = _look(case, share(look, 0.0, FIRST_LOOK), near)
+        if k == 0:
+            taken = _first_doubted(case, share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), taken)
+            if case.learned:
+                return
+        elif not taken and k > 0 and not near and _followed(case):
+            before = case.kept_back()
+            taken = _look(case, share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), True)
+            if not taken:
+                case.go_back(before)
+        if not taken:
+            return
+        if len(case.taken) > 1 and len(case.taken) not in alone:
+            alone.add(len(case.taken))
+            _without_those_before(case)
+            if len(case.taken) == 2 and _at_the_end(case):
+                _without_stand_in(case, look)
+        k = len(case.taken)
+        left = case.rest(case.last)
+        if left < NEGLIGIBLE:
+            return
+        near = left < FAR
+
+
+def begun_elsewhere(case: Case, progress: Progress) -> None:
+    """The search begun with other effects, where what was found leaves much, or where another serves better beside the later ones.
+
+    Of two that hide one another neither is what explains most alone. The likelier search is kept.
+    """
+    if case.rest(case.last) < FAR and len(case.taken) < 2:
+        return
+    for effect, values in _first_effects(case):
+        if effect in case.named or (case.rest(case.last) < FAR and not _serves_better(case, effect, values)):
+            continue
+        before = case.kept_back()
+        taken = _taken_anew(case, _from_nominal(case, effect, values)) or _taken_for_now(case)
+        if taken:
+            rounds(case, progress, begun=True)
+        proved = taken and worsening(case, case.trained[0], case.trained[-1]) <= WORSE
+        if not proved or not _likelier(case, (_fitted_on(case), case.named), (_fitted_on(before), before.named)):
+            case.go_back(before)
+
+
+def _fitted_on(case: Case) -> Point:
+    """All that was taken, fitted once more: the tolerances may go back from where they made up for what was found last."""
+    at = case.last
+    problem = case.problem(at.z, at.effects, case.rounds[-1].problem.predictor.looseness)
+    (start,) = problem.points([(at.z, at.effects)])
+    return problem.fit(start, problem.nuisance_jacobian(start), all_coordinates(case.named, case.size))[0]
+
+
+def _taken_for_now(case: Case) -> bool:
+    """An effect that alone does not earn its place is taken nevertheless; whether there is one. What is found beside it decides."""
+    for weighed in (*case.disproved, *case.weighed[0]):
+        f = weighed.fitted
+        case.taken.append(weighed)
+        case.trained.append(settle(case, 1, case.rounds[0].problem, f.point, f.jacobian, f.coordinates))
+        case.weighed[0] = [weighed]
+        case.disproved.clear()
+        return True
+    return False
+
+
+def _serves_better(case: Case, effect: str, values: Mapping[str, float]) -> bool:
+    """Whether an effect is likelier than the first one beside those that were found after it."""
+    last, effects = case.last, (effect, *case.named[1:])
+    names = all_coordinates(effects, case.size)
+    beside = {c.name: last.effects.get(c.name, values.get(c.name, 0.0)) for c in names}
+    problem = case.problem(last.z, last.effects, case.rounds[-1].problem.predictor.looseness)
+    start = min(problem.points([(np.zeros(len(case.nuisances)), beside), (last.z, beside)]), key=lambda p: p.loss)
+    point, _ = problem.fit(start, problem.nuisance_jacobian(start), names)
+    return _likelier(case, (point, effects), (last, case.named))
+
+
+def _likelier(case: Case, *two: tuple[Point, Sequence[str]]) -> bool:
+    """Whether the first of two points, with its effects, is likelier, as sure as what is left at the better one lets that be."""
+    problems = [case.problem(at.z, at.effects, LOOSENESS[0]) for at, _ in two]
+    seen = [p.points([(at.z, at.effects)])[0] for p, (at, _) in zip(problems, two, strict=True)]
+    sure = temperature(case, min(seen, key=lambda p: p.loss))
+    one, other = (
+        p.likelihood(at) / sure - _price(case, effects, at)
+        for p, at, (_, effects) in zip(problems, seen, two, strict=True)
+    )
+    return one > other
+
+
+def _price(case: Case, effects: Sequence[str], at: Point) -> float:
+    """Nats that effects cost at a point: log n / 2 for each of their numbers."""
+    return 0.5 * log(int(at.used.sum())) * len(all_coordinates(effects, case.size))
+
+
+def _first_effects(case: Case) -> list[tuple[str, Mapping[str, float]]]:
+    """Effects, and their numbers, that are likeliest with all tolerances at their nominal values."""
+    first = case.nominal
+
+    def fitted(effect: str) -> Point:
+        begun = first.problem.points([(first.at.z, candidate.values) for candidate in first.seen[effect]])
+        start = min(begun, key=lambda p: p.loss)
+        return first.problem.fit_nominal(start.effects, all_coordinates([effect], case.size))
+
+    effects = list(first.seen)[:GLANCED]
+    points = in_parallel(fitted, effects)
+    least = min(max(1.0, p.excess(case.floor)) for p in points)
+    price = 0.5 * log(first.at.used.sum())
+    cost = {
+        e: p.loss / least + price * len(all_coordinates([e], case.size)) for e, p in zip(effects, points, strict=True)
+    }
+    ranked = sorted(zip(effects, points, strict=True), key=lambda pair: cost[pair[0]])
+    return [(effect, point.effects) for effect, point in ranked[:BEGUN]]
+
+
+def _from_nominal(case: Case, effect: str, values: Mapping[str, float]) -> _Alone:
+    """An effect fitted from the nominal machine, as the observer sees it that bears with one that is far from right."""
+    zero = np.zeros(len(case.nuisances))
+    problem = case.problem(zero, values, LOOSENESS[1])
+    (start,) = problem.points([(zero, values)])
+    fit = problem.fit(start, problem.nuisance_jacobian(start), all_coordinates([effect], case.size))
+    return _Alone(effect, problem, *fit)
+
+
+def _first_doubted(case: Case, progress: Progress, taken: bool) -> bool:
+    """What the first round took, looked at again where that does not satisfy, and from other starts; whether anything is taken."""
+    if not _satisfied(case) or _strained(case) or _at_the_end(case):
+        taken = _look_again(case, progress)
+        if not _satisfied(case) and _plain(case):
+            return taken
+    _restarted(case)
+    return taken
+
+
+def _followed(case: Case) -> bool:
+    """Whether the last round's observer was so loose that it follows what the tight one sees."""
+    found = case.rounds[-1]
+    return found.problem.predictor.looseness > LOOSENESS[0] and not clear(case, found.base)
+
+
+def share(progress: Progress, begin: float, size: float) -> Progress:
+    """Progress of a part that begins at a share of the whole and has a size of it."""
+    return lambda text, share: progress(text, begin + size * share)
+
+
+def _look(case: Case, progress: Progress, tight: bool) -> bool:
+    """One round: whether an effect was found that earns its place."""
+    z, values = (case.last.z, case.last.effects) if case.taken else (np.zeros(len(case.nuisances)), {})
+    found = run_round(
+        case.machine, case.bags, case.select, case.nuisances, z, values, progress,
+        nominal=None if case.taken else case.nominal, tight=tight, least=partial(least, case),
+    )  # fmt: skip
+    if case.taken and _dissatisfied(case, found):
+        found = _beside_nominal(case, found)
+    return _judge(case, found)
+
+
+def _dissatisfied(case: Case, found: Round) -> bool:
+    """Whether a round beside other effects begins with a clear rest, and its best effect leaves much of it."""
+    best = found.fitted[0].gain if found.fitted else 0.0
+    return clear(case, found.base) and best < (1.0 - LITTLE) * found.base.over(case.floor)
+
+
+def _beside_nominal(case: Case, found: Round) -> Round:
+    """The round with effects that are seen where the tolerances are nominal: those fitted may have bent to do what they do."""
+    zero, names = np.zeros(len(case.nuisances)), all_coordinates(found.accepted, case.size)
+    loose = case.problem(zero, found.base.effects, LOOSENESS[1])
+    values = loose.fit_nominal(found.base.effects, names).effects
+    problem = case.problem(zero, values, LOOSENESS[1])
+    return afresh(found, Nominal(problem, values), [f.effect for f in found.fitted[:1]], case.floor)
+
+
+def _judge(case: Case, found: Round) -> bool:
+    """Weighs what a round found, in the place of a round before that nothing was taken from; whether the best is taken."""
+    k = len(case.taken)
+    found = rebased(found)
+    case.rounds[k:] = [found]
+    if k == 0:
+        if not case.healthy:
+            calibrate(case, found)
+        if case.proving:
+            case.own = placed_by_itself(case, found)
+        case.trained[:] = [settle(case, 0, found.problem, found.base, found.jacobian, ())]
+    case.weighed[k:] = [weigh(case, found)]
+    taken = take(case)
+    best = case.weighed[k][0].fitted.point if case.weighed[k] else found.base
+    case.temperature = temperature(case, best)
+    return taken
+
+
+def _strained(case: Case) -> bool:
+    """Whether the tolerances have gone to improbable places: one effect may be likelier than so many numbers that are off."""
+    return strained(case.last, (case.taken[-1].fitted if case.taken else case.rounds[0]).jacobian)
+
+
+def _at_the_end(case: Case) -> bool:
+    """Whether what was taken lies at the end of a range: it may stand in for something else."""
+    if not case.taken:
+        return False
+    found = case.taken[0].fitted
+    values = found.point.effects
+    return any(c.high <= values[c.name] or (c.positive and values[c.name] <= c.low) for c in found.coordinates)
+
+
+def _explained(case: Case) -> bool:
+    """Whether an effect leaves little of what the tolerances cannot take up."""
+    return bool(case.taken) and case.rest(case.last) < LITTLE * case.rest(case.kept(0))
+
+
+def _satisfied(case: Case) -> bool:
+    """Whether the first round leaves next to nothing, or little of what the tolerances cannot take up."""
+    return case.rest(case.last) < NEGLIGIBLE or _explained(case)
+
+
+def _look_again(case: Case, progress: Progress) -> bool:
+    """The first round once more, with the observer that sees most, and with what the nominal machine shows.
+
+    What the first look took stays where the second leaves more unexplained.
+    """
+    first = case.kept_back()
+    case.likeliest = case.kept(0), case.trained[0]
+    wanted = [case.taken[0].fitted.effect] if case.taken else []
+    case.taken.clear()
+    case.spared.clear()
+    case.disproved.clear()
+    found = case.rounds[0]
+    if found.problem.predictor.looseness > LOOSENESS[0]:
+        found = run_round(
+            case.machine, case.bags, case.select, case.nuisances, found.base.z, {}, progress, tight=True,
+            least=partial(least, case),
+        )  # fmt: skip
+    found = afresh(found, case.nominal, [*wanted, *(f.effect for f in found.fitted[:1])], case.floor)
+    taken = _judge(case, found)
+    known = {w.fitted.effect for w in (*case.weighed[0], *case.disproved)}
+    case.disproved += [w for w in (*first.taken, *first.disproved) if w.fitted.effect not in known]
+    if not first.taken:
+        return taken
+    left, before = (c.rest(c.last) for c in (case, first))
+    if left <= before + NEGLIGIBLE:
+        return taken
+    case.go_back(first)
+    return True
+
+
+def _without_those_before(case: Case) -> None:
+    """The last effect takes the place of those before where they gain nothing beside it: they stood in for it."""
+    last, others, alone = case.taken[-1], len(case.taken) - 1, _last_alone(case)
+    together = alone.problem.points([(last.fitted.point.z, last.fitted.point.effects)])[0]
+    if alone.point.loss - together.loss <= others * chance(case) + OTHER_FORM * last.net:
+        before = case.kept_back()
+        if not _taken_anew(case, alone):
+            case.go_back(before)
+
+
+def _without_stand_in(case: Case, progress: Progress) -> None:
+    """Where the first effect lies at the end of a range: the second one, and what is found beside it, if they leave less."""
+    before, left = case.kept_back(), case.rest(case.last)
+    if _taken_anew(case, _last_alone(case)):
+        _look(case, progress, case.rest(case.last) < FAR)
+        if case.rest(case.last) < left:
+            return
+    case.go_back(before)
+
+
+@dataclass(frozen=True)
+class _Alone:
+    """An effect fitted without any other. jacobian: (rows, z then coordinates) at the point."""
+
+    effect: str
+    problem: Problem
+    point: Point
+    jacobian: Array
+
+
+def _last_alone(case: Case) -> _Alone:
+    """The last effect without those before it."""
+    last, looseness = case.taken[-1].fitted, case.rounds[len(case.taken) - 1].problem.predictor.looseness
+    names = all_coordinates([last.effect], case.size)
+    values = {c.name: last.point.effects[c.name] for c in names}
+    problem = case.problem(last.point.z, values, looseness)
+    zero = np.zeros(len(case.nuisances))
+    start = min(problem.points([(last.point.z, values), (zero, values)]), key=lambda p: p.loss)
+    return _Alone(last.effect, problem, *problem.fit(start, problem.nuisance_jacobian(start), names))
+
+
+def _restarted(case: Case) -> None:
+    """The first effect from another start, where the likeliest observer finds a better valley there."""
+    found = other_valley(case) if case.taken and case.rest(case.last) > NEGLIGIBLE else None
+    if found is None:
+        return
+    before = case.kept_back()
+    if not _taken_anew(case, _Alone(case.taken[0].fitted.effect, *found)):
+        case.go_back(before)
+
+
+def _taken_anew(case: Case, alone: _Alone) -> bool:
+    """The search begun again, as if this effect had been all that the first round found; whether it is taken."""
+    first, problem, point = case.rounds[0], alone.problem, alone.point
+    base, columns = problem.fit(problem.points([(first.base.z, {})])[0], alone.jacobian[:, : len(point.z)])
+    names, gain = all_coordinates([alone.effect], case.size), base.loss - point.loss
+    fitted = Fitted(alone.effect, point, names, alone.jacobian, gain, (point.loss,))
+    for part in (case.taken, case.spared, case.disproved):
+        part.clear()
+    return _judge(case, replace(first, base=base, jacobian=columns, fitted=(fitted,), problem=problem))
+
+
+def _plain(case: Case) -> bool:
+    """Whether a term that is plain to see explains what no effect does; it is kept then, and no effect is."""
+    learned = learn_plainly(case.setting, case.trained[0], list(PLACES))
+    if not learned or learned.point.excess(case.floor) > OUTDONE * case.rest(case.last):
+        return False
+    case.learned = learned
+    case.taken.clear()
+    case.spared = {k: v for k, v in case.spared.items() if k == 0}
+    del case.trained[1:]
+    return True
