@@ -16,9 +16,9 @@ from boom_model.machine_file import load_machine
 from boom_model.sensors import OUTPUTS
 from boom_recording.loading import load
 from boom_recording.recording import Configuration
-from unseen_plant import generator
+from unseen_plant import generator, running, simulation
 from unseen_plant.families import gather, known, outside
-from unseen_plant.layout import STEP
+from unseen_plant.layout import STEP, U_IN, U_OUT
 from unseen_plant.lots import Lot
 from unseen_plant.machine import LockedPose, Owner, body, crane
 from unseen_plant.running import Machinery, rest, run, seen
@@ -49,6 +49,19 @@ def test_with_nothing_concealed_its_free_run_is_that_of_the_model(bag):
         difference = (np.interp(signal.time, time, shown[:, k]) - model[name])[inside]
         assert np.abs(difference).max() < largest, name
         assert np.sqrt(np.mean(difference**2)) < rms, name
+
+
+def test_a_row_that_takes_too_many_steps_ends_the_run(monkeypatch):
+    # What jumps at every step would be integrated for ever.
+    m = Machinery(crane(Owner.read(FILE), LockedPose(0.0, 0.0, 0.0)))
+    start, scale, tolerance = rest(m, 0.5, 20e5), running.SCALE, running.TOLERANCE
+    rows = m.inputs(2)
+    rows[:, [U_IN, U_OUT]] = [0.0, 0.5]
+    monkeypatch.setattr(simulation, "MOST_STEPS", 1)
+    states, done = simulation.integrate.py_func(start, rows, m.e, m.c, m.own, scale, STEP, tolerance)
+    assert done == 0 and not states.any()
+    _, done = simulation.integrate(start, rows, m.e, m.c, m.own, scale, STEP, tolerance)
+    assert done == len(rows)
 
 
 def _as_it_is(drawn):

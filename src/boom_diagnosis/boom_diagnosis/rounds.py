@@ -85,10 +85,10 @@ def begun_elsewhere(case: Case, progress: Progress) -> None:
         if effect in case.named or (case.rest(case.last) < FAR and not _serves_better(case, effect, values)):
             continue
         before = case.kept_back()
-        taken = _taken_anew(case, _from_nominal(case, effect, values)) or _taken_for_now(case)
-        if taken:
+        earned = _taken_anew(case, _from_nominal(case, effect, values))
+        if earned or _taken_for_now(case):
             rounds(case, progress, begun=True)
-        proved = taken and worsening(case, case.trained[0], case.trained[-1]) <= WORSE
+        proved = len(case.taken) > (0 if earned else 1) and worsening(case, case.trained[0], case.trained[-1]) <= WORSE
         if not proved or not _likelier(case, (_fitted_on(case), case.named), (_fitted_on(before), before.named)):
             case.go_back(before)
 
@@ -103,14 +103,13 @@ def _fitted_on(case: Case) -> Point:
 
 def _taken_for_now(case: Case) -> bool:
     """An effect that alone does not earn its place is taken nevertheless; whether there is one. What is found beside it decides."""
-    for weighed in (*case.disproved, *case.weighed[0]):
+    for weighed in [*case.disproved, *case.weighed[0]][:1]:
         f = weighed.fitted
         case.taken.append(weighed)
         case.trained.append(settle(case, 1, case.rounds[0].problem, f.point, f.jacobian, f.coordinates))
         case.weighed[0] = [weighed]
         case.disproved.clear()
-        return True
-    return False
+    return bool(case.taken)
 
 
 def _serves_better(case: Case, effect: str, values: Mapping[str, float]) -> bool:

@@ -85,6 +85,53 @@ def test_effects_that_gain_nothing_beside_the_last_give_their_place_to_it(
 
 
 @pytest.mark.parametrize(
+    ("before", "left", "second", "likelier", "names"),
+    [
+        (["presliding_friction"], 3.0, "pump_flow_limit", True, ["payload", "pump_flow_limit"]),
+        (["presliding_friction"], 3.0, "pump_flow_limit", False, ["presliding_friction"]),
+        (["presliding_friction"], 3.0, "", True, ["presliding_friction"]),
+        (["presliding_friction"], 0.5, "pump_flow_limit", True, ["presliding_friction"]),
+        (["pressure_bias", "pump_flow_limit"], 0.0, "pump_flow_limit", True, ["payload", "pump_flow_limit"]),
+        (["payload", "pump_flow_limit"], 3.0, "spring_rate", True, ["payload", "pump_flow_limit"]),
+    ],
+)
+def test_an_effect_that_does_not_earn_its_place_alone_does_with_a_second_one_if_both_are_likelier_than_what_was_found(
+    monkeypatch: pytest.MonkeyPatch, before: list[str], left: float, second: str, likelier: bool, names: list[str]
+) -> None:
+    """``left``: nats per innovation by what was found before; ``second``: what is found beside the load, if anything."""
+    made = Case(None, None, [], [], [], [], [], (), 0, trained=[point(1000.0)])  # type: ignore[arg-type]
+    made.taken = [weighed(effect, 100.0, 100.0, 1000.0) for effect in before]
+
+    def anew(of: Case, alone: Any) -> bool:
+        of.taken.clear()
+        of.weighed = [[weighed(alone, 10.0, -5.0, 1000.0)]]
+        return False
+
+    def further(of: Case, progress: Any, begun: bool) -> None:
+        assert begun
+        if second:
+            of.taken.append(weighed(second, 500.0, 400.0, 990.0))
+
+    def settled(of: Case, *given: Any) -> Point:
+        return point(990.0)
+
+    monkeypatch.setattr(searching, "_first_effects", lambda of: [("payload", {})])
+    monkeypatch.setattr(searching, "_from_nominal", lambda of, effect, values: effect)
+    monkeypatch.setattr(searching, "_taken_anew", anew)
+    monkeypatch.setattr(searching, "settle", settled)
+    monkeypatch.setattr(searching, "rounds", further)
+    monkeypatch.setattr(searching, "worsening", lambda *given: 0.5)
+    monkeypatch.setattr(searching, "_fitted_on", lambda of: None)
+    monkeypatch.setattr(searching, "_likelier", lambda *given: likelier)
+    monkeypatch.setattr(searching, "_serves_better", lambda *given: likelier)
+    monkeypatch.setattr(Case, "last", None)
+    monkeypatch.setattr(Case, "rest", lambda self, at: left)
+    made.rounds = [SimpleNamespace(problem=None)]  # type: ignore[list-item]
+    searching.begun_elsewhere(made, lambda text, share: None)
+    assert list(made.named) == names
+
+
+@pytest.mark.parametrize(
     ("left", "names"), [(0.2, ["payload", "stribeck_friction"]), (0.4, ["presliding_friction", "payload"])]
 )
 def test_what_stands_in_for_something_gives_way_if_the_second_and_what_is_beside_it_leave_less(
