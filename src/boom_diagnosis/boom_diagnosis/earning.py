@@ -226,7 +226,7 @@ def weigh(case: Case, found: Round) -> list[Weighed]:
         discount, whole = temperature(case, f.point) / COLDEST, f.point.excess(case.floor) < NEGLIGIBLE
         (able if possible(f, case.pose.load, case.size, discount, whole) else impossible).append(f)
     if not accepted:
-        case.impossible = impossible
+        case.impossible = [f for f in impossible if not _follows(case, found, f)]
     counted = [f for f in able if not (_hardly_beyond(case, f) or _filters_noise(case, f) or _follows(case, found, f))]
     if not counted:
         return []

@@ -43,18 +43,21 @@ def odds_of(case: Case, unknown: float, *, proved: bool = True, spared: float = 
 
     unknown: before it is weighed with the rest. proved: by free runs over data not used; what they are worse with, or far from the
     noise floor, is not sure. What is not claimed of an effect is unknown physics, where tolerances alone leave a clear rest.
+    An effect that explains more, but as no machine can have it, is unknown physics that looks like it.
     spared: what one-step errors said of unknown physics and free runs took back: no effect explains that either.
     """
     stated = round(min(MOST_CERTAIN, unknown), 4)
     spared = min(spared, 1.0 - stated) if case.taken else 0.0
-    effects, tolerances, doubted = [], 1.0 - stated, 0.0
+    effects, tolerances, doubted, unlike = [], 1.0 - stated, 0.0, 0.0
     for k, weighed in enumerate(case.weighed):
         left = k == len(case.taken)  # what was not taken for gaining less than is needed is not likelier than nothing
         untold = SLOW * max(0.0, case.rounds[k].base.over(case.floor))  # fits end where a step gains less
         costs = [w.cost * untold / case.temperature for w in weighed]  # what numbers cost is told all the same
         nets = [w.net - (needed(case, w) if left else 0.0) - cost for w, cost in zip(weighed, costs, strict=True)]
+        nets += [_as_none_has_it(case)] if k == 0 and case.taken and case.impossible else []
         *shares, none = (round(p * (1.0 - stated - spared), 4) for p in probabilities(nets, case.temperature + untold))
-        row = {w.fitted.effect: p for w, p in zip(weighed, shares, strict=True)}
+        unlike += sum(shares[len(weighed) :])
+        row = {w.fitted.effect: p for w, p in zip(weighed, shares, strict=False)}
         lost = 0.0
         for effect, stated_of in row.items():
             most = UNTOLD if not _told(case, effect) else 1.0 if proved or effect not in case.named else UNPROVED
@@ -65,8 +68,14 @@ def odds_of(case: Case, unknown: float, *, proved: bool = True, spared: float = 
         elif k == 0:
             none += lost
         tolerances = tolerances if k else none + spared
-    stated = min(MOST_CERTAIN, stated + doubted)
+    stated = min(MOST_CERTAIN, stated + doubted + unlike)
     return Odds(round(stated, 4), tuple(effects), round(tolerances, 4))
+
+
+def _as_none_has_it(case: Case) -> float:
+    """Net gain [nats] of the best effect that was fitted as no machine can have it: what acts is something that looks like it."""
+    first = case.taken[0]
+    return first.net + max(f.gain for f in case.impossible) - first.fitted.gain
 
 
 def hypothesis_rows(case: Case, odds: Odds, place: str) -> tuple[HypothesisRow, ...]:

@@ -9,9 +9,9 @@ EFFECT = Effect(
     "compensator_droop", "main_valve", "5.39l,m", "supply flow q (1 - k (q / 120 l/min)^2)",
     ("the pressure compensator", "droops with the flow"), "top speed, supply side only",
     (
-        parameter("k", "-", 0.0, (0.05, 0.5), (0.0, 50.0), "loss of supply flow at 120 l/min", possible=(0.0, 1.0),
+        parameter("k", "-", 0.0, (0.05, 0.5), (0.0, 50.0), "loss of supply flow at 120 l/min", possible=(0.0, 1.0), surely=True,
                   flow_power=-2, accuracy=0.05),  # data sheets: the flow of a compensated valve is constant within 2 to 5 %
     ),
     {"supply_flow": lambda flow, own, at: flow * (1 - own.k * (flow / Q_REFERENCE) ** 2)},
-    place=5, needs="compensator",
+    place=5, needs="compensator", margin=10.0,  # at a tenth of the flow another law of it is many times this one
 )  # fmt: skip
