@@ -56,7 +56,9 @@ def odds_of(case: Case, unknown: float, *, proved: bool = True, spared: float = 
         nets = [w.net - (needed(case, w) if left else 0.0) - cost for w, cost in zip(weighed, costs, strict=True)]
         nets += [_as_none_has_it(case)] if k == 0 and case.taken and case.impossible else []
         *shares, none = (round(p * (1.0 - stated - spared), 4) for p in probabilities(nets, case.temperature + untold))
-        unlike += sum(shares[len(weighed) :])
+        beyond = sum(shares[len(weighed) :])
+        unlike += min(beyond, MOST_CERTAIN - stated)
+        none += max(0.0, beyond - (MOST_CERTAIN - stated))
         row = {w.fitted.effect: p for w, p in zip(weighed, shares, strict=False)}
         lost = 0.0
         for effect, stated_of in row.items():

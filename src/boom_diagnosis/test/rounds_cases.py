@@ -31,7 +31,7 @@ def first_round() -> Any:
     made.__dict__ |= {
         "machine": tz17(),
         "select": [np.ones((SAMPLES // 4, 4), dtype=bool)], "floor": WHITE, "proving": [], "taken": [], "disproved": [],
-        "spared": {}, "weighed": [[]], "trained": [point(1000.0)],
+        "spared": {}, "weighed": [[]], "impossible": [], "trained": [point(1000.0)],
         "rounds": [SimpleNamespace(base=point(1000.0), problem=None, fitted=())],
     }  # fmt: skip
     return made

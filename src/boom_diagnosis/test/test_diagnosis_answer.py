@@ -106,6 +106,20 @@ def test_what_cannot_be_claimed_of_an_effect_is_unknown_physics_where_something_
     assert (odds.unknown, odds.tolerances) == pytest.approx((unknown, tolerances), abs=2e-3)
 
 
+@pytest.mark.parametrize(("gain", "unknown"), [(1000.0, 0.02), (3000.0, 0.5), (4000.0, 1.0)])
+def test_what_explains_more_as_no_machine_can_have_it_is_unknown_physics_that_looks_like_it(
+    monkeypatch: pytest.MonkeyPatch, case: Any, gain: float, unknown: float
+) -> None:
+    """A droop beyond its range gained 401 nats, an overlap 117, and the overlap was it with 0.97."""
+    case.weighed = [[weighed("edge_overlap", 3000.0, 3000.0, 2000.0)]]
+    case.taken, case.temperature = case.weighed[0], 3.0
+    case.impossible = [replace(case.taken[0].fitted, effect="compensator_droop", gain=gain)]
+    monkeypatch.setattr(weighing_of, "_told", lambda *given: True)
+    odds = weighing_of.odds_of(case, 0.02)
+    assert odds.unknown == pytest.approx(unknown, abs=0.012)
+    assert odds.effects[0]["edge_overlap"] + odds.tolerances + odds.unknown == pytest.approx(1.0, abs=2e-4)
+
+
 @pytest.mark.parametrize(("net", "likelier"), [(11.0, False), (60.0, True)])
 def test_an_effect_that_gains_less_than_is_needed_is_not_likelier_than_parameters_only(
     monkeypatch: pytest.MonkeyPatch, case: Any, net: float, likelier: bool
