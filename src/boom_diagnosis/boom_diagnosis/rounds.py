@@ -81,6 +81,7 @@ def begun_elsewhere(case: Case, progress: Progress) -> None:
     """
     if case.rest(case.last) < FAR and len(case.taken) < 2:
         return
+    progress("other first effects", 0.0)
     for effect, values in _first_effects(case):
         if effect in case.named or (case.rest(case.last) < FAR and not _serves_better(case, effect, values)):
             continue

@@ -106,7 +106,7 @@ def search(case: Case, progress: Progress) -> Case:
         case = other
         rounds(case, progress)
     elif not case.learned:
-        begun_elsewhere(case, progress)
+        begun_elsewhere(case, share(progress, 0.76, 0.02))
     progress("free runs", 0.78)
     _finish(case)
     return case
