@@ -12,7 +12,7 @@ from boom_diagnosis.document import Estimate, Finding, HypothesisRow, RankingRow
 from boom_diagnosis.earning import clear, needed, numbers_of
 from boom_diagnosis.fitting import SLOW
 from boom_diagnosis.must_keep import told
-from boom_diagnosis.onset import neutral
+from boom_diagnosis.onset import begins_within, neutral
 from boom_diagnosis.proof import label_of
 from boom_diagnosis.weighing import Weighed, estimates, of_effect, probabilities
 from boom_model.catalogue import EFFECTS
@@ -42,7 +42,8 @@ def odds_of(case: Case, unknown: float, *, proved: bool = True, spared: float = 
     """The probabilities of a finished search, as they are stated (four digits).
 
     unknown: before it is weighed with the rest. proved: by free runs over data not used; what they are worse with, or far from the
-    noise floor, is not sure. What is not claimed of an effect is unknown physics, where tolerances alone leave a clear rest.
+    noise floor, is not sure, nor what begins where all data are held out. What is not claimed of an effect is unknown physics,
+    where tolerances alone leave a clear rest.
     An effect that explains more, but as no machine can have it, is unknown physics that looks like it.
     spared: what one-step errors said of unknown physics and free runs took back: no effect explains that either.
     """
@@ -62,7 +63,8 @@ def odds_of(case: Case, unknown: float, *, proved: bool = True, spared: float = 
         row = {w.fitted.effect: p for w, p in zip(weighed, shares, strict=False)}
         lost = 0.0
         for effect, stated_of in row.items():
-            most = UNTOLD if not _told(case, effect) else 1.0 if proved or effect not in case.named else UNPROVED
+            sure = effect not in case.named or (proved and _seen_before(case, effect))
+            most = UNTOLD if not _told(case, effect) else 1.0 if sure else UNPROVED
             lost, row[effect] = lost + max(0.0, stated_of - most), min(stated_of, most)
         effects.append(row)
         if k == 0 and clear(case, case.rounds[0].base):  # something is wrong, if not this
@@ -100,6 +102,13 @@ def _told(case: Case, effect: str) -> bool:
     if case.final is None or effect not in case.named:
         return True
     return told(effect, of_effect(final_numbers(case), effect))
+
+
+def _seen_before(case: Case, effect: str) -> bool:
+    """Whether an effect acts in data that what is held out has no part in: else nothing but that tells of it."""
+    if case.proving or not EFFECTS[effect].onset:
+        return True
+    return begins_within(effect, case.last.effects, case.bags, case.training)
 
 
 def final_numbers(case: Case) -> dict[str, Estimate]:

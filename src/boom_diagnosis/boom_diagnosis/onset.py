@@ -11,11 +11,13 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_diagnosis.bag_samples import Bag
 from boom_diagnosis.fitting import Point, Problem, weights
 from boom_diagnosis.nuisances import CLOCK
 from boom_model.catalogue import EFFECTS
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 COARSE, FINE = 2.0, (0.5, 0.1, 0.03)
 """s. Distances of the times that are tried: first over the recording, then about the best."""
@@ -58,6 +60,12 @@ def neutral(name: str) -> float:
 def time_in(values: Iterable[str]) -> str:
     """Dotted name of the time at which an effect among these begins; empty where none does."""
     return next((name for name in values if name == onset_of(name.split(".")[1])), "")
+
+
+def begins_within(effect: str, values: Mapping[str, float], bags: Sequence[Bag], chosen: Sequence[Flags]) -> bool:
+    """Whether an effect with an onset, its numbers by dotted name, begins before the last of the samples chosen."""
+    begin = values[onset_of(effect)]
+    return any(begin < float(bag.time[c.any(axis=1)].max(initial=-np.inf)) for bag, c in zip(bags, chosen, strict=True))
 
 
 def own(problem: Problem, z: Array, effects: Mapping[str, float]) -> dict[str, float]:

@@ -11,6 +11,7 @@ from rounds_cases import SAMPLES, point, weighed
 
 from boom_diagnosis import answer, earning
 from boom_diagnosis import odds as weighing_of
+from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.document import Fit
 from boom_diagnosis.hypotheses import Round
@@ -91,6 +92,21 @@ def test_what_free_runs_are_worse_with_is_not_sure(
     odds = weighing_of.odds_of(case, 0.02, proved=proved)
     assert odds.effects[0]["pilot_lag"] == pytest.approx(min(0.98, most))
     assert odds.effects[0]["pilot_lag"] + odds.tolerances + odds.unknown == pytest.approx(1.0, abs=2e-4)
+
+
+@pytest.mark.parametrize(("begin", "most"), [(30.0, 1.0), (45.0, weighing_of.UNPROVED)])
+def test_what_begins_where_all_data_are_held_out_has_nothing_that_proves_it(
+    monkeypatch: pytest.MonkeyPatch, case: Any, begin: float, most: float
+) -> None:
+    """A load of 37 kg in the last 3 s of a recording was sure, 0.98; it stood for the form of another effect."""
+    case.weighed = [[weighed("payload_change", 3000.0, 3000.0, 2000.0)]]
+    case.taken, case.temperature = case.weighed[0], 3.0
+    case.bags = [SimpleNamespace(time=np.arange(60.0))]
+    case.training = [np.arange(60.0)[:, None] < [40.0]]
+    values = {"effects.payload_change.t_g": begin}
+    monkeypatch.setattr(Case, "last", SimpleNamespace(effects=values))
+    monkeypatch.setattr(weighing_of, "_told", lambda *given: True)
+    assert weighing_of.odds_of(case, 0.02).effects[0]["payload_change"] == pytest.approx(min(0.98, most))
 
 
 @pytest.mark.parametrize(("wrong", "unknown", "tolerances"), [(True, 0.51, 0.0), (False, 0.02, 0.49)])
