@@ -230,6 +230,14 @@ def test_numbers_are_shown_in_peoples_units_with_the_digits_they_deserve(estimat
     assert (said.value, said.interval, said.unit) == (value, interval, unit)
 
 
+def test_a_number_that_people_think_of_the_other_way_round_is_shown_so_too():
+    pump = Estimate(6635.0, "s/m^3", (6562.0, 6708.0))
+    assert shown(pump).text == "6635 s/m^3 (90 % interval 6562 to 6708 s/m^3, 1 / (8.94 to 9.14 l/min))"
+    heat = Estimate(0.5, "1/s", (0.25, 1.0))
+    assert shown(heat).text == "0.50 1/s (90 % interval 0.25 to 1.00 1/s, 1 / (1.0 to 4.0 s))"
+    assert shown(Estimate(0.5, "1/s", (0.0, 1.0))).inverse == ""
+
+
 def test_a_probability_never_reads_as_certainty():
     assert [probability(p) for p in (0.999, 0.97, 0.001, 0.0)] == ["> 0.99", "0.97", "< 0.01", "0.00"]
 

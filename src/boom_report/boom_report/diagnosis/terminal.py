@@ -72,7 +72,7 @@ def findings_table(result: DiagnosisResult) -> Table:
         numbers = []
         for name, estimate in finding.parameters.items():
             said = shown(estimate)
-            numbers.append(f"{name} {said.value} {said.unit} [{said.interval}]".replace(" [", " [", 1))
+            numbers.append(f"{name} {said.value} {said.unit} [{said.interval}{said.inverse}]".replace(" [", " [", 1))
         what = f"{finding_name(finding)} ({SUBSYSTEM_NAMES.get(finding.subsystem, finding.subsystem)})"
         times = intervals_text(finding.intervals_s, 2)
         when = f"{finding.regime}{f'; {times}' if times else ''}"

@@ -38,6 +38,8 @@ SCALES = {
     "N m/rad": (1e-3, "kN m/rad"),
     "N m s/rad": (1e-3, "kN m s/rad"),
 }
+_INVERSES = {"s/m^3": "m^3/s", "1/s": "s"}
+"""Units of numbers that are 0 where nothing acts, and of what people think of: a largest flow, a time constant."""
 _SURE = (
     (0.95, "almost certainly", "almost certain"), (0.85, "very probably", "very probable"),
     (0.65, "probably", "probable"), (0.4, "possibly", "possible"), (0.0, "perhaps", "uncertain"),
@@ -57,17 +59,18 @@ def is_sure(confidence: float) -> str:
 
 @dataclass(frozen=True)
 class Shown:
-    """A number for people: value, interval and unit as text."""
+    """A number for people: value, interval and unit as text; inverse: what it is one over, behind the interval."""
 
     value: str
     interval: str
     unit: str
+    inverse: str = ""
 
     @property
     def text(self) -> str:
         """Value and interval, e.g. 90.1 ms (90 % interval 84 to 97 ms)."""
         unit = f" {self.unit}" if self.unit else ""
-        return f"{self.value}{unit} (90 % interval {self.interval}{unit})"
+        return f"{self.value}{unit} (90 % interval {self.interval}{unit}{self.inverse})"
 
 
 def shown(estimate: Estimate) -> Shown:
@@ -87,7 +90,16 @@ def shown(estimate: Estimate) -> Shown:
     def text(v: float) -> str:
         return f"{v:.{decimals}f}".replace("-", _MINUS) if abs(v) < 1e6 else f"{v:.3g}"
 
-    return Shown(text(value), f"{text(low)} to {text(high)}", unit)
+    return Shown(text(value), f"{text(low)} to {text(high)}", unit, _inverse(estimate))
+
+
+def _inverse(estimate: Estimate) -> str:
+    """For instance ", 1 / (8.9 to 9.1 l/min)"; empty for a number that people think of as it is, or that may be none."""
+    low, high = estimate.interval_90
+    if estimate.unit not in _INVERSES or not low > 0.0:
+        return ""
+    said = shown(Estimate(1.0 / estimate.value, _INVERSES[estimate.unit], (1.0 / high, 1.0 / low)))
+    return f", 1 / ({said.interval} {said.unit})"
 
 
 def meaning(effect: str | None, name: str) -> str:
