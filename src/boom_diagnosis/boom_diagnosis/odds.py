@@ -105,7 +105,7 @@ def _told(case: Case, effect: str) -> bool:
 
 
 def _seen_before(case: Case, effect: str) -> bool:
-    """Whether an effect acts in data that what is held out has no part in: else nothing but that tells of it."""
+    """Whether an effect acts in data that are not held out, too: else only those tell of it, and they cannot prove it."""
     if case.proving or not EFFECTS[effect].onset:
         return True
     return begins_within(effect, case.last.effects, case.bags, case.training)

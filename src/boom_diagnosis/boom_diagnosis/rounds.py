@@ -142,7 +142,10 @@ def _price(case: Case, effects: Sequence[str], at: Point) -> float:
 
 
 def _first_effects(case: Case) -> list[tuple[str, Mapping[str, float]]]:
-    """Effects, and their numbers, that are likeliest with all tolerances at their nominal values."""
+    """Effects, and their numbers, that are likeliest with all tolerances at their nominal values.
+
+    Nats count by those that the best leaves per innovation, one at least.
+    """
     first = case.nominal
 
     def fitted(effect: str) -> Point:
@@ -153,11 +156,8 @@ def _first_effects(case: Case) -> list[tuple[str, Mapping[str, float]]]:
     effects = list(first.seen)[:GLANCED]
     points = in_parallel(fitted, effects)
     least = min(max(1.0, p.excess(case.floor)) for p in points)
-    price = 0.5 * log(first.at.used.sum())
-    cost = {
-        e: p.loss / least + price * len(all_coordinates([e], case.size)) for e, p in zip(effects, points, strict=True)
-    }
-    ranked = sorted(zip(effects, points, strict=True), key=lambda pair: cost[pair[0]])
+    costs = [p.loss / least + _price(case, [e], p) for e, p in zip(effects, points, strict=True)]
+    ranked = [(effects[k], points[k]) for k in np.argsort(costs, kind="stable")]
     return [(effect, point.effects) for effect, point in ranked[:BEGUN]]
 
 
