@@ -55,11 +55,14 @@ def rounds(case: Case, progress: Progress, begun: bool = False) -> None:
             taken = _first_doubted(case, share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), taken)
             if case.learned:
                 return
-        elif not taken and k > 0 and not near and _followed(case):
+        elif not taken:
             before = case.kept_back()
-            taken = _look(case, share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), True)
+            if not near and _followed(case):
+                taken = _look(case, share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), True)
             if not taken:
+                seen = case.rounds[k]
                 case.go_back(before)
+                _fitted_better(case, seen)
         if not taken:
             return
         if len(case.taken) > 1 and len(case.taken) not in alone:
@@ -72,6 +75,18 @@ def rounds(case: Case, progress: Progress, begun: bool = False) -> None:
         if left < NEGLIGIBLE:
             return
         near = left < FAR
+
+
+def _fitted_better(case: Case, found: Round) -> None:
+    """What was taken as a later round fitted it, where the observer that is right for a healthy machine sees less left so."""
+    last = case.taken[-1]
+    if case.rest(found.base) >= case.rest(case.last):
+        return
+    better = replace(last, fitted=replace(last.fitted, point=found.base, jacobian=found.jacobian))
+    case.taken[-1] = better
+    case.weighed[len(case.taken) - 1] = [better if w is last else w for w in case.weighed[len(case.taken) - 1]]
+    names = better.fitted.coordinates
+    case.trained[-1] = settle(case, len(case.taken), found.problem, found.base, found.jacobian, names)
 
 
 def begun_elsewhere(case: Case, progress: Progress) -> None:
