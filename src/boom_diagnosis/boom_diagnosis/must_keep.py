@@ -39,11 +39,11 @@ def by_free_runs(
 ) -> tuple[float, float]:
     """That unmodelled physics acts, and what of that goes to parameters alone, once both have run freely through data not used.
 
-    Odds of one-step errors times min(1, p^2 / 27) and max(1, e^2 / 81), 27 = NEAR_FLOOR FAR_FROM_FLOOR and 9 = FAR_FROM_FLOOR; p, e:
-    errors over those that noise leaves with parameters only, and with what was found; mean square of the channels. Near the floor free
-    runs speak against unknown physics, far from it they leave the word to one step, and in between neither weighs. What one step shows and no free run does is a
-    sensor's noise or latency; what an effect leaves of free runs is not explained by it. An effect gets of what is taken back as
-    much as it makes free runs better, 1 - e^2 / p^2.
+    Odds of one-step errors times min(1, p^2 / 27) and max(1, e^2 / 81), 27 = NEAR_FLOOR FAR_FROM_FLOOR, 9 = FAR_FROM_FLOOR; p, e:
+    errors over those that noise leaves with parameters only, and with what was found; mean square of the channels. Near the floor
+    free runs speak against unknown physics, far from it they leave the word to one step. What one step shows and no free run does
+    is a sensor's noise or latency; what an effect leaves of free runs is not explained by it. An effect gets of what is taken
+    back as much as it makes free runs better, 1 - e^2 / p^2.
     """
     plain = _square(held_out["parameters_only"], noise_floor)
     found = _square(held_out.get("explained", held_out["parameters_only"]), noise_floor)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from boom_diagnosis import search
 from boom_diagnosis.bag_samples import visited
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import Coordinate, coordinates, has_valleys, starts
@@ -28,24 +29,23 @@ FOLLOWED = 3
 """Starts that are followed further, the likeliest after these fits."""
 
 
-def other_valley(case: Case) -> Fitted | None:
-    """Problem, point and Jacobian (rows, z then coordinates) of the first effect in the likeliest valley, its own among them.
+def other_valley(case: Case, first: search.Fitted) -> Fitted | None:
+    """Problem, point and Jacobian (rows, z then coordinates) of an effect in the likeliest valley, its own among them.
 
     None where the catalogue has starts of fewer than two of its numbers, and of effects that begin at a time.
     """
-    taken = case.taken[0].fitted
-    effect = EFFECTS[taken.effect]
+    effect = EFFECTS[first.effect]
     if not has_valleys(effect):
         return None
     names = coordinates(effect, case.size)
-    here = [case.problem(taken.point.z, taken.point.effects, looseness) for looseness in LOOSENESS]
-    problem = max(here, key=lambda p: p.likelihood_at(taken.point.z, taken.point.effects))
+    here = [case.problem(first.point.z, first.point.effects, looseness) for looseness in LOOSENESS]
+    problem = max(here, key=lambda p: p.likelihood_at(first.point.z, first.point.effects))
     looseness = problem.predictor.looseness
     zero = np.zeros(len(case.nuisances))
     begun = in_parallel(
         lambda values: _fit(case, zero, values, names, looseness), starts(effect, 0.0, case.size, visited(case.bags))
     )
-    begun.append(_fit(case, taken.point.z, taken.point.effects, names, looseness))
+    begun.append(_fit(case, first.point.z, first.point.effects, names, looseness))
     ahead = sorted(begun, key=_likelihood)[-FOLLOWED:]
     settled = in_parallel(lambda f: _fit(case, f[1].z, f[1].effects, names, looseness), ahead)
     return max(settled, key=_likelihood)

@@ -56,13 +56,7 @@ def rounds(case: Case, progress: Progress, begun: bool = False) -> None:
             if case.learned:
                 return
         elif not taken:
-            before = case.kept_back()
-            if not near and _followed(case):
-                taken = _look(case, share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), True)
-            if not taken:
-                seen = case.rounds[k]
-                case.go_back(before)
-                _fitted_better(case, seen)
+            taken = _seen_sharply(case, share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), near)
         if not taken:
             return
         if len(case.taken) > 1 and len(case.taken) not in alone:
@@ -75,6 +69,17 @@ def rounds(case: Case, progress: Progress, begun: bool = False) -> None:
         if left < NEGLIGIBLE:
             return
         near = left < FAR
+
+
+def _seen_sharply(case: Case, progress: Progress, near: bool) -> bool:
+    """The last round once more with the observer that sees most, where its own followed; whether an effect is taken then."""
+    before = case.kept_back()
+    if not near and _followed(case) and _look(case, progress, True):
+        return True
+    found = case.rounds[len(case.taken)]
+    case.go_back(before)
+    _fitted_better(case, found)
+    return False
 
 
 def _fitted_better(case: Case, found: Round) -> None:
@@ -191,8 +196,7 @@ def _first_doubted(case: Case, progress: Progress, taken: bool) -> bool:
         taken = _look_again(case, progress)
         if not _satisfied(case) and _plain(case):
             return taken
-    _restarted(case)
-    return taken
+    return _restarted(case) or taken
 
 
 def _followed(case: Case) -> bool:
@@ -346,14 +350,22 @@ def _last_alone(case: Case) -> _Alone:
     return _Alone(last.effect, problem, *problem.fit(start, problem.nuisance_jacobian(start), names))
 
 
-def _restarted(case: Case) -> None:
-    """The first effect from another start, where the likeliest observer finds a better valley there."""
-    found = other_valley(case) if case.taken and case.rest(case.last) > NEGLIGIBLE else None
+def _restarted(case: Case) -> bool:
+    """The first effect, or the best that was not taken, from another start, where the likeliest observer finds a better valley.
+
+    Whether it is taken from there.
+    """
+    tried = case.taken[:1] or sorted((*case.weighed[0], *case.disproved), key=lambda w: -w.gain)[:1]
+    if not tried or case.rest(case.last) <= NEGLIGIBLE:
+        return False
+    found = other_valley(case, tried[0].fitted)
     if found is None:
-        return
+        return False
     before = case.kept_back()
-    if not _taken_anew(case, _Alone(case.taken[0].fitted.effect, *found)):
+    taken = _taken_anew(case, _Alone(tried[0].fitted.effect, *found))
+    if not taken:
         case.go_back(before)
+    return taken
 
 
 def _taken_anew(case: Case, alone: _Alone) -> bool:

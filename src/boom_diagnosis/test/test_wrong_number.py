@@ -60,7 +60,8 @@ def ran(plain: float, found: float) -> dict[str, list[float]]:
 
 @pytest.mark.parametrize(
     ("plain", "found", "expected"),
-    [(6.0, 6.0, (0.5, 0.0)), (3.0, 3.0, (0.25, 0.25)), (27.0, 27.0, (0.9, 0.0)), (27.0, 3.0, (0.5, 0.0)), (3.0, 1.5, (0.25, 0.0625))],
+    [(6.0, 6.0, (0.5, 0.0)), (3.0, 3.0, (0.25, 0.25)), (27.0, 27.0, (0.9, 0.0)), (27.0, 3.0, (0.5, 0.0)),
+     (3.0, 1.5, (0.25, 0.0625))],
 )  # fmt: skip
 def test_free_runs_near_noise_speak_against_unknown_physics_and_far_ones_for_it(plain, found, expected) -> None:
     assert by_free_runs(0.5, ran(plain, found), NOISE) == pytest.approx(expected)
