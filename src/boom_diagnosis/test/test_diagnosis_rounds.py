@@ -31,7 +31,7 @@ def test_what_a_loose_observer_follows_beside_an_effect_is_looked_for_with_the_t
     first, seen = weighed("payload", 600.0, 390.0, 1000.0), []
     loose: Any = SimpleNamespace(predictor=SimpleNamespace(looseness=15.0))
     found: Any = SimpleNamespace(base=point(100.0 if followed else 900.0), problem=loose)
-    made = Case(None, None, [], [], [], [], [], (), 0, floor=WHITE, rounds=[found])  # type: ignore[arg-type]
+    made = Case(None, None, [], [], [], [], [], (), 0, floor=WHITE, rounds=[found] * 2)  # type: ignore[arg-type]
 
     def look(of: Any, progress: Any, tight: bool) -> bool:
         seen.append(tight)
@@ -40,10 +40,53 @@ def test_what_a_loose_observer_follows_beside_an_effect_is_looked_for_with_the_t
 
     for name, answer_ in {"_look": look, "_satisfied": lambda of: True, "_strained": lambda of: False}.items():
         monkeypatch.setattr(searching, name, answer_)
+    monkeypatch.setattr(searching, "_fitted_better", lambda of, found: None)
     monkeypatch.setattr(Case, "rest", lambda self, at: left)
     searching.rounds(made, lambda text, share: None)
     assert seen == looks
     assert made.temperature == 2.0  # of the second look: a tight one that finds nothing leaves nothing behind
+
+
+@pytest.mark.parametrize(("left", "kept"), [(0.2, True), (3.0, False)])
+def test_a_later_rounds_better_fit_of_what_was_taken_is_kept(
+    monkeypatch: pytest.MonkeyPatch, case: Any, left: float, kept: bool
+) -> None:
+    """``left``: nats per innovation by the round that finds nothing further; 2 by the fit that the effect was taken with."""
+    one, better = weighed("payload", 600.0, 390.0, 1000.0), point(50.0)
+    case.taken, case.weighed, case.trained = [one], [[one]], [point(1000.0), point(900.0)]
+    case.spared, case.final, case.plain = {}, None, None
+    monkeypatch.setattr(Case, "rest", lambda self, at: left if at is better else 2.0)
+    monkeypatch.setattr(searching, "settle", lambda of, k, problem, at, *given: at)
+    made = Case(None, None, [], [], [], [], [], (), 0, rounds=case.rounds, taken=[one], trained=case.trained)  # type: ignore[arg-type]
+    made.weighed = [[one]]
+    nothing: Any = None
+    searching._fitted_better(made, Round(("payload",), better, np.ones((SAMPLES, 1)), (), {}, nothing))
+    assert (made.taken[0].fitted.point is better) is kept
+    assert made.weighed[0][0] is made.taken[0]
+    assert (made.trained[-1] is better) is kept
+
+
+@pytest.mark.parametrize(("left", "taken", "found"), [(0.3, True, True), (0.3, False, False), (0.01, True, False)])
+def test_what_explains_most_is_tried_from_every_start_where_nothing_was_taken_and_much_is_left(
+    monkeypatch: pytest.MonkeyPatch, left: float, taken: bool, found: bool
+) -> None:
+    """Of three that did not earn their place the one that gains most; ``taken``: whether it does from another start."""
+    cushion, others = weighed("end_cushioning", 1230.0, -659.0, 1000.0), [weighed("payload", 33.0, -30.0, 1000.0)]
+    made = Case(None, None, [], [], [], [], [], (), 0, weighed=[others], disproved=[cushion])  # type: ignore[arg-type]
+    tried = []
+
+    def anew(of: Case, alone: Any) -> bool:
+        tried.append(alone.effect)
+        of.disproved = []
+        return taken
+
+    monkeypatch.setattr(searching, "other_valley", lambda of, first: (None, point(10.0), np.zeros((SAMPLES, 1))))
+    monkeypatch.setattr(searching, "_taken_anew", anew)
+    monkeypatch.setattr(Case, "last", None)
+    monkeypatch.setattr(Case, "rest", lambda self, at: left)
+    assert searching._restarted(made) is found
+    assert tried == (["end_cushioning"] if left > 0.1 else [])
+    assert bool(made.disproved) is not found
 
 
 @pytest.mark.parametrize("before", [["payload_change"], ["payload_change", "stribeck_friction"]])

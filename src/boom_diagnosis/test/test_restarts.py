@@ -34,7 +34,8 @@ def test_a_tight_spot_that_a_search_saw_elsewhere_is_found_where_it_is() -> None
     wrong = {f"{SPOT}b": 0.3, f"{SPOT}q_c": 0.9, f"{SPOT}width": 0.06}
     crane = tz17().with_effects({"position_dependent_friction": true})
 
-    found = restarts.other_valley(a_case(crane, "position_dependent_friction", wrong))
+    case = a_case(crane, "position_dependent_friction", wrong)
+    found = restarts.other_valley(case, case.taken[0].fitted)
 
     assert found is not None
     problem, point, jacobian = found
@@ -76,5 +77,4 @@ def test_the_last_fit_goes_to_the_likelier_of_two_valleys_of_the_gas_where_free_
 @pytest.mark.parametrize("effect", ["pilot_lag", "payload_change"])
 def test_an_effect_of_one_start_or_with_a_time_is_left_where_it_is(effect: str) -> None:
     values = {f"effects.{effect}.{row.name}": row.neutral for row in EFFECTS[effect].parameters}
-    case: Any = SimpleNamespace(taken=[SimpleNamespace(fitted=SimpleNamespace(effect=effect, point=values))])
-    assert restarts.other_valley(case) is None
+    assert restarts.other_valley(SimpleNamespace(), SimpleNamespace(effect=effect, point=values)) is None
