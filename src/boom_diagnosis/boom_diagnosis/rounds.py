@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from math import log
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +12,10 @@ from numpy.typing import NDArray
 from boom_diagnosis.calibration import calibrate
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import all_coordinates
-from boom_diagnosis.earning import WORSE, chance, clear, least, placed_by_itself, settle, take, temperature, weigh
+from boom_diagnosis.earning import chance, clear, least, placed_by_itself, settle, take, temperature, weigh
 from boom_diagnosis.fitting import Point, Problem, strained
-from boom_diagnosis.hypotheses import GLANCED, LOOSENESS, Nominal, Round, afresh, rebased, run_round
+from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, rebased, run_round
 from boom_diagnosis.learning import learn_plainly
-from boom_diagnosis.parallel import in_parallel
-from boom_diagnosis.proof import worsening
 from boom_diagnosis.restarts import other_valley
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.weighing import NEGLIGIBLE, OTHER_FORM
@@ -28,8 +25,6 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 MOST_EFFECTS = 3
-BEGUN = 3
-"""Effects that the search is begun with anew where what was found leaves much."""
 LITTLE = 0.25
 """Share of what the tolerances cannot take up that a first effect may leave without a second look at all others."""
 OUTDONE = 0.1
@@ -92,102 +87,6 @@ def _fitted_better(case: Case, found: Round) -> None:
     case.weighed[len(case.taken) - 1] = [better if w is last else w for w in case.weighed[len(case.taken) - 1]]
     names = better.fitted.coordinates
     case.trained[-1] = settle(case, len(case.taken), found.problem, found.base, found.jacobian, names)
-
-
-def begun_elsewhere(case: Case, progress: Progress) -> None:
-    """The search begun with other effects, where what was found leaves much, or where another serves better beside the later ones.
-
-    Of two that hide one another neither is what explains most alone. The likelier search is kept.
-    """
-    if case.rest(case.last) < FAR and len(case.taken) < 2:
-        return
-    progress("other first effects", 0.0)
-    for effect, values in _first_effects(case):
-        if effect in case.named or (case.rest(case.last) < FAR and not _serves_better(case, effect, values)):
-            continue
-        before = case.kept_back()
-        earned = _taken_anew(case, _from_nominal(case, effect, values))
-        if earned or _taken_for_now(case):
-            rounds(case, progress, begun=True)
-        proved = len(case.taken) > (0 if earned else 1) and worsening(case, case.trained[0], case.trained[-1]) <= WORSE
-        if not proved or not _likelier(case, (_fitted_on(case), case.named), (_fitted_on(before), before.named)):
-            case.go_back(before)
-
-
-def _fitted_on(case: Case) -> Point:
-    """All that was taken, fitted once more: the tolerances may go back from where they made up for what was found last."""
-    at = case.last
-    problem = case.problem(at.z, at.effects, case.rounds[-1].problem.predictor.looseness)
-    (start,) = problem.points([(at.z, at.effects)])
-    return problem.fit(start, problem.nuisance_jacobian(start), all_coordinates(case.named, case.size))[0]
-
-
-def _taken_for_now(case: Case) -> bool:
-    """An effect that alone does not earn its place is taken nevertheless; whether there is one. What is found beside it decides."""
-    for weighed in [*case.disproved, *case.weighed[0]][:1]:
-        f = weighed.fitted
-        case.taken.append(weighed)
-        case.trained.append(settle(case, 1, case.rounds[0].problem, f.point, f.jacobian, f.coordinates))
-        case.weighed[0] = [weighed]
-        case.disproved.clear()
-    return bool(case.taken)
-
-
-def _serves_better(case: Case, effect: str, values: Mapping[str, float]) -> bool:
-    """Whether an effect is likelier than the first one beside those that were found after it."""
-    last, effects = case.last, (effect, *case.named[1:])
-    names = all_coordinates(effects, case.size)
-    beside = {c.name: last.effects.get(c.name, values.get(c.name, 0.0)) for c in names}
-    problem = case.problem(last.z, last.effects, case.rounds[-1].problem.predictor.looseness)
-    start = min(problem.points([(np.zeros(len(case.nuisances)), beside), (last.z, beside)]), key=lambda p: p.loss)
-    point, _ = problem.fit(start, problem.nuisance_jacobian(start), names)
-    return _likelier(case, (point, effects), (last, case.named))
-
-
-def _likelier(case: Case, *two: tuple[Point, Sequence[str]]) -> bool:
-    """Whether the first of two points, with its effects, is likelier, as sure as what is left at the better one lets that be."""
-    problems = [case.problem(at.z, at.effects, LOOSENESS[0]) for at, _ in two]
-    seen = [p.points([(at.z, at.effects)])[0] for p, (at, _) in zip(problems, two, strict=True)]
-    sure = temperature(case, min(seen, key=lambda p: p.loss))
-    one, other = (
-        p.likelihood(at) / sure - _price(case, effects, at)
-        for p, at, (_, effects) in zip(problems, seen, two, strict=True)
-    )
-    return one > other
-
-
-def _price(case: Case, effects: Sequence[str], at: Point) -> float:
-    """Nats that effects cost at a point: log n / 2 for each of their numbers."""
-    return 0.5 * log(int(at.used.sum())) * len(all_coordinates(effects, case.size))
-
-
-def _first_effects(case: Case) -> list[tuple[str, Mapping[str, float]]]:
-    """Effects, and their numbers, that are likeliest with all tolerances at their nominal values.
-
-    Nats count by those that the best leaves per innovation, one at least.
-    """
-    first = case.nominal
-
-    def fitted(effect: str) -> Point:
-        begun = first.problem.points([(first.at.z, candidate.values) for candidate in first.seen[effect]])
-        start = min(begun, key=lambda p: p.loss)
-        return first.problem.fit_nominal(start.effects, all_coordinates([effect], case.size))
-
-    effects = list(first.seen)[:GLANCED]
-    points = in_parallel(fitted, effects)
-    least = min(max(1.0, p.excess(case.floor)) for p in points)
-    costs = [p.loss / least + _price(case, [e], p) for e, p in zip(effects, points, strict=True)]
-    ranked = [(effects[k], points[k]) for k in np.argsort(costs, kind="stable")]
-    return [(effect, point.effects) for effect, point in ranked[:BEGUN]]
-
-
-def _from_nominal(case: Case, effect: str, values: Mapping[str, float]) -> _Alone:
-    """An effect fitted from the nominal machine, as the observer sees it that bears with one that is far from right."""
-    zero = np.zeros(len(case.nuisances))
-    problem = case.problem(zero, values, LOOSENESS[1])
-    (start,) = problem.points([(zero, values)])
-    fit = problem.fit(start, problem.nuisance_jacobian(start), all_coordinates([effect], case.size))
-    return _Alone(effect, problem, *fit)
 
 
 def _first_doubted(case: Case, progress: Progress, taken: bool) -> bool:
@@ -315,14 +214,14 @@ def _without_those_before(case: Case) -> None:
     together = alone.problem.points([(last.fitted.point.z, last.fitted.point.effects)])[0]
     if alone.point.loss - together.loss <= others * chance(case) + OTHER_FORM * last.net:
         before = case.kept_back()
-        if not _taken_anew(case, alone):
+        if not taken_anew(case, alone):
             case.go_back(before)
 
 
 def _without_stand_in(case: Case, progress: Progress) -> None:
     """Where the first effect lies at the end of a range: the second one, and what is found beside it, if they leave less."""
     before, left = case.kept_back(), case.rest(case.last)
-    if _taken_anew(case, _last_alone(case)):
+    if taken_anew(case, _last_alone(case)):
         _look(case, progress, case.rest(case.last) < FAR)
         if case.rest(case.last) < left:
             return
@@ -330,7 +229,7 @@ def _without_stand_in(case: Case, progress: Progress) -> None:
 
 
 @dataclass(frozen=True)
-class _Alone:
+class Alone:
     """An effect fitted without any other. jacobian: (rows, z then coordinates) at the point."""
 
     effect: str
@@ -339,7 +238,7 @@ class _Alone:
     jacobian: Array
 
 
-def _last_alone(case: Case) -> _Alone:
+def _last_alone(case: Case) -> Alone:
     """The last effect without those before it."""
     last, looseness = case.taken[-1].fitted, case.rounds[len(case.taken) - 1].problem.predictor.looseness
     names = all_coordinates([last.effect], case.size)
@@ -347,7 +246,7 @@ def _last_alone(case: Case) -> _Alone:
     problem = case.problem(last.point.z, values, looseness)
     zero = np.zeros(len(case.nuisances))
     start = min(problem.points([(last.point.z, values), (zero, values)]), key=lambda p: p.loss)
-    return _Alone(last.effect, problem, *problem.fit(start, problem.nuisance_jacobian(start), names))
+    return Alone(last.effect, problem, *problem.fit(start, problem.nuisance_jacobian(start), names))
 
 
 def _restarted(case: Case) -> bool:
@@ -362,13 +261,13 @@ def _restarted(case: Case) -> bool:
     if found is None:
         return False
     before = case.kept_back()
-    taken = _taken_anew(case, _Alone(tried[0].fitted.effect, *found))
+    taken = taken_anew(case, Alone(tried[0].fitted.effect, *found))
     if not taken:
         case.go_back(before)
     return taken
 
 
-def _taken_anew(case: Case, alone: _Alone) -> bool:
+def taken_anew(case: Case, alone: Alone) -> bool:
     """The search begun again, as if this effect had been all that the first round found; whether it is taken."""
     first, problem, point = case.rounds[0], alone.problem, alone.point
     base, columns = problem.fit(problem.points([(first.base.z, {})])[0], alone.jacobian[:, : len(point.z)])

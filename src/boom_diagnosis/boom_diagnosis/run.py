@@ -19,8 +19,9 @@ from boom_diagnosis.earning import given_up, take
 from boom_diagnosis.free_fit import fit_to_free_runs
 from boom_diagnosis.onset import near_onset, time_in
 from boom_diagnosis.restarts import in_deepest_valley
-from boom_diagnosis.rounds import begun_elsewhere, rounds, share
+from boom_diagnosis.rounds import rounds, share
 from boom_diagnosis.search import Fitted
+from boom_diagnosis.second_search import begun_elsewhere
 from boom_diagnosis.straying import strayed
 from boom_diagnosis.stretches import Stretches, excited, stretches
 from boom_diagnosis.unsearched import About, not_enough_excitation, spoilt

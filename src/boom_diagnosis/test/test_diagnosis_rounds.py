@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rounds_cases import SAMPLES, point, weighed
 
-from boom_diagnosis import answer, earning, hypotheses, run, search
+from boom_diagnosis import answer, earning, hypotheses, run, search, second_search
 from boom_diagnosis import rounds as searching
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import all_coordinates
@@ -81,7 +81,7 @@ def test_what_explains_most_is_tried_from_every_start_where_nothing_was_taken_an
         return taken
 
     monkeypatch.setattr(searching, "other_valley", lambda of, first: (None, point(10.0), np.zeros((SAMPLES, 1))))
-    monkeypatch.setattr(searching, "_taken_anew", anew)
+    monkeypatch.setattr(searching, "taken_anew", anew)
     monkeypatch.setattr(Case, "last", None)
     monkeypatch.setattr(Case, "rest", lambda self, at: left)
     assert searching._restarted(made) is found
@@ -158,20 +158,23 @@ def test_an_effect_that_does_not_earn_its_place_alone_does_with_a_second_one_if_
     def settled(of: Case, *given: Any) -> Point:
         return point(990.0)
 
-    monkeypatch.setattr(searching, "_first_effects", lambda of: [("payload", {})])
-    monkeypatch.setattr(searching, "_from_nominal", lambda of, effect, values: effect)
-    monkeypatch.setattr(searching, "_taken_anew", anew)
-    monkeypatch.setattr(searching, "settle", settled)
-    monkeypatch.setattr(searching, "rounds", further)
-    monkeypatch.setattr(searching, "worsening", lambda *given: 0.5)
-    monkeypatch.setattr(searching, "_fitted_on", lambda of: None)
-    monkeypatch.setattr(searching, "_likelier", lambda *given: likelier)
-    monkeypatch.setattr(searching, "_serves_better", lambda *given: likelier)
+    monkeypatch.setattr(second_search, "_first_effects", lambda of: [("payload", {})])
+    monkeypatch.setattr(second_search, "_from_nominal", lambda of, effect, values: effect)
+    monkeypatch.setattr(second_search, "taken_anew", anew)
+    monkeypatch.setattr(second_search, "settle", settled)
+    monkeypatch.setattr(second_search, "rounds", further)
+    monkeypatch.setattr(second_search, "worsening", lambda *given: 0.5)
+    monkeypatch.setattr(second_search, "_fitted_on", lambda of: None)
+    monkeypatch.setattr(second_search, "_likelier", lambda *given: likelier)
+    monkeypatch.setattr(second_search, "_serves_better", lambda *given: likelier)
     monkeypatch.setattr(Case, "last", None)
     monkeypatch.setattr(Case, "rest", lambda self, at: left)
     made.rounds = [SimpleNamespace(problem=None)]  # type: ignore[list-item]
-    searching.begun_elsewhere(made, lambda text, share: None)
+    second_search.begun_elsewhere(made, lambda text, share: None)
     assert list(made.named) == names
+    if names == ["payload", "pump_flow_limit"] and before != names:  # weighed by what both explain
+        assert (made.taken[0].gain, made.taken[0].held_out_gain) == (510.0, 395.0)
+        assert made.weighed[0] == [made.taken[0]]
 
 
 @pytest.mark.parametrize(
@@ -196,7 +199,7 @@ def test_what_stands_in_for_something_gives_way_if_the_second_and_what_is_beside
         return {"presliding_friction": 0.3}.get(of.taken[0].fitted.effect, left)
 
     monkeypatch.setattr(searching, "_last_alone", lambda of: (None, None))
-    monkeypatch.setattr(searching, "_taken_anew", anew)
+    monkeypatch.setattr(searching, "taken_anew", anew)
     monkeypatch.setattr(searching, "_look", look)
     monkeypatch.setattr(Case, "last", None)
     monkeypatch.setattr(Case, "rest", rest)
