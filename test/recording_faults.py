@@ -53,6 +53,12 @@ def counted(recording: Recording, zero: float, direction: float = 1.0) -> Record
     return changed(recording, angle=zero + direction * angle, rate=direction * rate)
 
 
+def slipped(recording: Recording, jump: float = -0.01) -> Recording:
+    """An angle sensor that slips on its mount by ``jump`` [rad] at 60 % of the recording."""
+    angle = recording.signals["angle"]
+    return changed(recording, angle=angle.values + jump * (angle.time > 0.6 * recording.duration))
+
+
 def late(recording: Recording, seconds: float, *names: str) -> Recording:
     """Stamps of a clock that differs by this much [s]."""
     signals = dict(recording.signals)
@@ -101,6 +107,7 @@ FAULTS: dict[str, tuple[str, str, Callable[[Recording], Recording]]] = {
         "/boom/hose_pressure, /boom/rod_pressure",
         lambda r: swapped(r, *PRESSURES),
     ),
+    "angle that slips": ("jump", "/joint_states", slipped),
     "latched command": ("latched_command", "/boom/solenoid_currents", latched),
     "pressures 0.3 s late": ("clock", "/boom/hose_pressure, /boom/rod_pressure", lambda r: late(r, 0.3, *PRESSURES)),
     "currents 0.4 s late": ("clock", "/boom/solenoid_currents", lambda r: late(r, 0.4, *CURRENTS)),

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 CheckKind = Literal[
-    "sign", "latched_command", "clock", "units", "repeated", "swapped_channels", "chatter", "derived_rate"
+    "sign", "latched_command", "clock", "units", "repeated", "swapped_channels", "jump", "chatter", "derived_rate"
 ]
 
-SPOILING: frozenset[CheckKind] = frozenset({"sign", "latched_command", "clock", "units", "swapped_channels"})
+SPOILING: frozenset[CheckKind] = frozenset({"sign", "latched_command", "clock", "units", "swapped_channels", "jump"})
 """Kinds after which no physics may be named: the model would be fitted to a fault of the recording."""
 
 

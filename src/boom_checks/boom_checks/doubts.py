@@ -10,6 +10,7 @@ from boom_checks.check import RecordingCheck
 from boom_checks.clocks import clock_checks
 from boom_checks.commands import chatter_checks, frozen_checks, latched_checks
 from boom_checks.even_series import SHORTEST, EvenSeries, even_series
+from boom_checks.jumps import jump_checks
 from boom_checks.mechanics import Mechanics, mechanics
 from boom_checks.readings import reading_checks
 from boom_checks.sampling import independent, sampling_checks
@@ -85,11 +86,12 @@ def checks_of(
 ) -> tuple[list[RecordingCheck], EvenSeries]:
     """The same from prepared series, and the series with signs, units and channels put right; nothing where a sensor is missing."""
     if not series.known(*ALL):
-        return sampling_checks(recording), series
+        return [*jump_checks(recording), *sampling_checks(recording)], series
     found, repaired = reading_checks(series, boom)
     found += latched_checks(repaired, boom, supply_pressure(machine)) or frozen_checks(repaired, boom)
     found += clock_checks(repaired, boom)
     found += chatter_checks(series)
+    found += jump_checks(recording)
     found += sampling_checks(recording)
     return sorted(found, key=lambda check: (not check.spoils, -check.log_odds)), repaired
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recording_faults import FAULTS, changed, late
+from recording_faults import FAULTS, changed, late, slipped
 
 from boom_checks import commands
 from boom_checks.check import RecordingCheck
@@ -13,6 +13,7 @@ from boom_checks.clocks import CHANGING, clock_checks, offset
 from boom_checks.commands import chatter_checks
 from boom_checks.doubts import checks
 from boom_checks.even_series import even_series
+from boom_checks.jumps import jump_checks
 from boom_checks.mechanics import mechanics
 from boom_checks.readings import reading_checks
 from boom_checks.relations import changes, contact_gain, force, pressure_range, response
@@ -184,6 +185,41 @@ def test_a_rate_that_a_slow_filter_makes_of_the_angle_makes_no_clock_of_the_pres
     )
     told = [check for check in checks(changed(recording, rate=slow), TZ17) if check.kind != "derived_rate"]
     assert told == []
+
+
+@pytest.mark.parametrize("jump", [-0.02, 0.006])
+def test_an_angle_that_slips_is_told_with_time_and_size(jump: float) -> None:
+    made = slipped(fast(), jump)
+    (check,) = jump_checks(made)
+    assert check.measure.value == pytest.approx(jump, abs=6e-4)
+    assert check.measure.interval_90[0] < jump < check.measure.interval_90[1]
+    ((first, last),) = check.intervals_s
+    assert first <= 0.6 * made.duration <= last
+    assert f"{last:.2f} s" in check.sentence
+
+
+def test_a_wrong_sample_a_gap_and_a_boom_that_is_stopped_hard_under_a_slow_gyro_are_no_jump() -> None:
+    made = fast()
+    angle, rate = made.signals["angle"], made.signals["rate"]
+    flash = angle.values + 0.05 * (np.arange(len(angle.values)) == 2000)
+    assert jump_checks(changed(made, angle=flash)) == []
+    kept = (angle.time < 20.0) | (angle.time > 21.5)
+    both = {
+        s.name: replace(s, values=s.values[kept], time=s.time[kept], stamps_ns=s.stamps_ns[kept], valid=s.valid[kept])
+        for s in (angle, rate)
+    }
+    assert jump_checks(replace(made, signals={**made.signals, **both})) == []
+    stopped = np.interp(angle.time, [0.0, 5.0, 15.0, 60.0], [0.1, 0.1, 3.1, 3.1])
+    speed = np.where((angle.time > 5.0) & (angle.time < 15.0), 0.3, 0.0)
+    filtered = np.convolve(speed, np.exp(-np.arange(40) / 5.0) / np.sum(np.exp(-np.arange(40) / 5.0)))[: len(speed)]
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(len(stopped))
+    assert jump_checks(changed(made, angle=stopped + noise, rate=filtered)) == []
+
+
+def test_a_rate_that_is_made_of_the_angle_tells_no_jump() -> None:
+    made = slipped(fast())
+    angle = made.signals["angle"]
+    assert jump_checks(changed(made, rate=np.gradient(angle.values, angle.time))) == []
 
 
 def test_chatter_at_rest_is_told_with_its_frequency() -> None:

@@ -67,7 +67,7 @@ def diagnose(
     looks = tuple(first_look(recording, machine) for recording in (*recordings, *held_out))
     checks = tuple((look.name, check) for look in looks for check in look.checks)
     if any(check.spoils for _, check in checks):
-        result = spoilt(machine, about)
+        result = spoilt(machine, about, [check for _, check in checks])
     else:
         own, proving = ([independent(recording) for recording in given] for given in (recordings, held_out))
         parts = stretches(own, proving, machine, progress)

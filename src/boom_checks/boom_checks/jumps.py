@@ -1,0 +1,88 @@
+"""An angle that jumps while the gyro does not turn: the sensor slipped on its mount, or was set to zero, during the recording."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, median_filter
+
+from boom_checks.check import IntervalValue, RecordingCheck
+from boom_checks.readings import PRIOR, Z_90
+from boom_checks.sampling import independent
+from boom_recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+LEAST = 500
+"""Samples without which nothing is said."""
+CLEAR = 12.0
+"""Standard deviations of what angle and integrated rate differ by from sample to sample: no noise reaches that."""
+FASTER = 2.0
+"""Times the largest rate about it at which the angle would have to turn: what a gyro's filter smooths is less."""
+STAYS, SHARE = 0.3, 0.7
+"""s before and after over which a jump must stay, and the share of it that must: a single wrong sample comes back."""
+AROUND = 11
+"""Samples about a jump that it stands out from."""
+GAP = 3.0
+"""Sample times. What happened in a longer gap is not known."""
+
+
+def jump_checks(recording: Recording) -> list[RecordingCheck]:
+    """Instants at which the angle jumps and stays, and the integral of the rate does not.
+
+    d_k = (a_k - a_{k-1}) - integral of the rate from t_{k-1} to t_k [rad], less the median of those around it.
+    """
+    if not {"angle", "rate"} <= set(recording.signals):
+        return []
+    signals = independent(recording).signals
+    angle, rate = signals["angle"], signals["rate"]
+    if min(angle.valid.sum(), rate.valid.sum()) < LEAST:
+        return []
+    time, values, turning = angle.time[angle.valid], angle.values[angle.valid], rate.values[rate.valid]
+    left = values - _integral(rate.time[rate.valid], turning, time)
+    apart, step = np.diff(time), np.diff(left)
+    step -= median_filter(step, AROUND)  # a gyro with another gain or sign drifts, and does not jump
+    noise = max(1.4826 * float(np.median(np.abs(step))), _resolution(values))
+    usual = float(np.median(apart))
+    fastest = maximum_filter1d(
+        np.interp(time[1:], rate.time[rate.valid], np.abs(turning)), 2 * round(STAYS / usual) + 1
+    )
+    largest = np.maximum(CLEAR * noise, FASTER * fastest * apart)
+    jumped = np.flatnonzero((np.abs(step) > largest) & (apart < GAP * usual))
+    found = [k for k in jumped if _stays(time, left, int(k), float(step[k]))]
+    if not found:
+        return []
+    worst = max(found, key=lambda k: abs(float(step[k])))
+    size, half = float(step[worst]), Z_90 * noise
+    measure = IntervalValue("jump", size, "rad", (size - half, size + half))
+    where = ", ".join(f"{time[k + 1]:.2f} s" for k in found[:5])
+    sentence = (
+        f"the angle jumps at {where} ({measure.text}) and stays there, while the gyro does not turn: the sensor slipped on its "
+        "mount or was set to zero. Cut the recording there, or correct the angle from there on"
+    )
+    odds = 0.5 * min(float(np.abs(step[found]).min()) / noise, 2.0 * CLEAR) ** 2 - math.log(len(step)) + PRIOR
+    intervals = tuple((float(time[k]), float(time[k + 1])) for k in found)
+    return [RecordingCheck("jump", angle.topic, intervals, sentence, measure, odds)]
+
+
+def _integral(time: Array, rate: Array, at: Array) -> Array:
+    """Of the rate [rad], trapezoidal, at these times."""
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))])
+    return np.interp(at, time, total)
+
+
+def _resolution(values: Array) -> float:
+    """Smallest step between different values: of an encoder, or of its message."""
+    steps = np.abs(np.diff(values))
+    return float(steps[steps > 0.0].min(initial=np.inf)) if (steps > 0.0).any() else 0.0
+
+
+def _stays(time: Array, left: Array, k: int, step: float) -> bool:
+    """Whether what jumps between samples ``k`` and ``k + 1`` stays, by the medians before and after."""
+    before = left[(time > time[k] - STAYS) & (time <= time[k])]
+    after = left[(time > time[k]) & (time <= time[k] + STAYS)]
+    if min(len(before), len(after)) < 3:
+        return False
+    return (float(np.median(after)) - float(np.median(before))) / step > SHARE
