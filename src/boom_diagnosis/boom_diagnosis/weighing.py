@@ -341,8 +341,8 @@ def possible(
         return False
     intervals = estimates(fitted, discount) if any(row.surely for row in effect.parameters) else {}
     for row in (row for row in effect.parameters if not (row.surely and whole)):
-        value = fitted.point.effects[own + row.name]
-        low, high = intervals[own + row.name].interval_90 if row.surely else (value, value)
+        value, told = fitted.point.effects[own + row.name], intervals.get(own + row.name)
+        low, high = told.interval_90 if told and row.surely else (value, value)  # none is told of what is not there
         if high < row.possible[0] or low > row.possible[1]:
             return False
     return True
