@@ -20,6 +20,8 @@ from boom_diagnosis.weighing import Weighed
 
 BEGUN = 3
 """Effects that the search is begun with anew where what was found leaves much."""
+MOST = 0.5
+"""Share of what the nominal machine leaves that such an effect must explain alone: with what hides beside it it explains all."""
 
 
 def begun_elsewhere(case: Case, progress: Progress) -> None:
@@ -100,7 +102,7 @@ def _price(case: Case, effects: Sequence[str], at: Point) -> float:
 
 
 def _first_effects(case: Case) -> list[tuple[str, Mapping[str, float]]]:
-    """Effects, and their numbers, that are likeliest with all tolerances at their nominal values.
+    """Effects, and their numbers, that explain ``MOST`` with all tolerances at their nominal values, the likeliest first.
 
     Nats count by those that the best leaves per innovation, one at least.
     """
@@ -115,8 +117,9 @@ def _first_effects(case: Case) -> list[tuple[str, Mapping[str, float]]]:
     points = in_parallel(fitted, effects)
     least = min(max(1.0, p.excess(case.floor)) for p in points)
     costs = [p.loss / least + _price(case, [e], p) for e, p in zip(effects, points, strict=True)]
-    ranked = [(effects[k], points[k]) for k in np.argsort(costs, kind="stable")]
-    return [(effect, point.effects) for effect, point in ranked[:BEGUN]]
+    ranked = [(effects[k], points[k]) for k in np.argsort(costs, kind="stable")[:BEGUN]]
+    enough = (1.0 - MOST) * first.at.over(case.floor)
+    return [(effect, point.effects) for effect, point in ranked if point.over(case.floor) < enough]
 
 
 def _from_nominal(case: Case, effect: str, values: Mapping[str, float]) -> Alone:
