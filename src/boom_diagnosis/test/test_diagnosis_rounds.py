@@ -178,6 +178,37 @@ def test_an_effect_that_does_not_earn_its_place_alone_does_with_a_second_one_if_
 
 
 @pytest.mark.parametrize(
+    ("left", "expected"),
+    [
+        ({"payload": 300.0, "pressure_bias": 290.0, "spring_rate": 600.0}, ["payload", "pressure_bias"]),
+        ({"payload": 600.0, "pressure_bias": 700.0}, []),
+        (
+            {"payload": 10.0, "spring_rate": 20.0, "flow_force": 30.0, "rate_scale": 40.0},
+            ["payload", "spring_rate", "flow_force"],
+        ),
+    ],
+)
+def test_a_search_is_begun_once_more_with_what_explains_most_of_what_the_nominal_machine_leaves(
+    left: dict[str, float], expected: list[str]
+) -> None:
+    """``left``: nats of 1000 with an effect and nominal tolerances; a number costs log n / 2, and a bias has four."""
+
+    class Fits:
+        def points(self, wanted: Any) -> list[Point]:
+            return [replace(point(900.0), effects=dict(e)) for _, e in wanted]
+
+        def fit_nominal(self, effects: Any, names: Any) -> Point:
+            return replace(point(left[names[0].name.split(".")[1]]), effects=effects)
+
+    candidate = SimpleNamespace(values={})
+    made: Any = SimpleNamespace(
+        floor=WHITE, size=THESIS,
+        nominal=SimpleNamespace(problem=Fits(), at=point(1000.0), seen={effect: [candidate] for effect in left}),
+    )  # fmt: skip
+    assert [effect for effect, _ in second_search._first_effects(made)] == expected
+
+
+@pytest.mark.parametrize(
     ("left", "names"), [(0.2, ["payload", "stribeck_friction"]), (0.4, ["presliding_friction", "payload"])]
 )
 def test_what_stands_in_for_something_gives_way_if_the_second_and_what_is_beside_it_leave_less(

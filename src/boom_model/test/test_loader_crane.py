@@ -215,10 +215,12 @@ def test_oil_of_a_crane_with_a_load_holding_valve_is_conserved(crane: Plant) -> 
     np.testing.assert_allclose(kept, come, atol=2e-6)
 
 
-def test_effect_is_the_component(loader: Machine) -> None:
-    """Left out of a file without any valve, and put in as an effect, it is the same run."""
+@pytest.mark.parametrize("instead", ["none", "flow_limiting"])
+def test_effect_is_the_component(loader: Machine, instead: str) -> None:
+    """Left out of a file without any valve or with another one, and put in as an effect, it is the same run."""
     document = {k: v for k, v in loader.document.items() if k != "hose_burst_valve"}
-    plain = machine_from(document | {"hose_burst_valve": {"type": "none"}})
+    burst = load_machine("tz17").document["hose_burst_valve"]
+    plain = machine_from(document | {"hose_burst_valve": {"type": "none"} if instead == "none" else burst})
     numbers = {k.split(".")[1]: p.value[0] for k, p in loader.parameters.items() if k.startswith("hose_burst_valve")}
     time = np.arange(0.0, 6.0, 0.01)
     currents = np.zeros((len(time), 2))
@@ -228,7 +230,7 @@ def test_effect_is_the_component(loader: Machine) -> None:
         plant = Plant(machine, machine.pose(*POSE))
         runs.append(plant.run(time, currents, time, plant.equilibrium(0.2), tolerance=1e-6).outputs)
     np.testing.assert_allclose(runs[0], runs[1], rtol=1e-3, atol=1e-3)
-    with pytest.raises(MachineError, match=r"effects\.load_holding_valve: this machine has a valve at the cylinder"):
+    with pytest.raises(MachineError, match=r"effects\.load_holding_valve: this machine has a load holding valve"):
         loader.with_effects({"load_holding_valve": numbers})
 
 

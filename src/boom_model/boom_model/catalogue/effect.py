@@ -206,7 +206,7 @@ class Effect:
 
     @property
     def lacking(self) -> str:
-        """What a machine that cannot have it has: "no pilot valves", "a valve at the cylinder"."""
+        """What a machine that cannot have it has: "no pilot valves", "a load holding valve"."""
         words = []
         for need in self.needs.split():
             name = need.removeprefix("no_")

@@ -49,6 +49,6 @@ EFFECT = Effect(
                   "resistance of the check valve", positive=True),
     ),
     {"valve_flow": _flow},
-    place=3, holds=True, at_rest=_at_rest, watched=False,
+    place=3, holds=True, needs="no_load_holding_valve", at_rest=_at_rest, watched=False,
     states=(State("holding_valve_pilot", "z", "Pa", 1e7, equation="5.39f", standstill_noise=NOISE),),
 )  # fmt: skip
