@@ -11,14 +11,13 @@ from boom_diagnosis.case import Case
 from boom_diagnosis.document import Estimate, Finding, HypothesisRow, RankingRow
 from boom_diagnosis.earning import clear, needed, numbers_of
 from boom_diagnosis.fitting import SLOW
+from boom_diagnosis.locating import links
 from boom_diagnosis.must_keep import told
 from boom_diagnosis.onset import begins_within, neutral
 from boom_diagnosis.proof import label_of
 from boom_diagnosis.weighing import Weighed, estimates, of_effect, probabilities
 from boom_model.catalogue import EFFECTS
 
-TORQUE = "torque"
-"""The equation in which what is no part of the crane acts."""
 UNTOLD = 0.49
 """At most this is claimed of an effect whose numbers' intervals all contain that it does nothing."""
 
@@ -90,11 +89,16 @@ def hypothesis_rows(case: Case, odds: Odds, place: str) -> tuple[HypothesisRow, 
     ]
     for w in (*(case.weighed[0] if case.weighed else ()), *case.disproved):
         effect, gain = w.fitted.effect, w.gain + w.held_out_gain
-        effects, places = ((), (TORQUE,)) if EFFECTS[effect].foreign else ((effect,), ())
+        effects, places = ((), (_place(case, effect),)) if EFFECTS[effect].foreign else ((effect,), ())
         rows.append(HypothesisRow(effects, places, gain, w.cost, 0.0, probability_of(odds, effect)))
     total = sum(row.posterior for row in rows)
     rows = [replace(row, posterior=row.posterior / total) for row in rows]
     return tuple(sorted(rows, key=lambda row: -row.posterior))
+
+
+def _place(case: Case, effect: str) -> str:
+    """The first equation in which an effect's subsystem is at home."""
+    return next(link.key for link in links(case.machine) if EFFECTS[effect].subsystem in link.subsystems)
 
 
 def _told(case: Case, effect: str) -> bool:
@@ -145,7 +149,7 @@ def probability_of(odds: Odds, effect: str) -> float:
 
 
 def own_name(effect: str) -> str | None:
-    """The id by which others know an effect; None of what is no part of the crane: unknown physics, to them."""
+    """The id by which others know an effect; None of what is in nobody's list: unknown physics, to them."""
     return None if EFFECTS[effect].foreign else effect
 
 

@@ -135,6 +135,19 @@ def test_a_boom_that_something_carries_is_unknown_physics_at_the_load_with_what_
     assert "Unmodelled physics: ground contact" in html(result)
 
 
+def test_a_spool_that_leaks_is_unknown_physics_at_the_main_valve_with_how_much_leaks() -> None:
+    """In nobody's list: it had been parameters only, or the overlap of an edge."""
+    result = diagnose([noisy(tz17().with_effects({"spool_leakage": {"hose": 5e-6}}), 24.0, 1)], tz17())
+    found = result.document.findings[0]
+    assert (result.document.verdict, found.effect, found.subsystem) == ("unknown_physics", None, "main_valve")
+    assert found.document()["like"] == "spool_leakage"
+    assert found.parameters["hose"].value == pytest.approx(5e-6, rel=0.2)
+    low, high = found.parameters["hose"].interval_90
+    assert 0.0 < low <= 5e-6 <= high
+    rows = [row for row in result.document.hypotheses if row.unknown and row.posterior > 0.9]
+    assert [row.unknown for row in rows] == [("hose_flow",)]
+
+
 def test_a_healthy_machine_has_no_mismatch() -> None:
     document = diagnose([noisy(tz17(), 24.0, 2)], tz17()).document
     assert document.verdict == "no_mismatch" and not document.findings

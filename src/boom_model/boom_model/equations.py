@@ -201,8 +201,9 @@ class _Wiring:
         self.valve_states = ("spool_position", *own)
         head, rod = (
             flow + s.port_valves.flow(pressure, p) + neutral_position.flow(vent, pressure, p)
-            for flow, pressure in ((flows.head, hose_pressure), (flows.rod, rod_pressure))
-        )
+            + e.through("port_leakage", 0.0, port=port, pressure=pressure)
+            for flow, pressure, port in ((flows.head, hose_pressure, "hose"), (flows.rod, rod_pressure, "rod"))
+        )  # fmt: skip
         return head, rod
 
     def pilot_difference(self) -> Any:

@@ -21,6 +21,7 @@ from boom_model.components import (
     pilot_valve,
 )
 from boom_model.equations import full_model, namespace
+from boom_model.plant import Plant
 from boom_model.slots import Supply, component
 from boom_model.structure import structure
 
@@ -189,6 +190,25 @@ def test_piston_leakage_flows_from_the_higher_pressure(p: Any, effects: Any) -> 
     assert cylinder.leakage(1e7, 1e6, e) == pytest.approx(9e-6)
     assert cylinder.leakage(1e6, 1e7, e) == pytest.approx(-9e-6)
     assert cylinder.leakage(1e7, 1e6, effects()) == 0.0
+
+
+def test_spool_leaks_into_each_port_by_its_own_line_of_the_pressure(effects: Any) -> None:
+    """A port to the tank through c is -c p: its flow at a usual pressure, and a slope of c."""
+    c = 2e-13
+    e = effects(spool_leakage={"hose": -c * 1e7, "hose_slope": c, "rod": 3e-6})
+    assert float(e.through("port_leakage", 0.0, port="hose", pressure=4e6)) == pytest.approx(-c * 4e6)
+    assert float(e.through("port_leakage", 0.0, port="hose", pressure=0.0)) == pytest.approx(0.0, abs=1e-18)
+    assert float(e.through("port_leakage", 1e-5, port="rod", pressure=2e6)) == pytest.approx(1.3e-5)
+    assert float(effects().through("port_leakage", 0.0, port="hose", pressure=4e6)) == 0.0
+
+
+def test_a_boom_whose_spool_leaks_to_the_tank_sinks_by_what_leaks(tz17: Any) -> None:
+    plant = Plant(tz17.with_effects({"spool_leakage": {"hose": -5e-6}}), tz17.pose(0.28, 2.2, 0.0))
+    time = np.arange(0.0, 20.0, 0.01)
+    run = plant.run(time, np.zeros((len(time), 2)), time, plant.equilibrium(0.6), tolerance=1e-6)
+    position = plant.auxiliary(run.states, np.zeros((len(time), 2)))["piston_position"]
+    sunk = (position[500] - position[-1]) / (time[-1] - time[500])
+    assert sunk * tz17.parameters["cylinder.A_a"].value[0] == pytest.approx(5e-6, rel=0.2)  # accumulators give the rest
 
 
 def test_cushion_is_a_throttle_in_series_over_the_last_stretch(p: Any, effects: Any) -> None:

@@ -35,6 +35,7 @@ QUANTITIES: dict[str, str] = {
     "valve_flow": "q_a through the valve between hose and head side [m^3/s]; at.hose, at.head, at.rod [Pa]",
     "poppet_time": "time constant T of the load-holding valve's pilot [s]",
     "neutral_area": "from each port to the tank in neutral [m^2]; at.position of the spool, at.p",
+    "port_leakage": "past the spool into a port, whatever its position [m^3/s]; at.port: hose or rod, at.pressure of it",
     "overlap": "x_0 [-]; at.position of the spool, at.edge: supply or tank",
     "metering_position": "s_s at the metering edges [m]; at.p",
     "supply_pressure": "p_s without a compensator [Pa]",
@@ -153,7 +154,7 @@ class Effect:
         points: values of all its parameters from which a search tries it, where single starts say too little.
         watched: whether the watch suspects it: not what acts on the times of inputs and samples, begins at a time, or brings fast
             states of its own.
-        foreign: what acts is no part of the crane, and in nobody's list: it is told as unknown physics, with its numbers.
+        foreign: what acts is no part of the crane, or in nobody's list: it is told as unknown physics, with its numbers.
         reach: halves of the range over which the watch takes a difference, where the derivative at nothing says little.
     """
 
