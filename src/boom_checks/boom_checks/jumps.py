@@ -70,7 +70,7 @@ def jump_checks(recording: Recording) -> list[RecordingCheck]:
 def _integral(time: Array, rate: Array, at: Array) -> Array:
     """Of the rate [rad], trapezoidal, at these times."""
     total = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))])
-    return np.interp(at, time, total)
+    return np.asarray(np.interp(at, time, total))
 
 
 def _resolution(values: Array) -> float:
