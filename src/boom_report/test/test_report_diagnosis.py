@@ -222,6 +222,7 @@ def test_a_short_unknown_input_is_not_lost_in_the_strip_over_time():
         (Estimate(27.41, "s", (27.3, 27.5)), "27.41", "27.30 to 27.50", "s"),
         (Estimate(-2.5e5, "Pa", (-2.8e5, -2.2e5)), "−2.50", "−2.80 to −2.20", "bar"),
         (Estimate(2.0 / 6e11, "m^3/s/Pa", (1.0 / 6e11, 3.0 / 6e11)), "2.0", "1.0 to 3.0", "l/min at 100 bar"),
+        (Estimate(-1e-7, "m^3/s", (-3e-5, 3e-5)), "0.0", "−1.8 to 1.8", "l/min"),  # no minus before nothing
         (Estimate(260.0, "kg", (float("nan"), float("nan"))), "260", "not determined", "kg"),
     ],
 )

@@ -88,7 +88,7 @@ def shown(estimate: Estimate) -> Shown:
     decimals = max(0, min(decimals, 6))
 
     def text(v: float) -> str:
-        return f"{v:.{decimals}f}".replace("-", _MINUS) if abs(v) < 1e6 else f"{v:.3g}"
+        return f"{v:z.{decimals}f}".replace("-", _MINUS) if abs(v) < 1e6 else f"{v:.3g}"
 
     return Shown(text(value), f"{text(low)} to {text(high)}", unit, _inverse(estimate))
 
