@@ -25,6 +25,8 @@ STAYS, SHARE = 0.3, 0.7
 """s before and after over which a jump must stay, and the share of it that must: a single wrong sample comes back."""
 AROUND = 11
 """Samples about a jump that it stands out from."""
+SHOWN = 3
+"""Jumps that the sentence gives the time of."""
 GAP = 3.0
 """Sample times. What happened in a longer gap is not known."""
 
@@ -57,7 +59,8 @@ def jump_checks(recording: Recording) -> list[RecordingCheck]:
     worst = max(found, key=lambda k: abs(float(step[k])))
     size, half = float(step[worst]), Z_90 * noise
     measure = IntervalValue("jump", size, "rad", (size - half, size + half))
-    where = ", ".join(f"{time[k + 1]:.2f} s" for k in found[:5])
+    more = f" and {len(found) - SHOWN} times more" if len(found) > SHOWN else ""
+    where = ", ".join(f"{time[k + 1]:.2f} s" for k in found[:SHOWN]) + more
     sentence = (
         f"the angle jumps at {where} ({measure.text}) and stays there, while the gyro does not turn: the sensor slipped on its "
         "mount or was set to zero. Cut the recording there, or correct the angle from there on"
@@ -81,8 +84,8 @@ def _resolution(values: Array) -> float:
 
 def _stays(time: Array, left: Array, k: int, step: float) -> bool:
     """Whether what jumps between samples ``k`` and ``k + 1`` stays, by the medians before and after."""
-    before = left[(time > time[k] - STAYS) & (time <= time[k])]
-    after = left[(time > time[k]) & (time <= time[k] + STAYS)]
+    first, last = np.searchsorted(time, [time[k] - STAYS, time[k] + STAYS], side="right")
+    before, after = left[first : k + 1], left[k + 1 : last]
     if min(len(before), len(after)) < 3:
         return False
     return (float(np.median(after)) - float(np.median(before))) / step > SHARE

@@ -198,6 +198,15 @@ def test_an_angle_that_slips_is_told_with_time_and_size(jump: float) -> None:
     assert f"{last:.2f} s" in check.sentence
 
 
+def test_a_sensor_that_slips_again_and_again_is_told_in_one_sentence() -> None:
+    made = fast()
+    for share in np.linspace(0.1, 0.9, 9):
+        angle = made.signals["angle"]
+        made = changed(made, angle=angle.values + 0.02 * (angle.time > share * made.duration))
+    (check,) = jump_checks(made)
+    assert len(check.intervals_s) == 9 and "and 6 times more (jump 0.02" in check.sentence
+
+
 def test_a_wrong_sample_a_gap_and_a_boom_that_is_stopped_hard_under_a_slow_gyro_are_no_jump() -> None:
     made = fast()
     angle, rate = made.signals["angle"], made.signals["rate"]

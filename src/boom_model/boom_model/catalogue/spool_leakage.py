@@ -12,16 +12,20 @@ from boom_model.regularisation import Expression
 LPM, BAR = 1.0 / 60_000.0, 1e5
 USUAL = {"hose": 100.0, "rod": 50.0}
 """bar. Pressures of a boom that is carried."""
+SOUND = 0.03 * LPM
+"""m^3/s. Data sheets of mobile valves: 20 to 30 cm^3/min out of a port at 100 bar."""
 
 
 def _flow(port: str) -> EffectParameter:
     meaning = f"flow that leaks into the {port}'s port at {USUAL[port]:.0f} bar (out of it: negative)"
-    return parameter(port, "m^3/s", 0.0, (-5 * LPM, 5 * LPM), (-1e-3, 1e-3), meaning)
+    return parameter(port, "m^3/s", 0.0, (-5 * LPM, 5 * LPM), (-1e-3, 1e-3), meaning, ordinary=SOUND)
 
 
 def _slope(port: str) -> EffectParameter:
     meaning = f"how much less leaks into the {port}'s port per pressure in it"
-    return parameter(f"{port}_slope", "m^3/s/Pa", 0.0, (0.1 * LPM / 1e7, 5 * LPM / 1e7), (0.0, 1e-9), meaning)
+    return parameter(
+        f"{port}_slope", "m^3/s/Pa", 0.0, (0.1 * LPM / 1e7, 5 * LPM / 1e7), (0.0, 1e-9), meaning, ordinary=SOUND / 1e7
+    )
 
 
 def _leak(flow: Expression, own: Any, at: Any) -> Expression:
