@@ -19,6 +19,8 @@ LEAST = 500
 """Samples without which nothing is said."""
 CLEAR = 12.0
 """Standard deviations of what angle and integrated rate differ by from sample to sample: no noise reaches that."""
+FINEST = 1e-5
+"""rad. Of an encoder of 19 bits: a simulated angle without noise is no finer."""
 FASTER = 2.0
 """Times the largest rate about it at which the angle would have to turn: what a gyro's filter smooths is less."""
 STAYS, SHARE = 0.3, 0.7
@@ -46,7 +48,7 @@ def jump_checks(recording: Recording) -> list[RecordingCheck]:
     left = values - _integral(rate.time[rate.valid], turning, time)
     apart, step = np.diff(time), np.diff(left)
     step -= median_filter(step, AROUND)  # a gyro with another gain or sign drifts, and does not jump
-    noise = max(1.4826 * float(np.median(np.abs(step))), _resolution(values))
+    noise = max(1.4826 * float(np.median(np.abs(step))), _resolution(values), FINEST)
     usual = float(np.median(apart))
     fastest = maximum_filter1d(
         np.interp(time[1:], rate.time[rate.valid], np.abs(turning)), 2 * round(STAYS / usual) + 1

@@ -225,6 +225,13 @@ def test_a_wrong_sample_a_gap_and_a_boom_that_is_stopped_hard_under_a_slow_gyro_
     assert jump_checks(changed(made, angle=stopped + noise, rate=filtered)) == []
 
 
+def test_an_angle_without_noise_that_stands_still_has_no_jump() -> None:
+    made = fast()
+    angle = made.signals["angle"]
+    still = 0.4 + 1e-17 * (angle.time > 30.0) + 1e-15 * (angle.time > 40.0)
+    assert jump_checks(changed(made, angle=still, rate=np.zeros(len(still)))) == []
+
+
 def test_a_rate_that_is_made_of_the_angle_tells_no_jump() -> None:
     made = slipped(fast())
     angle = made.signals["angle"]
