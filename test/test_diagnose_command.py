@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from recording_faults import swapped
+from recording_faults import slipped, swapped
 
 from boom_bringup import cli
 from boom_bringup.commands.diagnose import _next_experiment as propose
@@ -110,6 +110,16 @@ def test_a_command_with_the_wrong_sign_is_told_and_no_physics_named(diagnose, tm
         "sensor or clock: turned, /boom/solenoid_currents: the command has the wrong sign"
     )
     assert "repair first" in (tmp_path / "output" / "diagnosis" / "report.html").read_text()
+
+
+def test_an_angle_sensor_that_slips_is_told_with_its_jump_and_no_model_is_run(diagnose, tmp_path):
+    write(tmp_path / "slipped", slipped(load(BAGS / "healthy" / "extended")))
+    status, out, _ = diagnose("slipped", "--json", "d.json")
+    document = json.loads((tmp_path / "d.json").read_text())
+    (found,) = document["findings"]
+    assert (status, document["verdict"], found["effect"]) == (0, "sensor_or_clock", "angle_offset")
+    assert found["parameters"]["b"]["value"] == pytest.approx(-0.01, abs=6e-4)
+    assert document["ranking"] == [] and "the angle jumps at" in " ".join(out.split())
 
 
 SUPPORT = """learned:

@@ -6,11 +6,14 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import maximum_filter1d, median_filter
+from scipy.stats import median_abs_deviation
 
 from boom_checks.check import IntervalValue, RecordingCheck
 from boom_checks.readings import PRIOR, Z_90
 from boom_checks.sampling import independent
+from boom_recording.measurement import without_repeats
 from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -40,16 +43,19 @@ def jump_checks(recording: Recording) -> list[RecordingCheck]:
     """
     if not {"angle", "rate"} <= set(recording.signals):
         return []
-    signals = independent(recording).signals
+    signals = without_repeats(independent(recording)).signals
     angle, rate = signals["angle"], signals["rate"]
     if min(angle.valid.sum(), rate.valid.sum()) < LEAST:
         return []
     time, values, turning = angle.time[angle.valid], angle.values[angle.valid], rate.values[rate.valid]
-    left = values - _integral(rate.time[rate.valid], turning, time)
+    turned = cumulative_trapezoid(turning, rate.time[rate.valid], initial=0)
+    left = values - np.interp(time, rate.time[rate.valid], turned)
     apart, step = np.diff(time), np.diff(left)
     step -= median_filter(step, AROUND)  # a gyro with another gain or sign drifts, and does not jump
-    noise = max(1.4826 * float(np.median(np.abs(step))), _resolution(values), FINEST)
-    usual = float(np.median(apart))
+    noise, usual = (
+        max(float(median_abs_deviation(step, scale="normal")), _resolution(values), FINEST),
+        float(np.median(apart)),
+    )
     fastest = maximum_filter1d(
         np.interp(time[1:], rate.time[rate.valid], np.abs(turning)), 2 * round(STAYS / usual) + 1
     )
@@ -72,16 +78,10 @@ def jump_checks(recording: Recording) -> list[RecordingCheck]:
     return [RecordingCheck("jump", angle.topic, intervals, sentence, measure, odds)]
 
 
-def _integral(time: Array, rate: Array, at: Array) -> Array:
-    """Of the rate [rad], trapezoidal, at these times."""
-    total = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))])
-    return np.asarray(np.interp(at, time, total))
-
-
 def _resolution(values: Array) -> float:
-    """Smallest step between different values: of an encoder, or of its message."""
+    """Smallest step [rad] from sample to sample: of an encoder. One that slips leaves the grid that ``measurement`` looks for."""
     steps = np.abs(np.diff(values))
-    return float(steps[steps > 0.0].min(initial=np.inf)) if (steps > 0.0).any() else 0.0
+    return float(steps[steps > 0.0].min()) if (steps > 0.0).any() else 0.0
 
 
 def _stays(time: Array, left: Array, k: int, step: float) -> bool:

@@ -225,6 +225,13 @@ def test_a_wrong_sample_a_gap_and_a_boom_that_is_stopped_hard_under_a_slow_gyro_
     assert jump_checks(changed(made, angle=stopped + noise, rate=filtered)) == []
 
 
+@pytest.mark.parametrize("times", [3, 10, 20])
+def test_an_angle_that_a_bus_repeats_has_no_jump(times: int) -> None:
+    made = fast()
+    values = made.signals["angle"].values
+    assert jump_checks(changed(made, angle=values[np.arange(len(values)) // times * times])) == []
+
+
 def test_an_angle_without_noise_that_stands_still_has_no_jump() -> None:
     made = fast()
     angle = made.signals["angle"]

@@ -61,7 +61,8 @@ def _slipped(check: RecordingCheck) -> Finding:
     number, jump = _ASKEW.parameters[0], check.measure
     return Finding(
         _ASKEW.id, _ASKEW.subsystem, _ASKEW.equation, min(MOST_CERTAIN, 1.0 / (1.0 + exp(-check.log_odds))),
-        {number.name: Estimate(jump.value, number.unit, jump.interval_90)}, "from there on", check.intervals_s, (), check.sentence,
+        {number.name: Estimate(jump.value, number.unit, jump.interval_90)}, f"after {check.intervals_s[0][1]:.2f} s",
+        check.intervals_s, (), check.sentence,
     )  # fmt: skip
 
 
