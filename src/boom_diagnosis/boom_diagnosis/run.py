@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from boom_checks.doubts import first_look
 from boom_checks.sampling import independent
 from boom_diagnosis import answer, weighed_answer
+from boom_diagnosis.ahead import compiled_ahead
 from boom_diagnosis.bag_samples import prepare
 from boom_diagnosis.case import Case, case_of
 from boom_diagnosis.document import DiagnosisResult
@@ -28,6 +29,7 @@ from boom_diagnosis.unsearched import About, not_enough_excitation, spoilt
 from boom_diagnosis.weighed_case import searched, weighed_case_of
 from boom_diagnosis.weighing import NEGLIGIBLE
 from boom_diagnosis.wrong_number import with_wrong_number
+from boom_estimation.currents import driven
 from boom_estimation.sensor_noise import with_measured_noise
 from boom_model.catalogue import EFFECTS
 from boom_model.machine import Machine
@@ -89,9 +91,10 @@ def _searched(parts: Stretches, machine: Machine, progress: Progress, about: Abo
         weighed.elsewhere = parts.elsewhere
         searched(weighed, progress)
         return weighed_answer.assemble(weighed, about, weak)
-    case = case_of(machine, bags, proving, about.seed)
-    case.elsewhere = parts.elsewhere
-    case = search(case, progress)
+    with compiled_ahead(driven(machine, bags[0].recording)):
+        case = case_of(machine, bags, proving, about.seed)
+        case.elsewhere = parts.elsewhere
+        case = search(case, progress)
     progress("locating", 0.8)
     return answer.assemble(case, about, weak, partial(_doubted, progress=share(progress, 0.8, 0.1)))
 

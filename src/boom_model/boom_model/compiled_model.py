@@ -140,6 +140,19 @@ def _equations(
     return reduced_model(structure, effects, learned)
 
 
+def compile_catalogued(structure: Structure, effects: tuple[str, ...], *, sensitive: bool = False) -> None:
+    """Compiles the full model with these effects (sorted), alone and side by side, with derivatives if ``sensitive``.
+
+    Raises:
+        BuildError: no C compiler.
+        ModelError: an effect that this structure cannot have.
+    """
+    equations, _ = _catalogued(structure, effects, "full", False)
+    if sensitive:
+        build_sensitive(equations)
+    _catalogued_abreast(structure, effects, "full", False)
+
+
 @lru_cache(maxsize=64)
 def _catalogued(
     structure: Structure, effects: tuple[str, ...], kind: Kind, discrepancies: bool

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
+from threading import Lock
 
 from boom_input.cache import cache_folder, is_whole, keep
 from boom_input.files import InputError
@@ -59,8 +60,9 @@ def load_c(source: str, optimised: str = THOROUGH) -> ctypes.CDLL:
     try:
         folder = cache_folder()
         library = folder / f"model-{key}.so"
-        if not is_whole(library):
-            keep(library, compiled(source, flags))
+        with _lock(key):
+            if not is_whole(library):
+                keep(library, compiled(source, flags))
     except InputError as error:
         raise BuildError(str(error)) from None
     except OSError as error:
@@ -72,6 +74,12 @@ def load_c(source: str, optimised: str = THOROUGH) -> ctypes.CDLL:
         raise BuildError(
             f"cannot load the compiled model {library.name}: {error}; run again to build it anew"
         ) from error
+
+
+@lru_cache(maxsize=256)
+def _lock(_: str) -> Lock:
+    """One for each library: two threads that need the same one compile it once."""
+    return Lock()
 
 
 def compiled(source: str, flags: Sequence[str] = FLAGS) -> bytes:
