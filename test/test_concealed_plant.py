@@ -77,6 +77,7 @@ NOT_CONCEALED = {
     "cavitation",
     "supply_variation",
     "load_holding_valve_lag",
+    "load_holding_valve_setting",
     "vented_neutral",
     "spool_lag",
 }

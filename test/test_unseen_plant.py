@@ -126,6 +126,7 @@ def test_it_conceals_every_effect_of_the_contract_and_more():
     added = {"load_holding_valve", "edge_overlap", "neutral_offset", "cavitation", "supply_variation"}
     not_drawn = {
         "load_holding_valve_lag",
+        "load_holding_valve_setting",
         "vented_neutral",
         "spool_lag",
     }  # of files with a load-holding valve, which are not drawn; and newer than Q

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import asinh, cosh, exp, inf, isfinite, log, sinh, sqrt
+from math import asinh, cosh, exp, hypot, inf, isfinite, log, sinh, sqrt
 
 import numpy as np
 
@@ -40,7 +40,8 @@ STROKE_ZERO = "cylinder.l_min"
 ONE_FACTOR = (("main_valve_orifices.A_ta_law.c0", "main_valve_orifices.A_ta_law.c1"),)
 """Numbers that move together: an area as a whole."""
 PILOT_POLE, PILOT_GAIN, PILOT_FEEDTHROUGH = "pilot_valves.a1_s", "pilot_valves.b0_s", "pilot_valves.b1_s"
-"""The gain follows the two others: at rest nu is the current (5.2), and how much pressure a current gives is h alone."""
+"""The gain follows the two others: at rest nu is the current (5.2), and how much pressure a current gives is h alone. One that has
+a tolerance of its own in the file is a number of its own."""
 CLOCK = "clock of the logged currents"
 CLOCKS = "clocks."
 """With which the names of the clocks of channels begin; they are the log's, and no machine file has them."""
@@ -53,7 +54,9 @@ _VALVE = "main_valve_orifices."
 _OF_EVERYTHING = ("fluid.C_d", "fluid.rho", "cylinder.A_a", "kinematics.b")
 _UNITS_OF_THE_SPOOL = ("main_valve_spool.A_s", "main_valve_spool.s_max")
 """Assumed, and everything else of the valve is known relative to them: the spring by (5.10), k = p_max A_s / s_max, the friction as
-a pilot pressure, the areas over s / s_max. Were they off, those would be with them and nothing would change."""
+a pilot pressure, the areas over s / s_max. Were they off, those would be with them and nothing would change. By as much as they
+may be off, where the file says that, the spring may be."""
+_SPRING = "main_valve_spool.k"
 
 
 @dataclass(frozen=True)
@@ -141,7 +144,7 @@ def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
     """All numbers that have a tolerance in this machine and pose."""
     result, units = [], _units(machine, pose)
     for key, parameter in machine.parameters.items():
-        follows = key == PILOT_GAIN or any(key in row[1:] for row in ONE_FACTOR)
+        follows = (key == PILOT_GAIN and parameter.tol is None) or any(key in row[1:] for row in ONE_FACTOR)
         if follows or key.startswith(_NOT_PHYSICS) or key in units:
             continue
         for name, value in zip(parameter.specification.components, parameter.value, strict=True):
@@ -207,6 +210,9 @@ def _own(machine: Machine, parameter: Parameter, name: str, value: float) -> Nui
     sigma = prior.sigma if prior.kind == "log_normal" else prior.sigma / abs(value)
     if key.startswith("accumulators.p_g0") and parameter.tol is None:
         sigma = PRECHARGE / 2.0
+    if key == _SPRING:
+        told = [machine.parameters[unit] for unit in _UNITS_OF_THE_SPOOL if unit in machine.parameters]
+        sigma = hypot(sigma, *(0.5 * _relative(unit) for unit in told if unit.tol is not None))
     ends = sorted((prior.low / value, prior.high / value))
     together = next((row[1:] for row in ONE_FACTOR if key == row[0]), ())
     guess = _guessed(parameter)
@@ -289,16 +295,20 @@ def clocks_in(values: Mapping[str, float]) -> tuple[float, ...]:
 def closed(machine: Machine, values: Mapping[str, float]) -> dict[str, float]:
     """``values`` (components of the parameter vector) with what follows from them.
 
-    The gain of the pilot stage such that at rest nu / i stays what it is in ``machine`` (5.2), and the pin-to-pin length at
-    s_p = 0 that the geometry asks for: l_min such that s_p(q_2 at the lower end of the angle's range) stays (3.13a). Where the
-    linkage cannot be assembled there, l_min stays.
+    The gain of the pilot stage such that at rest nu / i stays what it is in ``machine`` (5.2), if it has no tolerance there, and
+    the pin-to-pin length at s_p = 0 that the geometry asks for: l_min such that s_p(q_2 at the lower end of the angle's range)
+    stays (3.13a). Where the linkage cannot be assembled there, l_min stays.
     """
     return _assembled(machine, _unit_gain(machine, values))
 
 
 def _unit_gain(machine: Machine, values: Mapping[str, float]) -> dict[str, float]:
-    """With b_0 = -a_1 (g - b_1) [1/s], where g = b_1 - b_0 / a_1 [-] is the machine's own gain at rest, one by (5.2)."""
-    if PILOT_POLE not in values and PILOT_FEEDTHROUGH not in values:
+    """With b_0 = -a_1 (g - b_1) [1/s], where g = b_1 - b_0 / a_1 [-] is the machine's own gain at rest, one by (5.2).
+
+    As given where the file has a tolerance of b_0.
+    """
+    own = PILOT_GAIN in machine.parameters and machine.parameters[PILOT_GAIN].tol is not None
+    if own or (PILOT_POLE not in values and PILOT_FEEDTHROUGH not in values):
         return dict(values)
     pole, gain, through = (machine.parameters[key].value[0] for key in (PILOT_POLE, PILOT_GAIN, PILOT_FEEDTHROUGH))
     lagging = through - gain / pole - values.get(PILOT_FEEDTHROUGH, through)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from diagnosis_samples import BAGS
 
-from boom_diagnosis.nuisances import TWINS, Nuisance, tolerances
+from boom_diagnosis.nuisances import TWINS, Nuisance, closed, tolerances
 from boom_estimation.sensor_noise import with_measured_noise
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine, machine_from
@@ -60,6 +60,21 @@ def test_what_stands_for_an_effect_moves_no_further_than_its_tolerance() -> None
     told = by_name(changed("accumulators", "V_g0", tol=0.1))["accumulators.V_g0"]
     assert [told.value(1.0, z) for z in told.limits] == pytest.approx([0.9, 1.1])
     assert "accumulators.V_g0" not in TWINS  # it may still be wrong in the file
+
+
+def test_a_pilot_gain_that_has_a_tolerance_in_the_file_is_a_number_of_its_own() -> None:
+    """A crane whose pole and gain are off by 8 and -1 %, each within its tolerance, seemed to have another return spring."""
+    machine = changed("pilot_valves", "b0_s", tol=0.04)
+    values = {"pilot_valves.a1_s": 1.05 * machine.parameters["pilot_valves.a1_s"].value[0]}
+    assert closed(machine, values) == values
+    assert by_name(machine)["pilot_valves.b0_s"].sigma == pytest.approx(0.02)
+
+
+def test_a_spring_may_be_off_by_as_much_as_the_file_allows_for_area_and_stroke_of_the_spool() -> None:
+    document = copy.deepcopy(dict(load_machine("tz17").document))
+    for key, tol in (("k", 0.06), ("A_s", 0.08), ("s_max", 0.24)):
+        document["main_valve_spool"][key] |= {"tol": tol}
+    assert by_name(machine_from(document))["main_valve_spool.k"].sigma == pytest.approx(0.13)
 
 
 def test_a_guess_at_four_edges_lets_each_edge_differ_and_a_known_one_does_not() -> None:

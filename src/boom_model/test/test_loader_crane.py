@@ -508,6 +508,22 @@ def test_a_slow_load_holding_valve_lets_the_boom_down_later_and_as_fast(loader: 
     assert np.ptp(later[-100:]) < 0.02
 
 
+def test_a_load_holding_valve_that_is_set_higher_is_the_machine_with_another_set_pressure(loader: Machine) -> None:
+    """The boom starts to sink later: the rod pressure must open the valve."""
+    p_set = loader.parameters["hose_burst_valve.p_set"].value[0]
+    time, currents = np.arange(0.0, 3.0, 0.01), np.tile((0.3, 0.0), (300, 1))
+    lowered = []
+    for machine in (
+        loader.with_effects({"load_holding_valve_setting": {"r": 1.3}}),
+        loader.with_values({"hose_burst_valve.p_set": 1.3 * p_set}),
+        loader,
+    ):
+        plant = Plant(machine, machine.pose(*POSE))
+        lowered.append(plant.run(time, currents, time, plant.equilibrium(0.6)).output("angle"))
+    assert lowered[0] == pytest.approx(lowered[1], abs=1e-9)
+    assert 1e-4 < (lowered[0] - lowered[2])[-1] < 0.01
+
+
 def test_a_machine_without_load_holding_valve_has_no_lag_of_it(tz17: Machine) -> None:
     with pytest.raises(MachineError, match=r"effects\.load_holding_valve_lag: "):
         tz17.with_effects({"load_holding_valve_lag": {"tau": 0.1}})

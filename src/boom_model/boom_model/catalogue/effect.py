@@ -33,6 +33,7 @@ QUANTITIES: dict[str, str] = {
     "limited_flow": "a_21, a_30, a_31 of the hose burst valve",
     "limited_conductance": "q_a / (p_h - p_a) while it limits [m^3/s/Pa]",
     "valve_flow": "q_a through the valve between hose and head side [m^3/s]; at.hose, at.head, at.rod [Pa]",
+    "set_pressure": "set pressure p_set of the load-holding valve [Pa]",
     "poppet_time": "time constant T of the load-holding valve's pilot [s]",
     "neutral_area": "from each port to the tank in neutral [m^2]; at.position of the spool, at.p",
     "port_leakage": "past the spool into a port, whatever its position [m^3/s]; at.port: hose or rod, at.pressure of it",

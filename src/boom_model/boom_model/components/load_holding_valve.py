@@ -42,9 +42,9 @@ SPECIFICATIONS = (
 )
 
 
-def excess(head: Expression, rod: Expression, v: Any) -> Expression:
-    """x = p_a + R p_b - p_set [Pa]; ``v``: the valve's numbers."""
-    return head + v.R * rod - v.p_set
+def excess(head: Expression, rod: Expression, v: Any, p_set: Expression | None = None) -> Expression:
+    """x = p_a + R p_b - p_set [Pa]; ``v``: the valve's numbers, ``p_set`` [Pa] where it is set to another pressure."""
+    return head + v.R * rod - (v.p_set if p_set is None else p_set)
 
 
 def following(pilot: Expression, x: Expression, play: Expression, time: Expression = PLAY_TIME) -> Expression:
@@ -66,9 +66,8 @@ def flow(hose: Expression, head: Expression, pilot: Expression, v: Any) -> Expre
 def _flow(w: Wiring, hose: Expression, head: Expression, rod: Expression) -> Expression:
     v = w.p.hose_burst_valve
     pilot = w.add("holding_valve_pilot", "z", "Pa", 1e7)
-    w.rates["holding_valve_pilot"] = following(
-        pilot, excess(head, rod, v), v.play, w.e.through("poppet_time", PLAY_TIME)
-    )
+    x = excess(head, rod, v, w.e.through("set_pressure", v.p_set))
+    w.rates["holding_valve_pilot"] = following(pilot, x, v.play, w.e.through("poppet_time", PLAY_TIME))
     return flow(hose, head, pilot, v)
 
 
@@ -78,9 +77,14 @@ def pressure_drop(flow: Expression, p: Any, _e: Any) -> Expression:
     return ca.if_else(flow > 0, v.p_check * ca.tanh(flow * v.r_check / WIDTH) + v.r_check * flow, 0.0)
 
 
-def rest(states: Mapping[str, Expression], v: Any) -> Expression:
-    """z [Pa] of a valve that has rested, in the middle of its play."""
-    return excess(states["head_pressure"], states["rod_pressure"], v)
+def rest(states: Mapping[str, Expression], v: Any, p_set: Expression | None = None) -> Expression:
+    """z [Pa] of a valve that has rested, in the middle of its play; ``p_set`` as of ``excess``."""
+    return excess(states["head_pressure"], states["rod_pressure"], v, p_set)
+
+
+def _rest(states: Mapping[str, Expression], p: Any, e: Any) -> dict[str, Expression]:
+    v = p.hose_burst_valve
+    return {"holding_valve_pilot": rest(states, v, e.through("set_pressure", v.p_set))}
 
 
 def _data(p: Any) -> tuple[tuple[str, str], ...]:
@@ -97,5 +101,5 @@ register(HoseBurstValve(
     term="q_a = max(0, p_h - p_a - p_check) / r_check + min(g max(0, z), G_max) sqrt(p_h - p_a), z ~ p_a + R p_b - p_set",
     specifications=SPECIFICATIONS,
     offers=frozenset({"load_holding_valve", "valve_at_the_cylinder"}), holds=True, flow=_flow, pressure_drop=pressure_drop,
-    data=_data, rest=lambda states, p, e: {"holding_valve_pilot": rest(states, p.hose_burst_valve)},
+    data=_data, rest=_rest,
 ))  # fmt: skip
