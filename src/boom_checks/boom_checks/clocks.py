@@ -66,15 +66,13 @@ def offset(
     middle = max(tried, key=tried.__getitem__)
     inner = abs(middle) < reach  # the largest value at an end is no maximum: something else drifts
     tried |= {shift: score(shift) for shift in range(middle - COARSE, middle + COARSE + 1, FINE)}
-    if (
-        not within[0] <= middle * PERIOD <= within[1]
-    ):  # of a boom that hunts every half period fits; coarse steps may miss the best
-        tried |= {
-            shift: score(shift) for shift in range(round(within[0] / PERIOD), round(within[1] / PERIOD) + 1, FINE)
-        }
+    low, high = within
+    best = max(tried, key=tried.__getitem__)
+    if not low <= best * PERIOD <= high:  # of a boom that hunts every quarter of a period fits; steps may miss the best
+        near = range(best - FINE, best + FINE + 1)
+        tried |= {shift: score(shift) for shift in {*near, *range(round(low / PERIOD), round(high / PERIOD) + 1)}}
     best = max(tried, key=tried.__getitem__)
     inside = [shift for shift, value in tried.items() if value > tried[best] - DROP_90]
-    low, high = within
     allowed = max(value for shift, value in tried.items() if low <= shift * PERIOD <= high)
     late = PERIOD * best
     interval = (PERIOD * (min(inside) - FINE / 2), PERIOD * (max(inside) + FINE / 2))

@@ -211,15 +211,16 @@ def _balance(series: EvenSeries, boom: Mechanics, contact: Array | None = None) 
 
 
 def changes(series: EvenSeries, _: Mechanics) -> float:
-    """Pressures change while the motion does: sqrt|p'| = c + k sqrt|q_2''|, in units of the left side's deviation.
+    """Pressures change while the motion does: sqrt|p'| = c + k sqrt|q_2''| + l sqrt|q_2'''|, in units of the left's deviation.
 
-    Of hose and rod side together. It tells when, whatever lies between cylinder and sensor.
+    Of hose and rod side together. It tells when, whatever lies between cylinder and sensor. The pressures of a boom that rings go
+    with its acceleration and change with that: a quarter of a period earlier.
     """
-    motion = np.sqrt(np.abs(series.smooth("rate", 1)))[::_EVERY]
+    motion = np.sqrt(np.abs(np.column_stack([series.smooth("rate", order) for order in (1, 2)])))[::_EVERY]
     total = 0.0
     for name in ("hose_pressure", "rod_pressure"):
         steep = np.sqrt(np.abs(series.smooth(name, 1)))[::_EVERY]
-        known = np.isfinite(motion) & np.isfinite(steep)
+        known = np.isfinite(motion).all(axis=1) & np.isfinite(steep)
         if not known.any():
             continue
         y = steep[known] / max(float(np.std(steep[known])), 1e-9)
