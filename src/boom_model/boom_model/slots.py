@@ -161,6 +161,8 @@ class HoseBurstValve(Component):
             both volumes.
         flow: q_a [m^3/s] into the head side at p_h, p_a, p_b [Pa]; may add states.
         pressure_drop: p_h - p_a [Pa] that drives the flow q_a [m^3/s], for (q_a, p, e): the reduced model's.
+        conductance: of one that holds, q_a / sqrt(p_a - p_h) to lower and the largest there is [m^3/s/Pa^0.5], for
+            (p_a, p_b, p, e).
     """
 
     slot, key, default = "hose_burst_valve", ("hose_burst_valve", "type"), "flow_limiting"
@@ -168,6 +170,7 @@ class HoseBurstValve(Component):
     holds: bool = False
     flow: Callable[[Wiring, Expression, Expression, Expression], Expression] = _zero
     pressure_drop: Callable[[Expression, Any, Any], Expression] = _zero
+    conductance: Callable[[Expression, Expression, Any, Any], tuple[Expression, Expression]] = lambda *_: (0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -57,6 +57,14 @@ def test_improved_follows_in_every_pose_nominal_and_loaded(bag: str) -> None:
     assert loaded.mae < 5e-3
 
 
+@pytest.mark.parametrize("bag", ["healthy/folded_fast", "healthy/extended"])
+def test_behind_a_load_holding_valve_that_is_told_the_hose_pressure_is_not_taken_for_the_cylinders(bag: str) -> None:
+    valve = PlantCase("valve", effects={"load_holding_valve": {"p_set": 130e5, "R": 3.0}})
+    told, not_told = (short("improved", bag, replace(valve, told=told), 20.0) for told in (True, False))
+    assert told.mae < 0.3e-3
+    assert told.mae < 0.4 * not_told.mae
+
+
 def test_a_slow_boom_of_which_all_is_told_is_followed_as_if_no_dead_time_were_looked_for() -> None:
     assert (
         short("improved", "healthy/folded_slow", CONFIGURATIONS["C0"], 0.0).mae < 0.08e-3

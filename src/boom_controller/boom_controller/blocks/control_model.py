@@ -14,12 +14,20 @@ import casadi as ca
 from boom_controller.blocks.buffers import on_buffers
 from boom_controller.types import Measurement, Reference
 from boom_input.channels import PREDICTED
+from boom_model.catalogue import EFFECTS, load_holding_valve
 from boom_model.component_numbers import component_parameters
 from boom_model.components import cylinder, equation_of_motion, oil
+from boom_model.components import load_holding_valve as holding_valve
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
 from boom_model.slots import NO_CUSHIONS
 from boom_model.structure import Structure
+
+SLOW, SHUT = 1e-3, 1e-3
+"""m/s of the piston, and share of its opening, below which a valve that holds the load counts as shut."""
+AS_SURE = 1.0e6
+"""Pa. Drop over such a valve, known to some 60 % as its opening is to a third, that makes p_a as sure as friction leaves what the
+boom needs: 6 bar."""
 
 
 class OperatingPoint(NamedTuple):
@@ -126,6 +134,44 @@ class ControlModel:
     def pressure_delay(self) -> float:
         """Dead time [s] of both pressures, of the machine file."""
         return self.e.delay("pressures")
+
+    @property
+    def holds(self) -> bool:
+        """Whether a valve shuts the head side, whose pressure then carries the boom whatever the hose's is."""
+        structure = self.machine.structure
+        return structure.hose_burst_valve.holds or any(EFFECTS[name].holds for name in self.machine.effects)
+
+    def carried(
+        self, q: ModelQuantities, m: Measurement, acceleration: Expression, lifting: Expression
+    ) -> ModelQuantities:
+        """The quantities behind a valve that holds the load (expressions), with the force that carries the boom.
+
+        Where the boom is lifted the oil comes through the hose, whose pressure is the head side's. Else two things tell f_p: what
+        the boom needs at q_2*'' = ``acceleration`` [rad/s^2], and p_a = p_h + (q_a / G)^2 of the valve; the second by the square of
+        its drop less.
+        """
+        area = self.p.cylinder.A_a
+        needed = (q.inertia * acceleration + q.gravity + q.friction) / q.jacobian
+        opening, most = self._conductance((needed + m.rod_pressure * self.p.cylinder.A_b) / area, m.rod_pressure)
+        flow = area * ca.fmax(-q.jacobian * m.rate, SLOW)
+        drop = (flow / ca.fmax(opening, SHUT * most)) ** 2
+        seen = q.force + area * drop
+        held = needed + (seen - needed) / (1 + (drop / AS_SURE) ** 2)
+        return q._replace(force=ca.if_else(lifting, q.force, ca.fmax(q.force, held)))
+
+    def resting_force(self, m: Measurement) -> float:
+        """f_p [N] of a boom that rests: measured, or what it needs behind a valve that holds the load."""
+        if not self.holds:
+            return float(cylinder.force(m.hose_pressure, m.rod_pressure, self.p))
+        q = self.at(OperatingPoint(m.angle, 0.0, m.hose_pressure, m.rod_pressure, m.angle, 0.0, 0.0, 0.0, 0.0))
+        return max(q.force, q.gravity / q.jacobian)
+
+    def _conductance(self, head: Expression, rod: Expression) -> tuple[Expression, Expression]:
+        """G of a valve that holds the load at p_a, p_b [Pa], and the largest there is [m^3/s/Pa^0.5]."""
+        added = load_holding_valve.EFFECT.id
+        if added in self.machine.effects:
+            return holding_valve.conductance(head, rod, self.e.numbers(added))
+        return self.machine.structure.hose_burst_valve.conductance(head, rod, self.p, self.e)
 
     def at(self, point: OperatingPoint) -> ModelQuantities:
         """All quantities at a point, numbers."""

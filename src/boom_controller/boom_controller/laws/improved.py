@@ -43,7 +43,6 @@ from boom_controller.observers.spool_observer import SpoolSeen, SpoolState, defl
 from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
 from boom_controller.settings import LawSettings, tunable
 from boom_controller.types import GO, Controller, ControlOutput, Measurement, Reference
-from boom_model.components import cylinder
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
 
@@ -178,13 +177,14 @@ class Improved:
     def reset(self, measurement: Measurement) -> None:
         """Start at rest: valve centred, nominal oil, no load beyond the configured one."""
         hose, rod = measurement.hose_pressure, measurement.rod_pressure
+        force = self._model.resting_force(measurement)
         self._law.start(
             self._start._replace(
                 held=self._start.held.filled(measurement),
                 head=ChamberState(pressure=hose),
                 rod=ChamberState(pressure=rod),
-                missed=MissedState(force=float(cylinder.force(hose, rod, self._model.p))),
-                delay=self._start.delay._replace(force=float(cylinder.force(hose, rod, self._model.p))),
+                missed=MissedState(force=force),
+                delay=self._start.delay._replace(force=force),
                 stall=StallState(force=hose * self._area_a),
                 smooth=Pressures(hose, rod),
             )
@@ -220,19 +220,26 @@ class Improved:
         q = self._model.expressions(
             OperatingPoint(m.angle, m.rate, m.hose_pressure, m.rod_pressure, *now, x.load.load, x.friction.factor)
         )
+        position = x.past.position(dead, s.sample_time)
+        velocity = q.jacobian * m.rate
+        through = True
+        if self._model.holds:
+            through = ca.logic_and(position < -self._dead_zone, velocity > s.dead_zone_speed)
+            q = self._model.carried(q, m, now.acceleration, through)
         safe = x.swings.calmed > 0
         load = self._load.step(x.load, q, m, safe, s)
         rub = observe_friction(x.friction, q, load.load, s.sample_time)
-        velocity = q.jacobian * m.rate
         flows = self._map.flows(m.hose_pressure, m.rod_pressure, (q.rod_cushion, q.hose_cushion))
         smooth = x.smooth.towards(m.hose_pressure, m.rod_pressure, s.inverse_smoothing, s.sample_time)
         inverse = self._map.flows(smooth.hose, smooth.rod, (q.rod_cushion, q.hose_cushion))
-        position = x.past.position(dead, s.sample_time)
         head_flow, rod_flow, _ = flows.at(position)
         supplied = head_flow / self._area_a, rod_flow / self._area_b
         head_flow, rod_flow = head_flow - q.leakage, rod_flow + q.leakage
         full = m.rod_pressure > CAVITATION
-        head = observe_chamber(x.head, m.hose_pressure, q.stiffness_line * (head_flow - self._area_a * velocity), s)
+        head = observe_chamber(
+            x.head, m.hose_pressure, q.stiffness_line * (head_flow - self._area_a * velocity), s,
+            trusted=through,
+        )  # fmt: skip
         rod = observe_chamber(
             x.rod, m.rod_pressure, q.stiffness_rod * (rod_flow + self._area_b * velocity), s,
             trusted=full,

@@ -63,6 +63,13 @@ def flow(hose: Expression, head: Expression, pilot: Expression, v: Any) -> Expre
     return ramp(hose - head - v.p_check, WIDTH) / v.r_check + opening * signed_sqrt(hose - head)
 
 
+def conductance(
+    head: Expression, rod: Expression, v: Any, p_set: Expression | None = None
+) -> tuple[Expression, Expression]:
+    """G at p_a, p_b [Pa] of a valve whose poppet has followed, and G_max [m^3/s/Pa^0.5]; ``p_set`` as of ``excess``."""
+    return ca.fmin(v.gain * ca.fmax(excess(head, rod, v, p_set), 0.0), v.G_max), v.G_max
+
+
 def _flow(w: Wiring, hose: Expression, head: Expression, rod: Expression) -> Expression:
     v = w.p.hose_burst_valve
     pilot = w.add("holding_valve_pilot", "z", "Pa", 1e7)
@@ -102,4 +109,7 @@ register(HoseBurstValve(
     specifications=SPECIFICATIONS,
     offers=frozenset({"load_holding_valve", "valve_at_the_cylinder"}), holds=True, flow=_flow, pressure_drop=pressure_drop,
     data=_data, rest=_rest,
+    conductance=lambda head, rod, p, e: conductance(
+        head, rod, p.hose_burst_valve, e.through("set_pressure", p.hose_burst_valve.p_set)
+    ),
 ))  # fmt: skip
