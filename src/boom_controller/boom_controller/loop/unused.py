@@ -1,7 +1,7 @@
 """What a machine file tells that no control law uses, said when the machine becomes known.
 
 A law uses what the components make of the effects without a state of their own (``ControlModel``), the dead times, the play of the
-spool and what moves between cylinder and IMU. It does not see the effects below, and terms learnt from data: its observers have to
+spool, what moves between cylinder and IMU and a valve that holds the load. It does not see the effects below, and terms learnt from data: its observers have to
 make up for them.
 """
 
@@ -11,7 +11,7 @@ from boom_controller.observers import mode_observer
 from boom_model.catalogue import EFFECTS, effect_name, valve_hysteresis
 from boom_model.machine import Machine
 
-ABSENT = frozenset({"throat", "valve_flow", "supply_pressure"})
+ABSENT = frozenset({"throat", "valve_flow", "supply_pressure", "poppet_time"})
 """Quantities without part in the laws' reduced model."""
 
 
@@ -30,6 +30,6 @@ def unused_in_words(machine: Machine) -> str:
 def _used(name: str) -> bool:
     effect = EFFECTS[name]
     quantities = set(effect.terms)
-    if name == valve_hysteresis.EFFECT.id or mode_observer.QUANTITIES & quantities:
+    if name == valve_hysteresis.EFFECT.id or effect.holds or mode_observer.QUANTITIES & quantities:
         return True
     return (not effect.states and not quantities <= ABSENT) or bool(effect.delays)
