@@ -1,8 +1,8 @@
 """What a machine file tells that no control law uses, said when the machine becomes known.
 
 A law uses what the components make of the effects without a state of their own (``ControlModel``), the dead times, the play of the
-spool, what moves between cylinder and IMU and a valve that holds the load. It does not see the effects below, and terms learnt from data: its observers have to
-make up for them.
+spool, what moves between cylinder and IMU and a valve that holds the load. It does not see the effects below, and terms learnt from
+data: its observers have to make up for them.
 """
 
 from __future__ import annotations
