@@ -70,7 +70,7 @@ def _seen_rate(rate: Expression, own: Any, _at: Any) -> Expression:
     return rate + own.eta * own.state("bend_rate")
 
 
-# What is slower or more damped than the modes of a steel boom, as far as its intervals tell, is the mode of another body.
+# What is slower than the modes of a steel boom, or more damped as far as its interval tells, is the mode of another body.
 EFFECT = Effect(
     "boom_flexibility", "structure", "5.39a",
     "y = q_2 + eta x, x'' + 2 zeta omega x' + omega^2 x = -Gamma q_2'', D (q_2'' + mu Gamma x'') = torque",
@@ -79,7 +79,7 @@ EFFECT = Effect(
         parameter("gain", "-", 0.0, (0.1, 1.0), (0.0, 5.0), "Gamma, share of the acceleration that excites the mode",
                   starts=(1.0,), almost_nothing=1e-3),
         parameter("f", "Hz", 2.5, (1.5, 5.0), (0.1, 50.0), "frequency of the mode", positive=True,
-                  starts=(1.0, 1.25, 1.5, 1.8, 2.2, 2.7, 3.3, 4.0, 5.0, 6.2), possible=(1.0, inf), surely=True),
+                  starts=(1.0, 1.25, 1.5, 1.8, 2.2, 2.7, 3.3, 4.0, 5.0, 6.2), possible=(1.0, inf)),
         parameter("zeta", "-", 0.02, (0.01, 0.05), (0.0, 2.0), "damping ratio of the mode", positive=True,
                   possible=(-inf, 0.05), surely=True),
         parameter("mu", "-", 0.3, (0.1, 0.7), (0.0, 0.95), "modal mass over D", positive=True),
