@@ -55,8 +55,8 @@ _OF_EVERYTHING = ("fluid.C_d", "fluid.rho", "cylinder.A_a", "kinematics.b")
 _UNITS_OF_THE_SPOOL = ("main_valve_spool.A_s", "main_valve_spool.s_max")
 """Assumed, and everything else of the valve is known relative to them: the spring by (5.10), k = p_max A_s / s_max, the friction as
 a pilot pressure, the areas over s / s_max. Were they off, those would be with them and nothing would change. By as much as they
-may be off, where the file says that, the spring may be."""
-_SPRING = "main_valve_spool.k"
+may be off, where the file says that, spring or stroke over current may be."""
+_DEFLECTING = ("main_valve_spool.k", "main_valve_spool.K_i")
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ def _own(machine: Machine, parameter: Parameter, name: str, value: float) -> Nui
     sigma = prior.sigma if prior.kind == "log_normal" else prior.sigma / abs(value)
     if key.startswith("accumulators.p_g0") and parameter.tol is None:
         sigma = PRECHARGE / 2.0
-    if key == _SPRING:
+    if key in _DEFLECTING:
         told = [machine.parameters[unit] for unit in _UNITS_OF_THE_SPOOL if unit in machine.parameters]
         sigma = hypot(sigma, *(0.5 * _relative(unit) for unit in told if unit.tol is not None))
     ends = sorted((prior.low / value, prior.high / value))

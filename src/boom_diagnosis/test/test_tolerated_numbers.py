@@ -75,6 +75,12 @@ def test_a_spring_may_be_off_by_as_much_as_the_file_allows_for_area_and_stroke_o
     for key, tol in (("k", 0.06), ("A_s", 0.08), ("s_max", 0.24)):
         document["main_valve_spool"][key] |= {"tol": tol}
     assert by_name(machine_from(document))["main_valve_spool.k"].sigma == pytest.approx(0.13)
+    direct = copy.deepcopy(dict(load_machine("triangle_direct").document))
+    for key, tol in (("K_i", 0.06), ("s_max", 0.08)):
+        direct["main_valve_spool"][key] |= {"tol": tol}
+    machine = machine_from(direct)
+    numbers = {n.name: n for n in tolerances(machine, machine.pose(4.5, 0.0))}
+    assert numbers["main_valve_spool.K_i"].sigma == pytest.approx(0.05)
 
 
 def test_a_guess_at_four_edges_lets_each_edge_differ_and_a_known_one_does_not() -> None:
