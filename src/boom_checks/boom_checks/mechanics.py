@@ -48,6 +48,7 @@ class Mechanics:
         joints: torque that the motion of the other joints asks for; None: nothing is known of it.
         holds: a valve at the cylinder holds the load, by the file: the hose pressure carries the boom while it lifts only.
         full_current: that opens the valve fully [A], by the file.
+        load: that hangs at the tip, as told [kg].
         flow, drop: (m,) [m^3/s] into the cylinder, p_h - p_a [Pa] of the file's valve at the cylinder; zero without one.
     """
 
@@ -67,6 +68,7 @@ class Mechanics:
     joints: JointTorque | None = None
     holds: bool = False
     full_current: float = math.nan
+    load: float = 0.0
 
     def known_losses(self, angle: Array, rate: Array) -> Array:
         """Friction and valve at the cylinder as the file knows them (n,) [Pa on the head side]."""
@@ -137,6 +139,7 @@ def mechanics(machine: Machine, recording: Recording) -> Mechanics:
         flow, np.asarray(drop(flow[None, :]), float).ravel(), joint_torque(recording, machine, pose),
         machine.structure.hose_burst_valve.holds,
         full_current=float(machine.structure.spool.current(p.main_valve_spool.s_max, p, machine.structure.pilot_valves)),
+        load=pose.load,
     )  # fmt: skip
 
 

@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LEAST_SECONDS = 0.5
+MORE = 1.2
+"""Times the load that was told that may be put down."""
 STEP_FLOOR = 2.0e5
 """Pa. Scatter of the gap within one level: sensors, geometry, friction that is not quite constant."""
 CONSTANT, TURNING_PART, LEVER = "constant", "with the motion's direction", "with the lever of a load"
@@ -75,7 +77,7 @@ class LevelStep:
 
     Attributes:
         time: by when [s]. change: [Pa]. standing: the boom stood while it came. level: gap behind it [Pa].
-        mass: at the tip that would do it [kg].
+        mass: at the tip that would do it [kg]. told: what hangs there by the recording's configuration [kg].
     """
 
     time: float
@@ -83,6 +85,7 @@ class LevelStep:
     standing: bool
     level: float
     mass: float | None
+    told: float = 0.0
 
     @property
     def sentence(self) -> str:
@@ -96,11 +99,10 @@ class LevelStep:
         )
         lacks = f", {-1e-5 * self.level:.0f} bar less than the boom needs" if self.level < -STEP_FLOOR else ""
         if self.change.value < 0.0:
-            cause = (
-                "the boom rests on something, or a valve shuts the hose off"
-                if lacks
-                else f"a load was put down{kilograms}"
-            )
+            hung = self.mass is not None and -self.mass < MORE * self.told
+            causes = [f"a load was put down{kilograms}"] if hung or not lacks else []
+            causes += ["the boom rests on something, or a valve shuts the hose off"] if lacks else []
+            cause = ", or ".join(causes)
             return f"{when} less at rest than before{lacks}: {cause}"
         cause = f"a load was picked up{kilograms}" if self.level > STEP_FLOOR else "it carries the boom again"
         return f"{when} more at rest than before{lacks}: {cause}"
@@ -184,7 +186,9 @@ def statics_of(series: EvenSeries, boom: Mechanics, pressure: str = "hose_pressu
     direction = np.select([regimes["while lifting"], regimes["while lowering"]], [1.0, -1.0], 0.0)
     lever = boom.load_lever(angle)
     parts = _fitted(gap, direction, lever, used)
-    return Statics(series.time, gap, need, tuple(levels), parts, _steps(series.time, gap, lever, regimes["at rest"]))
+    return Statics(
+        series.time, gap, need, tuple(levels), parts, _steps(series.time, gap, lever, regimes["at rest"], boom.load)
+    )
 
 
 def _fitted(gap: Array, direction: Array, lever: Array, used: Flags) -> tuple[IntervalValue, ...]:
@@ -207,7 +211,7 @@ def _fitted(gap: Array, direction: Array, lever: Array, used: Flags) -> tuple[In
     )
 
 
-def _steps(time: Array, gap: Array, lever: Array, resting: Flags) -> tuple[LevelStep, ...]:
+def _steps(time: Array, gap: Array, lever: Array, resting: Flags, told: float) -> tuple[LevelStep, ...]:
     """Lasting jumps of the gap at rest (n,) [Pa], by binary segmentation of half-second blocks."""
     blocks = len(gap) // BLOCK
     shaped = [a[: blocks * BLOCK].reshape(blocks, BLOCK) for a in (np.where(resting, gap, np.nan), time, lever)]
@@ -224,7 +228,7 @@ def _steps(time: Array, gap: Array, lever: Array, resting: Flags) -> tuple[Level
         mass = change / (GRAVITY * arm[cut]) if arm[cut] > 0.0 else None
         found = IntervalValue("step of the level at rest", change, "Pa", (change - half, change + half))
         level = float(np.mean(middle[cut:after]))
-        steps.append(LevelStep(float(when[cut]), found, bool(index[cut] == index[cut - 1] + 1), level, mass))
+        steps.append(LevelStep(float(when[cut]), found, bool(index[cut] == index[cut - 1] + 1), level, mass, told))
     return tuple(steps)
 
 

@@ -1,5 +1,6 @@
 """The hose pressure against what the boom needs: levels, their parts, and lasting steps."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,16 @@ def test_a_load_that_is_picked_up_is_told_with_time_and_mass() -> None:
     assert steps[0].time == pytest.approx(27.4, abs=1.5)  # grasped at 27.4 s, and seen at the next rest
     assert steps[0].mass == pytest.approx(260, rel=0.05)
     assert "a load was picked up, 26" in steps[0].sentence
+
+
+def test_of_a_boom_that_carries_less_than_the_load_that_was_told_the_load_may_have_been_put_down(
+    boom: Mechanics,
+) -> None:
+    time, angle = motion()
+    fallen = -200 * 9.81 * boom.load_lever(angle) * (time > 0.6 * time[-1])
+    told = measured(replace(boom, load=210.0), fallen).steps
+    assert "a load was put down, 18" in told[-1].sentence and "or the boom rests on something" in told[-1].sentence
+    assert "a load was put down" not in measured(boom, fallen).steps[-1].sentence
 
 
 def test_a_boom_that_rests_on_something_needs_more_than_its_hose_carries() -> None:
