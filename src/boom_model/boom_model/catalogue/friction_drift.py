@@ -21,11 +21,12 @@ EFFECT = Effect(
     ("the friction", "changes during the recording"), "grows with time, with speed",
     (
         parameter("r", "-", 1.0, (0.3, 5.0), (0.0, 20.0), "factor by which the friction torque changes in the end", positive=True),
-        parameter("T", "s", 30.0, (5.0, 120.0), (0.1, 1e5), "time constant of the change", positive=True,
-                  starts=(8.0, 30.0)),
+        parameter("T", "s", 30.0, (5.0, 120.0), (0.1, 1e5), "time constant of the change", positive=True),
         parameter("r_0", "-", 1.0, (0.5, 4.0), (0.02, 50.0), "factor of the friction torque in the beginning", positive=True,
                   acts=True),
     ),
     {"friction_torque": _torque},
+    # a file of the cold crane, and one of the warm crane that is cold in the beginning
+    points=((2.0, 8.0, 1.0), (2.0, 30.0, 1.0), (0.33, 8.0, 3.0), (0.33, 30.0, 3.0)),
     place=4, states=(ELAPSED_TIME,), watched=False,
 )  # fmt: skip
