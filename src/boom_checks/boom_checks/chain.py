@@ -229,14 +229,14 @@ def chain_of_machine(recording: Recording, machine: Machine) -> RecordingChain:
     else:
         missing.append(("kinematics", _why(recording, repaired, ("angle", "rate"))))
     if repaired.known(*ALL):
-        if machine.structure.hose_burst_valve.holds:
+        if machine.holds:
             missing.append(("mechanics", HELD))
         else:
             still = statics_of(repaired, boom)
             links.append(_mechanics(repaired, boom, still, machine))
         plant = Plant(machine, pose_of(recording, machine))
         # the law of a valve that holds the load is known to a factor: on a measured drop its flow is off by that
-        driven = repaired.without("head_pressure") if machine.structure.hose_burst_valve.holds else repaired
+        driven = repaired.without("head_pressure") if machine.holds else repaired
         links += _ports(driven, forced_run(driven, plant, INNER), plant)
     else:
         missing += [(name, _why(recording, repaired, ALL)) for name in ("mechanics", "head flow", "rod flow")]

@@ -137,7 +137,7 @@ def mechanics(machine: Machine, recording: Recording) -> Mechanics:
         angle, inner["piston_position"], inner["jacobian"], inner["gravity_torque"], inertia, p.cylinder.A_a, p.cylinder.A_b, arm,
         _tolerance(machine, pose.tabulated), rate, plant.auxiliary(states, np.zeros((_POINTS, 2)))["friction_torque"],
         flow, np.asarray(drop(flow[None, :]), float).ravel(), joint_torque(recording, machine, pose),
-        machine.structure.hose_burst_valve.holds,
+        machine.holds,
         full_current=float(machine.structure.spool.current(p.main_valve_spool.s_max, p, machine.structure.pilot_valves)),
         load=pose.load,
     )  # fmt: skip

@@ -83,6 +83,15 @@ def test_a_load_that_is_picked_up_is_told_with_time_and_mass() -> None:
     assert "a load was picked up, 26" in steps[0].sentence
 
 
+def test_a_machine_that_was_explained_by_a_valve_that_holds_the_load_holds_it_in_every_analysis() -> None:
+    recording, explained = (
+        load(BAGS / "healthy" / "extended"),
+        TZ17.with_effects({"load_holding_valve": {"p_set": 130e5}}),
+    )
+    assert not TZ17.holds and not mechanics(TZ17, recording).holds
+    assert explained.holds and mechanics(explained, recording).holds
+
+
 def test_of_a_boom_that_carries_less_than_the_load_that_was_told_the_load_may_have_been_put_down(
     boom: Mechanics,
 ) -> None:

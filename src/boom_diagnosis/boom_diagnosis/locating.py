@@ -80,7 +80,7 @@ def locate(
     base = problem_at(machine, bags, select, nuisances, z, values, 1.0)
     statistical = _statistical(base, z, values) if doubted else {link.key: 0.0 for link in links(machine)}
     chain, inputs = _chain(base, z, values, healthy)
-    if holds := machine.structure.hose_burst_valve.holds:
+    if holds := machine.holds:
         chain = dict.fromkeys(chain, 0.0)
     rows = tuple(
         EquationEvidence(link.key, link.title, link.equation, link.subsystems, statistical[link.key], chain[link.key])

@@ -75,7 +75,7 @@ def identify_friction(points: Points, machine: Machine, pose: Pose) -> FrictionR
     torque = friction_torque(points, machine, pose)
     sizes = machine.structure.friction.sizes
     values = {key: machine.parameters[key].value[0] for key in sizes}
-    holds = machine.structure.hose_burst_valve.holds
+    holds = machine.holds
     found: list[Identified] = []
     missing: list[NotDetermined] = []
     for sign, direction, keys in ((1.0, "lifting", sizes[0::2]), (-1.0, "lowering", sizes[1::2])):

@@ -34,6 +34,11 @@ HIGHEST_PRESSURE = 1.0e8
 """Pa gauge: outside, a run ends with an error. Steel bursts long before the upper one; below the lower is nothing."""
 
 
+def valve_holds(structure: Structure, effects: Iterable[str]) -> bool:
+    """Whether a valve shuts the head side, of the structure or an effect: p_a carries the boom then, whatever p_h is."""
+    return structure.hose_burst_valve.holds or any(EFFECTS[name].holds for name in effects)
+
+
 @dataclass(frozen=True, eq=False)
 class Equations:
     """x' = derivative(x, u, p), y = outputs(x, u, p); all symbolic.

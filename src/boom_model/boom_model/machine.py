@@ -11,7 +11,7 @@ from typing import Any, Literal
 from boom_model.catalogue import EFFECTS, active_effects
 from boom_model.components import payload
 from boom_model.components.payload import Step
-from boom_model.equations import namespace
+from boom_model.equations import namespace, valve_holds
 from boom_model.errors import MachineError, nearest
 from boom_model.learned import LearnedTerm
 from boom_model.rigid_body import locked_inertia
@@ -151,6 +151,11 @@ class Machine:
                 parameters[spec.key] = Parameter(spec, (value,), tol=tol)
         structure = replace(self.structure, steps=tuple(step.by for step in steps))
         return replace(self, structure=structure, parameters=parameters)
+
+    @property
+    def holds(self) -> bool:
+        """As :func:`boom_model.equations.valve_holds`."""
+        return valve_holds(self.structure, self.effects)
 
     def driven_by(self, measured: Container[str]) -> Machine:
         """The machine whose model is driven by those pressures of ``structure.DRIVING`` that are measured, not by its constants."""

@@ -25,7 +25,7 @@ from boom_model.compiled_model import CompiledModel, pointer
 from boom_model.component_numbers import components_of
 from boom_model.components import oil
 from boom_model.delayed import delayed
-from boom_model.equations import LOWEST_PRESSURE, Kind
+from boom_model.equations import LOWEST_PRESSURE, Kind, valve_holds
 from boom_model.errors import ModelError, SimulationError
 from boom_model.machine import Machine, Pose
 from boom_model.sensors import OUTPUTS, PRESSURES
@@ -78,7 +78,7 @@ class Plant(CompiledModel):
         stroke = LARGEST_SPOOL * machine.numbers.main_valve_spool.s_max
         spools = [state.is_spool for state in states]
         self.minimum[spools], self.maximum[spools] = -stroke, stroke
-        self.holds = rest.holds(self.equations)
+        self.holds = valve_holds(self.equations.structure, self.equations.effects)
         self.delay_indices = tuple(self._delaying(what) for what in ("command", "pressures"))
         self.command_delay, self.pressure_delay = np.maximum(self.delays(self.p), 0.0).tolist()
 

@@ -13,16 +13,11 @@ from boom_model.catalogue import EFFECTS
 from boom_model.catalogue.terms import Terms
 from boom_model.component_numbers import components_of
 from boom_model.components import equation_of_motion, oil, payload
-from boom_model.equations import Equations
+from boom_model.equations import Equations, valve_holds
 from boom_model.regularisation import Expression
 
 START = ("angle", "hose_pressure", "rod_pressure", "balanced")
 """s of :func:`start_state`: q_2 [rad], p_h and p_b [Pa gauge], and 1 where p_h is to be what carries the boom, else 0."""
-
-
-def holds(m: Equations) -> bool:
-    """Whether a valve shuts the head side, whose pressure then carries the boom whatever the hose's is."""
-    return m.structure.hose_burst_valve.holds or any(EFFECTS[name].holds for name in m.effects)
 
 
 def settled(m: Equations, values: dict[str, Expression], p: Any, e: Terms) -> list[Expression]:
@@ -75,6 +70,6 @@ def start_state(m: Equations) -> tuple[Any, Any]:
     free = carrying(m, angle, rod)  # below zero the boom hangs, and the rod side carries it
     rod = rod + balanced * ca.fmax(-free, 0.0) * p.cylinder.A_a / p.cylinder.A_b
     hose = ca.if_else(balanced, ca.fmax(free, 0.0), hose)
-    head = ca.fmax(carrying(m, angle, rod), hose) if holds(m) else hose
+    head = ca.fmax(carrying(m, angle, rod), hose) if valve_holds(m.structure, m.effects) else hose
     values = {"angle": angle, "hose_pressure": hose, "head_pressure": head, "rod_pressure": rod}
     return s, ca.vertcat(*settled(m, values, p, e))

@@ -57,7 +57,7 @@ def scheme(machine: Machine, subsystems: Mapping[str, float] | None = None) -> M
 def components(machine: Machine) -> dict[str, Any]:
     """What of the scheme a machine has: by subsystem where the whole of it may be absent, else by component."""
     s = machine.structure
-    holds = s.hose_burst_valve.holds or any(EFFECTS[effect].holds for effect in machine.effects)
+    holds = machine.holds
     accumulators = max(1, len(s.accumulators.precharges)) if s.accumulators.name != "none" else 0
     middle = sum(machine.angle_limits) / 2
     return {

@@ -14,7 +14,7 @@ import casadi as ca
 from boom_controller.blocks.buffers import on_buffers
 from boom_controller.types import Measurement, Reference
 from boom_input.channels import PREDICTED
-from boom_model.catalogue import EFFECTS, load_holding_valve
+from boom_model.catalogue import load_holding_valve
 from boom_model.component_numbers import component_parameters
 from boom_model.components import cylinder, equation_of_motion, oil
 from boom_model.components import load_holding_valve as holding_valve
@@ -135,12 +135,6 @@ class ControlModel:
         """Dead time [s] of both pressures, of the machine file."""
         return self.e.delay("pressures")
 
-    @property
-    def holds(self) -> bool:
-        """Whether a valve shuts the head side, whose pressure then carries the boom whatever the hose's is."""
-        structure = self.machine.structure
-        return structure.hose_burst_valve.holds or any(EFFECTS[name].holds for name in self.machine.effects)
-
     def carried(
         self, q: ModelQuantities, m: Measurement, acceleration: Expression, lifting: Expression
     ) -> ModelQuantities:
@@ -161,7 +155,7 @@ class ControlModel:
 
     def resting_force(self, m: Measurement) -> float:
         """f_p [N] of a boom that rests: measured, or what it needs behind a valve that holds the load."""
-        if not self.holds:
+        if not self.machine.holds:
             return float(cylinder.force(m.hose_pressure, m.rod_pressure, self.p))
         q = self.at(OperatingPoint(m.angle, 0.0, m.hose_pressure, m.rod_pressure, m.angle, 0.0, 0.0, 0.0, 0.0))
         return max(q.force, q.gravity / q.jacobian)

@@ -223,7 +223,7 @@ class Improved:
         position = x.past.position(dead, s.sample_time)
         velocity = q.jacobian * m.rate
         through = True
-        if self._model.holds:
+        if self._model.machine.holds:
             through = ca.logic_and(position < -self._dead_zone, velocity > s.dead_zone_speed)
             q = self._model.carried(q, m, now.acceleration, through)
         safe = x.swings.calmed > 0

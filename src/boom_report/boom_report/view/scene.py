@@ -53,7 +53,7 @@ def scene(machine: Machine, pose: Pose) -> dict[str, Any]:
         "boom": [[0.0, 0.0], _rounded(elbow), _rounded(pose.tip)], "joint": _rounded(joint),
         "area": [numbers.cylinder.A_a, numbers.cylinder.A_b],
         "supply": _number(machine, "fluid.p_s"), "tank": _number(machine, "fluid.p_t"),
-        "holds": machine.structure.hose_burst_valve.holds, "scheme": str(scheme(machine)),
+        "holds": machine.holds, "scheme": str(scheme(machine)),
     }  # fmt: skip
 
 
