@@ -26,6 +26,7 @@ from boom_diagnosis.freerun import errors, free_run, noise_floor
 from boom_diagnosis.hypotheses import LOOSENESS, effects_of, problem_at
 from boom_diagnosis.prediction import Predictor, Values
 from boom_diagnosis.proof import machine_at, placed, spans_of, worsening, worst_channel
+from boom_diagnosis.weighing import NEGLIGIBLE
 from boom_model.catalogue import EFFECTS
 from boom_model.learned import DISCREPANCY_TIME
 from boom_model.machine import Machine
@@ -57,14 +58,17 @@ class FreeRunPredictor(Predictor):
 def fit_to_free_runs(case: Case) -> None:
     """The machines that are handed out and compared, fitted to free runs where these stay far from what noise leaves.
 
-    A fit counts where it improves free runs over data not used, and no channel of what is found gets worse than with parameters
-    only by it.
+    What is found and parameters only are both fitted, because they are compared; but where what is found leaves nothing in one-step
+    errors, these are its likelihood, and free runs near the noise's would only move its numbers. A fit counts where it improves free
+    runs over data not used, and no channel of what is found gets worse than with parameters only by it.
     """
     alone = None if case.taken or case.learned else _alone(case)
-    which = dict.fromkeys((0, len(case.trained) - 1))
-    if not any(_far(case, case.trained[k]) for k in which):  # both are fitted or none: they are compared
+    far = {k: _far(case, case.trained[k]) for k in dict.fromkeys((0, len(case.trained) - 1))}
+    if not any(far.values()):
         return
-    for k in which:
+    for k in far:
+        if k and not far[k] and case.rest(case.last) < NEGLIGIBLE:
+            continue
         before = case.trained[k]
         after = fitted_to_free_runs(case, before, case.bags, case.training)
         if worsening(case, before, after) >= 1.0 or (k and _unproves(case, before, after)):

@@ -28,6 +28,23 @@ def test_a_fit_counts_where_it_helps_and_leaves_no_channel_worse_than_with_param
     assert case.trained == [base, after if kept else before]
 
 
+@pytest.mark.parametrize(("rest", "kept"), [(0.0, False), (0.5, True)])
+def test_what_leaves_nothing_in_one_step_errors_and_runs_freely_near_the_noise_keeps_its_numbers(
+    monkeypatch: pytest.MonkeyPatch, rest: float, kept: bool
+) -> None:
+    monkeypatch.setattr(free_fit, "_far", lambda case, at: at == "base")
+    monkeypatch.setattr(free_fit, "fitted_to_free_runs", lambda case, at, bags, select: f"{at}, run")
+    monkeypatch.setattr(free_fit, "worsening", lambda case, old, new: 0.5)
+    monkeypatch.setattr(free_fit, "worst_channel", lambda case, old, new: 1.0)
+    case: Any = SimpleNamespace(
+        trained=["base", "found"], bags=[], training=[], select=[], final=None, taken=[None], last="found", rest=lambda at: rest
+    )
+
+    free_fit.fit_to_free_runs(case)
+
+    assert case.trained == ["base, run", "found, run" if kept else "found"]
+
+
 @pytest.mark.parametrize("better", [False, True])
 def test_where_nothing_was_found_the_likeliest_observers_numbers_are_handed_out_if_free_runs_err_less_with_them(
     monkeypatch: pytest.MonkeyPatch, better: bool

@@ -147,6 +147,20 @@ def test_a_load_on_a_bending_boom_lowers_its_frequency_and_pulls_at_the_outer_pa
     assert float(sagging.rates["bend_rate"]) == pytest.approx(0.0, abs=1e-9)
 
 
+def test_a_boom_sags_under_its_own_weight_by_the_share_told_and_the_cylinder_carries_it(
+    tz17: Any, effects: Any, held: Any
+) -> None:
+    q = namespace(tz17.values(tz17.pose(0.28, 2.8, 100.0)))
+    own, angle = float(equation_of_motion.inertia(100.0, q)), 0.3
+    at = {"angle": angle, "rate": 0.0, "inertia": own, "torque": 0.0, "p": q}
+    weight = float(equation_of_motion.gravity_torque(angle, 100.0, q, effects()))
+    mode = {"gain": 0.6, "f": 2.0, "zeta": 0.0, "mu": 0.4, "sag": 0.5}
+    sagging = held(bend=-0.6 * 0.5 * weight / (0.4 * own * (4 * pi) ** 2), bend_rate=0.0)
+    sunk = effects(sagging, boom_flexibility=mode).through("angular_acceleration", 0.0, **at)
+    assert float(sunk) == pytest.approx(0.0, abs=1e-9)
+    assert float(sagging.rates["bend_rate"]) == pytest.approx(0.0, abs=1e-9)
+
+
 # ------------------------------------------------------------------------------------------------------------- friction
 
 

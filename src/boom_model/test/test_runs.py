@@ -465,3 +465,21 @@ def test_a_plant_with_the_numbers_of_another_machine_has_its_limits_and_delays_a
     assert other.minimum[other.state_names.index("rod_pressure")] == -101_325.0
     assert first.command_delay == 0.02
     np.testing.assert_array_equal([first.minimum, first.maximum], [minimum, maximum])
+
+
+@pytest.mark.parametrize("kind", ["full", "reduced"])
+@pytest.mark.parametrize(
+    "effect",
+    [
+        {},
+        {"angle_offset": {"b": 0.05}},
+        {"pressure_bias": {"hose": 3e5, "hose_gain": 1.3, "rod_gain": 0.7}},
+        {"boom_flexibility": {"gain": 0.6, "f": 1.5, "mu": 0.3, "sag": 1.0}},
+    ],
+    ids=lambda effect: next(iter(effect), "none"),
+)
+def test_at_rest_the_sensors_show_what_they_were_said_to_show(tz17: Machine, effect: Any, kind: Any) -> None:
+    """A free run of a boom that sags by 40 mrad began 40 mrad away, of a transducer with another gain as many percent."""
+    plant = Plant(tz17.with_effects(effect), tz17.pose(4.5, 0.0), kind)
+    shown = plant.outputs(plant.rest_state_measured(0.3, 9e6, 1e6))
+    assert shown == pytest.approx([0.3, 0.0, 9e6, 1e6], rel=1e-6)

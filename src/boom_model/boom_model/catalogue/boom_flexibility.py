@@ -3,7 +3,7 @@
 One mode on top of the rigid rotation q_2 at the cylinder, x the angle that it adds to the boom's outer part (Lagrange), D_c the
 inertia with the load that the configuration tells, D with all loads, r = D / D_c - 1 what is picked up, g_r its torque:
 
-    (mu + r) x'' + mu (2 zeta omega x' + omega^2 x) = -Gamma ((mu + r) q_2'' + g_r / D_c),   omega = 2 pi f
+    (mu + r) x'' + mu (2 zeta omega x' + omega^2 x) = -Gamma ((mu + r) q_2'' + (g_r + s g_c) / D_c),   omega = 2 pi f
     D q_2'' + Gamma (mu + r) D_c x'' = J f_p - tau_f - g(q_2)
     measured angle q_2 + eta x, measured rate q_2' + eta x'
 
@@ -11,11 +11,13 @@ Gamma is how much of the boom's angular acceleration excites the mode there, mu 
 angle's sensor sees: 1 of an IMU on the outer part, 0 of an encoder in the bearing, where the mode shows in the pressures only. Two
 masses on a joint spring are Gamma = 1, mu = D_2 / D_c: the boom's outer part D_2 behind a stiffness omega^2 D_2, in cranes 1.5e6 to
 2.2e6 N m/rad; f is the frequency with the cylinder held, there 1.5 to 5 Hz with zeta .014 to .02. A load hangs on the outer part:
-it lowers the frequency, and what is picked up pulls there first. Solved for q_2'':
+it lowers the frequency, and what is picked up pulls there first. s is the share of the told weight's torque g_c that bends the boom
+against that of its inertia: 1 of a boom that is one joint spring and two masses, 0 where nothing is known of its sag, which is then
+part of the angle's zero. Solved for q_2'':
 
-    (1 + r - Gamma^2 (mu + r)) D_c q_2'' = J f_p - tau_f - g(q_2) + Gamma mu D_c (2 zeta omega x' + omega^2 x) + Gamma^2 g_r
+    (1 + r - Gamma^2 (mu + r)) D_c q_2'' = J f_p - tau_f - g(q_2) + Gamma mu D_c (2 zeta omega x' + omega^2 x) + Gamma^2 (g_r + s g_c)
 
-The sag under the weight that was told is part of the angle's zero. Neutral Gamma = 0: no states.
+Neutral Gamma = 0: no states.
 """
 
 from collections.abc import Mapping
@@ -39,16 +41,19 @@ def _restoring(own: Any) -> Expression:
     return 2 * own.zeta * omega * own.state("bend_rate") + omega * omega * own.state("bend")
 
 
-def _weight(angle: Expression, picked_up: Expression, p: Any) -> Expression:
-    """g_r / D_c [1/s^2] of the share r of D_c that was picked up at the tip."""
+def _weight(angle: Expression, picked_up: Expression, own: Any, p: Any) -> Expression:
+    """(g_r + s g_c) / D_c [1/s^2], g_r of the share r of D_c that was picked up at the tip."""
     x, y = p.pose.tip[0], p.pose.tip[1]
-    return picked_up * p.constants.g * (x * ca.cos(angle) - y * ca.sin(angle)) / (x * x + y * y)
+    told = own.sag / inertia(p.pose.load, p)
+    along = told * (p.pose.Sx + p.pose.load * x) + picked_up * x / (x * x + y * y)
+    across = told * (p.pose.Sy + p.pose.load * y) + picked_up * y / (x * x + y * y)
+    return p.constants.g * (along * ca.cos(angle) - across * ca.sin(angle))
 
 
 def _acceleration(acceleration: Expression, own: Any, at: Any) -> Expression:
     picked_up = at.inertia / inertia(at.p.pose.load, at.p) - 1.0
     modal = ca.fmax(own.mu + picked_up, LEAST_MODAL * own.mu)
-    pulled = own.mu * _restoring(own) + own.gain * _weight(at.angle, picked_up, at.p)
+    pulled = own.mu * _restoring(own) + own.gain * _weight(at.angle, picked_up, own, at.p)
     rigid = ca.fmax(1.0 + picked_up - own.gain**2 * modal, LEAST_RIGID)
     result = ((1.0 + picked_up) * acceleration + own.gain * pulled) / rigid
     own.rates["bend"] = own.state("bend_rate")
@@ -59,7 +64,7 @@ def _acceleration(acceleration: Expression, own: Any, at: Any) -> Expression:
 def _at_rest(states: Mapping[str, Expression], p: Any, e: Any) -> dict[str, Expression]:
     own = e.numbers("boom_flexibility")
     picked_up = inertia(states["load"], p) / inertia(p.pose.load, p) - 1.0
-    return {"bend": -own.gain * _weight(states["angle"], picked_up, p) / (own.mu * (2 * pi * own.f) ** 2)}
+    return {"bend": -own.gain * _weight(states["angle"], picked_up, own, p) / (own.mu * (2 * pi * own.f) ** 2)}
 
 
 def _seen_angle(angle: Expression, own: Any, _at: Any) -> Expression:
@@ -84,6 +89,7 @@ EFFECT = Effect(
                   possible=(-inf, 0.05), surely=True),
         parameter("mu", "-", 0.3, (0.1, 0.7), (0.0, 0.95), "modal mass over D", positive=True),
         parameter("eta", "-", 1.0, (0.0, 1.0), (0.0, 2.0), "share of the mode that the angle's sensor sees", starts=(1.0, 0.0)),
+        parameter("sag", "-", 0.0, (0.0, 1.0), (-1.0, 5.0), "share s of the told weight that bends the boom", starts=(0.0, 1.0)),
     ),
     {
         "angular_acceleration": _acceleration,
