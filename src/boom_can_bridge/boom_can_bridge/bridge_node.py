@@ -16,6 +16,7 @@ from boom_input.channels import MEASURED_TOPICS, SENSORS
 from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
+from boom_node.emergency_stop import EmergencyStop
 from boom_node.errors import StartError
 from boom_node.face import Face
 from boom_node.node import LifecycleNode
@@ -74,12 +75,11 @@ class BridgeNode(LifecycleNode):
         self.create_subscription(
             SolenoidCurrents, "/boom/current_command", self._on_command, qos.BY_TOPIC["/boom/current_command"]
         )
-        self.create_subscription(Bool, "/boom/emergency_stop", self._on_stop, qos.BY_TOPIC["/boom/emergency_stop"])
+        self._stop = EmergencyStop(self, self._on_stop)
         self._enabled.publish(Bool(data=False))
         self.create_service(SetBool, "~/enable", self._on_enable)
         self._diagnostics = DiagnosticsPublisher(self, self._health, values.machine)
         self.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._stopped = False
         if values.autostart:
             self.trigger_configure()
             if not self._failure:
@@ -115,7 +115,7 @@ class BridgeNode(LifecycleNode):
             if bridge.log is not None:
                 bridge.log.close()
             return self._fail(str(error))
-        bridge.emergency_stop(self._stopped)
+        bridge.emergency_stop(self._stop.standing)
         self._failure = ""
         self._bridge = bridge
         return TransitionCallbackReturn.SUCCESS
@@ -226,10 +226,9 @@ class BridgeNode(LifecycleNode):
             age = ns_to_seconds(now_ns - stamp_ns) if stamp_ns else 0.0
         bridge.command(message.retract, message.extend, age)
 
-    def _on_stop(self, message: Bool) -> None:
-        self._stopped = bool(message.data)
+    def _on_stop(self, wanted: bool) -> None:
         if self._bridge is not None:
-            self._bridge.emergency_stop(self._stopped)
+            self._bridge.emergency_stop(wanted)
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         if self._bridge is None:

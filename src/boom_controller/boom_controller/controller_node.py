@@ -20,6 +20,7 @@ from boom_model.errors import ModelError
 from boom_node import parameters, qos, shell
 from boom_node.commands import LONGEST_SILENCE_S
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
+from boom_node.emergency_stop import EmergencyStop
 from boom_node.errors import StartError
 from boom_node.node import LifecycleNode
 from boom_node.publishers import COMMANDS, SolePublishers
@@ -31,7 +32,6 @@ from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from boom_controller.node import messages
@@ -62,7 +62,7 @@ class ControllerNode(LifecycleNode):
         self._others = OtherJoints(self.get_logger().warning)
         self._loop: ControlLoop | None = None
         self._rehearsal: Rehearsal | None = None
-        self._active = self._realtime = self._emergency = False
+        self._active = self._realtime = False
         clock = self.get_clock()
         self._times = SampleTimes(self._lockstep, self._values, lambda: clock.now().nanoseconds, self.guard.refuse)
         self._configuring = Configuring(
@@ -102,7 +102,7 @@ class ControllerNode(LifecycleNode):
         subscribe(SolenoidCurrents, "/boom/solenoid_currents", self._on_currents, sensor=True)
         subscribe(JointState, "/boom/reference", self._on_reference, sensor=True)
         subscribe(MachineConfiguration, "/boom/machine_configuration", self._on_configuration)
-        subscribe(Bool, "/boom/emergency_stop", self._on_emergency)
+        self._emergency = EmergencyStop(self, self._on_emergency)
         if self._lockstep:
             self.create_subscription(ClockMessage, "/clock", self._on_clock, qos.EVERY_SAMPLE)
         self.create_service(Trigger, "~/resume", self._on_resume)
@@ -125,7 +125,7 @@ class ControllerNode(LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         self._configuring.again()
         self._configure()
-        self._loop.emergency_stop(self._emergency, self._times.now())
+        self._loop.emergency_stop(self._emergency.standing, self._times.now())
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -352,10 +352,9 @@ class ControllerNode(LifecycleNode):
             if self._lockstep:
                 self._arrived("reference", stamp_ns)
 
-    def _on_emergency(self, message: Bool) -> None:
-        self._emergency = bool(message.data)
+    def _on_emergency(self, wanted: bool) -> None:
         if self._loop is not None:
-            self._loop.emergency_stop(self._emergency, self._times.now())
+            self._loop.emergency_stop(wanted, self._times.now())
 
     def _on_emergency_service(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._loop is not None:

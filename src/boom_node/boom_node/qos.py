@@ -26,6 +26,8 @@ LATEST = _profile(1, reliable=True)  # the newest counts, none may be lost silen
 EVENTS = _profile(10, reliable=True)  # on demand or on change
 JOINT_STATES = _profile(10, reliable=True)  # serves best-effort readers, too
 LATCHED = _profile(1, reliable=True, latched=True)  # late joiners get the last one
+EVERY_CHANGE = _profile(100, reliable=True, latched=True)
+"""To subscribe to what is latched with, where a value that is replaced at once must not be lost: a press on a stop is one."""
 EVERY_SAMPLE = _profile(1000, reliable=True)
 """Sensor topics in lockstep: no sample may be lost, however slow a recorder is; subscribers with sensor data QoS still match."""
 EVERY_SENSOR_SAMPLE = _profile(1000, reliable=False)
@@ -54,4 +56,6 @@ BY_TOPIC: dict[str, QoSProfile] = {
 
 def requested(topic: str) -> QoSProfile:
     """The QoS to subscribe with: sensors as best effort, because other publishers of theirs offer no more."""
+    if topic == "/boom/emergency_stop":
+        return EVERY_CHANGE
     return SENSOR_DATA if topic in MEASURED_TOPICS else BY_TOPIC[topic]

@@ -49,7 +49,7 @@ class WatchedCommand:
     """Freshness of commands.
 
     Attributes:
-        received: number of commands so far. late: number refused because they were too old on arrival.
+        received: number of commands so far. late: number refused because of their stamp.
         closed: whether no fresh command acts.
     """
 
@@ -68,6 +68,9 @@ class WatchedCommand:
             return (
                 f"its stamp is older than {LONGEST_SILENCE_S * 1e3:.0f} ms: synchronise the clocks, or send it at once"
             )
+        if stamped and age < -LONGEST_SILENCE_S:
+            self.late += 1
+            return f"its stamp is {-age * 1e3:.0f} ms in the future: synchronise the clocks"
         if not stamped and now < self._doubtful_until:
             self.late += 1
             return "it may have waited while the simulation stood still: stamp it"

@@ -1,6 +1,7 @@
 """The simulated crane as a process: follows commands and publishes the machine's topics. Topics, parameters, services: README.md.
 
 Real time: the crane advances every 10 ms of a steady clock; a command older than 100 ms closes the valve.
+While /boom/emergency_stop is true the valve is closed, and stays so until commands were zero or silent: false starts nothing.
 Lockstep: the simulation owns time. At t_n it publishes the samples of t_n, then /clock = t_n, and waits; one command advances it by
 one period. A command whose stamp lies inside the coming period acts from that time, any other at once.
 """
@@ -19,6 +20,7 @@ from boom_interfaces.srv import SetPayload
 from boom_model.errors import ModelError, SimulationError
 from boom_node import parameters, qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
+from boom_node.emergency_stop import EmergencyStop
 from boom_node.errors import StartError
 from boom_node.face import Face
 from boom_node.node import Node
@@ -36,6 +38,9 @@ from boom_sim.pacing import SimulationPacer, WatchedCommand
 from boom_sim.simulated_crane import PERIOD, CommandError, CraneSample
 from boom_sim.unheard_motion import LOOK_EVERY_S, UnheardMotion
 
+_CLOSED = 0.05
+"""A. A replayed zero, with the noise of the measured currents; every valve is shut at it."""
+
 
 class SimulationNode(Node):
     """Thin layer around :class:`boom_sim.simulated_crane.SimulatedCrane`."""
@@ -48,7 +53,7 @@ class SimulationNode(Node):
         except ModelError as error:
             raise StartError(str(error)) from error
         self._lockstep = self._values.mode == "lockstep"
-        self._paused = False
+        self._paused = self._held = False
         self._failure = self._refused = self._told_conflict = ""
         self._watch = WatchedCommand()
         self._sole = SolePublishers(self, (*COMMANDS, *MEASURED_TOPICS), self._values.shared_topics)
@@ -74,6 +79,7 @@ class SimulationNode(Node):
         self.create_subscription(
             SolenoidCurrents, "/boom/current_command", self._on_command, qos.BY_TOPIC["/boom/current_command"]
         )
+        self._stop = EmergencyStop(self, self._on_stop)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(SetPayload, "~/set_payload", self._on_set_payload)
@@ -104,7 +110,9 @@ class SimulationNode(Node):
 
     def _on_command(self, message: SolenoidCurrents) -> None:
         stamp_ns = to_ns(message.header.stamp)
-        if self._conflict():
+        if self._held and not self._stop.standing and max(abs(message.retract), abs(message.extend)) <= _CLOSED:
+            self._held = False
+        if self._conflict() or self._held:
             message.retract = message.extend = 0.0
         if not self._lockstep:
             wrong = far(stamp_ns, self.get_clock().now().nanoseconds) if stamp_ns else ""
@@ -130,6 +138,18 @@ class SimulationNode(Node):
                 self._publish(self._crane.sample, tick=False)  # only now is anybody sure to listen
             self._advance()
 
+    def _on_stop(self, wanted: bool) -> None:
+        if wanted == self._held:
+            return
+        if wanted:
+            self._held = True
+            self._crane.command(0.0, 0.0)
+        elif self._watch.closed and not self._lockstep:
+            self._held = False  # nothing waits to go on
+        again = "it is false again" if not self._held else "it is false again: commands act once they were zero"
+        self.get_logger().warning(f"/boom/emergency_stop: {'valve closed' if wanted else again}")
+        self._diagnostics.update()
+
     def stop_safely(self, _reason: str) -> None:
         """Close the valve after a callback has raised."""
         self._crane.command(0.0, 0.0)
@@ -139,6 +159,7 @@ class SimulationNode(Node):
             self._crane.command(0.0, 0.0)
         if self._watch.has_expired(time.monotonic()):
             self._crane.command(0.0, 0.0)
+            self._held = self._stop.standing
             self.get_logger().warning("no current command for 100 ms: the valve is closed until the next one")
             self._diagnostics.update()
         # when this tick was due, however late it comes: stamps stay on one grid, and a late first tick makes no later one early
@@ -262,6 +283,9 @@ class SimulationNode(Node):
             return Health(Level.ERROR, f"stands: {self._failure}", values)
         if self._sole.look():
             return Health(Level.ERROR, f"valve closed: {self._sole.conflict}", values)
+        if self._held:
+            until = "" if self._stop.standing else ", now false: commands act once they were zero"
+            return Health(Level.WARN, f"valve closed: /boom/emergency_stop{until}", values)
         if self._paused:
             return Health(Level.WARN, "paused", values)
         if self._refused:

@@ -15,7 +15,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
 from boom_interfaces.msg import GroundTruth, MachineConfiguration, SolenoidCurrents
@@ -252,3 +252,25 @@ def test_crane_that_left_its_range_stands_until_reset(partner: Partner, start: A
     assert 0 < len(partner.ticks) < 200
     assert partner.call(Trigger, "/boom_simulation/reset", Trigger.Request()).success
     assert partner.step(0.0, 0.0).position[0] == pytest.approx(1.55, abs=1e-4)
+
+
+@pytest.mark.parametrize("pulses", [1, 5])
+def test_an_emergency_stop_closes_the_valve_however_short_and_commands_begin_again_from_zero(
+    start: Callable[..., subprocess.Popen[str]], partner: Partner, pulses: int
+) -> None:
+    start("mode:=lockstep", "sensors:=ideal")
+    stop = partner.node.create_publisher(Bool, "/boom/emergency_stop", qos.BY_TOPIC["/boom/emergency_stop"])
+    partner.until(lambda: partner.commands.get_subscription_count() and stop.get_subscription_count())
+    for _ in range(40):
+        lifted = partner.step(0.0, 0.6)
+    assert lifted.velocity[0] > 0.05
+    for _ in range(pulses):
+        stop.publish(Bool(data=True))
+        stop.publish(Bool(data=False))
+
+    def speed(*currents: float) -> float:
+        return float([partner.step(*currents) for _ in range(100)][-1].velocity[0])
+
+    assert abs(speed(0.0, 0.6)) < 0.02  # what went on commanding does not start it
+    partner.step(0.0, 0.0)
+    assert speed(0.0, 0.6) > 0.05

@@ -27,7 +27,6 @@ from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.supervision.tracking_goal import Ending, Goals, Tolerances, TrackingGoal
 from boom_controller.supervision.watch import MotionWatch
 from boom_controller.types import ControlOutput, Measurement, Reference
-from boom_model.derived import valve_currents
 from boom_model.machine import Machine, Pose
 from boom_node.commands import LONGEST_SILENCE_S
 
@@ -84,10 +83,10 @@ class ControlLoop:
         if self.supervision.moving:
             raise ControlError("the boom moves: stop it before the configuration changes")
         self.law.use(laws)
-        machine, _ = laws.configuration
+        machine, pose = laws.configuration
         self._note = unused_in_words(machine)
         self.sensors.set_stroke(*machine.angle_limits)
-        self._watch = MotionWatch(self.supervision.settings, machine.angle_limits, valve_currents(machine))
+        self._watch = MotionWatch.of(self.supervision.settings, machine, pose)
         self._use_supervision(self.supervision.settings)
 
     def configuration_changes(self, now: float) -> None:

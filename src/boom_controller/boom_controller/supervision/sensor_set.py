@@ -15,6 +15,8 @@ _BEYOND = (
 )
 _RATE = Range("rate", "rad/s", -3.0, 3.0)
 _PRESSURE = (-2.02e5, 6.0e7)  # Pa. Vacuum, to the accuracy of a transducer of 0 to 400 bar
+_DRIFT_T, _DRIFT = 10.0, 2.0
+"""s, and times ``largest_disagreement``: an angle that leaves the gyro slowly. A gyro that is 10 % wrong stays below over 1 rad."""
 _NO_CHANGE = 1e-6  # rad/s
 _NO_CHANGE_OF_PRESSURE = 10.0  # Pa
 _CURRENT = Range("current", "A", -0.05, 10.0)
@@ -34,7 +36,7 @@ class SensorSet:
         self.hose = SupervisedSensor("hose pressure", (Range("hose pressure", "Pa", *_PRESSURE),))
         self.rod = SupervisedSensor("rod pressure", (Range("rod pressure", "Pa", *_PRESSURE),))
         self.currents = SupervisedSensor("currents", (_CURRENT, _CURRENT))
-        self._agreement = Agreement()
+        self._agreement, self._drift = Agreement(), Agreement(_DRIFT_T)
         self._age = 0.0
         self._watch_repeats()
 
@@ -45,7 +47,11 @@ class SensorSet:
     def take_joint(self, angle: float, rate: float, stamp: float, measured: float, *, at_rest: bool = False) -> None:
         """Accept angle [rad] and rate [rad/s]. at_rest: the valve is closed; what the gyro does then tells its noise."""
         if self.joint.take((angle, rate), stamp, measured):
+            before, _ = self._turned
+            self._turned = stamp, rate
             self._agreement.update(stamp, angle, rate)
+            self._drift.update(stamp, angle, rate)
+            self._angle.take(angle, stamp, at_rest, rate * (stamp - before) if before < stamp else 0.0)
             self._gyro.take(rate, stamp, at_rest)
 
     def take_hose(self, pressure: float, stamp: float, measured: float, *, at_rest: bool = False) -> None:
@@ -59,7 +65,7 @@ class SensorSet:
             self._pressures["rod"].take(pressure, stamp, at_rest)
 
     def _watch_repeats(self) -> None:
-        self._gyro = Repeats(_NO_CHANGE)
+        self._gyro, self._angle, self._turned = Repeats(_NO_CHANGE), Repeats(_NO_CHANGE), (math.inf, 0.0)
         self._pressures = {side: Repeats(_NO_CHANGE_OF_PRESSURE) for side in ("hose", "rod")}
 
     def forget(self) -> None:
@@ -67,6 +73,7 @@ class SensorSet:
         for sensor in (self.joint, self.hose, self.rod, self.currents):
             sensor.forget()
         self._agreement.reset()
+        self._drift.reset()
         self._watch_repeats()
 
     def complete(self, most_apart: float) -> bool:
@@ -123,9 +130,13 @@ class SensorSet:
                 f"the rate repeats {self.joint.values[1]:.4g} rad/s for {1e3 * stuck[0]:.0f} ms, by its noise at most "
             )
             return StopCause("sensor_stuck", f"{text}{1e3 * stuck[1]:.0f} ms: is the sensor of angle and rate stuck?")
-        apart = self._agreement.apart
-        if abs(apart) > s.largest_disagreement:
-            return StopCause("sensors_disagree", f"angle and integrated rate have drifted apart by {apart:.3f} rad")
+        if stuck := self._angle.stuck:
+            text = f"the angle repeats {self.joint.values[0]:.4g} rad for {1e3 * stuck[0]:.0f} ms"
+            return StopCause("sensor_stuck", f"{text}: is its sensor stuck?")
+        for watched, most in ((self._agreement, s.largest_disagreement), (self._drift, _DRIFT * s.largest_disagreement)):
+            if abs(watched.apart) > most:
+                text = f"angle and integrated rate have drifted apart by {watched.apart:.3f} rad in about {watched.T:g} s"
+                return StopCause("sensors_disagree", text)
         return None
 
 

@@ -96,9 +96,8 @@ class Agreement:
     sample: r <- (r + rate dt - change of angle) exp(-dt / T).
     """
 
-    T = 1.0
-
-    def __init__(self) -> None:
+    def __init__(self, T: float = 1.0) -> None:  # noqa: N803
+        self.T = T
         self.reset()
 
     def reset(self) -> None:

@@ -7,7 +7,10 @@ from collections import deque
 
 from boom_controller.supervision.reasons import StopCause
 from boom_controller.supervision.supervision_settings import SupervisionSettings
+from boom_controller.supervision.weight import CarriedWeight
 from boom_controller.types import ControlOutput, Measurement, Reference
+from boom_model.derived import valve_currents
+from boom_model.machine import Machine, Pose
 
 _OUTWARD_RATE = 0.02  # rad/s. Ten times the noise of the gyro: the boom really moves
 _STAYS = 0.1  # s that a pressure stays beyond its limit once that was told: bringing the boom to rest by the loop is of no use
@@ -37,17 +40,29 @@ class MotionWatch:
         settings: the limits.
         angles: lowest and highest angle of the machine [rad].
         valve: currents at which its valve opens, and is open [A].
+        weight: what its pressures have to carry, if they are to be watched.
     """
 
-    def __init__(self, settings: SupervisionSettings, angles: tuple[float, float], valve: tuple[float, float]) -> None:
+    def __init__(
+        self, settings: SupervisionSettings, angles: tuple[float, float], valve: tuple[float, float],
+        weight: CarriedWeight | None = None,
+    ) -> None:  # fmt: skip
         self.settings = settings
         self.angles = angles
         self._wide = valve[0] + _WIDE_OPEN * (valve[1] - valve[0])
+        self._weight = weight
         self.reset()
+
+    @classmethod
+    def of(cls, settings: SupervisionSettings, machine: Machine, pose: Pose) -> MotionWatch:
+        """Of a machine in a pose."""
+        return cls(settings, settings.angles(machine.angle_limits), valve_currents(machine), CarriedWeight(machine, pose))
 
     def reset(self) -> None:
         """Start again."""
         self._fast, self._pressed, self._stays, self._unlike = _Lasting(), _Lasting(), _Lasting(), _Lasting()
+        if self._weight:
+            self._weight.reset()
         self._missed: deque[float] = deque()
         self._opened: deque[tuple[float, float]] = deque()
 
@@ -85,6 +100,12 @@ class MotionWatch:
             return StopCause(
                 "pressure_stays" if stays else "pressure_limit",
                 f"{pressure / 1e5:.0f} bar on the {side} side, allowed are {s.largest_pressure / 1e5:.0f} bar",
+            )
+        if self._weight and self._weight.lacks(now, m.angle, m.rate, m.hose_pressure, m.rod_pressure):
+            return StopCause(
+                "pressures_impossible",
+                f"the boom is lifted, and {m.hose_pressure / 1e5:.3g} bar in the hose and {m.rod_pressure / 1e5:.3g} bar on the rod side "
+                "do not carry even the empty boom",
             )
         error = reference.angle - m.angle
         if abs(error) > s.largest_angle_error:

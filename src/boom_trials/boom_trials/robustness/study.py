@@ -178,7 +178,7 @@ def carry_out_one(job: StudyRun) -> Result:
     )
     known = machine if job.case.told else nominal
     law = _controller(job.mode, _Known(job.machine, known), pose_key, job.settings)
-    controller = Watched(law, nominal, supervised=job.supervised)
+    controller = Watched(law, nominal, base, supervised=job.supervised)
     governor = Governor(job.settings.sample_time) if job.governed else None
     history = carried_out(controller, crane, references, delay=job.delay, governor=governor)
     wished = piston_positions(nominal, history.reference)

@@ -8,8 +8,7 @@ from typing import Any
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.supervision.watch import MotionWatch
 from boom_controller.types import Controller, ControlOutput, Measurement, Reference
-from boom_model.derived import valve_currents
-from boom_model.machine import Machine
+from boom_model.machine import Machine, Pose
 
 
 class Watched:
@@ -17,18 +16,17 @@ class Watched:
 
     Args:
         law: that commands.
-        machine: whose stroke limits the angle.
+        machine, pose: whose stroke limits the angle, and whose weight the pressures carry.
 
     Attributes:
         mode: of the law. seconds: [s] that each step of the law took.
     """
 
-    def __init__(self, law: Controller, machine: Machine, *, supervised: bool) -> None:
+    def __init__(self, law: Controller, machine: Machine, pose: Pose, *, supervised: bool) -> None:
         self.mode = law.mode
         self.seconds: list[float] = []
-        settings = SupervisionSettings()
         self._law = law
-        self._watch = _watch(settings, machine) if supervised else None
+        self._watch = MotionWatch.of(SupervisionSettings(), machine, pose) if supervised else None
 
     def reset(self, measurement: Measurement) -> None:
         """As the law."""
@@ -46,7 +44,3 @@ class Watched:
     def change(self, settings: Any) -> None:
         """As the law."""
         self._law.change(settings)
-
-
-def _watch(settings: SupervisionSettings, machine: Machine) -> MotionWatch:
-    return MotionWatch(settings, settings.angles(machine.angle_limits), valve_currents(machine))

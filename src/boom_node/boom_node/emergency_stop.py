@@ -1,0 +1,49 @@
+"""/boom/emergency_stop as its readers take it: no ``true`` is lost, and none is cleared by somebody else.
+
+A message does not say who sent it. Where several nodes publish, a ``false`` may be another one's than the ``true`` that stands, and
+does not count: that it does nothing is told, and once one publisher is left, its next ``false`` counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from std_msgs.msg import Bool
+
+from boom_input.shown import quoted
+from boom_node import qos
+
+TOPIC = "/boom/emergency_stop"
+
+
+class EmergencyStop:
+    """Subscribes for a node.
+
+    Args:
+        node: subscribes, tells what does not count, and queries the graph.
+        changed: called with every state that counts: True stops, False allows to move again but starts nothing.
+
+    Attributes:
+        standing: whether it is stopped.
+    """
+
+    def __init__(self, node: Any, changed: Callable[[bool], None]) -> None:
+        self.standing = False
+        self._node, self._changed = node, changed
+        node.create_subscription(Bool, TOPIC, self._take, qos.requested(TOPIC))
+
+    def _take(self, message: Bool) -> None:
+        wanted = bool(message.data)
+        if self.standing and not wanted and self._node.count_publishers(TOPIC) > 1:
+            names = sorted(info.node_name for info in self._node.get_publishers_info_by_topic(TOPIC))
+            if len(names) > 1:
+                who = ", ".join(quoted(name, 60) for name in names[:8])
+                self._node.guard.refuse(
+                    TOPIC, "false from one of several",
+                    f"{len(names)} nodes publish it ({who}), and true may still be another one's: end all but one, which then "
+                    "publishes false again",
+                )  # fmt: skip
+                return
+        self.standing = wanted
+        self._changed(wanted)

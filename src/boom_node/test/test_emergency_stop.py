@@ -1,0 +1,57 @@
+"""/boom/emergency_stop as it is read, with a node by hand."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from std_msgs.msg import Bool
+
+from boom_node.emergency_stop import EmergencyStop
+
+
+class Graph:
+    """A node that knows who publishes, and keeps what it is told to tell."""
+
+    def __init__(self) -> None:
+        self.names = ["panel"]
+        self.told: list[str] = []
+        self.guard = SimpleNamespace(refuse=lambda topic, reason, text: self.told.append(text))
+
+    def create_subscription(self, kind: Any, topic: str, callback: Any, profile: Any) -> None:
+        self.say = lambda wanted: callback(Bool(data=wanted))
+        assert profile.depth >= 100
+
+    def count_publishers(self, topic: str) -> int:
+        return len(self.names)
+
+    def get_publishers_info_by_topic(self, topic: str) -> list[Any]:
+        return [SimpleNamespace(node_name=name) for name in self.names]
+
+
+@pytest.mark.parametrize(
+    ("names", "counted", "standing"),
+    [(["panel"], [True, False], False), (["panel", "remote"], [True], True), ([], [True, False], False)],
+)
+def test_a_false_counts_only_where_it_cannot_be_another_ones(
+    names: list[str], counted: list[bool], standing: bool
+) -> None:
+    graph, heard = Graph(), list[bool]()
+    stop = EmergencyStop(graph, heard.append)
+    graph.names = names
+    graph.say(True)
+    graph.say(False)
+    assert (heard, stop.standing) == (counted, standing)
+    assert len(graph.told) == int(standing) and all("panel, remote" in text for text in graph.told)
+
+
+def test_once_one_publisher_is_left_its_next_false_counts() -> None:
+    graph, heard = Graph(), list[bool]()
+    stop = EmergencyStop(graph, heard.append)
+    graph.names = ["panel", "remote"]
+    for wanted in (True, False):
+        graph.say(wanted)
+    graph.names = ["panel"]
+    graph.say(False)
+    assert (heard, stop.standing) == ([True, False], False)
