@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import ast
 import difflib
+import errno
 import importlib
 import keyword
 import os
@@ -67,11 +68,18 @@ class _CommandParser(argparse.ArgumentParser):
             known = [name for action in self._actions for name in action.option_strings]
             near = difflib.get_close_matches(wrong.split("=")[0], known, n=1)
             message = f"unknown option {wrong}" + (f" (did you mean {near[0]}?)" if near else "")
+        if message.startswith("the following arguments are required: ") and (dashed := _dashed()):
+            message += f"; {quoted(dashed, 80)} counts as an option: write ./{quoted(dashed, 80)} or give it behind --"
         kind = re.search(r"invalid (\w+) value: (.*)", message)  # the name of a function, if nobody says it better
         if kind:
             wanted = "a whole number" if kind[1] == "int" else "a number"
             message = f"{message[: kind.start()]}{kind[2]} is not {wanted}"
         raise UsageError(f"{message}; see {self.prog} --help")
+
+
+def _dashed() -> str:
+    """A file that was given by a name that begins with a dash, or nothing."""
+    return next((word for word in sys.argv[1:] if word.startswith("-") and Path(word).exists()), "")
 
 
 def command_names() -> list[str]:
@@ -265,6 +273,8 @@ def _guarded(arguments: Sequence[str] | None) -> int:
         text = str(error)
         if isinstance(error, OSError) and error.strerror:  # a full disk, a folder that may not be written
             text = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+            if error.errno in (errno.ENOSPC, errno.EDQUOT) and not error.filename:
+                text = f"{error.strerror}: what was to be written last, a file or this output, is cut: free some space and repeat"
             wanted = 2
         elif isinstance(error, MemoryError):
             text, wanted = "not enough memory: give a shorter recording or duration", 2

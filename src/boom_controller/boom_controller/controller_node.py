@@ -224,6 +224,8 @@ class ControllerNode(LifecycleNode):
     def _on_joint(self, message: JointState) -> None:
         if self._loop is None:
             return
+        if self._named_twice("/joint_states", message):
+            return
         self._others.take(message.name, message.position)
         try:
             k = list(message.name).index(self._values["joint_name"])
@@ -234,6 +236,13 @@ class ControllerNode(LifecycleNode):
         if times is not None:
             self._loop.joint(angle, rate, *times)
             self._arrived("joint", to_ns(message.header.stamp))
+
+    def _named_twice(self, topic: str, message: JointState) -> bool:
+        """Whether the boom's joint stands in a message several times: which of them counts it does not say."""
+        twice = list(message.name).count(self._values["joint_name"]) > 1
+        if twice:
+            self.guard.refuse(topic, "the joint stands in one message several times", "give it once")
+        return twice
 
     def _on_pressure(self, name: str, message: FluidPressure) -> None:
         if self._loop is None:
@@ -339,6 +348,8 @@ class ControllerNode(LifecycleNode):
     def _on_reference(self, message: JointState) -> None:
         joint = self._values["joint_name"]
         if self._loop is None or not self._active or joint not in message.name:
+            return
+        if self._named_twice("/boom/reference", message):
             return
         k, stamp_ns = list(message.name).index(joint), to_ns(message.header.stamp)
         wrong = (

@@ -47,6 +47,8 @@ class BagValidation:
             names.append("stopped")
         for name, limit in self.limits.document().items():
             value = self.full.metrics[name]
+            if name in self._scarce:
+                continue
             if limit is not None and (name not in self._absent if value is None else value > limit):
                 names.append(name)
         return names
@@ -57,10 +59,23 @@ class BagValidation:
         return {sensor.metric(statistic) for sensor in others for statistic in sensor.statistics}
 
     @property
+    def _scarce(self) -> set[str]:
+        return {s.metric(statistic) for s in PREDICTED if self.scarce(s.name) is not None for statistic in s.statistics}
+
+    def scarce(self, channel: str) -> float | None:
+        """Time [s] for which a channel is compared that has too little of it to be judged, where the angle has enough; else None."""
+        seconds = self._seconds(channel)
+        return seconds if 0.0 < seconds < SHORTEST <= self.compared_s else None
+
+    @property
     def compared_s(self) -> float:
         """Time for which the angle is both measured and predicted [s]."""
-        time = self.recording.signals["angle"].time[self._compared]
-        return float(len(time) * np.median(np.diff(time))) if len(time) > 1 else 0.0
+        return self._seconds("angle")
+
+    def _seconds(self, channel: str) -> float:
+        signal = self.recording.signals[channel]
+        time = signal.time[signal.valid & np.isfinite(self.full.values[channel])]
+        return float(len(time) * np.median(np.diff(time))) if len(time) > 1 else 0.01 * len(time)
 
     @property
     def too_little(self) -> str:

@@ -53,6 +53,11 @@ def test_a_dialect_is_found(head: str, separator: str, decimal: str, encoding: s
     assert not source.dated
 
 
+def test_a_minus_as_office_programs_write_it_is_one(tmp_path: Path) -> None:
+    (column,) = reading.read([made(tmp_path, "time [s];p [bar]\n" + rows(";", ",").replace(";", ";\u2212"))]).columns
+    np.testing.assert_allclose(column.values, -1.5 * np.arange(30))
+
+
 @pytest.mark.parametrize(
     ("header", "first", "second", "dated", "step_ns"),
     [
@@ -388,6 +393,9 @@ def test_a_structure_with_time_is_read(tmp_path: Path) -> None:
         ("a.csv", b"", "empty"),
         ("a.csv", b"no table at all\n", "no table of numbers"),
         ("a.csv", b"time [s],angle [deg],p [bar]\n", "below its header there are 0 rows of numbers"),
+        ("a.csv", b"time [s];angle [deg];p [bar]\n\n", "below its header there are 0 rows of numbers"),
+        ("a.csv", b"time [s];p [Pa]\n0,00;8.019.962,2\n0,01;8.019.870,1\n", "thousands separators"),
+        ("a.csv", b'time [s];p [bar]\n="0,00";="80,1"\n="0,01";="80,2"\n', "formulas"),
         ("a.mat", b"MATLAB 5.0 MAT-file" + b"\0" * 300, "export it again"),
         ("a.mat", b"no such thing" * 30, "it is called .mat, but is no MAT file"),
         ("a.mf4", b"MDF     4.10" + b"\xff" * 300, "export it again"),

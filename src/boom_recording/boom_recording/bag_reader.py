@@ -273,6 +273,11 @@ class BagReader:
                     raise cdr_layout.LayoutError(
                         f"joint '{self.joint}' is not among {among}: give its name with --joint"
                     )
+                if names.count(self.joints[channel.joint]) > 1:
+                    raise cdr_layout.LayoutError(
+                        f"joint {quoted(self.joints[channel.joint])} stands {names.count(self.joints[channel.joint])} times in one "
+                        "message, and which of them counts it does not say"
+                    )
                 if self.joints[channel.joint] not in names:
                     continue  # another joint that nobody measures
                 path = f"{path}[{names.index(self.joints[channel.joint])}]"

@@ -44,7 +44,7 @@ def number(value: float, digits: int = 3) -> str:
 def ratio(sensor: Sensor, bag: BagValidation) -> float | None:
     """Error of the full model over its limit: above 1 noise does not explain it. None where it was not compared."""
     value, limit = bag.full.metrics[sensor.judging], bag.limits[sensor.judging]
-    if value is None or limit is None:
+    if value is None or limit is None or bag.scarce(sensor.name) is not None:
         return None
     return value / limit if limit > 0 else (float("inf") if value > 0 else 0.0)
 
@@ -52,7 +52,7 @@ def ratio(sensor: Sensor, bag: BagValidation) -> float | None:
 def off(sensor: Sensor, bag: BagValidation) -> bool:
     """Whether the full model's error is more than noise, or cannot be told though the channel is judged."""
     times = ratio(sensor, bag)
-    return times > 1 if times is not None else bag.limits[sensor.judging] is not None
+    return times > 1 if times is not None else bag.limits[sensor.judging] is not None and bag.scarce(sensor.name) is None
 
 
 def limits_text(limits: Metrics) -> str:

@@ -20,6 +20,10 @@ WIDTH = 100
 
 
 class _Plain(Console):
+    def on_broken_pipe(self) -> None:
+        """The reader has left: the command line ends quietly by it; rich would end with status 1, which is a result."""
+        raise BrokenPipeError
+
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         for segment in super().render(renderable, options):
             if segment.control or segment.text.isprintable():

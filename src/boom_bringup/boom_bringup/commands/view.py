@@ -149,5 +149,5 @@ def _port(text: str) -> int:
     except ValueError:
         value = -1
     if not 0 <= value <= 65535:
-        raise argparse.ArgumentTypeError(f"{text} is not a port: give 1024 to 65535, or 0 for any that is free")
+        raise argparse.ArgumentTypeError(f"{text} is not a port: give 1 to 65535, or 0 for any that is free")
     return value

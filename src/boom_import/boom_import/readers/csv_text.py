@@ -21,6 +21,7 @@ from boom_import import timing, units
 from boom_import.errors import ImportingError
 from boom_import.source import Column, Floats, Source, column, unique
 from boom_input.files import opened
+from boom_input.shown import quoted
 
 _SEPARATORS = (";", ",", "\t", "|", " ")
 _HEAD_BYTES, _HEAD_LINES = 200_000, 300
@@ -33,6 +34,12 @@ _NUMBER = {
     for mark in ".,"
 }
 _BROKEN = re.compile(r"[-+]?[.,]?\d")
+_MINUS = "\u2212"
+"""The sign as office programs write it."""
+_FORMULA = re.compile(r'="[^"]*"')
+_GROUPED = re.compile(
+    r"[-+]?\d{1,3}(?:(?:\.\d{3}){2,}(?:,\d+)?|\.\d{3},\d+|(?:,\d{3}){2,}(?:\.\d+)?|,\d{3}\.\d+|(?:['\u2019\u00a0\u202f]\d{3})+(?:[.,]\d+)?)"
+)
 _DATE = re.compile(r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}")
 _CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,:]\d+)?)?")
 
@@ -95,7 +102,7 @@ def sniff(head: bytes) -> Dialect:
             "it is neither text nor of a kind that is known: CSV, MAT, MF4, MCAP, rosbag2 .db3 or ROS 1 .bag"
         )
     encoding, text = _decoded(head)
-    lines = text.splitlines()
+    lines = text.replace(_MINUS, "-").splitlines()
     if len(head) == _HEAD_BYTES:
         lines = lines[:-1]  # may be cut
     lines = lines[:_HEAD_LINES]
@@ -109,9 +116,7 @@ def sniff(head: bytes) -> Dialect:
             if first >= 0 and (best is None or score > best[0]):
                 best = score, separator, decimal, rows, first
     if best is None or best[0] <= 0:
-        if 0 < len(lines) <= _TOO_FEW and any(len(_cells(lines[0], separator)) > 2 for separator in _SEPARATORS[:-1]):
-            raise ImportingError(f"below its header there are {len(lines) - 1} rows of numbers: nothing was recorded")
-        raise ImportingError("there is no table of numbers in its beginning: is it a CSV file?")
+        raise ImportingError(_no_table([line for line in lines if line.strip()]))
     _, separator, decimal, rows, first = best
     width = max(len(row) for row in rows[first : first + 20])
     if width > _MOST_COLUMNS:
@@ -119,6 +124,17 @@ def sniff(head: bytes) -> Dialect:
     headers, stated = _headers([row for row in rows[:first] if any(row)], width)
     clocks = {i: _clock([row[i] for row in rows[first : first + 20] if len(row) > i], decimal) for i in range(width)}
     return Dialect(encoding, separator, decimal, first, headers, stated, {i: c for i, c in clocks.items() if c})
+
+
+def _no_table(lines: list[str]) -> str:
+    """Why the lines that are not blank hold no table of numbers."""
+    cells = [cell.strip() for line in lines[1:] for separator in _SEPARATORS[:-1] for cell in line.split(separator)]
+    for written, what in ((_FORMULA, "are formulas: save the values"), (_GROUPED, "have thousands separators: save them without")):
+        if found := next((cell for cell in cells if written.fullmatch(cell)), ""):
+            return f"cells like {quoted(found, 40)} {what}"
+    if 0 < len(lines) <= _TOO_FEW and any(len(_cells(lines[0], separator)) > 2 for separator in _SEPARATORS[:-1]):
+        return f"below its header there are {len(lines) - 1} rows of numbers: nothing was recorded"
+    return "there is no table of numbers in its beginning: is it a CSV file?"
 
 
 def _decoded(head: bytes) -> tuple[str, str]:
@@ -239,7 +255,7 @@ def _numbers(series: Any, clock: str, decimal: str) -> Floats:
         )
         made = (dates - datetime(1970, 1, 1, tzinfo=UTC)).dt.total_seconds()
     elif series.dtype.kind in "OSU" or str(series.dtype).startswith("str"):
-        text = series.astype(str).str.strip()
+        text = series.astype(str).str.strip().str.replace(_MINUS, "-")
         made = pd.to_numeric(text.str.replace(",", ".") if decimal == "," else text, errors="coerce")
     else:
         made = series

@@ -38,8 +38,8 @@ class Verdict:
 def verdict(bag: BagValidation) -> Verdict:
     """Judges the full model against the measurement."""
     judged = [(c, r) for c in PREDICTED if (r := ratio(c, bag)) is not None]
-    missing = [c.label for c in PREDICTED if bag.full.metrics[c.judging] is None]
-    unjudged = [c.label for c in PREDICTED if c.label not in missing and bag.limits[c.judging] is None]
+    missing = [_missing(c, bag) for c in PREDICTED if _missing(c, bag)]
+    unjudged = [c.label for c in PREDICTED if not _missing(c, bag) and bag.limits[c.judging] is None]
     derived = f" Not judged, a derivative of another channel: {_listed(unjudged)}." if unjudged else ""
     compared = [c for c, _ in judged]
     off = sorted((pair for pair in judged if pair[1] > 1), key=lambda pair: -pair[1])
@@ -74,6 +74,14 @@ def verdict(bag: BagValidation) -> Verdict:
     return Verdict(
         "agrees", f"agrees within sensor noise{f'; without {_listed(missing)}' if missing else ''}", sentence
     )
+
+
+def _missing(channel: Sensor, bag: BagValidation) -> str:
+    """A channel that was not compared, or for too short a time; empty: it was."""
+    few = bag.scarce(channel.name)
+    if few is not None:
+        return f"{channel.label} (of which there are {few:.2g} s)"
+    return channel.label if bag.full.metrics[channel.judging] is None else ""
 
 
 def where(bag: BagValidation, channel: Sensor) -> str:
