@@ -249,6 +249,14 @@ def _told_stopped() -> int:
     return 130
 
 
+def _of_the_system(error: OSError) -> str:
+    if error.filename:
+        return f"{error.filename}: {error.strerror}"
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    said = ": what was to be written last, a file or this output, is cut: free some space and repeat"
+    return f"{error.strerror}{said if full else ''}"
+
+
 def _guarded(arguments: Sequence[str] | None) -> int:
     program = os.environ.get("BOOM_PROGRAM", "boom")
     try:
@@ -272,10 +280,7 @@ def _guarded(arguments: Sequence[str] | None) -> int:
         wanted = getattr(error, "exit_status", None)
         text = str(error)
         if isinstance(error, OSError) and error.strerror:  # a full disk, a folder that may not be written
-            text = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-            if error.errno in (errno.ENOSPC, errno.EDQUOT) and not error.filename:
-                text = f"{error.strerror}: what was to be written last, a file or this output, is cut: free some space and repeat"
-            wanted = 2
+            text, wanted = _of_the_system(error), 2
         elif isinstance(error, MemoryError):
             text, wanted = "not enough memory: give a shorter recording or duration", 2
         elif isinstance(error, ModuleNotFoundError) and error.name in _BUILT:

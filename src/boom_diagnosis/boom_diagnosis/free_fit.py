@@ -58,9 +58,9 @@ class FreeRunPredictor(Predictor):
 def fit_to_free_runs(case: Case) -> None:
     """The machines that are handed out and compared, fitted to free runs where these stay far from what noise leaves.
 
-    What is found and parameters only are both fitted, because they are compared; but where what is found leaves nothing in one-step
-    errors, these are its likelihood, and free runs near the noise's would only move its numbers. A fit counts where it improves free
-    runs over data not used, and no channel of what is found gets worse than with parameters only by it.
+    What is found and parameters only are both fitted, because they are compared; but where what is found leaves nothing in
+    one-step errors, these are its likelihood, and free runs near the noise's would only move its numbers. A fit counts where it
+    improves free runs over data not used, and no channel of what is found gets worse than with parameters only by it.
     """
     alone = None if case.taken or case.learned else _alone(case)
     far = {k: _far(case, case.trained[k]) for k in dict.fromkeys((0, len(case.trained) - 1))}

@@ -37,7 +37,14 @@ def test_what_leaves_nothing_in_one_step_errors_and_runs_freely_near_the_noise_k
     monkeypatch.setattr(free_fit, "worsening", lambda case, old, new: 0.5)
     monkeypatch.setattr(free_fit, "worst_channel", lambda case, old, new: 1.0)
     case: Any = SimpleNamespace(
-        trained=["base", "found"], bags=[], training=[], select=[], final=None, taken=[None], last="found", rest=lambda at: rest
+        trained=["base", "found"],
+        bags=[],
+        training=[],
+        select=[],
+        final=None,
+        taken=[None],
+        last="found",
+        rest=lambda at: rest,
     )
 
     free_fit.fit_to_free_runs(case)

@@ -63,7 +63,7 @@ class BagValidation:
         return {s.metric(statistic) for s in PREDICTED if self.scarce(s.name) is not None for statistic in s.statistics}
 
     def scarce(self, channel: str) -> float | None:
-        """Time [s] for which a channel is compared that has too little of it to be judged, where the angle has enough; else None."""
+        """Time [s] for which a channel is compared, where that is too little to judge it and the angle's is enough; else None."""
         seconds = self._seconds(channel)
         return seconds if 0.0 < seconds < SHORTEST <= self.compared_s else None
 

@@ -18,6 +18,7 @@ from boom_identification.validation import from_bag, noise_limits, validate
 from boom_model.errors import SimulationError
 from boom_recording.loading import load
 from boom_recording.writing import from_columns
+from boom_report.validation.verdict import verdict
 
 FAST = Path(__file__).parents[3] / "bags" / "healthy" / "folded_fast"
 
@@ -60,6 +61,17 @@ def test_a_rate_that_is_the_derivative_of_the_angle_is_compared_and_not_judged()
     assert bag.full.metrics["rate_rmse_rad_s"] > noise_limits(tz17())["rate_rmse_rad_s"]
     assert bag.limits["rate_rmse_rad_s"] is None
     assert bag.mismatches == []
+
+
+def test_a_channel_of_which_there_is_hardly_anything_is_not_judged_by_it():
+    """One sample of the hose pressure had agreed "within sensor noise"."""
+    recording = validated("healthy/extended").recording
+    hose = recording.signals["hose_pressure"]
+    valid = np.arange(len(hose.values)) == 5
+    signals = recording.signals | {"hose_pressure": dataclasses.replace(hose, valid=valid)}
+    bag = validate(dataclasses.replace(recording, signals=signals), tz17())
+    assert bag.scarce("hose_pressure") == pytest.approx(0.01) and bag.scarce("rod_pressure") is None
+    assert bag.mismatches == [] and verdict(bag).short.endswith("without hose pressure (of which there are 0.01 s)")
 
 
 @pytest.mark.parametrize("name", UNEXPLAINED)

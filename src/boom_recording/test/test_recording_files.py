@@ -397,6 +397,29 @@ def test_a_joint_of_another_name_has_to_be_asked_for(tmp_path: Path) -> None:
     assert len(load(tmp_path / "other", joint="boom_joint").signals["angle"].values) == 600
 
 
+def test_a_joint_that_stands_twice_in_one_message_is_no_joint(tmp_path: Path) -> None:
+    """Which of the two values counts nobody knows; the first one had been taken without a word."""
+    write(tmp_path / "one", recording())
+    second = tmp_path / "second"
+    with mcap(tmp_path / "one").open("rb") as stream, BagWriter(second) as writer:
+        channels = dict[str, int]()
+        for schema, channel, message in make_reader(stream).iter_messages():
+            assert schema is not None
+            if channel.topic not in channels:
+                text, digest = definitions.definition(schema.name)
+                channels[channel.topic] = writer.add_topic(channel.topic, schema.name, text, digest)
+            data = message.data
+            if channel.topic == "/joint_states":
+                store = definitions.typestore()
+                state = store.deserialize_cdr(data, schema.name)
+                state.name = [state.name[0]] * 2
+                state.position, state.velocity = (np.array([v[0], 9.0]) for v in (state.position, state.velocity))
+                data = bytes(store.serialize_cdr(state, schema.name))
+            writer.write(channels[channel.topic], data, message.log_time, message.publish_time)
+    with pytest.raises(RecordingError, match="stands 2 times in one message"):
+        load(second)
+
+
 def _empty(folder: Path) -> Path:
     with BagWriter(folder / "empty"):
         pass

@@ -52,7 +52,9 @@ def ratio(sensor: Sensor, bag: BagValidation) -> float | None:
 def off(sensor: Sensor, bag: BagValidation) -> bool:
     """Whether the full model's error is more than noise, or cannot be told though the channel is judged."""
     times = ratio(sensor, bag)
-    return times > 1 if times is not None else bag.limits[sensor.judging] is not None and bag.scarce(sensor.name) is None
+    return (
+        times > 1 if times is not None else bag.limits[sensor.judging] is not None and bag.scarce(sensor.name) is None
+    )
 
 
 def limits_text(limits: Metrics) -> str:

@@ -31,7 +31,7 @@ REASONS: dict[str, Reason] = {
                "restore the sensor"),
         Reason("sensor_out_of_range", "a sensor sent impossible values several times in a row", "currents",
                "restore the sensor"),
-        Reason("sensor_stuck", "gyro or angle repeats its value for longer than its noise at rest or the boom's motion let it", "currents",
+        Reason("sensor_stuck", "gyro or angle repeats its value for longer than noise or motion let it", "currents",
                "restore the sensor"),
         Reason("sensors_disagree", "angle and rate contradict each other, at once or by 10 mrad/s for longer", "currents",
                "find out which of the two is wrong"),

@@ -47,11 +47,10 @@ class SensorSet:
     def take_joint(self, angle: float, rate: float, stamp: float, measured: float, *, at_rest: bool = False) -> None:
         """Accept angle [rad] and rate [rad/s]. at_rest: the valve is closed; what the gyro does then tells its noise."""
         if self.joint.take((angle, rate), stamp, measured):
-            before, _ = self._turned
-            self._turned = stamp, rate
+            turned, self._turned = rate * max(stamp - self._turned, 0.0), stamp
             self._agreement.update(stamp, angle, rate)
             self._drift.update(stamp, angle, rate)
-            self._angle.take(angle, stamp, at_rest, rate * (stamp - before) if before < stamp else 0.0)
+            self._angle.take(angle, stamp, at_rest, turned)
             self._gyro.take(rate, stamp, at_rest)
 
     def take_hose(self, pressure: float, stamp: float, measured: float, *, at_rest: bool = False) -> None:
@@ -65,7 +64,8 @@ class SensorSet:
             self._pressures["rod"].take(pressure, stamp, at_rest)
 
     def _watch_repeats(self) -> None:
-        self._gyro, self._angle, self._turned = Repeats(_NO_CHANGE), Repeats(_NO_CHANGE), (math.inf, 0.0)
+        self._gyro, self._angle = Repeats(_NO_CHANGE), Repeats(_NO_CHANGE)
+        self._turned = math.inf
         self._pressures = {side: Repeats(_NO_CHANGE_OF_PRESSURE) for side in ("hose", "rod")}
 
     def forget(self) -> None:
@@ -133,9 +133,14 @@ class SensorSet:
         if stuck := self._angle.stuck:
             text = f"the angle repeats {self.joint.values[0]:.4g} rad for {1e3 * stuck[0]:.0f} ms"
             return StopCause("sensor_stuck", f"{text}: is its sensor stuck?")
-        for watched, most in ((self._agreement, s.largest_disagreement), (self._drift, _DRIFT * s.largest_disagreement)):
+        for watched, most in (
+            (self._agreement, s.largest_disagreement),
+            (self._drift, _DRIFT * s.largest_disagreement),
+        ):
             if abs(watched.apart) > most:
-                text = f"angle and integrated rate have drifted apart by {watched.apart:.3f} rad in about {watched.T:g} s"
+                text = (
+                    f"angle and integrated rate have drifted apart by {watched.apart:.3f} rad in about {watched.T:g} s"
+                )
                 return StopCause("sensors_disagree", text)
         return None
 

@@ -96,7 +96,7 @@ class Agreement:
     sample: r <- (r + rate dt - change of angle) exp(-dt / T).
     """
 
-    def __init__(self, T: float = 1.0) -> None:  # noqa: N803
+    def __init__(self, T: float = 1.0) -> None:
         self.T = T
         self.reset()
 

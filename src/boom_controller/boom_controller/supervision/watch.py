@@ -56,7 +56,9 @@ class MotionWatch:
     @classmethod
     def of(cls, settings: SupervisionSettings, machine: Machine, pose: Pose) -> MotionWatch:
         """Of a machine in a pose."""
-        return cls(settings, settings.angles(machine.angle_limits), valve_currents(machine), CarriedWeight(machine, pose))
+        return cls(
+            settings, settings.angles(machine.angle_limits), valve_currents(machine), CarriedWeight(machine, pose)
+        )
 
     def reset(self) -> None:
         """Start again."""
@@ -104,8 +106,8 @@ class MotionWatch:
         if self._weight and self._weight.lacks(now, m.angle, m.rate, m.hose_pressure, m.rod_pressure):
             return StopCause(
                 "pressures_impossible",
-                f"the boom is lifted, and {m.hose_pressure / 1e5:.3g} bar in the hose and {m.rod_pressure / 1e5:.3g} bar on the rod side "
-                "do not carry even the empty boom",
+                f"the boom is lifted, and {m.hose_pressure / 1e5:.3g} bar in the hose and {m.rod_pressure / 1e5:.3g} bar on "
+                "the rod side do not carry even the empty boom",
             )
         error = reference.angle - m.angle
         if abs(error) > s.largest_angle_error:

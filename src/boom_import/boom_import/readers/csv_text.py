@@ -129,7 +129,10 @@ def sniff(head: bytes) -> Dialect:
 def _no_table(lines: list[str]) -> str:
     """Why the lines that are not blank hold no table of numbers."""
     cells = [cell.strip() for line in lines[1:] for separator in _SEPARATORS[:-1] for cell in line.split(separator)]
-    for written, what in ((_FORMULA, "are formulas: save the values"), (_GROUPED, "have thousands separators: save them without")):
+    for written, what in (
+        (_FORMULA, "are formulas: save the values"),
+        (_GROUPED, "have thousands separators: save them without"),
+    ):
         if found := next((cell for cell in cells if written.fullmatch(cell)), ""):
             return f"cells like {quoted(found, 40)} {what}"
     if 0 < len(lines) <= _TOO_FEW and any(len(_cells(lines[0], separator)) > 2 for separator in _SEPARATORS[:-1]):

@@ -15,7 +15,8 @@ it lowers the frequency, and what is picked up pulls there first. s is the share
 against that of its inertia: 1 of a boom that is one joint spring and two masses, 0 where nothing is known of its sag, which is then
 part of the angle's zero. Solved for q_2'':
 
-    (1 + r - Gamma^2 (mu + r)) D_c q_2'' = J f_p - tau_f - g(q_2) + Gamma mu D_c (2 zeta omega x' + omega^2 x) + Gamma^2 (g_r + s g_c)
+    (1 + r - Gamma^2 (mu + r)) D_c q_2'' = J f_p - tau_f - g(q_2) + Gamma mu D_c (2 zeta omega x' + omega^2 x)
+                                       + Gamma^2 (g_r + s g_c)
 
 Neutral Gamma = 0: no states.
 """
