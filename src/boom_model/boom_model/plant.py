@@ -177,7 +177,8 @@ class Plant(CompiledModel):
         own = [n in (*_RESTING, "head_pressure") for n in self.state_names]
         slope, sought = self.output_matrix(parameters)[which][:, own].sum(axis=1), shown
         for _ in range(_SETTLING):
-            state = self.rest_state(*sought.tolist(), parameters, inputs)
+            at, hose, rod = sought.tolist()
+            state = self.rest_state(at, hose, rod, parameters, inputs)
             lacking = (shown - self.outputs(state, inputs, parameters)[which]) / slope
             lacking[~np.isfinite(shown)] = 0.0
             if np.all(np.abs(lacking) <= _SETTLED * np.abs(np.nan_to_num(shown))):

@@ -65,7 +65,7 @@ class SensorSet:
 
     def _watch_repeats(self) -> None:
         self._gyro, self._angle = Repeats(_NO_CHANGE), Repeats(_NO_CHANGE)
-        self._turned = math.inf
+        self._turned: float = math.inf
         self._pressures = {side: Repeats(_NO_CHANGE_OF_PRESSURE) for side in ("hose", "rod")}
 
     def forget(self) -> None:
