@@ -37,7 +37,7 @@ class SensorSet:
         self.rod = SupervisedSensor("rod pressure", (Range("rod pressure", "Pa", *_PRESSURE),))
         self.currents = SupervisedSensor("currents", (_CURRENT, _CURRENT))
         self._agreement, self._drift = Agreement(), Agreement(_DRIFT_T)
-        self._age = 0.0
+        self._age, self._turned = 0.0, math.inf
         self._watch_repeats()
 
     def set_stroke(self, low: float, high: float) -> None:
@@ -65,7 +65,6 @@ class SensorSet:
 
     def _watch_repeats(self) -> None:
         self._gyro, self._angle = Repeats(_NO_CHANGE), Repeats(_NO_CHANGE)
-        self._turned: float = math.inf
         self._pressures = {side: Repeats(_NO_CHANGE_OF_PRESSURE) for side in ("hose", "rod")}
 
     def forget(self) -> None:
@@ -74,6 +73,7 @@ class SensorSet:
             sensor.forget()
         self._agreement.reset()
         self._drift.reset()
+        self._turned = math.inf
         self._watch_repeats()
 
     def complete(self, most_apart: float) -> bool:
