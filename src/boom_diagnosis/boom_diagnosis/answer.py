@@ -182,6 +182,7 @@ def assemble(
             *_said_of_wrong(case, moved), *unproved, *_said_of_limits(case, moved),
             *([PLAINLY] if plainly else _said_of_less(case, machine)),
             *said_of_loads(case.machine, machine, handed_out), *proof.notes, *notes_of(case.bags, case.proving, weak),
+            *_said_of_commands(case),
         ),
         command=about.command, wrong=case.wrong,
     )  # fmt: skip
@@ -219,6 +220,15 @@ def _covariance(case: Case, at: Point, fitted: Fitted | None) -> Array:
     """Of the tolerances' z at a point; ``fitted``: with the effects that were taken, None where none was."""
     jacobian, names = (fitted.jacobian, fitted.coordinates) if fitted else (case.rounds[0].jacobian, ())
     return of_tolerances(at, jacobian, names, case.temperature, case.ended(at))
+
+
+def _said_of_commands(case: Case) -> tuple[str, ...]:
+    if not case.oftener:
+        return ()
+    return (
+        f"the currents change between their samples: commands every {1e3 * case.oftener:.0f} ms explain more than those that hold "
+        "from sample to sample; control.Ts of the machine file says so now. Log the currents as often as they are commanded",
+    )
 
 
 def notes_of(bags: Sequence[Bag], proving: Sequence[Bag], weak: Sequence[str]) -> tuple[str, ...]:

@@ -57,6 +57,7 @@ class Case:
             at again with the observer that sees most.
         plain: parameters only that are handed out, where they are not those of the first round; ``sharpest`` are those, then.
         learned: a term that is plain to see and explains far more than any effect.
+        oftener: T_s [s] of a controller that commands more often than the file says, and the log shows (``straying``); 0: none.
         own: numbers that are those of the recordings held out, by dotted name; see ``onset.own``.
         wrong: number of the machine file of which nothing is taken for known, and those that share its factor (``wrong_number``).
     """
@@ -88,6 +89,7 @@ class Case:
     plain: Point | None = None
     learned: Learned | None = None
     temperature: float = COLDEST
+    oftener: float = 0.0
     own: dict[str, float] = field(default_factory=dict)
     wrong: tuple[str, ...] = ()
     _own_moments: Recent[Array] = field(default_factory=lambda: Recent(POINTS), repr=False)
@@ -95,13 +97,15 @@ class Case:
     def with_bags(self, bags: list[Bag], proving: list[Bag]) -> Case:
         """The case from its beginning, with the recordings prepared otherwise."""
         parts = self.select, self.training, self.judged, self.nuisances, self.seed, self.others, self.elsewhere
-        return Case(self.machine, self.pose, bags, proving, *parts)
+        return Case(self.machine, self.pose, bags, proving, *parts, oftener=self.oftener)
 
     def with_wrong(self, number: Nuisance) -> Case:
         """The case from its beginning, with a number of the machine file free."""
         nuisances = (number, *(n for n in self.nuisances if n.name != number.name))
         parts = self.select, self.training, self.judged, nuisances, self.seed, self.others, self.elsewhere
-        return Case(self.machine, self.pose, self.bags, self.proving, *parts, wrong=number.components)
+        return Case(
+            self.machine, self.pose, self.bags, self.proving, *parts, oftener=self.oftener, wrong=number.components
+        )
 
     def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
         """Components of the parameter vector."""

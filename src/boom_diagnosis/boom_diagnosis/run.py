@@ -23,7 +23,7 @@ from boom_diagnosis.restarts import in_deepest_valley
 from boom_diagnosis.rounds import rounds, share
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.second_search import begun_elsewhere
-from boom_diagnosis.straying import strayed
+from boom_diagnosis.straying import commanded_oftener, strayed
 from boom_diagnosis.stretches import Stretches, excited, stretches
 from boom_diagnosis.unsearched import About, not_enough_excitation, spoilt
 from boom_diagnosis.weighed_case import searched, weighed_case_of
@@ -102,9 +102,13 @@ def _searched(parts: Stretches, machine: Machine, progress: Progress, about: Abo
 def search(case: Case, progress: Progress) -> Case:
     """Round after round: what explains most is taken, all is computed anew, until nothing earns its place; the case as it ends."""
     rounds(case, progress)
-    if not case.learned and case.rest(case.last) > NEGLIGIBLE and (bags := strayed(case)):
-        case = case.with_bags(*bags)
-        rounds(case, progress)
+    if not case.learned and case.rest(case.last) > NEGLIGIBLE:
+        if slow := commanded_oftener(case):
+            case = slow
+            rounds(case, progress)
+        elif bags := strayed(case):
+            case = case.with_bags(*bags)
+            rounds(case, progress)
     progress("doubting the machine file", 0.75)
     if other := with_wrong_number(case):
         case = other

@@ -1,7 +1,10 @@
-"""A log whose samples of the currents stray from their stamps, which looks like physics that is missing.
+"""What a log makes of the currents, which looks like physics that is missing; the innovations' likelihood tells it.
 
 A logger that races the controller writes now this command, now the one before it. In the gains of the observer that is noise of
-the currents where they change, (du/dt) sigma_t; sigma_t is estimated by the innovations' likelihood, as the disturbances are.
+the currents where they change, (du/dt) sigma_t.
+
+One that is slower than the controller, or than the currents themselves, leaves open what they were in between, though the machine
+file's T_s may be the logger's. They are on lines between its samples then (``currents``), as of a controller with a T_s of its own.
 """
 
 from __future__ import annotations
@@ -9,16 +12,62 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
-from boom_diagnosis.bag_samples import Bag
-from boom_diagnosis.case import Case, Flags
+from boom_diagnosis.bag_samples import Bag, prepare
+from boom_diagnosis.case import Case, Flags, case_of
 from boom_diagnosis.earning import chance
-from boom_diagnosis.fitting import Point
+from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.hypotheses import LOOSENESS, problem_at
 from boom_diagnosis.locating import disturbed, links
+from boom_diagnosis.nuisances import CLOCK
+from boom_model.machine import Machine
 
+Array = NDArray[np.float64]
+
+OFTENER = (0.5, 0.25)
+"""Of the time between two samples: T_s of a controller that commands more often than its log says."""
 SHARES = (0.25, 0.125, 0.5)
 """Of the time between two samples: standard deviations that are tried. One sample late in half of all cases is the most."""
+
+
+def commanded_oftener(case: Case) -> Case | None:
+    """The case from its beginning as one whose currents change between their samples, where that is likelier; else None.
+
+    It must gain more than chance whatever disturbs the machine, which both may see: the log's shortcoming beside physics.
+    """
+    at, period = case.last, max(float(np.median(np.diff(bag.currents.sampled_at))) for bag in case.bags)
+    if any(bag.currents.late for bag in case.bags):
+        return None  # as the machine file says
+    seen = links(case.machine)
+
+    def likeliest(problem: Problem, z: Array) -> float:
+        point = problem.points([(z, at.effects)])[0]
+        return max(problem.likelihood_at(z, at.effects), disturbed(problem, point, seen))
+
+    best, most = None, likeliest(case.problem(at.z, at.effects, LOOSENESS[0]), at.z) + chance(case)
+    on_stamps = np.where(
+        [n.label == CLOCK for n in case.nuisances], 0.0, at.z
+    )  # lines stand half a sample earlier by themselves
+    for share in OFTENER:
+        machine = _commanding_every(share * period, case.machine)
+        bags = [prepared for bag in case.bags if (prepared := prepare(bag.recording, machine))]
+        tried = case_of(machine, bags, [p for bag in case.proving if (p := prepare(bag.recording, machine))], case.seed)
+        reached = likeliest(
+            problem_at(machine, tried.bags, case.select, case.nuisances, on_stamps, at.effects, LOOSENESS[0]), on_stamps
+        )
+        if reached > most:
+            tried.elsewhere, tried.oftener = case.elsewhere, share * period
+            best, most = tried, reached
+    return best
+
+
+def _commanding_every(period: float, machine: Machine) -> Machine:
+    """With another T_s [s], and the noise of its pressures as it was."""
+    said = {"Ts": period}
+    if "p_noise_psd" in machine.sensors:
+        said["p_noise_psd"] = machine.sensors["p_noise_psd"] * period / machine.sample_time
+    return machine.with_sensors(said)
 
 
 def strayed(case: Case) -> tuple[list[Bag], list[Bag]] | None:

@@ -287,6 +287,21 @@ def test_second_order_spool_rings_at_its_frequency_and_stands_where_the_current_
 # ------------------------------------------------------------------------------------------------- friction of the seals
 
 
+def test_a_spool_that_follows_its_current_stands_at_its_stop_beyond_full_current(loader: Machine) -> None:
+    """Two machines of another hand were commanded 16 % beyond it; a sound one had unknown physics of its main valve."""
+    plant = Plant(loader, loader.pose(0.3, 2.0))
+    full = loader.numbers.main_valve_spool.s_max / loader.numbers.main_valve_spool.K_i
+    time, ends = np.arange(100) * 0.01, {}
+    for share in (1.0, 1.3):
+        currents = np.zeros((100, 2))
+        currents[:50, 1] = share * full
+        run = plant.run(time, currents, time, plant.equilibrium(0.2))
+        ends[share] = run.state("spool_position")
+    assert np.abs(ends[1.3] - ends[1.0]).max() < 1e-6
+    rest = loader.structure.spool.position(np.array([0.0]), np.array([1.3 * full]), loader.numbers, None)
+    assert rest == pytest.approx([-loader.numbers.main_valve_spool.s_max])
+
+
 def test_friction_of_the_seals_acts_with_the_lever_arm(q: Any, effects: Any) -> None:
     lever, rate = 0.4, 0.01
     force = 600 * tanh(lever * rate / 2e-3) + 3e4 * lever * rate

@@ -1,7 +1,8 @@
 """Spool of a valve that the currents command directly, without a pilot stage: a first-order lag.
 
-    T_s s_s' = K_i (i_+ - i_-) - s_s
+    T_s s_s' = s_c - s_s,   s_c = min(max(K_i (i_+ - i_-), -s_max), s_max)
 
+Beyond the current of the full stroke nothing opens further: the electronics limit the command, and the spool stands at its stop.
 i_+ retracts (s_s > 0), i_- extends (s_s < 0). Not in the thesis: for machines of another make, e.g. a proportional valve with
 on-board position control. Effects that need a pilot stage or a spring do not apply; ``spool_lag`` and ``command_delay`` do.
 """
@@ -9,6 +10,9 @@ on-board position control. Effects that need a pilot stage or a spring do not ap
 from __future__ import annotations
 
 from typing import Any
+
+import casadi as ca
+import numpy as np
 
 from boom_model.regularisation import Expression
 from boom_model.slots import Spool, Wiring, register
@@ -29,7 +33,19 @@ def velocity(
     position: Expression, retract: Expression, extend: Expression, p: Any, e: Any, off: Expression = 0.0
 ) -> Expression:
     """s_s' [m/s] for s_s [m], the two currents [A] and what is missing of the commanded position [m]."""
-    return (p.main_valve_spool.K_i * (retract - extend) + off - position) / time_constant(p, e)
+    return (commanded(retract, extend, p) + off - position) / time_constant(p, e)
+
+
+def commanded(retract: Expression, extend: Expression, p: Any) -> Expression:
+    """s_c [m] for the two currents [A]."""
+    s = p.main_valve_spool
+    return ca.fmin(ca.fmax(s.K_i * (retract - extend), -s.s_max), s.s_max)
+
+
+def at_rest(retract: Any, extend: Any, p: Any, _pilot: Any) -> Any:
+    """:func:`commanded` for numbers (n,) [A]."""
+    s = p.main_valve_spool
+    return np.clip(s.K_i * (retract - extend), -s.s_max, s.s_max)
 
 
 def time_constant(p: Any, e: Any) -> Expression:
@@ -43,9 +59,9 @@ def _motion(w: Wiring, position: Expression, _force: Expression) -> None:
 
 
 register(Spool(
-    name="direct", meaning="follows its current with a lag", term="T_s s_s' = K_i (i_+ - i_-) - s_s",
+    name="direct", meaning="follows its current with a lag", term="T_s s_s' = s_c - s_s, s_c = K_i (i_+ - i_-), at most s_max",
     specifications=SPECIFICATIONS, motion=_motion,
-    position=lambda retract, extend, p, pilot: p.main_valve_spool.K_i * (retract - extend),
+    position=at_rest,
     current=lambda position, p, pilot: position / p.main_valve_spool.K_i,
     settling=lambda p, e, pilot: time_constant(p, e),
 ))  # fmt: skip

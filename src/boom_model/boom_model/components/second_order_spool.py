@@ -1,6 +1,6 @@
 """Spool of a valve that the currents command directly, with on-board position control: second order.
 
-    s_s'' = omega_n^2 (K_i (i_+ - i_-) - s_s) - 2 zeta omega_n s_s'
+    s_s'' = omega_n^2 (s_c - s_s) - 2 zeta omega_n s_s',   s_c = K_i (i_+ - i_-), at most s_max, as in ``direct_spool``
 
 i_+ retracts (s_s > 0), i_- extends (s_s < 0). Not in the thesis; makers of proportional valves state natural frequency and damping.
 """
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from boom_model.components.direct_spool import at_rest, commanded
 from boom_model.regularisation import Expression
 from boom_model.slots import Spool, Wiring, register
 from boom_model.specification import Specification
@@ -25,8 +26,10 @@ def acceleration(
     position: Expression, velocity: Expression, retract: Expression, extend: Expression, p: Any, e: Any
 ) -> Expression:
     """s_s'' [m/s^2] for s_s [m], s_s' [m/s] and the two currents [A]."""
-    s, frequency = p.main_valve_spool, natural_frequency(p, e)
-    return frequency**2 * (s.K_i * (retract - extend) - position) - 2 * s.zeta * frequency * velocity
+    frequency = natural_frequency(p, e)
+    return (
+        frequency**2 * (commanded(retract, extend, p) - position) - 2 * p.main_valve_spool.zeta * frequency * velocity
+    )
 
 
 def natural_frequency(p: Any, e: Any) -> Expression:
@@ -42,8 +45,9 @@ def _motion(w: Wiring, position: Expression, _force: Expression) -> None:
 
 register(Spool(
     name="second_order", meaning="follows its current as a second-order system",
-    term="s_s'' = omega_n^2 (K_i (i_+ - i_-) - s_s) - 2 zeta omega_n s_s'", specifications=SPECIFICATIONS, motion=_motion,
-    position=lambda retract, extend, p, pilot: p.main_valve_spool.K_i * (retract - extend),
+    term="s_s'' = omega_n^2 (s_c - s_s) - 2 zeta omega_n s_s', s_c = K_i (i_+ - i_-), at most s_max",
+    specifications=SPECIFICATIONS, motion=_motion,
+    position=at_rest,
     current=lambda position, p, pilot: position / p.main_valve_spool.K_i,
     settling=lambda p, e, pilot: 2 * p.main_valve_spool.zeta / natural_frequency(p, e),
 ))  # fmt: skip
