@@ -130,16 +130,22 @@ def test_late_pressures_of_a_sparse_log_go_back_each_to_its_own_interval(delay: 
         assert back[known][10:].mean() > 0.95, (j, shift)
 
 
-@pytest.mark.parametrize("name", ["extended", "folded_fast"])
-def test_a_healthy_recording_of_20_hz_has_no_physics_left_out(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "told"), [("extended", 0.01), ("folded_fast", 0.01), ("extended", 0.05), ("folded_fast", 0.05)]
+)
+def test_a_healthy_recording_of_20_hz_has_no_physics_left_out(name: str, told: float) -> None:
+    """Of a controller of 100 Hz, also where the file gives its own sample time for the controller's."""
+    psd = tz17().sensors.get("p_noise_psd", 0.0)
+    machine = tz17().with_sensors({"Ts": told, **({"p_noise_psd": psd * told / 0.01} if psd else {})})
     made = load(BAGS / "healthy" / name)
     kept = slice(None, None, 5)
     sparse = {
         n: replace(s, stamps_ns=s.stamps_ns[kept], time=s.time[kept], values=s.values[kept], valid=s.valid[kept])
         for n, s in made.signals.items()
     }
-    found = diagnose([replace(made, signals=made.signals | sparse)], tz17()).document
-    assert found.verdict in ("no_mismatch", "parameters_only")
+    result = diagnose([replace(made, signals=made.signals | sparse)], machine)
+    assert result.document.verdict in ("no_mismatch", "parameters_only")
+    assert ("commands every" in " ".join(result.notes)) == (told > 0.01)
 
 
 def test_a_sample_that_a_bus_repeats_counts_once() -> None:
