@@ -13,6 +13,7 @@ from boom_can_bridge.python_can import can
 from .codec import Codec
 from .command_gate import CommandGate, GatedCommand
 from .connection import BusSettings, open_bus
+from .ecu_state import EcuState
 from .errors import CanConfigurationError
 from .frame_log import FrameLog
 from .lockstep import BusLockstep
@@ -86,6 +87,7 @@ class Bridge:
         largest = min(settings.largest_current, limits["retract_current"].maximum, limits["extend_current"].maximum)
         self.gate = CommandGate(largest, settings.rise_rate, settings.command_timeout, settings.revoke_after)
         self.watchdog = Watchdog(SENSOR_FIELDS, settings.watchdog)
+        self._ecu = EcuState(self.codec)
         self.lockstep = BusLockstep(self.codec, self._is_idle) if settings.lockstep else None
         self.checker = FrameChecker(self.codec, settings.proof, self.lockstep)
         pace = self.lockstep or Pace()
@@ -180,8 +182,12 @@ class Bridge:
         return self.checker.proving or (self._begun is None and not self.gate.enabled)
 
     def _on_reading(self, reading: Reading) -> None:
+        if not self.sender.last.enable:
+            self._ecu.released()
         if "mode" in reading.values or "faults" in reading.values:
             self._status = reading.values
+            if said := self._ecu.seen(reading.values, reading.received):
+                self.stop(said)
         self.watchdog.seen(reading.values, reading.received)
         if self.lockstep is None:
             if self.active:
@@ -201,6 +207,7 @@ class Bridge:
         changed = up != self._up or text != self.connection
         self._up, self.connection = up, text
         self.watchdog.reset()
+        self._ecu.reset(self._clock())
         self._status = {}
         if changed:
             self._tell(up, text)
@@ -223,6 +230,8 @@ class Bridge:
         if silent:
             names = ", ".join(sorted(silent))
             return f"no good {names} for {1e3 * self.settings.watchdog:.0f} ms"
+        if self.lockstep is None and (missed := self._ecu.silent(now)):
+            return missed
         if self._status.get("mode") == ECU_FAULT_MODE:
             return f"the ECU is in fault mode, faults {int(self._status.get('faults', 0)):#06x}"
         return ""
@@ -266,6 +275,8 @@ class Bridge:
         message = "active, motion enabled" if output.enable else f"active, zero current: {output.reason}"
         if problem:
             level, message = (2 if self.active else 0), problem if self.active else "not active"
+        elif faults := int(self._status.get("faults", 0)):
+            level, message = 1, f"{message}; the ECU reports faults {faults:#06x}"
         elif self.gate.revoked or (self.log is not None and self.log.failed):
             level = 1
             message = self.log.state if self.log is not None and self.log.failed else message

@@ -162,6 +162,9 @@ class FrameChecker:
         if message.is_remote_frame:
             self.counts.bad["remote"] += 1
             return None
+        if message.is_fd:  # of another node: the machine's frames are classic ones
+            self.counts.bad["fd"] += 1
+            return None
         if not self.codec.knows(message.arbitration_id, bool(message.is_extended_id)):
             self._count_unknown(message.arbitration_id)
             return None

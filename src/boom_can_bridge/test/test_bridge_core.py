@@ -14,6 +14,7 @@ from boom_can_bridge.clock_map import ClockMap
 from boom_can_bridge.codec import Codec
 from boom_can_bridge.command_gate import CommandGate
 from boom_can_bridge.connection import BackOff, BusSettings, BusUnavailableError, open_bus
+from boom_can_bridge.ecu_state import EcuState
 from boom_can_bridge.errors import CanConfigurationError
 from boom_can_bridge.frame_log import FrameLog
 from boom_can_bridge.fuzz import fuzz
@@ -101,6 +102,7 @@ def test_nothing_is_handed_on_before_enough_good_frames():
         ({"is_error_frame": True, "arbitration_id": 0x40}, "bus_off"),
         ({"is_error_frame": True, "arbitration_id": 0x04, "data": bytes([0, 1, 0, 0, 0, 0, 0, 0])}, "overrun"),
         ({"is_remote_frame": True}, "remote"),
+        ({"is_fd": True}, "fd"),
         ({"arbitration_id": 0x7AB}, "unknown_id"),
         ({"data": b"\x00\x01"}, "length"),
         ({"data": bytes(8)}, "crc"),
@@ -120,6 +122,33 @@ def test_a_repeated_frame_is_dropped_and_a_lost_one_counted():
     assert checker.check(message("imu", k), 0.01 * k + 0.01) is None
     assert checker.check(message("imu", k + 3), 0.01 * k + 0.03)
     assert (checker.counts.bad["counter"], checker.counts.lost["imu"]) == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("frames", "said"),
+    [
+        ([(2, 1.0), (2, 1.1), (2, 1.2)], ""),
+        ([(1, 1.0), (2, 1.1), (2, 1.2), (2, 1.3)], ""),  # it follows the enabling
+        ([(2, 1.0), (2, 1.1), (0, 0.0)], "restarted"),
+        ([(2, 1.0), (2, 1.1), (0, 1.2)], "from mode 2 to 0 by itself"),
+        ([(7, 1.0), (7, 1.1), (4, 1.2)], "from mode 7 to 4 by itself"),  # of a machine that counts otherwise
+    ],
+)
+def test_an_ecu_that_restarts_or_leaves_the_mode_in_which_it_drives_is_told(frames, said):
+    state = EcuState(CODEC)
+    told = [state.seen({"mode": mode, "uptime_s": up, "faults": 0}, 0.1 * k) for k, (mode, up) in enumerate(frames)]
+    assert not any(told[:-1])
+    assert said in told[-1] if said else told[-1] == ""
+
+
+def test_an_ecu_may_change_its_mode_while_nothing_is_enabled_and_may_not_fall_silent():
+    state = EcuState(CODEC)
+    state.reset(0.0)
+    for k, mode in enumerate((2, 2)):
+        state.seen({"mode": mode, "uptime_s": k}, 0.1 * k)
+    state.released()
+    assert state.seen({"mode": 1, "uptime_s": 3}, 0.3) == ""
+    assert state.silent(0.7) == "" and "no good status for 0.5 s" in state.silent(0.9)
 
 
 def test_our_own_commands_are_not_readings():
