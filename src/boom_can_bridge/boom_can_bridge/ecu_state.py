@@ -1,4 +1,4 @@
-"""What the status frames of an ECU tell of it: that it is alive, that it has restarted, that it does what it did. No ROS, no bus."""
+"""What the status frames of an ECU tell: that it is alive, has restarted, or left the mode in which it drove. No ROS, no bus."""
 
 from __future__ import annotations
 

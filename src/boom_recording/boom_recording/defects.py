@@ -40,7 +40,7 @@ class Thresholds:
     moving_angle        [rad] change of angle with which a pressure must change
     moving_steps        by this many of its steps, where they are coarse
     pressure_slope      [Pa/rad] how much it changes: about 0.5 bar per 10 mrad
-    longest             no recording is longer than a week
+    silence             behind one that is as long, and longer than all that was recorded, there is another recording
     merge               two things that begin and end within this of each other happen together
     """
 
@@ -58,7 +58,7 @@ class Thresholds:
     moving_angle: float = 0.05
     moving_steps: float = 5.0
     pressure_slope: float = 5.0e6
-    longest: float = 7 * 86_400.0
+    silence: float = 2 * 3600.0
     merge: float = 0.1
 
 

@@ -9,20 +9,37 @@ from boom_recording.defects import SECOND, THRESHOLDS, StampedEvent, Thresholds,
 from boom_recording.recording import Flags, Floats, Stamps
 
 
-def check_far(samples: TopicSamples, middle_ns: float, limits: Thresholds = THRESHOLDS) -> list[StampedEvent]:
-    """Mask stamps that lie days from the others of the recording, where the topic has any that do not.
+def together(stamps: Stamps, limits: Thresholds = THRESHOLDS) -> tuple[int, int]:
+    """From which to which stamp [ns] what belongs together in all of them lies, in any order.
 
-    middle_ns: a stamp [ns] in the middle of the recording.
+    Behind a silence that lasts for hours, and longer than all that was recorded, there is another recording, or a clock that was set.
     """
+    ordered = np.sort(stamps)
+    steps = np.diff(ordered).astype(float)
+    recorded = steps[steps <= limits.silence * SECOND].sum()
+    cuts = np.flatnonzero(steps > max(limits.silence * SECOND, recorded)) + 1
+    part = max(np.split(ordered, cuts), key=len)
+    near = int(limits.silence * SECOND)  # topics do not begin and end at once
+    return int(part[0]) - near, int(part[-1]) + near
+
+
+def check_far(samples: TopicSamples, first_ns: int, last_ns: int) -> list[StampedEvent]:
+    """Mask stamps that do not belong to those from ``first_ns`` to ``last_ns``, where the topic has any that do."""
     stamps = samples.stamps_ns
-    far = np.abs(stamps - middle_ns) > limits.longest * SECOND
+    far = (stamps < first_ns) | (stamps > last_ns)
     if not far.any() or far.all():
         return []
     samples.timed[far] = False
     kept = stamps[~far]
     count = int(far.sum())
-    detail = f"{count} {'stamp lies' if count == 1 else 'stamps lie'} days from all others"
+    away = float(np.maximum(kept.min() - stamps[far], stamps[far] - kept.max()).min()) / SECOND
+    lie = f"{count} {'stamp lies' if count == 1 else 'stamps lie'} {_long(away)} from all others"
+    detail = f"{lie}: another recording, or a clock that was set"
     return [StampedEvent("clock_jump", float(kept.min()), float(kept.max()), count, detail)]
+
+
+def _long(seconds: float) -> str:
+    return f"{seconds / 86400:.3g} days" if seconds > 172800 else f"{seconds / 3600:.3g} h"
 
 
 def check_stamps(samples: TopicSamples, limits: Thresholds = THRESHOLDS) -> list[StampedEvent]:

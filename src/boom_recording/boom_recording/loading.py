@@ -90,9 +90,9 @@ def _load(
 
 
 def _check_stamps(topics: dict[str, TopicSamples], sensors: list[TopicSamples]) -> dict[str, list[StampedEvent]]:
-    middle = float(np.median(np.concatenate([samples.stamps_ns for samples in sensors])))
+    bounds = defects_stamps.together(np.concatenate([samples.stamps_ns for samples in sensors]))
     return {
-        samples.topic: [*defects_stamps.check_far(samples, middle), *defects_stamps.check_stamps(samples)]
+        samples.topic: [*defects_stamps.check_far(samples, *bounds), *defects_stamps.check_stamps(samples)]
         for samples in topics.values()
     }
 
