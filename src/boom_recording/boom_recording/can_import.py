@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_can_bridge.codec import REASONS, BulkFrame, Codec, CounterCheck, FrameSpec
+from boom_can_bridge.receiver import CROWD_REFUSED, CROWD_SHARE
 from boom_input.channels import BY_NAME, CURRENTS, SENSORS
 from boom_recording.can_log import CanFrames
 from boom_recording.errors import RecordingError
@@ -103,7 +104,22 @@ def convert(
         name, Path(name), start, duration, signals, warnings=list(frames.warnings), stored_configuration=configuration
     )
     reports = [_report(spec, codec, frames, verdicts, used[spec.name]) for spec in codec.frames.values()]
+    if crowded := _crowded(codec, used, duration):
+        raise RecordingError(f"{name}: {crowded}")
     return Imported(recording, reports, _unknown(frames, verdicts), dict(frames.left_out))
+
+
+def _crowded(codec: Codec, used: dict[str, tuple[int, int, int]], duration: float) -> str:
+    """Whether two nodes send one kind of frame, in a sentence; empty: none. As the bridge tells it while it runs."""
+    for spec in codec.incoming:
+        good, _, refused = used[spec.name]
+        seen = good + refused
+        if seen > CROWD_SHARE * duration / spec.period_s and refused > CROWD_REFUSED * seen:
+            return (
+                f"{refused} of {seen} frames {spec.name} contradict their counter, and there are more than are due: two nodes send "
+                "it, as where a log holds two buses. Give a log of one of them"
+            )
+    return ""
 
 
 def _joined(

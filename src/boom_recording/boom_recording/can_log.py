@@ -30,6 +30,8 @@ _EPOCH = 1_000_000_000
 _END = 2**31
 """s. A ROS stamp ends there, in 2038."""
 _OUT_OF_ORDER_S = 1.0
+_BACK_S = 0.1
+"""s. Less is a buffer's doing."""
 _ALONE_S = 60.0
 _LONGEST_LOG_S = 7 * 86_400.0
 
@@ -89,6 +91,7 @@ def read(path: str | Path, progress: Progress | None = None) -> CanFrames:
     if bad:
         left_out["frames whose time cannot be"] = bad
         warnings.append(f"{bad} {'frame is' if bad == 1 else 'frames are'} left out: of a time that cannot be")
+    warnings += _steps_back(path, seconds[good])
     lengths = np.fromiter(map(len, contents), np.int64, len(contents))
     joined = b"".join([data.ljust(_LONGEST_DATA, b"\0") for data in contents])
     table = np.frombuffer(joined, np.uint8).reshape(-1, _LONGEST_DATA)
@@ -99,6 +102,20 @@ def read(path: str | Path, progress: Progress | None = None) -> CanFrames:
     dated = bool(np.median(seconds) >= _EPOCH)
     given = {kind: number for kind, number in left_out.items() if number}
     return CanFrames(stamps, np.array(ids, np.int64)[good], table[good], lengths[good], dated, given, warnings)
+
+
+def _steps_back(path: Path, times: NDArray[np.float64]) -> list[str]:
+    """What is wrong with the order of the times [s], in sentences. Raises RecordingError where they do not advance at all."""
+    if len(times) > 1 and np.ptp(times) == 0.0:
+        raise RecordingError(f"{path}: all {len(times)} frames have the same time: log the times of the frames, too")
+    back = -np.diff(times)
+    often = int((back > _BACK_S).sum())
+    if not often:
+        return []
+    return [
+        f"times go back {'once' if often == 1 else f'{often} times'}, by up to {back.max():.3g} s, first after frame "
+        f"{int(np.argmax(back > _BACK_S)) + 1}: frames lie where their times say. Were two logs joined, or was a clock set?"
+    ]
 
 
 def _frames(

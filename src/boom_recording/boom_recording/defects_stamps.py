@@ -12,7 +12,7 @@ from boom_recording.recording import Flags, Floats, Stamps
 def together(stamps: Stamps, limits: Thresholds = THRESHOLDS) -> tuple[int, int]:
     """From which to which stamp [ns] what belongs together in all of them lies, in any order.
 
-    Behind a silence that lasts for hours, and longer than all that was recorded, there is another recording, or a clock that was set.
+    Behind a silence of hours that is longer than all that was recorded there is another recording, or a clock that was set.
     """
     ordered = np.sort(stamps)
     steps = np.diff(ordered).astype(float)

@@ -120,6 +120,27 @@ def test_bad_frames_are_counted_by_reason_and_not_in_the_bag(codec: Codec, tmp_p
     assert len(result.recording.signals["angle"].values) == 21
 
 
+@pytest.mark.parametrize("ahead", [0, 1])
+def test_a_log_of_two_buses_is_refused(ahead: int, codec: Codec, tmp_path: Path) -> None:
+    """The other crane's samples had been taken from the second frame on, with those of the first left out without a word."""
+    other = [message(codec, name, k, START + 0.01 * k + 0.003, k + ahead) for k in range(300) for name in codec.frames]
+    both = sorted([*traffic(codec), *other], key=lambda m: m.timestamp)
+    with pytest.raises(
+        RecordingError, match="contradict their counter, .* two nodes send it, as where a log holds two buses"
+    ):
+        imported(logged(tmp_path / "two.log", both), codec)
+
+
+def test_times_that_go_back_are_told_and_times_that_stand_refused(codec: Codec, tmp_path: Path) -> None:
+    frames = traffic(codec, 100)
+    joined = [*frames, *(message(codec, name, k, START + 0.5 + 0.01 * k) for k in range(100) for name in codec.frames)]
+    (told,) = can_log.read(logged(tmp_path / "joined.log", joined)).warnings
+    assert told.startswith("times go back once, by up to 0.49")
+    still = [message(codec, name, k, START) for k in range(100) for name in codec.frames]
+    with pytest.raises(RecordingError, match="all 500 frames have the same time"):
+        can_log.read(logged(tmp_path / "still.log", still))
+
+
 def test_unknown_identifiers_are_listed_with_their_counts(codec: Codec, tmp_path: Path) -> None:
     messages = [message(codec, "imu", k) for k in range(5)]
     messages += [can.Message(timestamp=START, arbitration_id=0x7AB, is_extended_id=False, data=b"12")] * 3
