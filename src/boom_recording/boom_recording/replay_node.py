@@ -94,6 +94,8 @@ _MOST_APART_S = 0.9 * LONGEST_SILENCE_S
 _TOLD_EVERY = 500  # messages; some 5 s of a recording
 _SETTLE_S = 0.2  # the two ends of a connection learn of each other one after the other
 _ACKNOWLEDGE_S = 1.0
+_SILENT_S = 1.5
+"""After which it is told what is waited for."""
 
 
 class ReplayNode(Node):
@@ -156,7 +158,7 @@ class ReplayNode(Node):
         self._last_tick = 0.0
         self._unheard = False
         self._sent = 0
-        self._state = "waiting"
+        self._state, self._told_missing = "waiting", list[str]()
         self._diagnostics = DiagnosticsPublisher(self, self._health)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._clock_subscription: Any = None
@@ -204,6 +206,9 @@ class ReplayNode(Node):
         now = time.monotonic()
         if missing:
             self._complete_since = None
+            if now - self._created > _SILENT_S and missing != self._told_missing:
+                self._told_missing = missing
+                self.get_logger().warning(f"waiting up to {self._values.wait_timeout:g} s for {', '.join(missing)}")
             if now - self._created > self._values.wait_timeout:
                 self._state = "failed"
                 shell.finish(
