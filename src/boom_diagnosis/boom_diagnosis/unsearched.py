@@ -46,7 +46,8 @@ def spoilt(machine: Machine, about: About, checks: Sequence[RecordingCheck]) -> 
     """The answer to recordings of which one has to be repaired first; its checks say what, and which sensor slipped."""
     text = (
         "Put the recording right (signs, units and channels by a mapping of ./boom import) and diagnose it again: what is "
-        "named before would explain the fault, not the machine."
+        "named before would explain the fault, not the machine. If all recordings of a crane say so, it may be the machine file: "
+        "see what its masses and angles mean by ./boom check-machine."
     )
     subsystems = dict.fromkeys(SUBSYSTEMS, 0.0) | {"sensors": MOST_CERTAIN}
     slipped = tuple(_slipped(check) for check in checks if check.kind == "jump")

@@ -30,11 +30,12 @@ _STEP = 1e-4  # rad, for the lever arm
 
 @dataclass(frozen=True)
 class Quantity:
-    """One line of a table: name, value with unit, source in the file."""
+    """One line of a table: name, value with unit, source in the file; ``fault``: why no machine has it, empty where one may."""
 
     meaning: str
     value: str
     source: str
+    fault: str = ""
 
 
 def quantities(machine: Machine) -> list[Quantity]:
@@ -85,13 +86,13 @@ def quantities(machine: Machine) -> list[Quantity]:
         where = f"rigid_body.configs.{pose.tabulated}"
         posed = namespace(machine.values(pose))
         pressure = _torque(posed, angles[level], 0.0) / levers[level] / a
-        much = ": more than any cylinder holds; are Sx and Sy in kg m?" if abs(pressure) > LARGEST_PRESSURE else ""
+        much = "more than any cylinder holds; are Sx and Sy in kg m?" if abs(pressure) > LARGEST_PRESSURE else ""
         least = (pose.Sx**2 + pose.Sy**2) / pose.D0  # of a mass m at r: S = m r, D_0 >= m r^2
-        heavy = ": too heavy for a boom; are D0 in kg m^2 and Sx, Sy in kg m?" if least > HEAVIEST else ""
+        heavy = "too heavy for a boom; are D0 in kg m^2 and Sx, Sy in kg m?" if least > HEAVIEST else ""
         rows += [
-            Quantity(f"{pose.tabulated}: mass, at least", f"{least:.0f} kg{heavy}", where),
+            Quantity(f"{pose.tabulated}: mass, at least", f"{least:.0f} kg", where, heavy),
             Quantity(f"{pose.tabulated}: reach", f"{math.hypot(*pose.tip):.2f} m", f"{where}.tip"),
-            Quantity(f"{pose.tabulated}: held level by", f"{pressure / BAR:.0f} bar{much}", where),
+            Quantity(f"{pose.tabulated}: held level by", f"{pressure / BAR:.0f} bar", where, much),
             Quantity(
                 f"{pose.tabulated}: {LOAD_PRESSURE / BAR:.0f} bar hold level",
                 _load(posed, angles[level : level + 1], levers[level : level + 1]),

@@ -19,6 +19,9 @@ from boom_model.specification import Specification, number
 from boom_model.structure import SLOTS, Structure
 from boom_model.tolerance import TOLERANCES, check_tolerance
 
+LEAST_RANGE = 0.02
+"""rad. Of the boom's angles; recordings that move less are not fitted."""
+
 # Keys that a section may hold beside its parameters: for people, for other parts of the project, or derived from others. What
 # names a component, and what components allow, is added.
 _INFORMATION: dict[str, frozenset[str]] = {
@@ -299,6 +302,11 @@ def _check_positions(machine: Machine) -> None:
     low, high = machine.angle_limits
     if low >= high:
         raise MachineError(f"kinematics.q2_max: {high:g} rad is not above q2_stroke_min, {low:g} rad")
+    if high - low < LEAST_RANGE:
+        raise MachineError(
+            f"kinematics.q2_max: {high:g} rad is {high - low:.2g} rad above q2_stroke_min: no boom turns by less than "
+            f"{LEAST_RANGE:g} rad"
+        )
     stroke = machine.parameters["cylinder.l_p"].value[0]
     steps = 40
     positions = [machine.piston_position(low + (high - low) * k / steps) for k in range(steps + 1)]

@@ -1,7 +1,8 @@
 """Check a machine file: list all its faults, one line each, or print what its numbers mean.
 
 FILE is a path or the name of a shipped machine. Nothing is simulated. The table holds quantities that follow from the file and that
-data sheets state: compare them with yours. Status 0: the file can be used; 2: it has faults, one line each on stderr.
+data sheets state: compare them with yours. Status 0: the file can be used; 2: it has faults, one line each on stderr, or numbers
+that no machine has.
 
   ./boom check-machine tz17
   ./boom check-machine my_crane.yaml
@@ -37,12 +38,13 @@ def run(args: argparse.Namespace) -> int:
     except MachineError as error:  # not to be read at all: a fault like others
         machine, faults = None, [str(error)]
     rows = quantities(machine) if machine else []
+    faults = [*faults, *(f"{row.source}: {row.meaning} {row.value}: {row.fault}" for row in rows if row.fault)]
     if path:
         listed = [{"meaning": row.meaning, "value": row.value, "source": row.source} for row in rows]
         write_json(path, {"file": args.file, "faults": faults, "quantities": listed})
+    for fault in faults:
+        print(f"boom: {fault}", file=sys.stderr)
     if machine is None:
-        for fault in faults:
-            print(f"boom: {fault}", file=sys.stderr)
         return 2
     table = Table(title=f"{args.file}: machine {machine.name}", box=None, title_justify="left", pad_edge=False)
     for heading in ("quantity", "value", "from"):
@@ -54,4 +56,4 @@ def run(args: argparse.Namespace) -> int:
     if machine.effects or machine.learned:
         named = [*machine.effects, *(f"a learned term in {term.equation}" for term in machine.learned)]
         console.print(f"not in these numbers: {', '.join(named)}", soft_wrap=True)
-    return 0
+    return 2 if faults else 0
