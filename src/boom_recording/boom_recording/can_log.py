@@ -81,7 +81,8 @@ def read(path: str | Path, progress: Progress | None = None) -> CanFrames:
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
     if not times:
-        reason = "is it a log of another kind?" if left_out or warnings else "it is empty"
+        held = ", ".join(f"{number} {kind}" for kind, number in left_out.items() if number)
+        reason = f"it holds {held}; is it a log of another kind?" if held or warnings else "it is empty"
         raise RecordingError(f"{path}: not one CAN frame in it: {warnings[0] if warnings else reason}")
     seconds = np.array(times)
     good = possible(seconds)
