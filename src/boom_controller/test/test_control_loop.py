@@ -632,3 +632,14 @@ def test_what_the_law_does_not_use_of_the_machine_file_is_said_at_start(boom: Bo
     cycle = boom.run(0.1)
     assert cycle.status == "warning"
     assert "tells hose burst valve lag, which the control law does not use" in cycle.reason
+
+
+def test_a_held_boom_of_a_quiet_encoder_beside_a_gyro_with_a_bias_is_no_stuck_sensor(boom: Boom) -> None:
+    lifting(boom)
+    held = boom.angle
+    boom.wanted = lambda now: held
+    boom.run(2.0)
+    stands = boom.angle
+    boom.shown = lambda angle, rate: (stands, rate + 5e-3)
+    boom.run(8.0)
+    assert boom.loop.supervision.finding is None
