@@ -77,6 +77,10 @@ def _try(path: Path, named: str) -> None:
         raise UsageError(f"{named}: may not be written ({error.strerror}): give another path") from None
 
 
+_ANYBODYS = frozenset(("recording", "bag", "rosbag", "rosbag2", "data", "log", "run"))
+"""Names that recordings of many cranes have."""
+
+
 def default_report(command: str, bags: Sequence[str] = ()) -> Path:
     """The default path of a command's report, called after the first of its recordings; creates the folder ``output``.
 
@@ -92,7 +96,8 @@ def default_report(command: str, bags: Sequence[str] = ()) -> Path:
         ) from None
     names = [_name(Path(bag)) for bag in bags]
     name = "-".join([command, *names[:1]])
-    if any(other == names[0] for other in names[1:]):  # of another crane: its folder tells which
+    twice = any(other == names[0] for other in names[1:])
+    if twice or (names and names[0].lower() in _ANYBODYS):  # of another crane: its folder tells which
         name = f"{command}-{os.path.basename(os.path.realpath(Path(bags[0]).parent))}-{names[0]}"
     more = f"-and-{len(bags) - 1}-more" if len(bags) > 1 else ""
     path = checked(str(folder / f"{name}{more}.html"), "report", PAGE)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from boom_bringup import __version__, cli, showing
+from boom_bringup import __version__, cli, outputs, showing
 
 ROOT = Path(__file__).resolve().parents[3]
 BAG = ROOT / "bags" / "healthy" / "extended"
@@ -327,3 +327,10 @@ def test_steps_are_told_in_a_log_only_where_a_command_takes_longer_than_2_s(monk
         step("reading a", 1)
         step("reading b", 1)
     assert capsys.readouterr().err == "boom: reading b\n"
+
+
+def test_a_report_of_a_recording_with_anybodys_name_is_named_after_its_folder(tmp_path, monkeypatch):
+    """Folders of sixteen cranes, each with a ``recording``, had one report."""
+    monkeypatch.chdir(tmp_path)
+    assert outputs.default_report("validate", ["crane_7/recording"]).name == "validate-crane_7-recording.html"
+    assert outputs.default_report("validate", ["crane_7/steps"]).name == "validate-steps.html"

@@ -199,7 +199,8 @@ def _parameter(document: Mapping[str, Any], spec: Specification) -> Parameter:
     if unknown:
         raise MachineError(f"{spec.key}.{sorted(unknown)[0]}: no such key; known: value, unit, prov, conf, tol, note")
     if str(entry.get("unit", "")).strip() != spec.unit:
-        raise MachineError(f"{spec.key}.unit: {entry.get('unit', 'missing')!s}; expected {spec.unit}")
+        text = "" if isinstance(entry.get("unit", ""), str) else ", as one text"
+        raise MachineError(f"{spec.key}.unit: {entry.get('unit', 'missing')!s}; expected {spec.unit}{text}")
     value = _value(entry, spec)
     check_range(spec, value, shown=entry["value"])
     tol = check_tolerance(entry["tol"], spec.key, value) if "tol" in entry else None
