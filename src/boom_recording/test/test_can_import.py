@@ -126,7 +126,7 @@ def test_a_log_of_two_buses_is_refused(ahead: int, codec: Codec, tmp_path: Path)
     other = [message(codec, name, k, START + 0.01 * k + 0.003, k + ahead) for k in range(300) for name in codec.frames]
     both = sorted([*traffic(codec), *other], key=lambda m: m.timestamp)
     with pytest.raises(
-        RecordingError, match="contradict their counter, .* two nodes send it, as where a log holds two buses"
+        RecordingError, match=r"contradict their counter, .* two nodes send it, as where a log holds two buses"
     ):
         imported(logged(tmp_path / "two.log", both), codec)
 
