@@ -226,7 +226,7 @@ def test_a_small_effect_is_in_sight_although_its_probe_is_large() -> None:
     scanner, _ = nominal_look({"boom_flexibility": {"gain": 0.01, "f": 1.8, "zeta": 0.02}})
     best = scanner.scan(["rate_scale", "boom_flexibility", "entrained_air"])[0]
     assert (best.effect, best.values["effects.boom_flexibility.f"]) == ("boom_flexibility", 1.8)
-    assert best.values["effects.boom_flexibility.gain"] == pytest.approx(0.01, rel=0.1)
+    assert best.values["effects.boom_flexibility.gain"] == pytest.approx(0.01, rel=0.15)  # the sag is probed, too
     assert best.probe is not None and best.probe["effects.boom_flexibility.gain"] < 0.1
 
 

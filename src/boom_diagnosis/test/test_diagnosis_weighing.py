@@ -74,9 +74,9 @@ def test_unknown_physics_is_likely_where_much_of_the_mismatch_stays() -> None:
         ({"presliding_friction": {"compliance": 1.8e-6}}, 0.0, True),
         ({"presliding_friction": {"compliance": 5.4e-8}}, 0.0, True),
         ({"presliding_friction": {"compliance": 4e-8}}, 0.0, False),
-        ({"boom_flexibility": {"gain": 0.02, "f": 0.9, "zeta": 0.02, "mu": 0.3, "eta": 1.0}}, 0.0, False),
-        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.08, "mu": 0.3, "eta": 1.0}}, 0.0, False),
-        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.02, "mu": 0.3, "eta": 1.0}}, 0.0, True),
+        ({"boom_flexibility": {"gain": 0.02, "f": 0.9, "zeta": 0.02, "mu": 0.3, "eta": 1.0, "sag": 0.0}}, 0.0, False),
+        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.08, "mu": 0.3, "eta": 1.0, "sag": 0.0}}, 0.0, False),
+        ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.02, "mu": 0.3, "eta": 1.0, "sag": 0.0}}, 0.0, True),
         ({"rate_scale": {"a": 0.9}}, 0.0, True),
         ({"compensator_droop": {"k": 0.0}}, 0.0, True),  # fitted to nothing: no number is told of it
         ({"hose_burst_valve_lag": {"tau": 0.44}}, 0.0, True),
@@ -110,7 +110,7 @@ def test_what_explains_all_is_possible_whatever_its_damping_and_not_whatever_its
     A base that rocks at 0.64 Hz was a boom that bends, with 0.99.
     """
     names = all_coordinates(["boom_flexibility"])
-    numbers = {"gain": 1.0, "f": frequency, "zeta": 0.088, "mu": 0.53, "eta": 0.36}
+    numbers = {"gain": 1.0, "f": frequency, "zeta": 0.088, "mu": 0.53, "eta": 0.36, "sag": 0.0}
     point = Point(
         np.zeros(2), {f"effects.boom_flexibility.{k}": v for k, v in numbers.items()}, np.zeros(1600),
         np.ones(1600, dtype=bool), 0.0, [], [],
