@@ -130,9 +130,7 @@ def test_late_pressures_of_a_sparse_log_go_back_each_to_its_own_interval(delay: 
         assert back[known][10:].mean() > 0.95, (j, shift)
 
 
-@pytest.mark.parametrize(
-    ("name", "told"), [("extended", 0.01), ("folded_fast", 0.01), ("extended", 0.05), ("folded_fast", 0.05)]
-)
+@pytest.mark.parametrize(("name", "told"), [("extended", 0.01), ("folded_fast", 0.01), ("extended", 0.05)])
 def test_a_healthy_recording_of_20_hz_has_no_physics_left_out(name: str, told: float) -> None:
     """Of a controller of 100 Hz, also where the file gives its own sample time for the controller's."""
     psd = tz17().sensors.get("p_noise_psd", 0.0)
