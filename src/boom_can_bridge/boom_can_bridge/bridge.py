@@ -13,7 +13,7 @@ from boom_can_bridge.python_can import can
 from .codec import Codec
 from .command_gate import CommandGate, GatedCommand
 from .connection import BusSettings, open_bus
-from .ecu_state import EcuState
+from .ecu_state import DRIVES, EcuState
 from .errors import CanConfigurationError
 from .frame_log import FrameLog
 from .lockstep import BusLockstep
@@ -182,7 +182,8 @@ class Bridge:
         return self.checker.proving or (self._begun is None and not self.gate.enabled)
 
     def _on_reading(self, reading: Reading) -> None:
-        if not self.sender.last.enable:
+        sent = self.sender.last
+        if not sent.enable or max(sent.retract, sent.extend) <= DRIVES:
             self._ecu.released()
         if "mode" in reading.values or "faults" in reading.values:
             self._status = reading.values

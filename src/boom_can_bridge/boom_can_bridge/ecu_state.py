@@ -9,10 +9,14 @@ from .codec import Codec
 
 MISSED, SHORTEST_S = 5, 0.5
 """Status frames in a row that may be missing, and the time [s] for which they may at least."""
+TWICE = 2
+"""Status frames in a row of another mode that count."""
+DRIVES = 0.05
+"""A. As much commanded opens a valve, or is about to."""
 
 
 class EcuState:
-    """Follows mode and uptime while motion is enabled. Which mode is which is the ECU's matter; that it changes is not.
+    """Follows uptime, and the mode while current is commanded. Which mode is which is the ECU's matter; that it changes is not.
 
     Args:
         codec: of the machine. Without a status frame nothing is told.
@@ -31,9 +35,10 @@ class EcuState:
         self.released()
 
     def released(self) -> None:
-        """Motion is not enabled: the mode may be any."""
+        """No current is commanded: the mode may be any."""
         self._before: float | None = None
         self._driving: float | None = None
+        self._left = 0
 
     def seen(self, values: Mapping[str, float], now: float) -> str:
         """Take a status frame that came at ``now`` [s]; why motion has to be disabled, or empty."""
@@ -42,13 +47,17 @@ class EcuState:
         restarted, self._uptime = uptime < self._uptime, uptime
         if restarted:
             return f"the ECU has restarted: its uptime went back to {uptime:.1f} s"
-        if self._driving is not None and mode != self._driving:
-            was, self._driving = self._driving, None
-            return f"the ECU went from mode {was:g} to {values.get('mode', inf):g} by itself"
-        if mode is not None and mode == self._before:
-            self._driving = mode  # twice: it has followed the enabling
-        self._before = mode
-        return ""
+        if mode is None:
+            return ""
+        if self._driving is None:
+            self._driving = mode if mode == self._before else None  # twice: it has followed the command
+            self._before = mode
+        self._left = self._left + 1 if self._driving not in (None, mode) else 0
+        if self._left < TWICE:  # once it may have missed a command
+            return ""
+        was = self._driving
+        self.released()
+        return f"the ECU went from mode {was:g} to {mode:g} by itself"
 
     def silent(self, now: float) -> str:
         """Whether the status frames have stayed away, in a sentence; empty: they have not."""

@@ -130,8 +130,9 @@ def test_a_repeated_frame_is_dropped_and_a_lost_one_counted():
         ([(2, 1.0), (2, 1.1), (2, 1.2)], ""),
         ([(1, 1.0), (2, 1.1), (2, 1.2), (2, 1.3)], ""),  # it follows the enabling
         ([(2, 1.0), (2, 1.1), (0, 0.0)], "restarted"),
-        ([(2, 1.0), (2, 1.1), (0, 1.2)], "from mode 2 to 0 by itself"),
-        ([(7, 1.0), (7, 1.1), (4, 1.2)], "from mode 7 to 4 by itself"),  # of a machine that counts otherwise
+        ([(2, 1.0), (2, 1.1), (1, 1.2), (2, 1.3), (1, 1.4)], ""),  # it has missed a command
+        ([(2, 1.0), (2, 1.1), (0, 1.2), (0, 1.3)], "from mode 2 to 0 by itself"),
+        ([(7, 1.0), (7, 1.1), (4, 1.2), (4, 1.3)], "from mode 7 to 4 by itself"),  # of a machine that counts otherwise
     ],
 )
 def test_an_ecu_that_restarts_or_leaves_the_mode_in_which_it_drives_is_told(frames, said):
