@@ -22,6 +22,7 @@ from boom_node.commands import LONGEST_SILENCE_S
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.emergency_stop import EmergencyStop
 from boom_node.errors import StartError
+from boom_node.joint_state import named_twice
 from boom_node.node import LifecycleNode
 from boom_node.publishers import COMMANDS, SolePublishers
 from boom_node.realtime import Garbage, WakeUpLatency, use_core, use_priority
@@ -222,9 +223,7 @@ class ControllerNode(LifecycleNode):
     # --------------------------------------------------------------------------------------------------------- samples
 
     def _on_joint(self, message: JointState) -> None:
-        if self._loop is None:
-            return
-        if self._named_twice("/joint_states", message):
+        if self._loop is None or named_twice(self.guard, "/joint_states", message, self._values["joint_name"]):
             return
         self._others.take(message.name, message.position)
         try:
@@ -236,13 +235,6 @@ class ControllerNode(LifecycleNode):
         if times is not None:
             self._loop.joint(angle, rate, *times)
             self._arrived("joint", to_ns(message.header.stamp))
-
-    def _named_twice(self, topic: str, message: JointState) -> bool:
-        """Whether the boom's joint stands in a message several times: which of them counts it does not say."""
-        twice = list(message.name).count(self._values["joint_name"]) > 1
-        if twice:
-            self.guard.refuse(topic, "the joint stands in one message several times", "give it once")
-        return twice
 
     def _on_pressure(self, name: str, message: FluidPressure) -> None:
         if self._loop is None:
@@ -347,14 +339,12 @@ class ControllerNode(LifecycleNode):
 
     def _on_reference(self, message: JointState) -> None:
         joint = self._values["joint_name"]
-        if self._loop is None or not self._active or joint not in message.name:
-            return
-        if self._named_twice("/boom/reference", message):
+        known = self._loop is not None and self._active and joint in message.name
+        if self._loop is None or not known or named_twice(self.guard, "/boom/reference", message, joint):
             return
         k, stamp_ns = list(message.name).index(joint), to_ns(message.header.stamp)
-        wrong = (
-            far(stamp_ns, self._times.now_ns()) if stamp_ns and not self._lockstep else ""
-        )  # without a stamp: of now
+        stamped = stamp_ns and not self._lockstep  # without a stamp: of now
+        wrong = far(stamp_ns, self._times.now_ns()) if stamped else ""
         if wrong:
             self.guard.refuse("/boom/reference", "stamp far from now", f"{wrong}: synchronise the clocks")
             return

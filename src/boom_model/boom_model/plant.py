@@ -41,10 +41,6 @@ FAST, FINE = 1e-4, 1e-6
 """Tolerances of the error control. Measured over a 60 s recording they give errors of about the same size."""
 LARGEST_SPOOL = 4.0
 """Times s_max: beyond, a run ends with an error. The spool has no end stop in the equations; 0.7 A push it to 1.6 s_max."""
-_RESTING = ("angle", "hose_pressure", "rod_pressure")
-"""Channels that tell a state at rest; so are the states called that they show."""
-_SETTLING, _SETTLED = 6, 1e-9
-"""Steps to that state at most, and the share of what is shown that counts as none."""
 
 
 @dataclass(frozen=True)
@@ -172,19 +168,7 @@ class Plant(CompiledModel):
 
         An offset, the scale of a transducer, or a boom that bends under its weight.
         """
-        shown = np.array([angle, hose_pressure, rod_pressure])
-        which = [OUTPUTS.index(n) for n in _RESTING]
-        own = [n in (*_RESTING, "head_pressure") for n in self.state_names]
-        slope, sought = self.output_matrix(parameters)[which][:, own].sum(axis=1), shown
-        for _ in range(_SETTLING):
-            at, hose, rod = sought.tolist()
-            state = self.rest_state(at, hose, rod, parameters, inputs)
-            lacking = (shown - self.outputs(state, inputs, parameters)[which]) / slope
-            lacking[~np.isfinite(shown)] = 0.0
-            if np.all(np.abs(lacking) <= _SETTLED * np.abs(np.nan_to_num(shown))):
-                break
-            sought = sought + lacking
-        return state
+        return rest.shown(self, np.array([angle, hose_pressure, rod_pressure]), parameters, inputs)
 
     def equilibrium(self, angle: float, rod_pressure: float = 1.0e6, inputs: ArrayLike | None = None) -> Array:
         """Rest state in which the pressures carry the boom without friction: p_a A_a = g / J + p_b A_b."""

@@ -8,6 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from boom_model.catalogue import EFFECTS
 from boom_model.catalogue.terms import Terms
@@ -15,9 +17,17 @@ from boom_model.component_numbers import components_of
 from boom_model.components import equation_of_motion, oil, payload
 from boom_model.equations import Equations, valve_holds
 from boom_model.regularisation import Expression
+from boom_model.sensors import OUTPUTS
+
+Array = NDArray[np.float64]
 
 START = ("angle", "hose_pressure", "rod_pressure", "balanced")
 """s of :func:`start_state`: q_2 [rad], p_h and p_b [Pa gauge], and 1 where p_h is to be what carries the boom, else 0."""
+
+_RESTING = ("angle", "hose_pressure", "rod_pressure")
+"""Channels that tell a state at rest; so are the states called that they show."""
+_SETTLING, _SETTLED = 6, 1e-9
+"""Steps to that state at most, and the share of what is shown that counts as none."""
 
 
 def settled(m: Equations, values: dict[str, Expression], p: Any, e: Terms) -> list[Expression]:
@@ -46,6 +56,24 @@ def settled(m: Equations, values: dict[str, Expression], p: Any, e: Terms) -> li
         if effect.at_rest:
             values |= effect.at_rest(values, p, e)
     return [values.get(name, 0.0) for name in m.state_names]
+
+
+def shown(plant: Any, wanted: Array, parameters: Array | None, inputs: Any) -> Array:
+    """State at rest of a plant at which its sensors show ``wanted``: angle [rad], p_h, p_b [Pa gauge], NaN where not measured.
+
+    The outputs are linear in the states, but what else depends on these, as a sag does on the angle, asks for some steps.
+    """
+    which = [OUTPUTS.index(n) for n in _RESTING]
+    own = [n in (*_RESTING, "head_pressure") for n in plant.state_names]
+    slope, sought = plant.output_matrix(parameters)[which][:, own].sum(axis=1), wanted
+    for _ in range(_SETTLING):
+        state = np.asarray(plant.rest_state(*sought.tolist(), parameters, inputs))
+        lacking = (wanted - plant.outputs(state, inputs, parameters)[which]) / slope
+        lacking[~np.isfinite(wanted)] = 0.0
+        if np.all(np.abs(lacking) <= _SETTLED * np.abs(np.nan_to_num(wanted))):
+            break
+        sought = sought + lacking
+    return state
 
 
 def carrying(m: Equations, angle: Expression, rod_pressure: Expression, inputs: Expression | None = None) -> Expression:
