@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from boom_can_bridge.python_can import can
+from boom_node.commands import CLOSED_A
 
 from .codec import Codec
 from .command_gate import CommandGate, GatedCommand
 from .connection import BusSettings, open_bus
-from .ecu_state import DRIVES, EcuState
+from .ecu_state import EcuState
 from .errors import CanConfigurationError
 from .frame_log import FrameLog
 from .lockstep import BusLockstep
@@ -183,7 +184,7 @@ class Bridge:
 
     def _on_reading(self, reading: Reading) -> None:
         sent = self.sender.last
-        if not sent.enable or max(sent.retract, sent.extend) <= DRIVES:
+        if not sent.enable or max(sent.retract, sent.extend) <= CLOSED_A:
             self._ecu.released()
         if "mode" in reading.values or "faults" in reading.values:
             self._status = reading.values

@@ -11,8 +11,6 @@ MISSED, SHORTEST_S = 5, 0.5
 """Status frames in a row that may be missing, and the time [s] for which they may at least."""
 TWICE = 2
 """Status frames in a row of another mode that count."""
-DRIVES = 0.05
-"""A. As much commanded opens a valve, or is about to."""
 
 
 class EcuState:

@@ -19,6 +19,7 @@ from boom_interfaces.msg import GroundTruth, MachineConfiguration, SolenoidCurre
 from boom_interfaces.srv import SetPayload
 from boom_model.errors import ModelError, SimulationError
 from boom_node import parameters, qos, shell
+from boom_node.commands import CLOSED_A
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.emergency_stop import EmergencyStop
 from boom_node.errors import StartError
@@ -37,9 +38,6 @@ from boom_sim import messages, settings
 from boom_sim.pacing import SimulationPacer, WatchedCommand
 from boom_sim.simulated_crane import PERIOD, CommandError, CraneSample
 from boom_sim.unheard_motion import LOOK_EVERY_S, UnheardMotion
-
-_CLOSED = 0.05
-"""A. A replayed zero, with the noise of the measured currents; every valve is shut at it."""
 
 
 class SimulationNode(Node):
@@ -110,7 +108,7 @@ class SimulationNode(Node):
 
     def _on_command(self, message: SolenoidCurrents) -> None:
         stamp_ns = to_ns(message.header.stamp)
-        if self._held and not self._stop.standing and max(abs(message.retract), abs(message.extend)) <= _CLOSED:
+        if self._held and not self._stop.standing and max(abs(message.retract), abs(message.extend)) <= CLOSED_A:
             self._held = False
         if self._conflict() or self._held:
             message.retract = message.extend = 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from boom_controller.supervision.reasons import StopCause
-from boom_controller.supervision.sensors import Agreement, Range, SupervisedSensor
+from boom_controller.supervision.sensors import MOVES, Agreement, Range, SupervisedSensor
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.types import Measurement
 from boom_input.repeats import Repeats
@@ -17,8 +17,6 @@ _RATE = Range("rate", "rad/s", -3.0, 3.0)
 _PRESSURE = (-2.02e5, 6.0e7)  # Pa. Vacuum, to the accuracy of a transducer of 0 to 400 bar
 _DRIFT_T, _DRIFT = 10.0, 2.0
 """s, and times ``largest_disagreement``: an angle that leaves the gyro slowly. A gyro that is 10 % wrong stays below over 1 rad."""
-_BIAS = 0.02
-"""rad/s. A gyro that shows more is no resting one with a bias."""
 _NO_CHANGE = 1e-6  # rad/s
 _NO_CHANGE_OF_PRESSURE = 10.0  # Pa
 _CURRENT = Range("current", "A", -0.05, 10.0)
@@ -49,7 +47,7 @@ class SensorSet:
     def take_joint(self, angle: float, rate: float, stamp: float, measured: float, *, at_rest: bool = False) -> None:
         """Accept angle [rad] and rate [rad/s]. at_rest: the valve is closed; what the gyro does then tells its noise."""
         if self.joint.take((angle, rate), stamp, measured):
-            turns = rate if abs(rate) > _BIAS else 0.0
+            turns = rate if abs(rate) > MOVES else 0.0
             turned, self._turned = turns * max(stamp - self._turned, 0.0), stamp
             self._agreement.update(stamp, angle, rate)
             self._drift.update(stamp, angle, rate)

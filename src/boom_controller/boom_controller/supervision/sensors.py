@@ -11,6 +11,9 @@ from dataclasses import dataclass
 
 from boom_controller.supervision.reasons import StopCause
 
+MOVES = 0.02
+"""rad/s. Ten times the noise of a gyro, and more than its bias: the boom really moves."""
+
 
 @dataclass(frozen=True)
 class Range:

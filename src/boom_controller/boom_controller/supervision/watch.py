@@ -6,13 +6,13 @@ import math
 from collections import deque
 
 from boom_controller.supervision.reasons import StopCause
+from boom_controller.supervision.sensors import MOVES
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.supervision.weight import CarriedWeight
 from boom_controller.types import ControlOutput, Measurement, Reference
 from boom_model.derived import valve_currents
 from boom_model.machine import Machine, Pose
 
-_OUTWARD_RATE = 0.02  # rad/s. Ten times the noise of the gyro: the boom really moves
 _STAYS = 0.1  # s that a pressure stays beyond its limit once that was told: bringing the boom to rest by the loop is of no use
 _WIDE_OPEN = 0.8  # of the way from where the valve opens to where it is open
 _UNMOVED = 2e-3  # rad. What the angle's noise and steps may make of a boom that stands
@@ -118,7 +118,7 @@ class MotionWatch:
                 f"the valve has been wide open for {s.longest_stall:g} s, and the angle stays at {m.angle:.3f} rad",
             )
         low, high = self.angles
-        if (m.angle > high and m.rate > _OUTWARD_RATE) or (m.angle < low and m.rate < -_OUTWARD_RATE):
+        if (m.angle > high and m.rate > MOVES) or (m.angle < low and m.rate < -MOVES):
             return StopCause("angle_limit", f"the boom is at {m.angle:.3f} rad, outside {low:.3f} .. {high:.3f} rad")
         return None
 

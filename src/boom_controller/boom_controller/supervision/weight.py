@@ -14,6 +14,7 @@ from collections import deque
 
 import numpy as np
 
+from boom_controller.supervision.sensors import MOVES
 from boom_model.catalogue.terms import Terms
 from boom_model.components import equation_of_motion
 from boom_model.equations import namespace
@@ -23,8 +24,6 @@ WINDOW = 0.2
 """s."""
 LEAST = 0.3
 """Share of the weight's torque that has to be seen: the other joints may have folded the boom, and masses are known to a share."""
-EXTENDS = 0.02
-"""rad/s. Ten times the noise of a gyro."""
 LOADED = 0.3
 """Share of the largest weight from which on it presses on the head side for certain."""
 _POINTS = 65
@@ -59,7 +58,7 @@ class CarriedWeight:
         """Whether the cylinder gave too little for the motion of the last window; SI, p_h and p_b in Pa gauge."""
         lever = float(np.interp(angle, self._angles, self._lever))
         weight = float(np.interp(angle, self._angles, self._weight))
-        if lever * rate <= EXTENDS * abs(lever) or weight / lever < self._clear:
+        if lever * rate <= MOVES * abs(lever) or weight / lever < self._clear:
             self.reset()
             return False
         dt = time - self._seen[-1][0] if self._seen else 0.0
