@@ -3,9 +3,10 @@
 While the piston extends against the weight, the hose is the head side whatever valve stands between them, and friction and any load
 only add to what is needed. Over a window from w_0 to w the cylinder gave at most the impulse that it measured, and needed at least
 
-    D_0 (w - w_0) + integral of g_0(q_2) dt,        measured: integral of J (p_h A_a - p_b A_b) dt
+    min(D_0 (w - w_0), 0) + integral of g_0(q_2) dt,        measured: integral of J (p_h A_a - p_b A_b) dt
 
-with inertia D_0 and torque g_0 of the boom without any load, in the pose that the configuration tells.
+with inertia D_0 and torque g_0 of the boom without any load, in the pose that the configuration tells. What speeding up takes is left
+out: it would be the pressures' fault that a gyro jumps.
 """
 
 from __future__ import annotations
@@ -68,7 +69,9 @@ class CarriedWeight:
         self._needed += LEAST * weight * dt
         if time - self._seen[0][0] < WINDOW:
             return False
-        lacking = np.sign(lever) * (self._needed + self._inertia * (rate - self._seen[0][1]) - self._given)
+        sign = np.sign(lever)
+        slowed = min(sign * self._inertia * (rate - self._seen[0][1]), 0.0)
+        lacking = slowed + sign * (self._needed - self._given)
         self._seen.popleft()
         self._given -= self._seen[0][2]
         self._needed -= self._seen[0][3]
