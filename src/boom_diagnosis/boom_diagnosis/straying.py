@@ -1,5 +1,8 @@
 """What a log makes of the currents, which looks like physics that is missing; the innovations' likelihood tells it.
 
+Either must gain more than chance, which grows with what it leaves unexplained (``earning.temperature``), as everything does here:
+where nothing explains the recording a freer observer gains as well.
+
 A logger that races the controller writes now this command, now the one before it. In the gains of the observer that is noise of
 the currents where they change, (du/dt) sigma_t.
 
@@ -16,11 +19,12 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import Bag, prepare
 from boom_diagnosis.case import Case, Flags, case_of
-from boom_diagnosis.earning import chance
+from boom_diagnosis.earning import chance, temperature
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.hypotheses import LOOSENESS, problem_at
 from boom_diagnosis.locating import disturbed, links
 from boom_diagnosis.nuisances import CLOCK
+from boom_diagnosis.weighing import COLDEST, ENOUGH
 from boom_model.machine import Machine
 
 Array = NDArray[np.float64]
@@ -41,11 +45,11 @@ def commanded_oftener(case: Case) -> Case | None:
         return None  # as the machine file says
     seen = links(case.machine)
 
-    def likeliest(problem: Problem, z: Array) -> float:
+    def likeliest(problem: Problem, z: Array) -> tuple[float, float]:
         point = problem.points([(z, at.effects)])[0]
-        return max(problem.likelihood_at(z, at.effects), disturbed(problem, point, seen))
+        return max(problem.likelihood_at(z, at.effects), disturbed(problem, point, seen)), _enough(case, point)
 
-    best, most = None, likeliest(case.problem(at.z, at.effects, LOOSENESS[0]), at.z) + chance(case)
+    best, most = None, likeliest(case.problem(at.z, at.effects, LOOSENESS[0]), at.z)[0]
     on_stamps = np.where(
         [n.label == CLOCK for n in case.nuisances], 0.0, at.z
     )  # lines stand half a sample earlier by themselves
@@ -53,13 +57,18 @@ def commanded_oftener(case: Case) -> Case | None:
         machine = _commanding_every(share * period, case.machine)
         bags = [prepared for bag in case.bags if (prepared := prepare(bag.recording, machine))]
         tried = case_of(machine, bags, [p for bag in case.proving if (p := prepare(bag.recording, machine))], case.seed)
-        reached = likeliest(
+        reached, needed = likeliest(
             problem_at(machine, tried.bags, case.select, case.nuisances, on_stamps, at.effects, LOOSENESS[0]), on_stamps
         )
-        if reached > most:
+        if reached > most + (0.0 if best else needed):
             tried.elsewhere, tried.oftener = case.elsewhere, share * period
             best, most = tried, reached
     return best
+
+
+def _enough(case: Case, at: Point) -> float:
+    """Nats that another view of the recordings must gain, which leaves what is left at a point."""
+    return chance(case) + ENOUGH * (temperature(case, at) / COLDEST - 1.0)
 
 
 def _commanding_every(period: float, machine: Machine) -> Machine:
@@ -78,13 +87,13 @@ def strayed(case: Case) -> tuple[list[Bag], list[Bag]] | None:
     """
     at = case.last
     fitted = [_likeliest(case, bag, select, at, {}) for bag, select in zip(case.bags, case.select, strict=True)]
-    gained = sum(gain for _, gain in fitted) - chance(case)
+    bags = [bag for bag, _ in fitted]
+    strays = problem_at(case.machine, bags, case.select, case.nuisances, at.z, at.effects, LOOSENESS[0])
+    gained = sum(gain for _, gain in fitted) - _enough(case, strays.points([(at.z, at.effects)])[0])
     base = case.problem(at.z, at.effects, LOOSENESS[0])
     if gained < 0.0 or gained < disturbed(base, at, links(case.machine)) - base.likelihood_at(at.z, at.effects):
         return None
-    return [bag for bag, _ in fitted], [
-        _likeliest(case, bag, bag.counted, at, case.own_beside(at))[0] for bag in case.proving
-    ]
+    return bags, [_likeliest(case, bag, bag.counted, at, case.own_beside(at))[0] for bag in case.proving]
 
 
 def _likeliest(case: Case, bag: Bag, select: Flags, at: Point, own: Mapping[str, float]) -> tuple[Bag, float]:
