@@ -5,8 +5,8 @@ only add to what is needed. Over a window from w_0 to w the cylinder gave at mos
 
     min(D_0 (w - w_0), 0) + integral of g_0(q_2) dt,        measured: integral of J (p_h A_a - p_b A_b) dt
 
-with inertia D_0 and torque g_0 of the boom without any load, in the pose that the configuration tells. What speeding up takes is left
-out: it would be the pressures' fault that a gyro jumps.
+with inertia D_0 and torque g_0 of the boom without any load, in the pose that the configuration tells. What speeding up takes is
+left out: it would be the pressures' fault that a gyro jumps.
 """
 
 from __future__ import annotations
