@@ -131,11 +131,11 @@ def _share_of_clear_rest(case: Case, best: Weighed) -> float:
 
 def needed(case: Case, best: Weighed) -> float:
     """Nats that an effect must gain; of one that explains most of a clear rest the effects before ask nothing."""
-    return (
-        chance(case)
-        if _share_of_clear_rest(case, best) > MOST_OF_REST
-        else _beside_others(case, case.rounds[-1].problem)
-    )
+    if _share_of_clear_rest(case, best) > MOST_OF_REST:
+        return chance(case)
+    asked = _beside_others(case, case.rounds[-1].problem)
+    sure = ENOUGH * temperature(case, best.fitted.point) / COLDEST  # as what it leaves unexplained lets anything be
+    return max(asked, sure) if case.taken else asked
 
 
 def _bearable(case: Case, best: Weighed) -> float:
