@@ -384,7 +384,14 @@ def test_a_machine_named_by_a_topic_is_never_opened_as_a_path(rig: Rig, name: st
     rig.health.clear()
     rig.until(lambda: "boom_controller" in rig.health and key in {v.key for v in rig.health["boom_controller"].values})
     assert rig.processes[1].poll() is None
-    rig.lift()  # with the machine from before
+    rig.until(lambda: "the last /boom/machine_configuration cannot be used" in rig.states[-1].reason)
+    assert rig.states[-1].status == "warning"
+    rig.trajectory.publish(path([(4.0, 0.5)]))
+    rig.states.clear()
+    rig.until(lambda: len(rig.states) > 20)
+    assert {s.mode for s in rig.states} == {"idle"}
+    rig.heal()  # with one that can
+    rig.lift()
 
 
 def test_two_commanders_are_an_error_and_nothing_resumes_until_one_has_gone(rig: Rig) -> None:

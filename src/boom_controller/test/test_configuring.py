@@ -137,7 +137,7 @@ def test_of_several_configurations_the_last_counts(maker: Maker) -> None:
 
 
 @pytest.mark.parametrize("failure", [ControlError("no such valve"), None])
-def test_what_cannot_be_used_is_refused_with_its_reason_and_the_laws_of_before_stay(
+def test_what_cannot_be_used_is_refused_with_its_reason_and_nothing_moves_until_the_next(
     maker: Maker, failure: Exception | None
 ) -> None:
     rig = Rig(aside=False)
@@ -149,6 +149,9 @@ def test_what_cannot_be_used_is_refused_with_its_reason_and_the_laws_of_before_s
     assert len(rig.refused) == 1
     assert rig.refused[0].startswith("/boom/machine_configuration cannot be used")
     assert before is not None and rig.loop.configuration == before
+    assert rig.loop.law.preparing.startswith("the last /boom/machine_configuration cannot be used: ")
+    maker.failure = None
+    rig.hear(configuration())
     assert rig.loop.law.preparing == ""
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from boom_fleet.engine import Engine
 from boom_fleet.judging import Judgement, Kept, judge
 from boom_fleet.numbers import TrackedQuantity, numbers_of, present
-from boom_fleet.store import MACHINE_FILE_ENDINGS, FoundBag, Store
+from boom_fleet.store import FoundBag, Store
 from boom_fleet.tasks import (
     NO_REFERENCE,
     MachineReference,
@@ -33,6 +33,7 @@ from boom_fleet.tasks import (
 )
 from boom_input.shown import quoted
 from boom_model.catalogue import CATALOGUE
+from boom_model.machine_file import shipped_machines
 from boom_model.plant import Plant
 
 VERSION = hashlib.sha256(repr(("4", [(e.id, e.term, e.parameters) for e in CATALOGUE])).encode()).hexdigest()
@@ -297,7 +298,7 @@ def tasks_of(
     result = []
     for bag in bags:
         chosen = files.get(bag.machine) or bag.machine_file or default
-        if chosen.endswith(MACHINE_FILE_ENDINGS):
+        if chosen and chosen not in shipped_machines():
             if chosen not in known:
                 known[chosen] = text(chosen)
             result.append(Task(bag, text=known[chosen], file=chosen))

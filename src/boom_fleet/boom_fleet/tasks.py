@@ -161,7 +161,7 @@ def machine_of(task: Task, named: str) -> Machine:
         MachineError: the file cannot be used, or there is none of that name.
     """
     from boom_model.errors import MachineError
-    from boom_model.machine_file import load_machine
+    from boom_model.machine_file import load_machine, shipped_machine
 
     if task.text:
         with scratch() as folder:
@@ -171,7 +171,7 @@ def machine_of(task: Task, named: str) -> Machine:
                 return load_machine(path)
             except MachineError as error:  # of the copy: the user knows another name
                 raise MachineError(str(error).replace(str(path), task.file)) from None
-    return load_machine(task.shipped or named)
+    return shipped_machine(task.shipped or named)
 
 
 def _sound(recording: Recording, machine: Machine) -> bool:

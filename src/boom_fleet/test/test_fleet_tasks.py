@@ -1,6 +1,7 @@
 """What a worker does with a recording: the verdict of the diagnosis becomes columns, a fault becomes a line."""
 
 import errno
+from dataclasses import replace
 from pathlib import Path
 
 import fsspec
@@ -50,6 +51,17 @@ def test_a_machine_file_that_does_not_fit_is_a_line_and_no_end_of_the_night(tmp_
     failure = screened.columns["failure"]
     assert failure.startswith("s3://cranes/crane/machine.yaml") and "\n" not in failure
     assert "boom-fleet-" not in failure, "the name of a copy tells the user nothing"
+
+
+def test_a_machine_that_a_recording_names_is_never_opened_as_a_path(tmp_path, monkeypatch):
+    recording = part(load(ROOT / "bags/healthy/extended"), 0.0, 5.5)
+    named = replace(recording, stored_configuration=replace(recording.configuration, machine="evil.yaml"))
+    (tmp_path / "crane").mkdir()
+    writing.write(tmp_path / "crane/short", named)
+    (tmp_path / "evil.yaml").write_bytes((ROOT / "src/boom_model/boom_model/machines/tz17.yaml").read_bytes())
+    monkeypatch.chdir(tmp_path)
+    (bag,) = find_bags(str(tmp_path / "crane"))
+    assert "'evil.yaml' is not shipped" in screen_one(Task(bag), None).columns["failure"]
 
 
 def test_a_fault_of_a_bag_in_a_store_names_its_url_and_not_the_copy(tmp_path):

@@ -90,6 +90,11 @@ class BagValidation:
         return ""
 
     @property
+    def agrees(self) -> bool:
+        """Whether the recording tests the model, and the model is right as far as noise lets that be told."""
+        return not self.mismatches and not self.too_little
+
+    @property
     def _compared(self) -> NDArray[np.bool_]:
         return self.recording.signals["angle"].valid & np.isfinite(self.full.values["angle"])
 
@@ -114,7 +119,7 @@ class BagValidation:
                 for e in self.recording.events
             ],
             "compared_s": self.compared_s,
-            "agrees": not self.mismatches and not self.too_little,
+            "agrees": self.agrees,
             "warnings": list(self.recording.warnings),
         }
         for prediction in (self.full, self.reduced):

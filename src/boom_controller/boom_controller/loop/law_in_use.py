@@ -36,7 +36,7 @@ class LawInUse:
         mode, settings: present values; gradual changes are in progress.
         configuration: machine and pose; None before :meth:`use`.
         controller: the law; both laws during a handover.
-        preparing: laws for another configuration are being made, in words; no motion begins until it is empty again.
+        preparing: laws for another configuration are being made, or cannot be, in words; no motion begins until it is empty again.
         note: what the law had to say in the last step; usually empty.
     """
 

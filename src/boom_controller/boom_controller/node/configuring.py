@@ -76,7 +76,7 @@ class Configuring:
             for each, laws in zip(loops, preparation.result(), strict=True):
                 each.use(laws)
         except (ControlError, ModelError) as error:
-            self._refused(error)
+            self._refused(error, loops)
             return False
         return True
 
@@ -98,7 +98,7 @@ class Configuring:
             _, *numbers = _said(message)
             pose = machine.pose(*numbers)
         except (ControlError, ModelError) as error:
-            self._refused(error)
+            self._refused(error, loops)
             return
         doing = f"preparing the control laws for {machine.name}"
         self._log.info(f"{doing}; takes some seconds the first time")
@@ -108,8 +108,10 @@ class Configuring:
         )
         self._preparation = Preparation(lambda: [each.law.prepared(machine, pose) for each in loops], aside=self._aside)
 
-    def _refused(self, error: Exception) -> None:
+    def _refused(self, error: Exception, loops: Loops) -> None:
+        """What the crane says of itself now cannot be used, and what it said before is not true any more: nothing moves."""
         self._refuse("/boom/machine_configuration", "cannot be used", str(error))
+        _announce(f"the last /boom/machine_configuration cannot be used: {error}", loops)
 
 
 def _announce(text: str, loops: Loops) -> None:
