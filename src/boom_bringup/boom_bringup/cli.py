@@ -9,7 +9,7 @@ A command is a module of `boom_bringup.commands` (`import-can` is `import_can`, 
 - `VERBATIM` (optional): name of the attribute of `args` that takes all words unchanged, except a lone --help,
 - `REST` (optional): name of the attribute of `args` that takes the words which `add_arguments` did not declare.
 
-Exit status: 0 success, 1 the work was done with a negative result, 2 wrong input, 130 stopped by Ctrl-C.
+Exit status: 0 success, 1 the work was done with a negative result, 2 wrong input, 130 stopped by Ctrl-C, 143 by SIGTERM.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
-from threading import Event, current_thread, main_thread
+from threading import current_thread, main_thread
 from types import FrameType, ModuleType
 from typing import Any, NoReturn, TextIO, cast
 
@@ -232,13 +232,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _guarded(arguments)
 
 
-_stopped = Event()
-"""A Ctrl-C came. An import that it interrupts may make an ImportError of it, with a page of advice (numpy)."""
+_stopped = list[int]()
+"""Signals that came. An import that one interrupts may make an ImportError of it, with a page of advice (numpy)."""
 
 
-def _stop(_number: int, _frame: FrameType | None) -> NoReturn:
-    _stopped.set()
+def _stop(number: int, _frame: FrameType | None) -> NoReturn:
+    _stopped.append(number)
     raise KeyboardInterrupt
+
+
+def _stoppable() -> None:
+    """A Ctrl-C, and SIGTERM like it, ends the work where it is, and what is half written goes."""
+    _stopped.clear()
+    if current_thread() is not main_thread():
+        return
+    for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_DFL)):
+        if signal.getsignal(number) is handler:  # not under nohup, nor in a program that has its own
+            signal.signal(number, _stop)
 
 
 def _told_stopped() -> int:
@@ -246,7 +256,7 @@ def _told_stopped() -> int:
     # although it was caught; the next such text forgets it.
     exec("")
     print("boom: stopped", file=sys.stderr)
-    return 130
+    return 128 + (_stopped[0] if _stopped else signal.SIGINT)
 
 
 def _of_the_system(error: OSError) -> str:
@@ -260,9 +270,7 @@ def _of_the_system(error: OSError) -> str:
 def _guarded(arguments: Sequence[str] | None) -> int:
     program = os.environ.get("BOOM_PROGRAM", "boom")
     try:
-        _stopped.clear()
-        if signal.getsignal(signal.SIGINT) is signal.default_int_handler and current_thread() is main_thread():
-            signal.signal(signal.SIGINT, _stop)
+        _stoppable()
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # held back by ./boom until here
         status = _run(sys.argv[1:] if arguments is None else arguments, program)
         sys.stdout.flush()
@@ -274,7 +282,7 @@ def _guarded(arguments: Sequence[str] | None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except Exception as error:
-        if _stopped.is_set():
+        if _stopped:
             return _told_stopped()
         # The packages' own error classes are not imported here: what marks them is the attribute.
         wanted = getattr(error, "exit_status", None)
@@ -295,4 +303,5 @@ if __name__ == "__main__":
     done = main()
     # What is done stays done: Python, while it ends, would die by the signal.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     sys.exit(done)

@@ -132,6 +132,23 @@ def test_interruption_ends_with_130(monkeypatch, capsys):
     assert capsys.readouterr().err == "boom: stopped\n"
 
 
+def test_a_sigterm_ends_the_work_as_a_ctrl_c_does_with_143(monkeypatch, capsys, tmp_path):
+    def work(arguments, program):
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        finally:
+            (tmp_path / "tidied").touch()
+
+    before = signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    monkeypatch.setattr(cli, "_run", work)
+    try:
+        assert cli.main(["x"]) == 143
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert capsys.readouterr().err == "boom: stopped\n"
+    assert (tmp_path / "tidied").exists()
+
+
 def test_an_import_that_makes_something_else_of_a_ctrl_c_ends_with_130(monkeypatch, capsys):
     def imported(arguments, program):
         try:

@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     arguments.add_documents(parser, "validate")
     parser.add_argument(
-        "--strict", action="store_true", help="exit with status 1 if a recording differs by more than noise, or could not be compared"
+        "--strict", action="store_true", help="exit with status 1 unless every recording agrees within noise"
     )
 
 
