@@ -103,7 +103,7 @@ class _Tight:
 
 
 def assemble(
-    case: Case, about: About, weak: Sequence[str], doubted: Callable[[Case], Case] = lambda case: case
+    case: Case, about: About, weak: Mapping[str, str], doubted: Callable[[Case], Case] = lambda case: case
 ) -> DiagnosisResult:
     """The whole answer of a finished search; ``doubted``: what becomes of one of which free runs took back all that was found."""
     first = case.rounds[0]
@@ -231,9 +231,9 @@ def _said_of_commands(case: Case) -> tuple[str, ...]:
     )
 
 
-def notes_of(bags: Sequence[Bag], proving: Sequence[Bag], weak: Sequence[str]) -> tuple[str, ...]:
-    """What was left out and what is damaged."""
-    notes = [f"{name} is left out: the boom hardly moves in it, or angle or currents are missing" for name in weak]
+def notes_of(bags: Sequence[Bag], proving: Sequence[Bag], weak: Mapping[str, str]) -> tuple[str, ...]:
+    """What was left out, recording by recording with why, and what is damaged."""
+    notes = [f"{name} is left out: {why}" for name, why in weak.items()]
     notes += [
         f"{bag.name}: samples of the currents stray from their stamps, by {1e3 * bag.currents.strays:.1f} ms (standard "
         "deviation), as where a log races the controller: that is counted as noise. Log them where they are commanded"

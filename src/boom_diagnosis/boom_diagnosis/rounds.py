@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.calibration import calibrate
 from boom_diagnosis.case import Case
-from boom_diagnosis.coordinates import all_coordinates
+from boom_diagnosis.coordinates import Coordinate, all_coordinates
 from boom_diagnosis.earning import chance, clear, least, placed_by_itself, settle, take, temperature, weigh
 from boom_diagnosis.fitting import Point, Problem, strained
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, afresh, rebased, run_round
@@ -209,19 +209,22 @@ def _look_again(case: Case, progress: Progress) -> bool:
 
 
 def _without_those_before(case: Case) -> None:
-    """The last effect takes the place of those before where they gain nothing beside it: they stood in for it."""
-    last, others, alone = case.taken[-1], len(case.taken) - 1, _last_alone(case)
-    together = alone.problem.points([(last.fitted.point.z, last.fitted.point.effects)])[0]
-    if alone.point.loss - together.loss <= others * chance(case) + OTHER_FORM * last.net:
-        before = case.kept_back()
-        if not taken_anew(case, alone):
+    """Effects that gain nothing beside those found later go, all of them or one: they stood in for these."""
+    last, before = case.taken[-1].fitted.point, case.kept_back()
+    for gone in (case.named[:-1], *([effect] for effect in case.named[:-1] if len(case.taken) > 2)):
+        kept = [w for w in before.taken if w.fitted.effect not in gone]
+        alone = _by_themselves(case, [w.fitted.effect for w in kept])
+        together = alone.problem.points([(last.z, last.effects)])[0]
+        if alone.point.loss - together.loss <= len(gone) * chance(case) + OTHER_FORM * sum(w.net for w in kept):
+            if _taken_in_turn(case, alone):
+                return
             case.go_back(before)
 
 
 def _without_stand_in(case: Case, progress: Progress) -> None:
     """Where the first effect lies at the end of a range: the second one, and what is found beside it, if they leave less."""
     before, left = case.kept_back(), case.rest(case.last)
-    if taken_anew(case, _last_alone(case)):
+    if taken_anew(case, _by_themselves(case, case.named[-1:])):
         _look(case, progress, case.rest(case.last) < FAR)
         if case.rest(case.last) < left:
             return
@@ -230,23 +233,46 @@ def _without_stand_in(case: Case, progress: Progress) -> None:
 
 @dataclass(frozen=True)
 class Alone:
-    """An effect fitted without any other. jacobian: (rows, z then coordinates) at the point."""
+    """Effects fitted without any others. jacobian: (rows, z then coordinates) at the point."""
 
-    effect: str
+    effects: tuple[str, ...]
     problem: Problem
     point: Point
     jacobian: Array
 
 
-def _last_alone(case: Case) -> Alone:
-    """The last effect without those before it."""
-    last, looseness = case.taken[-1].fitted, case.rounds[len(case.taken) - 1].problem.predictor.looseness
-    names = all_coordinates([last.effect], case.size)
-    values = {c.name: last.point.effects[c.name] for c in names}
-    problem = case.problem(last.point.z, values, looseness)
-    zero = np.zeros(len(case.nuisances))
-    start = min(problem.points([(last.point.z, values), (zero, values)]), key=lambda p: p.loss)
-    return Alone(last.effect, problem, *problem.fit(start, problem.nuisance_jacobian(start), names))
+def _by_themselves(case: Case, effects: Sequence[str]) -> Alone:
+    """Some of the effects that were taken without the others."""
+    last, looseness = case.taken[-1].fitted.point, case.rounds[len(case.taken) - 1].problem.predictor.looseness
+    names = all_coordinates(effects, case.size)
+    values = {c.name: last.effects[c.name] for c in names}
+    return _fitted(case.problem(last.z, values, looseness), effects, last.z, values, names)
+
+
+def _fitted(
+    problem: Problem, effects: Sequence[str], z: Array, values: Mapping[str, float], names: Sequence[Coordinate]
+) -> Alone:
+    """From z, or the nominal numbers, whichever is likelier."""
+    start = min(problem.points([(z, values), (np.zeros_like(z), values)]), key=lambda p: p.loss)
+    return Alone(tuple(effects), problem, *problem.fit(start, problem.nuisance_jacobian(start), names))
+
+
+def _taken_in_turn(case: Case, alone: Alone) -> bool:
+    """The search begun again, as if its rounds had found these effects, what explains most first; whether all are taken."""
+    problem, at, left = alone.problem, alone.point, alone.effects
+    accepted: tuple[str, ...] = ()
+    while left:
+        tried = [alone] if len(alone.effects) == 1 else []
+        for effect in left if not tried else ():
+            names = all_coordinates([*accepted, effect], case.size)
+            values = {c.name: at.effects[c.name] for c in names}
+            tried.append(_fitted(problem, (*accepted, effect), at.z, values, names))
+        found = min(tried, key=lambda a: a.point.loss)
+        if not taken_anew(case, found, accepted):
+            return False
+        accepted = found.effects
+        left = tuple(effect for effect in left if effect not in accepted)
+    return True
 
 
 def _restarted(case: Case) -> bool:
@@ -261,21 +287,30 @@ def _restarted(case: Case) -> bool:
     if found is None:
         return False
     before = case.kept_back()
-    taken = taken_anew(case, Alone(tried[0].fitted.effect, *found))
+    taken = taken_anew(case, Alone((tried[0].fitted.effect,), *found))
     if not taken:
         case.go_back(before)
     return taken
 
 
-def taken_anew(case: Case, alone: Alone) -> bool:
-    """The search begun again, as if this effect had been all that the first round found; whether it is taken."""
+def taken_anew(case: Case, alone: Alone, accepted: tuple[str, ...] = ()) -> bool:
+    """The search begun again, as if this effect had been all that the first round found; whether it is taken.
+
+    accepted: effects that were taken so before; then it is what the next round found beside them.
+    """
     first, problem, point = case.rounds[0], alone.problem, alone.point
-    base, columns = problem.fit(problem.points([(first.base.z, {})])[0], alone.jacobian[:, : len(point.z)])
-    names, gain = all_coordinates([alone.effect], case.size), base.loss - point.loss
-    fitted = Fitted(alone.effect, point, names, alone.jacobian, gain, (point.loss,))
-    for part in (case.taken, case.spared, case.disproved):
-        part.clear()
-    return _judge(case, replace(first, base=base, jacobian=columns, fitted=(fitted,), problem=problem))
+    if not accepted:
+        for part in (case.taken, case.spared, case.disproved):
+            part.clear()
+    z, values = (case.last.z, case.last.effects) if accepted else (first.base.z, {})
+    beside = all_coordinates(accepted, case.size)
+    base, columns = problem.fit(problem.points([(z, values)])[0], alone.jacobian[:, : len(point.z)], beside)
+    (effect,) = (e for e in alone.effects if e not in accepted)
+    names = all_coordinates([*accepted, effect], case.size)
+    fitted = Fitted(effect, point, names, alone.jacobian, base.loss - point.loss, (point.loss,))
+    return _judge(
+        case, replace(first, accepted=accepted, base=base, jacobian=columns, fitted=(fitted,), problem=problem)
+    )
 
 
 def _plain(case: Case) -> bool:

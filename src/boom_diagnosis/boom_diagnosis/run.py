@@ -24,7 +24,7 @@ from boom_diagnosis.rounds import rounds, share
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.second_search import begun_elsewhere
 from boom_diagnosis.straying import commanded_oftener, strayed
-from boom_diagnosis.stretches import Stretches, excited, stretches
+from boom_diagnosis.stretches import Stretches, excited, stretches, tells_nothing
 from boom_diagnosis.unsearched import About, not_enough_excitation, spoilt
 from boom_diagnosis.weighed_case import searched, weighed_case_of
 from boom_diagnosis.weighing import NEGLIGIBLE
@@ -80,10 +80,11 @@ def diagnose(
 def _searched(parts: Stretches, machine: Machine, progress: Progress, about: About, engine: str) -> DiagnosisResult:
     """The answer of recordings that nothing has to be repaired in."""
     prepared = [prepare(recording, machine) for recording in parts.recordings]
-    weak = [r.name for r, bag in zip(parts.recordings, prepared, strict=True) if bag is None or not excited(bag)]
-    bags = [bag for bag in prepared if bag is not None and excited(bag)]
+    silent = {r.name: tells_nothing(r, bag) for r, bag in zip(parts.recordings, prepared, strict=True)}
+    weak = {name: why for name, why in silent.items() if why}
+    bags = [bag for bag in prepared if bag is not None and not silent[bag.name]]
     if not bags:
-        return not_enough_excitation(parts.recordings, machine, about)
+        return not_enough_excitation(parts.recordings, machine, about, weak)
     proven = (prepare(recording, machine) for recording in parts.held_out)
     proving = [bag for bag in proven if bag is not None and excited(bag)]
     if engine == "likelihood":

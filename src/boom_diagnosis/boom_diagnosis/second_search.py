@@ -128,4 +128,4 @@ def _from_nominal(case: Case, effect: str, values: Mapping[str, float]) -> Alone
     problem = case.problem(zero, values, LOOSENESS[1])
     (start,) = problem.points([(zero, values)])
     fit = problem.fit(start, problem.nuisance_jacobian(start), all_coordinates([effect], case.size))
-    return Alone(effect, problem, *fit)
+    return Alone((effect,), problem, *fit)

@@ -21,12 +21,15 @@ from boom_diagnosis.prediction import Predictor, beyond
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine
 from boom_model.sensors import OUTPUTS
+from boom_model.structure import CURRENTS
 from boom_recording.recording import BLOCK, Recording, blocks
 
 FIND, PROVE = 2, 1
 """Stretches of the only long recording that are searched, and that nothing is fitted to. One with no more blocks is short."""
 LEAST_MOVING, LEAST_TRAVEL = 4.0, 0.02
 """s, rad: a recording that moves less says nothing about most of the machine."""
+SELDOM = 0.1
+"""s. Between two samples of the angle more than a valve takes to open has passed unseen."""
 Told = Callable[[str, float], None]
 
 
@@ -37,11 +40,34 @@ def is_long(recording: Recording, machine: Machine) -> bool:
 
 
 def excited(bag: Bag) -> bool:
-    """Whether the boom moved long and far enough to tell anything."""
+    """Whether the boom moved long and far enough to tell anything, and was looked at often enough."""
     angle = bag.samples().measured[:, 0]
     moving = float(bag.moving().sum()) * PERIOD
     known = angle[np.isfinite(angle)]
-    return moving >= LEAST_MOVING and len(known) > 0 and float(np.ptp(known)) >= LEAST_TRAVEL
+    seen = moving >= LEAST_MOVING and len(known) > 0 and float(np.ptp(known)) >= LEAST_TRAVEL
+    return seen and not _seldom(bag.recording)
+
+
+def tells_nothing(recording: Recording, bag: Bag | None) -> str:
+    """Why a recording tells nothing, in words; empty: it tells something. bag: as it was prepared, where it could be."""
+    if bag is not None and excited(bag):
+        return ""
+    for name in ("angle", *CURRENTS):
+        signal = recording.signals[name]
+        if not signal.valid.any():
+            words = name.replace("_", " ")
+            broken = f"none of {len(signal.time)} samples of the {words} can be used: repair the logger"
+            return broken if len(signal.time) else f"the {words} was not recorded"
+    return _seldom(recording) or "the boom hardly moves"
+
+
+def _seldom(recording: Recording) -> str:
+    """That the angle was sampled too seldom, in words; empty: it was not."""
+    time = recording.signals["angle"].time[recording.signals["angle"].valid]
+    apart = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
+    if apart <= SELDOM:
+        return ""
+    return f"the angle was sampled every {apart:.2g} s, and {SELDOM:g} s are the most: log 100 samples a second"
 
 
 def lost(bag: Bag, machine: Machine) -> float:

@@ -27,14 +27,16 @@ class About:
     command: str
 
 
-def not_enough_excitation(recordings: Sequence[Recording], machine: Machine, about: About) -> DiagnosisResult:
-    """The answer to recordings that do not move the boom."""
+def not_enough_excitation(
+    recordings: Sequence[Recording], machine: Machine, about: About, why: Mapping[str, str]
+) -> DiagnosisResult:
+    """The answer to recordings that tell nothing; why: name of each -> why not, in words."""
     text = (
         "Record at least 45 s of joystick work: full and half current in both directions, reversals, stops, "
         "and 1 s of rest at the beginning."
     )
     document = _document("not_enough_excitation", dict.fromkeys(SUBSYSTEMS, 0.0), text, about)
-    notes = tuple(f"{r.name}: the boom hardly moves, or angle or currents are missing" for r in recordings)
+    notes = tuple(f"{r.name}: {why[r.name]}" for r in recordings)
     notes += tuple(f"{r.name}: {said}" for r in recordings for said in r.warnings)
     return DiagnosisResult(
         document, machine, machine, (), (), (), "", (), (), "Nothing can be told from these recordings.",

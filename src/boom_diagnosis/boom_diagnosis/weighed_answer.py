@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -89,7 +89,7 @@ def _stated(p: float) -> float:
     return round(min(MOST_CERTAIN, p), 4)
 
 
-def assemble(case: WeighedCase, about: About, weak: Sequence[str]) -> DiagnosisResult:
+def assemble(case: WeighedCase, about: About, weak: Mapping[str, str]) -> DiagnosisResult:
     """The whole answer of a finished search."""
     odds = odds_of(case.weighed)
     cells = [regimes.classify(bag) for bag in case.bags]

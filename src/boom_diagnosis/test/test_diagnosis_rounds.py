@@ -76,7 +76,7 @@ def test_what_explains_most_is_tried_from_every_start_where_nothing_was_taken_an
     tried = []
 
     def anew(of: Case, alone: Any) -> bool:
-        tried.append(alone.effect)
+        tried.extend(alone.effects)
         of.disproved = []
         return taken
 
@@ -100,11 +100,12 @@ def test_effects_that_gain_nothing_beside_the_last_give_their_place_to_it(
     ]
     bias = {f"effects.pressure_bias.{name}": value for name, value in
             (("hose", 1e6), ("rod", 0.0), ("hose_gain", 1.0), ("rod_gain", 1.0))}  # fmt: skip
-    taken[-1].fitted.point.effects.update({**bias, "effects.payload_change.mass": 5.0})
+    every = {**{c.name: 5.0 for c in all_coordinates(before)}, **bias}
+    taken[-1].fitted.point.effects.update(every)
 
     class Fits:
         def points(self, wanted: Any) -> list[Point]:
-            return [replace(point(0.0 if len(e) == len(bias) + 1 else 1200.0), z=z, effects=dict(e)) for z, e in wanted]
+            return [replace(point(0.0 if len(e) == len(every) else 1200.0), z=z, effects=dict(e)) for z, e in wanted]
 
         def nuisance_jacobian(self, at: Point) -> np.ndarray:
             return np.zeros((SAMPLES, 1))
@@ -229,12 +230,44 @@ def test_what_stands_in_for_something_gives_way_if_the_second_and_what_is_beside
     def rest(of: Case, at: Any) -> float:
         return {"presliding_friction": 0.3}.get(of.taken[0].fitted.effect, left)
 
-    monkeypatch.setattr(searching, "_last_alone", lambda of: (None, None))
+    monkeypatch.setattr(searching, "_by_themselves", lambda of, effects: None)
     monkeypatch.setattr(searching, "taken_anew", anew)
     monkeypatch.setattr(searching, "_look", look)
     monkeypatch.setattr(Case, "last", None)
     monkeypatch.setattr(Case, "rest", rest)
     searching._without_stand_in(made, lambda text, share: None)
+    assert [w.fitted.effect for w in made.taken] == names
+
+
+@pytest.mark.parametrize(
+    ("without", "names"),
+    [
+        ({"payload": 400.0, "pressure_bias payload": 400.0, "entrained_air payload": 103.0}, ["entrained_air", "payload"]),
+        ({"payload": 400.0, "pressure_bias payload": 103.0, "entrained_air payload": 400.0}, ["pressure_bias", "payload"]),
+        ({"payload": 103.0, "pressure_bias payload": 103.0, "entrained_air payload": 103.0}, ["payload"]),
+        ({"payload": 400.0, "pressure_bias payload": 400.0, "entrained_air payload": 400.0},
+         ["pressure_bias", "entrained_air", "payload"]),
+    ],
+)  # fmt: skip
+def test_of_three_effects_those_go_that_gain_nothing_beside_the_others(
+    monkeypatch: pytest.MonkeyPatch, case: Any, without: dict[str, float], names: list[str]
+) -> None:
+    """``without``: loss [nats] of what is kept where that is all; 100 with all three."""
+    made = Case(None, None, [], [], [], [], [], (), 0)  # type: ignore[arg-type]
+    made.taken = [weighed(effect, 100.0, 100.0, 1000.0) for effect in ("pressure_bias", "entrained_air", "payload")]
+
+    def by_themselves(of: Case, effects: list[str]) -> Any:
+        problem = SimpleNamespace(points=lambda wanted: [point(100.0)])
+        return searching.Alone(tuple(effects), problem, point(without[" ".join(effects)]), np.zeros((SAMPLES, 1)))  # type: ignore[arg-type]
+
+    def in_turn(of: Case, alone: Any) -> bool:
+        of.taken[:] = [w for w in of.taken if w.fitted.effect in alone.effects]
+        return True
+
+    monkeypatch.setattr(searching, "_by_themselves", by_themselves)
+    monkeypatch.setattr(searching, "_taken_in_turn", in_turn)
+    monkeypatch.setattr(searching, "chance", lambda of: 12.0)
+    searching._without_those_before(made)
     assert [w.fitted.effect for w in made.taken] == names
 
 
