@@ -64,7 +64,9 @@ def tells_nothing(recording: Recording, bag: Bag | None) -> str:
 def _seldom(recording: Recording) -> str:
     """That the angle was sampled too seldom, in words; empty: it was not."""
     time = recording.signals["angle"].time[recording.signals["angle"].valid]
-    apart = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
+    if len(time) < 2:
+        return f"of {len(recording.signals['angle'].time)} samples of the angle one can be used: look at its stamps"
+    apart = float(np.median(np.diff(time)))
     if apart <= SELDOM:
         return ""
     return f"the angle was sampled every {apart:.2g} s, and {SELDOM:g} s are the most: log 100 samples a second"

@@ -126,7 +126,7 @@ def test_parameters_only_says_how_sure_it_is(sure, said):
     [
         (cases.unknown_physics, "Unmodelled physics acts on the hose burst valve"),
         (lambda: cases.without_finding("no_mismatch"), "what differs is within sensor noise"),
-        (lambda: cases.without_finding("not_enough_excitation"), "do not move the boom enough"),
+        (lambda: cases.without_finding("not_enough_excitation"), "do not tell enough"),
         (lambda: cases.changed("parameters_only", ()), "Parameters within their tolerance explain"),
         (
             lambda: cases.changed("ambiguous", ()),

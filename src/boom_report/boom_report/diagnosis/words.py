@@ -163,7 +163,7 @@ def headline(result: DiagnosisResult) -> str:
     if kind == "no_mismatch":
         return f"The model of {result.machine.name} explains {_these(result)}: what differs is within sensor noise."
     if kind == "not_enough_excitation":
-        return f"No diagnosis: {_these(result)} do not move the boom enough to separate the causes."
+        return f"No diagnosis: {_these(result)} do not tell enough to separate the causes, as the notes say."
     unproved = next((note for note in result.notes if note.startswith("unproved")), "")
     if not document.findings and unproved:
         return f"{unproved[0].upper()}{unproved[1:]}."
