@@ -210,9 +210,10 @@ def _look_again(case: Case, progress: Progress) -> bool:
 
 def _without_those_before(case: Case) -> None:
     """Effects that gain nothing beside those found later go, all of them or one: they stood in for these."""
-    last, before = case.taken[-1].fitted.point, case.kept_back()
+    last = case.taken[-1].fitted.point
     for gone in (case.named[:-1], *([effect] for effect in case.named[:-1] if len(case.taken) > 2)):
-        kept = [w for w in before.taken if w.fitted.effect not in gone]
+        before = case.kept_back()
+        kept = [w for w in case.taken if w.fitted.effect not in gone]
         alone = _by_themselves(case, [w.fitted.effect for w in kept])
         together = alone.problem.points([(last.z, last.effects)])[0]
         if alone.point.loss - together.loss <= len(gone) * chance(case) + OTHER_FORM * sum(w.net for w in kept):

@@ -239,6 +239,7 @@ def test_what_stands_in_for_something_gives_way_if_the_second_and_what_is_beside
     assert [w.fitted.effect for w in made.taken] == names
 
 
+@pytest.mark.parametrize("lost", [False, True], ids=["found again", "not found again"])
 @pytest.mark.parametrize(
     ("without", "names"),
     [
@@ -250,7 +251,7 @@ def test_what_stands_in_for_something_gives_way_if_the_second_and_what_is_beside
     ],
 )  # fmt: skip
 def test_of_three_effects_those_go_that_gain_nothing_beside_the_others(
-    monkeypatch: pytest.MonkeyPatch, case: Any, without: dict[str, float], names: list[str]
+    monkeypatch: pytest.MonkeyPatch, case: Any, without: dict[str, float], names: list[str], lost: bool
 ) -> None:
     """``without``: loss [nats] of what is kept where that is all; 100 with all three."""
     made = Case(None, None, [], [], [], [], [], (), 0)  # type: ignore[arg-type]
@@ -261,14 +262,16 @@ def test_of_three_effects_those_go_that_gain_nothing_beside_the_others(
         return searching.Alone(tuple(effects), problem, point(without[" ".join(effects)]), np.zeros((SAMPLES, 1)))  # type: ignore[arg-type]
 
     def in_turn(of: Case, alone: Any) -> bool:
-        of.taken[:] = [w for w in of.taken if w.fitted.effect in alone.effects]
-        return True
+        kept = [w for w in of.taken if w.fitted.effect in alone.effects]
+        of.taken[:] = kept[:1] if lost else kept
+        return not lost
 
     monkeypatch.setattr(searching, "_by_themselves", by_themselves)
     monkeypatch.setattr(searching, "_taken_in_turn", in_turn)
     monkeypatch.setattr(searching, "chance", lambda of: 12.0)
     searching._without_those_before(made)
-    assert [w.fitted.effect for w in made.taken] == names
+    three = ["pressure_bias", "entrained_air", "payload"]
+    assert [w.fitted.effect for w in made.taken] == (three if lost else names)
 
 
 @pytest.mark.parametrize(
