@@ -80,8 +80,9 @@ NOT_CONCEALED = {
     "load_holding_valve_setting",
     "vented_neutral",
     "spool_lag",
+    "stroke_limit",
 }
-"""Of cranes of other makes, which this plant is none of."""
+"""Of cranes of other makes, which this plant is none of, and newer than it."""
 
 
 def test_it_conceals_the_effects_of_the_catalogue_and_no_other_under_their_names():

@@ -71,6 +71,12 @@ def test_dead_zone_effect_shifts_one_side_only(p: Any, effects: Any) -> None:
     assert valve(p, e, 0.37) == valve(p, effects(), 0.37)
 
 
+def test_a_limit_of_the_stroke_holds_the_edges_of_its_side_where_they_would_open_further(p: Any, effects: Any) -> None:
+    e = effects(stroke_limit={"x_extend": 0.6})
+    for x, edges in ((-1.0, -0.6), (-0.5, -0.5), (0.0, 0.0), (1.2, 1.2)):
+        assert e.through("metering_position", x * S_MAX, p=p) == pytest.approx(edges * S_MAX)
+
+
 def test_droop_takes_supply_flow_only(p: Any, effects: Any) -> None:
     e, (head, rod, _) = effects(compensator_droop={"k": 0.5}), valve(p, effects(), -1.0)
     assert valve(p, e, -1.0)[:2] == (pytest.approx(head * (1 - 0.5 * (head / 2e-3) ** 2)), rod)

@@ -4,7 +4,7 @@ from typing import Any
 
 import casadi as ca
 
-from boom_model.catalogue.effect import Effect, parameter
+from boom_model.catalogue.effect import Effect, EffectParameter, parameter
 from boom_model.regularisation import Expression
 
 NO_LIMIT = 2.0
@@ -16,16 +16,20 @@ def _limited(spool: Expression, own: Any, at: Any) -> Expression:
     return ca.fmax(ca.fmin(spool, own.x_retract * stroke), -own.x_extend * stroke)
 
 
-# It does nothing up to some size, hence starts and shares as of a pump's limit.
-_SEARCH: dict[str, Any] = {"starts": (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)}
+def _opening(name: str, way: str, **more: bool) -> EffectParameter:
+    return parameter(
+        name, "-", NO_LIMIT, (0.25, 0.95), (0.02, NO_LIMIT), f"largest opening over full stroke, {way}", **more
+    )
 
+
+# It does nothing up to some size, hence many points to start from.
 EFFECT = Effect(
     "stroke_limit", "main_valve", "5.39l,m", "metering edges within -x_extend s_max .. x_retract s_max",
     ("the main valve", "opens no further than part of its stroke"), "speed saturates as the current rises",
-    (
-        parameter("x_extend", "-", NO_LIMIT, (0.25, 0.95), (0.02, NO_LIMIT), "largest opening over full stroke, lifting", **_SEARCH),
-        parameter("x_retract", "-", NO_LIMIT, (0.25, 0.95), (0.02, NO_LIMIT), "largest opening over full stroke, lowering", **_SEARCH),
-    ),
+    (_opening("x_extend", "lifting"), _opening("x_retract", "lowering", leads=True)),
     {"metering_position": _limited},
-    place=2, independent=True, sets_in=(1.0, 0.96, 0.92), reach=2.0,
+    points=tuple(
+        point for x in (0.85, 0.7, 0.58, 0.47, 0.37, 0.28) for point in ((x, x), (x, NO_LIMIT), (NO_LIMIT, x))
+    ),
+    place=0, sets_in=(1.0, 0.96, 0.92), reach=2.0,
 )  # fmt: skip
