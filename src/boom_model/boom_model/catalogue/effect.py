@@ -153,8 +153,8 @@ class Effect:
         margin: the prior reaches so far beyond the plausible range, in widths of it.
         sets_in: shares of a probe that are tried, of an effect that does nothing up to some size and soon far too much.
         points: values of all its parameters from which a search tries it, where single starts say too little.
-        watched: whether the watch suspects it: not what acts on the times of inputs and samples, begins at a time, or brings fast
-            states of its own.
+        watched: whether the watch suspects it: not what acts on the times of inputs and samples, begins at a time, is less of
+            something, or brings fast states of its own.
         foreign: what acts is no part of the crane, or in nobody's list: it is told as unknown physics, with its numbers.
         reach: halves of the range over which the watch takes a difference, where the derivative at nothing says little.
     """

@@ -31,5 +31,5 @@ EFFECT = Effect(
     points=tuple(
         point for x in (0.85, 0.7, 0.58, 0.47, 0.37, 0.28) for point in ((x, x), (x, NO_LIMIT), (NO_LIMIT, x))
     ),
-    place=0, sets_in=(1.0, 0.96, 0.92), reach=2.0,
+    place=0, sets_in=(1.0, 0.96, 0.92), watched=False,  # the watch looks upwards from nothing
 )  # fmt: skip
