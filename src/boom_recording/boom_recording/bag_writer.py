@@ -1,5 +1,6 @@
 """Writes rosbag2 directories (MCAP, CDR, zstd chunks with checksums, definitions, metadata.yaml) without ROS."""
 
+import contextlib
 import errno
 import os
 from collections.abc import Mapping
@@ -85,8 +86,9 @@ class BagWriter:
             ) from None
         except OSError as error:
             raise RecordingError(f"{path}: the folder cannot be created: {error.strerror}") from None
+        self._file = path / f"{self.name}_0.mcap"
         with self._failures():
-            self._stream: IO[bytes] = (path / f"{self.name}_0.mcap").open("wb")
+            self._stream: IO[bytes] = self._file.open("wb")
             self._writer = Writer(
                 self._stream, chunk_size=chunk_bytes, compression=CompressionType.ZSTD, enable_data_crcs=True
             )
@@ -127,9 +129,28 @@ class BagWriter:
         self._last_ns = log_ns if self._last_ns is None else max(self._last_ns, log_ns)
 
     def flush(self) -> None:
-        """Close the chunk in progress and hand it to the operating system: it survives the death of the process."""
+        """Close the chunk in progress and hand it to the operating system: it survives the death of the process.
+
+        Raises:
+            RecordingError: it cannot be written, or the bag is not where it was any more.
+        """
         with self._failures():
             self._writer.flush()  # type: ignore[no-untyped-call]
+            here = self._file.exists() and os.path.samestat(os.fstat(self._stream.fileno()), self._file.stat())
+        if not here:
+            raise RecordingError(
+                f"{self.path}: it was deleted or moved while it was recorded: one that was moved can be read, without its "
+                "metadata.yaml; record again"
+            )
+
+    def discard(self) -> None:
+        """Take a bag back that holds no message: its name is free again."""
+        if not any(self.counts.values()):
+            self._closed = True
+            self._stream.close()
+            self._file.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # somebody has put something there
+                self.path.rmdir()
 
     def close(self) -> None:
         """Write the index and metadata.yaml. A second call does nothing."""

@@ -9,6 +9,7 @@ conditions: README.md of the package.
 from boom_node import early  # noqa: F401  (first: signals and environment)
 
 import functools
+import sys
 import time
 from functools import partial
 from importlib import import_module
@@ -84,6 +85,15 @@ class RecorderNode(Node):
             self._bag = BagWriter(Path(values.output), chunk_bytes=values.chunk_bytes)
         except RecordingError as error:
             raise StartError(str(error)) from None
+        try:
+            self._begin(values, required)
+        except BaseException as ended:
+            self._bag.discard()
+            if not isinstance(ended, Exception):  # a Ctrl-C
+                print("boom: stopped before anything was recorded", file=sys.stderr, flush=True)
+            raise
+
+    def _begin(self, values: Any, required: tuple[str, ...]) -> None:
         self._subscribed: dict[str, tuple[Any, OfferedQos]] = {}
         self._numbers: dict[str, int] = {}
         self._publisher_counts: dict[str, int] = {}
@@ -130,11 +140,17 @@ class RecorderNode(Node):
                     self.get_logger().warning(warning)
 
     def close(self) -> None:
-        """Complete the bag and print its content."""
+        """Complete the bag and print its content.
+
+        Raises:
+            StartError: it could not be completed; the process ends with its status.
+        """
         try:
             self._bag.close()
         except RecordingError as error:
-            self.get_logger().error(str(error))
+            if self._failure:  # told already
+                return
+            raise StartError(str(error)) from None
         for line in recorder.summary(str(self._bag.path), self._traffic, self._asked):
             print(line, flush=True)
 

@@ -1,5 +1,6 @@
 """Recorder and replay as processes: kill -9 costs under a second, a replay ends with zero currents."""
 
+import shutil
 import signal
 import subprocess
 import sys
@@ -153,6 +154,51 @@ def test_a_killed_recorder_loses_less_than_a_second(
     assert sent[-1] - int(kept[-1]) < 1e9
     assert np.array_equal(kept, sent[: len(kept)])
     assert any(warning.startswith("cut at") for warning in found.warnings)
+
+
+@pytest.mark.parametrize("moved", [False, True], ids=["deleted", "moved"])
+def test_a_bag_that_is_taken_away_while_it_is_recorded_ends_the_recorder_and_is_told(
+    partner: Partner, started: list[Any], tmp_path: Path, moved: bool
+) -> None:
+    publisher = partner.node.create_publisher(JointState, "/joint_states", qos.SENSOR_DATA)
+    topics = ["/joint_states"]
+    recorder = start("boom_recording.recorder_node", tmp_path, output="bag", topics=topics, required_topics=topics)
+    started.append(recorder)
+    ready = ready_of(partner)
+    partner.until(lambda: ready[-1:] == [True])
+    message = JointState(name=["inner_boom_joint"], position=[0.0], velocity=[0.0])
+    stamps.set_ns(message.header.stamp, partner.node.get_clock().now().nanoseconds)
+    partner.node.create_timer(0.01, lambda: publisher.publish(message))
+    if moved:
+        (tmp_path / "bag").rename(tmp_path / "other")
+    else:
+        shutil.rmtree(tmp_path / "bag")
+    partner.until(lambda: recorder.poll() is not None)
+    out, err = recorder.communicate(timeout=20)
+    assert recorder.returncode == 2
+    assert "messages" not in out
+    assert err.strip().splitlines()[-1].startswith("boom: bag: it was deleted or moved while it was recorded")
+
+
+def test_a_recorder_that_is_stopped_while_it_starts_leaves_no_bag_behind(tmp_path: Path) -> None:
+    program = (
+        "import os, signal\n"
+        "from boom_node import shell\n"
+        "from boom_recording import recorder_node\n"
+        "begin = recorder_node.RecorderNode._begin\n"
+        "def stopped(self, *given):\n"
+        "    assert list(self._bag.path.iterdir())\n"
+        "    os.kill(os.getpid(), signal.SIGINT)\n"
+        "    begin(self, *given)\n"
+        "recorder_node.RecorderNode._begin = stopped\n"
+        "raise SystemExit(recorder_node.main())\n"
+    )
+    command = [sys.executable, "-c", program, "--ros-args", "-p", "output:=bag"]
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment(), capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "boom: stopped before anything was recorded\n")
+    assert not (tmp_path / "bag").exists()
 
 
 @pytest.mark.parametrize(
