@@ -133,6 +133,7 @@ class Rig:
         if self.shown is None:
             return
         now = self.node.get_clock().now().to_msg()
+        self.shown["angle"] += 0.01 * self.shown.get("slope", 0.0)
         joint = JointState(name=[JOINT], position=[self.shown["angle"]], velocity=[self.shown["rate"]])
         joint.header.stamp = now
         self.joints.publish(joint)
@@ -300,7 +301,7 @@ FAULTS: dict[str, Callable[[Rig], Any]] = {
     "sensor_old": lambda rig: rig.pause(True),
     "sensor_not_a_number": lambda rig: rig.show(hose=math.nan),
     "sensor_out_of_range": lambda rig: rig.show(angle=4.0),
-    "sensors_disagree": lambda rig: rig.show(rate=0.4),
+    "sensors_disagree": lambda rig: rig.show(rate=0.4, slope=0.03),  # an angle that stands is stuck
     "angle_limit": lambda rig: rig.set(highest_angle=rig.states[-1].angle),
     "speed_limit": lambda rig: rig.set(largest_rate=0.05),
     "pressure_limit": lambda rig: rig.set(largest_pressure=1.0e6),
