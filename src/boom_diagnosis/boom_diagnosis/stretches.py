@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from boom_checks.even_series import GAP
 from boom_diagnosis.bag_samples import PERIOD, Bag, prepare
 from boom_diagnosis.document import DiagnosisResult
 from boom_diagnosis.freerun import Elsewhere
@@ -28,8 +29,6 @@ FIND, PROVE = 2, 1
 """Stretches of the only long recording that are searched, and that nothing is fitted to. One with no more blocks is short."""
 LEAST_MOVING, LEAST_TRAVEL = 4.0, 0.02
 """s, rad: a recording that moves less says nothing about most of the machine."""
-SELDOM = 0.1
-"""s. Between two samples of the angle more than a valve takes to open has passed unseen."""
 Told = Callable[[str, float], None]
 
 
@@ -67,9 +66,9 @@ def _seldom(recording: Recording) -> str:
     if len(time) < 2:
         return f"of {len(recording.signals['angle'].time)} samples of the angle one can be used: look at its stamps"
     apart = float(np.median(np.diff(time)))
-    if apart <= SELDOM:
+    if apart <= GAP:  # it is all one gap
         return ""
-    return f"the angle was sampled every {apart:.2g} s, and {SELDOM:g} s are the most: log 100 samples a second"
+    return f"the angle was sampled every {apart:.2g} s, and {GAP:g} s are the most: log 100 samples a second"
 
 
 def lost(bag: Bag, machine: Machine) -> float:

@@ -12,7 +12,7 @@ from boom_diagnosis.bag_samples import prepare
 from boom_diagnosis.case import case_of
 from boom_diagnosis.freerun import Elsewhere, Span, errors, median
 from boom_diagnosis.proof import fit_and_ladder, free_runs, placed, said_of_blocks, spans_of
-from boom_diagnosis.stretches import stretches
+from boom_diagnosis.stretches import stretches, tells_nothing
 from boom_model.machine_file import load_machine
 from boom_recording.loading import load
 from boom_recording.recording import BLOCK, blocks, part
@@ -52,6 +52,25 @@ def test_a_long_recording_is_searched_where_the_machine_file_fails_most(chosen):
     fitted = {r.name for r in chosen.recordings}
     assert fitted | {b.name for b in chosen.others} == {f"shift from {s} s" for s in (0, 60, 120, 180)}
     assert not fitted & {b.name for b in chosen.others}
+
+
+@pytest.mark.parametrize(
+    ("apart", "told"),
+    [(10, ""), (100, "the angle was sampled every 1 s, and 0.15 s are the most: log 100 samples a second")],
+)
+def test_a_recording_tells_something_at_ten_samples_a_second_and_why_it_does_not_at_one(shift, machine, apart, told):
+    angle = shift.signals["angle"]
+    fewer = {name: getattr(angle, name)[::apart] for name in ("stamps_ns", "time", "values", "valid")}
+    seldom = part(replace(shift, signals={**shift.signals, "angle": replace(angle, **fewer)}), 0.0, BLOCK)
+    assert tells_nothing(seldom, prepare(seldom, machine)) == told
+
+
+def test_a_recording_whose_angle_is_no_number_says_that(shift, machine):
+    angle = shift.signals["angle"]
+    broken = replace(shift, signals={**shift.signals, "angle": replace(angle, valid=np.zeros_like(angle.valid))})
+    assert (
+        tells_nothing(broken, None) == f"none of {len(angle.time)} samples of the angle can be used: repair the logger"
+    )
 
 
 def test_short_recordings_are_searched_as_they_are(shift, machine):
