@@ -245,7 +245,7 @@ def chain_of_machine(recording: Recording, machine: Machine) -> RecordingChain:
 
 def _why(recording: Recording, series: EvenSeries, names: Sequence[str]) -> str:
     """Why what needs these signals cannot be driven."""
-    return f"it needs {lacking(recording, [n for n in names if not series.known(n)] or list(names))}"
+    return lacking(recording, [n for n in names if not series.known(n)] or list(names), "it needs")
 
 
 def chain_of_cylinder(recording: Recording, head_area: float, rod_area: float) -> RecordingChain:

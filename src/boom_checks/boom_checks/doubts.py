@@ -9,7 +9,7 @@ from typing import Any
 from boom_checks.check import RecordingCheck
 from boom_checks.clocks import clock_checks
 from boom_checks.commands import chatter_checks, frozen_checks, latched_checks
-from boom_checks.even_series import SHORTEST, EvenSeries, even_series
+from boom_checks.even_series import SHORTEST, EvenSeries, even_series, seldom
 from boom_checks.jumps import jump_checks
 from boom_checks.mechanics import Mechanics, mechanics
 from boom_checks.readings import reading_checks
@@ -52,7 +52,7 @@ def first_look(recording: Recording, machine: Machine) -> FirstLook:
     if machine.structure.hose_burst_valve.holds:
         why = "no levels: the valve that holds the load stands between the hose pressure and the boom"
     elif missing := [name for name in ALL if not series.known(name)]:
-        why = f"no levels: they need {lacking(recording, missing)}"
+        why = f"no levels: {lacking(recording, missing, 'they need')}"
     return FirstLook(recording.name, tuple(found), None if why else statics_of(repaired, boom), why)
 
 
@@ -61,13 +61,14 @@ def _series(recording: Recording) -> EvenSeries:
     return even_series(independent(recording))
 
 
-def lacking(recording: Recording, missing: list[str]) -> str:
-    """What of these signals is not there, or not for long enough, in words."""
+def lacking(recording: Recording, missing: list[str], need: str) -> str:
+    """What of these signals is not there, or not often or long enough, in words; need: "it needs", where that is the sentence."""
     absent = [name for name in missing if name not in recording.signals or not recording.signals[name].valid.any()]
     named = " and the ".join(name.replace("_", " ") for name in absent or missing)
     if absent:
-        return f"the {named}, not recorded"
-    return f"{SHORTEST:g} s of the {named}, and there is less in these {recording.duration:.3g} s"
+        return f"{need} the {named}, not recorded"
+    rare = [said for name in missing if (said := seldom(recording.signals[name]))]
+    return rare[0] if rare else f"{need} {SHORTEST:g} s of the {named}, and there is less in these {recording.duration:.3g} s"
 
 
 def checks(recording: Recording, machine: Machine) -> list[RecordingCheck]:

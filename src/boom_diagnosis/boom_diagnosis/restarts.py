@@ -6,6 +6,9 @@ catalogue the effect is fitted with nominal tolerances to begin with; the likeli
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,7 +27,7 @@ Array = NDArray[np.float64]
 Fitted = tuple[Problem, Point, Array]
 
 FITS = 3
-"""Fits with fresh derivatives from each start."""
+"""Fits with fresh derivatives."""
 FOLLOWED = 3
 """Starts that are followed further, the likeliest after these fits."""
 
@@ -41,14 +44,32 @@ def other_valley(case: Case, first: search.Fitted) -> Fitted | None:
     here = [case.problem(first.point.z, first.point.effects, looseness) for looseness in LOOSENESS]
     problem = max(here, key=lambda p: p.likelihood_at(first.point.z, first.point.effects))
     looseness = problem.predictor.looseness
-    zero = np.zeros(len(case.nuisances))
-    begun = in_parallel(
-        lambda values: _fit(case, zero, values, names, looseness), starts(effect, 0.0, case.size, visited(case.bags))
-    )
+    begun = _begun(case, starts(effect, 0.0, case.size, visited(case.bags)), names, looseness)
     begun.append(_fit(case, first.point.z, first.point.effects, names, looseness))
     ahead = sorted(begun, key=_likelihood)[-FOLLOWED:]
     settled = in_parallel(lambda f: _fit(case, f[1].z, f[1].effects, names, looseness), ahead)
     return max(settled, key=_likelihood)
+
+
+def _begun(
+    case: Case, begin: Sequence[dict[str, float]], names: tuple[Coordinate, ...], looseness: float
+) -> list[Fitted]:
+    """Fits from nominal tolerances and each of these numbers; after each, longer ones than before, the less likely half is left."""
+    zero = np.zeros(len(case.nuisances))
+
+    def start(values: dict[str, float]) -> tuple[Problem, Point]:
+        problem = case.problem(zero, values, looseness)
+        return problem, problem.points([(zero, values)])[0]
+
+    def further(at: tuple[Problem, Point], iterations: int) -> tuple[Problem, Point]:
+        problem, point = at
+        return problem, problem.fit(point, problem.nuisance_jacobian(point), names, iterations=iterations)[0]
+
+    ahead = in_parallel(start, begin)
+    for k in range(FITS):
+        ahead = in_parallel(partial(further, iterations=2 * (k + 1)), ahead)
+        ahead = sorted(ahead, key=lambda at: at[0].likelihood(at[1]))[-max(FOLLOWED, len(ahead) // 2) :]
+    return in_parallel(lambda at: _fit(case, at[1].z, at[1].effects, names, looseness, 0), ahead)
 
 
 def in_deepest_valley(case: Case, last: Fitted, names: tuple[Coordinate, ...]) -> Fitted:

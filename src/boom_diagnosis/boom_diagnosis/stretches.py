@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from boom_checks.even_series import GAP
+from boom_checks.even_series import seldom
 from boom_diagnosis.bag_samples import PERIOD, Bag, prepare
 from boom_diagnosis.document import DiagnosisResult
 from boom_diagnosis.freerun import Elsewhere
@@ -44,7 +44,7 @@ def excited(bag: Bag) -> bool:
     moving = float(bag.moving().sum()) * PERIOD
     known = angle[np.isfinite(angle)]
     seen = moving >= LEAST_MOVING and len(known) > 0 and float(np.ptp(known)) >= LEAST_TRAVEL
-    return seen and not _seldom(bag.recording)
+    return seen and not seldom(bag.recording.signals["angle"])
 
 
 def tells_nothing(recording: Recording, bag: Bag | None) -> str:
@@ -57,18 +57,7 @@ def tells_nothing(recording: Recording, bag: Bag | None) -> str:
             words = name.replace("_", " ")
             broken = f"none of {len(signal.time)} samples of the {words} can be used: repair the logger"
             return broken if len(signal.time) else f"the {words} was not recorded"
-    return _seldom(recording) or "the boom hardly moves"
-
-
-def _seldom(recording: Recording) -> str:
-    """That the angle was sampled too seldom, in words; empty: it was not."""
-    time = recording.signals["angle"].time[recording.signals["angle"].valid]
-    if len(time) < 2:
-        return f"of {len(recording.signals['angle'].time)} samples of the angle one can be used: look at its stamps"
-    apart = float(np.median(np.diff(time)))
-    if apart <= GAP:  # it is all one gap
-        return ""
-    return f"the angle was sampled every {apart:.2g} s, and {GAP:g} s are the most: log 100 samples a second"
+    return seldom(recording.signals["angle"]) or "the boom hardly moves"
 
 
 def lost(bag: Bag, machine: Machine) -> float:

@@ -241,6 +241,7 @@ def _write_mapping(proposal: Proposal, path: Path, args: argparse.Namespace) -> 
 
 
 def _convert(args: argparse.Namespace, source: Source, proposal: Proposal) -> int:
+    from boom_checks.even_series import seldom
     from boom_import.conversion import convert
     from boom_import.mapping import is_piston
     from boom_input.channels import ESSENTIAL
@@ -252,7 +253,9 @@ def _convert(args: argparse.Namespace, source: Source, proposal: Proposal) -> in
         write_recording(made, recording)
     console = console_for()
     missing = [signal for signal, entry in proposal.mapping.signals.items() if entry == "none"]
-    for note in recording.notes:
+    rare = [said for signal in recording.signals.values() if (said := seldom(signal))]
+    doubts = [f"{rare[0]}; if it was more often, the unit of the time is another (--time-unit)"] if rare else []
+    for note in (*recording.notes, *doubts):
         console.print(f"note: {note}", soft_wrap=True)
     for missed, said in (
         ([name for name in missing if name in ESSENTIAL], "the commands will refuse the bag"),
