@@ -31,7 +31,7 @@ from boom_diagnosis.freerun import Errors, median
 from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import links, locate
-from boom_diagnosis.must_keep import by_free_runs, far_channels, kept, worse_channels, worse_on_the_whole
+from boom_diagnosis.must_keep import as_far_by_chance, by_free_runs, far_channels, kept, worse_channels, worse_on_the_whole
 from boom_diagnosis.nuisances import CLOCKS
 from boom_diagnosis.odds import (
     UNTOLD,
@@ -194,7 +194,10 @@ def _doubts(
     """Probability of unknown physics, and what of it goes to parameters alone, by one step and by free runs (``driven``)."""
     if case.taken and worse_on_the_whole(driven):
         unknown = max(unknown, 1.0 - UNTOLD)
-    return by_free_runs(unknown, driven, median(floors)) if 0.0 < unknown < 1.0 else (unknown, 0.0)
+    if not 0.0 < unknown < 1.0:
+        return unknown, 0.0
+    weighed, spared = by_free_runs(unknown, driven, median(floors))
+    return weighed, spared * as_far_by_chance(case.kept(0).z)
 
 
 def _rivals(case: Case, ranked: Sequence[RankingRow]) -> list[tuple[str, Point]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import erfc, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,14 @@ def by_free_runs(
     odds *= min(1.0, plain / (NEAR_FLOOR * FAR_FROM_FLOOR)) * max(1.0, found / FAR_FROM_FLOOR**2)
     weighed = odds / (1.0 + odds)
     return weighed, max(0.0, unknown - weighed) * min(1.0, found / plain)
+
+
+def as_far_by_chance(z: Array) -> float:
+    """Probability that of so many numbers one is off by as many standard deviations as the farthest of ``z``, n P(|N(0, 1)| > z).
+
+    Parameters that have gone where tolerances do not go are no explanation that free runs could speak for.
+    """
+    return min(1.0, len(z) * erfc(float(np.max(np.abs(z), initial=0.0)) / sqrt(2.0)))
 
 
 def _square(error: Sequence[float], noise_floor: Sequence[float]) -> float:

@@ -14,6 +14,8 @@ Expression = Any
 
 PRESSURE_EPSILON = 1.0e3
 """Pa. Width of the regularised square root of a pressure drop."""
+LEAST_SHARE = 1e-6
+"""Of a limit: below it nothing of the limit is seen, and a logarithm has a derivative."""
 
 
 def signed_sqrt(x: Expression, epsilon: float = PRESSURE_EPSILON) -> Expression:
@@ -35,3 +37,8 @@ def ramp(x: Expression, width: float) -> Expression:
 def power(base: Expression, exponent: Expression) -> Expression:
     """base^exponent for base > 0, as exp(exponent ln base): its derivative uses the same exponential again."""
     return ca.exp(exponent * ca.log(base))
+
+
+def under_limit(share: Expression, w: Expression) -> Expression:
+    """(1 + |x|^(1/w))^-w [-]: factor that keeps x within a limit of 1, the more sharply the smaller w."""
+    return power(1 + power(ca.fmax(ca.fabs(share), LEAST_SHARE), 1 / w), -w)
