@@ -195,14 +195,20 @@ def worst_channel(case: Proved, before: Point, after: Point) -> float:
 
 
 def _ratios(case: Proved, before: Point, after: Point, spans: Sequence[Span]) -> Array:
-    """(recordings, NY) logarithms of these factors; NaN of what is not told."""
+    """(recordings, NY) logarithms of these factors; NaN of what is not told. Errors that noise makes count as one size."""
 
     def erring(point: Point) -> Array:
         machine = machine_at(case, point)
         return np.array([errors(span, free_run(span.recording, placed(machine, case, span))) for span in spans])
 
-    first, second = in_parallel(erring, (before, after))
-    ratio = np.log(second / first)
+    def noise(point: Point) -> Array:
+        machine = machine_at(case, point)
+        return np.array([noise_floor(span, placed(machine, case, span), case.seed) for span in spans])
+
+    first, second, floor = in_parallel(lambda run: run(), [lambda: erring(before), lambda: erring(after), lambda: noise(after)])
+    made, known = AT_FLOOR * np.nan_to_num(floor), np.isfinite(first) & np.isfinite(second)
+    ratio = np.full(first.shape, np.nan)
+    ratio[known] = np.log(np.maximum(second, made) / np.maximum(first, made))[known]
     ratio[np.isfinite(first) & ~np.isfinite(second)] = log(ENDED)
     ratio[~np.isfinite(first) & np.isfinite(second)] = -log(ENDED)
     return ratio

@@ -89,8 +89,8 @@ EFFECT = Effect(
         parameter("zeta", "-", 0.02, (0.01, 0.05), (0.0, 2.0), "damping ratio of the mode", positive=True,
                   possible=(-inf, 0.05), surely=True),
         parameter("mu", "-", 0.3, (0.1, 0.7), (0.0, 0.95), "modal mass over D", positive=True),
-        parameter("eta", "-", 1.0, (0.0, 1.0), (0.0, 2.0), "share of the mode that the angle's sensor sees", starts=(1.0, 0.0)),
-        parameter("sag", "-", 0.0, (0.0, 1.0), (-1.0, 5.0), "share s of the told weight that bends the boom", starts=(0.0, 1.0)),
+        parameter("eta", "-", 1.0, (0.0, 1.0), (0.0, 2.0), "share of the mode that the angle's sensor sees", starts=(0.5,)),
+        parameter("sag", "-", 0.0, (0.0, 1.0), (-1.0, 5.0), "share s of the told weight that bends the boom", starts=(0.5,)),
     ),
     {
         "angular_acceleration": _acceleration,

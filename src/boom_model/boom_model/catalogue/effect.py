@@ -40,7 +40,7 @@ QUANTITIES: dict[str, str] = {
     "overlap": "x_0 [-]; at.position of the spool, at.edge: supply or tank",
     "metering_position": "s_s at the metering edges [m]; at.p",
     "supply_pressure": "p_s without a compensator [Pa]",
-    "supply_flow": "from the supply to a port [m^3/s]; at.conductance = q / sqrt(dp), at.pressure of the port, at.p",
+    "supply_flow": "from the supply to a port [m^3/s]; at.conductance = q / sqrt(dp), at.pressure of the port, at.pump",
     "tank_flow": "from a port to the tank [m^3/s]; at.conductance = q / sqrt(dp)",
     "flow_force": "F_q, closes the spool [N]; at.size of |q| sqrt(|dp|), at.extend",
     "return_spring": "k [N/m]",
