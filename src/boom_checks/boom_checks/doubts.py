@@ -68,7 +68,11 @@ def lacking(recording: Recording, missing: list[str], need: str) -> str:
     if absent:
         return f"{need} the {named}, not recorded"
     rare = [said for name in missing if (said := seldom(recording.signals[name]))]
-    return rare[0] if rare else f"{need} {SHORTEST:g} s of the {named}, and there is less in these {recording.duration:.3g} s"
+    return (
+        rare[0]
+        if rare
+        else f"{need} {SHORTEST:g} s of the {named}, and there is less in these {recording.duration:.3g} s"
+    )
 
 
 def checks(recording: Recording, machine: Machine) -> list[RecordingCheck]:

@@ -31,7 +31,14 @@ from boom_diagnosis.freerun import Errors, median
 from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import links, locate
-from boom_diagnosis.must_keep import as_far_by_chance, by_free_runs, far_channels, kept, worse_channels, worse_on_the_whole
+from boom_diagnosis.must_keep import (
+    as_far_by_chance,
+    by_free_runs,
+    far_channels,
+    kept,
+    worse_channels,
+    worse_on_the_whole,
+)
 from boom_diagnosis.nuisances import CLOCKS
 from boom_diagnosis.odds import (
     UNTOLD,

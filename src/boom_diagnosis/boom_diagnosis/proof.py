@@ -205,7 +205,7 @@ def _ratios(case: Proved, before: Point, after: Point, spans: Sequence[Span]) ->
         machine = machine_at(case, point)
         return np.array([noise_floor(span, placed(machine, case, span), case.seed) for span in spans])
 
-    first, second, floor = in_parallel(lambda run: run(), [lambda: erring(before), lambda: erring(after), lambda: noise(after)])
+    first, second, floor = in_parallel(lambda run: run[0](run[1]), ((erring, before), (erring, after), (noise, after)))
     made, known = AT_FLOOR * np.nan_to_num(floor), np.isfinite(first) & np.isfinite(second)
     ratio = np.full(first.shape, np.nan)
     ratio[known] = np.log(np.maximum(second, made) / np.maximum(first, made))[known]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from boom_diagnosis.document import Estimate, Finding, Fit
-from boom_diagnosis.must_keep import kept, told, worse_on_the_whole
+from boom_diagnosis.must_keep import as_far_by_chance, kept, told, worse_on_the_whole
 
 FLOOR = (0.01, 0.02, 0.02, 0.03)
 
@@ -31,6 +32,14 @@ def test_a_load_in_two_steps_is_told_where_one_of_its_masses_is() -> None:
     first = Estimate(86.0, "kg", (-13.0, 185.0))
     assert told("payload_change", {"mass": first, "mass_2": Estimate(74.0, "kg", (16.0, 133.0))})
     assert not told("payload_change", {"mass": first, "mass_2": Estimate(74.0, "kg", (-5.0, 133.0))})
+
+
+@pytest.mark.parametrize(("farthest", "chance"), [(1.0, 1.0), (3.0, 0.189), (4.0, 0.00443)])
+def test_free_runs_speak_for_parameters_as_far_as_chance_takes_one_of_them(farthest: float, chance: float) -> None:
+    z = np.zeros(70)
+    z[3] = -farthest
+    assert as_far_by_chance(z) == pytest.approx(chance, rel=5e-3)
+    assert as_far_by_chance(np.zeros(0)) == 0.0
 
 
 def test_an_error_that_noise_makes_is_no_worse_than_a_smaller_one() -> None:

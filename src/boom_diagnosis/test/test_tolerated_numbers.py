@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from math import inf
+from math import exp, inf
 from typing import Any
 
 import pytest
@@ -110,6 +110,20 @@ def test_a_number_that_is_zero_may_be_off_by_what_its_owner_says_and_by_nothing_
     own = told["main_valve_orifices.passage"]
     assert (own.shift, own.limits, own.value(0.0, 2.0)) == (True, (0.0, 4.0), pytest.approx(0.4))
     assert "main_valve_orifices.passage" not in by_name(load_machine("tz17"))
+
+
+@pytest.mark.parametrize(("value", "tolerance", "straight"), [(-0.005, 0.03, True), (0.05, 0.01, False)])
+def test_a_number_whose_sign_its_tolerance_leaves_open_is_counted_straight(
+    value: float, tolerance: float, straight: bool
+) -> None:
+    """A spool's neutral: no factor of -0.005 leads to the 0.012 that it is."""
+    entry = {"value": value, "unit": "-", "tol": {"abs": tolerance}}
+    machine = valve_of(load_machine("loader_crane"), x_n=entry)
+    own = {n.name: n for n in tolerances(machine, machine.tabulated[0])}["main_valve_orifices.x_n"]
+    assert own.shift is straight
+    assert own.value(value, 2.0) == pytest.approx(value + tolerance if straight else value * exp(0.2), rel=1e-6)
+    low, high = (own.value(value, z) for z in own.limits)
+    assert (low < 0.0 < high) is straight
 
 
 @pytest.mark.parametrize(

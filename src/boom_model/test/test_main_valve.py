@@ -92,6 +92,15 @@ def test_pump_limit_caps_full_flow_and_spares_small(p: Any, effects: Any) -> Non
     assert valve(p, e, -0.5)[0] == pytest.approx(valve(p, effects(), -0.5)[0], rel=1e-3)
 
 
+def test_a_pump_may_give_way_softly_and_give_less_the_higher_its_pressure(p: Any, effects: Any) -> None:
+    full = HOLE * 7.17e-5 * sqrt(8e5)
+    soft = effects(pump_flow_limit={"inverse_q_max": 1.0 / full, "w": 0.2})
+    assert valve(p, soft, -1.0)[0] == pytest.approx(full * 2.0**-0.2)
+    pump = 68e5  # 8 bar above the port
+    power = effects(pump_flow_limit={"inverse_q_max": 1e3, "s": 1.0})
+    assert valve(p, power, -1.0)[0] == pytest.approx(full / (1 + (full * 1e3 * pump / 1e7) ** 32) ** (1 / 32))
+
+
 def test_return_line_shares_the_drop_with_the_orifice(p: Any, effects: Any) -> None:
     k = 4e11
     q = -valve(p, effects(return_line_pressure={"k": k}), -1.0)[1]

@@ -160,9 +160,7 @@ def flows(
     supply_root = supply_drop.root(port_pressure, p)
     conducted = gain * supply_area
     pump = port_pressure + supply_drop.drop(port_pressure, p)
-    supply = e.through(
-        "supply_flow", conducted * supply_root, conductance=conducted, pressure=port_pressure, pump=pump
-    )
+    supply = e.through("supply_flow", conducted * supply_root, conductance=conducted, pressure=port_pressure, pump=pump)
     tank_drop = ca.if_else(extend, rod_pressure, hose_pressure) - f.p_t
     whole = edges(-p.main_valve_spool.s_max, p, e)[1]
     conductance = gain * behind_throttle(tank_area, whole, ca.if_else(extend, *cushions))
