@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from boom_model.errors import MachineError
+
 Shape = Literal["scalar", "pair", "triple"]
 
 
@@ -52,3 +54,18 @@ def number(entry: Any) -> float:
         return float(value)
     except OverflowError:
         return float("inf")
+
+
+def unless_given(value: float) -> Callable[[Mapping[str, Any], Specification], Mapping[str, Any]]:
+    """``Specification.entry`` of a number that a file may leave out: this value then."""
+
+    def entry(section: Mapping[str, Any], spec: Specification) -> Mapping[str, Any]:
+        name = spec.key.rpartition(".")[2]
+        if name not in section:
+            return {"value": value, "unit": spec.unit, "prov": "literature"}
+        given = section[name]
+        if not isinstance(given, dict):
+            raise MachineError(f"{spec.key}: write {{value: ..., unit: {spec.unit!r}}}")
+        return given
+
+    return entry

@@ -414,3 +414,15 @@ def test_a_name_from_outside_is_never_a_path(name: str, tmp_path: Path, monkeypa
         shipped_machine(name)
     assert len(str(refused.value)) < 250
     assert shipped_machine("tz17").name == "tz17"
+
+
+def test_units_of_the_burst_valves_law_need_not_be_written() -> None:
+    document = yaml.safe_load(TZ17)
+    for key in ("unit_flow", "unit_pressure", "dp_lin"):
+        del document["hose_burst_valve"][key]
+    known, left_out = (machine_from(d).parameters for d in (yaml.safe_load(TZ17), document))
+    for key in ("unit_flow", "unit_pressure", "dp_lin"):
+        name = f"hose_burst_valve.{key}"
+        assert left_out[name].value[0] == pytest.approx(known[name].value[0], rel=1e-9)
+    with pytest.raises(MachineError, match=r"hose_burst_valve\.unit_flow: write \{value"):
+        machine_from({**document, "hose_burst_valve": {**document["hose_burst_valve"], "unit_flow": 1.7e-5}})

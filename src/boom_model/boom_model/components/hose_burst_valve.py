@@ -23,21 +23,29 @@ import casadi as ca
 from boom_model.errors import MachineError
 from boom_model.regularisation import Expression
 from boom_model.slots import HoseBurstValve, register
-from boom_model.specification import Specification, number
+from boom_model.specification import Specification, number, unless_given
 
 OPENING = 1.0e3
 """Pa. Drop over which the check valve opens; a tenth of a step of the pressure sensors."""
 
 SPECIFICATIONS = (
-    Specification("hose_burst_valve.unit_flow", "l/min", "m^3/s per l/min", "unit of its flow", 1e-5, 2e-5, "5.36"),
-    Specification("hose_burst_valve.unit_pressure", "bar", "Pa per bar", "unit of its drop", 9e4, 1.1e5, "5.36"),
+    Specification(
+        "hose_burst_valve.unit_flow", "l/min", "m^3/s per l/min", "unit of its flow", 1e-5, 2e-5, "5.36",
+        entry=unless_given(1e-3 / 60),
+    ),
+    Specification(
+        "hose_burst_valve.unit_pressure", "bar", "Pa per bar", "unit of its drop", 9e4, 1.1e5, "5.36",
+        entry=unless_given(1e5),
+    ),
     Specification("hose_burst_valve.a11", "a_11", "l/min/bar", "free flow, linear", 0.0, 1e3, "5.36"),
     Specification("hose_burst_valve.a12", "a_12", "l/min/bar^0.5", "free flow, square root", 1e-3, 1e3, "5.36"),
     Specification("hose_burst_valve.a21", "a_21", "l/min/bar", "limited flow, slope at zero", 1e-3, 1e3, "5.36"),
     Specification("hose_burst_valve.a30", "a_30", "l/min", "limited flow, plateau", -1e4, -1e-2, "5.36"),
     Specification("hose_burst_valve.a31", "a_31", "l/min/bar", "limited flow, slope of the plateau", 1e-6, 1e3, "5.36"),
-    Specification("hose_burst_valve.dp_lin", "dp_lin", "bar", "regularisation at zero", 1e-4, 1.0, "5.28"),
-)
+    Specification(
+        "hose_burst_valve.dp_lin", "dp_lin", "bar", "regularisation at zero", 1e-4, 1.0, "5.28", entry=unless_given(0.02)
+    ),
+)  # fmt: skip
 
 
 def smooth_node(a21: Expression, a30: Expression, a31: Expression) -> tuple[Expression, Expression]:
