@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import inf
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -69,21 +70,29 @@ class Equations:
 
 def namespace(values: dict[str, Any]) -> SimpleNamespace:
     """Dotted names -> nested namespaces; ``.0 .1`` endings become tuples."""
-    root = SimpleNamespace()
-    for name, value in values.items():
-        *path, last = name.split(".")
-        if last.isdigit():
-            *path, last = path
-        node = root
-        for part in path:
-            if not hasattr(node, part):
-                setattr(node, part, SimpleNamespace())
-            node = getattr(node, part)
-        if name.split(".")[-1].isdigit():
-            setattr(node, last, (*getattr(node, last, ()), value))
-        else:
-            setattr(node, last, value)
-    return root
+    nodes: dict[str, SimpleNamespace] = {"": SimpleNamespace()}
+    for (path, last, several), value in zip(_paths(tuple(values)), values.values(), strict=True):
+        if path not in nodes:
+            parent = nodes[""]
+            for part in path.split("."):
+                parent = parent.__dict__.setdefault(part, SimpleNamespace())
+            nodes[path] = parent
+        own = nodes[path].__dict__
+        own[last] = (*own.get(last, ()), value) if several else value
+    return nodes[""]
+
+
+@lru_cache(maxsize=64)
+def _paths(names: tuple[str, ...]) -> tuple[tuple[str, str, bool], ...]:
+    """Of each dotted name the namespace, the name in it, and whether it is one number of a tuple."""
+    result = []
+    for name in names:
+        path, _, last = name.rpartition(".")
+        several = last.isdigit()
+        if several:
+            path, _, last = path.rpartition(".")
+        result.append((path, last, several))
+    return tuple(result)
 
 
 def parameter_names(
