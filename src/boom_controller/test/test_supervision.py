@@ -176,6 +176,17 @@ def test_currents_that_do_not_follow_are_found_and_those_nobody_measures_are_not
     assert all(watch.currents((0.0, 0.4), None, 1.0 + 0.01 * k) is None for k in range(60))
 
 
+@pytest.mark.parametrize(("every", "reason"), [(2, "currents_not_followed"), (50, "load_not_held")])
+def test_currents_that_come_now_and_then_are_no_load_that_cannot_be_held(every: int, reason: str) -> None:
+    """As where the motion is enabled and disabled in turns."""
+    watch = MotionWatch(SETTINGS, (0.0, 1.5), (0.2, 0.6))
+    for k in range(150):
+        assert watch.currents((0.0, 0.4), (0.0, 0.0 if k % every == 0 else 0.4), 0.01 * k) is None
+    law = ControlOutput(0.0, 0.4, reason="the load of about 5 kg cannot be held", cause="load_not_held")
+    found = watch.motion(STILL, Reference(0.5), law, 1.5)
+    assert found is not None and found.reason == reason
+
+
 def test_impossible_settings_are_refused_by_name() -> None:
     with pytest.raises(ControlError, match="sensor_timeout"):
         SupervisionSettings(sensor_timeout=9.0)

@@ -1,7 +1,8 @@
 """The simulated crane as a process: follows commands and publishes the machine's topics. Topics, parameters, services: README.md.
 
 Real time: the crane advances every 10 ms of a steady clock; a command older than 100 ms closes the valve.
-While /boom/emergency_stop is true the valve is closed, and stays so until commands were zero or silent: false starts nothing.
+While /boom/emergency_stop is true, or several nodes publish commands or a sensor, the valve is closed, and stays so until commands were
+zero or silent: the end of it starts nothing.
 Lockstep: the simulation owns time. At t_n it publishes the samples of t_n, then /clock = t_n, and waits; one command advances it by
 one period. A command whose stamp lies inside the coming period acts from that time, any other at once.
 """
@@ -186,7 +187,8 @@ class SimulationNode(Node):
         conflict = self._sole.look()
         if conflict != self._told_conflict:
             self._told_conflict = conflict
-            again = "commands and sensors have one publisher each again: commands are followed"
+            self._held = self._held or bool(conflict)  # who is left may be in the middle of a motion
+            again = "commands and sensors have one publisher each again: commands act once they were zero"
             self.get_logger().warning(f"valve closed: {conflict}" if conflict else again)
             self._diagnostics.update()
         return conflict
@@ -282,8 +284,8 @@ class SimulationNode(Node):
         if self._sole.look():
             return Health(Level.ERROR, f"valve closed: {self._sole.conflict}", values)
         if self._held:
-            until = "" if self._stop.standing else ", now false: commands act once they were zero"
-            return Health(Level.WARN, f"valve closed: /boom/emergency_stop{until}", values)
+            why = "/boom/emergency_stop" if self._stop.standing else "commands act once they were zero"
+            return Health(Level.WARN, f"valve closed: {why}", values)
         if self._paused:
             return Health(Level.WARN, "paused", values)
         if self._refused:

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
@@ -194,8 +195,14 @@ def test_a_second_publisher_closes_the_valve_and_the_terminal_says_so_once_and_w
     topic = "/boom/current_command"
     second = partner.node.create_publisher(SolenoidCurrents, topic, qos.BY_TOPIC[topic])
     partner.until(closed)
+    diagnosed: list[str] = []
+    partner.node.create_subscription(
+        DiagnosticArray, "/diagnostics", lambda m: diagnosed.extend(s.message for s in m.status), 10
+    )
     partner.node.destroy_publisher(second)
-    partner.until(lambda: not closed())
+    partner.until(lambda: closed() and "valve closed: commands act once they were zero" in diagnosed)
+    assert closed(), "who is left is in the middle of a motion"
+    partner.until(lambda: partner.command(0.0, 0.0) or not closed())
     crane.terminate()
     lines = crane.communicate(timeout=PATIENCE)[1].splitlines()
     told = [line for line in lines if "valve closed: 2 publish /boom/current_command (partner, partner)" in line]

@@ -15,6 +15,10 @@ from boom_model.machine import Machine, Pose
 
 _STAYS = 0.1  # s that a pressure stays beyond its limit once that was told: bringing the boom to rest by the loop is of no use
 _WIDE_OPEN = 0.8  # of the way from where the valve opens to where it is open
+_RECENT, _OFTEN = (
+    1.0,
+    20,
+)  # s, samples: currents that were missed so often make a law see a load, or an oscillation, that is none
 _UNMOVED = 2e-3  # rad. What the angle's noise and steps may make of a boom that stands
 
 
@@ -67,6 +71,7 @@ class MotionWatch:
             self._weight.reset()
         self._missed: deque[float] = deque()
         self._opened: deque[tuple[float, float]] = deque()
+        self._missing: deque[float] = deque(maxlen=_OFTEN)
 
     def cycle(self, gap: float, period: float, now: float) -> StopCause | None:
         """Check a cycle that comes `gap` [s] after the last one; cycles are due every `period` [s]."""
@@ -91,7 +96,7 @@ class MotionWatch:
         if not (math.isfinite(output.retract) and math.isfinite(output.extend)):
             return StopCause("divergence", "the control law gave a current that is not a number")
         if output.reason:
-            return StopCause(output.cause, output.reason)
+            return self._interrupted(now) or StopCause(output.cause, output.reason)
         if self._fast(abs(m.rate) > s.largest_rate, now, s.persistence):
             return StopCause("speed_limit", f"{m.rate:.2f} rad/s, allowed is {s.largest_rate:g} rad/s")
         pressure = max(m.hose_pressure, m.rod_pressure)
@@ -141,9 +146,20 @@ class MotionWatch:
         if measured is None:
             return None
         worst = max(abs(commanded[0] - measured[0]), abs(commanded[1] - measured[1]))
+        if worst > self.settings.current_error:
+            self._missing.append(now)
         if self._unlike(worst > self.settings.current_error, now, self.settings.current_timeout):
             return StopCause(
                 "currents_not_followed",
                 f"commanded {commanded[0]:.2f} and {commanded[1]:.2f} A, measured {measured[0]:.2f} and {measured[1]:.2f} A",
             )
         return None
+
+    def _interrupted(self, now: float) -> StopCause | None:
+        """What the law takes for a load or an oscillation where the solenoids got the currents now and then only."""
+        if sum(now - t < _RECENT for t in self._missing) < _OFTEN:
+            return None
+        return StopCause(
+            "currents_not_followed",
+            f"{_OFTEN} times and more within {_RECENT:g} s: is the motion enabled all the time?",
+        )
