@@ -10,6 +10,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -77,6 +78,8 @@ def _try(path: Path, named: str) -> None:
         raise UsageError(f"{named}: may not be written ({error.strerror}): give another path") from None
 
 
+_LONGEST = 200
+"""Bytes of a name; file systems take 255, endings and the names of files that are being written included."""
 _ANYBODYS = frozenset(("recording", "bag", "rosbag", "rosbag2", "data", "log", "run"))
 """Names that recordings of many cranes have."""
 
@@ -100,9 +103,18 @@ def default_report(command: str, bags: Sequence[str] = ()) -> Path:
     if twice or (names and names[0].lower() in _ANYBODYS):  # of another crane: its folder tells which
         name = f"{command}-{os.path.basename(os.path.realpath(Path(bags[0]).parent))}-{names[0]}"
     more = f"-and-{len(bags) - 1}-more" if len(bags) > 1 else ""
-    path = checked(str(folder / f"{name}{more}.html"), "report", PAGE)
+    path = checked(str(folder / f"{_short(name)}{more}.html"), "report", PAGE)
     assert path is not None
     return path
+
+
+def _short(name: str) -> str:
+    """A name that a file system takes; of a longer one the beginning and what tells it from others."""
+    return (
+        name
+        if len(os.fsencode(name)) <= _LONGEST
+        else f"{name[: _LONGEST // 4]}-{sha256(os.fsencode(name)).hexdigest()[:12]}"
+    )
 
 
 def _name(bag: Path) -> str:

@@ -351,3 +351,10 @@ def test_a_report_of_a_recording_with_anybodys_name_is_named_after_its_folder(tm
     monkeypatch.chdir(tmp_path)
     assert outputs.default_report("validate", ["crane_7/recording"]).name == "validate-crane_7-recording.html"
     assert outputs.default_report("validate", ["crane_7/steps"]).name == "validate-steps.html"
+
+
+def test_a_report_of_a_recording_with_a_long_name_has_one_that_a_file_system_takes(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    one, other = (outputs.default_report("validate", [120 * "ä" + end]) for end in "ab")
+    assert one != other
+    one.write_text("")

@@ -127,18 +127,20 @@ class WatchNode(Node):
         asked = self._configuration or self._told_configuration.told
         if asked is None or self._conflict:
             return
+        advice = "" if self._machine else "; give its file with the parameter 'machine'"
         try:
             machine = self._machine or shipped_machine(asked[0])
+            advice = "; correct its publisher, or give pose and load: --q3 --q4 --load"
             self._watch = watch.Watch(machine, machine.pose(*asked[1:]), self._settings)
             self._heard = {name: InputWatch("", time.monotonic()) for name in watch.CHANNELS}
             self.get_logger().info(f"watching {in_words((machine.name, *asked[1:]))}")
-            self._foreign = (
-                "" if machine.name == asked[0] else f"the crane is a {quoted(asked[0])}, the model {machine.name}"
-            )
+            whose = f"the crane is a {quoted(asked[0])}" if asked[0] else "the configuration names no machine"
+            self._foreign = "" if machine.name == asked[0] else f"{whose}, the model is {machine.name}"
             if self._foreign:
                 self.get_logger().warning(f"{self._foreign}: is it the right file?")
         except ModelError as error:
-            self._failure = f"the machine cannot be watched: {error}; give its file with the parameter 'machine'"
+            said = str(error).partition("; give its file")[0]
+            self._failure = f"the machine cannot be watched: {said}{advice}"
             self.get_logger().error(self._failure)
         self._diagnostics.update()
 

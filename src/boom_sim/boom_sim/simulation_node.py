@@ -1,8 +1,8 @@
 """The simulated crane as a process: follows commands and publishes the machine's topics. Topics, parameters, services: README.md.
 
 Real time: the crane advances every 10 ms of a steady clock; a command older than 100 ms closes the valve.
-While /boom/emergency_stop is true, or several nodes publish commands or a sensor, the valve is closed, and stays so until commands were
-zero or silent: the end of it starts nothing.
+While /boom/emergency_stop is true, or several nodes publish commands or a sensor, the valve is closed, and stays so until commands
+were zero or silent: the end of it starts nothing.
 Lockstep: the simulation owns time. At t_n it publishes the samples of t_n, then /clock = t_n, and waits; one command advances it by
 one period. A command whose stamp lies inside the coming period acts from that time, any other at once.
 """

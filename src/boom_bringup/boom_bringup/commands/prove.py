@@ -114,17 +114,14 @@ def run(args: argparse.Namespace) -> int:
     folder = Path(
         args.cases_only or args.output or default_folder(args.plant, args.structures, seed, args.cases, args.engine)
     )
-    with held(folder):
+    # workers first: nothing is written where a scheduler does not answer
+    with _stopped_by_term(), workers(args.scheduler, min(args.workers, args.cases)) as engine, held(folder):
         trial = Trial(folder, seed, args.cases, machine, args.plant, args.structures, args.engine)
         begin, drawn_anew = time.monotonic(), trial.finished
         again = f"prove {trial.state.options} --output {folder}"
         console.print(f"seed {seed}: repeat or resume with ./boom {again}", soft_wrap=True)
         try:
-            with (
-                _stopped_by_term(),
-                workers(args.scheduler, min(args.workers, args.cases)) as engine,
-                _progress() as progress,
-            ):
+            with _progress() as progress:
                 checksum = trial.prepare(engine, progress)
                 console.print(f"{args.cases} answers are sealed, SHA-256 {checksum}", soft_wrap=True)
                 if args.cases_only:

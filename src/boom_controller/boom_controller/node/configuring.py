@@ -86,7 +86,10 @@ class Configuring:
         try:
             machine = load_machine(self._given) if self._given else shipped_machine(message.machine)
             same = machine.name == message.machine
-            self.foreign = "" if same else f"the crane is a {quoted(message.machine)}, the laws are for {machine.name}"
+            whose = (
+                f"the crane is a {quoted(message.machine)}" if message.machine else "the configuration names no machine"
+            )
+            self.foreign = "" if same else f"{whose}, the laws are for {machine.name}"
             if self.foreign:
                 self._log.warning(f"{self.foreign}: is it the right file?")
             opened, largest = valve_currents(machine)[1], loops[0].law.settings.largest_current
