@@ -139,7 +139,7 @@ class WatchNode(Node):
             if self._foreign:
                 self.get_logger().warning(f"{self._foreign}: is it the right file?")
         except ModelError as error:
-            said = str(error).partition("; give its file")[0]
+            said = str(error).partition("give its file")[0].rstrip(" ;:")
             self._failure = f"the machine cannot be watched: {said}{advice}"
             self.get_logger().error(self._failure)
         self._diagnostics.update()
