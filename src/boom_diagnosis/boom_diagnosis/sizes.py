@@ -28,7 +28,7 @@ class MachineSize(NamedTuple):
         if unit in ("m^2", "m^3/s/Pa", "m^3/s/Pa^0.5", "m^3/s/Pa^1.5"):
             return self.flow
         return {
-            "Pa s/m^3": 1.0 / self.flow, "s/m^3": 1.0 / self.flow, "1/W": 1.0 / self.flow, "Pa s^2/m^6": self.flow**-2,
+            "Pa s/m^3": 1.0 / self.flow, "s/m^3": 1.0 / self.flow, "Pa s^2/m^6": self.flow**-2,
             "N m": self.torque, "N m/rad": self.torque, "N m s/rad": self.torque,
             "rad/(N m)": 1.0 / self.torque, "kg": self.load,
         }.get(unit, 1.0)  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,12 +10,14 @@ import numpy as np
 import pytest
 from test_diagnosis import noisy, tz17
 
+from boom_diagnosis import proof
 from boom_diagnosis.bag_samples import prepare
 from boom_diagnosis.case import Case, case_of
 from boom_diagnosis.hypotheses import problem_at
 from boom_diagnosis.learning import Learned
 from boom_diagnosis.proof import proof_of, spans_of
 from boom_model.learned import PLACES, VARIABLES, LearnedTerm
+from boom_model.sensors import OUTPUTS
 
 MORE = 1.0e5
 """N m s/rad of viscous friction that the file does not know."""
@@ -44,16 +47,33 @@ def viscous(case: Case, added: float) -> Learned:
 
 
 def test_a_term_is_kept_where_free_runs_over_data_not_used_improve(rubbing: Case) -> None:
-    proof = proof_of(rubbing, "unknown_physics", viscous(rubbing, MORE), spans_of(rubbing))
-    assert proof.learned is not None
-    assert proof.fit.held_out["explained"][0] < 0.2 * proof.fit.held_out["parameters_only"][0]
-    assert proof.notes == ()
+    proved = proof_of(rubbing, "unknown_physics", viscous(rubbing, MORE), spans_of(rubbing))
+    assert proved.learned is not None
+    assert proved.fit.held_out["explained"][0] < 0.2 * proved.fit.held_out["parameters_only"][0]
+    assert proved.notes == ()
 
 
 def test_a_term_that_makes_them_worse_is_not_kept_whatever_it_gained_and_the_answer_says_so(rubbing: Case) -> None:
-    proof = proof_of(rubbing, "unknown_physics", viscous(rubbing, 3.0 * MORE), spans_of(rubbing))
-    assert proof.learned is None
-    assert proof.fit.held_out["explained"] == proof.fit.held_out["parameters_only"]
-    assert proof.notes[0].startswith(
+    proved = proof_of(rubbing, "unknown_physics", viscous(rubbing, 3.0 * MORE), spans_of(rubbing))
+    assert proved.learned is None
+    assert proved.fit.held_out["explained"] == proved.fit.held_out["parameters_only"]
+    assert proved.notes[0].startswith(
         "a term learnt for torque is not kept: free runs over data not used are no better: angle"
     )
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "factor"),
+    [(0.005, 0.014, 1.0), (0.03, 0.06, 2.0), (0.06, 0.005, 0.25), (0.06, float("nan"), 10.0)],
+)
+def test_of_two_machines_that_err_as_noise_makes_them_neither_is_worse(
+    rubbing: Case, monkeypatch: pytest.MonkeyPatch, before: float, after: float, factor: float
+) -> None:
+    """With errors of 0.01 by noise, those up to 0.015 are alike."""
+    point, other = rubbing.trained[0], replace(rubbing.trained[0])
+    monkeypatch.setattr(proof, "machine_at", lambda _, at: before if at is point else after)
+    monkeypatch.setattr(proof, "placed", lambda machine, *_: machine)
+    monkeypatch.setattr(proof, "free_run", lambda _, machine: machine)
+    monkeypatch.setattr(proof, "errors", lambda _, machine: (machine,) * len(OUTPUTS))
+    monkeypatch.setattr(proof, "noise_floor", lambda *_: (0.01,) * len(OUTPUTS))
+    assert proof.worsening(rubbing, point, other) == pytest.approx(factor)
