@@ -71,7 +71,7 @@ class MotionWatch:
             self._weight.reset()
         self._missed: deque[float] = deque()
         self._opened: deque[tuple[float, float]] = deque()
-        self._missing: deque[float] = deque(maxlen=_OFTEN)
+        self._given: deque[tuple[float, float, float]] = deque()
 
     def cycle(self, gap: float, period: float, now: float) -> StopCause | None:
         """Check a cycle that comes `gap` [s] after the last one; cycles are due every `period` [s]."""
@@ -96,7 +96,7 @@ class MotionWatch:
         if not (math.isfinite(output.retract) and math.isfinite(output.extend)):
             return StopCause("divergence", "the control law gave a current that is not a number")
         if output.reason:
-            return self._interrupted(now) or StopCause(output.cause, output.reason)
+            return self._interrupted() or StopCause(output.cause, output.reason)
         if self._fast(abs(m.rate) > s.largest_rate, now, s.persistence):
             return StopCause("speed_limit", f"{m.rate:.2f} rad/s, allowed is {s.largest_rate:g} rad/s")
         pressure = max(m.hose_pressure, m.rod_pressure)
@@ -146,8 +146,9 @@ class MotionWatch:
         if measured is None:
             return None
         worst = max(abs(commanded[0] - measured[0]), abs(commanded[1] - measured[1]))
-        if worst > self.settings.current_error:
-            self._missing.append(now)
+        self._given.append((now, sum(commanded), sum(measured)))
+        while now - self._given[0][0] > _RECENT:
+            self._given.popleft()
         if self._unlike(worst > self.settings.current_error, now, self.settings.current_timeout):
             return StopCause(
                 "currents_not_followed",
@@ -155,11 +156,13 @@ class MotionWatch:
             )
         return None
 
-    def _interrupted(self, now: float) -> StopCause | None:
+    def _interrupted(self) -> StopCause | None:
         """What the law takes for a load or an oscillation where the solenoids got the currents now and then only."""
-        if sum(now - t < _RECENT for t in self._missing) < _OFTEN:
+        commanded, measured = (sum(row[k] for row in self._given) for k in (1, 2))
+        if measured >= _SHARE * commanded:
             return None
         return StopCause(
             "currents_not_followed",
-            f"{_OFTEN} times and more within {_RECENT:g} s: is the motion enabled all the time?",
+            f"over {_RECENT:g} s the solenoids got {100 * measured / commanded:.0f} % of what was commanded: is the motion "
+            "enabled all the time?",
         )
