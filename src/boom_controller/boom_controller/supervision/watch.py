@@ -15,10 +15,7 @@ from boom_model.machine import Machine, Pose
 
 _STAYS = 0.1  # s that a pressure stays beyond its limit once that was told: bringing the boom to rest by the loop is of no use
 _WIDE_OPEN = 0.8  # of the way from where the valve opens to where it is open
-_RECENT, _OFTEN = (
-    1.0,
-    20,
-)  # s, samples: currents that were missed so often make a law see a load, or an oscillation, that is none
+_RECENT, _SHARE = 1.0, 0.8  # s, of what was commanded: with less a law sees a load, or an oscillation, that is none
 _UNMOVED = 2e-3  # rad. What the angle's noise and steps may make of a boom that stands
 
 
