@@ -110,11 +110,8 @@ def default_report(command: str, bags: Sequence[str] = ()) -> Path:
 
 def _short(name: str) -> str:
     """A name that a file system takes; of a longer one the beginning and what tells it from others."""
-    return (
-        name
-        if len(os.fsencode(name)) <= _LONGEST
-        else f"{name[: _LONGEST // 4]}-{sha256(os.fsencode(name)).hexdigest()[:12]}"
-    )
+    encoded = os.fsencode(name)
+    return name if len(encoded) <= _LONGEST else f"{name[: _LONGEST // 4]}-{sha256(encoded).hexdigest()[:12]}"
 
 
 def _name(bag: Path) -> str:

@@ -67,12 +67,8 @@ def lacking(recording: Recording, missing: list[str], need: str) -> str:
     named = " and the ".join(name.replace("_", " ") for name in absent or missing)
     if absent:
         return f"{need} the {named}, not recorded"
-    rare = [said for name in missing if (said := seldom(recording.signals[name]))]
-    return (
-        rare[0]
-        if rare
-        else f"{need} {SHORTEST:g} s of the {named}, and there is less in these {recording.duration:.3g} s"
-    )
+    short = f"{need} {SHORTEST:g} s of the {named}, and there is less in these {recording.duration:.3g} s"
+    return seldom(*(recording.signals[name] for name in missing)) or short
 
 
 def checks(recording: Recording, machine: Machine) -> list[RecordingCheck]:

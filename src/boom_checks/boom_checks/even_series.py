@@ -140,12 +140,13 @@ def _implausible(signal: Signal) -> NDArray[np.bool_]:
     return ~signal.valid & (np.abs(middle) < far) & ((middle < channel.low) | (middle > channel.high))
 
 
-def seldom(signal: Signal) -> str:
-    """That a signal was sampled so seldom that it is all one gap, in words; empty: it was not."""
-    time, words = signal.time[signal.valid], signal.name.replace("_", " ")
-    if len(time) == 1 < len(signal.time):
-        return f"of {len(signal.time)} samples of the {words} one can be used: look at its stamps"
-    apart = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    if apart <= GAP:
-        return ""
-    return f"the {words} was sampled every {apart:.2g} s, and {GAP:g} s are the most: log 100 samples a second"
+def seldom(*signals: Signal) -> str:
+    """That the first of these signals that is all one gap was sampled too seldom, in words; empty: none is."""
+    for signal in signals:
+        time, words = signal.time[signal.valid], signal.name.replace("_", " ")
+        if len(time) == 1 < len(signal.time):
+            return f"of {len(signal.time)} samples of the {words} one can be used: look at its stamps"
+        apart = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+        if apart > GAP:
+            return f"the {words} was sampled every {apart:.2g} s, and {GAP:g} s are the most: log 100 samples a second"
+    return ""

@@ -16,7 +16,7 @@ from boom_diagnosis.sizes import size_of, sized
 from boom_estimation.currents import HeldCurrents
 from boom_model.catalogue import CATALOGUE
 from boom_model.machine import Machine, Parameter, Pose
-from boom_model.prior import prior_of, tolerance_of
+from boom_model.prior import Prior, prior_of, tolerance_of
 from boom_model.sensors import OUTPUTS
 
 LARGEST_Z = 4.0
@@ -148,29 +148,20 @@ def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
         if follows or key.startswith(_NOT_PHYSICS) or key in units:
             continue
         for name, value in zip(parameter.specification.components, parameter.value, strict=True):
-            if value == 0.0 and prior_of(machine, name).sigma <= 0.0:
-                continue
-            if _sign_open(machine, name, value):
-                result.append(_straight(machine, name, value))
-            elif value != 0.0:
+            if _sign_open(prior := prior_of(machine, name), value):
+                ends = (prior.low - value, prior.high - value)
+                result += [Nuisance(name, prior.sigma, shift=True, ends=ends)] if prior.sigma > 0.0 else []
+            else:
                 own = _own(machine, parameter, name, value)
                 if not (key.startswith(GEOMETRY) and 2.0 * own.sigma * abs(value) < SEEN):
                     result.append(own)
     return (*result, *of_pose(machine, pose), *_differences(machine), *_as_made(machine))
 
 
-def _sign_open(machine: Machine, name: str, value: float) -> bool:
-    """Whether a number may have either sign as far as its tolerance goes; no factor leads from one to the other."""
-    prior = prior_of(machine, name)
-    return value == 0.0 or (
-        prior.kind != "log_normal" and prior.low < 0.0 < prior.high and abs(value) <= LARGEST_Z * prior.sigma
-    )
-
-
-def _straight(machine: Machine, name: str, value: float) -> Nuisance:
-    """A number by its prior, counted straight."""
-    prior = prior_of(machine, name)
-    return Nuisance(name, prior.sigma, shift=True, ends=(prior.low - value, prior.high - value))
+def _sign_open(prior: Prior, value: float) -> bool:
+    """Whether a number may have either sign as far as its tolerance goes: no factor leads across zero."""
+    either = prior.kind != "log_normal" and prior.low < 0.0 < prior.high
+    return value == 0.0 or (either and abs(value) <= LARGEST_Z * prior.sigma)
 
 
 def of_pose(machine: Machine, pose: Pose) -> list[Nuisance]:

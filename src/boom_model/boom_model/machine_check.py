@@ -216,6 +216,8 @@ def _entry(document: Mapping[str, Any], spec: Specification) -> Mapping[str, Any
     given = document.get(section, {})
     if spec.entry:
         return spec.entry(given, spec)
+    if name not in given and spec.default is not None:
+        return {"value": spec.default, "unit": spec.unit, "prov": "literature"}
     if name not in given:
         raise MachineError(
             f"{spec.key}: missing ({spec.meaning}); expected {spec.minimum:g} .. {spec.maximum:g} {spec.unit}"

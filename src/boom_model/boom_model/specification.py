@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from boom_model.errors import MachineError
-
 Shape = Literal["scalar", "pair", "triple"]
 
 
@@ -24,6 +22,7 @@ class Specification:
         maximum: largest allowed value.
         equation: number of the equation in the thesis in which it stands.
         shape: scalar, pair or triple of numbers.
+        default: value of a number that the file may leave out.
         entry: makes ``{value: ..., unit: ...}`` of the section where the file writes it in another form; raises MachineError.
     """
 
@@ -35,6 +34,7 @@ class Specification:
     maximum: float
     equation: str
     shape: Shape = "scalar"
+    default: float | None = None
     entry: Callable[[Mapping[str, Any], Specification], Mapping[str, Any]] | None = field(default=None, compare=False)
 
     @property
@@ -54,18 +54,3 @@ def number(entry: Any) -> float:
         return float(value)
     except OverflowError:
         return float("inf")
-
-
-def unless_given(value: float) -> Callable[[Mapping[str, Any], Specification], Mapping[str, Any]]:
-    """``Specification.entry`` of a number that a file may leave out: this value then."""
-
-    def entry(section: Mapping[str, Any], spec: Specification) -> Mapping[str, Any]:
-        name = spec.key.rpartition(".")[2]
-        if name not in section:
-            return {"value": value, "unit": spec.unit, "prov": "literature"}
-        given = section[name]
-        if not isinstance(given, dict):
-            raise MachineError(f"{spec.key}: write {{value: ..., unit: {spec.unit!r}}}")
-        return given
-
-    return entry

@@ -17,13 +17,13 @@ from boom_monitor import watch, words
 from boom_monitor.status import Alarm, WatchSettings
 from boom_monitor.configuration import Configuration, ToldConfiguration, in_words
 from boom_input.channels import BY_NAME, MEASURED_TOPICS, PREDICTED
-from boom_input.shown import quoted
 from boom_interfaces.msg import MachineConfiguration, SolenoidCurrents
 from boom_model.errors import ModelError
 from boom_model.machine_file import load_machine, shipped_machine
 from boom_node import qos, shell
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
+from boom_node.foreign import foreign
 from boom_node.node import Node
 from boom_node.input_watch import InputWatch
 from boom_node.parameters import ParameterSpec, declare
@@ -127,20 +127,18 @@ class WatchNode(Node):
         asked = self._configuration or self._told_configuration.told
         if asked is None or self._conflict:
             return
-        advice = "" if self._machine else "; give its file with the parameter 'machine'"
+        advice = ""  # a machine that is not shipped says what to give
         try:
             machine = self._machine or shipped_machine(asked[0])
             advice = "; correct its publisher, or give pose and load: --q3 --q4 --load"
             self._watch = watch.Watch(machine, machine.pose(*asked[1:]), self._settings)
             self._heard = {name: InputWatch("", time.monotonic()) for name in watch.CHANNELS}
             self.get_logger().info(f"watching {in_words((machine.name, *asked[1:]))}")
-            whose = f"the crane is a {quoted(asked[0])}" if asked[0] else "the configuration names no machine"
-            self._foreign = "" if machine.name == asked[0] else f"{whose}, the model is {machine.name}"
+            self._foreign = foreign(asked[0], machine.name, "the model is")
             if self._foreign:
                 self.get_logger().warning(f"{self._foreign}: is it the right file?")
         except ModelError as error:
-            said = str(error).partition("give its file")[0].rstrip(" ;:")
-            self._failure = f"the machine cannot be watched: {said}{advice}"
+            self._failure = f"the machine cannot be watched: {error}{advice}"
             self.get_logger().error(self._failure)
         self._diagnostics.update()
 

@@ -185,9 +185,9 @@ class SimulationNode(Node):
     def _conflict(self) -> str:
         """What more than one node publishes, in a line, which the log has too; empty: nothing. Meanwhile the valve is closed."""
         conflict = self._sole.look()
+        self._held = self._held or bool(conflict)  # who is left may be in the middle of a motion
         if conflict != self._told_conflict:
             self._told_conflict = conflict
-            self._held = self._held or bool(conflict)  # who is left may be in the middle of a motion
             again = "commands and sensors have one publisher each again: commands act once they were zero"
             self.get_logger().warning(f"valve closed: {conflict}" if conflict else again)
             self._diagnostics.update()

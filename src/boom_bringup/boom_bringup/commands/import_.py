@@ -253,8 +253,8 @@ def _convert(args: argparse.Namespace, source: Source, proposal: Proposal) -> in
         write_recording(made, recording)
     console = console_for()
     missing = [signal for signal, entry in proposal.mapping.signals.items() if entry == "none"]
-    rare = [said for signal in recording.signals.values() if (said := seldom(signal))]
-    doubts = [f"{rare[0]}; if it was more often, the unit of the time is another (--time-unit)"] if rare else []
+    rare = seldom(*recording.signals.values())
+    doubts = [f"{rare}; if it was more often, the unit of the time is another (--time-unit)"] if rare else []
     for note in (*recording.notes, *doubts):
         console.print(f"note: {note}", soft_wrap=True)
     for missed, said in (

@@ -10,11 +10,11 @@ from boom_controller.loop.control_loop import ControlLoop
 from boom_controller.loop.law_in_use import PreparedLaws
 from boom_controller.loop.preparation import Preparation
 from boom_controller.loop.rehearsal import Rehearsal
-from boom_input.shown import quoted
 from boom_interfaces.msg import MachineConfiguration
 from boom_model.derived import valve_currents
 from boom_model.errors import ModelError
 from boom_model.machine_file import load_machine, shipped_machine
+from boom_node.foreign import foreign
 
 Loops = Sequence[ControlLoop | Rehearsal]
 
@@ -85,11 +85,7 @@ class Configuring:
         assert message is not None  # otherwise nothing waits
         try:
             machine = load_machine(self._given) if self._given else shipped_machine(message.machine)
-            same = machine.name == message.machine
-            whose = (
-                f"the crane is a {quoted(message.machine)}" if message.machine else "the configuration names no machine"
-            )
-            self.foreign = "" if same else f"{whose}, the laws are for {machine.name}"
+            self.foreign = foreign(message.machine, machine.name, "the laws are for")
             if self.foreign:
                 self._log.warning(f"{self.foreign}: is it the right file?")
             opened, largest = valve_currents(machine)[1], loops[0].law.settings.largest_current

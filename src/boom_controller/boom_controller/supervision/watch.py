@@ -68,7 +68,7 @@ class MotionWatch:
             self._weight.reset()
         self._missed: deque[float] = deque()
         self._opened: deque[tuple[float, float]] = deque()
-        self._given: deque[tuple[float, float, float]] = deque()
+        self._given: deque[tuple[float, float, float]] = deque()  # time [s], both currents commanded and measured [A]
 
     def cycle(self, gap: float, period: float, now: float) -> StopCause | None:
         """Check a cycle that comes `gap` [s] after the last one; cycles are due every `period` [s]."""

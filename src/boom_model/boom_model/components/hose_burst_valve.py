@@ -23,7 +23,7 @@ import casadi as ca
 from boom_model.errors import MachineError
 from boom_model.regularisation import Expression
 from boom_model.slots import HoseBurstValve, register
-from boom_model.specification import Specification, number, unless_given
+from boom_model.specification import Specification, number
 
 OPENING = 1.0e3
 """Pa. Drop over which the check valve opens; a tenth of a step of the pressure sensors."""
@@ -31,11 +31,11 @@ OPENING = 1.0e3
 SPECIFICATIONS = (
     Specification(
         "hose_burst_valve.unit_flow", "l/min", "m^3/s per l/min", "unit of its flow", 1e-5, 2e-5, "5.36",
-        entry=unless_given(1e-3 / 60),
+        default=1e-3 / 60,
     ),
     Specification(
         "hose_burst_valve.unit_pressure", "bar", "Pa per bar", "unit of its drop", 9e4, 1.1e5, "5.36",
-        entry=unless_given(1e5),
+        default=1e5,
     ),
     Specification("hose_burst_valve.a11", "a_11", "l/min/bar", "free flow, linear", 0.0, 1e3, "5.36"),
     Specification("hose_burst_valve.a12", "a_12", "l/min/bar^0.5", "free flow, square root", 1e-3, 1e3, "5.36"),
@@ -43,7 +43,7 @@ SPECIFICATIONS = (
     Specification("hose_burst_valve.a30", "a_30", "l/min", "limited flow, plateau", -1e4, -1e-2, "5.36"),
     Specification("hose_burst_valve.a31", "a_31", "l/min/bar", "limited flow, slope of the plateau", 1e-6, 1e3, "5.36"),
     Specification(
-        "hose_burst_valve.dp_lin", "dp_lin", "bar", "regularisation at zero", 1e-4, 1.0, "5.28", entry=unless_given(0.02)
+        "hose_burst_valve.dp_lin", "dp_lin", "bar", "regularisation at zero", 1e-4, 1.0, "5.28", default=0.02
     ),
 )  # fmt: skip
 
