@@ -4,7 +4,7 @@ from boom_input.shown import quoted
 
 
 def foreign(named: str, own: str, what: str) -> str:
-    """That a configuration names another machine than ``own``, which ``what`` ("the laws are for") says, in words; empty: it names that."""
+    """That a configuration names another machine than ``own``, which ``what`` ("the laws are for") tells; empty: it does not."""
     if named == own:
         return ""
     return f"the configuration names {quoted(named) or 'no machine'}, {what} {own}"
