@@ -28,7 +28,8 @@ UNKNOWN: Errors = (float("nan"),) * len(OUTPUTS)
 class Span:
     """The part of a recording that is judged: from, to [s]; how far the samples of its currents stray [s].
 
-    clocks: (NY,) how late its channels are [s]; empty if none is.
+    clocks: (NY,) how late its channels are [s]; empty if none is. resolution: (NY,) standard deviation of each sensor's noise [its
+    unit]; empty if it has none.
     """
 
     recording: Recording
@@ -36,6 +37,20 @@ class Span:
     end: float
     strays: float = 0.0
     clocks: tuple[float, ...] = ()
+    resolution: tuple[float, ...] = ()
+
+    def spread(self) -> Errors:
+        """(NY,) what errors are measured by: standard deviation of each channel, that of its noise at least where it stands still.
+
+        NaN of a channel that has no samples here.
+        """
+        result = []
+        for name, least in zip(OUTPUTS, self.resolution or (0.0,) * len(OUTPUTS), strict=True):
+            signal = self.recording.signals[name]
+            measured = signal.values[signal.valid & (signal.time >= self.start) & (signal.time <= self.end)]
+            known = max(float(np.std(measured)), least) if len(measured) else 0.0
+            result.append(known if known > 0.0 else float("nan"))
+        return tuple(result)
 
 
 @dataclass(frozen=True)
@@ -55,18 +70,20 @@ def free_run(recording: Recording, machine: Machine) -> FreeRun:
 
 
 def errors(span: Span, run: FreeRun) -> Errors:
-    """Root mean square error over the standard deviation of the measured channel, one per channel."""
+    """Root mean square error over the spread of the measured channel, one per channel."""
     result = []
-    for name, late in zip(OUTPUTS, span.clocks or (0.0,) * len(OUTPUTS), strict=True):
+    late = span.clocks or (0.0,) * len(OUTPUTS)
+    for name, lag, spread in zip(OUTPUTS, late, span.spread(), strict=True):
         signal = span.recording.signals[name]
         inside = (signal.time >= span.start) & (signal.time <= span.end)
-        measured, said = at_stamps(signal, late)[inside[signal.valid]], run.values[name][inside & signal.valid]
+        measured, said = at_stamps(signal, lag)[inside[signal.valid]], run.values[name][inside & signal.valid]
         known = np.isfinite(said)
-        spread = float(np.std(measured)) if len(measured) else 0.0
-        if known.sum() < 0.9 * len(measured) or spread <= 0.0:
+        if known.sum() < 0.9 * len(measured):
             result.append(float("nan"))
             continue
-        result.append(float(np.sqrt(np.mean((said[known] - measured[known]) ** 2))) / spread)
+        result.append(
+            float(np.sqrt(np.mean((said[known] - measured[known]) ** 2))) / spread if known.any() else float("nan")
+        )
     return tuple(result)
 
 
@@ -91,9 +108,8 @@ def noise_floor(span: Span, machine: Machine, seed: int) -> Errors:
         return UNKNOWN
     measured = machine.sensor_noise().outputs(other, rng)
     inside = grid >= span.start
-    spread = np.std(measured[inside], axis=0)
-    error = np.sqrt(np.mean((measured[inside] - exact[inside]) ** 2, axis=0)) / np.maximum(spread, 1e-12)
-    return tuple(np.where([len(first[n]) > 0 for n in OUTPUTS], error, np.nan).tolist())
+    error = np.sqrt(np.mean((measured[inside] - exact[inside]) ** 2, axis=0)) / span.spread()
+    return tuple(error.tolist())
 
 
 def median(rows: Sequence[Errors]) -> Errors:

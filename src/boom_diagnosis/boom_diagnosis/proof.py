@@ -25,7 +25,7 @@ from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.prediction import beyond
 from boom_diagnosis.weighing import Z90
 from boom_estimation.free_run import FreeRun
-from boom_input.channels import SENSORS
+from boom_input.channels import PREDICTED, SENSORS
 from boom_model.catalogue import EFFECTS
 from boom_model.learned import LearnedTerm
 from boom_model.machine import Machine, Pose
@@ -153,9 +153,11 @@ def spans_of(case: Proved) -> Spans:
     training, judged, everything = [], [], []
     at = case.learned.point if case.learned else case.trained[-1] if case.trained else None
     clocks = clocks_in(case.values(at.z, {})) if at else ()
+    noise = case.machine.sensor_noise()
+    logged = clocks, tuple(noise.deviation(sensor) for sensor in PREDICTED)
     for bag, select in zip(case.bags, case.judged, strict=True):
         r, strays = bag.recording, bag.currents.strays
-        everything.append(Span(r, 0.0, r.duration, strays, clocks))
+        everything.append(Span(r, 0.0, r.duration, strays, *logged))
         if case.proving:
             training.append(everything[-1])
             continue
@@ -163,14 +165,14 @@ def spans_of(case: Proved) -> Spans:
         cut = float(held[0]) if len(held) else r.duration
         before = float(held[0]) > 0.5 * r.duration if len(held) else True
         middle = cut if before else float(held[-1])
-        parts = Span(r, 0.0, middle, strays, clocks), Span(r, middle, r.duration, strays, clocks)
+        parts = Span(r, 0.0, middle, strays, *logged), Span(r, middle, r.duration, strays, *logged)
         training.append(parts[0 if before else 1])
         judged.append(parts[1 if before else 0])
     for bag in case.proving:
-        judged.append(Span(bag.recording, 0.0, bag.recording.duration, bag.currents.strays, clocks))
+        judged.append(Span(bag.recording, 0.0, bag.recording.duration, bag.currents.strays, *logged))
         everything.append(judged[-1])
     strays = max(bag.currents.strays for bag in case.bags)
-    others = [Span(b.recording, 0.0, b.recording.duration, strays, clocks) for b in case.elsewhere]
+    others = [Span(b.recording, 0.0, b.recording.duration, strays, *logged) for b in case.elsewhere]
     return Spans(training, judged, everything, others)
 
 

@@ -20,7 +20,7 @@ from boom_estimation.currents import held_inputs
 from boom_estimation.sensor_noise import with_measured_noise
 from boom_recording.loading import load
 from boom_recording.measurement import without_repeats
-from boom_recording.recording import Recording, Signal
+from boom_recording.recording import Recording, Signal, part
 
 BAGS = Path(__file__).resolve().parents[3] / "bags"
 POSE = (0.28, 2.2)
@@ -241,3 +241,8 @@ def test_gains_of_late_pressures_serve_a_machine_whose_pressures_are_not_late_wh
         problem = problem_at(tz17(), [bag], [bag.counted], known, np.zeros(len(known)), tuned, 1.0)
         losses.append(problem.points([(np.zeros(len(known)), {})])[0].loss)
     assert losses[1] == pytest.approx(losses[0], rel=0.05)
+
+
+def test_the_first_eight_seconds_of_a_healthy_recording_whose_angle_rests_in_the_end_name_nothing() -> None:
+    found = diagnose([part(load(BAGS / "healthy" / "folded_slow"), 0.0, 8.1)], tz17()).document
+    assert found.verdict in ("no_mismatch", "parameters_only")
