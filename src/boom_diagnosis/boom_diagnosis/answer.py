@@ -191,7 +191,7 @@ def assemble(
             *said_of_loads(case.machine, machine, handed_out), *proof.notes, *notes_of(case.bags, case.proving, weak),
             *_said_of_commands(case),
         ),
-        command=about.command, wrong=case.wrong,
+        command=about.command, wrong=case.wrong, or_wrong=tuple(names[0] for names, _ in case.or_wrong),
     )  # fmt: skip
 
 
@@ -469,9 +469,12 @@ def _said_of_limits(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
 
 def _said_of_wrong(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
     """That a number of the machine file is wrong."""
+    file = case.machine.values(case.pose)
+    instead = [f"{names[0]} {factor * file[names[0]]:.4g} for {file[names[0]]:.4g}" for names, factor in case.or_wrong]
+    as_well = f"; as well explained by {' or '.join(instead)} in its place" if instead else ""
     return [
         f"{in_words(case.wrong)}: {found.value:.4g} {found.unit} by the recordings, "
-        f"{case.machine.values(case.pose)[key]:.4g} {found.unit} in the file, far outside its tolerance: look it up"
+        f"{file[key]:.4g} {found.unit} in the file, far outside its tolerance: look it up{as_well}"
         for key, found in _wrong(case, moved).items()
     ]
 

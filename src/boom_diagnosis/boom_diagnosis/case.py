@@ -34,6 +34,19 @@ POINTS = 8
 """Of which the moments of other poses are kept."""
 
 
+@dataclass(frozen=True)
+class Opened:
+    """A number of the machine file as if nothing were known of it, fitted with tolerances alone.
+
+    rest: loss per innovation over that of a healthy machine. away: logarithm of the number over the file's.
+    """
+
+    number: Nuisance
+    case: Case
+    rest: float
+    away: float
+
+
 @dataclass
 class Case:
     """What is diagnosed, and how far it has got.
@@ -60,6 +73,7 @@ class Case:
         oftener: T_s [s] of a controller that commands more often than the file says, and the log shows (``straying``); 0: none.
         own: numbers that are those of the recordings held out, by dotted name; see ``onset.own``.
         wrong: number of the machine file of which nothing is taken for known, and those that share its factor (``wrong_number``).
+        or_wrong: others that explain the recordings as well, and by which factor they would be off. opened: what has been tried.
     """
 
     machine: Machine
@@ -92,12 +106,15 @@ class Case:
     oftener: float = 0.0
     own: dict[str, float] = field(default_factory=dict)
     wrong: tuple[str, ...] = ()
+    or_wrong: tuple[tuple[tuple[str, ...], float], ...] = ()
+    opened: list[Opened] | None = None
     _own_moments: Recent[Array] = field(default_factory=lambda: Recent(POINTS), repr=False)
 
     def with_bags(self, bags: list[Bag], proving: list[Bag]) -> Case:
         """The case from its beginning, with the recordings prepared otherwise."""
         parts = self.select, self.training, self.judged, self.nuisances, self.seed, self.others, self.elsewhere
-        return Case(self.machine, self.pose, bags, proving, *parts, oftener=self.oftener)
+        made = Case(self.machine, self.pose, bags, proving, *parts, oftener=self.oftener)
+        return replace(made, wrong=self.wrong, or_wrong=self.or_wrong)
 
     def with_wrong(self, number: Nuisance) -> Case:
         """The case from its beginning, with a number of the machine file free."""

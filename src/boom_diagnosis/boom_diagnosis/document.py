@@ -1,7 +1,7 @@
 """What a diagnosis says: ``diagnosis.json`` (contract), and beside it the arrays that the report draws.
 
 :class:`Document` is the machine-readable answer. :class:`DiagnosisResult` holds it together with series, maps and tables.
-SI units throughout; times in seconds since the start of the recording; channels in the order of ``OUTPUTS``.
+SI units; times in seconds since the start of the recording; channels in the order of ``OUTPUTS``.
 """
 
 from __future__ import annotations
@@ -377,7 +377,7 @@ class DiagnosisResult:
         tolerances_used: machine-file key -> estimate, of parameters that moved within their tolerance.
         notes: what the reader must know (masked samples, an unknown load, ...).
         command: the command line.
-        wrong: machine-file key of a number that is wrong in the file, and of those that are so by the same factor.
+        wrong: keys of a number that is wrong in the machine file and of those wrong by its factor. or_wrong: others in its place.
         looks: what each recording says before any model. searched: recordings of ``bags`` if they are stretches of long ones.
     """
 
@@ -396,5 +396,6 @@ class DiagnosisResult:
     notes: tuple[str, ...] = ()
     command: str = ""
     wrong: tuple[str, ...] = ()
+    or_wrong: tuple[str, ...] = ()
     looks: tuple[FirstLook, ...] = ()
     searched: tuple[Recording, ...] = ()

@@ -153,7 +153,7 @@ def tolerances(machine: Machine, pose: Pose) -> tuple[Nuisance, ...]:
                 result += [Nuisance(name, prior.sigma, shift=True, ends=ends)] if prior.sigma > 0.0 else []
             else:
                 own = _own(machine, parameter, name, value)
-                if not (key.startswith(GEOMETRY) and 2.0 * own.sigma * abs(value) < SEEN):
+                if not _unseen(own, value):
                     result.append(own)
     return (*result, *of_pose(machine, pose), *_differences(machine), *_as_made(machine))
 
@@ -194,10 +194,23 @@ def _units(machine: Machine, pose: Pose) -> set[str]:
     return {*_UNITS_OF_THE_SPOOL, *small}
 
 
-def units(machine: Machine, pose: Pose) -> list[Nuisance]:
-    """The numbers that others are known relative to, as far as one of them alone may be wrong."""
-    known = [machine.parameters[key] for key in sorted(_units(machine, pose).intersection(_OF_EVERYTHING))]
-    return [_own(machine, p, p.specification.key, p.value[0]) for p in known]
+def known(machine: Machine, pose: Pose) -> list[Nuisance]:
+    """The numbers that no fit moves, as far as one of them alone may be wrong.
+
+    Others are known relative to them, or they are lengths that were measured better than the sensors see.
+    """
+    numbers = {key: machine.parameters[key] for key in sorted(_units(machine, pose).intersection(_OF_EVERYTHING))}
+    result = [_own(machine, p, key, p.value[0]) for key, p in numbers.items()]
+    for key, p in machine.parameters.items():
+        for name, value in zip(p.specification.components, p.value, strict=True) if key.startswith(GEOMETRY) else ():
+            if value and _unseen(own := _own(machine, p, name, value), value):
+                result.append(own)
+    return result
+
+
+def _unseen(length: Nuisance, value: float) -> bool:
+    """Whether a length of the linkage moves nothing that the sensors see, as far as its tolerance goes."""
+    return length.name.startswith(GEOMETRY) and 2.0 * length.sigma * abs(value) < SEEN
 
 
 def masses(known: Sequence[Nuisance]) -> list[Nuisance]:

@@ -19,6 +19,7 @@ from boom_diagnosis.learning import learn_plainly
 from boom_diagnosis.restarts import other_valley
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.weighing import NEGLIGIBLE, OTHER_FORM
+from boom_diagnosis.wrong_number import with_number_that_explains_all
 from boom_model.learned import PLACES
 
 Array = NDArray[np.float64]
@@ -36,8 +37,8 @@ FAR = 1.0
 that is right for a healthy machine sees what is left best."""
 
 
-def rounds(case: Case, progress: Progress, begun: bool = False) -> None:
-    """Round after round until nothing earns its place, or ``MOST_EFFECTS`` have; the case is changed.
+def rounds(case: Case, progress: Progress, begun: bool = False) -> Case:
+    """Round after round until nothing earns its place, or ``MOST_EFFECTS`` have; the case is changed, or another is returned.
 
     begun: with what the case has taken already.
     """
@@ -47,13 +48,16 @@ def rounds(case: Case, progress: Progress, begun: bool = False) -> None:
         look = share(progress, 0.8 * k / MOST_EFFECTS, 0.8 / MOST_EFFECTS)
         taken = _look(case, share(look, 0.0, FIRST_LOOK), near)
         if k == 0:
+            other = with_number_that_explains_all(case)
+            if other:
+                return rounds(other, progress)
             taken = _first_doubted(case, share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), taken)
             if case.learned:
-                return
+                return case
         elif not taken:
             taken = _seen_sharply(case, share(look, FIRST_LOOK, 1.0 - FIRST_LOOK), near)
         if not taken:
-            return
+            return case
         if len(case.taken) > 1 and len(case.taken) not in alone:
             alone.add(len(case.taken))
             _without_those_before(case)
@@ -62,8 +66,9 @@ def rounds(case: Case, progress: Progress, begun: bool = False) -> None:
         k = len(case.taken)
         left = case.rest(case.last)
         if left < NEGLIGIBLE:
-            return
+            return case
         near = left < FAR
+    return case
 
 
 def _seen_sharply(case: Case, progress: Progress, near: bool) -> bool:

@@ -102,18 +102,15 @@ def _searched(parts: Stretches, machine: Machine, progress: Progress, about: Abo
 
 def search(case: Case, progress: Progress) -> Case:
     """Round after round: what explains most is taken, all is computed anew, until nothing earns its place; the case as it ends."""
-    rounds(case, progress)
+    case = rounds(case, progress)
     if not case.learned and case.rest(case.last) > NEGLIGIBLE:
         if slow := commanded_oftener(case):
-            case = slow
-            rounds(case, progress)
+            case = rounds(slow, progress)
         elif bags := strayed(case):
-            case = case.with_bags(*bags)
-            rounds(case, progress)
+            case = rounds(case.with_bags(*bags), progress)
     progress("doubting the machine file", 0.75)
     if other := with_wrong_number(case):
-        case = other
-        rounds(case, progress)
+        case = rounds(other, progress)
     elif not case.learned:
         begun_elsewhere(case, share(progress, 0.76, 0.02))
     progress("free runs", 0.78)

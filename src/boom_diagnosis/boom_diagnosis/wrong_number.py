@@ -2,8 +2,10 @@
 
 Its tolerance is right for what the owner meant. Where neither tolerances nor effects explain the recordings, or only with several
 numbers of effects beside tolerances that stand at their ends, each number is looked at as if nothing were known of it: linearly
-from the nominal machine, and the most promising are fitted beside all tolerances. One is taken where it explains nearly all that
-the tolerances leave, and more than the effects that were found, or as much: it is simpler than they.
+from where the tolerances end, and the most promising are fitted beside all tolerances. One is taken where it explains nearly all
+that the tolerances leave, and more than the effects that were found, or as much: it is simpler than they. One that explains all
+is taken before anything is looked for beside a first effect. Of several that do as well the one that is least off is told, with
+the others: the pins of a linkage do much the same.
 
 Of numbers that are wrong together the moments of mass are looked at, by one factor: tape measure and density make them all.
 """
@@ -12,13 +14,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import exp, inf
 
 import numpy as np
 
-from boom_diagnosis.case import Case
-from boom_diagnosis.hypotheses import Fits, Nominal
-from boom_diagnosis.nuisances import LARGEST_Z, TWINS, Nuisance, masses, units
+from boom_diagnosis.case import Case, Opened
+from boom_diagnosis.hypotheses import Fits
+from boom_diagnosis.nuisances import LARGEST_Z, TWINS, Nuisance, known, masses
 from boom_diagnosis.parallel import in_parallel
+from boom_diagnosis.search import Scanner
 from boom_diagnosis.weighing import NEGLIGIBLE, TOO_SMALL
 
 ANYTHING = 0.4
@@ -31,19 +35,30 @@ NEARLY_ALL = 0.1
 def with_wrong_number(case: Case) -> Case | None:
     """The case from its beginning with the number free that is wrong in the machine file; None where none explains enough."""
     left = case.rest(case.last)
-    if case.learned or (left < NEGLIGIBLE and not _laboured(case)):
+    if case.learned or case.wrong or (left < NEGLIGIBLE and not _laboured(case)):
         return None
     most = min(left, max(NEGLIGIBLE, NEARLY_ALL * case.rest(case.kept(0))))
-    if left < NEGLIGIBLE:
-        most = left + TOO_SMALL
-    every = replace(case, nuisances=(*case.nuisances, *units(case.machine, case.pose), *masses(case.nuisances)))
-    tried = [(every.nuisances[i], _opened(case, every.nuisances[i])) for i in _promising(every)]
-    found = in_parallel(lambda pair: _fitted(pair[1], case.floor), tried)
-    able = [
-        (rest, k) for k, ((own, _), (rest, away)) in enumerate(zip(tried, found, strict=True))
-        if rest < most and abs(away) > LARGEST_Z * own.sigma
-    ]  # fmt: skip
-    return tried[min(able)[1]][1] if able else None
+    return _wrong(case, left + TOO_SMALL if left < NEGLIGIBLE else most)
+
+
+def with_number_that_explains_all(case: Case) -> Case | None:
+    """The same after a first look at effects that leaves something: a number that leaves nothing needs no search beside them."""
+    return None if case.wrong or case.rest(case.last) < NEGLIGIBLE else _wrong(case, NEGLIGIBLE)
+
+
+def _wrong(case: Case, most: float) -> Case | None:
+    """The case with the number that leaves less than ``most`` and is off by less than others that leave no more."""
+    if case.opened is None:
+        every = replace(case, nuisances=(*case.nuisances, *known(case.machine, case.pose), *masses(case.nuisances)))
+        tried = [(every.nuisances[i], _opened(case, every.nuisances[i])) for i in _promising(case, every)]
+        case.opened = in_parallel(lambda pair: _fitted(*pair, case.floor), tried)
+    able = [o for o in case.opened if o.rest < most and abs(o.away) > LARGEST_Z * o.number.sigma]
+    if not able:
+        return None
+    least = min(o.rest for o in able)
+    first, *others = sorted((o for o in able if o.rest <= least + TOO_SMALL), key=lambda o: abs(o.away))
+    first.case.or_wrong = tuple((o.number.components, exp(o.away)) for o in others)
+    return first.case
 
 
 def _laboured(case: Case) -> bool:
@@ -52,36 +67,40 @@ def _laboured(case: Case) -> bool:
     return several and bool(case.ended(case.last).any())
 
 
-def in_words(wrong: Sequence[str]) -> str:
-    """That these numbers are wrong in the machine file."""
+def in_words(wrong: Sequence[str], instead: Sequence[str] = ()) -> str:
+    """That these numbers are wrong in the machine file, or one of those ``instead``."""
     first, *others = wrong
     if not others:
-        return f"{first} is wrong in the machine file"
+        return f"{' or '.join([first, *instead])} is wrong in the machine file"
     return f"{', '.join(wrong[:-1])} and {wrong[-1]} are wrong in the machine file, all by one factor; {first}"
 
 
-def _promising(every: Case) -> list[int]:
-    """Numbers whose being anything explains most of what the nominal machine leaves, by the linear look of its likeliest observer.
+def _promising(case: Case, every: Case) -> list[int]:
+    """Numbers whose being anything explains most of what the tolerances leave, by the linear look from where they end.
 
     Not those that an effect of the catalogue is a change of, nor those of which nothing is known anyway.
     """
-    fits = Fits(every.machine, every.bags, every.select, every.nuisances)
-    nominal = Nominal(fits.likeliest(np.zeros(len(every.nuisances)), {}))
-    known = [
+    z = np.zeros(len(every.nuisances))
+    z[: len(case.nuisances)] = case.rounds[0].base.z
+    problem = every.problem(z, {}, case.rounds[0].problem.predictor.looseness)
+    at = problem.points([(z, {})])[0]
+    jacobian = problem.nuisance_jacobian(at)
+    look = Scanner(problem, at, jacobian)
+    open_to_doubt = [
         i for i, n in enumerate(every.nuisances)
         if not (n.shift or n.difference or n.tail) and n.name not in TWINS
     ]  # fmt: skip
-    return sorted(known, key=lambda i: -nominal.gain_of(i))[:TRIED]
+    return sorted(open_to_doubt, key=lambda i: -look.gain(jacobian[:, [i]])[0])[:TRIED]
 
 
 def _opened(case: Case, number: Nuisance) -> Case:
     """The case as if nothing were known of a number."""
-    return case.with_wrong(replace(number, sigma=ANYTHING, factor=True))
+    return case.with_wrong(replace(number, sigma=ANYTHING, factor=True, ends=(-inf, inf)))
 
 
-def _fitted(case: Case, floor: float) -> tuple[float, float]:
-    """Of tolerances alone: loss per innovation over that of a healthy machine, and the logarithm of the number over the file's."""
+def _fitted(number: Nuisance, case: Case, floor: float) -> Opened:
+    """The case with a number free, by tolerances alone."""
     case.floor = floor
     fits, guess = Fits(case.machine, case.bags, case.select, case.nuisances), case.nominal.tolerances
     point = fits.settled(fits.likeliest(guess.z, {}), guess, ())[1]
-    return case.rest(point), ANYTHING * float(point.z[0])
+    return Opened(number, case, case.rest(point), ANYTHING * float(point.z[0]))

@@ -41,6 +41,7 @@ def test_what_a_loose_observer_follows_beside_an_effect_is_looked_for_with_the_t
     for name, answer_ in {"_look": look, "_satisfied": lambda of: True, "_strained": lambda of: False}.items():
         monkeypatch.setattr(searching, name, answer_)
     monkeypatch.setattr(searching, "_fitted_better", lambda of, found: None)
+    monkeypatch.setattr(searching, "with_number_that_explains_all", lambda of: None)
     monkeypatch.setattr(Case, "rest", lambda self, at: left)
     searching.rounds(made, lambda text, share: None)
     assert seen == looks

@@ -1,11 +1,17 @@
 """A number of the machine file that is wrong, in the command's own search."""
 
+from math import exp
+
 import pytest
 from test_diagnosis import noisy, tz17
 
-from boom_diagnosis import answer
+from boom_diagnosis import answer, wrong_number
+from boom_diagnosis.bag_samples import prepare
+from boom_diagnosis.case import Case, Opened, case_of
 from boom_diagnosis.must_keep import by_free_runs
+from boom_diagnosis.nuisances import Nuisance, known, tolerances
 from boom_diagnosis.run import diagnose
+from boom_diagnosis.wrong_number import in_words
 from boom_estimation.free_run import plant_for
 from boom_model.machine_file import machine_from
 from boom_report.diagnosis.words import headline
@@ -47,6 +53,43 @@ def test_masses_that_are_all_wrong_by_one_factor_are_told_as_that() -> None:
     true = plant_for(noisy(machine, 20.0, 1), machine, "full").pose
     assert result.tolerances_used["pose.D0"].value == pytest.approx(true.D0, rel=0.1)
     assert headline(result).startswith("pose.D0, pose.Sx and pose.Sy are wrong in the machine file, all by one factor")
+
+
+def opened(name: str, rest: float, away: float) -> Opened:
+    number = Nuisance(name, 0.01)
+    return Opened(number, Case(None, None, [], [], [], [], [], (number,), 0, wrong=(name,)), rest, away)  # type: ignore[arg-type]
+
+
+def test_of_numbers_that_explain_as_much_the_one_that_is_least_off_is_wrong_and_the_others_are_told() -> None:
+    case = Case(None, None, [], [], [], [], [], (), 0)  # type: ignore[arg-type]
+    case.opened = [
+        opened("kinematics.L2", 0.0, -0.36), opened("kinematics.L1", 0.001, -0.05), opened("cylinder.A_a", 0.5, 0.2),
+        opened("fluid.beta", 0.0, 0.03),  # within its tolerance
+    ]  # fmt: skip
+    found = wrong_number._wrong(case, 0.012)
+    assert found is not None and found.wrong == ("kinematics.L1",)
+    assert found.or_wrong == ((("kinematics.L2",), pytest.approx(exp(-0.36))),)
+    assert wrong_number._wrong(case, -0.01) is None
+    assert in_words(found.wrong, ["kinematics.L2"]) == "kinematics.L1 or kinematics.L2 is wrong in the machine file"
+
+
+def test_a_length_that_is_wrong_may_be_outside_its_tolerance() -> None:
+    bag = prepare(noisy(tz17(), 3.0, 1), tz17())
+    assert bag is not None
+    case = case_of(tz17(), [bag], [], 0)
+    (length,) = (n for n in case.nuisances if n.name == "kinematics.L1")
+    assert length.limits[1] * length.sigma < 0.1
+    free = wrong_number._opened(case, length).nuisances[0]
+    assert free.limits[0] * free.sigma < -1.0 and free.limits[1] * free.sigma > 1.0
+
+
+def test_a_length_that_is_known_better_than_sensors_see_is_doubted_all_the_same() -> None:
+    document = tz17().document
+    row = {**document["kinematics"]["L1"], "tol": {"abs": 2e-4}}
+    machine = machine_from({**document, "kinematics": {**document["kinematics"], "L1": row}})
+    pose = plant_for(noisy(machine, 3.0, 1), machine, "full").pose
+    assert "kinematics.L1" not in {n.name for n in tolerances(machine, pose)}
+    assert "kinematics.L1" in {n.name for n in known(machine, pose)}
 
 
 NOISE = (0.01, 0.02, 0.01, 0.01)

@@ -176,7 +176,7 @@ def headline(result: DiagnosisResult) -> str:
         if result.wrong:
             also = f", and parameters within their tolerance ({moved})" if moved else ""
             size = shown(used[result.wrong[0]]).text
-            return f"{in_words(result.wrong)}: {size}. That explains the difference{also}: the physics is right."
+            return f"{in_words(result.wrong, result.or_wrong)}: {size}. That explains the difference{also}: the physics is right."
         said = (
             f"Parameters within their tolerance explain the difference{f' ({moved})' if moved else ''}: the physics is"
         )
