@@ -86,6 +86,8 @@ Array = NDArray[np.float64]
 
 LEARNT_FROM, LEARNT_IN = 0.3, 2
 """Probability of unknown physics from which on a term is learnt, and in how many equations it is tried."""
+AT_THE_END = " stand at the end of their tolerance"
+"""What a note says of numbers."""
 DOUBTFUL = 0.1
 """Share of the excess that stays from which on the tolerances alone are fitted once more, by the observer that sees most."""
 
@@ -462,8 +464,7 @@ def _said_of_limits(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
     if not (ended and moved):
         return []
     return [
-        f"{len(ended)} of {len(case.nuisances)} numbers stand at the end of their tolerance, which speaks against the "
-        f"explanation: {', '.join(ended)}"
+        f"{len(ended)} of {len(case.nuisances)} numbers{AT_THE_END}, which speaks against the explanation: {', '.join(ended)}"
     ]
 
 

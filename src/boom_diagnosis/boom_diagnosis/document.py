@@ -375,8 +375,7 @@ class DiagnosisResult:
         agreement: whether both ways of locating agree, in words.
         remaining: what stays unexplained, in words; empty where nothing does.
         tolerances_used: machine-file key -> estimate, of parameters that moved within their tolerance.
-        notes: what the reader must know (masked samples, an unknown load, ...).
-        command: the command line.
+        notes: what the reader must know (masked samples, an unknown load, ...). command: the command line.
         wrong: keys of a number that is wrong in the machine file and of those wrong by its factor. or_wrong: others in its place.
         looks: what each recording says before any model. searched: recordings of ``bags`` if they are stretches of long ones.
     """

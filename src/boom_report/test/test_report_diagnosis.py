@@ -121,6 +121,15 @@ def test_parameters_only_says_how_sure_it_is(sure, said):
     assert headline(replace(made, document=replace(made.document, ranking=(row,)))).endswith(said)
 
 
+def test_the_physics_is_not_taken_for_right_while_numbers_stand_at_the_end_of_their_tolerance():
+    made = cases.changed("parameters_only", ())
+    ended = "2 of 60 numbers stand at the end of their tolerance, which speaks against the explanation: a, b"
+    said = headline(replace(made, notes=(*made.notes, ended)))
+    assert said.endswith(
+        "but 2 of 60 numbers stand at the end of their tolerance: look these up before the physics is taken for right."
+    )
+
+
 @pytest.mark.parametrize(
     ("result", "said"),
     [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from boom_diagnosis.answer import AT_THE_END
 from boom_diagnosis.assumptions import NEAR_FLOOR, SURE
 from boom_diagnosis.document import DiagnosisResult, Estimate, Finding, Fit
 from boom_diagnosis.must_keep import far_channels
@@ -177,9 +178,13 @@ def headline(result: DiagnosisResult) -> str:
             also = f", and parameters within their tolerance ({moved})" if moved else ""
             size = shown(used[result.wrong[0]]).text
             return f"{in_words(result.wrong, result.or_wrong)}: {size}. That explains the difference{also}: the physics is right."
-        said = (
-            f"Parameters within their tolerance explain the difference{f' ({moved})' if moved else ''}: the physics is"
-        )
+        these = f" ({moved})" if moved else ""
+        if ended := next((note.split(AT_THE_END)[0] for note in result.notes if AT_THE_END in note), ""):
+            return (
+                f"Parameters explain the difference{these}, but {ended}{AT_THE_END}: look these up before the physics is taken for "
+                "right."
+            )
+        said = f"Parameters within their tolerance explain the difference{these}: the physics is"
         p = max((row.probability for row in document.ranking if row.kind == "parameters"), default=1.0)
         return f"{said} right." if p >= SURE else f"{said} {is_sure(p)} right (confidence {probability(p)})."
     first = document.findings[0]
