@@ -16,9 +16,11 @@ import pytest
 import yaml
 
 from boom_bringup import cli
+from boom_model.errors import MachineError
 from boom_model.machine_file import check_machine, load_machine
 from boom_model.owner import draft
 from boom_model.owner.moments import of_masses
+from boom_model.owner.questions import BY_KEY
 from boom_recording import writing
 from boom_recording.recording import Configuration, Recording
 from boom_sim.offline import simulate
@@ -298,3 +300,13 @@ def test_on_a_terminal_it_asks_what_is_open_and_again_where_the_answer_cannot_be
     assert machine.parameters["fluid.p_s"].value[0] == pytest.approx(180e5)
     hose = np.pi / 4 * 0.019**2 * 3.5
     assert machine.parameters["cylinder.V_h"].value[0] == pytest.approx(hose, rel=1e-5)
+
+
+@pytest.mark.parametrize("given", ["1.6 m", "1,6", "1.6m", 1.6])
+def test_an_answer_may_bear_its_unit_and_a_decimal_comma(given: str | float) -> None:
+    assert BY_KEY["closed_length"].checked(given) == 1.6
+
+
+def test_an_answer_in_another_unit_is_refused() -> None:
+    with pytest.raises(MachineError, match=r"closed_length: 1\.6 mm is no number"):
+        BY_KEY["closed_length"].checked("1.6 mm")

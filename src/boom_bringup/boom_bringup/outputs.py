@@ -166,10 +166,10 @@ def write_new_text(path: Path, text: str) -> None:
 
 
 @contextmanager
-def held(given: str | Path) -> Iterator[Path]:
+def held(given: str | Path, said: str | Path = "") -> Iterator[Path]:
     """The folder of a command's results, created if missing and locked against a second command until the end.
 
-    Where it was created and nothing was written, it goes again.
+    Where it was created and nothing was written, it goes again. ``said``: what messages call it, if not that.
 
     Raises:
         UsageError: it cannot be created or written.
@@ -182,10 +182,12 @@ def held(given: str | Path) -> Iterator[Path]:
         lock = one_writer(path)
         lock.__enter__()
     except OSError as error:
-        raise UsageError(f"--output {given}: cannot be created: {error.strerror}: give another folder") from None
+        raise UsageError(
+            f"--output {said or given}: cannot be created: {error.strerror}: give another folder"
+        ) from None
     try:
         if not os.access(path, os.W_OK):
-            raise UsageError(f"--output {given}: may not be written by this user: give another folder")
+            raise UsageError(f"--output {said or given}: may not be written by this user: give another folder")
         yield path
     finally:
         if made:
@@ -216,7 +218,7 @@ def new_bag(path: Path) -> Iterator[Path]:
     from boom_recording.errors import RecordingError  # not there before the set-up
 
     refuse_existing(path)
-    with held(path.absolute().parent / f".{path.name}.new") as place:
+    with held(path.absolute().parent / f".{path.name}.new", path) as place:
         refuse_existing(path)  # the command that held it before may have finished it
         made = place / path.name
         shutil.rmtree(made, ignore_errors=True)

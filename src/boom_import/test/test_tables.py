@@ -392,6 +392,8 @@ def test_a_structure_with_time_is_read(tmp_path: Path) -> None:
         ("a.blf", b"LOGGrest", "import-can"),
         ("a.csv", b"", "empty"),
         ("a.csv", b"no table at all\n", "no table of numbers"),
+        ("a.csv", b"a\n1\n2\n3\n4\n", "one number each"),
+        ("a.csv", b"1;" * 10**6, "no table with at most"),
         ("a.csv", b"time [s],angle [deg],p [bar]\n", "below its header there are 0 rows of numbers"),
         ("a.csv", b"time [s];angle [deg];p [bar]\n\n", "below its header there are 0 rows of numbers"),
         ("a.csv", b"time [s];p [Pa]\n0,00;8.019.962,2\n0,01;8.019.870,1\n", "thousands separators"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from itertools import pairwise
 from math import isfinite
 from typing import Any, cast
@@ -197,7 +197,7 @@ def _parameter(document: Mapping[str, Any], spec: Specification) -> Parameter:
     entry = _entry(document, spec)
     unknown = set(entry) - {"value", "unit", "prov", "conf", "tol", "note"}
     if unknown:
-        raise MachineError(f"{spec.key}.{sorted(unknown)[0]}: no such key; known: value, unit, prov, conf, tol, note")
+        raise MachineError(f"{spec.key}.{sorted(unknown, key=str)[0]}: no such key; {_decimal_comma(entry, unknown)}")
     if str(entry.get("unit", "")).strip() != spec.unit:
         text = "" if isinstance(entry.get("unit", ""), str) else ", as one text"
         raise MachineError(f"{spec.key}.unit: {entry.get('unit', 'missing')!s}; expected {spec.unit}{text}")
@@ -209,6 +209,14 @@ def _parameter(document: Mapping[str, Any], spec: Specification) -> Parameter:
             f"{spec.key}.tol: {tol} is wider than all that it may be, {spec.minimum:g} .. {spec.maximum:g} {spec.unit}"
         )
     return Parameter(spec, value, str(entry.get("prov", "")), _confidence(entry, spec), str(entry.get("note", "")), tol)
+
+
+def _decimal_comma(entry: Mapping[str, Any], unknown: Set[Any]) -> str:
+    """What is known of an entry; that ``870,5`` in braces are two things, a value 870 and a key 5 without one."""
+    for key in unknown:
+        if entry[key] is None and str(key).isdigit():
+            return f"if {entry.get('value')},{key} is meant: decimals stand behind a point, {entry.get('value')}.{key}"
+    return "known: value, unit, prov, conf, tol, note"
 
 
 def _entry(document: Mapping[str, Any], spec: Specification) -> Mapping[str, Any]:

@@ -57,6 +57,10 @@ CASES: dict[str, tuple[Spoil, str]] = {
         put("fluid.beta", {"value": 1e9, "unit": "Pa", "porv": "x"}),
         r"fluid\.beta\.porv: no such key",
     ),
+    "decimal_comma": (
+        lambda d: d["fluid"].update(rho=yaml.safe_load("{value: 870,5, unit: kg/m^3}")),
+        r"fluid\.rho\.5: no such key; if 870,5 is meant: decimals stand behind a point, 870\.5",
+    ),
     "too_large": (put("fluid.rho.value", 8700.0), r"fluid\.rho: 8700.0 is outside 600 \.\. 1200 kg/m\^3"),
     "negative": (put("cylinder.A_a.value", -1e-2), r"cylinder\.A_a: -0\.01 is outside 1e-05 \.\. 1 m\^2"),
     "nan": (put("cylinder.l_p.value", float("nan")), r"cylinder\.l_p: nan is outside 0\.01 \.\. 10 m"),

@@ -137,6 +137,10 @@ def _no_table(lines: list[str]) -> str:
             return f"cells like {quoted(found, 40)} {what}"
     if 0 < len(lines) <= _TOO_FEW and any(len(_cells(lines[0], separator)) > 2 for separator in _SEPARATORS[:-1]):
         return f"below its header there are {len(lines) - 1} rows of numbers: nothing was recorded"
+    if not lines:
+        return f"its first line has more than {_HEAD_BYTES // 1000} kB: it is no table with at most {_MOST_COLUMNS} columns"
+    if len(lines) > 2 and all(any(n.fullmatch(line.strip()) for n in _NUMBER.values()) for line in lines[1:-1]):
+        return "its lines hold one number each: time and signals belong side by side, in columns of one file"
     return "there is no table of numbers in its beginning: is it a CSV file?"
 
 

@@ -72,7 +72,7 @@ class Question:
                 raise MachineError(f"{self.key}: no answer ({self.text})")
             return word
         try:
-            value = float(str(given).replace(",", "."))
+            value = float(str(given).strip().removesuffix(self.unit or "\n").replace(",", "."))
         except ValueError:
             value = float("nan")
         if isinstance(given, bool) or not isfinite(value) or not self.low <= value <= self.high:
