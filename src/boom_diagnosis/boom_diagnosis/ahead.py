@@ -1,4 +1,4 @@
-"""Compiles models on a core that is idle, before the search asks for them."""
+"""Compiles models on cores that are idle, before the search asks for them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from threading import Event, Thread
 
+from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.prediction import carrying
 from boom_diagnosis.search import possible_effects, side_by_side
 from boom_model.catalogue import EFFECTS
@@ -17,19 +18,21 @@ from boom_model.machine import Machine
 
 @contextmanager
 def compiled_ahead(machine: Machine) -> Iterator[None]:
-    """Within it, what a look at every effect needs is compiled one after the other, in the order of that look.
+    """Within it, what a look at every effect needs is compiled on all cores, in the order of that look.
 
     On a machine seen for the first time that is half a minute of the compiler's time. What fails here fails again, with its
     reason, where it is needed.
     """
     done = Event()
 
+    def compile_one(model: tuple[tuple[str, ...], bool]) -> None:
+        if not done.is_set():
+            compile_catalogued(machine.structure, model[0], sensitive=model[1])
+
     def work() -> None:
         with suppress(BuildError, ModelError):
-            for k, effects in enumerate(_models(machine)):
-                if done.is_set():
-                    return
-                compile_catalogued(machine.structure, effects, sensitive=k == 0)
+            first, *others = _models(machine)
+            in_parallel(compile_one, [(first, False), (first, True), *((other, False) for other in others)])
 
     thread = Thread(target=work, name="compiler", daemon=True)
     if usable_cores() > 1 and not machine.learned:

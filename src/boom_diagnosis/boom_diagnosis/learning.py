@@ -142,16 +142,15 @@ def learn(setting: Setting, at: Point, equations: Sequence[str]) -> Learned | No
 
 
 def learn_plainly(setting: Setting, at: Point, equations: Sequence[str]) -> Learned | None:
-    """The regression of an equation's unknown input, if that is plain to see."""
-    start = _regressed(setting, at, equations)
-    learned = _fitted(setting, start) if start else None
+    """The regression of an equation's unknown input, if that is plain to see; of several equations' the likeliest."""
+    tried = in_parallel(lambda start: _fitted(setting, start), _regressed(setting, at, equations))
     # data not used has confirmed it already, and may lie where it does nothing
-    return learned if learned and learned.held_out_gain > -WORTH else None
+    return min((t for t in tried if t.held_out_gain > -WORTH), key=lambda t: t.point.loss, default=None)
 
 
-def _regressed(setting: Setting, at: Point, equations: Sequence[str]) -> Start | None:
-    """The term that explains an equation's unknown input nearly whole, beside the tolerances as fitted or as they are nominally."""
-    tried = list[tuple[Regression, Array, Link]]()
+def _regressed(setting: Setting, at: Point, equations: Sequence[str]) -> list[Start]:
+    """Terms that explain an equation's unknown input nearly whole, beside the tolerances as fitted or as they are nominally."""
+    tried = dict[str, list[tuple[Regression, Array, Link]]]()
     for z in (np.zeros_like(at.z), at.z) if at.z.any() else (at.z,):
         base = setting.problem(setting.machine, z, at.effects, setting.looseness)
         numbers = base.values(z, at.effects)
@@ -159,12 +158,15 @@ def _regressed(setting: Setting, at: Point, equations: Sequence[str]) -> Start |
         for link in links(setting.machine):
             if link.key in equations and link.key != "spool":  # its input is a pressure, which no state's derivative is
                 r = _regression(setting, base, numbers, inputs, link, None)
-                tried += [(r, z, link)] if r and r.share > CLEAR else []
-    if not tried:
-        return None
-    r, z, link = max(tried, key=lambda t: t[0].share)
+                if r and r.share > CLEAR:
+                    tried.setdefault(link.key, []).append((r, z, link))
+    return [_settled(setting, at, *max(found, key=lambda t: t[0].share)) for found in tried.values()]
+
+
+def _settled(setting: Setting, at: Point, r: Regression, z: Array, link: Link) -> Start:
+    """A regression repeated, with an observer that has its term."""
     validity = _ranges(setting.machine, at.states, _state_names(setting, at))
-    for _ in range(REPEATED):  # an observer that lacks the term shares it out to other equations, too
+    for _ in range(REPEATED):  # one that lacks it shares it out to other equations, too
         machine = _with(setting.machine, link.key, r.basis, validity)
         base = setting.problem(machine, z, at.effects, setting.looseness)
         numbers = base.values(z, at.effects) | {f"learned.0.{j}": c for j, c in enumerate(r.coefficients)}
@@ -367,6 +369,13 @@ def reading(term: LearnedTerm) -> str:
         if variables == {"angle"}:
             return "elastic: depends on the angle alone"
         return "depends on the pressure: friction under load, or a wrong area"
+    opened = next((f for f in factors if f.function == "plus" and f.variable.endswith("pressure")), None)
+    if opened and len(factors) == 1:
+        where = opened.variable.replace("_", " ")
+        slope = c * PLACES[term.equation].scale / VARIABLES[opened.variable].scale * 6e9
+        bar = opened.numbers[0] * VARIABLES[opened.variable].scale / 1e5
+        what = "a relief valve: it opens" if c < 0 else "something that lets flow in"
+        return f"{what} beyond {bar:.0f} bar of the {where}, {abs(slope):.2g} l/min a bar"
     if functions & {"plus", "minus"} and variables & {"spool", "rate"}:
         return "depends on the flow, in one direction only"
     if variables & {"hose_pressure", "rod_pressure", "head_pressure"}:

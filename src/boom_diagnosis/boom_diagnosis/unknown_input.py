@@ -26,7 +26,7 @@ FORCING = 200.0
 SMOOTHED = 10
 """Intervals over which what it adds is averaged."""
 CORNERS = 40
-"""Places of a corner that are tried over the range of the angle."""
+"""Places of a corner that are tried over the range of its variable."""
 WORTH = 0.1
 """Share of what is left of the unknown input's power that a further product must explain."""
 MOST_PRODUCTS = 4
@@ -38,6 +38,8 @@ ONE_SIDED = (
     "sign(rate)*above(angle,{})",
 )  # fmt: skip
 """Springs, dampers and friction that are there beyond a corner only."""
+OPENING = ("plus(head_pressure,{})", "plus(hose_pressure,{})", "plus(rod_pressure,{})")
+"""Flows through what a pressure opens beyond a corner: a relief valve."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ def regress(
 ) -> Regression | None:
     """Least squares of the unknown input of ``equation``, on the derivative of ``state``, over products of ``library``.
 
-    Taken one after the other, corners anywhere in the range of the angle. None where nothing explains anything.
+    Taken one after the other, corners anywhere in the range of their variable. None where nothing explains anything.
 
     number: every component of the parameter vector. term: that the observer had already.
     select: (n, NY) per recording, samples that it is fitted to; others: that are predicted, too.
@@ -106,9 +108,15 @@ def regress(
     everything = np.concatenate([f.corrections[state] for f in found]) * scale
     for text, c in zip(term.basis, term.coefficients, strict=True) if term else ():
         everything = everything + c * whole(text)
-    target, angle = everything[counted], column("angle")
-    corners, width = np.linspace(float(angle.min()), float(angle.max()), CORNERS, retstep=True)
-    tried = [*library, *(t.format(f"{c:.3f}") for c in corners for t in ONE_SIDED if equation == "torque")]
+    target = everything[counted]
+    tried, widths = [*library], dict[str, float]()
+    for template in ONE_SIDED if equation == "torque" else OPENING:
+        variable = _cornered(template)
+        if variable in variables[0]:
+            seen = column(variable)
+            corners, width = np.linspace(float(seen.min()), float(seen.max()), CORNERS, retstep=True)
+            tried += [template.format(f"{c:.3f}") for c in corners]
+            widths[variable] = float(width)
     columns = np.stack([column(text) for text in tried], axis=-1)
     basis: list[str] = []
     left = float(target @ target)
@@ -116,7 +124,7 @@ def regress(
         best = _most(columns, [column(text) for text in basis], target)
         extended = [*basis, tried[best]]
         for k, text in enumerate(extended):
-            extended[k] = _placed(text, [t for i, t in enumerate(extended) if i != k], float(width), column, target)
+            extended[k] = _placed(text, [t for i, t in enumerate(extended) if i != k], widths, column, target)
         rest = _left([column(text) for text in extended], target)[0]
         if left - rest < WORTH * left:
             break
@@ -151,19 +159,30 @@ def _most(columns: Array, taken: Sequence[Array], target: Array) -> int:
     return int(np.argmax(np.where(known, (columns.T @ rest) ** 2 / np.where(known, size, 1.0), 0.0)))
 
 
-def _placed(text: str, others: Sequence[str], width: float, column: Callable[[str], Array], target: Array) -> str:
-    """A one-sided product with its corner where least is left, within ``width`` of where it is; to 1 mrad: models are reused."""
-    before, found, rest = text.partition("(angle,")
-    if f"{before}{found}{{}})" not in ONE_SIDED:
+def _cornered(template: str) -> str:
+    """The variable that has the corner."""
+    return template[template.rindex("(") + 1 : template.rindex(",")]
+
+
+def _placed(
+    text: str, others: Sequence[str], widths: Mapping[str, float], column: Callable[[str], Array], target: Array
+) -> str:
+    """A one-sided product with its corner where least is left, within its variable's width of where it is.
+
+    To 0.001 (1 mrad, 0.1 bar): models are reused.
+    """
+    before, found, rest = text.rpartition(",")
+    if f"{before}{found}{{}})" not in (*ONE_SIDED, *OPENING):
         return text
+    width = widths[_cornered(text)]
     from scipy.optimize import minimize_scalar  # takes a second to load, and most recordings have no unknown input
 
     corner, fixed = float(rest[:-1]), [column(other) for other in others]
     best = minimize_scalar(
-        lambda c: _left([*fixed, column(f"{before}(angle,{c:.6g})")], target)[0],
+        lambda c: _left([*fixed, column(f"{before},{c:.6g})")], target)[0],
         bounds=(corner - width, corner + width), method="bounded", options={"xatol": 1e-4},
     )  # fmt: skip
-    return f"{before}(angle,{best.x:.3f})"
+    return f"{before},{best.x:.3f})"
 
 
 def _left(columns: Sequence[Array], target: Array) -> tuple[float, Array]:

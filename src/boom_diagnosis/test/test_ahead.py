@@ -29,14 +29,15 @@ def test_the_models_that_a_look_at_all_effects_needs_are_compiled_the_machines_o
 
     def compiled(_: object, effects: tuple[str, ...], *, sensitive: bool) -> None:
         asked.append((effects, sensitive))
-        if len(asked) == 1 + len(stateful):
+        if len(asked) == 2 + len(stateful):
             all_done.set()
 
     monkeypatch.setattr(ahead, "compile_catalogued", compiled)
     with compiled_ahead(TZ17):
         assert all_done.wait(20.0)
-    assert asked[0] == (tuple(sorted(carrying(TZ17).effects)), True)
-    assert {effects for effects, _ in asked[1:]} == {tuple(sorted(carrying(TZ17, [e]).effects)) for e in stateful}
+    own = tuple(sorted(carrying(TZ17).effects))
+    others = {(tuple(sorted(carrying(TZ17, [e]).effects)), False) for e in stateful}
+    assert asked[0][0] == own and set(asked) == {(own, False), (own, True), *others}
 
 
 def test_nothing_more_is_compiled_once_the_search_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -52,7 +53,7 @@ def test_nothing_more_is_compiled_once_the_search_is_done(monkeypatch: pytest.Mo
     with pytest.raises(KeyboardInterrupt), compiled_ahead(TZ17):
         assert begun.wait(20.0)
         raise KeyboardInterrupt
-    assert len(asked) == 1
+    assert len(asked) <= 2  # one a core
 
 
 def test_a_compiler_that_is_missing_is_told_where_the_model_is_needed_and_not_here(

@@ -135,6 +135,25 @@ def test_a_boom_that_touches_something_gets_its_spring_and_damper() -> None:
     assert learned.point.excess(WHITE) < 0.05
 
 
+def relieving() -> Machine:
+    """A relief valve at the hose of the head side that opens at 60 bar, 1.2 l/min a bar."""
+    ranges = {"hose_pressure": (0.0, 3e7)}
+    return replace(tz17(), learned=(LearnedTerm("hose_flow", ("plus(hose_pressure,0.6)",), (-20.0,), ranges),))
+
+
+def test_a_valve_that_a_pressure_opens_is_found_with_that_pressure_and_its_flow() -> None:
+    learned = learnt(relieving())
+    assert learned is not None
+    factors = dict(zip(learned.term.basis, learned.term.coefficients, strict=True))
+    opened = max(factors, key=lambda b: abs(factors[b]))
+    before, _, corner = opened.rstrip(")").partition(",")
+    assert before in ("plus(hose_pressure", "plus(head_pressure")
+    assert float(corner) == pytest.approx(0.6, abs=0.02)
+    assert factors[opened] == pytest.approx(-20.0, rel=0.2)
+    assert learned.curve.reading.startswith("a relief valve: it opens beyond 60 bar")
+    assert learned.point.excess(WHITE) < 0.05
+
+
 def test_a_healthy_machine_has_no_unknown_input_that_is_plain_to_see() -> None:
     assert learnt(tz17()) is None
 
@@ -223,3 +242,16 @@ def test_results_of_parallel_work_come_in_the_order_of_the_work() -> None:
 )
 def test_the_shape_of_a_torque_is_put_into_words(basis: str, coefficient: float, said: str) -> None:
     assert reading(LearnedTerm("torque", (basis,), (coefficient,), {})) == said
+
+
+@pytest.mark.parametrize(
+    ("basis", "coefficient", "said"),
+    [
+        ("plus(hose_pressure,0.98)", -25.0, "a relief valve: it opens beyond 98 bar of the hose pressure, 1.5 l/min a bar"),
+        ("plus(rod_pressure,0.5)", 25.0, "something that lets flow in beyond 50 bar of the rod pressure, 1.5 l/min a bar"),
+        ("plus(spool,0.28)", -1.0, "depends on the flow, in one direction only"),
+        ("head_pressure", -3.0, "depends on the pressure: a leak or a compliance"),
+    ],
+)  # fmt: skip
+def test_the_shape_of_a_flow_is_put_into_words(basis: str, coefficient: float, said: str) -> None:
+    assert reading(LearnedTerm("hose_flow", (basis,), (coefficient,), {})) == said
