@@ -111,6 +111,25 @@ def test_swinging_load_at_rest_pulls_like_one_that_sticks(tz17: Any, effects: An
     assert float(states.rates["swing_rate"]) == pytest.approx(-5.8335 * expected / 2.0)
 
 
+def test_a_load_that_swings_far_pulls_along_its_rope(tz17: Any, effects: Any, held: Any) -> None:
+    """Newton for the mass on its rope, with the accelerations that the equations give."""
+    q = namespace(tz17.values(tz17.pose(0.28, 2.8, 200.0)))
+    theta, rate, w, angle, m, length, g = 0.6, 0.4, 0.3, 0.2, 300.0, 2.0, 9.81
+    states = held(swing_angle=theta, swing_rate=rate)
+    e = effects(states, swinging_load={"mass": m, "length": length, "zeta": 0.0, "told": 0.5})
+    a = float(e.through("angular_acceleration", 0.0, angle=angle, rate=w, inertia=33_818.0, torque=5e4, p=q))
+    swung = float(states.rates["swing_rate"])
+    x = float(q.pose.tip[0] * cos(angle) - q.pose.tip[1] * sin(angle))
+    y = float(q.pose.tip[0] * sin(angle) + q.pose.tip[1] * cos(angle))
+    tip = (-y * a - x * w * w, x * a - y * w * w)
+    ax = tip[0] + length * (swung * cos(theta) - rate**2 * sin(theta))
+    ay = tip[1] + length * (swung * sin(theta) + rate**2 * cos(theta))
+    fx, fy = m * ax, m * (ay + g)  # of the rope on the mass
+    assert fx * cos(theta) + fy * sin(theta) == pytest.approx(0.0, abs=1e-6 * m * g)  # along the rope only
+    inertia = 33_818.0 - 150.0 * (x * x + y * y)  # half of the mass is of the 200 kg that are told
+    assert inertia * a == pytest.approx(5e4 + 150.0 * g * x - (x * fy - y * fx))
+
+
 def test_elastic_mode_rings_at_its_frequency_and_is_seen(tz17: Any, effects: Any, held: Any) -> None:
     mode = {"gain": 0.1, "f": 2.0, "zeta": 0.0, "mu": 0.5, "eta": 0.4}
     bent, still = held(bend=0.01, bend_rate=0.2), held(bend=0.0, bend_rate=0.0)

@@ -107,6 +107,13 @@ def test_return_line_shares_the_drop_with_the_orifice(p: Any, effects: Any) -> N
     assert (q / (HOLE * 4.5e-5)) ** 2 + k * q**2 == pytest.approx(18e5, rel=1e-6)
 
 
+@pytest.mark.parametrize("n", [1.0, 1.5, 1.75, 2.0])
+def test_a_return_lines_pressure_rises_with_another_power_of_the_flow(n: float, p: Any, effects: Any) -> None:
+    k, q_r = 4e11, 0.1 / 60.0
+    q = -valve(p, effects(return_line_pressure={"k": k, "n": n}), -1.0)[1]
+    assert (q / (HOLE * 4.5e-5)) ** 2 + k * q_r**2 * (q / q_r) ** n == pytest.approx(18e5, rel=2e-3)
+
+
 def test_flow_force_closes_the_spool_from_both_sides(p: Any, effects: Any) -> None:
     e = effects(flow_force={"c": 10.0})
     head, rod, force = valve(p, e, -1.0)
